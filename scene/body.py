@@ -1,0 +1,68 @@
+"""A person's body at rest: skeleton and, where known, surface with blend weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scene.arrays import Array, Float, Int
+from scene.errors import InvalidInput, require_finite, require_shape
+from scene.motion import Pose
+from scene.skeleton import Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What moves: joints, and the skin that follows them by linear blend skinning."""
+
+    skeleton: Skeleton
+    rest_vertices: Float[Array, "V 3"] | None = None
+    """T-pose surface, m; None where a data set knows joints only."""
+    faces: Int[Array, "T 3"] | None = None
+    """Triangles, counter-clockwise seen from outside."""
+    blend_weights: Float[Array, "V K"] | None = None
+    """Weight of each joint for each vertex; rows sum to one."""
+
+    def __post_init__(self) -> None:
+        parts = (self.rest_vertices, self.faces, self.blend_weights)
+        if all(part is None for part in parts):
+            return
+        if self.rest_vertices is None or self.faces is None or self.blend_weights is None:
+            known = [part is not None for part in parts]
+            raise InvalidInput(
+                "rest_vertices, faces and blend_weights must be given together; got "
+                f"{dict(zip(('rest_vertices', 'faces', 'blend_weights'), known, strict=True))}"
+            )
+        require_shape("rest_vertices", self.rest_vertices, (None, 3))
+        require_shape("faces", self.faces, (None, 3))
+        shape = (len(self.rest_vertices), len(self.skeleton.names))
+        require_shape("blend_weights", self.blend_weights, shape)
+        require_finite("rest_vertices", self.rest_vertices)
+        require_finite("blend_weights", self.blend_weights)
+        off = float(np.abs(self.blend_weights.sum(axis=1) - 1.0).max())
+        if off > 1e-3:
+            raise InvalidInput(
+                f"blend_weights must sum to one a vertex; got a sum off by {off:.3g}"
+            )
+        if self.faces.size and not 0 <= self.faces.min() <= self.faces.max() < shape[0]:
+            raise InvalidInput(
+                f"faces must index {shape[0]} vertices; got {self.faces.min()}..{self.faces.max()}"
+            )
+
+    @property
+    def has_surface(self) -> bool:
+        """Whether a surface with blend weights is known."""
+        return self.rest_vertices is not None
+
+    def posed_vertices(self, pose: Pose) -> Float[Array, "V 3"]:
+        """The surface in `pose`, world metres: x = sum_k w_k M_k x_rest.
+
+        Raises InvalidInput where the body has no surface.
+        """
+        if self.rest_vertices is None or self.blend_weights is None:
+            raise InvalidInput("body must have a surface to be posed; got joints only")
+        skinning = self.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
+        blended = np.tensordot(self.blend_weights, skinning[:, :3, :], axes=1)
+        turned = np.einsum("vij,vj->vi", blended[:, :, :3], self.rest_vertices)
+        return turned + blended[:, :, 3]

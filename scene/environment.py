@@ -1,0 +1,60 @@
+"""What surrounds the performers, and the whole that a view is rendered from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from scene.arrays import Array, Float
+from scene.motion import Pose
+
+Model = TypeVar("Model")
+
+
+@dataclass(frozen=True)
+class Environment:
+    """Backdrop of a meeting room: a floor at y = 0 under a sky, linear gradients in sRGB."""
+
+    name: str = "studio"
+    horizon: tuple[float, float, float] = (0.86, 0.88, 0.91)
+    zenith: tuple[float, float, float] = (0.55, 0.62, 0.72)
+    floor: tuple[float, float, float] = (0.62, 0.60, 0.58)
+    shadow_strength: float = 0.45
+    """Darkness of the contact shadow under a performer, 0 to 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Performer(Generic[Model]):
+    """A trained model placed in the room, in its current pose."""
+
+    name: str
+    model: Model
+    position: Float[Array, "3"]
+    """Where the model's own origin stands on the floor, m."""
+    yaw_rad: float
+    """Turn about +y; 0 leaves the model facing the way it was captured."""
+    pose: Pose
+
+    @property
+    def placement(self) -> Float[Array, "4 4"]:
+        """Model's world -> room."""
+        return placement(self.position, self.yaw_rad)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene(Generic[Model]):
+    """Everything a view is rendered from."""
+
+    environment: Environment
+    performers: tuple[Performer[Model], ...]
+
+
+def placement(position: Float[Array, "3"], yaw_rad: float) -> Float[Array, "4 4"]:
+    """The rigid transform that turns by `yaw_rad` about +y, then moves to `position` (m)."""
+    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+    matrix = np.eye(4)
+    matrix[:3, :3] = [[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]]
+    matrix[:3, 3] = position
+    return matrix

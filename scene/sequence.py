@@ -1,0 +1,101 @@
+"""One person, many frames: the unit of upload and of training. No I/O here: readers bring it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from scene.arrays import Array, Float
+from scene.body import Body
+from scene.camera import Camera
+from scene.errors import InvalidInput
+from scene.motion import Motion, Pose
+
+NOVEL_VIEW = "novel_view"
+"""Test split: moments of the training motion from unseen cameras."""
+UNSEEN_POSE = "unseen_pose"
+"""Test split: other motion, unseen cameras."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One moment seen by one camera."""
+
+    image: Float[Array, "H W 3"]
+    """sRGB in [0, 1]."""
+    mask: Float[Array, "H W"]
+    """Soft alpha of the person in [0, 1]."""
+    camera: Camera
+    pose: Pose
+
+
+@runtime_checkable
+class FrameSource(Protocol):
+    """Frames read lazily; the readers live in capture/."""
+
+    def __len__(self) -> int: ...
+
+    def camera(self, index: int) -> Camera:
+        """The camera of frame `index`, at the size of its image."""
+        ...
+
+    def pose(self, index: int) -> Pose:
+        """The pose of frame `index`."""
+        ...
+
+    def image(self, index: int) -> Float[Array, "H W 3"]:
+        """float32 sRGB in [0, 1]."""
+        ...
+
+    def mask(self, index: int) -> Float[Array, "H W"]:
+        """float32 alpha in [0, 1]."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """A person's frames for training, and test frames where truth is known."""
+
+    person: str
+    frames_per_second: float
+    body: Body
+    train: FrameSource
+    data_hash: str
+    """sha256 (hex) of everything a model may learn from."""
+    motion: Motion
+    """Poses of the training frames, with confidences."""
+    test: Mapping[str, FrameSource] = field(default_factory=dict)
+    """Splits `novel_view` and `unseen_pose`; empty for a captured clip."""
+    exact_poses: bool = False
+    """True where poses are known (a studio, markers), False where they were estimated."""
+
+    def __post_init__(self) -> None:
+        if len(self.train) != len(self.motion):
+            raise InvalidInput(
+                f"a sequence must have one pose a training frame; got {len(self.train)} frames "
+                f"and {len(self.motion)} poses"
+            )
+
+    def frame(self, index: int) -> Frame:
+        """Training frame `index`, read now."""
+        return read_frame(self.train, index)
+
+
+def read_frame(source: FrameSource, index: int) -> Frame:
+    """Frame `index` of any source, read now."""
+    return Frame(source.image(index), source.mask(index), source.camera(index), source.pose(index))
+
+
+def body_crop(mask: Float[Array, "H W"], margin: float = 0.05) -> tuple[slice, slice] | None:
+    """Rows and columns of the box around alpha > 0 grown by `margin` of its size; None if empty."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if rows.size == 0:
+        return None
+    spans = []
+    for found, side in ((rows, mask.shape[0]), (columns, mask.shape[1])):
+        grow = int(np.ceil(margin * (found[-1] + 1 - found[0])))
+        spans.append(slice(max(0, found[0] - grow), min(side, found[-1] + 1 + grow)))
+    return spans[0], spans[1]
