@@ -1,7 +1,7 @@
 """Errors of the words every block speaks.
 
     SceneError (ValueError)
-    └── InvalidInput        a value breaks a rule of scene/: says the rule, the value, how to mend it
+    └── InvalidInput     a value breaks a rule of scene/: the rule, the value, how to mend it
 
 Other packages derive their own trees from SceneError.
 """

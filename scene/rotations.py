@@ -11,7 +11,7 @@ import numpy as np
 from scene.arrays import Array, Float
 
 _SMALL_ANGLE = 1e-4
-"""rad; below it sin(a)/a and (1-cos a)/a^2 are taken from their series, exact to double precision."""
+"""rad; below it sin(a)/a and (1-cos a)/a^2 come from their series, exact in double precision."""
 
 
 def axis_angle_to_matrix(axis_angle: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
@@ -27,7 +27,7 @@ def axis_angle_to_matrix(axis_angle: Float[Array, "*batch 3"]) -> Float[Array, "
 
 
 def matrix_to_axis_angle(matrix: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 3"]:
-    """Axis-angle vectors (rad, angle in [0, pi]) of rotation matrices; stable near 0 and near pi."""
+    """Axis-angle vectors (rad, in [0, pi]) of rotation matrices; stable near 0 and near pi."""
     wxyz = matrix_to_quaternion(matrix).astype(np.float64)
     vector = wxyz[..., 1:]
     sine = np.linalg.norm(vector, axis=-1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Where tests find real footage, motion capture and metric weights; the product never needs them."""
+"""Where tests find real footage, motion capture and metric weights: test data only."""
 
 from __future__ import annotations
 

@@ -1,0 +1,35 @@
+"""Checks array annotations of scene/ and renderer/ while testing.
+
+Modules of numba code (`*kernels`) are left out: a compiled function can't be wrapped.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from pathlib import Path
+
+import jaxtyping
+import pytest
+
+import tests.annotations  # noqa: F401  (the hook finds its checker by this name)
+
+_ROOT = Path(__file__).resolve().parents[1]
+
+
+def _checked_modules() -> list[str]:
+    names = []
+    for package in ("scene", "renderer"):
+        found = pkgutil.walk_packages([str(_ROOT / package)], prefix=f"{package}.")
+        names += [m.name for m in found if not m.ispkg and not m.name.endswith("kernels")]
+    return names
+
+
+jaxtyping.install_import_hook(_checked_modules(), "tests.annotations.typecheck")
+
+
+@pytest.fixture
+def unchecked_annotations():
+    """For tests of the errors a user sees, who runs without the checker."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)

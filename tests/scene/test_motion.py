@@ -1,0 +1,92 @@
+"""Motion: reading between poses, resampling, smoothing, brief prediction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scene import InvalidInput, Motion, Pose
+from scene.rotations import axis_angle_to_matrix
+
+
+def turning(frames: int = 5, rate_rad_s: float = 1.0, seconds: float = 1.0) -> Motion:
+    times = np.linspace(0.0, seconds, frames)
+    poses = []
+    for time in times:
+        angles = np.zeros((24, 3))
+        angles[0, 1] = rate_rad_s * time
+        poses.append(Pose(angles, np.array([time, 0.0, 0.0]), float(time)))
+    return Motion.from_poses(poses)
+
+
+def test_reads_between_poses_on_the_arc():
+    pose = turning(3).pose_at(0.3)
+    assert pose.joint_angles[0, 1] == pytest.approx(0.3)
+    np.testing.assert_allclose(pose.root_translation, [0.3, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(("time", "yaw"), [(-1.0, 0.0), (9.0, 1.0)])
+def test_holds_the_end_poses_outside(time, yaw):
+    pose = turning().pose_at(time)
+    assert pose.joint_angles[0, 1] == pytest.approx(yaw)
+    assert pose.time_s == time
+
+
+def test_shortest_arc_is_taken_across_pi():
+    angles = np.zeros((2, 24, 3))
+    angles[0, 0, 1], angles[1, 0, 1] = np.pi - 0.1, -np.pi + 0.1
+    motion = Motion(np.array([0.0, 1.0]), angles, np.zeros((2, 3)), np.ones((2, 24)))
+    middle = axis_angle_to_matrix(motion.pose_at(0.5).joint_angles[0])
+    np.testing.assert_allclose(middle, np.diag([-1.0, 1.0, -1.0]), atol=1e-9)
+
+
+def test_resampling_keeps_rate_range_and_path():
+    motion = turning(5).resampled(30.0)
+    assert len(motion) == 31
+    np.testing.assert_allclose(np.diff(motion.times_s), 1 / 30)
+    np.testing.assert_allclose(motion.joint_angles[:, 0, 1], motion.times_s, atol=1e-9)
+
+
+def test_extrapolates_at_the_last_pace_then_stops():
+    motion = turning(5)
+    assert motion.extrapolated(1.1).joint_angles[0, 1] == pytest.approx(1.1)
+    held = motion.extrapolated(5.0)
+    assert held.joint_angles[0, 1] == pytest.approx(1.15)
+    np.testing.assert_allclose(held.root_translation, [1.15, 0.0, 0.0])
+
+
+def test_smoothing_keeps_steady_motion_and_removes_noise():
+    rng = np.random.default_rng(0)
+    clean = turning(101, seconds=10.0)
+    noisy = Motion(
+        clean.times_s,
+        clean.joint_angles + 0.1 * rng.normal(size=clean.joint_angles.shape),
+        clean.root_translation,
+        clean.confidence,
+    )
+    inner = slice(15, -15)
+    steady = clean.smoothed(0.3).joint_angles[inner, 5]
+    np.testing.assert_allclose(steady, 0.0, atol=1e-9)
+    before = np.abs(noisy.joint_angles[inner, 5]).mean()
+    after = np.abs(noisy.smoothed(0.3).joint_angles[inner, 5]).mean()
+    assert after < 0.5 * before
+
+
+def test_smoothing_trusts_confidence():
+    motion = turning(11)
+    angles = motion.joint_angles.copy()
+    angles[5, 3] = [2.0, 0.0, 0.0]
+    confidence = motion.confidence.copy()
+    confidence[5, 3] = 0.0
+    spoiled = Motion(motion.times_s, angles, motion.root_translation, confidence)
+    assert np.abs(spoiled.smoothed(0.2).joint_angles[5, 3]).max() < 0.01
+
+
+def test_times_must_increase():
+    with pytest.raises(InvalidInput, match=r"times_s must increase; got 0\.0 at index 1"):
+        Motion(np.zeros(2), np.zeros((2, 24, 3)), np.zeros((2, 3)), np.ones((2, 24)))
+
+
+def test_a_motion_needs_a_pose():
+    with pytest.raises(InvalidInput, match="at least one pose; got none"):
+        Motion.from_poses([])

@@ -1,0 +1,34 @@
+"""scene/ and renderer/ import where only numpy and torch are installed (a bare GPU machine)."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+BLOCK_AND_IMPORT = """
+import importlib, importlib.abc, pkgutil, sys
+
+BLOCKED = {"numba", "llvmlite", "safetensors", "torchmetrics", "jaxtyping", "beartype", "cv2",
+           "scipy", "av", "PIL", "matplotlib", "anny", "mediapipe", "roma"}
+
+class Blocker(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in BLOCKED:
+            raise ImportError(f"{name} is blocked")
+
+sys.meta_path.insert(0, Blocker())
+for package in ("scene", "renderer"):
+    root = importlib.import_module(package)
+    for module in pkgutil.walk_packages(root.__path__, prefix=package + "."):
+        if not module.name.endswith("kernels"):
+            importlib.import_module(module.name)
+            print(module.name)
+"""
+
+
+def test_scene_and_renderer_import_with_numpy_and_torch_alone():
+    done = subprocess.run(
+        [sys.executable, "-c", BLOCK_AND_IMPORT], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "scene.camera" in done.stdout
