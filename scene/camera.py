@@ -14,7 +14,7 @@ import numpy as np
 from scene.arrays import Array, Float
 from scene.errors import InvalidInput, require_finite, require_shape
 
-_UNDISTORT_ROUNDS = 8
+_UNDISTORT_ROUNDS = 20
 """Fixed-point rounds; the residual is far below 1e-6 px for the distortions of webcams."""
 
 
