@@ -1,0 +1,36 @@
+.PHONY: demo test unit check format lock setup
+
+# The main job: everything is set up, then the meeting opens in the browser.
+demo: setup
+	.venv/bin/metanerf demo $(ARGS)
+
+# Everything that continuous integration checks: format, lint, types, imports, all tests.
+test: setup-test check
+	cd client && npm test --silent
+	.venv/bin/python -m pytest $(ARGS)
+
+# Tests without a browser and without servers: seconds, while you work.
+unit: setup-test
+	.venv/bin/python -m pytest -m "not e2e" -x -q $(ARGS)
+
+check:
+	.venv/bin/ruff format --check .
+	.venv/bin/ruff check .
+	.venv/bin/pyright
+	.venv/bin/lint-imports
+	cd client && npm run check --silent
+
+format:
+	.venv/bin/ruff format .
+	.venv/bin/ruff check --fix .
+
+# Pins every package but torch with its hash; run it after a change of dependencies.
+lock:
+	scripts/lock.sh
+
+setup:
+	@scripts/setup.sh
+
+.PHONY: setup-test
+setup-test:
+	@scripts/setup.sh test

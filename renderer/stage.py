@@ -1,0 +1,133 @@
+"""A scene to a picture: all splat performers in one pass, fields at preview size, the room behind.
+
+Splats hide each other rightly, sample by sample. A field performer is a layer of its own, sorted by
+the distance of its pelvis: right unless people embrace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Many
+from dataclasses import replace
+
+import numpy as np
+
+from renderer.model import PersonModel
+from renderer.splats.compose import SplatRenderer
+from renderer.splats.model import SplatModel
+from scene.arrays import Array, Float, UInt8
+from scene.camera import Camera
+from scene.environment import Environment, Performer, Scene
+
+FIELD_PREVIEW_PX = 128
+"""Longest side at which a field performer is rendered live; the layer is then enlarged."""
+_ANKLES = (7, 8)
+_SHADOW_RADIUS_M = 0.22
+_FOOT_CLEARANCE_M = 0.35
+"""Height of an ankle above the floor at which its contact shadow has vanished."""
+
+
+class Stage:
+    """Renders scenes into buffers that it keeps; one stage belongs to one thread."""
+
+    def __init__(self) -> None:
+        self._models: tuple[SplatModel, ...] = ()
+        self._splats: SplatRenderer | None = None
+        self._blank = np.zeros((0, 0, 4), np.float32)
+        self._picture = np.zeros((0, 0, 3), np.uint8)
+
+    def render(self, scene: Scene[PersonModel], camera: Camera) -> UInt8[Array, "H W 3"]:
+        """sRGB bytes of `scene` seen by `camera`; the buffer is reused by the next call."""
+        from renderer.backdrop_kernels import compose
+
+        size = (camera.height, camera.width)
+        if self._picture.shape[:2] != size:
+            self._picture = np.zeros((*size, 3), np.uint8)
+            self._blank = np.zeros((*size, 4), np.float32)
+        environment = scene.environment
+        colours = np.array([environment.horizon, environment.zenith, environment.floor], np.float32)
+        compose(
+            self._picture,
+            self._layers(scene.performers, camera),
+            camera.intrinsics,
+            camera.rotation,
+            camera.position,
+            colours,
+            contact_shadows(environment, scene.performers),
+        )
+        return self._picture
+
+    def _layers(
+        self, performers: Many[Performer[PersonModel]], camera: Camera
+    ) -> Float[Array, "H W 4"]:
+        """All performers, premultiplied, nothing behind them."""
+        splats = [p for p in performers if isinstance(p.model, SplatModel)]
+        fields = [p for p in performers if not isinstance(p.model, SplatModel)]
+        layers = [(_distance(p, camera), _field_layer(p, camera)) for p in fields]
+        if splats:
+            nearest = min(_distance(p, camera) for p in splats)
+            layers.append((nearest, self._splat_layer(splats, camera)))
+        if len(layers) == 1:
+            return layers[0][1]
+        blended = self._blank.copy()
+        for _, layer in sorted(layers, key=lambda item: -item[0]):
+            blended = layer + (1.0 - layer[..., 3:]) * blended
+        return blended
+
+    def _splat_layer(
+        self, performers: Many[Performer[PersonModel]], camera: Camera
+    ) -> Float[Array, "H W 4"]:
+        models = tuple(p.model for p in performers if isinstance(p.model, SplatModel))
+        if self._splats is None or models != self._models:
+            self._models, self._splats = models, SplatRenderer(models)
+        transforms = [p.placement @ _skinning(p) for p in performers]
+        return self._splats.render(camera, transforms)
+
+
+def contact_shadows(
+    environment: Environment, performers: Many[Performer[PersonModel]]
+) -> Float[Array, "S 4"]:
+    """x, z, radius (m) and strength of the soft shadow under each ankle."""
+    rows = []
+    for performer in performers:
+        skeleton = performer.model.skeleton
+        ankles = (performer.placement @ _joints(performer))[list(_ANKLES), :3, 3]
+        rest_height = skeleton.rest_joints[list(_ANKLES), 1]
+        for ankle, rest in zip(ankles, rest_height, strict=True):
+            lifted = max(0.0, float(ankle[1] - rest)) / _FOOT_CLEARANCE_M
+            strength = environment.shadow_strength * max(0.0, 1.0 - lifted)
+            rows.append((ankle[0], ankle[2], _SHADOW_RADIUS_M * (1.0 + lifted), strength))
+    return np.array(rows, np.float32).reshape(-1, 4)
+
+
+def _joints(performer: Performer[PersonModel]) -> Float[Array, "K 4 4"]:
+    pose = performer.pose
+    return performer.model.skeleton.joint_transforms(pose.joint_angles, pose.root_translation)
+
+
+def _skinning(performer: Performer[PersonModel]) -> Float[Array, "K 4 4"]:
+    pose = performer.pose
+    return performer.model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
+
+
+def _distance(performer: Performer[PersonModel], camera: Camera) -> float:
+    pelvis = (performer.placement @ _joints(performer)[0])[:3, 3]
+    return float(np.linalg.norm(pelvis - camera.position))
+
+
+def _field_layer(performer: Performer[PersonModel], camera: Camera) -> Float[Array, "H W 4"]:
+    """The performer's field at preview size, enlarged to the camera's."""
+    import torch
+
+    scale = min(1.0, FIELD_PREVIEW_PX / max(camera.width, camera.height))
+    small = camera.resized(
+        max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
+    )
+    inside = np.vstack([small.world_to_camera, [0.0, 0.0, 0.0, 1.0]]) @ performer.placement
+    layer = performer.model.render(replace(small, world_to_camera=inside[:3]), performer.pose)
+    enlarged = torch.nn.functional.interpolate(
+        torch.from_numpy(np.ascontiguousarray(layer)).permute(2, 0, 1)[None],
+        size=(camera.height, camera.width),
+        mode="bilinear",
+        align_corners=False,
+    )
+    return enlarged[0].permute(1, 2, 0).contiguous().numpy()

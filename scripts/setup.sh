@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# Sets up everything that `make demo` and `make test` need, once: virtual environment, pinned
+# packages, the client's build. Run again it does nothing that is already done.
+#   scripts/setup.sh          what the demo needs
+#   scripts/setup.sh test     and the tools and the Chromium that the tests need
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+fail() { printf 'setup: %s\n' "$1" >&2; exit 1; }
+
+python_for_venv() {
+  local candidate
+  for candidate in "${PYTHON:-}" python3.11 python3.12 python3; do
+    [ -n "$candidate" ] && command -v "$candidate" >/dev/null || continue
+    "$candidate" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' 2>/dev/null \
+      && { echo "$candidate"; return; }
+  done
+  fail "Python 3.11 or 3.12 is needed and was not found; install it or set PYTHON=/path/to/python"
+}
+
+install_python() {
+  local stamp=.venv/.installed wanted
+  wanted=$(cat requirements.lock pyproject.toml | sha256sum)
+  [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
+  [ -x .venv/bin/python ] || "$(python_for_venv)" -m venv .venv
+  echo "setup: installing Python packages (about a minute)"
+  # torch by version alone: its builds differ from machine to machine, so no hash can be pinned
+  .venv/bin/python -m pip install -q --disable-pip-version-check torch==2.13.0
+  .venv/bin/python -m pip install -q --disable-pip-version-check --no-deps --require-hashes -r requirements.lock
+  .venv/bin/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
+  echo "$wanted" > "$stamp"
+}
+
+build_client() {
+  local stamp=client/dist/.built wanted
+  wanted=$(cd client && find . -path ./node_modules -prune -o -path ./dist -prune -o -type f -print0 | sort -z | xargs -0 sha256sum | sha256sum)
+  [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
+  command -v npm >/dev/null || fail "npm (Node 20 or newer) is needed to build the page; install Node.js"
+  echo "setup: building the page"
+  (cd client && npm ci --no-audit --no-fund --loglevel=error && npm run build --silent)
+  echo "$wanted" > "$stamp"
+}
+
+install_chromium() {
+  [ -n "${CHROMIUM:-}" ] && return
+  command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null && return
+  echo "setup: installing Chromium for the browser tests"
+  if command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then
+    apt-get update -qq && apt-get install -y -qq chromium >/dev/null
+  else
+    .venv/bin/python -m playwright install chromium
+  fi
+}
+
+install_python
+build_client
+if [ "${1:-}" = test ]; then install_chromium; fi

@@ -1,0 +1,1 @@
+"""The only place where the blocks meet: REST, meetings, workers and the command line."""

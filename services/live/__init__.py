@@ -1,0 +1,1 @@
+"""Live meetings: packets, rooms and rendered views over WebRTC."""

@@ -1,0 +1,112 @@
+"""Packets of the data channels: little endian, versioned, sequence and capture time first.
+
+Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
+View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
+f32 vertical field of view (rad), u16 width, u16 height (px).
+
+Channels are unordered and unreliable, so the newest sequence wins and late packets are dropped;
+sequences wrap and are compared as serial numbers (RFC 1982).
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.rotations import quaternion_to_matrix
+
+VERSION = 1
+_HEADER = struct.Struct("<BBHId")
+_VIEW = struct.Struct("<3f4ffHH")
+VIEW_BYTES = _HEADER.size + _VIEW.size
+_HALF_RANGE = 1 << 31
+
+
+class Kind(IntEnum):
+    """What a packet carries."""
+
+    KEYPOINTS = 1
+    POSE = 2
+    VIEW = 3
+
+
+class PacketError(SceneError):
+    """Bytes that are not a packet of ours."""
+
+
+@dataclass(frozen=True)
+class ViewPacket:
+    """Where a viewer stands and how many pixels they look at."""
+
+    sequence: int
+    capture_time_ms: float
+    position: tuple[float, float, float]
+    """World, m."""
+    wxyz: tuple[float, float, float, float]
+    """Quaternion of camera_to_world, OpenCV axes."""
+    fov_y_rad: float
+    width: int
+    height: int
+
+    def camera(self, width: int, height: int) -> Camera:
+        """The viewer's camera at `width` x `height` px.
+
+        Raises InvalidInput where the field of view is impossible.
+        """
+        camera_to_world = quaternion_to_matrix(np.array(self.wxyz))
+        translation = -camera_to_world.T @ np.array(self.position)
+        world_to_camera = np.concatenate([camera_to_world.T, translation[:, None]], axis=1)
+        return Camera.from_field_of_view(world_to_camera, width, height, self.fov_y_rad)
+
+
+def encode_view(packet: ViewPacket) -> bytes:
+    """The bytes of `packet`."""
+    header = _HEADER.pack(VERSION, Kind.VIEW, 0, packet.sequence, packet.capture_time_ms)
+    payload = _VIEW.pack(
+        *packet.position, *packet.wxyz, packet.fov_y_rad, packet.width, packet.height
+    )
+    return header + payload
+
+
+def decode_view(data: bytes) -> ViewPacket:
+    """Read a view packet. Raises PacketError with the rule that `data` breaks."""
+    if len(data) != VIEW_BYTES:
+        raise PacketError(f"a view packet must be {VIEW_BYTES} bytes long; got {len(data)}")
+    version, kind, _, sequence, capture_time_ms = _HEADER.unpack_from(data)
+    if version != VERSION or kind != Kind.VIEW:
+        raise PacketError(
+            f"a view packet must be version {VERSION}, kind {int(Kind.VIEW)}; "
+            f"got version {version}, kind {kind}"
+        )
+    x, y, z, *wxyz, fov_y_rad, width, height = _VIEW.unpack_from(data, _HEADER.size)
+    if not all(math.isfinite(v) for v in (x, y, z, *wxyz, fov_y_rad, capture_time_ms)):
+        raise PacketError(f"a view packet must hold finite numbers; got {(x, y, z, *wxyz)}")
+    length = math.sqrt(sum(v * v for v in wxyz))
+    if not 0.5 < length < 2.0:
+        raise PacketError(f"quaternion must have about unit length; got {length:.3g}")
+    return ViewPacket(sequence, capture_time_ms, (x, y, z), tuple(wxyz), fov_y_rad, width, height)
+
+
+def is_newer(sequence: int, than: int) -> bool:
+    """Whether `sequence` comes after `than`, across the wrap at 2^32 (RFC 1982)."""
+    return 0 < (sequence - than) % (1 << 32) < _HALF_RANGE
+
+
+class NewestView:
+    """Keeps the newest view packet; late and doubled ones change nothing."""
+
+    def __init__(self) -> None:
+        self.packet: ViewPacket | None = None
+
+    def offer(self, packet: ViewPacket) -> bool:
+        """Take `packet` if it is the newest so far; says whether it was."""
+        if self.packet is not None and not is_newer(packet.sequence, self.packet.sequence):
+            return False
+        self.packet = packet
+        return True

@@ -1,0 +1,177 @@
+"""View sessions: one WebRTC connection a viewer, its video out, its viewpoint in."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import secrets
+from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from aiortc import (
+    RTCConfiguration,
+    RTCDataChannel,
+    RTCIceServer,
+    RTCPeerConnection,
+    RTCRtpSender,
+    RTCSessionDescription,
+)
+from aiortc.codecs import vpx
+
+from renderer.stage import Stage
+from scene.errors import SceneError
+from services.live.packets import NewestView, PacketError, decode_view
+from services.live.room import CastMember, Room
+from services.live.track import ViewTrack
+
+log = logging.getLogger(__name__)
+
+SILENCE_S = 5.0
+"""A viewer silent for so long after their first viewpoint is gone (ICE consent needs 30 s)."""
+_START_BITRATE, _LOWEST_BITRATE, _HIGHEST_BITRATE = 2_000_000, 500_000, 6_000_000
+"""bit/s; aiortc's own 0.5 to 1.5 Mbit/s smear a 1024 px view. They are constants of its module."""
+
+Clock = Callable[[], float]
+LoadCast = Callable[[str], Awaitable[tuple[CastMember, ...]]]
+"""Meeting id -> its performers."""
+
+
+class OfferRefused(SceneError):
+    """The SDP offer can't be answered."""
+
+
+class NoRoom(SceneError):
+    """As many viewers as this server can serve are here already."""
+
+
+@dataclass(eq=False)
+class _Session:
+    meeting_id: str
+    connection: RTCPeerConnection
+    track: ViewTrack
+    heard_s: float | None = None
+
+
+class ViewSessions:
+    """All view sessions of this process. Every method runs on its event loop."""
+
+    def __init__(
+        self, load_cast: LoadCast, clock: Clock, *, ice_servers: list[str], max_viewers: int
+    ) -> None:
+        self._load_cast, self._clock = load_cast, clock
+        self._ice = [RTCIceServer(urls=url) for url in ice_servers]
+        self._max_viewers = max_viewers
+        self._rooms: dict[str, Room] = {}
+        self._sessions: dict[str, _Session] = {}
+        # one thread renders for all: a picture already uses every core
+        self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="render")
+        self._watch: asyncio.Task[None] | None = None
+        vpx.DEFAULT_BITRATE, vpx.MIN_BITRATE = _START_BITRATE, _LOWEST_BITRATE
+        vpx.MAX_BITRATE = _HIGHEST_BITRATE
+
+    def __len__(self) -> int:
+        return len(self._sessions)
+
+    def render_milliseconds(self) -> list[float]:
+        """Times of the latest renders of all sessions, ms."""
+        return [
+            1e3 * s for session in self._sessions.values() for s in session.track.render_seconds
+        ]
+
+    async def open(self, meeting_id: str, sdp_offer: str) -> tuple[str, str]:
+        """Answer a viewer's offer. Returns the session's id and the SDP answer.
+
+        Raises NoRoom when the server is full, OfferRefused for an SDP that can't be answered.
+        """
+        if len(self._sessions) >= self._max_viewers:
+            raise NoRoom(
+                f"at most {self._max_viewers} viewers fit on this server; got one more; try again"
+            )
+        room = await self._room(meeting_id)
+        connection = RTCPeerConnection(RTCConfiguration(iceServers=self._ice))
+        view = NewestView()
+        track = ViewTrack(room, view, Stage(), self._executor, self._clock)
+        session = _Session(meeting_id, connection, track)
+        session_id = secrets.token_urlsafe(12)
+        self._sessions[session_id] = session
+        self._listen(session_id, session, view)
+        try:
+            answer = await _answer(connection, track, sdp_offer)
+        except Exception as error:
+            await self.close(session_id)
+            reason = str(error) or type(error).__name__
+            raise OfferRefused(
+                f"the offer must be an SDP that asks for one VP8 video; got an offer that fails "
+                f"with: {reason}"
+            ) from error
+        if self._watch is None:
+            self._watch = asyncio.create_task(self._drop_the_silent())
+        return session_id, answer
+
+    async def close(self, session_id: str) -> bool:
+        """End a session; False when there is none of that id."""
+        session = self._sessions.pop(session_id, None)
+        if session is None:
+            return False
+        session.track.stop()
+        await session.connection.close()
+        if not any(s.meeting_id == session.meeting_id for s in self._sessions.values()):
+            self._rooms.pop(session.meeting_id, None)
+        return True
+
+    async def refresh(self, meeting_id: str) -> None:
+        """Show a change of the cast to everyone who looks."""
+        if meeting_id in self._rooms:
+            self._rooms[meeting_id].cast = await self._load_cast(meeting_id)
+
+    async def close_all(self) -> None:
+        """End every session, at shutdown."""
+        if self._watch is not None:
+            self._watch.cancel()
+        await asyncio.gather(*(self.close(session_id) for session_id in list(self._sessions)))
+        self._executor.shutdown(wait=False)
+
+    async def _room(self, meeting_id: str) -> Room:
+        if meeting_id not in self._rooms:
+            self._rooms[meeting_id] = Room(meeting_id, await self._load_cast(meeting_id))
+        return self._rooms[meeting_id]
+
+    def _listen(self, session_id: str, session: _Session, view: NewestView) -> None:
+        connection = session.connection
+
+        @connection.on("datachannel")
+        def on_channel(channel: RTCDataChannel) -> None:
+            if channel.label != "view":
+                return
+
+            @channel.on("message")
+            def on_message(message: object) -> None:
+                session.heard_s = self._clock()
+                try:
+                    view.offer(decode_view(message if isinstance(message, bytes) else b""))
+                except PacketError as error:
+                    log.debug("view packet dropped: %s", error)
+
+        @connection.on("connectionstatechange")
+        async def on_state() -> None:
+            if connection.connectionState in ("failed", "closed"):
+                await self.close(session_id)
+
+    async def _drop_the_silent(self) -> None:
+        while True:
+            await asyncio.sleep(1.0)
+            now = self._clock()
+            for session_id, session in list(self._sessions.items()):
+                if session.heard_s is not None and now - session.heard_s > SILENCE_S:
+                    await self.close(session_id)
+
+
+async def _answer(connection: RTCPeerConnection, track: ViewTrack, sdp_offer: str) -> str:
+    transceiver = connection.addTransceiver(track, direction="sendonly")
+    codecs = RTCRtpSender.getCapabilities("video").codecs
+    # preferences count only before the remote description is set
+    transceiver.setCodecPreferences([c for c in codecs if c.mimeType in ("video/VP8", "video/rtx")])
+    await connection.setRemoteDescription(RTCSessionDescription(sdp_offer, "offer"))
+    await connection.setLocalDescription(await connection.createAnswer())
+    return connection.localDescription.sdp

@@ -1,0 +1,91 @@
+"""A viewer's own video: the newest pose and the newest camera in, one picture out.
+
+Frames are dropped, never queued: each picture starts when it is due or, if late, at once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Executor
+from fractions import Fraction
+
+from aiortc import MediaStreamTrack
+from av import VideoFrame
+
+from renderer.stage import Stage
+from scene.camera import Camera
+from services.live.packets import NewestView
+from services.live.room import Room
+
+FRAMES_PER_SECOND = 30
+_CLOCK_RATE = 90_000
+_TIME_BASE = Fraction(1, _CLOCK_RATE)
+_SMALLEST_PX, _LARGEST_PX = 128, 1024
+_DEFAULT_SIZE = (512, 512)
+_BLOCK_PX = 16
+"""VP8 codes macroblocks of 16 x 16; other sizes would be padded by the encoder."""
+
+
+class ViewTrack(MediaStreamTrack):
+    """Renders what one viewer sees of `room`."""
+
+    kind = "video"
+
+    def __init__(
+        self,
+        room: Room,
+        view: NewestView,
+        stage: Stage,
+        executor: Executor,
+        clock: Callable[[], float],
+    ) -> None:
+        super().__init__()
+        self.render_seconds: deque[float] = deque(maxlen=300)
+        """Time of the last renders, s, for the metrics."""
+        self._room, self._view, self._stage = room, view, stage
+        self._executor, self._clock = executor, clock
+        self._due_s: float | None = None
+        self._start_s = clock()
+
+    async def recv(self) -> VideoFrame:
+        """The next picture, rendered when it is due (30 a second) from the newest state."""
+        now = self._clock()
+        due = now if self._due_s is None else self._due_s
+        if due > now:
+            await asyncio.sleep(due - now)
+        started = self._clock()
+        frame = await asyncio.get_running_loop().run_in_executor(
+            self._executor, self._picture, started
+        )
+        self.render_seconds.append(self._clock() - started)
+        self._due_s = max(due + 1.0 / FRAMES_PER_SECOND, self._clock() - 1.0 / FRAMES_PER_SECOND)
+        frame.pts = int((started - self._start_s) * _CLOCK_RATE)
+        frame.time_base = _TIME_BASE
+        return frame
+
+    def _picture(self, now_s: float) -> VideoFrame:
+        picture = self._stage.render(self._room.scene_at(now_s), self._camera())
+        return VideoFrame.from_ndarray(picture, format="rgb24")
+
+    def _camera(self) -> Camera:
+        packet = self._view.packet
+        if packet is None:
+            return self._room.first_view(*_DEFAULT_SIZE)
+        return packet.camera(*frame_size(packet.width, packet.height))
+
+
+def frame_size(width: int, height: int) -> tuple[int, int]:
+    """The size to render for a viewer who asks for `width` x `height` px.
+
+    Aspect kept, the longest side at most 1024 px, both sides multiples of 16 and at least 128 px.
+    """
+    if width < 1 or height < 1:
+        return _DEFAULT_SIZE
+    scale = min(1.0, _LARGEST_PX / max(width, height))
+    sides = (
+        max(_SMALLEST_PX, round(side * scale / _BLOCK_PX) * _BLOCK_PX) for side in (width, height)
+    )
+    wide, high = sides
+    return wide, high
