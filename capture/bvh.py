@@ -1,0 +1,243 @@
+"""Motion capture in BVH, retargeted onto the 24 joints.
+
+Three skeleton families of the CMU database are known by their joint names: MotionBuilder (MB), DAZ
+and the original ASF. Rotation orders are read from each CHANNELS line. Retargeting transfers global
+rotations: a bone's rotation away from the file's rest pose, after the rest pose itself is turned to
+our T-pose by the bones' directions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from capture.errors import BrokenMotionCapture
+from scene.arrays import Array, Float
+from scene.motion import Motion
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, rotation_between
+from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS, Skeleton
+
+_AXES = {"X": 0, "Y": 1, "Z": 2}
+_CHILD_OF = {"left_hip": "left_knee", "left_knee": "left_ankle", "left_shoulder": "left_elbow",
+             "left_elbow": "left_wrist", "right_hip": "right_knee", "right_knee": "right_ankle",
+             "right_shoulder": "right_elbow", "right_elbow": "right_wrist"}  # fmt: skip
+"""Limbs, whose direction at rest differs between skeletons; trunks all stand upright."""
+
+_SIDED = {
+    "MB": {"hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase",
+           "collar": "Shoulder", "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand"},
+    "DAZ": {"hip": "Thigh", "knee": "Shin", "ankle": "Foot", "collar": "Collar",
+            "shoulder": "Shldr", "elbow": "ForeArm", "wrist": "Hand"},
+    "ASF": {"hip": "femur", "knee": "tibia", "ankle": "foot", "foot": "toes",
+            "collar": "clavicle", "shoulder": "humerus", "elbow": "radius", "wrist": "wrist"},
+}  # fmt: skip
+_TRUNK = {
+    "MB": {"pelvis": "Hips", "spine1": "LowerBack", "spine2": "Spine", "spine3": "Spine1",
+           "neck": "Neck", "head": "Head"},
+    "DAZ": {"pelvis": "hip", "spine1": "abdomen", "spine3": "chest", "neck": "neck",
+            "head": "head"},
+    "ASF": {"pelvis": "root", "spine1": "lowerback", "spine2": "upperback", "spine3": "thorax",
+            "neck": "lowerneck", "head": "head"},
+}  # fmt: skip
+_PREFIX = {"MB": ("Left", "Right"), "DAZ": ("l", "r"), "ASF": ("l", "r")}
+
+
+@dataclass(frozen=True, eq=False)
+class Bvh:
+    """A parsed file: a tree of joints and its channels."""
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    offsets: Float[Array, "J 3"]
+    """File units."""
+    rotations: Float[Array, "F J 3 3"]
+    """Joint frame -> parent."""
+    positions: Float[Array, "F 3"]
+    """Root, file units."""
+    frame_time_s: float
+
+    def world(self) -> tuple[Float[Array, "F J 3 3"], Float[Array, "F J 3"]]:
+        """Global rotations and positions by forward kinematics."""
+        turned, placed = self.rotations.copy(), np.zeros((*self.rotations.shape[:2], 3))
+        for joint, parent in enumerate(self.parents):
+            if parent < 0:
+                placed[:, joint] = self.positions
+                continue
+            turned[:, joint] = turned[:, parent] @ self.rotations[:, joint]
+            placed[:, joint] = placed[:, parent] + turned[:, parent] @ self.offsets[joint]
+        return turned, placed
+
+
+def parse_bvh(text: str) -> Bvh:
+    """Parse a BVH file. Raises BrokenMotionCapture with the rule that is broken."""
+    hierarchy, found, motion = text.partition("MOTION")
+    if not hierarchy.strip().startswith("HIERARCHY") or not found:
+        raise BrokenMotionCapture(
+            f"a BVH file must hold HIERARCHY and MOTION; got {text[:40].strip()!r}"
+        )
+    names, parents, offsets, channels = _parse_tree(hierarchy.split())
+    lines = motion.strip().splitlines()
+    try:
+        frame_time_s = float(lines[1].split(":")[1])
+        rows = np.array([line.split() for line in lines[2:] if line.strip()], dtype=np.float64)
+    except (IndexError, ValueError) as error:
+        raise BrokenMotionCapture(f"MOTION must hold numbers only; got {error}") from error
+    wanted = sum(len(c) for c in channels)
+    if rows.ndim != 2 or rows.shape[1] != wanted or not np.isfinite(rows).all():
+        raise BrokenMotionCapture(
+            f"every frame must hold {wanted} finite channels; got an array of {rows.shape}"
+        )
+    positions, rotations = _read_channels(rows, channels)
+    return Bvh(tuple(names), tuple(parents), np.array(offsets), rotations, positions, frame_time_s)
+
+
+def read_bvh(path: Path, skeleton: Skeleton) -> Motion:
+    """The motion in `path` on `skeleton`: limbs by direction, feet on the floor, start at x = z = 0.
+
+    A file `tpose/<name>.tpose.bvh` beside it gives the rest pose, where the clip's zero pose is none.
+    Raises BrokenMotionCapture for an unreadable file or an unknown skeleton.
+    """
+    try:
+        clip = parse_bvh(path.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise BrokenMotionCapture(f"{path} must be a readable BVH file; got {error}") from error
+    family = _family(clip)
+    rest_file = path.parent / "tpose" / f"{path.stem}.tpose.bvh"
+    rest = parse_bvh(rest_file.read_text()) if rest_file.exists() else _zero_pose(clip)
+    return retarget(clip, rest, family, skeleton)
+
+
+def retarget(clip: Bvh, rest: Bvh, family: str, skeleton: Skeleton) -> Motion:
+    """Global rotations relative to `rest` (first frame), carried to `skeleton`."""
+    mapped = _mapping(clip, family)
+    turned, placed = clip.world()
+    rest_turned, rest_placed = (part[0] for part in rest.world())
+    world = np.tile(np.eye(3), (len(turned), JOINT_COUNT, 1, 1))
+    for joint, name in enumerate(JOINT_NAMES):
+        source = mapped.get(name)
+        if source is None:
+            world[:, joint] = world[:, PARENTS[joint]]
+            continue
+        relative = turned[:, source] @ rest_turned[source].T
+        world[:, joint] = relative @ _to_t_pose(name, mapped, rest_placed, skeleton).T
+    local = world.copy()
+    for joint in range(1, JOINT_COUNT):
+        local[:, joint] = np.swapaxes(world[:, PARENTS[joint]], -1, -2) @ world[:, joint]
+    angles = matrix_to_axis_angle(local)
+    leg = np.linalg.norm(
+        rest_placed[mapped["left_hip"]] - rest_placed[mapped["left_knee"]]
+    ) + np.linalg.norm(rest_placed[mapped["left_knee"]] - rest_placed[mapped["left_ankle"]])
+    ours = (
+        skeleton.rest_joints[JOINT_NAMES.index("left_hip"), 1]
+        - (skeleton.rest_joints[JOINT_NAMES.index("left_ankle"), 1])
+    )
+    root = placed[:, mapped["pelvis"]] * (ours / leg)
+    root = root - root[0] * [1.0, 0.0, 1.0] - skeleton.rest_joints[0] * [0.0, 1.0, 0.0]
+    times = np.arange(len(root)) * clip.frame_time_s
+    motion = Motion(times, angles, root, np.ones((len(root), JOINT_COUNT)))
+    return _on_the_floor(motion, skeleton)
+
+
+def _to_t_pose(name: str, mapped: dict[str, int], rest: Array, skeleton: Skeleton) -> Array:
+    """The rotation that takes the limb `name` from the file's rest pose to our T-pose."""
+    if name.endswith("wrist"):  # a hand goes on in the direction of its forearm
+        child, name = name, name.replace("wrist", "elbow")
+    else:
+        child = _CHILD_OF.get(name, "")
+    if child not in mapped:
+        return np.eye(3)
+    start, end = JOINT_NAMES.index(name), JOINT_NAMES.index(child)
+    theirs = rest[mapped[child]] - rest[mapped[name]]
+    return rotation_between(theirs, skeleton.rest_joints[end] - skeleton.rest_joints[start])
+
+
+def _on_the_floor(motion: Motion, skeleton: Skeleton) -> Motion:
+    """Lower or lift the clip so that the feet, at their lowest in most frames, stand at rest height."""
+    joints = skeleton.joint_transforms(motion.joint_angles, motion.root_translation)[..., 1, 3]
+    feet = [JOINT_NAMES.index(n) for n in ("left_ankle", "right_ankle")]
+    drop = np.percentile(joints[:, feet].min(axis=1), 20) - skeleton.rest_joints[feet, 1].min()
+    root = motion.root_translation - [0.0, drop, 0.0]
+    return Motion(motion.times_s, motion.joint_angles, root, motion.confidence)
+
+
+def _family(clip: Bvh) -> str:
+    for family, trunk in _TRUNK.items():
+        if trunk["pelvis"] in clip.names and trunk["spine1"] in clip.names:
+            return family
+    raise BrokenMotionCapture(
+        f"the skeleton must be of the family {', '.join(_TRUNK)}; got joints {clip.names[:6]}"
+    )
+
+
+def _mapping(clip: Bvh, family: str) -> dict[str, int]:
+    wanted = dict(_TRUNK[family])
+    for side, prefix in zip(("left", "right"), _PREFIX[family], strict=True):
+        for ours, theirs in _SIDED[family].items():
+            wanted[f"{side}_{ours}"] = prefix + theirs
+    return {ours: clip.names.index(name) for ours, name in wanted.items() if name in clip.names}
+
+
+def _zero_pose(clip: Bvh) -> Bvh:
+    turned = np.tile(np.eye(3), (1, len(clip.names), 1, 1))
+    return Bvh(clip.names, clip.parents, clip.offsets, turned, np.zeros((1, 3)), clip.frame_time_s)
+
+
+def _parse_tree(
+    tokens: list[str],
+) -> tuple[list[str], list[int], list[list[float]], list[list[str]]]:
+    names: list[str] = []
+    parents: list[int] = []
+    offsets: list[list[float]] = []
+    channels: list[list[str]] = []
+    stack: list[int] = []
+    position, ends = 1, 0
+    try:
+        while position < len(tokens):
+            word = tokens[position]
+            if word in ("ROOT", "JOINT"):
+                names.append(tokens[position + 1])
+                parents.append(stack[-1] if stack else -1)
+                offsets.append([0.0, 0.0, 0.0])
+                channels.append([])
+                position += 2
+            elif word == "End":
+                ends, position = ends + 1, position + 2
+            elif word == "{":
+                stack.append(-2 if ends else len(names) - 1)
+                position += 1
+            elif word == "}":
+                ends -= 1 if stack.pop() == -2 else 0
+                position += 1
+            elif word == "OFFSET":
+                if not ends:
+                    offsets[stack[-1]] = [float(t) for t in tokens[position + 1 : position + 4]]
+                position += 4
+            elif word == "CHANNELS":
+                count = int(tokens[position + 1])
+                channels[stack[-1]] = tokens[position + 2 : position + 2 + count]
+                position += 2 + count
+            else:
+                raise ValueError(f"unknown word {word!r}")
+    except (IndexError, ValueError) as error:
+        raise BrokenMotionCapture(f"HIERARCHY must be a tree of joints; got {error}") from error
+    return names, parents, offsets, channels
+
+
+def _read_channels(rows: Array, channels: list[list[str]]) -> tuple[Array, Array]:
+    rotations = np.tile(np.eye(3), (len(rows), len(channels), 1, 1))
+    positions = np.zeros((len(rows), 3))
+    column = 0
+    for joint, names in enumerate(channels):
+        for name in names:
+            axis = _AXES[name[0]]
+            if name.endswith("position"):
+                if joint == 0:
+                    positions[:, axis] = rows[:, column]
+            else:
+                vector = np.zeros((len(rows), 3))
+                vector[:, axis] = np.deg2rad(rows[:, column])
+                rotations[:, joint] = rotations[:, joint] @ axis_angle_to_matrix(vector)
+            column += 1
+    return positions, rotations

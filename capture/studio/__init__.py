@@ -1,0 +1,5 @@
+"""The studio: synthetic performers with exact truth, one training camera, a ring of test cameras."""
+
+from capture.studio.sequence import make_sequence
+
+__all__ = ["make_sequence"]

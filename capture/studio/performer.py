@@ -1,0 +1,97 @@
+"""A synthetic performer, and how a camera sees them: exactly, and anti-aliased as pixels are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from capture.body import load_body_model
+from capture.studio.wardrobe import Outfit, albedo, make_outfit
+from scene.arrays import Array, Float
+from scene.body import Body
+from scene.camera import Camera
+from scene.motion import Pose
+
+SUPERSAMPLING = 4
+"""Samples a pixel side: a camera's pixel is the mean of the light that falls on all of it."""
+_KEY_LIGHT = np.array([0.6, 0.55, 0.58])
+"""Direction towards the key light of the lit room (front, left, above), unit length below."""
+
+
+@dataclass(frozen=True, eq=False)
+class StudioPerformer:
+    """A body with clothes; everything about them is known."""
+
+    body: Body
+    outfit: Outfit
+    vertex_joint: Array
+    """[V], the joint that moves each vertex most."""
+    rest_normals: Float[Array, "V 3"]
+
+
+def make_performer(seed: int) -> StudioPerformer:
+    """The performer of `seed`: shape and clothes."""
+    rng = np.random.default_rng(seed)
+    shape = rng.uniform([-0.12, -0.2, -0.4, -0.2, -0.2], [0.12, 0.25, 0.4, 0.3, 0.2])
+    body = load_body_model().body(shape)
+    assert body.rest_vertices is not None
+    assert body.blend_weights is not None
+    assert body.faces is not None
+    normals = vertex_normals(body.rest_vertices, body.faces)
+    return StudioPerformer(body, make_outfit(rng), body.blend_weights.argmax(axis=1), normals)
+
+
+def film(
+    performer: StudioPerformer, pose: Pose, camera: Camera, look: str
+) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
+    """The picture (premultiplied over black, sRGB) and its alpha."""
+    from capture.studio.mesh_kernels import box_filter, rasterise
+
+    fine = camera.resized(camera.width * SUPERSAMPLING, camera.height * SUPERSAMPLING)
+    posed = performer.body.posed_vertices(pose)
+    pixels, depth = fine.project(posed)
+    faces = performer.body.faces
+    assert faces is not None
+    size = (fine.height, fine.width)
+    triangle = np.empty(size, np.int32)
+    barycentric, nearest = np.empty((*size, 3), np.float32), np.empty(size, np.float32)
+    rasterise(pixels, depth, faces, triangle, barycentric, nearest)
+    seen = triangle >= 0
+    corners, weights = faces[triangle[seen]], barycentric[seen].astype(np.float64)
+    samples = np.zeros((*size, 4), np.float32)
+    samples[seen, :3] = _shade(performer, posed, corners, weights, look)
+    samples[seen, 3] = 1.0
+    out = np.empty((camera.height, camera.width, 4), np.float32)
+    box_filter(samples, SUPERSAMPLING, out)
+    return out[..., :3], out[..., 3]
+
+
+def vertex_normals(vertices: Float[Array, "V 3"], faces: Array) -> Float[Array, "V 3"]:
+    """Unit normals, each the area-weighted mean of its triangles'."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    flat = np.cross(b - a, c - a)
+    normals = np.zeros_like(vertices)
+    for i in range(3):
+        np.add.at(normals, faces[:, i], flat)
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+
+
+def _shade(performer: StudioPerformer, posed: Array, corners: Array, weights: Array,
+           look: str) -> Float[Array, "N 3"]:  # fmt: skip
+    rest_vertices = performer.body.rest_vertices
+    assert rest_vertices is not None
+    assert performer.body.faces is not None
+    rest = np.einsum("nc,ncx->nx", weights, rest_vertices[corners])
+    normal = np.einsum("nc,ncx->nx", weights, performer.rest_normals[corners])
+    joint = performer.vertex_joint[corners[np.arange(len(corners)), weights.argmax(axis=1)]]
+    joints = performer.body.skeleton.rest_joints
+    colour = albedo(performer.outfit, rest, normal, joint, joints)
+    if look == "plain":
+        return colour
+    turned = vertex_normals(posed, performer.body.faces)
+    normal = np.einsum("nc,ncx->nx", weights, turned[corners])
+    light = _KEY_LIGHT / np.linalg.norm(_KEY_LIGHT)
+    facing = np.maximum(normal @ light, 0.0)
+    sky = 0.5 + 0.5 * normal[:, 1]
+    return colour * (0.72 + 0.08 * sky + 0.2 * facing)[:, None].astype(np.float32)

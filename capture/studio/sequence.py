@@ -1,0 +1,131 @@
+"""Films a studio performer into a sequence folder with test views whose truth is exact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from capture.bvh import read_bvh
+from capture.errors import CaptureError
+from capture.store import write_sequence
+from capture.studio.moves import gestures, turned, turning
+from capture.studio.performer import film, make_performer
+from scene.arrays import Array, Float
+from scene.camera import Camera, orbit_camera
+from scene.motion import Motion
+from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Frame
+from scene.skeleton import Skeleton
+
+LOOKS = ("plain", "lit")
+FRAMES_PER_SECOND = 10.0
+"""A full turn of 60 frames takes six seconds."""
+_NOVEL_MOMENTS, _UNSEEN_MOMENTS = 16, 8
+_FIELD_OF_VIEW_RAD = 0.6
+_FILL = 0.8
+"""Share of the picture's height that the whole motion may fill."""
+
+
+def make_sequence(
+    out: Path,
+    *,
+    motion: Path | None = None,
+    look: str = "plain",
+    frames: int = 60,
+    size: int = 256,
+    test_cameras: int = 8,
+    seed: int = 0,
+    turn_deg: float = 360.0,
+    on_progress: Callable[[float, str], None] | None = None,
+) -> None:
+    """Write a sequence of the performer `seed` to the folder `out`.
+
+    Training frames come from one camera; test frames from a ring of `test_cameras` others, at
+    moments of the training motion (novel_view) and of another motion (unseen_pose). With `motion`
+    (.bvh) the first three quarters train and the rest, turned alike, is the unseen motion.
+    Raises CaptureError for an unknown look, BrokenMotionCapture for an unreadable file.
+    """
+    if look not in LOOKS:
+        raise CaptureError(f"look must be one of {', '.join(LOOKS)}; got {look!r}")
+    performer = make_performer(seed)
+    skeleton = performer.body.skeleton
+    seen, unseen = _motions(motion, skeleton, frames, turn_deg)
+    centre, distance = _framing(skeleton, seen, unseen)
+    camera = orbit_camera(centre, distance, 0.0, 0.05, size, size, _FIELD_OF_VIEW_RAD)
+    ring = [
+        orbit_camera(centre, distance, azimuth, elevation, size, size, _FIELD_OF_VIEW_RAD)
+        for azimuth, elevation in zip(
+            2.0 * np.pi * (np.arange(test_cameras) + 0.5) / test_cameras,
+            0.05 + 0.2 * (np.arange(test_cameras) % 2),
+            strict=True,
+        )
+    ]
+    total = frames + _NOVEL_MOMENTS + _UNSEEN_MOMENTS
+    done = 0
+
+    def shots(moves: Motion, moments: Array, cameras: list[Camera]) -> Iterator[Frame]:
+        nonlocal done
+        for shot, moment in enumerate(moments):
+            view, pose = cameras[shot % len(cameras)], moves.pose(int(moment))
+            image, mask = film(performer, pose, view, look)
+            done += 1
+            if on_progress is not None:
+                on_progress(done / total, f"frame {done} of {total}")
+            yield Frame(image, mask, view, pose)
+
+    write_sequence(
+        out,
+        person=f"studio performer {seed}",
+        frames_per_second=FRAMES_PER_SECOND,
+        body=performer.body,
+        train=shots(seen, np.arange(len(seen)), [camera]),
+        test={
+            NOVEL_VIEW: shots(seen, _spread(len(seen), _NOVEL_MOMENTS), ring),
+            UNSEEN_POSE: shots(unseen, _spread(len(unseen), _UNSEEN_MOMENTS), ring),
+        },
+        source=f"studio look={look} seed={seed} turn={turn_deg:g}",
+        exact_poses=True,
+    )
+
+
+def _motions(
+    path: Path | None, skeleton: Skeleton, frames: int, turn_deg: float
+) -> tuple[Motion, Motion]:
+    if path is None:
+        return turning(frames, FRAMES_PER_SECOND, turn_deg), gestures(32, FRAMES_PER_SECOND)
+    whole = read_bvh(path, skeleton)
+    cut = max(2, int(0.75 * len(whole)))
+    return (
+        turned(_evenly(whole, 0, cut, frames), turn_deg),
+        turned(_evenly(whole, min(cut, len(whole) - 2), len(whole), 32), turn_deg),
+    )
+
+
+def _evenly(motion: Motion, start: int, stop: int, frames: int) -> Motion:
+    """`frames` poses spread over [start, stop), retimed to the studio's rate."""
+    picked = np.linspace(start, stop - 1, frames).round().astype(int)
+    times = np.arange(frames) / FRAMES_PER_SECOND
+    root = motion.root_translation[picked] - motion.root_translation[picked].mean(0) * [1, 0, 1]
+    return Motion(times, motion.joint_angles[picked], root, motion.confidence[picked])
+
+
+def _framing(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"], float]:
+    """Where to look, and from how far, so that every pose fits and fills the picture."""
+    joints = np.concatenate(
+        [
+            skeleton.joint_transforms(m.joint_angles, m.root_translation)[..., :3, 3].reshape(-1, 3)
+            for m in motions
+        ]
+    )
+    margin = 0.13  # the joints end in the head's centre, the wrists and the toes
+    low, high = joints.min(0) - margin, joints.max(0) + [margin, 2 * margin, margin]
+    low[1] = max(low[1], 0.0) if low[1] > -0.3 else low[1]
+    centre = 0.5 * (low + high) * [0.0, 1.0, 0.0]
+    reach = max(np.abs(joints[:, [0, 2]]).max() + margin, 0.5 * (high[1] - low[1]))
+    distance = reach / (_FILL * np.tan(0.5 * _FIELD_OF_VIEW_RAD))
+    return centre, float(distance + 0.3 * reach)
+
+
+def _spread(length: int, count: int) -> Array:
+    return np.unique(np.linspace(0, length - 1, min(count, length)).round().astype(int))
