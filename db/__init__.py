@@ -1,0 +1,1 @@
+"""Rows and objects: SQL models, migrations, object storage, repositories."""

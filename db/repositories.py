@@ -1,0 +1,187 @@
+"""What services ask of the database, aggregate by aggregate. `db.sql` answers.
+
+`get` raises NotFound; everything else that finds nothing returns None or an empty list. Nothing
+here commits: that is the unit of work's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from datetime import datetime
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+from db.models import (
+    AuditEventRow,
+    JobKind,
+    JobRow,
+    MeetingRow,
+    ModelRow,
+    MotionRow,
+    PersonRow,
+    SequenceRow,
+    UploadRow,
+)
+
+
+class People(Protocol):
+    """Persons."""
+
+    def add(self, person: PersonRow) -> None: ...
+
+    def get(self, person_id: str) -> PersonRow: ...
+
+    def of_account(self, account: str) -> list[PersonRow]:
+        """All persons of `account`, the oldest first."""
+        ...
+
+    def erase(self, person_id: str) -> dict[str, int]:
+        """Delete every row of a person; says how many went, by table."""
+        ...
+
+    def count_rows(self, person_id: str) -> int:
+        """How many rows, in whatever table, still belong to a person."""
+        ...
+
+
+class Uploads(Protocol):
+    """Resumable uploads under way."""
+
+    def add(self, upload: UploadRow) -> None: ...
+
+    def get(self, upload_id: str) -> UploadRow: ...
+
+    def with_content(self, person_id: str, sha256: str) -> UploadRow | None:
+        """The upload under way of the same bytes, to go on with."""
+        ...
+
+    def remove(self, upload: UploadRow) -> None: ...
+
+    def started_before(self, moment: datetime) -> list[UploadRow]: ...
+
+
+class Sequences(Protocol):
+    """Clips."""
+
+    def add(self, sequence: SequenceRow) -> None: ...
+
+    def get(self, sequence_id: str) -> SequenceRow: ...
+
+    def of_person(self, person_id: str) -> list[SequenceRow]: ...
+
+    def with_source(self, person_id: str, sha256: str) -> SequenceRow | None:
+        """The sequence made from the same bytes."""
+        ...
+
+    def remove(self, sequence: SequenceRow) -> None: ...
+
+
+class Motions(Protocol):
+    """Motions of sequences."""
+
+    def add(self, motion: MotionRow) -> None: ...
+
+    def of_sequence(self, sequence_id: str) -> MotionRow | None: ...
+
+
+class Models(Protocol):
+    """Trained models."""
+
+    def add(self, model: ModelRow) -> None: ...
+
+    def get(self, model_id: str) -> ModelRow: ...
+
+    def of_person(self, person_id: str) -> list[ModelRow]: ...
+
+    def of_account(self, account: str) -> list[ModelRow]: ...
+
+
+class Jobs(Protocol):
+    """The queue, and what became of its jobs."""
+
+    def add(self, job: JobRow) -> None: ...
+
+    def get(self, job_id: str) -> JobRow: ...
+
+    def claim(self, kinds: Collection[JobKind], worker: str, now: datetime) -> JobRow | None:
+        """Take the oldest queued job, exclusively; None where there is none."""
+        ...
+
+    def silent_since(self, moment: datetime) -> list[JobRow]:
+        """Running jobs whose last sign of life is older than `moment`, locked."""
+        ...
+
+    def write(self, job_id: str, attempt: int, values: dict[str, Any]) -> bool:
+        """Update a job that `attempt` still runs; False where it does so no more."""
+        ...
+
+    def latest(self, sequence_id: str, kind: JobKind) -> JobRow | None: ...
+
+    def preview(self, job_id: str) -> bytes | None: ...
+
+    def count(self) -> dict[tuple[str, str], int]:
+        """Number of jobs by kind and state."""
+        ...
+
+
+class Meetings(Protocol):
+    """Meetings with their performers and participants."""
+
+    def add(self, meeting: MeetingRow) -> None: ...
+
+    def get(self, meeting_id: str) -> MeetingRow: ...
+
+    def get_for_change(self, meeting_id: str) -> MeetingRow:
+        """Locked, so that two who join don't get one seat."""
+        ...
+
+    def with_label(self, label: str) -> MeetingRow | None: ...
+
+
+class AuditLog(Protocol):
+    """Who did what, when."""
+
+    def add(self, event: AuditEventRow) -> None: ...
+
+    def of_account(self, account: str) -> list[AuditEventRow]: ...
+
+
+class References(Protocol):
+    """Which objects of the store rows point at."""
+
+    def of_owner(self, owner: str) -> set[str]:
+        """sha256 of every object that a row of person `owner` names."""
+        ...
+
+    def owners(self, among: Iterable[str]) -> set[str]:
+        """Those of `among` who are persons."""
+        ...
+
+
+class UnitOfWork(Protocol):
+    """One transaction: all or nothing, and nothing unless `commit` is called."""
+
+    people: People
+    uploads: Uploads
+    sequences: Sequences
+    motions: Motions
+    models: Models
+    jobs: Jobs
+    meetings: Meetings
+    audit: AuditLog
+    references: References
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+    def flush(self) -> None:
+        """Send what is pending, so that its constraints speak now."""
+        ...
+
+    def commit(self) -> None: ...

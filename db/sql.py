@@ -1,0 +1,259 @@
+"""Repositories on SQLAlchemy; the same statements on SQLite and PostgreSQL."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from datetime import datetime
+from typing import Any, TypeVar, cast
+
+from sqlalchemy import CursorResult, Table, delete, func, select, update
+from sqlalchemy.orm import Session
+
+from db.errors import NotFound
+from db.models import (
+    AuditEventRow,
+    Base,
+    JobKind,
+    JobRow,
+    JobState,
+    MeetingRow,
+    ModelRow,
+    MotionRow,
+    PersonRow,
+    SequenceRow,
+    UploadRow,
+)
+
+Row = TypeVar("Row", bound=Base)
+
+
+class _Repository:
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def _get(self, kind: type[Row], key: str, noun: str) -> Row:
+        row = self._session.get(kind, key)
+        if row is None:
+            raise NotFound(
+                f"id must be that of a {noun}; got {key!r}; list them to see what exists"
+            )
+        return row
+
+
+class SqlPeople(_Repository):
+    """Persons."""
+
+    def add(self, person: PersonRow) -> None:
+        self._session.add(person)
+
+    def get(self, person_id: str) -> PersonRow:
+        return self._get(PersonRow, person_id, "person")
+
+    def of_account(self, account: str) -> list[PersonRow]:
+        query = select(PersonRow).where(PersonRow.account == account)
+        return list(self._session.scalars(query.order_by(PersonRow.created_at)))
+
+    def erase(self, person_id: str) -> dict[str, int]:
+        self.get(person_id)
+        erased = {}
+        # children first: the counts are then exact, where a cascade would tell nothing
+        for table in reversed(_tables_of_persons()):
+            statement = delete(table).where(table.c.person_id == person_id)
+            erased[table.name] = _count(self._session.execute(statement))
+        statement = delete(PersonRow).where(PersonRow.id == person_id)
+        erased["person"] = _count(self._session.execute(statement))
+        self._session.expire_all()
+        return {name: count for name, count in erased.items() if count}
+
+    def count_rows(self, person_id: str) -> int:
+        queries = [
+            select(func.count()).select_from(table).where(table.c.person_id == person_id)
+            for table in _tables_of_persons()
+        ]
+        queries.append(select(func.count()).where(PersonRow.id == person_id))
+        return sum(self._session.scalar(query) or 0 for query in queries)
+
+
+class SqlUploads(_Repository):
+    """Resumable uploads under way."""
+
+    def add(self, upload: UploadRow) -> None:
+        self._session.add(upload)
+
+    def get(self, upload_id: str) -> UploadRow:
+        return self._get(UploadRow, upload_id, "upload")
+
+    def with_content(self, person_id: str, sha256: str) -> UploadRow | None:
+        query = select(UploadRow).where(
+            UploadRow.person_id == person_id, UploadRow.sha256 == sha256
+        )
+        return self._session.scalars(query.limit(1)).first()
+
+    def remove(self, upload: UploadRow) -> None:
+        self._session.delete(upload)
+
+    def started_before(self, moment: datetime) -> list[UploadRow]:
+        return list(self._session.scalars(select(UploadRow).where(UploadRow.created_at < moment)))
+
+
+class SqlSequences(_Repository):
+    """Clips."""
+
+    def add(self, sequence: SequenceRow) -> None:
+        self._session.add(sequence)
+
+    def get(self, sequence_id: str) -> SequenceRow:
+        return self._get(SequenceRow, sequence_id, "sequence")
+
+    def of_person(self, person_id: str) -> list[SequenceRow]:
+        query = select(SequenceRow).where(SequenceRow.person_id == person_id)
+        return list(self._session.scalars(query.order_by(SequenceRow.created_at)))
+
+    def with_source(self, person_id: str, sha256: str) -> SequenceRow | None:
+        query = select(SequenceRow).where(
+            SequenceRow.person_id == person_id, SequenceRow.source_sha256 == sha256
+        )
+        return self._session.scalars(query).one_or_none()
+
+    def remove(self, sequence: SequenceRow) -> None:
+        self._session.delete(sequence)
+
+
+class SqlMotions(_Repository):
+    """Motions of sequences."""
+
+    def add(self, motion: MotionRow) -> None:
+        self._session.add(motion)
+
+    def of_sequence(self, sequence_id: str) -> MotionRow | None:
+        query = select(MotionRow).where(MotionRow.sequence_id == sequence_id)
+        return self._session.scalars(query).one_or_none()
+
+
+class SqlModels(_Repository):
+    """Trained models."""
+
+    def add(self, model: ModelRow) -> None:
+        self._session.add(model)
+
+    def get(self, model_id: str) -> ModelRow:
+        return self._get(ModelRow, model_id, "model")
+
+    def of_person(self, person_id: str) -> list[ModelRow]:
+        query = select(ModelRow).where(ModelRow.person_id == person_id)
+        return list(self._session.scalars(query.order_by(ModelRow.created_at)))
+
+    def of_account(self, account: str) -> list[ModelRow]:
+        query = select(ModelRow).join(PersonRow).where(PersonRow.account == account)
+        return list(self._session.scalars(query.order_by(ModelRow.created_at)))
+
+
+class SqlJobs(_Repository):
+    """The queue, and what became of its jobs."""
+
+    def add(self, job: JobRow) -> None:
+        self._session.add(job)
+
+    def get(self, job_id: str) -> JobRow:
+        return self._get(JobRow, job_id, "job")
+
+    def claim(self, kinds: Collection[JobKind], worker: str, now: datetime) -> JobRow | None:
+        # PostgreSQL skips rows that another worker holds; SQLite has one writer at a time anyway
+        query = (
+            select(JobRow)
+            .where(JobRow.state == JobState.QUEUED, JobRow.kind.in_(kinds))
+            .order_by(JobRow.created_at)
+            .limit(1)
+            .with_for_update(skip_locked=True)
+        )
+        job = self._session.scalars(query).first()
+        if job is not None:
+            job.state, job.worker, job.heartbeat_at = JobState.RUNNING, worker, now
+            job.attempt += 1
+        return job
+
+    def silent_since(self, moment: datetime) -> list[JobRow]:
+        query = (
+            select(JobRow)
+            .where(JobRow.state == JobState.RUNNING, JobRow.heartbeat_at < moment)
+            .with_for_update(skip_locked=True)
+        )
+        return list(self._session.scalars(query))
+
+    def write(self, job_id: str, attempt: int, values: dict[str, Any]) -> bool:
+        statement = (
+            update(JobRow)
+            .where(
+                JobRow.id == job_id,
+                JobRow.state == JobState.RUNNING,
+                JobRow.attempt == attempt,
+            )
+            .values(values)
+        )
+        return _count(self._session.execute(statement)) == 1
+
+    def latest(self, sequence_id: str, kind: JobKind) -> JobRow | None:
+        query = select(JobRow).where(JobRow.sequence_id == sequence_id, JobRow.kind == kind)
+        return self._session.scalars(query.order_by(JobRow.created_at.desc()).limit(1)).first()
+
+    def preview(self, job_id: str) -> bytes | None:
+        return self._session.scalar(select(JobRow.preview).where(JobRow.id == job_id))
+
+    def count(self) -> dict[tuple[str, str], int]:
+        query = select(JobRow.kind, JobRow.state, func.count()).group_by(JobRow.kind, JobRow.state)
+        return {(kind, state): count for kind, state, count in self._session.execute(query)}
+
+
+class SqlMeetings(_Repository):
+    """Meetings with their performers and participants."""
+
+    def add(self, meeting: MeetingRow) -> None:
+        self._session.add(meeting)
+
+    def get(self, meeting_id: str) -> MeetingRow:
+        return self._get(MeetingRow, meeting_id, "meeting")
+
+    def get_for_change(self, meeting_id: str) -> MeetingRow:
+        row = self._session.get(MeetingRow, meeting_id, with_for_update=True)
+        return row if row is not None else self.get(meeting_id)
+
+    def with_label(self, label: str) -> MeetingRow | None:
+        return self._session.scalars(
+            select(MeetingRow).where(MeetingRow.label == label)
+        ).one_or_none()
+
+
+class SqlAuditLog(_Repository):
+    """Who did what, when."""
+
+    def add(self, event: AuditEventRow) -> None:
+        self._session.add(event)
+
+    def of_account(self, account: str) -> list[AuditEventRow]:
+        query = select(AuditEventRow).where(AuditEventRow.account == account)
+        return list(self._session.scalars(query.order_by(AuditEventRow.at)))
+
+
+class SqlReferences(_Repository):
+    """Which objects of the store rows point at, read off the tables themselves."""
+
+    def of_owner(self, owner: str) -> set[str]:
+        found: set[str] = set()
+        for table in _tables_of_persons():
+            for column in table.c:
+                if column.info.get("object"):
+                    query = select(column).where(table.c.person_id == owner, column.is_not(None))
+                    found.update(self._session.scalars(query))
+        return found
+
+    def owners(self, among: Iterable[str]) -> set[str]:
+        return set(self._session.scalars(select(PersonRow.id).where(PersonRow.id.in_(among))))
+
+
+def _tables_of_persons() -> list[Table]:
+    """Every table with rows of persons, parents before children."""
+    return [table for table in Base.metadata.sorted_tables if "person_id" in table.c]
+
+
+def _count(result: object) -> int:
+    return cast("CursorResult[Any]", result).rowcount

@@ -1,0 +1,117 @@
+"""Rows to test with."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+from db.models import (
+    AuditEventRow,
+    JobKind,
+    JobRow,
+    JobState,
+    MeetingRow,
+    ModelFileRow,
+    ModelRow,
+    MotionRow,
+    PerformerRow,
+    PersonRow,
+    SequenceKind,
+    SequenceRow,
+    SequenceState,
+    UploadChunkRow,
+    UploadRow,
+    new_id,
+)
+from db.objects import Objects
+from db.unit_of_work import Database
+
+NOW = datetime(2026, 1, 1, 12, 0, tzinfo=UTC)
+
+
+def person(name: str = "Ada", account: str = "house") -> PersonRow:
+    return PersonRow(id=new_id(), account=account, name=name, created_at=NOW)
+
+
+def sequence(person_id: str, source_sha256: str = "a" * 64) -> SequenceRow:
+    return SequenceRow(
+        id=new_id(),
+        person_id=person_id,
+        kind=SequenceKind.VIDEO,
+        state=SequenceState.UPLOADED,
+        created_at=NOW,
+        source_name="clip.mp4",
+        source_sha256=source_sha256,
+    )
+
+
+def job(person_id: str, kind: JobKind = JobKind.TRAIN, created_at: datetime = NOW) -> JobRow:
+    return JobRow(
+        id=new_id(),
+        person_id=person_id,
+        kind=kind,
+        state=JobState.QUEUED,
+        params={},
+        created_at=created_at,
+    )
+
+
+def full_life(database: Database, objects: Objects, name: str = "Ada") -> str:
+    """A person with a row in every table and the objects that those name; their id."""
+    someone = person(name)
+    stored = [objects.put(someone.id, [f"{name} {i}".encode()]).sha256 for i in range(7)]
+    source, packed, thumbnail, motion, weights, chunk, checkpoint = stored
+    clip = sequence(someone.id, source)
+    clip.packed_sha256, clip.thumbnail_sha256 = packed, thumbnail
+    model = ModelRow(
+        id=new_id(),
+        person_id=someone.id,
+        sequence_id=clip.id,
+        preset="splats",
+        created_at=NOW,
+        data_hash="d",
+        metrics={"psnr": 33.0},
+    )
+    model.files = [
+        ModelFileRow(name="model.safetensors", person_id=someone.id, bytes=5, sha256=weights)
+    ]
+    upload = UploadRow(
+        person_id=someone.id, filename="b.mp4", size=9, sha256="b" * 64, created_at=NOW
+    )
+    upload.chunks = [UploadChunkRow(start=0, person_id=someone.id, bytes=5, sha256=chunk)]
+    training = job(someone.id)
+    training.sequence_id, training.checkpoint_sha256 = clip.id, checkpoint
+    meeting = MeetingRow(id=new_id(), account="house", name="Monday", created_at=NOW)
+    with database.unit_of_work() as unit:
+        unit.people.add(someone)
+        unit.flush()
+        unit.sequences.add(clip)
+        unit.uploads.add(upload)
+        unit.flush()
+        unit.models.add(model)
+        unit.motions.add(
+            MotionRow(
+                person_id=someone.id, sequence_id=clip.id, frames=3, duration_s=0.1, sha256=motion
+            )
+        )
+        unit.jobs.add(training)
+        unit.flush()
+        meeting.performers = [
+            PerformerRow(
+                person_id=someone.id,
+                model_id=model.id,
+                name=name,
+                place=0,
+                x_m=0.0,
+                y_m=0.0,
+                z_m=0.0,
+                yaw_rad=0.0,
+            )
+        ]
+        unit.meetings.add(meeting)
+        unit.audit.add(
+            AuditEventRow(
+                person_id=someone.id, at=NOW, account="house", action="person.created", details={}
+            )
+        )
+        unit.commit()
+    return someone.id

@@ -1,0 +1,57 @@
+"""One history for both databases, equal to the models, safe when processes start at once."""
+
+from __future__ import annotations
+
+import multiprocessing
+
+import pytest
+from sqlalchemy import inspect, text
+
+from db import migrations
+from db.engine import make_engine
+from db.errors import MigrationFailed
+from db.models import Base
+
+
+def _tables(url: str) -> set[str]:
+    engine = make_engine(url)
+    names = set(inspect(engine).get_table_names())
+    engine.dispose()
+    return names - {"alembic_version"}
+
+
+def test_history_gives_the_models_and_goes_back_to_nothing(url: str):
+    migrations.migrate(url)
+    migrations.check(url)
+    assert _tables(url) == set(Base.metadata.tables)
+    migrations.downgrade(url, "base")
+    assert _tables(url) == set()
+    migrations.migrate(url)
+    migrations.check(url)
+
+
+def test_check_notices_a_column_that_is_missing(url: str):
+    migrations.migrate(url)
+    engine = make_engine(url)
+    with engine.begin() as connection:
+        connection.execute(text("ALTER TABLE person DROP COLUMN name"))
+    engine.dispose()
+    with pytest.raises(MigrationFailed, match="name"):
+        migrations.check(url)
+
+
+def test_a_newer_database_is_refused_with_its_revision(url: str):
+    migrations.migrate(url)
+    engine = make_engine(url)
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    engine.dispose()
+    with pytest.raises(MigrationFailed, match=r"9999.*newer version"):
+        migrations.migrate(url)
+
+
+def test_processes_that_start_together_don_t_race(url: str):
+    context = multiprocessing.get_context("spawn")
+    with context.Pool(3) as pool:
+        pool.map(migrations.migrate, [url] * 3)
+    migrations.check(url)
