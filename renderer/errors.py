@@ -1,0 +1,32 @@
+"""Errors of the renderer.
+
+RendererError (SceneError)
+├── BrokenModel        a model file can't be read
+├── UnknownPreset      no preset of that name
+├── TrainingError      training failed for good; says why
+└── TrainingStopped    somebody asked to stop; a checkpoint was written where one was wanted
+"""
+
+from __future__ import annotations
+
+from scene.errors import SceneError
+
+
+class RendererError(SceneError):
+    """Root of the errors of the renderer."""
+
+
+class BrokenModel(RendererError):
+    """A model file is no model, is cut short, or comes from another version."""
+
+
+class UnknownPreset(RendererError):
+    """No preset has that name."""
+
+
+class TrainingError(RendererError):
+    """Training failed for good."""
+
+
+class TrainingStopped(RendererError):
+    """Training was stopped on request."""

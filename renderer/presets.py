@@ -1,0 +1,37 @@
+"""What can be trained, by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from renderer.errors import UnknownPreset
+from renderer.field.sizes import FieldSizes
+from renderer.splats.settings import SplatSettings
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A kind of model and its sizes."""
+
+    name: str
+    description: str
+    settings: SplatSettings | FieldSizes = field()
+
+
+PRESETS: dict[str, Preset] = {
+    preset.name: preset
+    for preset in (
+        Preset(
+            "splats",
+            "skinned Gaussian splats: seconds to train, milliseconds a view, what meetings draw",
+            SplatSettings(),
+        ),
+    )
+}
+
+
+def find_preset(name: str) -> Preset:
+    """The preset `name`. Raises UnknownPreset that lists what there is."""
+    if name not in PRESETS:
+        raise UnknownPreset(f"preset must be one of {', '.join(PRESETS)}; got {name!r}")
+    return PRESETS[name]

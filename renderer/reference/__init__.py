@@ -1,0 +1,1 @@
+"""Plain, slow twins that every fast path is tested against."""

@@ -1,0 +1,1 @@
+"""Canonical Gaussian splats, skinned by the 24 bones."""

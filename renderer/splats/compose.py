@@ -1,0 +1,111 @@
+"""Draws any number of splat models into one picture; they hide each other splat by splat."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Many
+
+import numpy as np
+
+from renderer.splats.layout import BOX_FILTER_PX2, PROJECTED, TILE
+from renderer.splats.model import SplatModel
+from scene.arrays import Array, Float
+from scene.camera import Camera
+
+_ENTRIES_AT_FIRST = 1 << 16
+
+
+class Workspace:
+    """Buffers of one renderer: made once, grown when a picture or its lists outgrow them."""
+
+    def __init__(self, count: int) -> None:
+        self.projected = np.zeros((count, PROJECTED), np.float32)
+        self.depth = np.zeros(count, np.float32)
+        self.boxes = np.zeros((count, 4), np.int32)
+        self.order = np.zeros(count, np.int32)
+        self.entries = np.zeros(_ENTRIES_AT_FIRST, np.int32)
+        self.starts = np.zeros(1, np.int32)
+        self._fill = np.zeros(0, np.int32)
+
+    def arrange(
+        self,
+        parameters: Float[Array, "N P"],
+        joints: Array,
+        weights: Float[Array, "N 4"],
+        transforms: Float[Array, "K 4 4"],
+        packed_camera: Float[Array, "4 4"],
+        width: int,
+        height: int,
+        dilation: float,
+    ) -> None:
+        """Project, sort and hand out to tiles: afterwards `starts` and `entries` are ready."""
+        from renderer.splats.project_kernels import project
+        from renderer.splats.tile_kernels import count_entries, depth_order, fill_entries
+
+        tiles_x, tiles_y = -(-width // TILE), -(-height // TILE)
+        if len(self._fill) != tiles_x * tiles_y:
+            self._fill = np.zeros(tiles_x * tiles_y, np.int32)
+            self.starts = np.zeros(tiles_x * tiles_y + 1, np.int32)
+        project(
+            parameters, joints, weights, transforms, packed_camera, width, height, dilation,
+            self.projected, self.depth, self.boxes,
+        )  # fmt: skip
+        drawn = depth_order(self.depth, self.boxes, self.order)
+        length = count_entries(self.boxes, self.order, drawn, tiles_x, self.starts)
+        if length > len(self.entries):
+            self.entries = np.zeros(int(1.5 * length), np.int32)
+        fill_entries(self.boxes, self.order, drawn, tiles_x, self.starts, self._fill, self.entries)
+
+
+class SplatRenderer:
+    """Renders one cast of models; keep it as long as the cast stays."""
+
+    def __init__(self, models: Many[SplatModel]) -> None:
+        offsets = np.cumsum([0] + [len(m.skeleton.names) for m in models])
+        self._parameters = np.concatenate([m.parameters for m in models]).astype(np.float32)
+        self._weights = np.concatenate([m.weights for m in models]).astype(np.float32)
+        # two performers have 48 joints: one table of transforms serves all
+        self._joints = np.concatenate(
+            [m.joints.astype(np.uint16) + o for m, o in zip(models, offsets, strict=False)]
+        ).astype(np.uint16)
+        self._workspace = Workspace(len(self._parameters))
+        self._out = np.zeros((0, 0, 4), np.float32)
+
+    def render(
+        self, camera: Camera, transforms: Many[Float[Array, "K 4 4"]]
+    ) -> Float[Array, "H W 4"]:
+        """Premultiplied sRGB and alpha.
+
+        Args:
+            camera: its distortion, if any, is not drawn.
+            transforms: per model, skinning transforms (rest -> world) with its placement.
+        Returns:
+            float32 buffer that the next call overwrites.
+        """
+        import numba
+
+        from renderer.splats.tile_kernels import draw
+
+        if self._out.shape[:2] != (camera.height, camera.width):
+            self._out = np.zeros((camera.height, camera.width, 4), np.float32)
+        self._workspace.arrange(
+            self._parameters,
+            self._joints,
+            self._weights,
+            np.concatenate(list(transforms)).astype(np.float32),
+            pack_camera(camera),
+            camera.width,
+            camera.height,
+            BOX_FILTER_PX2,
+        )
+        work = self._workspace
+        draw(work.projected, work.starts, work.entries, numba.get_num_threads(), self._out)
+        return self._out
+
+
+def pack_camera(camera: Camera) -> Float[Array, "4 4"]:
+    """float32 rows R|t, then fx, fy, cx, cy: what the kernels take."""
+    packed = np.empty((4, 4), np.float32)
+    packed[:3] = camera.world_to_camera
+    k = camera.intrinsics
+    packed[3] = (k[0, 0], k[1, 1], k[0, 2], k[1, 2])
+    return packed

@@ -1,0 +1,124 @@
+"""First splats: spread over the rest surface or, where none is known, over capsules round bones."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, POSITION, ROTATION
+from renderer.splats.settings import SplatSettings
+from scene.arrays import Array, Float
+from scene.body import Body
+from scene.errors import InvalidInput
+from scene.rotations import rotation_between
+from scene.sequence import Sequence
+from scene.skeleton import JOINT_NAMES, Skeleton
+
+_CAPSULE_RADIUS_M = {"spine": 0.13, "pelvis": 0.14, "hip": 0.1, "knee": 0.08, "ankle": 0.06,
+                     "foot": 0.05, "neck": 0.07, "head": 0.11, "collar": 0.1, "shoulder": 0.08,
+                     "elbow": 0.06, "wrist": 0.05, "hand": 0.05}  # fmt: skip
+_CANDIDATES = 3
+"""Points drawn on the capsules for every one kept after the masks have cut."""
+_MASK_VOTES = 0.9
+"""Share of the frames whose mask must cover a capsule's point."""
+
+
+def first_splats(
+    sequence: Sequence, settings: SplatSettings, rng: np.random.Generator
+) -> tuple[Float[Array, "N P"], Array, Float[Array, "N 4"]]:
+    """Parameters, joints (uint16) and weights of `settings.count` splats at rest.
+
+    Raises InvalidInput where capsules and masks have nothing in common.
+    """
+    body = sequence.body
+    if body.has_surface:
+        points, weights, area = sample_surface(body, settings.count, rng)
+    else:
+        points, weights, area = _sample_capsules(sequence, settings.count, rng)
+    strongest = np.argsort(-weights, axis=1)[:, :4]
+    top = np.take_along_axis(weights, strongest, axis=1)
+    top /= top.sum(axis=1, keepdims=True)
+    parameters = np.zeros((len(points), PARAMETERS), np.float32)
+    parameters[:, POSITION : POSITION + 3] = points
+    spacing = np.sqrt(area / len(points))
+    parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(settings.scale_share * spacing)
+    parameters[:, ROTATION] = 1.0
+    parameters[:, COLOUR : COLOUR + 3] = 0.5
+    parameters[:, OPACITY] = settings.opacity_logit
+    return parameters, strongest.astype(np.uint16), top.astype(np.float32)
+
+
+def sample_surface(
+    body: Body, count: int, rng: np.random.Generator
+) -> tuple[Float[Array, "N 3"], Float[Array, "N K"], float]:
+    """Points spread evenly by area over the rest surface, their blend weights, the area (m^2)."""
+    if body.rest_vertices is None or body.faces is None or body.blend_weights is None:
+        raise InvalidInput("body must have a surface to be sampled; got joints only")
+    corners = body.rest_vertices[body.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.linalg.norm(normal, axis=1)
+    # stratified along the faces' running area: more even than independent draws
+    at = (np.arange(count) + rng.uniform(size=count)) / count * areas.sum()
+    face = np.minimum(np.searchsorted(np.cumsum(areas), at), len(areas) - 1)
+    root = np.sqrt(rng.uniform(size=count))
+    v = rng.uniform(size=count)
+    mix = np.stack([1.0 - root, root * (1.0 - v), root * v], axis=1)
+    points = np.einsum("nc,ncx->nx", mix, corners[face])
+    weights = np.einsum("nc,nck->nk", mix, body.blend_weights[body.faces[face]])
+    return points, weights, float(areas.sum())
+
+
+def _sample_capsules(
+    sequence: Sequence, count: int, rng: np.random.Generator
+) -> tuple[Float[Array, "N 3"], Float[Array, "N K"], float]:
+    skeleton = sequence.body.skeleton
+    points, joints, area = _capsule_points(skeleton, _CANDIDATES * count, rng)
+    weights = np.zeros((len(points), len(JOINT_NAMES)))
+    # a point follows its bone, and shares the next one near the joint between them
+    weights[np.arange(len(points)), joints] = 1.0
+    votes, frames = np.zeros(len(points)), range(0, len(sequence.train), 4)
+    for index in frames:
+        votes += _inside_mask(sequence, index, points, joints)
+    kept = np.flatnonzero(votes >= _MASK_VOTES * len(frames))
+    if len(kept) < 100:
+        raise InvalidInput(
+            f"masks must cover the skeleton; got {len(kept)} of {len(points)} points of the "
+            "limbs inside them; check the camera and the poses"
+        )
+    picked = rng.choice(kept, count, replace=len(kept) < count)
+    return points[picked], weights[picked], area
+
+
+def _capsule_points(
+    skeleton: Skeleton, count: int, rng: np.random.Generator
+) -> tuple[Float[Array, "N 3"], Array, float]:
+    """Points on the capsules, the joint that moves each, and the capsules' area."""
+    rest, bones = skeleton.rest_joints, []
+    for child, parent in enumerate(skeleton.parents):
+        name = skeleton.names[child].split("_")[-1].rstrip("123")
+        end = rest[child] + ([0.0, 0.14, 0.0] if name == "head" else 0.0)
+        if parent >= 0:
+            mover = child if name == "head" else parent
+            bones.append((rest[parent], end, mover, _CAPSULE_RADIUS_M[name]))
+    areas = np.array([2 * np.pi * r * (np.linalg.norm(b - a) + r) for a, b, _, r in bones])
+    shares = rng.multinomial(count, areas / areas.sum())
+    points, joints = [], []
+    for (start, end, mover, radius), share in zip(bones, shares, strict=True):
+        turn = rotation_between(np.array([0.0, 1.0, 0.0]), end - start + 1e-9)
+        angle = rng.uniform(0.0, 2.0 * np.pi, share)
+        ring = radius * np.stack([np.cos(angle), np.zeros(share), np.sin(angle)], axis=1)
+        along = rng.uniform(size=(share, 1))
+        points.append(start + along * (end - start) + ring @ turn.T)
+        joints.append(np.full(share, mover))
+    return np.concatenate(points), np.concatenate(joints), float(areas.sum())
+
+
+def _inside_mask(sequence: Sequence, index: int, points: Array, joints: Array) -> Array:
+    camera, pose, mask = (
+        sequence.train.camera(index), sequence.train.pose(index), sequence.train.mask(index)
+    )  # fmt: skip
+    moved = sequence.body.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
+    posed = np.einsum("nij,nj->ni", moved[joints][:, :3, :3], points) + moved[joints][:, :3, 3]
+    pixels, _ = camera.project(posed)
+    column = np.clip(pixels[:, 0].astype(int), 0, camera.width - 1)
+    row = np.clip(pixels[:, 1].astype(int), 0, camera.height - 1)
+    return mask[row, column] > 0.5

@@ -1,0 +1,29 @@
+"""How a splat's 14 parameters lie in one row of memory, shared by the kernels and the model.
+
+Letters: N splats, P = 14 parameters, Q = 9 numbers of a projected splat.
+"""
+
+from __future__ import annotations
+
+POSITION, LOG_SCALE, ROTATION, COLOUR, OPACITY = 0, 3, 6, 10, 13
+"""First columns: rest position (m), log axis lengths (m), quaternion wxyz, sRGB, opacity logit."""
+PARAMETERS = 14
+
+MEAN_X, MEAN_Y, CONIC_A, CONIC_B, CONIC_C, ALPHA, RED, GREEN, BLUE = range(9)
+"""A splat on the picture: centre (px), inverse covariance (1/px^2), opacity, colour."""
+PROJECTED = 9
+CONTRIBUTION = 9
+"""Column of the summed blending weight; gradient buffers have PROJECTED + 1 columns."""
+
+BOX_FILTER_PX2 = 1.0 / 12.0
+"""Variance of a pixel's box filter: what a camera adds to every splat's covariance, px^2."""
+FAINTEST = 1.0 / 255.0
+"""Opacity below which a splat changes no 8-bit pixel."""
+MOST_OPAQUE = 0.99
+"""Keeps 1 - alpha away from nil, so that what lies behind still gets a gradient."""
+NEAR_M = 0.05
+"""Splats nearer to the camera than this are not drawn."""
+TILE = 16
+"""Pixels a side of a tile."""
+EMPTY_BOX = -1
+"""First column of the tile box of a splat that is not drawn."""

@@ -1,0 +1,47 @@
+"""A person as canonical Gaussians that follow the skeleton."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from renderer.splats.layout import PARAMETERS
+from scene.arrays import Array, Bool, Float, UInt8
+from scene.camera import Camera
+from scene.errors import require_finite, require_shape
+from scene.motion import Motion, Pose
+from scene.skeleton import Skeleton
+
+
+@dataclass(frozen=True, eq=False)
+class SplatModel:
+    """Splats at rest, each bound to at most four joints (a `PersonModel`)."""
+
+    parameters: Float[Array, "N 14"]
+    """Columns as in `renderer.splats.layout`: position, log scale, rotation, colour, opacity."""
+    joints: UInt8[Array, "N 4"]
+    weights: Float[Array, "N 4"]
+    """Blend weights of `joints`; rows sum to one."""
+    seen: Bool[Array, "N"]
+    """Whether any training frame showed the splat; what was never seen is filled in."""
+    skeleton: Skeleton
+    motion: Motion
+    data_hash: str
+    preset: str = "splats"
+    metrics: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        require_shape("parameters", self.parameters, (None, PARAMETERS))
+        require_shape("joints", self.joints, (len(self.parameters), 4))
+        require_shape("weights", self.weights, (len(self.parameters), 4))
+        require_finite("parameters", self.parameters)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def render(self, camera: Camera, pose: Pose) -> Float[Array, "H W 4"]:
+        """Premultiplied sRGB and alpha, float32. For many views keep a `SplatRenderer`."""
+        from renderer.splats.compose import SplatRenderer
+
+        transforms = self.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
+        return SplatRenderer((self,)).render(camera, [transforms])

@@ -1,0 +1,209 @@
+"""Splats straight from the frames: one frame a step, L1 over a random background, Adam."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from renderer.splats.compose import SplatRenderer, Workspace, pack_camera
+from renderer.splats.initialise import first_splats
+from renderer.splats.layout import (
+    BOX_FILTER_PX2,
+    COLOUR,
+    CONTRIBUTION,
+    LOG_SCALE,
+    OPACITY,
+    PARAMETERS,
+    POSITION,
+    PROJECTED,
+    ROTATION,
+)
+from renderer.splats.model import SplatModel
+from renderer.splats.poses import PoseRefinement
+from renderer.splats.settings import SplatSettings
+from renderer.splats.unseen import fill_unseen
+from scene.arrays import Array, Float, UInt8
+from scene.sequence import FrameSource, Sequence, body_crop
+
+_CROP_MARGIN = 0.12
+"""Share of the body's box kept round it: room where splats that stray are still punished."""
+_SEEN_WEIGHT = 0.5
+"""Summed blending weight, in pixels, from which a frame counts as having shown a splat."""
+_LEAST_CONTRIBUTION = 1e-3
+"""The same from which a step moves it."""
+_PREVIEW_PX = 384
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """One training frame, cropped to the body."""
+
+    rgba: UInt8[Array, "H W 4"]
+    camera: Float[Array, "4 4"]
+
+
+class SplatTrainer:
+    """Trains one `SplatModel` (a `Trainer`)."""
+
+    def __init__(self, sequence: Sequence, settings: SplatSettings, seed: int) -> None:
+        import numba
+
+        self._sequence, self._settings = sequence, settings
+        self._rng = np.random.default_rng(seed)
+        self._views = _read_views(sequence.train)
+        self.parameters, self._joints, self._weights = first_splats(sequence, settings, self._rng)
+        count = len(self.parameters)
+        self._poses = PoseRefinement(sequence, settings)
+        self._first = np.zeros_like(self.parameters)
+        self._second = np.zeros_like(self.parameters)
+        self._steps = np.zeros(count, np.int32)
+        self._most_seen = np.zeros(count, np.float32)
+        self._slower = np.ones(1, np.float32)
+        self._queue: list[int] = []
+        threads = numba.get_num_threads()
+        self._work = Workspace(count)
+        self._thread_gradients = np.zeros((threads, count, PROJECTED + 1), np.float32)
+        self._by_projected = np.zeros((count, PROJECTED + 1), np.float32)
+        self._by_parameter = np.zeros((count, PARAMETERS), np.float32)
+        self._by_transform = np.zeros(
+            (threads, len(sequence.body.skeleton.names), 3, 4), np.float32
+        )
+        self._losses = np.zeros(threads)
+
+    def warm_up(self) -> None:
+        """Compile the kernels by one step whose effect is undone."""
+        before = self.state()
+        self.step(0.0)
+        self.preview()
+        self.restore(before)
+
+    def step(self, fraction: float) -> float:
+        """Draw one frame, compare, move what it showed; returns mean absolute difference."""
+        from renderer.splats.adam_kernels import adam_step, sum_threads
+        from renderer.splats.project_kernels import chain_rule
+        from renderer.splats.tile_kernels import draw_and_differentiate
+
+        if not self._queue:
+            self._queue = self._rng.permutation(len(self._views)).tolist()
+        frame = self._queue.pop()
+        view, work = self._views[frame], self._work
+        height, width = view.rgba.shape[:2]
+        transforms = self._poses.transforms(frame)
+        work.arrange(
+            self.parameters, self._joints, self._weights, transforms, view.camera,
+            width, height, self._dilation(fraction),
+        )  # fmt: skip
+        background = self._rng.uniform(size=3).astype(np.float32)
+        draw_and_differentiate(
+            work.projected, work.starts, work.entries, view.rgba, background,
+            self._thread_gradients, self._losses,
+        )  # fmt: skip
+        sum_threads(self._thread_gradients, self._by_projected)
+        self._by_transform[:] = 0.0
+        chain_rule(
+            self.parameters, self._joints, self._weights, transforms, view.camera,
+            work.projected, work.boxes, self._by_projected, self._by_parameter, self._by_transform,
+        )  # fmt: skip
+        contribution = self._by_projected[:, CONTRIBUTION]
+        np.maximum(self._most_seen, contribution, out=self._most_seen)
+        rates = self._rates(fraction)
+        adam_step(
+            self.parameters, self._by_parameter, contribution, self._first, self._second,
+            self._steps, rates, self._settings.beta1, self._settings.beta2, _LEAST_CONTRIBUTION,
+            np.log(np.array(self._settings.scale_range_m, np.float32)),
+        )  # fmt: skip
+        self._poses.step(frame, self._by_transform.sum(axis=0), fraction, float(self._slower[0]))
+        return float(self._losses.sum()) / (3.0 * width * height)
+
+    def preview(self) -> Float[Array, "H W 3"]:
+        """The first training view, over light grey."""
+        camera = self._sequence.train.camera(0)
+        scale = _PREVIEW_PX / max(camera.width, camera.height)
+        small = camera.resized(round(camera.width * scale), round(camera.height * scale))
+        picture = SplatRenderer((self._model({}),)).render(small, [self._poses.transforms(0)])
+        return picture[..., :3] + (1.0 - picture[..., 3:]) * np.float32(0.93)
+
+    def state(self) -> dict[str, Array]:
+        """Parameters, moments, refined poses, and where chance stands."""
+        chance = json.dumps({"rng": self._rng.bit_generator.state, "queue": self._queue})
+        return {
+            "parameters": self.parameters.copy(),
+            "first": self._first.copy(),
+            "second": self._second.copy(),
+            "steps": self._steps.copy(),
+            "most_seen": self._most_seen.copy(),
+            "slower": self._slower.copy(),
+            "chance": np.array(chance),
+            **self._poses.state(),
+        }
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Go back to `state`."""
+        self.parameters = state["parameters"].copy()
+        self._first, self._second = state["first"].copy(), state["second"].copy()
+        self._steps, self._most_seen = state["steps"].copy(), state["most_seen"].copy()
+        self._slower = state["slower"].copy()
+        chance = json.loads(str(state["chance"]))
+        self._rng.bit_generator.state, self._queue = chance["rng"], list(chance["queue"])
+        self._thread_gradients[:] = 0.0
+        self._poses.restore(state)
+
+    def slow_down(self) -> None:
+        """Halve all rates."""
+        self._slower *= 0.5
+
+    def finish(self, metrics: dict[str, Any]) -> SplatModel:
+        """The model, with unseen splats filled in."""
+        return self._model(metrics, filled=True)
+
+    def _model(self, metrics: dict[str, Any], *, filled: bool = False) -> SplatModel:
+        seen = self._most_seen > _SEEN_WEIGHT
+        parameters = fill_unseen(self.parameters, seen) if filled else self.parameters
+        return SplatModel(
+            parameters,
+            self._joints.astype(np.uint8),
+            self._weights,
+            seen,
+            self._sequence.body.skeleton,
+            self._poses.motion(),
+            self._sequence.data_hash,
+            metrics={
+                **metrics,
+                "splats": len(parameters),
+                "seen_share": round(float(seen.mean()), 4),
+            },
+        )
+
+    def _dilation(self, fraction: float) -> float:
+        """px^2 added to every splat; poses that are estimated start blurred, so that limbs find
+        their place from further away."""
+        if not self._poses.active:
+            return BOX_FILTER_PX2
+        left = max(0.0, 1.0 - 2.0 * fraction)
+        return BOX_FILTER_PX2 + left * left * self._settings.first_blur_px2
+
+    def _rates(self, fraction: float) -> Float[Array, "P"]:
+        s = self._settings
+        rates = np.empty(PARAMETERS, np.float32)
+        exact = self._sequence.exact_poses
+        rates[POSITION : POSITION + 3] = s.position_rate if exact else s.uncertain_position_rate
+        rates[LOG_SCALE : LOG_SCALE + 3] = s.log_scale_rate
+        rates[ROTATION : ROTATION + 4] = s.rotation_rate
+        rates[COLOUR : COLOUR + 3] = s.colour_rate
+        rates[OPACITY] = s.opacity_rate
+        return rates * self._slower[0] * (1.0 - (1.0 - s.last_rate_share) * fraction)
+
+
+def _read_views(source: FrameSource) -> list[_View]:
+    return [_read_view(source, index) for index in range(len(source))]
+
+
+def _read_view(source: FrameSource, index: int) -> _View:
+    image, mask, camera = source.image(index), source.mask(index), source.camera(index)
+    crop = body_crop(mask, _CROP_MARGIN) or (slice(0, mask.shape[0]), slice(0, mask.shape[1]))
+    rgba = np.concatenate([image[crop], mask[crop][..., None]], axis=2)
+    window = camera.cropped(crop[1].start, crop[0].start, rgba.shape[1], rgba.shape[0])
+    return _View(np.ascontiguousarray((rgba * 255.0 + 0.5).astype(np.uint8)), pack_camera(window))

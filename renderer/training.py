@@ -1,0 +1,230 @@
+"""The training loop that every model shares: budget, progress, checkpoints, and what goes wrong.
+
+A model's own part is a `Trainer`: one step at a time, its state as plain arrays. The loop measures
+time by the clock it is given, keeps the last good state, rolls back when training diverges (halving
+the rates, thrice, then failing with the reason), and leaves a checkpoint that a later call resumes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from renderer.errors import TrainingError, TrainingStopped
+from renderer.model import PersonModel
+from renderer.presets import Preset, find_preset
+from scene.arrays import Array, Float
+from scene.sequence import Sequence
+
+REPORT_EVERY_S = 0.5
+"""Time between reports of progress."""
+CHECKPOINT_EVERY_S = 10.0
+_ATTEMPTS = 3
+"""How often a diverged run is rolled back before it fails."""
+_CHECK_EVERY_STEPS = 20
+"""Steps between looks at the clock's report, the state and the wish to stop."""
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """How far training has come."""
+
+    step: int
+    fraction: float
+    """Share of the budget used, 0 to 1."""
+    elapsed_s: float
+    loss: float
+    preview: Float[Array, "H W 3"] | None
+    """sRGB picture of the model as it is now."""
+
+
+class Trainer(Protocol):
+    """One kind of model being trained."""
+
+    def warm_up(self) -> None:
+        """Compile whatever is compiled on first use; changes nothing else."""
+        ...
+
+    def step(self, fraction: float) -> float:
+        """One step at `fraction` of the schedule; returns the loss."""
+        ...
+
+    def preview(self) -> Float[Array, "H W 3"]:
+        """A picture of the model as it is now."""
+        ...
+
+    def state(self) -> dict[str, Array]:
+        """Copies of everything that `restore` needs."""
+        ...
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Go back to `state`."""
+        ...
+
+    def slow_down(self) -> None:
+        """Halve all rates."""
+        ...
+
+    def finish(self, metrics: dict[str, Any]) -> PersonModel:
+        """The model, with `metrics` inside."""
+        ...
+
+
+def train(
+    sequence: Sequence,
+    *,
+    preset: str = "splats",
+    budget_s: float | None = None,
+    iterations: int | None = None,
+    seed: int = 0,
+    on_progress: Callable[[Progress], None] = lambda _: None,
+    should_stop: Callable[[], bool] = lambda: False,
+    checkpoint: Path | None = None,
+    clock: Callable[[], float],
+) -> PersonModel:
+    """Train a model of the person in `sequence`.
+
+    Args:
+        budget_s: training time (compilation and reading apart); schedules scale with it.
+        iterations: a number of steps in its place: repeatable to the bit for one seed.
+        checkpoint: where a stopped run is kept, and where this one goes on from if it is there.
+        clock: monotonic seconds.
+    Raises:
+        UnknownPreset, TrainingError (diverged for good), TrainingStopped (checkpoint written).
+    """
+    if (budget_s is None) == (iterations is None):
+        raise TrainingError(
+            f"either budget_s or iterations must be given; got {budget_s} and {iterations}"
+        )
+    chosen = find_preset(preset)
+    run = _Run(_make_trainer(chosen, sequence, seed), chosen.name, sequence.data_hash, seed)
+    run.resume(checkpoint)
+    run.trainer.warm_up()
+    run.loop(budget_s, iterations, on_progress, should_stop, checkpoint, clock)
+    return run.trainer.finish(
+        {
+            "steps": run.step,
+            "train_seconds": round(run.elapsed_s, 3),
+            "loss": round(run.loss, 6),
+            "seed": seed,
+            "rollbacks": run.rollbacks,
+        }
+    )
+
+
+def _make_trainer(preset: Preset, sequence: Sequence, seed: int) -> Trainer:
+    from renderer.splats.settings import SplatSettings
+
+    if isinstance(preset.settings, SplatSettings):
+        from renderer.splats.training import SplatTrainer
+
+        return SplatTrainer(sequence, preset.settings, seed)
+    from renderer.field.training import FieldTrainer
+
+    return FieldTrainer(sequence, preset.name, preset.settings, seed)
+
+
+class _Run:
+    """A training run: its trainer and how far it has come."""
+
+    def __init__(self, trainer: Trainer, preset: str, data_hash: str, seed: int) -> None:
+        self.trainer, self.step, self.elapsed_s, self.loss = trainer, 0, 0.0, float("nan")
+        self.rollbacks = 0
+        self._identity = {"preset": preset, "data_hash": data_hash, "seed": seed}
+
+    def loop(
+        self,
+        budget_s: float | None,
+        iterations: int | None,
+        on_progress: Callable[[Progress], None],
+        should_stop: Callable[[], bool],
+        checkpoint: Path | None,
+        clock: Callable[[], float],
+    ) -> None:
+        """Step until the budget is used."""
+        started = clock() - self.elapsed_s
+        reported = saved = self.elapsed_s
+        good, good_step = self.trainer.state(), self.step
+        while True:
+            fraction = self.elapsed_s / budget_s if budget_s else self.step / (iterations or 1)
+            if fraction >= 1.0:
+                break
+            self.loss = self.trainer.step(fraction)
+            self.step += 1
+            self.elapsed_s = clock() - started
+            if not np.isfinite(self.loss):
+                self._roll_back(good, good_step)
+                continue
+            if self.step % _CHECK_EVERY_STEPS and self.elapsed_s - reported < REPORT_EVERY_S:
+                continue
+            if should_stop():
+                self.save(checkpoint)
+                raise TrainingStopped(f"training was stopped at step {self.step}")
+            if self.elapsed_s - reported >= REPORT_EVERY_S:
+                state = self.trainer.state()
+                if not _is_finite(state):
+                    self._roll_back(good, good_step)
+                    continue
+                good, good_step, reported = state, self.step, self.elapsed_s
+                on_progress(self._progress(fraction))
+            if self.elapsed_s - saved >= CHECKPOINT_EVERY_S:
+                self.save(checkpoint)
+                saved = self.elapsed_s
+        if not _is_finite(self.trainer.state()):
+            self.trainer.restore(good)
+        on_progress(self._progress(1.0))
+
+    def save(self, path: Path | None) -> None:
+        """Write the checkpoint, whole or not at all."""
+        if path is None:
+            return
+        about = {**self._identity, "step": self.step, "elapsed_s": self.elapsed_s}
+        part = path.with_name(path.name + ".part")
+        with part.open("wb") as file:
+            arrays: dict[str, Any] = self.trainer.state()
+            np.savez(file, about=np.array(json.dumps(about)), **arrays)
+        part.replace(path)
+
+    def resume(self, path: Path | None) -> None:
+        """Go on from a checkpoint of the same clip, preset and seed, if there is one."""
+        if path is None or not path.exists():
+            return
+        try:
+            with np.load(path, allow_pickle=False) as stored:
+                arrays = dict(stored)
+            about = json.loads(str(arrays.pop("about")))
+        except (OSError, ValueError, KeyError, EOFError) as error:
+            raise TrainingError(
+                f"checkpoint must be a file of an earlier run; got {path}: {error}; delete it"
+            ) from error
+        if any(about.get(key) != value for key, value in self._identity.items()):
+            raise TrainingError(
+                f"checkpoint must be of the same clip, preset and seed; got {about}; "
+                f"delete {path} to start anew"
+            )
+        self.trainer.restore(arrays)
+        self.step, self.elapsed_s = int(about["step"]), float(about["elapsed_s"])
+
+    def _roll_back(self, good: dict[str, Array], good_step: int) -> None:
+        self.rollbacks += 1
+        if self.rollbacks > _ATTEMPTS:
+            raise TrainingError(
+                f"training must stay finite; got a loss of {self.loss} at step {self.step}, "
+                f"{_ATTEMPTS} times after halving the rates; look at the clip's masks and poses"
+            )
+        self.trainer.restore(good)
+        self.trainer.slow_down()
+        self.step = good_step
+
+    def _progress(self, fraction: float) -> Progress:
+        picture = self.trainer.preview()
+        return Progress(self.step, min(1.0, fraction), self.elapsed_s, self.loss, picture)
+
+
+def _is_finite(state: dict[str, Array]) -> bool:
+    return all(np.isfinite(a).all() for a in state.values() if a.dtype.kind == "f")

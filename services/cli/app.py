@@ -1,0 +1,30 @@
+"""The command's tree, and how its errors reach a person: one line, no traceback, exit code 1."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from scene.errors import SceneError
+from services.cli import bench, models, sequences, serving
+
+app = typer.Typer(
+    name="metanerf",
+    help="Meetings in which a person filmed by one camera is seen from any side.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+for module in (serving, sequences, models):
+    app.registered_commands += module.app.registered_commands
+app.add_typer(bench.app, name="bench")
+
+
+def main() -> None:
+    """Run the command line; errors that we raise on purpose are told, not traced."""
+    try:
+        app()
+    except SceneError as error:
+        typer.secho(f"metanerf: {error}", fg=typer.colors.RED, err=True)
+        sys.exit(1)

@@ -1,0 +1,145 @@
+"""Commands about models: train, render, evaluate, presets."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scene.errors import InvalidInput
+from services.cli.terminal import progress_bar, seconds, stop_on_interrupt
+
+app = typer.Typer()
+
+ModelPath = Annotated[Path, typer.Argument(help="A trained model (.safetensors).")]
+SequencePath = Annotated[Path, typer.Argument(help="A sequence folder, as capture or studio make.")]
+
+
+@app.command()
+def train(
+    sequence: SequencePath,
+    out: Annotated[Path, typer.Option(help="Where the model goes (.safetensors).")],
+    preset: Annotated[str, typer.Option(help="Which model; see `metanerf presets`.")] = "splats",
+    budget: Annotated[str, typer.Option(help="Training time, such as 20s or 2m.")] = "20s",
+    iterations: Annotated[
+        int | None, typer.Option(help="Steps in place of a time: repeatable to the bit.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+) -> None:
+    """Train a person's model. Ctrl-C keeps a checkpoint: the same command then goes on from it."""
+    from capture.store import open_sequence
+    from renderer.checkpoint import save_model
+    from renderer.training import Progress, TrainingStopped
+    from renderer.training import train as train_model
+
+    clip = open_sequence(sequence)
+    checkpoint = out.with_suffix(".checkpoint")
+    with stop_on_interrupt() as should_stop, progress_bar(f"training {preset}") as report:
+
+        def on_progress(step: Progress) -> None:
+            report(step.fraction, f"step {step.step}, loss {step.loss:.4f}")
+
+        try:
+            model = train_model(
+                clip,
+                preset=preset,
+                budget_s=None if iterations else seconds(budget),
+                iterations=iterations,
+                seed=seed,
+                on_progress=on_progress,
+                should_stop=should_stop,
+                checkpoint=checkpoint,
+                clock=time.perf_counter,
+            )
+        except TrainingStopped as stopped:
+            typer.secho(f"stopped: {stopped}; run the same command to go on", err=True)
+            raise typer.Exit(130) from stopped
+    save_model(model, out)
+    checkpoint.unlink(missing_ok=True)
+    typer.echo(f"{out}  {out.stat().st_size / 1e6:.2f} MB")
+
+
+@app.command()
+def render(
+    model: ModelPath,
+    out: Annotated[Path, typer.Option(help="A .png (one view) or an .mp4 (a camera path).")],
+    camera: Annotated[
+        str, typer.Option(help="orbit, front, left, back, right, or AZIMUTH,ELEVATION in degrees.")
+    ] = "orbit",
+    size: Annotated[int, typer.Option(help="Pixels a side.", min=16, max=4096)] = 512,
+    time_s: Annotated[float, typer.Option("--time", help="Moment of the motion, s.")] = 0.0,
+    length: Annotated[str, typer.Option(help="Length of a video, such as 4s.")] = "4s",
+    motion: Annotated[
+        Path | None, typer.Option(help="Keypoints JSON that drive the model in place of its own.")
+    ] = None,
+    distance_m: Annotated[
+        float | None, typer.Option("--distance", help="Camera's distance, m.")
+    ] = None,
+) -> None:
+    """Render a model from any side: a picture or a video."""
+    from renderer.checkpoint import load_model
+    from services.pictures import camera_path, write_png, write_video
+
+    person = load_model(model)
+    if motion is not None:
+        from capture.keypoints import read_keypoints
+
+        path = read_keypoints(motion)
+    else:
+        path = person.motion
+    frames = camera_path(person, path, camera, size, distance_m, time_s, seconds(length))
+    if out.suffix == ".png":
+        write_png(out, next(frames))
+    elif out.suffix == ".mp4":
+        total = max(1, round(seconds(length) * 30))
+        with progress_bar("rendering") as report:
+            write_video(out, frames, on_frame=lambda n: report(n / total, f"frame {n}"))
+    else:
+        raise InvalidInput(f"--out must end in .png or .mp4; got {out.name!r}")
+    typer.echo(str(out))
+
+
+@app.command()
+def evaluate(
+    model: ModelPath,
+    sequence: SequencePath,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write the figures here.")
+    ] = None,
+    lpips_backbone: Annotated[
+        Path | None, typer.Option(help="Backbone weights (.pth) for LPIPS; without, no LPIPS.")
+    ] = None,
+) -> None:
+    """Compare a model with the truth on unseen views and unseen poses: PSNR, SSIM, LPIPS."""
+    from capture.store import open_sequence
+    from renderer.checkpoint import load_model
+    from renderer.evaluation import evaluate as evaluate_model
+
+    figures = evaluate_model(
+        load_model(model), open_sequence(sequence), lpips_backbone=lpips_backbone
+    )
+    if json_file is not None:
+        json_file.write_text(json.dumps(figures, indent=2) + "\n")
+    for metric in ("psnr", "ssim", "lpips"):
+        for split, regions in (figures.get(metric) or {}).items():
+            shown = "  ".join(f"{region} {value:.4g}" for region, value in regions.items())
+            typer.echo(f"{metric:5} {split:12} {shown}")
+
+
+@app.command()
+def presets(
+    as_json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+) -> None:
+    """List what can be trained."""
+    from dataclasses import asdict
+
+    from renderer.presets import PRESETS
+
+    if as_json:
+        typer.echo(json.dumps({name: asdict(p) for name, p in PRESETS.items()}, indent=2))
+        return
+    for name, preset in PRESETS.items():
+        typer.echo(f"{name:10} {preset.description}")

@@ -1,0 +1,77 @@
+"""Commands about sequences: capture, studio, upload."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scene.errors import InvalidInput
+from services.cli.terminal import progress_bar, seconds, stop_on_interrupt
+
+app = typer.Typer()
+
+
+@app.command()
+def capture(
+    out: Annotated[Path, typer.Option(help="Where the sequence folder goes.")],
+    source: Annotated[
+        Path | None, typer.Argument(help="A video, or a folder or zip of frames.")
+    ] = None,
+    webcam: Annotated[int | None, typer.Option(help="Film with this webcam instead.")] = None,
+    length: Annotated[str, typer.Option(help="How long the webcam films.")] = "15s",
+    person: Annotated[str, typer.Option(help="Name stored with the sequence.")] = "someone",
+) -> None:
+    """Turn one clip of one person into a sequence: masks, camera, body and motion."""
+    from capture.pipeline import capture_clip
+    from capture.webcam import record_webcam
+    from services.settings import Settings
+
+    if (source is None) == (webcam is None):
+        raise InvalidInput("capture needs a clip or --webcam, and not both; got " + str(source))
+    pose_model = Settings().pose_model_source()
+    with stop_on_interrupt() as should_stop, progress_bar("capturing") as report:
+        clip = source if source is not None else record_webcam(webcam, seconds(length), should_stop)
+        quality = capture_clip(
+            clip,
+            out,
+            person=person,
+            pose_model=pose_model,
+            on_progress=report,
+            should_stop=should_stop,
+        )
+    typer.echo(str(out))
+    for line in quality.advice:
+        typer.echo(f"  {line}")
+
+
+@app.command()
+def studio(
+    out: Annotated[Path, typer.Option(help="Where the sequence folder goes.")],
+    motion: Annotated[Path | None, typer.Option(help="Real motion (.bvh).")] = None,
+    look: Annotated[
+        str, typer.Option(help="plain (flat light) or lit (light of a room).")
+    ] = "plain",
+    frames: Annotated[int, typer.Option(min=2)] = 60,
+    size: Annotated[int, typer.Option(min=32, max=2048)] = 256,
+    test_cameras: Annotated[int, typer.Option(min=1)] = 8,
+    seed: int = 0,
+    turn: Annotated[float, typer.Option(help="How far the person turns, degrees.")] = 360.0,
+) -> None:
+    """Film a synthetic performer with exact truth: one camera, and a ring of test cameras."""
+    from capture.studio import make_sequence
+
+    with progress_bar("filming") as report:
+        make_sequence(
+            out,
+            motion=motion,
+            look=look,
+            frames=frames,
+            size=size,
+            test_cameras=test_cameras,
+            seed=seed,
+            turn_deg=turn,
+            on_progress=report,
+        )
+    typer.echo(str(out))

@@ -1,0 +1,185 @@
+"""The numba rasteriser against its plain torch twin, forward and backward; the twin against
+finite differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from renderer.reference import splats as twin
+from renderer.splats.compose import Workspace, pack_camera
+from renderer.splats.layout import PARAMETERS
+from scene import look_at
+from scene.camera import Camera
+from scene.rotations import axis_angle_to_matrix
+
+JOINTS = 3
+DILATION = 0.3
+
+
+def make_scene(count: int, seed: int = 0):
+    """`count` splats of up to a tenth of a metre around the origin, on three moving bones."""
+    rng = np.random.default_rng(seed)
+    parameters = np.zeros((count, PARAMETERS), np.float32)
+    parameters[:, :3] = rng.uniform(-0.4, 0.4, (count, 3))
+    parameters[:, 3:6] = np.log(rng.uniform(0.01, 0.1, (count, 3)))
+    parameters[:, 6:10] = rng.normal(size=(count, 4))
+    parameters[:, 10:13] = rng.uniform(0, 1, (count, 3))
+    parameters[:, 13] = rng.uniform(-2, 2, count)
+    joints = np.tile(np.array([0, 1, 2, 0], np.uint16), (count, 1))
+    weights = np.zeros((count, 4), np.float32)
+    weights[:, :3] = rng.dirichlet([1, 1, 1], count)
+    transforms = np.tile(np.eye(4, dtype=np.float32), (JOINTS, 1, 1))
+    transforms[:, :3, :3] = axis_angle_to_matrix(0.3 * rng.normal(size=(JOINTS, 3)))
+    transforms[:, :3, 3] = 0.05 * rng.normal(size=(JOINTS, 3))
+    return parameters, joints, weights, transforms
+
+
+def make_camera(width: int, height: int) -> Camera:
+    return Camera.from_field_of_view(look_at((0.3, 0.2, 2.0), (0, 0, 0)), width, height, 0.6)
+
+
+def dense_weights(weights) -> torch.Tensor:
+    return torch.tensor(weights[:, :JOINTS].astype(np.float64))
+
+
+def draw_fast(scene, camera: Camera) -> np.ndarray:
+    from renderer.splats.tile_kernels import draw
+
+    parameters, joints, weights, transforms = scene
+    work = Workspace(len(parameters))
+    size = (camera.width, camera.height)
+    work.arrange(parameters, joints, weights, transforms, pack_camera(camera), *size, DILATION)
+    out = np.full((camera.height, camera.width, 4), np.nan, np.float32)
+    draw(work.projected, work.starts, work.entries, 2, out)
+    return out
+
+
+def draw_slow(scene, camera: Camera) -> np.ndarray:
+    parameters, _, weights, transforms = scene
+    return twin.draw(
+        torch.tensor(parameters.astype(np.float64)),
+        dense_weights(weights),
+        torch.tensor(transforms.astype(np.float64)),
+        torch.tensor(pack_camera(camera).astype(np.float64)),
+        camera.width,
+        camera.height,
+        DILATION,
+    ).numpy()
+
+
+@pytest.mark.parametrize(("count", "width", "height"), [(1, 32, 32), (60, 50, 37), (200, 64, 48)])
+def test_picture_matches_the_twin(count, width, height):
+    scene, camera = make_scene(count, seed=count), make_camera(width, height)
+    fast, slow = draw_fast(scene, camera), draw_slow(scene, camera)
+    # the kernel leaves out what is fainter than 1/255 and stops when 1/512 is left
+    assert np.abs(fast - slow).max() < 0.012
+    assert np.abs(fast - slow).mean() < 1e-3
+
+
+def test_an_empty_scene_is_transparent():
+    assert (draw_fast(make_scene(0), make_camera(20, 20)) == 0.0).all()
+
+
+def test_splats_behind_and_beside_the_camera_are_not_drawn():
+    parameters, joints, weights, transforms = make_scene(2)
+    parameters[0, :3], parameters[1, :3] = [0.3, 0.2, 3.0], [50.0, 0.0, 0.0]
+    transforms[:] = np.eye(4)
+    out = draw_fast((parameters, joints, weights, transforms), make_camera(32, 32))
+    assert (out == 0.0).all()
+
+
+def test_a_splat_smaller_than_a_pixel_keeps_its_colour():
+    parameters, joints, weights, transforms = make_scene(1)
+    parameters[0, :6] = [0, 0, 0, *np.log([1e-4] * 3)]
+    parameters[0, 10:] = [0.2, 0.4, 0.8, 4.0]
+    transforms[:] = np.eye(4)
+    out = draw_fast((parameters, joints, weights, transforms), make_camera(32, 32))
+    peak = out[np.unravel_index(out[..., 3].argmax(), out.shape[:2])]
+    np.testing.assert_allclose(peak[:3] / peak[3], [0.2, 0.4, 0.8], atol=1e-3)
+
+
+def test_nearer_splats_hide_farther_ones():
+    parameters, joints, weights, transforms = make_scene(2)
+    parameters[:, :3] = [[0, 0, 0], [-0.03, -0.02, -0.2]]  # one behind the other
+    parameters[:, 3:6], parameters[:, 13] = np.log(0.08), 8.0
+    parameters[:, 10:13] = [[1, 0, 0], [0, 1, 0]]
+    transforms[:] = np.eye(4)
+    out = draw_fast((parameters, joints, weights, transforms), make_camera(33, 33))
+    assert out[16, 16, 0] > 0.95
+    assert out[16, 16, 1] < 0.05
+
+
+def gradients_fast(scene, camera: Camera, target, background):
+    from renderer.splats.adam_kernels import sum_threads
+    from renderer.splats.project_kernels import chain_rule
+    from renderer.splats.tile_kernels import draw_and_differentiate
+
+    parameters, joints, weights, transforms = scene
+    count, packed = len(parameters), pack_camera(camera)
+    work = Workspace(count)
+    work.arrange(
+        parameters, joints, weights, transforms, packed, camera.width, camera.height, DILATION
+    )
+    threads = np.zeros((2, count, 10), np.float32)
+    losses, total = np.zeros(2), np.zeros((count, 10), np.float32)
+    draw_and_differentiate(
+        work.projected, work.starts, work.entries, target, background, threads, losses
+    )
+    sum_threads(threads, total)
+    assert (threads == 0.0).all()
+    by_parameter = np.zeros_like(parameters)
+    by_transform = np.zeros((2, JOINTS, 3, 4), np.float32)
+    chain_rule(
+        parameters, joints, weights, transforms, packed, work.projected, work.boxes,
+        total, by_parameter, by_transform,
+    )  # fmt: skip
+    return losses.sum(), by_parameter, by_transform.sum(axis=0)
+
+
+def gradients_slow(scene, camera: Camera, target, background):
+    parameters, _, weights, transforms = scene
+    leaf = torch.tensor(parameters.astype(np.float64), requires_grad=True)
+    moved = torch.tensor(transforms.astype(np.float64), requires_grad=True)
+    packed = torch.tensor(pack_camera(camera).astype(np.float64))
+    out = twin.draw(
+        leaf, dense_weights(weights), moved, packed, camera.width, camera.height, DILATION
+    )
+    wanted = torch.tensor(target / 255.0)
+    ground = torch.tensor(background.astype(np.float64))
+    shown = out[..., :3] + (1 - out[..., 3:]) * ground
+    loss = (shown - (wanted[..., :3] + (1 - wanted[..., 3:]) * ground)).abs().sum()
+    loss.backward()
+    assert leaf.grad is not None
+    assert moved.grad is not None
+    return loss.item(), leaf.grad.numpy(), moved.grad.numpy()[:, :3]
+
+
+def test_gradients_match_the_twin():
+    scene, camera = make_scene(50, seed=3), make_camera(48, 40)
+    rng = np.random.default_rng(5)
+    target = rng.integers(0, 120, (40, 48, 4)).astype(np.uint8)
+    background = np.array([0.2, 0.7, 0.4], np.float32)
+    fast, slow = (f(scene, camera, target, background) for f in (gradients_fast, gradients_slow))
+    assert fast[0] == pytest.approx(slow[0], rel=3e-3)
+    for mine, true in zip(fast[1:], slow[1:], strict=True):
+        cosine = (mine * true).sum() / (np.linalg.norm(mine) * np.linalg.norm(true))
+        assert cosine > 0.9995
+        assert np.linalg.norm(mine) == pytest.approx(np.linalg.norm(true), rel=0.02)
+    for columns in (slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13), slice(13, 14)):
+        mine, true = fast[1][:, columns], slow[1][:, columns]
+        cosine = (mine * true).sum() / (np.linalg.norm(mine) * np.linalg.norm(true))
+        assert cosine > 0.995, columns
+
+
+def test_the_twin_matches_finite_differences():
+    parameters, _, weights, transforms = make_scene(3, seed=2)
+    camera = torch.tensor(pack_camera(make_camera(7, 6)).astype(np.float64))
+
+    def picture(leaf, moved):
+        return twin.draw(leaf, dense_weights(weights), moved, camera, 7, 6, DILATION)
+
+    leaf = torch.tensor(parameters.astype(np.float64), requires_grad=True)
+    moved = torch.tensor(transforms.astype(np.float64), requires_grad=True)
+    assert torch.autograd.gradcheck(picture, (leaf, moved), eps=1e-6, atol=1e-5)
