@@ -23,7 +23,7 @@ FRAMES_PER_SECOND = 10.0
 """A full turn of 60 frames takes six seconds."""
 _NOVEL_MOMENTS, _UNSEEN_MOMENTS = 16, 8
 _FIELD_OF_VIEW_RAD = 0.6
-_FILL = 0.8
+_FILL = 0.9
 """Share of the picture's height that the whole motion may fill."""
 
 
@@ -51,8 +51,9 @@ def make_sequence(
     performer = make_performer(seed)
     skeleton = performer.body.skeleton
     seen, unseen = _motions(motion, skeleton, frames, turn_deg)
-    centre, distance = _framing(skeleton, seen, unseen)
+    centre, distance = _framing(skeleton, seen)
     camera = orbit_camera(centre, distance, 0.0, 0.05, size, size, _FIELD_OF_VIEW_RAD)
+    centre, distance = _framing(skeleton, seen, unseen)
     ring = [
         orbit_camera(centre, distance, azimuth, elevation, size, size, _FIELD_OF_VIEW_RAD)
         for azimuth, elevation in zip(
@@ -119,12 +120,12 @@ def _framing(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"], f
         ]
     )
     margin = 0.13  # the joints end in the head's centre, the wrists and the toes
-    low, high = joints.min(0) - margin, joints.max(0) + [margin, 2 * margin, margin]
-    low[1] = max(low[1], 0.0) if low[1] > -0.3 else low[1]
-    centre = 0.5 * (low + high) * [0.0, 1.0, 0.0]
-    reach = max(np.abs(joints[:, [0, 2]]).max() + margin, 0.5 * (high[1] - low[1]))
+    low, high = joints[:, 1].min() - 0.05, joints[:, 1].max() + 2.0 * margin
+    sideways = float(np.abs(joints[:, [0, 2]]).max()) + margin
+    reach = max(sideways, 0.5 * (high - low))
     distance = reach / (_FILL * np.tan(0.5 * _FIELD_OF_VIEW_RAD))
-    return centre, float(distance + 0.3 * reach)
+    # what comes towards the camera looks larger
+    return np.array([0.0, 0.5 * (low + high), 0.0]), float(distance + 0.5 * sideways)
 
 
 def _spread(length: int, count: int) -> Array:

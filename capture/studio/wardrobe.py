@@ -159,7 +159,8 @@ def _paint_head(colour: Array, head: Array, outfit: Outfit, rest: Array, at: dic
         0.8 * outfit.hair
     )  # fmt: skip
     colour[front & ((x / 0.024) ** 2 + ((y + 0.028) / 0.007) ** 2 < 1.0)] = [0.68, 0.3, 0.3]
-    hairline = 0.088 - 0.9 * np.minimum(z, 0.07) * (z < 0.03) - 1.9 * np.maximum(-z, 0.0) * 0.35
+    # from the forehead down to the nape
+    hairline = 0.09 - np.clip(0.035 - z, 0.0, 0.13)
     strands = 0.006 * np.sin(900.0 * np.arctan2(rest[:, 0], z + 1e-9) / np.pi)
     hair = head & (y > hairline + strands)
     shine = 1.0 + 0.22 * np.sin(95.0 * np.arctan2(rest[:, 0], z + 1e-9))

@@ -1,4 +1,4 @@
-"""Splats that no frame showed take the colour of their mirror image, else of the nearest seen one."""
+"""Splats that no frame showed take the colour of their mirror image, else of the nearest seen."""
 
 from __future__ import annotations
 
