@@ -1,0 +1,245 @@
+/** The server's REST calls, typed. Every failure is thrown as a Problem. */
+
+import { NO_SERVER, Problem, problemOf } from "./problem";
+import { readEvents } from "./sse";
+import type { GuestToken, Job, Meeting, Performer, Person, Seat, Sequence } from "./types";
+
+/** Keeps the bearer token between calls (and, in the page, between reloads). */
+export interface TokenStore {
+  get(): string | null;
+  set(token: string | null): void;
+}
+
+export interface Training {
+  preset: string;
+  budget_s: number;
+  seed: number;
+}
+
+const FINAL: ReadonlySet<Job["state"]> = new Set(["succeeded", "failed", "cancelled"]);
+
+export function isFinal(job: Job): boolean {
+  return FINAL.has(job.state);
+}
+
+export class Api {
+  private minting: Promise<string> | null = null;
+
+  constructor(
+    private readonly tokens: TokenStore,
+    private readonly request: typeof fetch = (input, init) => fetch(input, init),
+    private readonly openUpload: () => XMLHttpRequest = () => new XMLHttpRequest(),
+  ) {}
+
+  /** The meeting that the demo shows, if this server runs one. */
+  async demoMeeting(): Promise<string | null> {
+    try {
+      return (await this.json<{ meeting_id: string }>("GET", "/v1/demo")).meeting_id;
+    } catch (error) {
+      if (error instanceof Problem && error.status === 404) return null;
+      throw error;
+    }
+  }
+
+  createPerson(name: string): Promise<Person> {
+    return this.json("POST", "/v1/people", { name });
+  }
+
+  sequence(id: string): Promise<Sequence> {
+    return this.json("GET", `/v1/sequences/${id}`);
+  }
+
+  train(sequenceId: string, training: Training): Promise<Job> {
+    return this.json("POST", `/v1/sequences/${sequenceId}/models`, training);
+  }
+
+  job(id: string): Promise<Job> {
+    return this.json("GET", `/v1/jobs/${id}`);
+  }
+
+  async cancelJob(id: string): Promise<void> {
+    await this.send("DELETE", `/v1/jobs/${id}`);
+  }
+
+  async resumeJob(id: string): Promise<Job> {
+    await this.send("POST", `/v1/jobs/${id}/resume`);
+    return this.job(id);
+  }
+
+  async preview(jobId: string): Promise<Blob> {
+    return (await this.send("GET", `/v1/jobs/${jobId}/preview`)).blob();
+  }
+
+  meeting(id: string): Promise<Meeting> {
+    return this.json("GET", `/v1/meetings/${id}`);
+  }
+
+  createMeeting(name: string, modelIds: string[]): Promise<Meeting> {
+    return this.json("POST", "/v1/meetings", { name, model_ids: modelIds });
+  }
+
+  addPerformer(meetingId: string, modelId: string): Promise<Performer> {
+    return this.json("POST", `/v1/meetings/${meetingId}/performers`, { model_id: modelId });
+  }
+
+  join(meetingId: string, displayName: string): Promise<Seat> {
+    return this.json("POST", `/v1/meetings/${meetingId}/join`, { display_name: displayName });
+  }
+
+  /** Upload a clip; `onProgress` gets 0 to 1. XMLHttpRequest, since fetch can't tell how far it is. */
+  async uploadSequence(
+    personId: string,
+    file: Blob,
+    fileName: string,
+    onProgress: (fraction: number) => void,
+    signal: AbortSignal,
+  ): Promise<Sequence> {
+    const token = await this.token();
+    const form = new FormData();
+    form.append("file", file, fileName);
+    return new Promise((resolve, reject) => {
+      const upload = this.openUpload();
+      upload.open("POST", `/v1/people/${personId}/sequences`);
+      upload.setRequestHeader("Authorization", `Bearer ${token}`);
+      upload.upload.onprogress = (event) => {
+        if (event.lengthComputable) onProgress(event.loaded / event.total);
+      };
+      upload.onerror = () => reject(NO_SERVER);
+      upload.onabort = () => reject(signal.reason);
+      upload.onload = () => {
+        if (upload.status >= 200 && upload.status < 300) {
+          resolve(unwrap(JSON.parse(upload.responseText) as Sequence | { sequence: Sequence }));
+        } else {
+          reject(problemOf(upload.status, upload.responseText));
+        }
+      };
+      signal.addEventListener("abort", () => upload.abort(), { once: true });
+      if (signal.aborted) reject(signal.reason);
+      else upload.send(form);
+    });
+  }
+
+  /**
+   * Follow a job to its end through server-sent events; a broken stream is opened again.
+   * Returns the job in its final state. Aborting `signal` throws its reason.
+   */
+  async watchJob(id: string, onJob: (job: Job) => void, signal: AbortSignal): Promise<Job> {
+    for (let attempt = 0; ; attempt++) {
+      try {
+        const response = await this.send("GET", `/v1/jobs/${id}/events`, undefined, signal);
+        if (response.body) {
+          for await (const { event, data } of readEvents(response.body)) {
+            if (event === "end") break;
+            if (event !== "progress") continue;
+            attempt = 0;
+            onJob(JSON.parse(data) as Job);
+          }
+        }
+        const job = await this.job(id);
+        onJob(job);
+        if (isFinal(job)) return job;
+      } catch (error) {
+        signal.throwIfAborted();
+        const passing = !(error instanceof Problem) || error.offline || error.status === 503;
+        if (!passing || attempt >= LONGEST_SILENCE) throw error;
+      }
+      await sleep(Math.min(250 * 2 ** attempt, 4000), signal);
+    }
+  }
+
+  /** A call with a JSON answer. */
+  private async json<T>(method: string, path: string, body?: unknown): Promise<T> {
+    return (await this.send(method, path, body)).json() as Promise<T>;
+  }
+
+  private async send(
+    method: string,
+    path: string,
+    body?: unknown,
+    signal?: AbortSignal,
+  ): Promise<Response> {
+    const token = await this.token();
+    let response = await this.attempt(method, path, token, body, signal);
+    if (response.status === 401 && this.tokens.get() !== null) {
+      // the token has run out, or belongs to a server that has been set up anew
+      this.tokens.set(null);
+      response = await this.attempt(method, path, await this.token(), body, signal);
+    }
+    if (!response.ok) {
+      throw problemOf(response.status, await response.text(), response.headers.get("Retry-After"));
+    }
+    return response;
+  }
+
+  private async attempt(
+    method: string,
+    path: string,
+    token: string,
+    body: unknown,
+    signal?: AbortSignal,
+  ): Promise<Response> {
+    const headers: Record<string, string> = { Authorization: `Bearer ${token}` };
+    const init: RequestInit = { method, headers };
+    if (signal) init.signal = signal;
+    if (body !== undefined) {
+      headers["Content-Type"] = "application/json";
+      init.body = JSON.stringify(body);
+    }
+    return reached(this.request(path, init), signal);
+  }
+
+  /** The stored token, else a guest's; calls that come meanwhile share one request. */
+  private async token(): Promise<string> {
+    const known = this.tokens.get();
+    if (known !== null) return known;
+    this.minting ??= this.mint().finally(() => {
+      this.minting = null;
+    });
+    return this.minting;
+  }
+
+  private async mint(): Promise<string> {
+    const response = await reached(this.request("/v1/guest", { method: "POST" }));
+    if (response.status === 401 || response.status === 403) {
+      throw new Problem(
+        "You need an invitation",
+        "This server lets in only people who were invited; open the link that you were sent.",
+        response.status,
+      );
+    }
+    if (!response.ok) throw problemOf(response.status, await response.text());
+    const { token } = (await response.json()) as GuestToken;
+    this.tokens.set(token);
+    return token;
+  }
+}
+
+const LONGEST_SILENCE = 8;
+
+function unwrap(answer: Sequence | { sequence: Sequence }): Sequence {
+  return "sequence" in answer ? answer.sequence : answer;
+}
+
+/** The response, or NO_SERVER where none came. */
+async function reached(response: Promise<Response>, signal?: AbortSignal): Promise<Response> {
+  try {
+    return await response;
+  } catch {
+    signal?.throwIfAborted();
+    throw NO_SERVER;
+  }
+}
+
+export function sleep(milliseconds: number, signal?: AbortSignal): Promise<void> {
+  return new Promise((resolve, reject) => {
+    const timer = setTimeout(resolve, milliseconds);
+    signal?.addEventListener(
+      "abort",
+      () => {
+        clearTimeout(timer);
+        reject(signal.reason as unknown);
+      },
+      { once: true },
+    );
+  });
+}

@@ -1,0 +1,185 @@
+/**
+ * From a clip to a model: upload, capture, training. Holds one state and tells each change of it;
+ * knows nothing of the page.
+ */
+
+import type { Api, Training } from "./api";
+import { isFinal } from "./api";
+import { Problem, asProblem } from "./problem";
+import type { Job, Sequence } from "./types";
+
+export type Step = "upload" | "capture" | "train";
+
+export interface EnrolState {
+  step: Step;
+  status: "working" | "stopping" | "stopped" | "failed" | "ready";
+  /** Of the present step, 0 to 1. */
+  fraction: number;
+  /** What the server says that it is doing. */
+  message: string;
+  name: string;
+  sequence: Sequence | null;
+  /** The job of the present step, newest news. */
+  job: Job | null;
+  modelId: string | null;
+  problem: Problem | null;
+}
+
+/** Enough to go on after the page was reloaded. */
+export interface Bookmark {
+  name: string;
+  sequenceId: string;
+}
+
+export interface Clip {
+  blob: Blob;
+  fileName: string;
+}
+
+const TRAINING: Training = { preset: "splats", budget_s: 20, seed: 0 };
+
+const MOTION_ONLY = new Problem(
+  "This file holds movement only",
+  "It can move somebody who is here already, but a new person needs a video; choose a clip.",
+);
+
+export class Enrolment {
+  state: EnrolState = {
+    step: "upload",
+    status: "working",
+    fraction: 0,
+    message: "",
+    name: "",
+    sequence: null,
+    job: null,
+    modelId: null,
+    problem: null,
+  };
+  private working = new AbortController();
+
+  constructor(
+    private readonly api: Api,
+    private readonly onChange: (state: EnrolState) => void,
+    private readonly remember: (bookmark: Bookmark | null) => void,
+  ) {}
+
+  /** Upload `clip` as a new person called `name` and see it through to a model. */
+  start(name: string, clip: Clip): Promise<void> {
+    return this.attempt(async (signal) => {
+      this.change({ name });
+      const person = await this.api.createPerson(name);
+      signal.throwIfAborted();
+      const onProgress = (fraction: number): void => this.change({ fraction });
+      const sequence = await this.api.uploadSequence(
+        person.id,
+        clip.blob,
+        clip.fileName,
+        onProgress,
+        signal,
+      );
+      await this.continueFrom(sequence, signal);
+    });
+  }
+
+  /** Go on where an earlier visit to the page stopped looking. */
+  revisit(bookmark: Bookmark): Promise<void> {
+    return this.attempt(async (signal) => {
+      this.change({ name: bookmark.name, step: "capture" });
+      await this.continueFrom(await this.api.sequence(bookmark.sequenceId), signal);
+    });
+  }
+
+  /** Stop what is being done; a stopped training can be resumed. */
+  async cancel(): Promise<void> {
+    const { job, step } = this.state;
+    if (step === "upload" || !job) {
+      this.working.abort(new DOMException("stopped", "AbortError"));
+      this.change({ status: "stopped" });
+      return;
+    }
+    this.change({ status: "stopping" });
+    try {
+      await this.api.cancelJob(job.id);
+    } catch (error) {
+      // it may have ended by itself meanwhile; then its end is what counts
+      if (this.state.status === "stopping") this.change({ status: "working" });
+      if (!(error instanceof Problem) || error.offline) throw error;
+    }
+  }
+
+  get canResume(): boolean {
+    const { status, job } = this.state;
+    return (status === "stopped" || status === "failed") && job?.kind === "train" && isFinal(job);
+  }
+
+  /** Take up a stopped or failed training again, from its last checkpoint. */
+  resume(): Promise<void> {
+    const { job } = this.state;
+    if (!job) return Promise.resolve();
+    return this.attempt(async (signal) => {
+      this.change({ status: "working", problem: null });
+      await this.follow(await this.api.resumeJob(job.id), signal);
+    });
+  }
+
+  /** Stop listening; the server's work goes on. */
+  leave(): void {
+    this.working.abort(new DOMException("left", "AbortError"));
+  }
+
+  private async continueFrom(sequence: Sequence, signal: AbortSignal): Promise<void> {
+    this.remember({ name: this.state.name, sequenceId: sequence.id });
+    this.change({ step: "capture", fraction: 0, message: "", sequence, job: null });
+    let current = sequence;
+    if (current.state !== "ready" && current.job_id !== null) {
+      const job = await this.follow(await this.api.job(current.job_id), signal);
+      if (job.state !== "succeeded") return;
+      current = await this.api.sequence(current.id);
+    }
+    this.change({ sequence: current });
+    if (current.kind === "keypoints") throw MOTION_ONLY;
+    signal.throwIfAborted();
+    const job = await this.api.train(current.id, TRAINING);
+    this.change({ step: "train", fraction: 0, message: "", job });
+    await this.follow(job, signal);
+  }
+
+  /** Tell a job's progress until it ends. */
+  private async follow(started: Job, signal: AbortSignal): Promise<Job> {
+    this.news(started);
+    const job = await this.api.watchJob(started.id, (latest) => this.news(latest), signal);
+    if (job.state === "cancelled") {
+      this.change({ status: "stopped", job });
+    } else if (job.state === "failed") {
+      throw Problem.from(job.error ?? { title: "It did not work", detail: job.message });
+    } else if (job.kind === "train") {
+      this.remember(null);
+      this.change({ status: "ready", fraction: 1, job, modelId: job.model_id });
+    }
+    return job;
+  }
+
+  private news(job: Job): void {
+    const fraction = Math.min(1, Math.max(0, job.progress));
+    this.change({ job, fraction, message: job.message });
+  }
+
+  private async attempt(work: (signal: AbortSignal) => Promise<void>): Promise<void> {
+    this.working = new AbortController();
+    const { signal } = this.working;
+    try {
+      await work(signal);
+    } catch (error) {
+      if (signal.aborted) return;
+      const problem = asProblem(error);
+      // what can't be taken up again must not come back at the next visit
+      if (!problem.offline && !this.state.job) this.remember(null);
+      this.change({ status: "failed", problem });
+    }
+  }
+
+  private change(part: Partial<EnrolState>): void {
+    this.state = { ...this.state, ...part };
+    this.onChange(this.state);
+  }
+}

@@ -1,0 +1,71 @@
+/** How many pixels to ask for: what the stage can show, and what the connection can carry. */
+
+export interface Size {
+  width: number;
+  height: number;
+}
+
+/** Longest sides, px. Few steps, because every change of size makes the encoder start afresh. */
+export const SIDES = [256, 384, 512, 720, 1024] as const;
+/** Video is coded in blocks of 16 x 16 px. */
+const BLOCK = 16;
+const SMALLEST = 128;
+const FIRST_STEP = 2;
+
+/** The size for a stage of `width` x `height` CSS px whose longest side may be `longest` px. */
+export function fittingSize(width: number, height: number, longest: number): Size {
+  const scale = longest / Math.max(width, height, 1);
+  const side = (length: number): number =>
+    Math.max(SMALLEST, Math.round((length * scale) / BLOCK) * BLOCK);
+  return { width: side(width), height: side(height) };
+}
+
+/** The largest step that is worth sending to a stage of so many device pixels. */
+export function highestStep(devicePixels: number): number {
+  const index = SIDES.findIndex((side) => side >= devicePixels);
+  return index === -1 ? SIDES.length - 1 : index;
+}
+
+const SLOW_FPS = 20;
+const FLUENT_FPS = 27;
+const SLOW_S = 3;
+const FLUENT_S = 6;
+const LONGEST_WAIT_S = 120;
+
+/**
+ * Falls to smaller pictures when they come slowly and climbs when they come fluently. A climb that
+ * had to be taken back makes the next one wait twice as long.
+ */
+export class SizeLadder {
+  private index = FIRST_STEP;
+  private slow = 0;
+  private fluent = 0;
+  private wait = FLUENT_S;
+  private climbed = false;
+
+  get longest(): number {
+    return SIDES[this.index] ?? SIDES[0];
+  }
+
+  /** Tell the pictures of the last second; says whether the step changed. */
+  observe(fps: number, highest: number): boolean {
+    this.slow = fps < SLOW_FPS ? this.slow + 1 : 0;
+    this.fluent = fps >= FLUENT_FPS ? this.fluent + 1 : 0;
+    if (this.index > highest || (this.slow >= SLOW_S && this.index > 0)) {
+      if (this.climbed) this.wait = Math.min(this.wait * 2, LONGEST_WAIT_S);
+      this.climbed = false;
+      return this.move(this.index > highest ? highest : this.index - 1);
+    }
+    if (this.fluent >= this.wait && this.index < highest) {
+      this.climbed = true;
+      return this.move(this.index + 1);
+    }
+    return false;
+  }
+
+  private move(index: number): boolean {
+    this.index = index;
+    this.slow = this.fluent = 0;
+    return true;
+  }
+}

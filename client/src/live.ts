@@ -1,0 +1,219 @@
+/** A look into a meeting: connection, viewpoint and picture size, kept in step with the screen. */
+
+import type { Api } from "./api";
+import { SizeLadder, fittingSize, highestStep, type Size } from "./framing";
+import { Pacer, encodeView } from "./packets";
+import type { Meeting, Performer, Seat } from "./types";
+import { FOV_Y_RAD, Viewpoint, homeOrbit } from "./viewpoint";
+import { WhepLink, type LinkState } from "./whep";
+
+export interface LiveNumbers {
+  fps: number;
+  framesDecoded: number;
+  width: number;
+  height: number;
+  roundTripMs: number | null;
+}
+
+export interface LiveOptions {
+  displayName: string;
+  inertia: boolean;
+  /** A fixed square size, px, in place of the adaptive one: for measuring. */
+  pinned: number | null;
+}
+
+/** No picture for so long while the page is seen: the connection is dead, whatever it says. */
+const STALLED_S = 5;
+const ROSTER_S = 10;
+const SWAY_RAD = 0.45;
+const SWAY_S = 18;
+const RESIZE_MS = 250;
+
+export class LiveView {
+  readonly video = document.createElement("video");
+  readonly viewpoint: Viewpoint;
+  onState: (state: LinkState) => void = () => undefined;
+  onNumbers: (numbers: LiveNumbers) => void = () => undefined;
+  onPerformers: (performers: readonly Performer[]) => void = () => undefined;
+  /** Drift gently to and fro, for a picture that nobody steers. */
+  swaying = false;
+  state: LinkState = { kind: "connecting" };
+
+  private readonly link: WhepLink;
+  private readonly ladder = new SizeLadder();
+  private readonly pacer = new Pacer();
+  private readonly timers: ReturnType<typeof setInterval>[] = [];
+  private readonly resizes = new ResizeObserver(() => this.resized());
+  private resizing: ReturnType<typeof setTimeout> | undefined;
+  private box: Size = { width: 16, height: 16 };
+  private size: Size = { width: 512, height: 512 };
+  private resent = true;
+  private sequence = 0;
+  private shown = 0;
+  private still = 0;
+  private lastTickMs = 0;
+  private swayedRad = 0;
+  private swayS = 0;
+  private tick = 0;
+  private framing = 0;
+
+  constructor(
+    private readonly api: Api,
+    readonly meeting: Meeting,
+    private readonly options: LiveOptions,
+  ) {
+    this.viewpoint = new Viewpoint(homeOrbit(meeting.performers, 1), options.inertia);
+    this.video.autoplay = this.video.muted = this.video.playsInline = true;
+    this.video.disablePictureInPicture = true;
+    this.link = new WhepLink({
+      seat: () => this.seat(),
+      onState: (state) => {
+        this.state = state;
+        // a new connection knows nothing of the viewpoint yet
+        this.resent = true;
+        this.onState(state);
+      },
+      onStream: (stream) => {
+        this.video.srcObject = stream;
+        this.play();
+      },
+    });
+  }
+
+  start(): void {
+    void this.link.run();
+    this.tick = requestAnimationFrame((ms) => this.frame(ms));
+    this.framing = this.video.requestVideoFrameCallback(() => this.pictureShown());
+    this.measure();
+    this.resizes.observe(this.video);
+    // timers run in hidden pages too, where animation frames do not: the seat must not be lost
+    this.timers.push(setInterval(() => this.send(false), 450));
+    this.timers.push(setInterval(() => void this.everySecond(), 1000));
+    this.timers.push(setInterval(() => void this.roster(), ROSTER_S * 1000));
+    addEventListener("pagehide", this.leavePage);
+  }
+
+  /** Browsers pause a video that is moved to another place of the page. */
+  play(): void {
+    // refused only where even muted video may not start by itself; then a touch starts it
+    this.video.play().catch(() => addEventListener("pointerdown", () => this.play(), { once: true }));
+  }
+
+  /** Hand the picture over to a viewer: no more drifting, everybody in sight. */
+  takeOver(): void {
+    this.swaying = false;
+    this.measure();
+    this.viewpoint.reset();
+    this.play();
+  }
+
+  close(): void {
+    removeEventListener("pagehide", this.leavePage);
+    this.link.close();
+    cancelAnimationFrame(this.tick);
+    this.video.cancelVideoFrameCallback(this.framing);
+    this.resizes.disconnect();
+    clearTimeout(this.resizing);
+    this.timers.forEach(clearInterval);
+    this.video.srcObject = null;
+    this.video.remove();
+  }
+
+  private readonly leavePage = (): void => this.link.close();
+
+  private async seat(): Promise<Seat> {
+    const seat = await this.api.join(this.meeting.id, this.options.displayName);
+    this.showPerformers(seat.performers);
+    return seat;
+  }
+
+  private showPerformers(performers: readonly Performer[]): void {
+    this.viewpoint.rehome(homeOrbit(performers, this.box.width / this.box.height));
+    this.meeting.performers = [...performers];
+    this.onPerformers(performers);
+  }
+
+  private async roster(): Promise<void> {
+    if (this.state.kind !== "live") return;
+    // a roster that can't be had now is asked for again in a moment
+    const meeting = await this.api.meeting(this.meeting.id).catch(() => null);
+    if (meeting) this.showPerformers(meeting.performers);
+  }
+
+  private frame(nowMs: number): void {
+    this.tick = requestAnimationFrame((ms) => this.frame(ms));
+    const seconds = Math.max(0, (nowMs - this.lastTickMs) / 1000);
+    this.lastTickMs = nowMs;
+    if (this.swaying && this.options.inertia) this.sway(Math.min(seconds, 0.1));
+    this.send(this.viewpoint.step(seconds));
+  }
+
+  private sway(seconds: number): void {
+    this.swayS += seconds;
+    const wanted = SWAY_RAD * Math.sin((this.swayS * 2 * Math.PI) / SWAY_S);
+    this.viewpoint.turn(wanted - this.swayedRad, 0);
+    this.swayedRad = wanted;
+  }
+
+  private send(moved: boolean): void {
+    if (!this.pacer.due(performance.now(), moved || this.resent)) return;
+    const { position, wxyz } = this.viewpoint.camera;
+    const packet = encodeView({
+      sequence: (this.sequence = (this.sequence + 1) >>> 0),
+      captureTimeMs: performance.timeOrigin + performance.now(),
+      position,
+      wxyz,
+      fovYRad: FOV_Y_RAD,
+      ...this.size,
+    });
+    // what could not be sent is still news at the next tick
+    this.resent = !this.link.send(packet);
+  }
+
+  private resized(): void {
+    clearTimeout(this.resizing);
+    this.resizing = setTimeout(() => this.measure(), RESIZE_MS);
+  }
+
+  private measure(): void {
+    const { clientWidth: width, clientHeight: height } = this.video;
+    if (width === 0 || height === 0) return;
+    this.box = { width, height };
+    this.showPerformers(this.meeting.performers);
+    this.fit();
+  }
+
+  private fit(): void {
+    const { pinned } = this.options;
+    const { width, height } = this.box;
+    this.size = pinned
+      ? { width: pinned, height: pinned }
+      : fittingSize(width, height, this.ladder.longest);
+    this.resent = true;
+  }
+
+  private pictureShown(): void {
+    this.shown += 1;
+    this.framing = this.video.requestVideoFrameCallback(() => this.pictureShown());
+  }
+
+  private async everySecond(): Promise<void> {
+    const fps = this.shown;
+    this.shown = 0;
+    const { framesDecoded, roundTripMs } = await this.link.numbers();
+    const { videoWidth: width, videoHeight: height } = this.video;
+    this.onNumbers({ fps, framesDecoded, width, height, roundTripMs });
+    if (this.state.kind !== "live" || document.hidden) {
+      this.still = 0;
+      return;
+    }
+    this.still = fps === 0 ? this.still + 1 : 0;
+    if (this.still >= STALLED_S) {
+      this.still = 0;
+      this.link.restart();
+      return;
+    }
+    const pixels = Math.max(this.box.width, this.box.height) * devicePixelRatio;
+    if (!this.options.pinned && this.ladder.observe(fps, highestStep(pixels))) this.fit();
+  }
+}

@@ -1,0 +1,52 @@
+/** Small helpers to build the page with. */
+
+export type Child = Node | string | null | false;
+
+type Properties<Tag extends keyof HTMLElementTagNameMap> = Partial<
+  Omit<HTMLElementTagNameMap[Tag], "style" | "dataset" | "attributes">
+> & {
+  /** For the tests: stable names that no restyling changes. */
+  testId?: string;
+  /** Attributes that are no properties: aria-*, role, for. */
+  attributes?: Record<string, string>;
+};
+
+/** An element with properties and children; empty children are left out. */
+export function h<Tag extends keyof HTMLElementTagNameMap>(
+  tag: Tag,
+  properties: Properties<Tag> = {},
+  ...children: Child[]
+): HTMLElementTagNameMap[Tag] {
+  const { testId, attributes, ...rest } = properties;
+  const element = document.createElement(tag);
+  Object.assign(element, rest);
+  if (testId) element.dataset["testid"] = testId;
+  for (const [name, value] of Object.entries(attributes ?? {})) element.setAttribute(name, value);
+  element.append(...present(children));
+  return element;
+}
+
+export function present(children: Child[]): (Node | string)[] {
+  return children.filter((child): child is Node | string => child !== null && child !== false);
+}
+
+/** A picture from markup of our own; never from anything that came over the network. */
+export function svg(markup: string): SVGElement {
+  const holder = document.createElement("template");
+  holder.innerHTML = markup;
+  return holder.content.firstElementChild as SVGElement;
+}
+
+/** Tell people who listen instead of look. */
+export function announce(words: string): void {
+  const announcer = document.getElementById("announcer");
+  if (announcer && announcer.textContent !== words) announcer.textContent = words;
+}
+
+export function prefersStillness(): boolean {
+  return matchMedia("(prefers-reduced-motion: reduce)").matches;
+}
+
+export function usesTouch(): boolean {
+  return matchMedia("(pointer: coarse)").matches;
+}

@@ -1,0 +1,70 @@
+/** The picture beside the progress: one's own clip at first, then the likeness as it grows. */
+
+import type { Api } from "../api";
+import type { Clip, EnrolState } from "../enrol";
+import type { Job } from "../types";
+import { h } from "./dom";
+import { mark } from "./icons";
+
+export interface PreviewPane {
+  element: HTMLElement;
+  show(state: EnrolState): void;
+  close(): void;
+}
+
+export function previewPane(api: Api, clip: Clip | null): PreviewPane {
+  const element = h("div", { className: "pane" }, mark());
+  const picture = h("img", { alt: "Your likeness so far", testId: "preview", hidden: true });
+  element.append(picture);
+  let clipAddress: string | null = null;
+  let pictureAddress: string | null = null;
+  let shownJob: Job | null = null;
+  let fetching = false;
+  let closed = false;
+
+  if (clip && /\.(mp4|mov|webm|m4v)$/i.test(clip.fileName)) {
+    clipAddress = URL.createObjectURL(clip.blob);
+    const video = h("video", { muted: true, loop: true, playsInline: true, autoplay: true });
+    // a clip that this browser can't play may still be one that the server can read
+    video.addEventListener("error", () => video.remove());
+    video.src = clipAddress;
+    element.append(video);
+  }
+
+  /** One request at a time; progress that comes meanwhile is caught up with afterwards. */
+  const refresh = async (job: Job): Promise<void> => {
+    if (fetching) return;
+    fetching = true;
+    try {
+      const address = URL.createObjectURL(await api.preview(job.id));
+      if (closed) return URL.revokeObjectURL(address);
+      picture.src = address;
+      await picture.decode();
+      if (pictureAddress) URL.revokeObjectURL(pictureAddress);
+      pictureAddress = address;
+      picture.hidden = false;
+      element.classList.add("pictured");
+    } catch {
+      // only a preview: the next progress brings the next picture
+    } finally {
+      fetching = false;
+    }
+    if (shownJob && shownJob !== job && !closed) void refresh(shownJob);
+  };
+
+  return {
+    element,
+    show: ({ job, step, status }) => {
+      element.classList.toggle("busy", status === "working");
+      if (step !== "train" || !job?.has_preview || job === shownJob) return;
+      shownJob = job;
+      void refresh(job);
+    },
+    close: () => {
+      closed = true;
+      for (const address of [clipAddress, pictureAddress]) {
+        if (address) URL.revokeObjectURL(address);
+      }
+    },
+  };
+}

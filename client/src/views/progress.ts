@@ -1,0 +1,175 @@
+/** From clip to likeness: what is being done, how far it is, and what can be seen of it already. */
+
+import type { Api } from "../api";
+import type { Clip, EnrolState, Enrolment, Step } from "../enrol";
+import { asProblem } from "../problem";
+import { advice, qualityLines } from "../quality";
+import type { Sequence } from "../types";
+import { announce, h, present, usesTouch } from "./dom";
+import { icon } from "./icons";
+import { previewPane } from "./previewPane";
+import { button, notice, type View } from "./shell";
+
+const STEPS: readonly (readonly [Step, string, string])[] = [
+  ["upload", "Send the clip", "Sending your clip"],
+  ["capture", "Find you in it", "Finding you in the clip"],
+  ["train", "Make your likeness", "Making your likeness"],
+];
+
+interface ProgressHooks {
+  onMeet(modelId: string): void;
+  onAgain(): void;
+}
+
+export interface ProgressView extends View {
+  show(state: EnrolState): void;
+}
+
+export function progressView(
+  api: Api,
+  enrolment: Enrolment,
+  clip: Clip | null,
+  hooks: ProgressHooks,
+): ProgressView {
+  const pane = previewPane(api, clip);
+  const title = h("h1", { tabIndex: -1 });
+  const steps = h("ol", { className: "steps" });
+  const bar = h("div", { className: "bar" }, h("div", { className: "bar-fill" }));
+  bar.dataset["testid"] = "progress";
+  bar.setAttribute("role", "progressbar");
+  bar.setAttribute("aria-valuemin", "0");
+  bar.setAttribute("aria-valuemax", "100");
+  const message = h("p", { className: "soft message" });
+  const report = h("div", { className: "quality", testId: "quality", hidden: true });
+  const ways = h("div", { className: "ways" });
+  const trouble = h("div", {});
+  let waysShown = "";
+
+  const cancel = button("Cancel", () => void stop(), { testId: "cancel" });
+  const resume = button("Resume", () => void enrolment.resume(), {
+    look: "primary",
+    icon: "reset",
+    testId: "resume",
+  });
+  const again = button("Start again", hooks.onAgain);
+  const retry = button("Try again", hooks.onAgain, { look: "primary" });
+  const meet = button(
+    "Meet",
+    () => {
+      const { modelId } = enrolment.state;
+      if (modelId) hooks.onMeet(modelId);
+    },
+    { look: "primary", large: true, icon: "arrow", testId: "meet" },
+  );
+
+  const stop = (): Promise<void> =>
+    enrolment.cancel().catch((error: unknown) => trouble.replaceChildren(notice(asProblem(error))));
+
+  const show = (state: EnrolState): void => {
+    title.textContent = titleOf(state);
+    steps.replaceChildren(...STEPS.map((step) => stepLine(step, state)));
+    const percent = Math.round(100 * state.fraction);
+    (bar.firstElementChild as HTMLElement).style.setProperty("--share", String(state.fraction));
+    bar.setAttribute("aria-valuenow", String(percent));
+    bar.setAttribute("aria-label", title.textContent);
+    bar.classList.toggle("resting", state.status !== "working");
+    bar.hidden = state.status === "ready";
+    message.textContent = messageOf(state, percent);
+    if (state.sequence) showQuality(report, state.sequence);
+    pane.show(state);
+    trouble.replaceChildren(...(state.problem ? [notice(state.problem)] : []));
+    const actions = actionsFor(state);
+    // replacing buttons would take the focus from whoever is about to press one
+    if (actions.key !== waysShown) {
+      waysShown = actions.key;
+      ways.replaceChildren(...present(actions.buttons));
+      announce(title.textContent);
+    }
+  };
+
+  const actionsFor = (state: EnrolState): { key: string; buttons: HTMLElement[] } => {
+    cancel.disabled = state.status === "stopping";
+    switch (state.status) {
+      case "working":
+      case "stopping":
+        return { key: "work", buttons: [cancel] };
+      case "ready":
+        return { key: "ready", buttons: [meet] };
+      case "stopped":
+      case "failed":
+        return enrolment.canResume
+          ? { key: "resume", buttons: [resume, again] }
+          : { key: "again", buttons: [retry] };
+    }
+  };
+
+  const element = h(
+    "main",
+    { className: "progress" },
+    pane.element,
+    h("section", { className: "progress-words" }, title, steps, bar, message, trouble, ways, report),
+  );
+  return { element, show, close: () => pane.close() };
+}
+
+function titleOf({ step, status, name }: EnrolState): string {
+  const present = STEPS.find(([key]) => key === step)?.[2] ?? "";
+  switch (status) {
+    case "working":
+      return present;
+    case "stopping":
+      return "Stopping";
+    case "stopped":
+      return "Stopped";
+    case "failed":
+      return "That did not work";
+    case "ready":
+      return name ? `${name}, you are ready` : "You are ready";
+  }
+}
+
+function messageOf({ status, message }: EnrolState, percent: number): string {
+  if (status === "ready") {
+    return usesTouch()
+      ? "Turn around yourself in the meeting with a finger."
+      : "In the meeting, drag to look at yourself from every side.";
+  }
+  if (status === "failed") return "";
+  return [`${percent} %`, message].filter(Boolean).join(", ");
+}
+
+function stepLine([step, label]: (typeof STEPS)[number], state: EnrolState): HTMLElement {
+  const order = STEPS.map(([key]) => key);
+  const passed = order.indexOf(step) - order.indexOf(state.step);
+  const done = passed < 0 || state.status === "ready";
+  const current = passed === 0 && !done;
+  const line = h(
+    "li",
+    { className: done ? "done" : current ? "current" : "" },
+    h("span", { className: "dot" }, done && icon("check")),
+    label,
+  );
+  if (current) line.setAttribute("aria-current", "step");
+  return line;
+}
+
+function showQuality(report: HTMLElement, sequence: Sequence): void {
+  const lines = qualityLines(sequence);
+  const hints = advice(sequence);
+  report.hidden = lines.length === 0 && hints.length === 0;
+  if (report.dataset["of"] === sequence.id && report.childElementCount > 0) return;
+  if (report.hidden) return;
+  report.dataset["of"] = sequence.id;
+  report.replaceChildren(
+    h("h2", {}, "Your clip"),
+    h(
+      "dl",
+      {},
+      ...lines.flatMap(({ label, value, level }) => [
+        h("dt", {}, label),
+        h("dd", { className: level }, value),
+      ]),
+    ),
+    ...hints.map((hint) => h("p", { className: "hint-line" }, hint)),
+  );
+}

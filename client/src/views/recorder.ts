@@ -1,0 +1,114 @@
+/** Filming oneself: the camera's picture, a countdown, one guided turn, and a look at the result. */
+
+import { sleep } from "../api";
+import type { Clip } from "../enrol";
+import { asProblem } from "../problem";
+import { COUNTDOWN_S, TURN_S, closeCamera, guidance, openCamera, recordTurn } from "../record";
+import { announce, h } from "./dom";
+import { button, notice, type View } from "./shell";
+
+/** `onClip` gets the clip when it is filmed, and null when it is discarded. */
+export function recorder(onClip: (clip: Clip | null) => void): View {
+  const closing = new AbortController();
+  let takes = new AbortController();
+  let stream: MediaStream | null = null;
+  let clipAddress: string | null = null;
+
+  const video = h("video", { className: "mirror", muted: true, playsInline: true, autoplay: true });
+  const words = h("p", { className: "cue" });
+  const ring = h("div", { className: "ring", attributes: { "aria-hidden": "true" } });
+  const screen = h("div", { className: "film" }, video, ring, words);
+  const bar = h("div", { className: "ways" });
+  const element = h("div", { className: "recorder" }, screen, bar);
+
+  const say = (text: string, share = 0): void => {
+    words.textContent = text;
+    ring.style.setProperty("--share", String(share));
+    announce(text);
+  };
+
+  const ready = (): void => {
+    forget();
+    onClip(null);
+    video.controls = video.loop = false;
+    video.classList.add("mirror");
+    video.src = "";
+    video.srcObject = stream;
+    void video.play().catch(() => undefined);
+    say("Step back until all of you is in the picture");
+    bar.replaceChildren(button("Start filming", () => void film(), { look: "primary", icon: "camera" }));
+  };
+
+  const film = async (): Promise<void> => {
+    if (!stream) return;
+    takes = new AbortController();
+    const { signal } = takes;
+    bar.replaceChildren(button("Stop", () => takes.abort()));
+    screen.classList.add("filming");
+    try {
+      for (let second = COUNTDOWN_S; second > 0; second--) {
+        say(`Ready in ${second}`);
+        await sleep(1000, signal);
+      }
+      const onSecond = (second: number): void => say(guidance(second), second / TURN_S);
+      review(await recordTurn(stream, onSecond, signal));
+    } catch (error) {
+      if (closing.signal.aborted) return;
+      if (signal.aborted) ready();
+      else refused(error);
+    } finally {
+      screen.classList.remove("filming");
+    }
+  };
+
+  const review = (clip: Clip): void => {
+    forget();
+    clipAddress = URL.createObjectURL(clip.blob);
+    video.classList.remove("mirror");
+    video.srcObject = null;
+    video.src = clipAddress;
+    video.loop = true;
+    void video.play().catch(() => undefined);
+    say("");
+    onClip(clip);
+    bar.replaceChildren(button("Film again", ready, { icon: "reset" }));
+  };
+
+  const refused = (error: unknown): void => {
+    element.replaceChildren(notice(asProblem(error), button("Try again", () => void open())));
+  };
+
+  const open = async (): Promise<void> => {
+    element.replaceChildren(screen, bar);
+    bar.replaceChildren();
+    say("Starting the camera…");
+    try {
+      const opened = await openCamera();
+      if (closing.signal.aborted) return closeCamera(opened);
+      stream = opened;
+      stream.getVideoTracks()[0]?.addEventListener("ended", () => {
+        takes.abort();
+        refused(new DOMException("ended", "NotReadableError"));
+      });
+      ready();
+    } catch (error) {
+      refused(error);
+    }
+  };
+
+  const forget = (): void => {
+    if (clipAddress) URL.revokeObjectURL(clipAddress);
+    clipAddress = null;
+  };
+
+  void open();
+  return {
+    element,
+    close: () => {
+      closing.abort();
+      takes.abort();
+      forget();
+      closeCamera(stream);
+    },
+  };
+}

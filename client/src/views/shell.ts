@@ -1,0 +1,55 @@
+/** What every screen shares: the head of the page, buttons, a notice of what went wrong. */
+
+import type { Problem } from "../problem";
+import { announce, h, type Child } from "./dom";
+import { icon, mark, type IconName } from "./icons";
+
+/** A screen; `close` ends whatever it started. */
+export interface View {
+  element: HTMLElement;
+  close(): void;
+}
+
+export function header(onHome: () => void): HTMLElement {
+  const home = h("button", { className: "wordmark", type: "button", onclick: onHome }, mark(), "MetaNeRF");
+  home.setAttribute("aria-label", "MetaNeRF, to the start");
+  return h("header", { className: "top" }, home);
+}
+
+interface ButtonOptions {
+  look?: "primary" | "quiet" | "glass";
+  large?: boolean;
+  icon?: IconName;
+  testId?: string;
+  submit?: boolean;
+}
+
+export function button(label: string, onClick: () => void, options: ButtonOptions = {}): HTMLButtonElement {
+  const { look = "quiet", large = false } = options;
+  const element = h("button", {
+    type: options.submit ? "submit" : "button",
+    className: `button ${look}${large ? " large" : ""}`,
+    onclick: onClick,
+    ...(options.testId ? { testId: options.testId } : {}),
+  });
+  if (options.icon) element.append(icon(options.icon));
+  element.append(h("span", {}, label));
+  return element;
+}
+
+/** What went wrong, and ways on. */
+export function notice(problem: Problem, ...ways: Child[]): HTMLElement {
+  announce(`${problem.title}. ${problem.detail}`);
+  return h(
+    "div",
+    { className: "notice", testId: "error", attributes: { role: "alert" } },
+    icon("warning"),
+    h(
+      "div",
+      {},
+      h("h2", {}, problem.title),
+      problem.detail !== "" && h("p", {}, problem.detail),
+      ways.length > 0 && h("div", { className: "ways" }, ...ways),
+    ),
+  );
+}

@@ -1,0 +1,198 @@
+/** The meeting: the live picture, filling the window, and the little that lies on it. */
+
+import { steerWith } from "../controls";
+import type { LiveNumbers, LiveView } from "../live";
+import type { Performer } from "../types";
+import type { LinkState } from "../whep";
+import { announce, h, usesTouch } from "./dom";
+import { mark } from "./icons";
+import { button, notice, type View } from "./shell";
+
+interface StageHooks {
+  onLeave(): void;
+  onRetry(): void;
+}
+
+const CLOSE_UP_M = 2.6;
+const HINT_MS = 6000;
+const COPIED_MS = 2000;
+const CHEST_M = 0.95;
+
+export function stageView(live: LiveView, hooks: StageHooks): View {
+  live.video.dataset["testid"] = "stage-video";
+  live.video.setAttribute("aria-label", `Live picture of ${live.meeting.name || "the meeting"}`);
+
+  const hint = h("div", { className: "hint glass", id: "stage-hint" }, ...controlsInWords());
+  const people = h("div", { className: "people", attributes: { role: "group" } });
+  people.setAttribute("aria-label", "Who is here");
+  const fps = h("span", { testId: "fps" });
+  const numbers = h("p", { className: "numbers glass", attributes: { "aria-hidden": "true" } }, fps);
+  const middle = h("div", { className: "middle" });
+  const help = button("Controls", () => toggleHint(), { look: "glass", icon: "help" });
+  help.setAttribute("aria-controls", hint.id);
+
+  const element = h(
+    "main",
+    {
+      className: "stage",
+      tabIndex: 0,
+      attributes: { "aria-describedby": hint.id, "aria-label": "The meeting" },
+    },
+    live.video,
+    middle,
+    h(
+      "div",
+      { className: "stage-top" },
+      h("p", { className: "stage-name glass" }, mark(), h("span", {}, live.meeting.name || "Meeting")),
+      people,
+      h(
+        "div",
+        { className: "stage-ways" },
+        inviteButton(live.meeting.id),
+        button("Leave", hooks.onLeave, { look: "glass", icon: "leave", testId: "leave" }),
+      ),
+    ),
+    h(
+      "div",
+      { className: "stage-bottom" },
+      numbers,
+      hint,
+      h(
+        "div",
+        { className: "stage-ways" },
+        button("First view", () => live.viewpoint.reset(), { look: "glass", icon: "reset" }),
+        help,
+      ),
+    ),
+  );
+  element.addEventListener("dragstart", (event) => event.preventDefault());
+
+  let hiding: ReturnType<typeof setTimeout> | undefined;
+  const showHint = (shown: boolean): void => {
+    hint.classList.toggle("away", !shown);
+    help.setAttribute("aria-expanded", String(shown));
+  };
+  const toggleHint = (): void => {
+    clearTimeout(hiding);
+    hiding = undefined;
+    showHint(hint.classList.contains("away"));
+  };
+  showHint(true);
+  // once somebody has found out how it goes, the words step aside
+  const release = steerWith(element, live.viewpoint, () => {
+    hiding ??= setTimeout(() => showHint(false), HINT_MS);
+  });
+
+  live.onNumbers = (news) => showNumbers(fps, numbers, news);
+  live.onState = (state) => middle.replaceChildren(...stateInWords(state, hooks));
+  live.onPerformers = (performers) => showPeople(people, performers, live);
+  live.onState(live.state);
+  showPeople(people, live.meeting.performers, live);
+
+  return {
+    element,
+    close: () => {
+      clearTimeout(hiding);
+      release();
+    },
+  };
+}
+
+function stateInWords(state: LinkState, hooks: StageHooks): HTMLElement[] {
+  switch (state.kind) {
+    case "live":
+      announce("Connected");
+      return [];
+    case "connecting":
+      return [waiting("Connecting")];
+    case "reconnecting":
+      return [waiting("Connection lost. Reconnecting", state.problem?.detail)];
+    case "refused":
+      return [
+        h(
+          "div",
+          { className: "sheet" },
+          notice(
+            state.problem,
+            button("Try again", hooks.onRetry, { look: "primary" }),
+            button("Back to the start", hooks.onLeave),
+          ),
+        ),
+      ];
+  }
+}
+
+function waiting(words: string, detail = ""): HTMLElement {
+  announce(words);
+  return h(
+    "div",
+    { className: "waiting-note glass" },
+    h("span", { className: "spinner", attributes: { "aria-hidden": "true" } }),
+    h("div", {}, h("strong", {}, words), detail !== "" && h("p", {}, detail)),
+  );
+}
+
+function showNumbers(fps: HTMLElement, line: HTMLElement, news: LiveNumbers): void {
+  fps.dataset["fps"] = String(news.fps);
+  fps.dataset["frames"] = String(news.framesDecoded);
+  fps.textContent = `${news.fps} fps`;
+  const rest = [
+    news.width > 0 && `${news.width} × ${news.height}`,
+    news.roundTripMs !== null && `${Math.max(1, Math.round(news.roundTripMs))} ms`,
+  ].filter((part): part is string => part !== false);
+  line.replaceChildren(fps, ...rest.map((part) => h("span", {}, part)));
+}
+
+/** A press on a name brings the viewer in front of that person. */
+function showPeople(people: HTMLElement, performers: readonly Performer[], live: LiveView): void {
+  const key = performers.map(({ id, name }) => `${id} ${name}`).join();
+  if (people.dataset["key"] === key) return;
+  people.dataset["key"] = key;
+  people.replaceChildren(
+    ...performers.map(({ name, position: [x, , z] }) => {
+      const chip = button(name, () => live.viewpoint.lookAt([x, CHEST_M, z], CLOSE_UP_M), {
+        look: "glass",
+      });
+      chip.setAttribute("aria-label", `Look at ${name}`);
+      return chip;
+    }),
+  );
+}
+
+function inviteButton(meetingId: string): HTMLElement {
+  const invite = button("Copy invite link", () => void copy(), { look: "glass", icon: "link" });
+  const label = invite.querySelector("span");
+  const say = (words: string): void => {
+    if (label) label.textContent = words;
+    announce(words);
+  };
+  const copy = async (): Promise<void> => {
+    const link = new URL(`/?meeting=${encodeURIComponent(meetingId)}`, location.href).href;
+    try {
+      await navigator.clipboard.writeText(link);
+      say("Copied");
+    } catch {
+      // only secure addresses may write to the clipboard; then people copy by hand
+      prompt("Send this link to whom you want to meet:", link);
+    }
+    setTimeout(() => say("Copy invite link"), COPIED_MS);
+  };
+  return invite;
+}
+
+function controlsInWords(): HTMLElement[] {
+  const lines: [string, string][] = usesTouch()
+    ? [
+        ["One finger", "look around"],
+        ["Pinch", "come closer"],
+        ["Two fingers", "walk"],
+      ]
+    : [
+        ["Drag", "look around"],
+        ["Scroll", "come closer"],
+        ["W A S D", "walk, Shift is faster"],
+        ["R", "first view"],
+      ];
+  return lines.map(([key, what]) => h("span", {}, h("kbd", {}, key), what));
+}
+

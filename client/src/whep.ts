@@ -1,0 +1,230 @@
+/**
+ * One rendered view by WebRTC: video down, viewpoints up (WHEP with a data channel `view`).
+ *
+ * A connection that fails is replaced by a new one, after a growing pause, until `close`.
+ */
+
+import { sleep } from "./api";
+import { NO_SERVER, Problem, asProblem, problemOf } from "./problem";
+import type { Seat } from "./types";
+
+export type LinkState =
+  | { kind: "connecting" }
+  | { kind: "live" }
+  | { kind: "reconnecting"; problem: Problem | null }
+  | { kind: "refused"; problem: Problem };
+
+export interface LinkHooks {
+  /** A seat in the meeting; asked again when the old one is no longer accepted. */
+  seat(): Promise<Seat>;
+  onState(state: LinkState): void;
+  onStream(stream: MediaStream): void;
+}
+
+export interface LinkNumbers {
+  framesDecoded: number;
+  roundTripMs: number | null;
+}
+
+const GATHERING_MS = 1500;
+const CONNECTING_MS = 12_000;
+const DISCONNECTED_MS = 2500;
+
+/** The pause before attempt `attempt` (from 0): doubling, at most 8 s, spread so that not all come at once. */
+export function backoffMs(attempt: number, random: number): number {
+  return Math.min(8000, 500 * 2 ** attempt) * (0.75 + 0.5 * random);
+}
+
+export class WhepLink {
+  private readonly closing = new AbortController();
+  private seat: Seat | null = null;
+  private peer: RTCPeerConnection | null = null;
+  private channel: RTCDataChannel | null = null;
+  private resource: string | null = null;
+  private cut: (() => void) | null = null;
+  private decodedBefore = 0;
+  private decodedNow = 0;
+
+  constructor(
+    private readonly hooks: LinkHooks,
+    private readonly request: typeof fetch = (input, init) => fetch(input, init),
+    private readonly makePeer: (configuration: RTCConfiguration) => RTCPeerConnection = (c) =>
+      new RTCPeerConnection(c),
+  ) {}
+
+  /** Connect and stay connected; returns when closed or refused. */
+  async run(): Promise<void> {
+    this.hooks.onState({ kind: "connecting" });
+    for (let attempt = 0; !this.closing.signal.aborted; attempt++) {
+      let problem: Problem | null = null;
+      try {
+        await this.connect();
+        attempt = 0;
+        this.hooks.onState({ kind: "live" });
+        await this.lost();
+      } catch (error) {
+        problem = asProblem(error);
+      }
+      this.drop();
+      if (this.closing.signal.aborted) return;
+      if (problem && [401, 403].includes(problem.status) && this.seat) this.seat = null;
+      else if (problem && isFinal(problem)) {
+        this.hooks.onState({ kind: "refused", problem });
+        return;
+      }
+      this.hooks.onState({ kind: "reconnecting", problem });
+      const asked = (problem?.retryAfterS ?? 0) * 1000;
+      const pause = Math.max(asked, backoffMs(attempt, Math.random()));
+      await sleep(pause, this.closing.signal).catch(() => undefined);
+    }
+  }
+
+  /** Send a packet if the channel is open and not clogged; an old viewpoint is worth nothing. */
+  send(packet: ArrayBuffer): boolean {
+    const channel = this.channel;
+    if (channel?.readyState !== "open" || channel.bufferedAmount > 4 * packet.byteLength) return false;
+    channel.send(packet);
+    return true;
+  }
+
+  /** The pictures have stopped although the connection stands: make a new one. */
+  restart(): void {
+    this.cut?.();
+  }
+
+  async numbers(): Promise<LinkNumbers> {
+    let roundTripMs: number | null = null;
+    const report = await this.peer?.getStats().catch(() => null);
+    report?.forEach((entry: Record<string, unknown>) => {
+      if (entry["type"] === "inbound-rtp" && entry["kind"] === "video") {
+        this.decodedNow = Number(entry["framesDecoded"] ?? 0);
+      }
+      if (entry["type"] === "candidate-pair" && entry["nominated"] === true) {
+        const seconds = entry["currentRoundTripTime"];
+        if (typeof seconds === "number") roundTripMs = seconds * 1000;
+      }
+    });
+    return { framesDecoded: this.decodedBefore + this.decodedNow, roundTripMs };
+  }
+
+  /** Leave; works while the page goes away, too. */
+  close(): void {
+    if (this.closing.signal.aborted) return;
+    this.closing.abort();
+    this.cut?.();
+    this.drop();
+  }
+
+  private async connect(): Promise<void> {
+    const seat = (this.seat ??= await this.hooks.seat());
+    this.closing.signal.throwIfAborted();
+    const iceServers = seat.ice_servers.map((s) => (typeof s === "string" ? { urls: s } : s));
+    const peer = this.makePeer({ iceServers, bundlePolicy: "max-bundle" });
+    this.peer = peer;
+    // before the offer, so that the channel is part of it
+    this.channel = peer.createDataChannel("view", { ordered: false, maxRetransmits: 0 });
+    const { receiver } = peer.addTransceiver("video", { direction: "recvonly" });
+    // show each picture as it comes: nobody is talking in it that it would have to wait for
+    if ("jitterBufferTarget" in receiver) receiver.jitterBufferTarget = 0;
+    peer.addEventListener("track", (event) => {
+      this.hooks.onStream(event.streams[0] ?? new MediaStream([event.track]));
+    });
+    const connected = settled(peer, this.closing.signal);
+    // the failure is awaited below; until then it must not count as unhandled
+    connected.catch(() => undefined);
+    await peer.setLocalDescription(await peer.createOffer());
+    await gathered(peer);
+    const sdp = await this.exchange(seat, peer.localDescription?.sdp ?? "");
+    await peer.setRemoteDescription({ type: "answer", sdp });
+    await connected;
+  }
+
+  private async exchange(seat: Seat, offer: string): Promise<string> {
+    const headers = { Authorization: `Bearer ${seat.token}`, "Content-Type": "application/sdp" };
+    const { signal } = this.closing;
+    const response = await this.request(seat.whep_url, {
+      method: "POST",
+      headers,
+      body: offer,
+      signal,
+    }).catch(() => {
+      throw NO_SERVER;
+    });
+    const body = await response.text();
+    if (!response.ok) {
+      throw problemOf(response.status, body, response.headers.get("Retry-After"));
+    }
+    const location = response.headers.get("Location");
+    this.resource = location && new URL(location, new URL(seat.whep_url, pageAddress())).href;
+    return body;
+  }
+
+  /** Resolves when the standing connection is lost, or cut by hand. */
+  private lost(): Promise<void> {
+    const peer = this.peer;
+    return new Promise((resolve) => {
+      let timer: ReturnType<typeof setTimeout> | undefined;
+      this.cut = resolve;
+      const look = (): void => {
+        clearTimeout(timer);
+        const state = peer?.connectionState;
+        if (state === "failed" || state === "closed") resolve();
+        else if (state === "disconnected") timer = setTimeout(resolve, DISCONNECTED_MS);
+      };
+      peer?.addEventListener("connectionstatechange", look);
+      look();
+    });
+  }
+
+  private drop(): void {
+    this.decodedBefore += this.decodedNow;
+    this.decodedNow = 0;
+    this.peer?.close();
+    if (this.resource && this.seat) {
+      const headers = { Authorization: `Bearer ${this.seat.token}` };
+      const goodbye = this.request(this.resource, { method: "DELETE", headers, keepalive: true });
+      goodbye.catch(() => undefined);
+    }
+    this.peer = this.channel = this.resource = this.cut = null;
+  }
+}
+
+/** Not worth another attempt: the meeting is gone, or we are not let in. */
+function isFinal(problem: Problem): boolean {
+  return problem.status >= 400 && problem.status < 500 && ![408, 409, 429].includes(problem.status);
+}
+
+function pageAddress(): string {
+  return globalThis.location?.href ?? "http://localhost/";
+}
+
+function settled(peer: RTCPeerConnection, signal: AbortSignal): Promise<void> {
+  const blocked = new Problem(
+    "The picture can't get through",
+    "Your network may block video connections; try another network.",
+  );
+  return new Promise((resolve, reject) => {
+    const timer = setTimeout(() => reject(blocked), CONNECTING_MS);
+    const look = (): void => {
+      if (peer.connectionState === "connected") resolve();
+      else if (peer.connectionState === "failed") reject(blocked);
+      else return;
+      clearTimeout(timer);
+    };
+    peer.addEventListener("connectionstatechange", look);
+    signal.addEventListener("abort", () => (clearTimeout(timer), reject(signal.reason)), { once: true });
+  });
+}
+
+/** All of our own addresses are known, or enough time has gone by. */
+function gathered(peer: RTCPeerConnection): Promise<void> {
+  if (peer.iceGatheringState === "complete") return Promise.resolve();
+  return new Promise((resolve) => {
+    const timer = setTimeout(resolve, GATHERING_MS);
+    peer.addEventListener("icegatheringstatechange", () => {
+      if (peer.iceGatheringState !== "complete") return;
+      clearTimeout(timer);
+      resolve();
+    });
+  });
+}
