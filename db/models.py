@@ -283,6 +283,8 @@ class JobRow(Base):
     """A problem (RFC 9457) where the job failed."""
     attempt: Mapped[int] = mapped_column(default=0)
     """How often the job was claimed; only the latest attempt may write."""
+    crashes: Mapped[int] = mapped_column(default=0)
+    """How often its process died without a word."""
     worker: Mapped[str | None] = mapped_column(String(120))
     heartbeat_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]

@@ -109,48 +109,48 @@ class ObstoreObjects:
                 yield bytes(chunk)
 
         name = f"{INCOMING}/{uuid.uuid4().hex}"
-        with _told():
+        with naming_errors():
             obstore.put(self._store, name, hashed(), use_multipart=True, chunk_size=_PART_BYTES)
             obstore.rename(self._store, name, _key(owner, digest.hexdigest()), overwrite=True)
         return StoredObject(digest.hexdigest(), size)
 
     def stream(self, owner: str, sha256: str) -> Iterator[bytes]:
-        with _told():
+        with naming_errors():
             found = obstore.get(self._store, _key(owner, sha256))
         return self._pieces(iter(found.stream(min_chunk_size=CHUNK_BYTES)))
 
     def _pieces(self, pieces: Iterator[object]) -> Iterator[bytes]:
         while True:
-            with _told():
+            with naming_errors():
                 piece = next(pieces, None)
             if piece is None:
                 return
             yield bytes(piece)  # type: ignore[call-overload]
 
     def delete(self, owner: str, sha256: str) -> None:
-        with _told():
+        with naming_errors():
             self._delete([_key(owner, sha256)])
 
     def delete_all(self, owner: str) -> int:
-        with _told():
+        with naming_errors():
             keys = [meta["path"] for batch in self._batches(owner) for meta in batch]
             self._delete(keys)
         return len(keys)
 
     def list(self, owner: str) -> Iterator[ObjectInfo]:
-        with _told():
+        with naming_errors():
             for batch in self._batches(owner):
                 for meta in batch:
                     sha256 = meta["path"].rsplit("/", 1)[-1]
                     yield ObjectInfo(owner, sha256, meta["size"], meta["last_modified"])
 
     def owners(self) -> list[str]:
-        with _told():
+        with naming_errors():
             found = obstore.list_with_delimiter(self._store)["common_prefixes"]
         return sorted(str(prefix) for prefix in found if str(prefix) != INCOMING)
 
     def incoming(self) -> Iterator[tuple[str, datetime]]:
-        with _told():
+        with naming_errors():
             for batch in self._batches(INCOMING):
                 for meta in batch:
                     yield meta["path"], meta["last_modified"]
@@ -158,11 +158,11 @@ class ObstoreObjects:
     def drop_incoming(self, name: str) -> None:
         if not name.startswith(f"{INCOMING}/"):
             raise NotFound(f"name must be of an object under way; got {name!r}")
-        with _told():
+        with naming_errors():
             self._delete([name])
 
     def ping(self) -> None:
-        with _told():
+        with naming_errors():
             next(iter(obstore.list(self._store, f"{INCOMING}/", chunk_size=1)), None)
 
     def _batches(self, prefix: str):
@@ -190,7 +190,7 @@ def open_objects(
     """
     parts = urlsplit(url)
     if parts.scheme == "file":
-        with _told():
+        with naming_errors():
             Path(parts.path).mkdir(parents=True, exist_ok=True)
             return ObstoreObjects(LocalStore(parts.path, automatic_cleanup=True))
     if parts.scheme == "s3":
@@ -223,7 +223,7 @@ def fetch(objects: Objects, owner: str, sha256: str, path: Path) -> None:
     """Copy an object to `path`, whole or not at all. Raises NotFound, StoreFull, StoreAway."""
     partial = path.with_name(f"{path.name}.{uuid.uuid4().hex}.part")
     try:
-        with _told(), partial.open("wb") as file:
+        with naming_errors(), partial.open("wb") as file:
             for chunk in objects.stream(owner, sha256):
                 file.write(chunk)
         partial.replace(path)
@@ -241,7 +241,7 @@ def _key(owner: str, sha256: str) -> str:
 
 
 @contextmanager
-def _told() -> Iterator[None]:
+def naming_errors() -> Iterator[None]:
     """Turns what stores and disks throw into the errors of this package."""
     try:
         yield

@@ -137,6 +137,10 @@ class Meetings(Protocol):
 
     def with_label(self, label: str) -> MeetingRow | None: ...
 
+    def where_performs(self, person_id: str) -> list[str]:
+        """Ids of the meetings in which a person stands."""
+        ...
+
 
 class AuditLog(Protocol):
     """Who did what, when."""

@@ -19,6 +19,7 @@ from db.models import (
     MeetingRow,
     ModelRow,
     MotionRow,
+    PerformerRow,
     PersonRow,
     SequenceRow,
     UploadRow,
@@ -221,6 +222,10 @@ class SqlMeetings(_Repository):
         return self._session.scalars(
             select(MeetingRow).where(MeetingRow.label == label)
         ).one_or_none()
+
+    def where_performs(self, person_id: str) -> list[str]:
+        query = select(PerformerRow.meeting_id).where(PerformerRow.person_id == person_id)
+        return list(self._session.scalars(query.distinct()))
 
 
 class SqlAuditLog(_Repository):

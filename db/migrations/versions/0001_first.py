@@ -194,6 +194,7 @@ def upgrade() -> None:
         sa.Column("preview_version", sa.BigInteger(), nullable=False),
         sa.Column("error", sa.JSON(), nullable=True),
         sa.Column("attempt", sa.BigInteger(), nullable=False),
+        sa.Column("crashes", sa.BigInteger(), nullable=False),
         sa.Column("worker", sa.String(length=120), nullable=True),
         sa.Column("heartbeat_at", sa.DateTime(timezone=True), nullable=True),
         sa.Column("finished_at", sa.DateTime(timezone=True), nullable=True),

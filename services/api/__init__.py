@@ -1,0 +1,1 @@
+"""The REST calls under `/v1`: thin routes over services, one module a noun."""

@@ -1,0 +1,113 @@
+"""Meetings: open one, see who stands in it, bring somebody in, join."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Request, Response, status
+from fastapi.concurrency import run_in_threadpool
+
+from db.errors import NotFound
+from services import meetings
+from services.access import meeting_of, model_of
+from services.api import shapes
+from services.api.cast import tell_cast_changed
+from services.auth import Joiner, Principal, Writer
+from services.container import Provided, Services
+from services.problems import PROBLEMS
+
+router = APIRouter(prefix="/v1", tags=["meetings"], responses=PROBLEMS)
+
+
+@router.post("/meetings", status_code=status.HTTP_201_CREATED, summary="Open a meeting")
+def open_meeting(body: shapes.NewMeeting, services: Provided, caller: Writer) -> shapes.Meeting:
+    """A room with the given models in it; send its `join_url` to whoever should come."""
+    with services.unit_of_work() as unit:
+        models = [model_of(unit, caller, model_id) for model_id in body.model_ids]
+        meeting = meetings.create_meeting(services, unit, caller.account, body.name, models)
+        unit.commit()
+    return shapes.Meeting.of(meeting, meetings.join_url(services, meeting))
+
+
+@router.get("/meetings/{meeting_id}", summary="Read a meeting")
+def read_meeting(meeting_id: str, services: Provided, caller: Joiner) -> shapes.Meeting:
+    """Who stands where. Whoever knows the id of a meeting is invited to it."""
+    caller.require_meeting(meeting_id)
+    with services.reading() as unit:
+        meeting = unit.meetings.get(meeting_id)
+    return shapes.Meeting.of(meeting, meetings.join_url(services, meeting))
+
+
+@router.post(
+    "/meetings/{meeting_id}/performers",
+    status_code=status.HTTP_201_CREATED,
+    summary="Bring somebody in",
+)
+async def add_performer(
+    meeting_id: str,
+    body: shapes.NewPerformer,
+    request: Request,
+    services: Provided,
+    caller: Writer,
+) -> shapes.Performer:
+    """Stand a model in the meeting; everybody else moves up."""
+    performer = await run_in_threadpool(_add, services, caller, meeting_id, body.model_id)
+    await tell_cast_changed(request, meeting_id)
+    return performer
+
+
+@router.delete(
+    "/meetings/{meeting_id}/performers/{performer_id}",
+    status_code=status.HTTP_204_NO_CONTENT,
+    summary="Send somebody out",
+)
+async def remove_performer(
+    meeting_id: str, performer_id: str, request: Request, services: Provided, caller: Writer
+) -> Response:
+    """Take a performer out of the meeting."""
+    await run_in_threadpool(_remove, services, caller, meeting_id, performer_id)
+    await tell_cast_changed(request, meeting_id)
+    return Response(status_code=204)
+
+
+@router.post("/meetings/{meeting_id}/join", summary="Join a meeting")
+def join_meeting(
+    meeting_id: str, body: shapes.Visitor, services: Provided, caller: Joiner
+) -> shapes.Seat:
+    """A seat, and the token with which `whep_url` shows the meeting."""
+    caller.require_meeting(meeting_id)
+    with services.unit_of_work() as unit:
+        meeting = unit.meetings.get_for_change(meeting_id)
+        seat, token = meetings.take_seat(services, unit, meeting, caller, body.display_name)
+        unit.commit()
+    return shapes.Seat(
+        token=token,
+        seat=seat.seat,
+        ice_servers=services.settings.ice_servers,
+        whep_url=f"/whep/{meeting_id}",
+        performers=[shapes.Performer.of(one) for one in meeting.performers],
+    )
+
+
+@router.get("/demo", summary="The demo's meeting")
+def read_demo(services: Provided) -> shapes.DemoMeeting:
+    """The meeting that this server shows to everybody, if it shows one."""
+    with services.reading() as unit:
+        meeting = unit.meetings.with_label(meetings.DEMO)
+    if meeting is None or not services.settings.open_access:
+        raise NotFound("a demo's meeting is there only under `metanerf demo`; got another server")
+    return shapes.DemoMeeting(meeting_id=meeting.id)
+
+
+def _add(services: Services, caller: Principal, meeting_id: str, model_id: str) -> shapes.Performer:
+    with services.unit_of_work() as unit:
+        meeting = meeting_of(unit, caller, meeting_id)
+        model = model_of(unit, caller, model_id)
+        performer = meetings.add_performer(services, unit, meeting, model)
+        unit.commit()
+    return shapes.Performer.of(performer)
+
+
+def _remove(services: Services, caller: Principal, meeting_id: str, performer_id: str) -> None:
+    with services.unit_of_work() as unit:
+        meeting = meeting_of(unit, caller, meeting_id)
+        meetings.remove_performer(services, unit, meeting, performer_id)
+        unit.commit()

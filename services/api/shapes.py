@@ -1,0 +1,337 @@
+"""What travels as JSON, and how rows become it."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+from db.models import (
+    JobKind,
+    JobRow,
+    JobState,
+    MeetingRow,
+    ModelRow,
+    PerformerRow,
+    PersonRow,
+    SequenceKind,
+    SequenceRow,
+    SequenceState,
+)
+from services.problems import Problem
+
+Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=120)]
+"""A name as people write it."""
+
+
+class Body(BaseModel):
+    """A request's body: a field that is not known is a mistake, and said so."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class NewPerson(Body):
+    """Somebody to enrol."""
+
+    name: Name = Field(examples=["Ada"])
+
+
+class Person(BaseModel):
+    """Somebody who is, or will be, met."""
+
+    id: str
+    name: str
+    created_at: datetime
+
+    @classmethod
+    def of(cls, row: PersonRow) -> Person:
+        return cls(id=row.id, name=row.name, created_at=row.created_at)
+
+
+class Sequence(BaseModel):
+    """A clip and how far it has come."""
+
+    id: str
+    person_id: str
+    kind: SequenceKind
+    state: SequenceState
+    created_at: datetime
+    sha256: str = Field(description="Of the file that was uploaded.")
+    frames: int | None
+    frames_per_second: float | None
+    duration_s: float | None
+    quality: dict[str, Any] | None = Field(description="What capture says about the clip.")
+    thumbnail_url: str | None
+    job_id: str | None = Field(description="Its capture.")
+
+    @classmethod
+    def of(cls, row: SequenceRow, capture: JobRow | None) -> Sequence:
+        return cls(
+            id=row.id,
+            person_id=row.person_id,
+            kind=row.kind,
+            state=row.state,
+            created_at=row.created_at,
+            sha256=row.source_sha256,
+            frames=row.frames,
+            frames_per_second=row.frames_per_second,
+            duration_s=row.duration_s,
+            quality=row.quality,
+            thumbnail_url=f"/v1/sequences/{row.id}/thumbnail" if row.thumbnail_sha256 else None,
+            job_id=capture.id if capture else None,
+        )
+
+
+class ModelFile(BaseModel):
+    """One file of a model."""
+
+    name: str
+    bytes: int
+    url: str
+
+
+class Model(BaseModel):
+    """A trained model."""
+
+    id: str
+    person_id: str
+    sequence_id: str | None
+    preset: str
+    created_at: datetime
+    bytes: int = Field(description="Of the weights.")
+    sha256: str = Field(description="Of the weights.")
+    metrics: dict[str, Any]
+    files: list[ModelFile]
+
+    @classmethod
+    def of(cls, row: ModelRow) -> Model:
+        weights = next(file for file in row.files if file.name == "model.safetensors")
+        return cls(
+            id=row.id,
+            person_id=row.person_id,
+            sequence_id=row.sequence_id,
+            preset=row.preset,
+            created_at=row.created_at,
+            bytes=weights.bytes,
+            sha256=weights.sha256,
+            metrics=row.metrics,
+            files=[
+                ModelFile(
+                    name=file.name, bytes=file.bytes, url=f"/v1/models/{row.id}/files/{file.name}"
+                )
+                for file in row.files
+            ],
+        )
+
+
+class PersonInFull(Person):
+    """A person with all that was made of theirs."""
+
+    sequences: list[Sequence]
+    models: list[Model]
+
+
+class People(BaseModel):
+    """A list of persons."""
+
+    items: list[Person]
+
+
+class Models(BaseModel):
+    """A list of models."""
+
+    items: list[Model]
+
+
+class Erased(BaseModel):
+    """The proof that a person is gone."""
+
+    deleted_rows: dict[str, int] = Field(description="By table.")
+    deleted_objects: int
+    remaining: int = Field(description="Rows and objects counted afterwards: 0.")
+
+
+class NewUpload(Body):
+    """A file that will come in pieces."""
+
+    filename: str = Field(min_length=1, max_length=255, examples=["clip.mp4"])
+    size: int = Field(ge=1, description="Bytes.")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="Of the whole file, hex.")
+
+
+class Upload(BaseModel):
+    """A file on its way."""
+
+    id: str
+    offset: int = Field(description="Bytes that have come; go on from here.")
+
+
+class Known(BaseModel):
+    """The same bytes are here already."""
+
+    sequence: Sequence
+
+
+class NewModel(Body):
+    """What to train."""
+
+    preset: str = Field(default="splats", examples=["splats", "fast"])
+    budget_s: float = Field(
+        default=20.0, gt=0.0, allow_inf_nan=False, description="Training time, s."
+    )
+    seed: int = Field(default=0, ge=0, le=2**31 - 1)
+
+
+class Job(BaseModel):
+    """Long work and how far it is."""
+
+    id: str
+    kind: JobKind
+    state: JobState
+    progress: float = Field(description="0 to 1.")
+    message: str
+    has_preview: bool
+    sequence_id: str | None
+    model_id: str | None
+    error: Problem | None
+
+    @classmethod
+    def of(cls, row: JobRow) -> Job:
+        return cls(
+            id=row.id,
+            kind=row.kind,
+            state=row.state,
+            progress=row.progress,
+            message=row.message,
+            has_preview=row.preview_version > 0,
+            sequence_id=row.sequence_id,
+            model_id=row.model_id,
+            error=Problem(**row.error) if row.error else None,
+        )
+
+
+class NewMeeting(Body):
+    """A room to open."""
+
+    name: Name = Field(examples=["Monday"])
+    model_ids: list[str] = Field(default_factory=list, max_length=12)
+
+
+class NewPerformer(Body):
+    """Who comes in."""
+
+    model_id: str
+
+
+class Performer(BaseModel):
+    """A person's model standing in a meeting."""
+
+    id: str
+    name: str
+    model_id: str
+    position: tuple[float, float, float] = Field(description="World, m.")
+    yaw_rad: float
+
+    @classmethod
+    def of(cls, row: PerformerRow) -> Performer:
+        return cls(
+            id=row.id,
+            name=row.name,
+            model_id=row.model_id,
+            position=(row.x_m, row.y_m, row.z_m),
+            yaw_rad=row.yaw_rad,
+        )
+
+
+class Meeting(BaseModel):
+    """A room and who stands in it."""
+
+    id: str
+    name: str
+    join_url: str
+    performers: list[Performer]
+
+    @classmethod
+    def of(cls, row: MeetingRow, join_url: str) -> Meeting:
+        performers = [Performer.of(one) for one in row.performers]
+        return cls(id=row.id, name=row.name, join_url=join_url, performers=performers)
+
+
+class Visitor(Body):
+    """Who wants to look on."""
+
+    display_name: Name = Field(default="Guest")
+
+
+class Seat(BaseModel):
+    """A place in a meeting."""
+
+    token: str = Field(description="Opens this meeting's view.")
+    seat: int
+    ice_servers: list[str]
+    whep_url: str
+    performers: list[Performer]
+
+
+class Guest(BaseModel):
+    """A token for the page."""
+
+    token: str
+    expires_at: datetime
+
+
+class DemoMeeting(BaseModel):
+    """The demo's meeting."""
+
+    meeting_id: str
+
+
+class Orbit(Body):
+    """A camera on a sphere round the person."""
+
+    azimuth_deg: float = Field(
+        default=0.0, allow_inf_nan=False, description="0: in front; 90: their left."
+    )
+    elevation_deg: float = Field(default=5.0, gt=-90.0, lt=90.0)
+    distance_m: float | None = Field(
+        default=None, gt=0.1, le=100.0, description="Empty: so far that the whole person fits."
+    )
+
+
+class ViewCamera(Body):
+    """Where to look from: an orbit, or a pinhole camera by its matrices (OpenCV axes)."""
+
+    orbit: Orbit | None = None
+    fov_deg: float = Field(default=35.0, gt=1.0, lt=170.0, description="Vertical field of view.")
+    intrinsics: list[list[float]] | None = Field(default=None, description="3 x 3, px.")
+    world_to_camera: list[list[float]] | None = Field(default=None, description="3 x 4, m.")
+
+
+class ViewPose(Body):
+    """A pose of one's own."""
+
+    joint_angles: list[list[float]] = Field(description="24 x 3, axis-angle, rad.")
+    root_translation: list[float] = Field(default_factory=lambda: [0.0, 0.0, 0.0], description="m")
+
+
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class NewView(Body):
+    """A picture to render."""
+
+    camera: ViewCamera = Field(default_factory=lambda: ViewCamera(orbit=Orbit()))
+    width: int = Field(default=512, ge=16, le=4096)
+    height: int = Field(default=512, ge=16, le=4096)
+    time_s: float | None = Field(
+        default=None, allow_inf_nan=False, description="Moment of the motion; empty: its start."
+    )
+    pose: ViewPose | None = None
+    motion_sequence_id: str | None = Field(
+        default=None, description="Whose motion to follow; empty: the model's own."
+    )
+    background: tuple[Share, Share, Share] | None = Field(
+        default=None, description="sRGB; empty: transparent, white in a JPEG."
+    )
+    format: Literal["png", "jpeg", "webp"] = "png"

@@ -1,0 +1,233 @@
+"""Uploads: a clip in one request, or in pieces that survive a broken connection."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Header, Request, Response, status
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import JSONResponse
+
+from db.models import JobKind, UploadChunkRow, UploadRow, new_id
+from db.objects import file_chunks
+from services.access import person_of
+from services.api import shapes
+from services.auth import Principal, Writer
+from services.container import Provided, Services
+from services.jobs.queue import Orphan, drop_orphans
+from services.problems import PROBLEMS, ProblemError
+from services.uploads.intake import Arrival, end_upload, known_sequence, safe_name, take_in
+from services.uploads.receive import Spool, join, receive_file, receive_raw, spool, too_large
+
+router = APIRouter(prefix="/v1", tags=["sequences"], responses=PROBLEMS)
+
+_FORM = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "properties": {
+                        "file": {
+                            "type": "string",
+                            "format": "binary",
+                            "description": "A video, a zip of frames, or keypoints as JSON.",
+                        }
+                    },
+                }
+            }
+        },
+    }
+}
+_RAW = {
+    "requestBody": {
+        "required": True,
+        "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+    }
+}
+
+
+@router.post(
+    "/people/{person_id}/sequences",
+    status_code=status.HTTP_202_ACCEPTED,
+    summary="Upload a clip",
+    openapi_extra=_FORM,
+    responses={413: PROBLEMS[422], 507: PROBLEMS[503]},
+)
+async def upload_clip(
+    person_id: str, request: Request, services: Provided, caller: Writer
+) -> shapes.Sequence:
+    """Take a clip as the form's field `file`; its capture starts by itself."""
+    await run_in_threadpool(_require_person, services, caller, person_id)
+    settings = services.settings
+    with spool(settings.scratch_dir, settings.max_upload_bytes) as received:
+        await receive_file(request, received)
+        return await run_in_threadpool(_store, services, caller, person_id, received)
+
+
+@router.post(
+    "/people/{person_id}/uploads",
+    status_code=status.HTTP_201_CREATED,
+    summary="Begin an upload in pieces",
+    response_model=shapes.Upload | shapes.Known,
+)
+def begin_upload(
+    person_id: str, body: shapes.NewUpload, services: Provided, caller: Writer
+) -> Response:
+    """Begin an upload, go on with one of the same bytes, or learn that they are here already."""
+    limit = services.settings.max_upload_bytes
+    if body.size > limit:
+        raise too_large(limit, str(body.size))
+    with services.unit_of_work() as unit:
+        person_of(unit, caller, person_id)
+        known = unit.sequences.with_source(person_id, body.sha256)
+        if known is not None:
+            capture = unit.jobs.latest(known.id, JobKind.CAPTURE)
+            answer = shapes.Known(sequence=shapes.Sequence.of(known, capture))
+            return JSONResponse(answer.model_dump(mode="json"), status_code=200)
+        upload = unit.uploads.with_content(person_id, body.sha256)
+        if upload is None or upload.size != body.size:
+            upload = UploadRow(
+                id=new_id(),
+                person_id=person_id,
+                filename=safe_name(body.filename),
+                size=body.size,
+                sha256=body.sha256,
+                created_at=services.clock(),
+            )
+            unit.uploads.add(upload)
+        answer = shapes.Upload(id=upload.id, offset=upload.offset)
+        unit.commit()
+    return JSONResponse(answer.model_dump(), status_code=201)
+
+
+@router.head("/uploads/{upload_id}", summary="How far an upload is")
+def upload_offset(upload_id: str, services: Provided, caller: Writer) -> Response:
+    """`Upload-Offset`: the bytes that have come."""
+    with services.reading() as unit:
+        upload = unit.uploads.get(upload_id)
+        person_of(unit, caller, upload.person_id)
+    return Response(headers=_offset(upload) | {"Cache-Control": "no-store"})
+
+
+@router.patch(
+    "/uploads/{upload_id}",
+    summary="Send the next piece",
+    openapi_extra=_RAW,
+    status_code=status.HTTP_204_NO_CONTENT,
+    responses={
+        202: {"description": "The last piece: the sequence.", "model": shapes.Sequence},
+        409: PROBLEMS[422],
+    },
+)
+async def send_piece(
+    upload_id: str,
+    request: Request,
+    services: Provided,
+    caller: Writer,
+    upload_offset: int = Header(ge=0, description="Where this piece begins."),
+) -> Response:
+    """Append a piece. What came before a broken connection is kept; ask HEAD where to go on."""
+    upload = await run_in_threadpool(_find_upload, services, caller, upload_id)
+    if upload_offset != upload.offset:
+        raise _wrong_offset(upload, upload_offset)
+    folder = services.settings.scratch_dir
+    with spool(folder, upload.size - upload.offset) as piece:
+        await receive_raw(request, piece)
+        upload = await run_in_threadpool(_append, services, upload, piece)
+    if upload.offset < upload.size:
+        return Response(status_code=204, headers=_offset(upload))
+    with spool(folder, upload.size) as whole:
+        sequence = await run_in_threadpool(_complete, services, caller, upload, whole)
+    return JSONResponse(sequence.model_dump(mode="json"), status_code=202, headers=_offset(upload))
+
+
+def _require_person(services: Services, caller: Principal, person_id: str) -> None:
+    with services.reading() as unit:
+        person_of(unit, caller, person_id)
+
+
+def _find_upload(services: Services, caller: Principal, upload_id: str) -> UploadRow:
+    with services.reading() as unit:
+        upload = unit.uploads.get(upload_id)
+        person_of(unit, caller, upload.person_id)
+    return upload
+
+
+def _store(
+    services: Services, caller: Principal, person_id: str, received: Spool
+) -> shapes.Sequence:
+    sequence = known_sequence(services, person_id, received.sha256)
+    if sequence is None:
+        arrival = Arrival(
+            person_id, caller.account, received.path, received.filename, received.sha256
+        )
+        sequence = take_in(services, arrival)
+    with services.reading() as unit:
+        capture = unit.jobs.latest(sequence.id, JobKind.CAPTURE)
+    return shapes.Sequence.of(sequence, capture)
+
+
+def _append(services: Services, upload: UploadRow, piece: Spool) -> UploadRow:
+    if piece.size == 0:
+        return upload
+    stored = services.objects.put(upload.person_id, file_chunks(piece.path))
+    try:
+        with services.unit_of_work() as unit:
+            current = unit.uploads.get(upload.id)
+            if current.offset != upload.offset:  # somebody else sends the same file
+                raise _wrong_offset(current, upload.offset)
+            current.chunks.append(
+                UploadChunkRow(
+                    start=upload.offset,
+                    person_id=upload.person_id,
+                    bytes=stored.bytes,
+                    sha256=stored.sha256,
+                )
+            )
+            unit.commit()
+    except BaseException:
+        drop_orphans(services, [(upload.person_id, stored.sha256)])
+        raise
+    return current
+
+
+def _complete(
+    services: Services, caller: Principal, upload: UploadRow, whole: Spool
+) -> shapes.Sequence:
+    for chunk in upload.chunks:
+        join(services.objects.stream(upload.person_id, chunk.sha256), whole)
+    try:
+        whole.close()
+        if whole.sha256 != upload.sha256:
+            raise ProblemError(
+                422,
+                "wrong-hash",
+                f"the file's sha256 must be {upload.sha256}; got {whole.sha256}; upload it again",
+            )
+        whole.filename = upload.filename
+        return _store(services, caller, upload.person_id, whole)
+    finally:
+        _forget(services, upload)
+
+
+def _forget(services: Services, upload: UploadRow) -> None:
+    orphans: list[Orphan] = []
+    with services.unit_of_work() as unit:
+        orphans = end_upload(unit, unit.uploads.get(upload.id))
+        unit.commit()
+    drop_orphans(services, orphans)
+
+
+def _offset(upload: UploadRow) -> dict[str, str]:
+    return {"Upload-Offset": str(upload.offset), "Upload-Length": str(upload.size)}
+
+
+def _wrong_offset(upload: UploadRow, got: int) -> ProblemError:
+    return ProblemError(
+        409,
+        "wrong-offset",
+        f"Upload-Offset must be {upload.offset}, where the last piece ended; got {got}; "
+        "go on from there",
+        headers=_offset(upload),
+    )

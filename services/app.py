@@ -1,0 +1,98 @@
+"""The gateway: `create_app(settings)` gives a FastAPI application with everything mounted."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+from fastapi.concurrency import run_in_threadpool
+from fastapi.middleware.cors import CORSMiddleware
+
+from db.models import JobKind
+from services import metrics, page, problems
+from services.api import access, jobs, meetings, models, operation, people, sequences, uploads
+from services.container import Services, build_services
+from services.jobs.worker import Worker
+from services.settings import Settings
+
+log = logging.getLogger(__name__)
+
+ROUTERS = (
+    access.router,
+    people.router,
+    uploads.router,
+    sequences.router,
+    jobs.router,
+    models.router,
+    meetings.router,
+    operation.router,
+)
+"""Every route of the gateway, in the order in which the API's description lists them."""
+
+_TAGS = [
+    {"name": "access", "description": "Tokens."},
+    {"name": "people", "description": "Persons, and erasing them."},
+    {"name": "sequences", "description": "Clips: upload, capture, train from them."},
+    {"name": "jobs", "description": "Long work: follow, cancel, resume."},
+    {"name": "models", "description": "Trained models: files and views."},
+    {"name": "meetings", "description": "Rooms: open, join, who stands where."},
+    {"name": "operation", "description": "Health, readiness, figures."},
+]
+_ABOUT = (
+    "One camera per person, a neural model of each person, and a meeting in which every viewer "
+    "chooses where to stand. Errors are problems (RFC 9457) that say the rule, the value received "
+    "and how to mend it."
+)
+
+
+def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
+    """The gateway for `settings`. The database is migrated, and work begins, when it starts."""
+    made = services or build_services(settings)
+    app = FastAPI(
+        title="MetaNeRF",
+        version="1",
+        description=_ABOUT,
+        openapi_tags=_TAGS,
+        lifespan=_lifespan,
+        separate_input_output_schemas=False,
+    )
+    app.state.services = made
+    app.state.cast_listeners = []
+    problems.install(app)
+    app.add_middleware(metrics.CountRequests)
+    if settings.allowed_origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=settings.allowed_origins,
+            allow_methods=["*"],
+            allow_headers=["*"],
+            expose_headers=["Location", "ETag", "Upload-Offset"],
+        )
+    for router in ROUTERS:
+        app.include_router(router)
+    page.install(app, settings.client_dir)
+    return app
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    services: Services = app.state.services
+    await run_in_threadpool(services.database.migrate)
+    stop = threading.Event()
+    worker = None
+    if services.settings.embedded_worker:
+        kinds = [JobKind(kind) for kind in services.settings.worker_kinds]
+        worker = threading.Thread(
+            target=Worker(services, kinds).run, args=(stop,), name="worker", daemon=True
+        )
+        worker.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        if worker is not None:
+            await run_in_threadpool(worker.join)
+        services.close()

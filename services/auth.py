@@ -1,0 +1,150 @@
+"""Bearer tokens (RFC 6750) as signed JWTs (RFC 7519, HS256), with scopes.
+
+`read` looks, `write` changes, `join` enters meetings; a token with a `meeting` enters only that.
+An account (the token's subject) sees its own people, models and meetings and nobody else's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Annotated, Protocol
+
+import jwt
+from fastapi import Request, Security
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer, SecurityScopes
+
+from services.problems import ProblemError
+
+_ALGORITHM = "HS256"
+_ISSUER = "metanerf"
+ALL_SCOPES = frozenset({"read", "write", "join"})
+GUEST = "guest"
+"""The account that everybody shares where access is open."""
+
+
+@dataclass(frozen=True)
+class Principal:
+    """Who calls, and what they may do."""
+
+    account: str
+    scopes: frozenset[str]
+    meeting_id: str | None = None
+    """The only meeting this token opens, if it is bound to one."""
+
+    def require_account(self, account: str) -> None:
+        """Raise a 403 problem unless what `account` owns is this caller's."""
+        if account != self.account:
+            raise ProblemError(
+                403,
+                "not-yours",
+                f"the token must be of the account that owns this; got one of {self.account!r}; "
+                "use the token it was made with",
+            )
+
+    def require_meeting(self, meeting_id: str) -> None:
+        """Raise a 403 problem where this token opens another meeting only."""
+        if self.meeting_id is not None and self.meeting_id != meeting_id:
+            raise ProblemError(
+                403,
+                "other-meeting",
+                f"the token must be for meeting {meeting_id!r}; got one for "
+                f"{self.meeting_id!r}; join this meeting first",
+            )
+
+
+class Tokens:
+    """Issues and reads tokens."""
+
+    def __init__(self, key: str, clock: Callable[[], datetime]) -> None:
+        self._key, self._clock = key, clock
+
+    def issue(
+        self,
+        account: str,
+        scopes: frozenset[str],
+        lifetime: timedelta,
+        meeting_id: str | None = None,
+    ) -> tuple[str, datetime]:
+        """A token and when it ends."""
+        now = self._clock()
+        expires = now + lifetime
+        claims: dict[str, object] = {
+            "iss": _ISSUER,
+            "sub": account,
+            "iat": now,
+            "exp": expires,
+            "scope": " ".join(sorted(scopes)),
+        }
+        if meeting_id is not None:
+            claims["meeting"] = meeting_id
+        return jwt.encode(claims, self._key, _ALGORITHM), expires
+
+    def read(self, token: str) -> Principal:
+        """Whose token it is. Raises a 401 problem unless it is one of ours and still good."""
+        try:
+            claims = jwt.decode(
+                token,
+                self._key,
+                [_ALGORITHM],
+                issuer=_ISSUER,
+                options={
+                    "require": ["sub", "exp", "scope"],
+                    "verify_exp": False,
+                    "verify_iat": False,
+                },
+            )
+        except jwt.PyJWTError as error:
+            raise _unauthorized(f"the token must be signed by this server; got: {error}") from error
+        # the clock is ours, so that tests need not wait
+        if float(claims["exp"]) <= self._clock().timestamp():
+            raise _unauthorized("the token must not be over; got one that is; get a new one")
+        return Principal(
+            str(claims["sub"]), frozenset(str(claims["scope"]).split()), claims.get("meeting")
+        )
+
+
+class _HasTokens(Protocol):
+    tokens: Tokens
+
+
+_bearer = HTTPBearer(auto_error=False, description="A token of this server (JWT).")
+
+
+def principal(
+    request: Request,
+    needed: SecurityScopes,
+    credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)],
+) -> Principal:
+    """The caller, who must hold every scope that the route asks for."""
+    if credentials is None:
+        raise _unauthorized(
+            "the request must carry `Authorization: Bearer TOKEN`; got none; get a token first"
+        )
+    services: _HasTokens = request.app.state.services
+    caller = services.tokens.read(credentials.credentials)
+    missing = sorted(set(needed.scopes) - caller.scopes)
+    if missing:
+        raise ProblemError(
+            403,
+            "scope-missing",
+            f"the token must have scope {missing[0]!r}; got {sorted(caller.scopes)}; "
+            "get a token with more scopes",
+            headers={
+                "WWW-Authenticate": f'Bearer error="insufficient_scope", scope="{missing[0]}"'
+            },
+        )
+    return caller
+
+
+Reader = Annotated[Principal, Security(principal, scopes=["read"])]
+"""A caller who may look."""
+Writer = Annotated[Principal, Security(principal, scopes=["write"])]
+"""A caller who may change."""
+Joiner = Annotated[Principal, Security(principal, scopes=["join"])]
+"""A caller who may enter meetings."""
+
+
+def _unauthorized(detail: str) -> ProblemError:
+    return ProblemError(401, "unauthorized", detail, headers={"WWW-Authenticate": "Bearer"})

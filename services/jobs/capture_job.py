@@ -1,0 +1,98 @@
+"""The job that turns an uploaded clip into a stored sequence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from capture.errors import CaptureStopped
+from capture.store import open_sequence, read_quality
+from db.models import JobRow, MotionRow, SequenceKind, SequenceRow, SequenceState
+from db.objects import fetch
+from db.repositories import UnitOfWork
+from scene.sequence import Sequence
+from services.container import Services
+from services.jobs.report import JobStopped, Reporter, encode_preview
+from services.jobs.results import Results
+
+_SHARE_OF_CAPTURE = 0.95
+"""Of the progress bar; the rest is packing and storing."""
+
+
+def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Path) -> None:
+    """Capture the job's sequence in `folder`. Raises CaptureError, JobStopped."""
+    from capture.pipeline import capture_clip
+
+    sequence, person_name = _begin(services, job)
+    source = folder / f"source{_suffix(sequence)}"
+    fetch(services.objects, job.person_id, sequence.source_sha256, source)
+    out = folder / "sequence"
+    try:
+        capture_clip(
+            source,
+            out,
+            person=person_name,
+            pose_model=services.settings.pose_model_source(),
+            on_progress=lambda done, message: reporter.progress(done * _SHARE_OF_CAPTURE, message),
+            should_stop=reporter.should_stop,
+        )
+    except CaptureStopped as stopped:
+        raise JobStopped from stopped
+    reporter.progress(_SHARE_OF_CAPTURE, "storing")
+    source.unlink()
+    _store(services, job, out)
+
+
+def _begin(services: Services, job: JobRow) -> tuple[SequenceRow, str]:
+    if job.sequence_id is None:
+        raise JobStopped
+    with services.unit_of_work() as unit:
+        sequence = unit.sequences.get(job.sequence_id)
+        sequence.state = SequenceState.CAPTURING
+        name = unit.people.get(job.person_id).name
+        unit.commit()
+    return sequence, name
+
+
+def _suffix(sequence: SequenceRow) -> str:
+    if sequence.kind is SequenceKind.FRAMES:
+        return ".zip"
+    return Path(sequence.source_name).suffix.lower() or ".mp4"
+
+
+def _store(services: Services, job: JobRow, folder: Path) -> None:
+    clip = open_sequence(folder)
+    quality = read_quality(folder)
+    with Results(services, job) as results:
+        packed = results.pack(folder)
+        motion = results.put_file(folder / "motion.npz")
+        thumbnail = results.put_bytes(_thumbnail(clip))
+
+        def write(unit: UnitOfWork, row: JobRow) -> str:
+            assert row.sequence_id is not None
+            sequence = unit.sequences.get(row.sequence_id)
+            sequence.state = SequenceState.READY
+            sequence.packed_sha256 = packed.sha256
+            sequence.thumbnail_sha256 = thumbnail.sha256
+            sequence.frames = len(clip.train)
+            sequence.frames_per_second = clip.frames_per_second
+            sequence.duration_s = clip.motion.duration_s
+            sequence.quality = quality
+            unit.motions.add(
+                MotionRow(
+                    person_id=row.person_id,
+                    sequence_id=sequence.id,
+                    frames=len(clip.motion),
+                    duration_s=clip.motion.duration_s,
+                    sha256=motion.sha256,
+                )
+            )
+            return f"captured {len(clip.train)} frames"
+
+        results.hand_in(write)
+
+
+def _thumbnail(clip: Sequence) -> bytes:
+    """The person of the middle frame, cut out over grey."""
+    frame = clip.frame(len(clip.train) // 2)
+    alpha = frame.mask[..., None]
+    return encode_preview(frame.image * alpha + 0.9 * (1.0 - alpha))

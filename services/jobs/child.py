@@ -1,0 +1,102 @@
+"""The process of one job: `python -m services.jobs.child JOB_ID ATTEMPT`.
+
+It is told by its settings (environment), stops on SIGTERM or when its parent is gone (end of its
+standard input), and writes the job's end itself, together with the results, in one transaction.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from db.errors import DatabaseAway, NotFound, StoreAway
+from db.models import JobKind, JobRow, JobState
+from scene.errors import SceneError
+from services.container import Services, build_services
+from services.jobs.capture_job import run_capture
+from services.jobs.events import QUEUE, job_topic
+from services.jobs.queue import Orphan, drop_orphans, finish, give_back
+from services.jobs.report import Claim, JobStopped, Reporter
+from services.jobs.scratch import scratch_folder
+from services.jobs.train_job import run_train
+from services.problems import problem_of
+from services.settings import Settings, load_settings
+
+log = logging.getLogger("services.jobs.child")
+
+Run = Callable[[Services, JobRow, Reporter, Path], None]
+_RUNS: dict[JobKind, Run] = {JobKind.CAPTURE: run_capture, JobKind.TRAIN: run_train}
+
+
+def main(arguments: list[str]) -> int:
+    """Run the job named on the command line. Exit code 0: the job's row says how it ended."""
+    job_id, attempt = arguments[0], int(arguments[1])
+    settings = load_settings()
+    os.nice(settings.job_niceness)
+    logging.basicConfig(
+        level=settings.log_level.upper(), format="%(name)s %(levelname)s %(message)s"
+    )
+    services = build_services(settings)
+    try:
+        return _run(services, settings, job_id, attempt)
+    finally:
+        services.close()
+
+
+def _run(services: Services, settings: Settings, job_id: str, attempt: int) -> int:
+    with services.reading() as unit:
+        job = unit.jobs.get(job_id)
+    if job.state is not JobState.RUNNING or job.attempt != attempt:
+        log.info("job %s is no longer attempt %d's", job_id, attempt)
+        return 0
+    reporter = Reporter(services, Claim(job_id, job.person_id, attempt))
+    signal.signal(signal.SIGTERM, lambda *_: reporter.stop())
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    threading.Thread(target=_stop_with_parent, args=(reporter,), daemon=True).start()
+    try:
+        with scratch_folder(settings.scratch_dir, f"{job_id}-{attempt}") as folder, reporter:
+            _RUNS[job.kind](services, job, reporter, folder)
+    except (StoreAway, DatabaseAway):
+        raise  # not the job's fault: the worker tries again later
+    except Exception as error:
+        if not isinstance(error, (SceneError, JobStopped)):
+            log.exception("job %s failed", job_id)
+        _end(services, job, error)
+    services.events.publish(job_topic(job_id))
+    services.events.publish(QUEUE)
+    return 0
+
+
+def _stop_with_parent(reporter: Reporter) -> None:
+    sys.stdin.buffer.read()
+    reporter.stop()
+
+
+def _end(services: Services, claimed: JobRow, error: Exception) -> None:
+    now = services.clock()
+    orphans: list[Orphan] = []
+    with services.unit_of_work() as unit:
+        try:
+            job = unit.jobs.get(claimed.id)
+        except NotFound:  # erased with its person
+            return
+        if job.state is not JobState.RUNNING or job.attempt != claimed.attempt:
+            return
+        if not isinstance(error, JobStopped):
+            problem = problem_of(error).problem
+            orphans = finish(unit, job, JobState.FAILED, now, error=problem)
+        elif job.cancel_requested:
+            orphans = finish(unit, job, JobState.CANCELLED, now, message="cancelled")
+        else:
+            give_back(job, "interrupted; waiting for a worker")
+        unit.commit()
+    drop_orphans(services, orphans)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,165 @@
+"""What can be done with a job: queue it, cancel it, resume it, give it back, give it up.
+
+A capture that fails or is cancelled takes its sequence with it, since there is nothing to be had
+from it; the job stays and says why. All functions work within the caller's transaction; those that
+end a job return the objects that nothing points at afterwards, for the caller to delete once the
+transaction is committed.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from typing import Any
+
+from db.errors import NotFound
+from db.models import JobKind, JobRow, JobState, SequenceRow, SequenceState, new_id
+from db.repositories import UnitOfWork
+from services.container import Services
+from services.problems import Problem, ProblemError
+
+Orphan = tuple[str, str]
+"""Owner and sha256 of an object."""
+
+
+def enqueue(
+    unit: UnitOfWork,
+    kind: JobKind,
+    sequence: SequenceRow,
+    params: dict[str, Any],
+    now: datetime,
+) -> JobRow:
+    """Queue work on `sequence`."""
+    job = JobRow(
+        id=new_id(),
+        person_id=sequence.person_id,
+        kind=kind,
+        state=JobState.QUEUED,
+        params=params,
+        created_at=now,
+        sequence_id=sequence.id,
+        message="waiting for a worker",
+        progress=0.0,
+        preview_version=0,
+        attempt=0,
+        crashes=0,
+        cancel_requested=False,
+    )
+    unit.jobs.add(job)
+    return job
+
+
+def cancel(unit: UnitOfWork, job: JobRow, now: datetime) -> list[Orphan]:
+    """Cancel at once what waits; ask what runs to stop. Raises a 409 problem for what is over."""
+    if job.state.final:
+        raise ProblemError(
+            409, "job-over", f"a job must be queued or running to be cancelled; got {job.state}"
+        )
+    if job.state is JobState.QUEUED:
+        return finish(unit, job, JobState.CANCELLED, now, message="cancelled")
+    job.cancel_requested = True
+    job.message = "stopping"
+    return []
+
+
+def resume(job: JobRow) -> None:
+    """Queue a cancelled or failed training again; it goes on from its checkpoint.
+
+    Raises a 409 problem for any other job.
+    """
+    resumable = job.kind is JobKind.TRAIN and job.state in (JobState.CANCELLED, JobState.FAILED)
+    if not resumable or job.sequence_id is None:
+        raise ProblemError(
+            409,
+            "not-resumable",
+            "only a cancelled or failed training of a stored sequence can be resumed; got a "
+            f"{job.kind} job that is {job.state}; start a new one",
+        )
+    job.state, job.error, job.finished_at = JobState.QUEUED, None, None
+    job.cancel_requested, job.crashes = False, 0
+    job.message = "waiting for a worker"
+
+
+def give_back(job: JobRow, message: str) -> None:
+    """Queue a running job again, for whoever is free."""
+    job.state, job.worker, job.heartbeat_at = JobState.QUEUED, None, None
+    job.message = message
+
+
+def crashed(
+    unit: UnitOfWork, job: JobRow, reason: str, now: datetime, *, at_most: int
+) -> list[Orphan]:
+    """A running job's process is gone: try again, or give up after `at_most` times."""
+    job.crashes += 1
+    if job.cancel_requested:
+        return finish(unit, job, JobState.CANCELLED, now, message="cancelled")
+    if job.crashes < at_most:
+        give_back(job, f"{reason}; trying again")
+        return []
+    error = ProblemError(
+        500,
+        "worker-died",
+        f"a job's process must live; it died {job.crashes} times, lately: {reason}",
+    )
+    return finish(unit, job, JobState.FAILED, now, error=error.problem)
+
+
+def revive_silent(
+    unit: UnitOfWork, now: datetime, timeout_s: float, *, at_most: int
+) -> tuple[list[str], list[Orphan]]:
+    """Take back running jobs that gave no sign of life for `timeout_s`; says which."""
+    silent = unit.jobs.silent_since(now - timedelta(seconds=timeout_s))
+    orphans: list[Orphan] = []
+    for job in silent:
+        orphans += crashed(unit, job, "its worker went silent", now, at_most=at_most)
+    return [job.id for job in silent], orphans
+
+
+def finish(
+    unit: UnitOfWork,
+    job: JobRow,
+    state: JobState,
+    now: datetime,
+    *,
+    message: str = "",
+    error: Problem | None = None,
+) -> list[Orphan]:
+    """End a job."""
+    job.state, job.finished_at = state, now
+    job.message = (error.detail if error else message)[:500]
+    job.error = error.model_dump() if error else None
+    if state is JobState.SUCCEEDED:
+        job.progress = 1.0
+        return _drop_checkpoint(job)
+    return _discard_sequence(unit, job) if job.kind is JobKind.CAPTURE else []
+
+
+def drop_orphans(services: Services, orphans: list[Orphan]) -> None:
+    """Delete those objects to which no row points (any more)."""
+    for owner, sha256 in orphans:
+        with services.reading() as unit:
+            used = sha256 in unit.references.of_owner(owner)
+        if not used:
+            services.objects.delete(owner, sha256)
+
+
+def _drop_checkpoint(job: JobRow) -> list[Orphan]:
+    if job.checkpoint_sha256 is None:
+        return []
+    orphan = (job.person_id, job.checkpoint_sha256)
+    job.checkpoint_sha256 = None
+    return [orphan]
+
+
+def _discard_sequence(unit: UnitOfWork, job: JobRow) -> list[Orphan]:
+    if job.sequence_id is None:
+        return []
+    try:
+        sequence = unit.sequences.get(job.sequence_id)
+    except NotFound:
+        return []
+    if sequence.state is SequenceState.READY:
+        return []
+    job.sequence_id = None
+    unit.flush()
+    unit.sequences.remove(sequence)
+    return [(sequence.person_id, sequence.source_sha256)]

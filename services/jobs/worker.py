@@ -1,0 +1,205 @@
+"""Claims jobs and runs each in a child process of its own.
+
+A child that crashes, or hangs, or is killed for its memory takes nobody with it; being nicer than
+the gateway, it yields the cores to live meetings. A worker that dies is noticed by the silence of
+its jobs, which others then take over.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+from db.errors import DatabaseError, NotFound
+from db.models import JobKind, JobRow, JobState
+from db.sweep import sweep
+from services.container import Services, build_services
+from services.jobs.events import QUEUE, job_topic
+from services.jobs.queue import Orphan, crashed, drop_orphans, revive_silent
+from services.jobs.scratch import clear_abandoned, clear_scratch
+from services.settings import Settings
+
+log = logging.getLogger(__name__)
+
+_LOOK_S = 0.5
+"""How often children and the queue are looked at."""
+
+
+@dataclass(eq=False)
+class _Child:
+    job_id: str
+    attempt: int
+    process: subprocess.Popen[bytes]
+    asked_to_stop_s: float | None = field(default=None)
+
+
+class Worker:
+    """Runs jobs of some kinds until it is stopped."""
+
+    def __init__(self, services: Services, kinds: Collection[JobKind]) -> None:
+        self._services, self._kinds = services, list(kinds)
+        self._name = f"{socket.gethostname()}:{os.getpid()}"
+        self._children: list[_Child] = []
+        self._swept_s: float | None = None
+
+    def run(self, stop: threading.Event) -> None:
+        """Work until `stop` is set; then let children leave their checkpoints and go."""
+        settings = self._services.settings
+        clear_abandoned(settings.scratch_dir)
+        try:
+            while not stop.is_set():
+                try:
+                    self._look()
+                except DatabaseError as error:
+                    log.warning("the queue can't be read: %s", error)
+                self._services.events.wait(QUEUE, _LOOK_S)
+        finally:
+            self._dismiss()
+
+    def _look(self) -> None:
+        for child in list(self._children):
+            self._watch(child)
+        self._revive()
+        while len(self._children) < self._services.settings.worker_slots:
+            job = self._claim()
+            if job is None:
+                break
+            self._children.append(self._start(job))
+        self._sweep_now_and_then()
+
+    def _claim(self) -> JobRow | None:
+        with self._services.unit_of_work() as unit:
+            job = unit.jobs.claim(self._kinds, self._name, self._services.clock())
+            if job is not None:
+                job.message = "starting"
+            unit.commit()
+        if job is not None:
+            self._services.events.publish(job_topic(job.id))
+        return job
+
+    def _start(self, job: JobRow) -> _Child:
+        log.info("job %s (%s), attempt %d", job.id, job.kind, job.attempt)
+        process = subprocess.Popen(
+            [sys.executable, "-m", "services.jobs.child", job.id, str(job.attempt)],
+            env=self._services.settings.child_environment(),
+            stdin=subprocess.PIPE,  # its end tells the child that we are gone
+            start_new_session=True,
+        )
+        return _Child(job.id, job.attempt, process)
+
+    def _watch(self, child: _Child) -> None:
+        code = child.process.poll()
+        if code is None:
+            if not self._is_wanted(child):
+                self._stop(child)
+            return
+        self._children.remove(child)
+        self._bury(child, code)
+
+    def _is_wanted(self, child: _Child) -> bool:
+        with self._services.reading() as unit:
+            try:
+                job = unit.jobs.get(child.job_id)
+            except NotFound:
+                return False
+        ours = job.state is JobState.RUNNING and job.attempt == child.attempt
+        return ours and not job.cancel_requested
+
+    def _stop(self, child: _Child) -> None:
+        now = time.monotonic()
+        if child.asked_to_stop_s is None:
+            child.asked_to_stop_s = now
+            child.process.terminate()
+        elif now - child.asked_to_stop_s > self._services.settings.job_stop_grace_s:
+            os.killpg(child.process.pid, signal.SIGKILL)
+
+    def _bury(self, child: _Child, code: int) -> None:
+        if child.process.stdin is not None:
+            child.process.stdin.close()
+        clear_scratch(self._services.settings.scratch_dir, f"{child.job_id}-{child.attempt}")
+        orphans: list[Orphan] = []
+        with self._services.unit_of_work() as unit:
+            # locks the row; matches only where the child left no end of its own
+            left = unit.jobs.write(
+                child.job_id, child.attempt, {"heartbeat_at": self._services.clock()}
+            )
+            if left:
+                orphans = crashed(
+                    unit,
+                    unit.jobs.get(child.job_id),
+                    _cause(code),
+                    self._services.clock(),
+                    at_most=self._services.settings.job_crashes,
+                )
+            unit.commit()
+        drop_orphans(self._services, orphans)
+        self._services.events.publish(job_topic(child.job_id))
+
+    def _revive(self) -> None:
+        settings = self._services.settings
+        with self._services.unit_of_work() as unit:
+            revived, orphans = revive_silent(
+                unit,
+                self._services.clock(),
+                settings.job_heartbeat_timeout_s,
+                at_most=settings.job_crashes,
+            )
+            unit.commit()
+        drop_orphans(self._services, orphans)
+        for job_id in revived:
+            log.warning("job %s went silent and was taken back", job_id)
+            self._services.events.publish(job_topic(job_id))
+
+    def _sweep_now_and_then(self) -> None:
+        settings, now = self._services.settings, time.monotonic()
+        if self._swept_s is not None and now - self._swept_s < settings.sweep_interval_s:
+            return
+        self._swept_s = now
+        swept = sweep(self._services.unit_of_work, self._services.objects, self._services.clock())
+        if swept.objects or swept.incoming or swept.uploads:
+            log.info("%s", swept)
+
+    def _dismiss(self) -> None:
+        for child in self._children:
+            child.process.terminate()
+        deadline = time.monotonic() + self._services.settings.job_stop_grace_s
+        for child in self._children:
+            try:
+                code = child.process.wait(max(0.1, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                os.killpg(child.process.pid, signal.SIGKILL)
+                code = child.process.wait()
+            try:
+                self._bury(child, code)
+            except DatabaseError as error:
+                log.warning("job %s stays as it is until it is taken back: %s", child.job_id, error)
+        self._children.clear()
+
+
+def run(settings: Settings, kinds: Collection[JobKind] | None = None) -> None:
+    """A worker process: works until SIGTERM or Ctrl-C."""
+    services = build_services(settings)
+    services.database.migrate()
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        Worker(services, kinds or [JobKind(kind) for kind in settings.worker_kinds]).run(stop)
+    finally:
+        services.close()
+
+
+def _cause(code: int) -> str:
+    if code == -signal.SIGKILL:
+        return "its process was killed, as happens when memory runs out"
+    if code < 0:
+        return f"its process died of {signal.Signals(-code).name}"
+    return f"its process ended with code {code}"

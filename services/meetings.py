@@ -1,0 +1,128 @@
+"""Meetings: who stands where, and who looks on."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from urllib.parse import quote
+
+from db.models import MeetingRow, ModelRow, ParticipantRow, PerformerRow, new_id
+from db.repositories import UnitOfWork
+from services.auth import Principal
+from services.container import Services
+from services.live.room import circle_places, facing_yaw
+from services.problems import ProblemError
+
+DEMO = "demo"
+"""Label of the meeting that the demo shows."""
+MOST_PERFORMERS = 12
+_SEAT_LIFETIME = timedelta(hours=12)
+_LINK_LIFETIME = timedelta(days=7)
+
+
+def create_meeting(
+    services: Services,
+    unit: UnitOfWork,
+    account: str,
+    name: str,
+    models: list[ModelRow],
+    label: str | None = None,
+) -> MeetingRow:
+    """A new meeting with `models` standing in it."""
+    meeting = MeetingRow(
+        id=new_id(), account=account, name=name, label=label, created_at=services.clock()
+    )
+    unit.meetings.add(meeting)
+    unit.flush()
+    for model in models:
+        _add(unit, meeting, model)
+    arrange(services, unit, meeting)
+    return meeting
+
+
+def add_performer(
+    services: Services, unit: UnitOfWork, meeting: MeetingRow, model: ModelRow
+) -> PerformerRow:
+    """One more performer; everybody moves up. Raises a 409 problem when the room is full."""
+    if len(meeting.performers) >= MOST_PERFORMERS:
+        raise ProblemError(
+            409,
+            "meeting-full",
+            f"a meeting must have at most {MOST_PERFORMERS} performers; got one more; "
+            "remove somebody first",
+        )
+    performer = _add(unit, meeting, model)
+    arrange(services, unit, meeting)
+    return performer
+
+
+def remove_performer(
+    services: Services, unit: UnitOfWork, meeting: MeetingRow, performer_id: str
+) -> None:
+    """One performer less. Raises a 404 problem for one who is not there."""
+    found = [one for one in meeting.performers if one.id == performer_id]
+    if not found:
+        raise ProblemError(
+            404,
+            "not-found",
+            f"id must be that of a performer of this meeting; got {performer_id!r}; "
+            "read the meeting to see who is there",
+        )
+    meeting.performers.remove(found[0])
+    arrange(services, unit, meeting)
+
+
+def arrange(services: Services, unit: UnitOfWork, meeting: MeetingRow) -> None:
+    """Place everybody on a circle, facing its middle."""
+    count = len(meeting.performers)
+    if count == 0:
+        return
+    for index, (performer, (place, yaw_rad)) in enumerate(
+        zip(meeting.performers, circle_places(count), strict=True)
+    ):
+        motion = services.models.load_row(unit.models.get(performer.model_id)).motion
+        performer.place = index
+        performer.x_m, performer.y_m, performer.z_m = place
+        performer.yaw_rad = yaw_rad + facing_yaw(motion)
+
+
+def take_seat(
+    services: Services, unit: UnitOfWork, meeting: MeetingRow, caller: Principal, display_name: str
+) -> tuple[ParticipantRow, str]:
+    """A seat in a meeting that is locked for it, and the token that opens its view."""
+    seat = 1 + max((one.seat for one in meeting.participants), default=0)
+    participant = ParticipantRow(
+        id=new_id(), display_name=display_name, seat=seat, joined_at=services.clock()
+    )
+    meeting.participants.append(participant)
+    token, _ = services.tokens.issue(
+        caller.account, frozenset({"join"}), _SEAT_LIFETIME, meeting_id=meeting.id
+    )
+    return participant, token
+
+
+def join_url(services: Services, meeting: MeetingRow) -> str:
+    """The link to send. Where access is not open, it carries a token for this meeting."""
+    settings = services.settings
+    url = f"{settings.public_url.rstrip('/')}/?meeting={quote(meeting.id)}"
+    if settings.open_access:
+        return url
+    token, _ = services.tokens.issue(
+        "invited", frozenset({"join"}), _LINK_LIFETIME, meeting_id=meeting.id
+    )
+    return f"{url}#token={token}"
+
+
+def _add(unit: UnitOfWork, meeting: MeetingRow, model: ModelRow) -> PerformerRow:
+    performer = PerformerRow(
+        id=new_id(),
+        person_id=model.person_id,
+        model_id=model.id,
+        name=unit.people.get(model.person_id).name,
+        place=len(meeting.performers),
+        x_m=0.0,
+        y_m=0.0,
+        z_m=0.0,
+        yaw_rad=0.0,
+    )
+    meeting.performers.append(performer)
+    return performer

@@ -1,0 +1,1 @@
+"""Clips on their way in: received in bounded pieces, checked, stored."""

@@ -1,0 +1,96 @@
+"""What an upload is, told by its bytes and not by its name, and whether it can be used at all."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from capture.archive import PICTURES, read_frames
+from capture.errors import UnreadableClip
+from capture.video import probe_video
+from db.models import SequenceKind
+from scene.motion import Motion
+
+_HEAD_BYTES = 4096
+_MAX_KEYPOINTS_BYTES = 64 << 20
+_LOOKED_AT = 4
+"""Frames of an archive that are decoded at once; capture looks at all."""
+
+_VIDEO_MARKS = (
+    (4, b"ftyp"),  # ISO base media: mp4, mov
+    (0, b"\x1a\x45\xdf\xa3"),  # EBML: webm, mkv
+    (8, b"AVI "),
+    (0, b"\x00\x00\x01\xba"),  # MPEG program stream
+    (0, b"OggS"),
+    (0, b"FLV\x01"),
+    (4, b"moov"),
+    (4, b"mdat"),
+    (4, b"wide"),
+)
+
+
+@dataclass(frozen=True)
+class Checked:
+    """An upload that can be used."""
+
+    kind: SequenceKind
+    motion: Motion | None = None
+    """Of keypoints, which need no capture."""
+
+
+def check_upload(path: Path, name: str) -> Checked:
+    """What `path` holds. Raises CaptureError with the rule that it breaks; `name` is for people."""
+    kind = sniff(path, name)
+    if kind is SequenceKind.KEYPOINTS:
+        from capture.keypoints import read_keypoints
+
+        return Checked(kind, read_keypoints(path))
+    if kind is SequenceKind.FRAMES:
+        _check_archive(path)
+    elif probe_video(path).frames == 0:
+        raise UnreadableClip(f"{name!r} must hold at least one frame; got none; film it again")
+    return Checked(kind)
+
+
+def sniff(path: Path, name: str) -> SequenceKind:
+    """The kind of file that `path` is. Raises UnreadableClip for any other."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+    if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):
+        return SequenceKind.FRAMES
+    if any(head[at : at + len(mark)] == mark for at, mark in _VIDEO_MARKS) or _is_transport(head):
+        return SequenceKind.VIDEO
+    if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")) and _is_json(path):
+        return SequenceKind.KEYPOINTS
+    shown = f"{path.stat().st_size} bytes that begin with {head[:16]!r}" if head else "0 bytes"
+    raise UnreadableClip(
+        f"{name!r} must be a video (mp4, mov, webm, mkv), a zip of frames or keypoints as JSON; "
+        f"got {shown}; export it again"
+    )
+
+
+def _check_archive(path: Path) -> None:
+    read_frames(path, max_frames=_LOOKED_AT, max_side=64)
+    with zipfile.ZipFile(path) as archive:
+        for entry in archive.infolist():
+            if entry.filename.lower().endswith(PICTURES) and entry.file_size == 0:
+                raise UnreadableClip(
+                    f"{entry.filename} must be a picture; got 0 bytes; remove it or save it again"
+                )
+
+
+def _is_transport(head: bytes) -> bool:
+    """MPEG transport stream: a sync byte every 188 bytes."""
+    return len(head) > 376 and all(head[i] == 0x47 for i in (0, 188, 376))
+
+
+def _is_json(path: Path) -> bool:
+    if path.stat().st_size > _MAX_KEYPOINTS_BYTES:
+        return False
+    try:
+        json.loads(path.read_bytes())
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,168 @@
+"""Takes in a checked upload: bytes first, then sequence and capture job in one transaction."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from db.errors import Conflict
+from db.models import (
+    AuditEventRow,
+    JobKind,
+    MotionRow,
+    SequenceKind,
+    SequenceRow,
+    SequenceState,
+    UploadRow,
+    new_id,
+)
+from db.objects import StoredObject, file_chunks
+from db.repositories import UnitOfWork
+from scene.motion import Motion
+from services.container import Services
+from services.jobs.events import QUEUE
+from services.jobs.queue import Orphan, drop_orphans, enqueue
+from services.uploads.check import Checked, check_upload
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """A file that has come whole."""
+
+    person_id: str
+    account: str
+    path: Path
+    filename: str
+    sha256: str
+
+
+def known_sequence(services: Services, person_id: str, sha256: str) -> SequenceRow | None:
+    """The sequence already made of the same bytes: a retry is free."""
+    with services.reading() as unit:
+        return unit.sequences.with_source(person_id, sha256)
+
+
+def take_in(services: Services, arrival: Arrival) -> SequenceRow:
+    """Check and store `arrival`. Where it raises (CaptureError, StoreFull), nothing stays."""
+    name = safe_name(arrival.filename)
+    checked = check_upload(arrival.path, name)
+    put: list[Orphan] = []
+    try:
+        source = _put(services, arrival, file_chunks(arrival.path), put)
+        motion = None
+        if checked.motion is not None:
+            motion = _put(services, arrival, [motion_bytes(checked.motion)], put)
+        with services.unit_of_work() as unit:
+            sequence = _write(services, unit, arrival, name, source, checked, motion)
+            unit.commit()
+    except Conflict:  # the same bytes came twice at once
+        drop_orphans(services, put)
+        known = known_sequence(services, arrival.person_id, arrival.sha256)
+        if known is None:
+            raise
+        return known
+    except BaseException:
+        drop_orphans(services, put)
+        raise
+    services.events.publish(QUEUE)
+    return sequence
+
+
+def end_upload(unit: UnitOfWork, upload: UploadRow) -> list[Orphan]:
+    """Remove an upload's rows; returns its chunks for deletion."""
+    orphans = [(upload.person_id, chunk.sha256) for chunk in upload.chunks]
+    unit.uploads.remove(upload)
+    return orphans
+
+
+def safe_name(filename: str) -> str:
+    """The last part of a file's name, for people and for its suffix only; never a path."""
+    last = PurePosixPath(filename.replace("\\", "/")).name
+    kept = "".join(c for c in last if c.isprintable() and c not in '<>:"|?*')
+    return kept[-255:] or "upload"
+
+
+def motion_bytes(motion: Motion) -> bytes:
+    """A motion as `motion.npz` of a sequence folder."""
+    file = io.BytesIO()
+    np.savez_compressed(
+        file,
+        times_s=motion.times_s,
+        joint_angles=motion.joint_angles,
+        root_translation=motion.root_translation,
+        confidence=motion.confidence,
+    )
+    return file.getvalue()
+
+
+def motion_from_bytes(data: bytes) -> Motion:
+    """The inverse of `motion_bytes`."""
+    with np.load(io.BytesIO(data), allow_pickle=False) as stored:
+        return Motion(
+            stored["times_s"],
+            stored["joint_angles"],
+            stored["root_translation"],
+            stored["confidence"],
+        )
+
+
+def _put(
+    services: Services, arrival: Arrival, chunks: Iterable[bytes], put: list[Orphan]
+) -> StoredObject:
+    stored = services.objects.put(arrival.person_id, chunks)
+    put.append((arrival.person_id, stored.sha256))
+    return stored
+
+
+def _write(
+    services: Services,
+    unit: UnitOfWork,
+    arrival: Arrival,
+    name: str,
+    source: StoredObject,
+    checked: Checked,
+    motion: StoredObject | None,
+) -> SequenceRow:
+    now = services.clock()
+    ready = checked.motion
+    sequence = SequenceRow(
+        id=new_id(),
+        person_id=arrival.person_id,
+        kind=checked.kind,
+        state=SequenceState.READY if ready else SequenceState.UPLOADED,
+        created_at=now,
+        source_name=name,
+        source_sha256=source.sha256,
+        frames=len(ready) if ready else None,
+        duration_s=ready.duration_s if ready else None,
+    )
+    unit.sequences.add(sequence)
+    unit.flush()
+    if ready is not None and motion is not None:
+        span = ready.duration_s
+        sequence.frames_per_second = (len(ready) - 1) / span if span > 0.0 else None
+        unit.motions.add(
+            MotionRow(
+                person_id=arrival.person_id,
+                sequence_id=sequence.id,
+                frames=len(ready),
+                duration_s=span,
+                sha256=motion.sha256,
+            )
+        )
+    if checked.kind is not SequenceKind.KEYPOINTS:
+        enqueue(unit, JobKind.CAPTURE, sequence, {}, now)
+    unit.audit.add(
+        AuditEventRow(
+            person_id=arrival.person_id,
+            at=now,
+            account=arrival.account,
+            action="sequence.uploaded",
+            details={"kind": str(checked.kind), "bytes": source.bytes},
+        )
+    )
+    return sequence

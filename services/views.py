@@ -1,0 +1,103 @@
+"""Renders one view of a model for a request: camera and pose in, an encoded picture out."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from renderer.model import PersonModel
+from scene.arrays import Array, Float
+from scene.camera import Camera, orbit_camera
+from scene.errors import InvalidInput
+from scene.motion import Motion, Pose
+from services.api.shapes import NewView, ViewCamera, ViewPose
+
+_MARGIN = 1.25
+"""The whole person and some air, when the distance is left open."""
+_ENCODERS = {
+    "png": (".png", [cv2.IMWRITE_PNG_COMPRESSION, 4]),
+    "jpeg": (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 92]),
+    "webp": (".webp", [cv2.IMWRITE_WEBP_QUALITY, 92]),
+}
+MEDIA_TYPES = {"png": "image/png", "jpeg": "image/jpeg", "webp": "image/webp"}
+
+
+def render_view(model: PersonModel, motion: Motion, asked: NewView) -> bytes:
+    """The picture that `asked` describes. Raises InvalidInput for a bad camera or pose."""
+    pose = view_pose(motion, asked)
+    camera = view_camera(model, pose, asked.camera, asked.width, asked.height)
+    return encode(model.render(camera, pose), asked.background, asked.format)
+
+
+def view_pose(motion: Motion, asked: NewView) -> Pose:
+    """The pose given, or the motion's at the moment asked for."""
+    if asked.pose is not None:
+        return _own_pose(asked.pose)
+    return motion.pose_at(asked.time_s if asked.time_s is not None else float(motion.times_s[0]))
+
+
+def view_camera(
+    model: PersonModel, pose: Pose, asked: ViewCamera, width: int, height: int
+) -> Camera:
+    """The camera given by matrices, or on its orbit round the person in `pose`."""
+    if asked.intrinsics is not None or asked.world_to_camera is not None:
+        if asked.intrinsics is None or asked.world_to_camera is None or asked.orbit is not None:
+            raise InvalidInput(
+                "camera must be an orbit, or intrinsics and world_to_camera together; got "
+                f"{sorted(asked.model_dump(exclude_none=True))}; leave one of the two out"
+            )
+        intrinsics = _array("intrinsics", asked.intrinsics)
+        return Camera(intrinsics, _array("world_to_camera", asked.world_to_camera), width, height)
+    fov_y_rad = math.radians(asked.fov_deg)
+    joints = model.skeleton.joint_transforms(pose.joint_angles, pose.root_translation)[:, :3, 3]
+    target = 0.5 * (joints.min(axis=0) + joints.max(axis=0))
+    azimuth_deg, elevation_deg, distance_m = 0.0, 5.0, None
+    if asked.orbit is not None:
+        azimuth_deg, elevation_deg = asked.orbit.azimuth_deg, asked.orbit.elevation_deg
+        distance_m = asked.orbit.distance_m
+    if distance_m is None:
+        narrow = min(1.0, width / height)
+        distance_m = 0.5 * _MARGIN * model.skeleton.height_m / math.tan(0.5 * fov_y_rad) / narrow
+    return orbit_camera(
+        target,
+        distance_m,
+        math.radians(azimuth_deg),
+        math.radians(elevation_deg),
+        width,
+        height,
+        fov_y_rad,
+    )
+
+
+def encode(
+    picture: Float[Array, "H W 4"], background: tuple[float, float, float] | None, kind: str
+) -> bytes:
+    """An encoded picture of premultiplied RGBA; a JPEG, which has no alpha, lies on white."""
+    alpha = picture[..., 3:]
+    if background is None and kind == "jpeg":
+        background = (1.0, 1.0, 1.0)
+    if background is not None:
+        flat = picture[..., :3] + (1.0 - alpha) * np.asarray(background, dtype=np.float32)
+        pixels = flat[..., ::-1]
+    else:
+        straight = picture[..., :3] / np.maximum(alpha, 1e-6)
+        pixels = np.concatenate([straight[..., ::-1], alpha], axis=-1)
+    data = (np.clip(pixels, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    suffix, options = _ENCODERS[kind]
+    return cv2.imencode(suffix, np.ascontiguousarray(data), options)[1].tobytes()
+
+
+def _own_pose(asked: ViewPose) -> Pose:
+    return Pose(
+        _array("joint_angles", asked.joint_angles),
+        _array("root_translation", asked.root_translation),
+    )
+
+
+def _array(name: str, value: list) -> Array:
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except ValueError as error:
+        raise InvalidInput(f"{name} must be a full matrix; got rows of unequal length") from error
