@@ -81,7 +81,7 @@ def render(
 ) -> None:
     """Render a model from any side: a picture or a video."""
     from renderer.checkpoint import load_model
-    from services.pictures import camera_path, write_png, write_video
+    from services.video import camera_path, write_png, write_video
 
     person = load_model(model)
     if motion is not None:

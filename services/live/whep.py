@@ -1,0 +1,136 @@
+"""WHEP (draft-ietf-wish-whep): a viewer posts an SDP offer, the answer brings their own view.
+
+`POST /whep/{meeting}` answers 201 with the SDP, `Location` and `ETag`; `DELETE` on the location ends
+the session. The view follows the data channel `view` that the viewer opens (services.live.packets).
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, FastAPI, Request, Response, status
+from fastapi.concurrency import run_in_threadpool
+from prometheus_client import Gauge
+
+from services.auth import Joiner
+from services.container import Provided, Services
+from services.live.room import CastMember
+from services.live.sessions import NoRoom, ViewSessions
+from services.problems import PROBLEMS, ProblemError
+
+router = APIRouter(tags=["meetings"], responses=PROBLEMS)
+
+SDP = "application/sdp"
+LARGEST_OFFER_BYTES = 64 * 1024
+_RETRY_AFTER_S = 5
+VIEWERS = Gauge("metanerf_viewers", "Viewers served live now.")
+RENDER_MS = Gauge("metanerf_render_milliseconds", "Median of the latest renders, ms.")
+
+
+def install(app: FastAPI, services: Services) -> ViewSessions:
+    """Make the view sessions of `app`, and have them told when a cast changes."""
+
+    async def load_cast(meeting_id: str) -> tuple[CastMember, ...]:
+        return await run_in_threadpool(_cast_of, services, meeting_id)
+
+    sessions = ViewSessions(
+        load_cast,
+        time.monotonic,
+        ice_servers=services.settings.ice_servers,
+        max_viewers=services.settings.max_viewers,
+    )
+    app.state.views = sessions
+    app.state.cast_listeners.append(sessions.refresh)
+    app.include_router(router)
+    VIEWERS.set_function(lambda: len(sessions))
+    RENDER_MS.set_function(lambda: _median(sessions.render_milliseconds()))
+    return sessions
+
+
+def _sessions(request: Request) -> ViewSessions:
+    return request.app.state.views
+
+
+Views = Annotated[ViewSessions, Depends(_sessions)]
+
+
+@router.post(
+    "/whep/{meeting_id}",
+    status_code=status.HTTP_201_CREATED,
+    summary="Look into a meeting",
+    response_class=Response,
+    responses={201: {"content": {SDP: {}}, "description": "The SDP answer."}},
+)
+async def look(
+    meeting_id: str, request: Request, services: Provided, views: Views, caller: Joiner
+) -> Response:
+    """One rendered view; the viewer chooses where to stand by the data channel `view`."""
+    caller.require_meeting(meeting_id)
+    sdp_offer = await _read_offer(request)
+    await run_in_threadpool(_require_meeting, services, meeting_id)
+    try:
+        session_id, sdp_answer = await views.open(meeting_id, sdp_offer)
+    except NoRoom as full:
+        headers = {"Retry-After": str(_RETRY_AFTER_S)}
+        raise ProblemError(503, "server-full", str(full), headers=headers) from full
+    headers = {"Location": f"/whep/{meeting_id}/{session_id}", "ETag": f'"{session_id}"'}
+    return Response(sdp_answer, status.HTTP_201_CREATED, headers, media_type=SDP)
+
+
+@router.delete("/whep/{meeting_id}/{session_id}", summary="Look away")
+async def look_away(meeting_id: str, session_id: str, views: Views, caller: Joiner) -> Response:
+    """End the session."""
+    caller.require_meeting(meeting_id)
+    if not await views.close(session_id):
+        raise ProblemError(
+            404,
+            "not-found",
+            f"id must be that of a running session; got {session_id!r}; it may have ended already",
+        )
+    return Response(status_code=status.HTTP_200_OK)
+
+
+async def _read_offer(request: Request) -> str:
+    kind = request.headers.get("content-type", "").partition(";")[0].strip()
+    if kind != SDP:
+        raise ProblemError(
+            415, "unsupported-media-type", f"an offer must be of type {SDP}; got {kind or 'none'!r}"
+        )
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > LARGEST_OFFER_BYTES:
+            raise ProblemError(
+                413, "too-large", f"an offer must be at most {LARGEST_OFFER_BYTES} bytes; got more"
+            )
+    try:
+        return body.decode()
+    except UnicodeDecodeError as error:
+        raise ProblemError(422, "invalid-input", f"an offer must be UTF-8; got {error}") from error
+
+
+def _require_meeting(services: Services, meeting_id: str) -> None:
+    with services.reading() as unit:
+        unit.meetings.get(meeting_id)
+
+
+def _cast_of(services: Services, meeting_id: str) -> tuple[CastMember, ...]:
+    with services.reading() as unit:
+        performers = list(unit.meetings.get(meeting_id).performers)
+        rows = [unit.models.get(performer.model_id) for performer in performers]
+    return tuple(
+        CastMember(
+            performer.id,
+            performer.name,
+            services.models.load_row(row),
+            (performer.x_m, performer.y_m, performer.z_m),
+            performer.yaw_rad,
+        )
+        for performer, row in zip(performers, rows, strict=True)
+    )
+
+
+def _median(values: list[float]) -> float:
+    ordered = sorted(values)
+    return ordered[len(ordered) // 2] if ordered else 0.0

@@ -1,0 +1,123 @@
+"""Pictures and videos on disk, each whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+
+from renderer.model import PersonModel
+from scene.arrays import Array, Float, UInt8
+from scene.camera import Camera, orbit_camera
+from scene.errors import InvalidInput
+from scene.motion import Motion, Pose
+from services.live.room import facing_yaw, to_and_fro
+
+FRAMES_PER_SECOND = 30
+BACKDROP = (0.93, 0.93, 0.93)
+"""sRGB behind a person who is shown alone."""
+_SIDES = {"front": 0.0, "left": 90.0, "back": 180.0, "right": -90.0}
+_FIELD_OF_VIEW_RAD = 0.6
+
+
+def person_camera(
+    model: PersonModel,
+    pose: Pose,
+    azimuth_deg: float,
+    elevation_deg: float,
+    distance_m: float | None,
+    width: int,
+    height: int,
+    fov_rad: float = _FIELD_OF_VIEW_RAD,
+) -> Camera:
+    """A camera on a sphere round the person; azimuth 0 is in front of how they mostly face."""
+    joints = model.skeleton.joint_transforms(pose.joint_angles, pose.root_translation)[:, :3, 3]
+    centre = joints.mean(axis=0)
+    centre[1] = 0.5 * (joints[:, 1].min() + joints[:, 1].max())
+    reach = 0.62 * model.skeleton.height_m
+    distance = distance_m or reach / np.tan(0.5 * fov_rad)
+    azimuth = np.deg2rad(azimuth_deg) - facing_yaw(model.motion)
+    return orbit_camera(
+        centre, distance, azimuth, np.deg2rad(elevation_deg), width, height, fov_rad
+    )
+
+
+def camera_path(
+    model: PersonModel,
+    motion: Motion,
+    camera: str,
+    size: int,
+    distance_m: float | None,
+    start_s: float,
+    length_s: float,
+) -> Iterator[UInt8[Array, "H W 3"]]:
+    """Pictures of a path: `orbit` goes round once; a side, or `AZIMUTH,ELEVATION`, stands still.
+
+    Raises InvalidInput for a camera that is none of these.
+    """
+    azimuth_deg, elevation_deg, turns = _parse_camera(camera)
+    count = max(1, round(length_s * FRAMES_PER_SECOND))
+    middle = motion.pose_at(start_s + float(motion.times_s[0]))
+    for frame in range(count):
+        pose = to_and_fro(motion, start_s + frame / FRAMES_PER_SECOND)
+        view = person_camera(
+            model, middle, azimuth_deg + turns * 360.0 * frame / count, elevation_deg,
+            distance_m, size, size,
+        )  # fmt: skip
+        yield over_backdrop(model.render(view, pose))
+
+
+def over_backdrop(
+    rgba: Float[Array, "H W 4"], backdrop: tuple[float, float, float] = BACKDROP
+) -> UInt8[Array, "H W 3"]:
+    """sRGB bytes of a premultiplied picture over a plain colour."""
+    shown = rgba[..., :3] + (1.0 - rgba[..., 3:]) * np.array(backdrop, np.float32)
+    return (np.clip(shown, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+
+def write_png(path: Path, picture: UInt8[Array, "H W 3"]) -> None:
+    """Write one picture."""
+    _, data = cv2.imencode(".png", picture[..., ::-1])
+    part = path.with_name(path.name + ".part")
+    part.write_bytes(data.tobytes())
+    part.replace(path)
+
+
+def write_video(
+    path: Path, pictures: Iterator[UInt8[Array, "H W 3"]], on_frame: Callable[[int], None]
+) -> None:
+    """Write an H.264 MP4 of 30 frames/s; `on_frame` is told each finished frame's number."""
+    part = path.with_name(path.name + ".part")
+    try:
+        with av.open(str(part), "w", format="mp4") as container:
+            stream = container.add_stream("libx264", rate=FRAMES_PER_SECOND)
+            stream.pix_fmt, stream.options = "yuv420p", {"crf": "18", "preset": "veryfast"}
+            for number, picture in enumerate(pictures):
+                if number == 0:
+                    stream.height, stream.width = (side - side % 2 for side in picture.shape[:2])
+                even = np.ascontiguousarray(picture[: stream.height, : stream.width])
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
+                on_frame(number + 1)
+            container.mux(stream.encode())
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _parse_camera(camera: str) -> tuple[float, float, float]:
+    """Azimuth and elevation (degrees), and how often the camera goes round."""
+    if camera == "orbit":
+        return 0.0, 5.0, 1.0
+    if camera in _SIDES:
+        return _SIDES[camera], 5.0, 0.0
+    try:
+        azimuth_deg, elevation_deg = (float(part) for part in camera.split(","))
+    except ValueError as error:
+        raise InvalidInput(
+            f"camera must be orbit, {', '.join(_SIDES)} or AZIMUTH,ELEVATION in degrees; "
+            f"got {camera!r}"
+        ) from error
+    return azimuth_deg, elevation_deg, 0.0
