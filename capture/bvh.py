@@ -25,6 +25,9 @@ _CHILD_OF = {"left_hip": "left_knee", "left_knee": "left_ankle", "left_shoulder"
              "right_shoulder": "right_elbow", "right_elbow": "right_wrist"}  # fmt: skip
 """Limbs, whose direction at rest differs between skeletons; trunks all stand upright."""
 
+_CONTINUES = {"wrist": "elbow", "ankle": "knee", "foot": "knee"}
+"""Hands and feet turn with the limb they end: where legs are apart at rest, so are the soles."""
+
 _SIDED = {
     "MB": {"hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase",
            "collar": "Shoulder", "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand"},
@@ -94,9 +97,9 @@ def parse_bvh(text: str) -> Bvh:
 
 
 def read_bvh(path: Path, skeleton: Skeleton) -> Motion:
-    """The motion in `path` on `skeleton`: limbs by direction, feet on the floor, start at x = z = 0.
+    """The motion in `path` on `skeleton`: limbs by direction, feet on the floor, from x = z = 0.
 
-    A file `tpose/<name>.tpose.bvh` beside it gives the rest pose, where the clip's zero pose is none.
+    A file `tpose/<name>.tpose.bvh` beside it gives the rest pose where the zero pose is no T-pose.
     Raises BrokenMotionCapture for an unreadable file or an unknown skeleton.
     """
     try:
@@ -142,10 +145,9 @@ def retarget(clip: Bvh, rest: Bvh, family: str, skeleton: Skeleton) -> Motion:
 
 def _to_t_pose(name: str, mapped: dict[str, int], rest: Array, skeleton: Skeleton) -> Array:
     """The rotation that takes the limb `name` from the file's rest pose to our T-pose."""
-    if name.endswith("wrist"):  # a hand goes on in the direction of its forearm
-        child, name = name, name.replace("wrist", "elbow")
-    else:
-        child = _CHILD_OF.get(name, "")
+    for end, limb in _CONTINUES.items():
+        name = name.replace(end, limb)
+    child = _CHILD_OF.get(name, "")
     if child not in mapped:
         return np.eye(3)
     start, end = JOINT_NAMES.index(name), JOINT_NAMES.index(child)
@@ -154,10 +156,12 @@ def _to_t_pose(name: str, mapped: dict[str, int], rest: Array, skeleton: Skeleto
 
 
 def _on_the_floor(motion: Motion, skeleton: Skeleton) -> Motion:
-    """Lower or lift the clip so that the feet, at their lowest in most frames, stand at rest height."""
-    joints = skeleton.joint_transforms(motion.joint_angles, motion.root_translation)[..., 1, 3]
-    feet = [JOINT_NAMES.index(n) for n in ("left_ankle", "right_ankle")]
-    drop = np.percentile(joints[:, feet].min(axis=1), 20) - skeleton.rest_joints[feet, 1].min()
+    """Lower or lift the clip so that heels and toes, at their lowest in most frames, stand at rest
+    height."""
+    heights = skeleton.joint_transforms(motion.joint_angles, motion.root_translation)[..., 1, 3]
+    feet = [i for i, name in enumerate(JOINT_NAMES) if name.endswith(("ankle", "foot"))]
+    above_rest = heights[:, feet] - skeleton.rest_joints[feet, 1]
+    drop = np.percentile(above_rest.min(axis=1), 20)
     root = motion.root_translation - [0.0, drop, 0.0]
     return Motion(motion.times_s, motion.joint_angles, root, motion.confidence)
 
