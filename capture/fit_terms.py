@@ -1,0 +1,175 @@
+"""The body in torch, and the terms of the clip-wide fit. Batched over frames, float32.
+
+Frame of the fit ("seen"): y up, z towards the camera, origin at the camera, so that a person who faces
+the camera faces +z as at rest. F frames, J = 24 joints, L = 33 landmarks, V sampled vertices.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from scene.arrays import Array, Float, Tensor
+from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
+
+_J = {name: index for index, name in enumerate(JOINT_NAMES)}
+
+
+def _levels() -> list[tuple[list[int], list[int]]]:
+    """Joints and their parents by depth in the tree: nine steps instead of 24."""
+    depth = [0] * JOINT_COUNT
+    for joint in range(1, JOINT_COUNT):
+        depth[joint] = depth[PARENTS[joint]] + 1
+    levels = []
+    for d in range(1, max(depth) + 1):
+        joints = [j for j in range(JOINT_COUNT) if depth[j] == d]
+        levels.append((joints, [PARENTS[j] for j in joints]))
+    return levels
+
+
+LEVELS = _levels()
+
+
+def rotation_matrices(axis_angle: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
+    """Rodrigues' formula, differentiable at zero too."""
+    x, y, z = axis_angle.unbind(-1)
+    zero = torch.zeros_like(x)
+    cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*x.shape, 3, 3)
+    angle = (axis_angle.square().sum(-1) + 1e-12).sqrt()[..., None, None]
+    sine, versine = torch.sinc(angle / math.pi), 0.5 * torch.sinc(angle / (2.0 * math.pi)) ** 2
+    return torch.eye(3) + sine * cross + versine * (cross @ cross)
+
+
+def forward(
+    rotations: Float[Tensor, "F 24 3 3"], root: Float[Tensor, "F 3"], rest: Float[Tensor, "24 3"]
+) -> tuple[Float[Tensor, "F 24 3 3"], Float[Tensor, "F 24 3"]]:
+    """World rotations and positions of all joints; `root` is the place of joint 0 itself."""
+    frames = rotations.shape[0]
+    turned = [rotations.new_empty(frames, 3, 3)] * JOINT_COUNT
+    placed = [root] * JOINT_COUNT
+    turned[0] = rotations[:, 0]
+    for joints, parents in LEVELS:
+        above = torch.stack([turned[p] for p in parents], 1)
+        bones = (rest[joints] - rest[parents])[None, :, :, None]
+        own = above @ rotations[:, joints]
+        places = torch.stack([placed[p] for p in parents], 1) + (above @ bones)[..., 0]
+        for i, joint in enumerate(joints):
+            turned[joint], placed[joint] = own[:, i], places[:, i]
+    return torch.stack(turned, 1), torch.stack(placed, 1)
+
+
+def rigid_points(
+    turned: Float[Tensor, "F 24 3 3"],
+    placed: Float[Tensor, "F 24 3"],
+    rest_joints: Float[Tensor, "24 3"],
+    points: Float[Tensor, "N 3"],
+    joints: Tensor,
+) -> Float[Tensor, "F N 3"]:
+    """Rest `points`, each moved rigidly with its own joint."""
+    local = (points - rest_joints[joints])[None, :, :, None]
+    return placed[:, joints] + (turned[:, joints] @ local)[..., 0]
+
+
+def skinned_points(
+    turned: Float[Tensor, "F 24 3 3"],
+    placed: Float[Tensor, "F 24 3"],
+    rest_joints: Float[Tensor, "24 3"],
+    points: Float[Tensor, "V 3"],
+    weights: Float[Tensor, "V 24"],
+) -> Float[Tensor, "F V 3"]:
+    """Rest `points` by linear blend skinning."""
+    shift = placed - (turned @ rest_joints[None, :, :, None])[..., 0]
+    blended = torch.einsum("vk,fkij->fvij", weights, turned)
+    moved = torch.einsum("vk,fki->fvi", weights, shift)
+    return (blended @ points[None, :, :, None])[..., 0] + moved
+
+
+def project(
+    points: Float[Tensor, "*batch 3"], focal_px: Tensor, centre: Float[Tensor, "2"]
+) -> Float[Tensor, "*batch 2"]:
+    """Pixels of points of the seen frame; points at the camera are kept finite."""
+    depth = (-points[..., 2:]).clamp_min(0.05)
+    flipped = points[..., :2] * torch.tensor([1.0, -1.0])
+    return centre + focal_px * flipped / depth
+
+
+def robust(squared: Tensor) -> Tensor:
+    """Pseudo-Huber of a squared residual in units of its deviation: quadratic, then linear."""
+    return 2.0 * ((1.0 + squared).sqrt() - 1.0)
+
+
+def very_robust(squared: Tensor, width: float) -> Tensor:
+    """Geman-McClure: residuals beyond `width` deviations have no pull left."""
+    return squared / (1.0 + squared / width**2)
+
+
+@dataclass(frozen=True)
+class PosePrior:
+    """How far each joint leaves its rest, and which way it can't bend at all."""
+
+    mean: Float[Tensor, "24 3"]
+    deviation: Float[Tensor, "24 3"]
+    """rad, axis-angle components in the T-pose's axes."""
+
+    def energy(self, angles: Float[Tensor, "F 24 3"]) -> Float[Tensor, "F"]:
+        """Gaussian about the mean, and walls at the hinges' ends."""
+        spread = ((angles - self.mean) / self.deviation)[:, 1:].square().sum((1, 2))
+        return spread + _hinge_walls(angles)
+
+
+def pose_prior() -> PosePrior:
+    """Deviations of everyday motion; elbows and knees are hinges with some twist."""
+    mean, deviation = torch.zeros(JOINT_COUNT, 3), torch.full((JOINT_COUNT, 3), 0.25)
+    wide = {"neck": 0.35, "head": 0.35, "collar": 0.2, "shoulder": 1.0, "wrist": 0.45,
+            "hip": 0.8, "ankle": 0.35, "foot": 0.12, "hand": 0.05}  # fmt: skip
+    for name, index in _J.items():
+        part = name.split("_")[-1]
+        if part in wide:
+            deviation[index] = wide[part]
+    for side, out in (("left", 1.0), ("right", -1.0)):
+        mean[_J[f"{side}_shoulder"], 2] = -out * 1.0  # arms hang rather than stand out
+        deviation[_J[f"{side}_elbow"]] = torch.tensor([0.6, 1.5, 0.12])
+        deviation[_J[f"{side}_knee"]] = torch.tensor([1.5, 0.15, 0.1])
+        deviation[_J[f"{side}_hip"], 1] = 0.4
+    return PosePrior(mean, deviation)
+
+
+def _hinge_walls(angles: Tensor) -> Tensor:
+    """Elbows and knees neither overstretch nor close beyond about 150 degrees."""
+    bends = torch.stack(
+        [
+            -angles[:, _J["left_elbow"], 1],
+            angles[:, _J["right_elbow"], 1],
+            angles[:, _J["left_knee"], 0],
+            angles[:, _J["right_knee"], 0],
+        ],
+        1,
+    )
+    over = torch.relu(-bends) + torch.relu(bends - 2.6)
+    return (over / 0.05).square().sum(1)
+
+
+def unsteadiness(
+    joints: Float[Tensor, "F J 3"], before: Tensor, after: Tensor, deviation_m_s2: float
+) -> Float[Tensor, "F J"]:
+    """Robust acceleration energy of frames 1..F-2; `before`, `after` are the steps in time, s.
+
+    Frames at a cut have an infinite step and no energy.
+    """
+    if len(joints) < 3:
+        return joints.new_zeros(0, joints.shape[1])
+    speed = (joints[1:] - joints[:-1]) / before[:, None, None]
+    acceleration = (speed[1:] - speed[:-1]) / after[:, None, None]
+    return robust((acceleration / deviation_m_s2).square().sum(-1))
+
+
+def time_steps(times_s: Array, takes: Array) -> tuple[Tensor, Tensor]:
+    """Steps between neighbours [F-1] and between their middles [F-2], s; infinite at cuts."""
+    steps = np.diff(times_s)
+    middles = 0.5 * (steps[1:] + steps[:-1])
+    cut = np.diff(takes) != 0
+    middles = np.where(cut[1:] | cut[:-1], np.inf, middles)
+    return torch.tensor(steps, dtype=torch.float32), torch.tensor(middles, dtype=torch.float32)

@@ -1,0 +1,247 @@
+"""From a clip to a sequence folder: read, follow, cut out, fit, place, judge, write."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from capture.archive import read_frames
+from capture.body import load_body_model
+from capture.errors import NoPersonFound, UnreadableClip
+from capture.fit import Fit, fit_clip
+from capture.fit_world import Placed, place_in_world
+from capture.landmarks import MediaPipeEstimator, PoseEstimator
+from capture.masks import refine_mask
+from capture.pose_model import PoseModelSource, pose_model_file
+from capture.quality import CaptureQuality, Seen, judge
+from capture.store import write_sequence
+from capture.tracking import Track, follow
+from capture.video import MAX_FRAMES, Clip, read_video
+from scene.arrays import Array, Float, UInt8
+from scene.camera import Camera
+from scene.errors import InvalidInput
+from scene.sequence import Frame
+
+SIZE_PX = 512
+"""Longest side of the stored frames."""
+MIN_FRAMES = 8
+"""Fewer frames with the person say too little about a body."""
+MIN_FOUND = 0.25
+"""Share of the sampled frames in which the person must be found."""
+_CROP_MARGIN = 0.06
+_ZIP_MAGIC = b"PK"
+
+Progress = Callable[[float, str], None]
+Stop = Callable[[], bool]
+
+
+@dataclass(frozen=True)
+class _Stages:
+    """Reports the progress of each stage as a part of the whole, and asks whether to stop."""
+
+    on_progress: Progress
+    should_stop: Stop
+
+    def part(self, start: float, end: float, message: str) -> Callable[[float], None]:
+        self.on_progress(start, message)
+        return lambda done: self.on_progress(start + (end - start) * done, message)
+
+
+def capture_clip(
+    path: Path,
+    out: Path,
+    *,
+    person: str,
+    pose_model: PoseModelSource | Path | None = None,
+    estimator: PoseEstimator | None = None,
+    max_frames: int = MAX_FRAMES,
+    size: int = SIZE_PX,
+    focal_px: float | None = None,
+    on_progress: Progress = lambda *_: None,
+    should_stop: Stop = lambda: False,
+) -> CaptureQuality:
+    """Capture a video, or a folder or zip of frames, whichever `path` is, into the folder `out`.
+
+    Args:
+        person: name stored with the sequence.
+        pose_model: where MediaPipe's model file is; not needed with an `estimator` of one's own.
+        estimator: finds landmarks and masks instead of MediaPipe.
+        max_frames: frames used, spread evenly over the clip.
+        size: longest side of the stored frames, px; never enlarged.
+        focal_px: focal length of the clip's own pixels where known; else it is estimated.
+        on_progress: called with the share done and what is being done.
+        should_stop: asked often; CaptureStopped follows.
+
+    Returns the quality report, which is stored too. Raises UnreadableClip, NoPersonFound,
+    PoseModelMissing, CaptureStopped, BrokenSequence if `out` exists; nothing is left behind then.
+    """
+    stages = _Stages(on_progress, should_stop)
+    read = read_frames if path.is_dir() or _is_zip(path) else read_video
+    clip = read(
+        path,
+        max_frames=max_frames,
+        on_progress=stages.part(0.0, 0.08, "reading the clip"),
+        should_stop=should_stop,
+    )
+    if len(clip.images) < MIN_FRAMES:
+        raise UnreadableClip(
+            f"{path.name} must have at least {MIN_FRAMES} frames; got {len(clip.images)}; film 10 "
+            "seconds or more"
+        )
+    if estimator is not None:
+        track = _follow(clip, estimator, stages)
+    elif pose_model is not None:
+        with MediaPipeEstimator(pose_model_file(pose_model)) as own:
+            track = _follow(clip, own, stages)
+    else:
+        raise InvalidInput("capture must be given a pose_model or an estimator; got neither")
+    return _capture(clip, track, out, person, path.name, size, focal_px, stages)
+
+
+def capture_video(path: Path, out: Path, *, person: str, **options) -> CaptureQuality:
+    """Capture a video file; see `capture_clip`."""
+    if path.is_dir():
+        raise UnreadableClip(f"a video must be a file; got the folder {path}; use capture_frames")
+    return capture_clip(path, out, person=person, **options)
+
+
+def capture_frames(path: Path, out: Path, *, person: str, **options) -> CaptureQuality:
+    """Capture a folder or zip of frames; see `capture_clip`."""
+    if not path.is_dir() and not _is_zip(path):
+        raise UnreadableClip(f"frames must be in a folder or a zip; got {path.name}; zip them")
+    return capture_clip(path, out, person=person, **options)
+
+
+def _is_zip(path: Path) -> bool:
+    if path.suffix.lower() == ".zip":
+        return True
+    try:
+        with path.open("rb") as file:
+            return file.read(2) == _ZIP_MAGIC
+    except OSError:
+        return False
+
+
+def _follow(clip: Clip, estimator: PoseEstimator, stages: _Stages) -> Track:
+    track = follow(
+        clip.images,
+        estimator,
+        on_progress=stages.part(0.08, 0.3, "finding the person"),
+        should_stop=stages.should_stop,
+    )
+    found = int(track.found.sum())
+    needed = max(MIN_FRAMES, int(np.ceil(MIN_FOUND * len(clip.images))))
+    if found < needed:
+        raise NoPersonFound(
+            f"the person must be seen in at least {needed} of {len(clip.images)} frames; got "
+            f"{found}; keep one person inside the picture, well lit"
+        )
+    return track
+
+
+def _capture(
+    clip: Clip,
+    track: Track,
+    out: Path,
+    person: str,
+    source: str,
+    size: int,
+    focal_px: float | None,
+    stages: _Stages,
+) -> CaptureQuality:
+    report = stages.part(0.3, 0.38, "cutting out the person")
+    masks: list[Float[Array, "H W"] | None] = []
+    for index, found in enumerate(track.people):
+        masks.append(None if found is None else refine_mask(clip.images[index], found))
+        report((index + 1) / len(track.people))
+    height, width = clip.images[0].shape[:2]
+    scale = max(height, width) / max(clip.source_size)
+    fit = fit_clip(
+        track.people,
+        masks,
+        clip.times_s,
+        track.takes,
+        load_body_model(),
+        focal_px=None if focal_px is None else focal_px * scale,
+        on_progress=stages.part(0.38, 0.92, "fitting the body"),
+        should_stop=stages.should_stop,
+    )
+    placed = place_in_world(fit, load_body_model().body(fit.shape), clip.times_s)
+    seen = _stored_frames(clip, track, masks, fit, placed, size)
+    report = stages.part(0.92, 1.0, "writing the sequence")
+    quality = judge(seen)
+    write_sequence(
+        out,
+        person=person,
+        frames_per_second=clip.frames_per_second,
+        body=placed.body,
+        train=_frames(seen, report),
+        confidence=seen.motion.confidence,
+        source=source,
+        exact_poses=False,
+        quality=quality.as_json(),
+    )
+    return quality
+
+
+def _stored_frames(
+    clip: Clip, track: Track, masks: list, fit: Fit, placed: Placed, size: int
+) -> Seen:
+    """The frames in which the person was found, cropped around them all and made smaller."""
+    height, width = clip.images[0].shape[:2]
+    kept = np.flatnonzero(track.found)
+    x, y, w, h = _crop([masks[i] for i in kept], width, height)
+    scale = min(1.0, size / max(w, h))
+    target = (max(1, round(w * scale)), max(1, round(h * scale)))
+
+    def small(picture: Array) -> Array:
+        return cv2.resize(picture[y : y + h, x : x + w], target, interpolation=cv2.INTER_AREA)
+
+    intrinsics = np.array(
+        [[fit.focal_px, 0.0, 0.5 * width], [0.0, fit.focal_px, 0.5 * height], [0.0, 0.0, 1.0]]
+    )
+    camera = Camera(intrinsics, placed.world_to_camera, width, height)
+    motion = placed.motion
+    images: list[UInt8[Array, "h w 3"]] = [small(clip.images[i]) for i in kept]
+    return Seen(
+        images,
+        [small(masks[i]) for i in kept],
+        camera.cropped(x, y, w, h).resized(*target),
+        placed.body,
+        type(motion)(
+            motion.times_s[kept],
+            motion.joint_angles[kept],
+            motion.root_translation[kept],
+            motion.confidence[kept],
+        ),
+        fit.landmark_error_px[kept] * scale,
+        len(clip.images) - len(kept),
+        track.takes[-1] + 1,
+        placed.legs_seen,
+    )
+
+
+def _crop(masks: list[Array], width: int, height: int) -> tuple[int, int, int, int]:
+    """x, y, width, height of the window that holds the person in all frames."""
+    ever = np.max([mask > 0.1 for mask in masks], axis=0)
+    rows, columns = np.flatnonzero(ever.any(axis=1)), np.flatnonzero(ever.any(axis=0))
+    if not len(rows):
+        raise NoPersonFound(
+            "the person's mask must not be empty; got nothing in any frame; film against a plain, "
+            "well lit background"
+        )
+    margin = int(np.ceil(_CROP_MARGIN * max(len(rows), len(columns))))
+    x0, y0 = max(0, int(columns[0]) - margin), max(0, int(rows[0]) - margin)
+    x1, y1 = min(width, int(columns[-1]) + 1 + margin), min(height, int(rows[-1]) + 1 + margin)
+    return x0, y0, x1 - x0, y1 - y0
+
+
+def _frames(seen: Seen, report: Callable[[float], None]) -> Iterator[Frame]:
+    for index, image in enumerate(seen.images):
+        report(index / len(seen.images))
+        pixels = image.astype(np.float32) / np.float32(255.0)
+        yield Frame(pixels, seen.masks[index], seen.camera, seen.motion.pose(index))
