@@ -243,5 +243,7 @@ def _crop(masks: list[Array], width: int, height: int) -> tuple[int, int, int, i
 def _frames(seen: Seen, report: Callable[[float], None]) -> Iterator[Frame]:
     for index, image in enumerate(seen.images):
         report(index / len(seen.images))
-        pixels = image.astype(np.float32) / np.float32(255.0)
-        yield Frame(pixels, seen.masks[index], seen.camera, seen.motion.pose(index))
+        mask = seen.masks[index]
+        # only the person is kept: what stands behind them at home is nobody's business
+        pixels = image.astype(np.float32) / np.float32(255.0) * mask[..., None]
+        yield Frame(pixels, mask, seen.camera, seen.motion.pose(index))

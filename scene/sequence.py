@@ -25,7 +25,7 @@ class Frame:
     """One moment seen by one camera."""
 
     image: Float[Array, "H W 3"]
-    """sRGB in [0, 1]."""
+    """The person over black: sRGB in [0, 1], premultiplied by `mask`."""
     mask: Float[Array, "H W"]
     """Soft alpha of the person in [0, 1]."""
     camera: Camera
@@ -47,7 +47,7 @@ class FrameSource(Protocol):
         ...
 
     def image(self, index: int) -> Float[Array, "H W 3"]:
-        """float32 sRGB in [0, 1]."""
+        """float32 sRGB in [0, 1], premultiplied by the mask."""
         ...
 
     def mask(self, index: int) -> Float[Array, "H W"]:

@@ -16,6 +16,7 @@ from services import metrics, page, problems
 from services.api import access, jobs, meetings, models, operation, people, sequences, uploads
 from services.container import Services, build_services
 from services.jobs.worker import Worker
+from services.live import whep
 from services.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -73,6 +74,7 @@ def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
         )
     for router in ROUTERS:
         app.include_router(router)
+    whep.install(app, made)
     page.install(app, settings.client_dir)
     return app
 
@@ -93,6 +95,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         yield
     finally:
         stop.set()
+        await app.state.views.close_all()
         if worker is not None:
             await run_in_threadpool(worker.join)
         services.close()

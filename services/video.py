@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-import av
 import cv2
 import numpy as np
 
+from capture.overlay import write_video
 from renderer.model import PersonModel
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera, orbit_camera
@@ -86,22 +86,11 @@ def write_png(path: Path, picture: UInt8[Array, "H W 3"]) -> None:
     part.replace(path)
 
 
-def write_video(
-    path: Path, pictures: Iterator[UInt8[Array, "H W 3"]], on_frame: Callable[[int], None]
-) -> None:
-    """Write an H.264 MP4 of 30 frames/s; `on_frame` is told each finished frame's number."""
-    part = path.with_name(path.name + ".part")
+def write_mp4(path: Path, pictures: Iterable[UInt8[Array, "H W 3"]]) -> None:
+    """Write an H.264 MP4 of 30 frames/s."""
+    part = path.with_name(f"{path.stem}.part.mp4")
     try:
-        with av.open(str(part), "w", format="mp4") as container:
-            stream = container.add_stream("libx264", rate=FRAMES_PER_SECOND)
-            stream.pix_fmt, stream.options = "yuv420p", {"crf": "18", "preset": "veryfast"}
-            for number, picture in enumerate(pictures):
-                if number == 0:
-                    stream.height, stream.width = (side - side % 2 for side in picture.shape[:2])
-                even = np.ascontiguousarray(picture[: stream.height, : stream.width])
-                container.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
-                on_frame(number + 1)
-            container.mux(stream.encode())
+        write_video(pictures, part, FRAMES_PER_SECOND)
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)

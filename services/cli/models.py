@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from scene.arrays import Array, UInt8
 from scene.errors import InvalidInput
-from services.cli.terminal import progress_bar, seconds, stop_on_interrupt
+from services.cli.terminal import Report, progress_bar, seconds, stop_on_interrupt
 
 app = typer.Typer()
+
+Picture = UInt8[Array, "H W 3"]
 
 ModelPath = Annotated[Path, typer.Argument(help="A trained model (.safetensors).")]
 SequencePath = Annotated[Path, typer.Argument(help="A sequence folder, as capture or studio make.")]
@@ -81,7 +85,7 @@ def render(
 ) -> None:
     """Render a model from any side: a picture or a video."""
     from renderer.checkpoint import load_model
-    from services.video import camera_path, write_png, write_video
+    from services.video import FRAMES_PER_SECOND, camera_path, write_mp4, write_png
 
     person = load_model(model)
     if motion is not None:
@@ -94,12 +98,18 @@ def render(
     if out.suffix == ".png":
         write_png(out, next(frames))
     elif out.suffix == ".mp4":
-        total = max(1, round(seconds(length) * 30))
+        total = max(1, round(seconds(length) * FRAMES_PER_SECOND))
         with progress_bar("rendering") as report:
-            write_video(out, frames, on_frame=lambda n: report(n / total, f"frame {n}"))
+            write_mp4(out, _told(frames, total, report))
     else:
         raise InvalidInput(f"--out must end in .png or .mp4; got {out.name!r}")
     typer.echo(str(out))
+
+
+def _told(frames: Iterator[Picture], total: int, report: Report) -> Iterator[Picture]:
+    for number, frame in enumerate(frames, start=1):
+        report(number / total, f"frame {number} of {total}")
+        yield frame
 
 
 @app.command()

@@ -26,11 +26,11 @@ def capture(
     """Turn one clip of one person into a sequence: masks, camera, body and motion."""
     from capture.pipeline import capture_clip
     from capture.webcam import record_webcam
-    from services.settings import Settings
+    from services.settings import load_settings
 
     if (source is None) == (webcam is None):
         raise InvalidInput("capture needs a clip or --webcam, and not both; got " + str(source))
-    pose_model = Settings().pose_model_source()
+    pose_model = load_settings().pose_model_source()
     with stop_on_interrupt() as should_stop, progress_bar("capturing") as report:
         clip = source if source is not None else record_webcam(webcam, seconds(length), should_stop)
         quality = capture_clip(
@@ -75,3 +75,22 @@ def studio(
             on_progress=report,
         )
     typer.echo(str(out))
+
+
+@app.command()
+def upload(
+    source: Annotated[Path, typer.Argument(help="A video, a sequence folder or keypoints JSON.")],
+    to: Annotated[str, typer.Option(help="Address of the service, such as http://host:8000.")],
+    person: Annotated[str, typer.Option(help="Id or name; made if there is none.")] = "someone",
+    token: Annotated[
+        str | None, typer.Option(envvar="METANERF_TOKEN", help="Without, a guest's is asked for.")
+    ] = None,
+) -> None:
+    """Send a clip or keypoints to a service; run it again after a cut and it goes on."""
+    from capture.upload import upload as send
+
+    if not source.exists():
+        raise InvalidInput(f"source must exist; got {source}")
+    with stop_on_interrupt() as should_stop, progress_bar("uploading") as report:
+        sequence = send(source, to, person, token, on_progress=report, should_stop=should_stop)
+    typer.echo(f"sequence {sequence['id']}  {sequence['state']}")

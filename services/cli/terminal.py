@@ -1,4 +1,4 @@
-"""What every long command shares: a progress bar, Ctrl-C as a wish to stop, durations as people write them."""
+"""What long commands share: a progress bar, Ctrl-C as a wish to stop, durations as people write."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from contextlib import contextmanager
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+Report = Callable[[float, str], None]
+"""Told the share that is done, and what is being done."""
 
 _SECONDS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
@@ -23,7 +26,7 @@ def seconds(text: str) -> float:
 
 
 @contextmanager
-def progress_bar(title: str) -> Iterator[Callable[[float, str], None]]:
+def progress_bar(title: str) -> Iterator[Report]:
     """A bar on the terminal; yields `report(fraction, message)`."""
     columns = (
         TextColumn("[bold]{task.description}"),

@@ -95,4 +95,4 @@ def _thumbnail(clip: Sequence) -> bytes:
     """The person of the middle frame, cut out over grey."""
     frame = clip.frame(len(clip.train) // 2)
     alpha = frame.mask[..., None]
-    return encode_preview(frame.image * alpha + 0.9 * (1.0 - alpha))
+    return encode_preview(frame.image + 0.9 * (1.0 - alpha))

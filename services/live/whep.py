@@ -1,7 +1,8 @@
 """WHEP (draft-ietf-wish-whep): a viewer posts an SDP offer, the answer brings their own view.
 
-`POST /whep/{meeting}` answers 201 with the SDP, `Location` and `ETag`; `DELETE` on the location ends
-the session. The view follows the data channel `view` that the viewer opens (services.live.packets).
+`POST /whep/{meeting}` answers 201 with the SDP, `Location` and `ETag`; `DELETE` on the location
+ends the session. The view follows the data channel `view` that the viewer opens
+(services.live.packets).
 """
 
 from __future__ import annotations

@@ -1,0 +1,46 @@
+"""`metanerf bench`: what is claimed, measured again on this machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(help="Measure what is claimed, on this machine.", no_args_is_help=True)
+
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the figures here.")]
+
+
+@app.command()
+def live(
+    json_file: JsonFile = None,
+    size: Annotated[int, typer.Option(help="Pixels a side of the view.", min=128, max=1024)] = 512,
+    seconds: Annotated[float, typer.Option(help="How long to watch.", min=2.0)] = 10.0,
+) -> None:
+    """Frames a second that a browser decodes from a meeting, and what they cost."""
+    from benchmarks.live import run
+
+    run(json_file, size, seconds)
+
+
+@app.command()
+def views(
+    json_file: JsonFile = None,
+    count: Annotated[int, typer.Option(help="Splats.", min=100)] = 10_000,
+) -> None:
+    """Pose and camera to picture, ms at p50 and p95, at 256, 512 and 1024 pixels."""
+    from benchmarks.views import run
+
+    run(json_file, count)
+
+
+@app.command()
+def training(
+    json_file: JsonFile = None,
+    backbone: Annotated[Path | None, typer.Option(help="LPIPS backbone (.pth).")] = None,
+) -> None:
+    """Accuracy against training time of `splats` and `fast` on studio performers."""
+    from benchmarks.training import run
+
+    run(json_file, backbone)

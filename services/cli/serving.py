@@ -1,0 +1,126 @@
+"""Commands that serve: demo, serve, worker."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import socket
+import sys
+import threading
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scene.errors import InvalidInput, SceneError
+from services.settings import Settings, load_settings
+
+app = typer.Typer()
+
+Port = Annotated[int | None, typer.Option(help="Port to listen on.", min=0, max=65535)]
+_DEMO_NAME = "Ada"
+
+
+class PortTaken(SceneError):
+    """Another program listens there."""
+
+
+@app.command()
+def demo(
+    port: Port = None,
+    browser: Annotated[bool, typer.Option(help="Open the page.")] = True,
+    data_dir: Annotated[Path | None, typer.Option(help="Where everything is kept.")] = None,
+) -> None:
+    """The meeting on this machine: no server, no account; opens the page in the browser."""
+    from services.bootstrap import ensure_demo
+    from services.build_demo import DEMO_MODEL
+    from services.container import build_services
+
+    settings = load_settings(open_access=True, **_given(port=port, data_dir=data_dir))
+    listener = _listen(settings)
+    services = build_services(settings)
+    services.database.migrate()
+    ensure_demo(services, DEMO_MODEL, _DEMO_NAME)
+    services.close()
+    address = f"http://{settings.host}:{listener.getsockname()[1]}/"
+    typer.secho(f"\n  MetaNeRF is open at {address}   (Ctrl-C ends it)\n", bold=True)
+    if browser:
+        threading.Timer(1.0, webbrowser.open, [address]).start()
+    _serve(settings, listener)
+
+
+@app.command()
+def serve(port: Port = None) -> None:
+    """The gateway: REST, WebRTC, the page. Settings come from METANERF_* variables."""
+    settings = load_settings(**_given(port=port))
+    _serve(settings, _listen(settings))
+
+
+@app.command()
+def worker(
+    kinds: Annotated[
+        list[str] | None, typer.Argument(help="Kinds of jobs to take: capture, train.")
+    ] = None,
+) -> None:
+    """Runs jobs in child processes, for a gateway that does not (embedded_worker=false)."""
+    from db.models import JobKind
+    from services.container import build_services
+    from services.jobs.worker import Worker
+
+    settings = load_settings(**_given(worker_kinds=kinds))
+    _log(settings)
+    services = build_services(settings)
+    services.database.migrate()
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    Worker(services, [JobKind(kind) for kind in settings.worker_kinds]).run(stop)
+    services.close()
+
+
+def _serve(settings: Settings, listener: socket.socket) -> None:
+    import uvicorn
+
+    from services.app import create_app
+
+    _log(settings)
+    config = uvicorn.Config(
+        create_app(settings), log_level="warning", timeout_graceful_shutdown=5, lifespan="on"
+    )
+    uvicorn.Server(config).run(sockets=[listener])
+
+
+def _listen(settings: Settings) -> socket.socket:
+    """The listening socket, taken before any work is done. Raises PortTaken."""
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((settings.host, settings.port))
+        listener.listen(128)
+    except OSError as error:
+        listener.close()
+        raise PortTaken(
+            f"port {settings.port} of {settings.host} must be free; got {error.strerror}; "
+            f"end the other program or choose another with --port"
+        ) from error
+    return listener
+
+
+def _log(settings: Settings) -> None:
+    logging.basicConfig(
+        level=settings.log_level.upper(),
+        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
+        stream=sys.stderr,
+    )
+    # both tell of every packet or request at this level
+    for chatty in ("aioice", "aiortc", "httpx"):
+        logging.getLogger(chatty).setLevel(logging.WARNING)
+
+
+def _given(**values: object) -> dict[str, object]:
+    """Only what was given on the command line: the rest is the environment's."""
+    given = {name: value for name, value in values.items() if value is not None}
+    if "worker_kinds" in given and not set(given["worker_kinds"]) <= {"capture", "train"}:  # type: ignore[arg-type]
+        raise InvalidInput(f"kinds must be capture or train; got {given['worker_kinds']}")
+    return given
