@@ -29,6 +29,8 @@ export interface EnrolState {
 export interface Bookmark {
   name: string;
   sequenceId: string;
+  /** The training, once it has begun. */
+  jobId: string | null;
 }
 
 export interface Clip {
@@ -56,11 +58,12 @@ export class Enrolment {
     problem: null,
   };
   private working = new AbortController();
+  private bookmark: Bookmark | null = null;
 
   constructor(
     private readonly api: Api,
     private readonly onChange: (state: EnrolState) => void,
-    private readonly remember: (bookmark: Bookmark | null) => void,
+    private readonly onBookmark: (bookmark: Bookmark | null) => void,
   ) {}
 
   /** Upload `clip` as a new person called `name` and see it through to a model. */
@@ -84,8 +87,14 @@ export class Enrolment {
   /** Go on where an earlier visit to the page stopped looking. */
   revisit(bookmark: Bookmark): Promise<void> {
     return this.attempt(async (signal) => {
-      this.change({ name: bookmark.name, step: "capture" });
-      await this.continueFrom(await this.api.sequence(bookmark.sequenceId), signal);
+      this.remember(bookmark);
+      const step = bookmark.jobId ? "train" : "capture";
+      this.change({ name: bookmark.name, step, status: "working", problem: null });
+      const sequence = await this.api.sequence(bookmark.sequenceId);
+      signal.throwIfAborted();
+      if (!bookmark.jobId) return this.continueFrom(sequence, signal);
+      this.change({ sequence });
+      await this.follow(await this.api.job(bookmark.jobId), signal);
     });
   }
 
@@ -109,7 +118,17 @@ export class Enrolment {
 
   get canResume(): boolean {
     const { status, job } = this.state;
-    return (status === "stopped" || status === "failed") && job?.kind === "train" && isFinal(job);
+    const ended = status === "stopped" || status === "failed";
+    return ended && job?.kind === "train" && isFinal(job) && job.state !== "succeeded";
+  }
+
+  /** The server went out of sight, but it has the clip: the way can be taken up again. */
+  get canReconnect(): boolean {
+    return this.state.status === "failed" && this.state.problem?.offline === true && !!this.bookmark;
+  }
+
+  reconnect(): Promise<void> {
+    return this.bookmark ? this.revisit(this.bookmark) : Promise.resolve();
   }
 
   /** Take up a stopped or failed training again, from its last checkpoint. */
@@ -128,7 +147,7 @@ export class Enrolment {
   }
 
   private async continueFrom(sequence: Sequence, signal: AbortSignal): Promise<void> {
-    this.remember({ name: this.state.name, sequenceId: sequence.id });
+    this.remember({ name: this.state.name, sequenceId: sequence.id, jobId: null });
     this.change({ step: "capture", fraction: 0, message: "", sequence, job: null });
     let current = sequence;
     if (current.state !== "ready" && current.job_id !== null) {
@@ -140,6 +159,7 @@ export class Enrolment {
     if (current.kind === "keypoints") throw MOTION_ONLY;
     signal.throwIfAborted();
     const job = await this.api.train(current.id, TRAINING);
+    this.remember({ name: this.state.name, sequenceId: current.id, jobId: job.id });
     this.change({ step: "train", fraction: 0, message: "", job });
     await this.follow(job, signal);
   }
@@ -148,12 +168,12 @@ export class Enrolment {
   private async follow(started: Job, signal: AbortSignal): Promise<Job> {
     this.news(started);
     const job = await this.api.watchJob(started.id, (latest) => this.news(latest), signal);
+    this.news(job);
     if (job.state === "cancelled") {
       this.change({ status: "stopped", job });
     } else if (job.state === "failed") {
       throw Problem.from(job.error ?? { title: "It did not work", detail: job.message });
     } else if (job.kind === "train") {
-      this.remember(null);
       this.change({ status: "ready", fraction: 1, job, modelId: job.model_id });
     }
     return job;
@@ -172,10 +192,15 @@ export class Enrolment {
     } catch (error) {
       if (signal.aborted) return;
       const problem = asProblem(error);
-      // what can't be taken up again must not come back at the next visit
-      if (!problem.offline && !this.state.job) this.remember(null);
       this.change({ status: "failed", problem });
+      // what can't be taken up again must not come back at the next visit
+      if (!problem.offline && !this.canResume) this.remember(null);
     }
+  }
+
+  private remember(bookmark: Bookmark | null): void {
+    this.bookmark = bookmark;
+    this.onBookmark(bookmark);
   }
 
   private change(part: Partial<EnrolState>): void {

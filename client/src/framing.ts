@@ -5,24 +5,29 @@ export interface Size {
   height: number;
 }
 
-/** Longest sides, px. Few steps, because every change of size makes the encoder start afresh. */
+/**
+ * Steps of quality: sides, px, of a square with as many pixels as the picture. Few of them, because
+ * every change of size makes the encoder start afresh.
+ */
 export const SIDES = [256, 384, 512, 720, 1024] as const;
 /** Video is coded in blocks of 16 x 16 px. */
 const BLOCK = 16;
 const SMALLEST = 128;
+const LONGEST = 1024;
 const FIRST_STEP = 2;
 
-/** The size for a stage of `width` x `height` CSS px whose longest side may be `longest` px. */
-export function fittingSize(width: number, height: number, longest: number): Size {
-  const scale = longest / Math.max(width, height, 1);
-  const side = (length: number): number =>
+/** The size in the shape of a stage of `width` x `height` px with about `side`^2 pixels in it. */
+export function fittingSize(width: number, height: number, side: number): Size {
+  const area = Math.max(width * height, 1);
+  const scale = Math.min(side / Math.sqrt(area), LONGEST / Math.max(width, height, 1));
+  const round = (length: number): number =>
     Math.max(SMALLEST, Math.round((length * scale) / BLOCK) * BLOCK);
-  return { width: side(width), height: side(height) };
+  return { width: round(width), height: round(height) };
 }
 
-/** The largest step that is worth sending to a stage of so many device pixels. */
-export function highestStep(devicePixels: number): number {
-  const index = SIDES.findIndex((side) => side >= devicePixels);
+/** The largest step worth sending to a stage of `width` x `height` device pixels. */
+export function highestStep(width: number, height: number): number {
+  const index = SIDES.findIndex((side) => side * side >= width * height);
   return index === -1 ? SIDES.length - 1 : index;
 }
 
@@ -43,7 +48,7 @@ export class SizeLadder {
   private wait = FLUENT_S;
   private climbed = false;
 
-  get longest(): number {
+  get side(): number {
     return SIDES[this.index] ?? SIDES[0];
   }
 

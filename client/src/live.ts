@@ -23,7 +23,7 @@ export interface LiveOptions {
 }
 
 /** No picture for so long while the page is seen: the connection is dead, whatever it says. */
-const STALLED_S = 5;
+const STALLED_S = 4;
 const ROSTER_S = 10;
 const SWAY_RAD = 0.45;
 const SWAY_S = 18;
@@ -188,7 +188,7 @@ export class LiveView {
     const { width, height } = this.box;
     this.size = pinned
       ? { width: pinned, height: pinned }
-      : fittingSize(width, height, this.ladder.longest);
+      : fittingSize(width, height, this.ladder.side);
     this.resent = true;
   }
 
@@ -213,7 +213,9 @@ export class LiveView {
       this.link.restart();
       return;
     }
-    const pixels = Math.max(this.box.width, this.box.height) * devicePixelRatio;
-    if (!this.options.pinned && this.ladder.observe(fps, highestStep(pixels))) this.fit();
+    if (this.options.pinned) return;
+    const { width: wide, height: high } = this.box;
+    const highest = highestStep(wide * devicePixelRatio, high * devicePixelRatio);
+    if (this.ladder.observe(fps, highest)) this.fit();
   }
 }

@@ -31,6 +31,7 @@ const page = document.getElementById("page") as HTMLElement;
 
 let shown: View | null = null;
 let live: LiveView | null = null;
+let underWay: ProgressView | null = null;
 
 takeTokenFromAddress();
 addEventListener("hashchange", () => takeTokenFromAddress() && location.reload());
@@ -90,9 +91,8 @@ function enrol(name: string, clip: Clip): void {
 function watch(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>): void {
   // the server needs its strength for the new person, not for a picture that nobody sees
   leaveMeeting();
-  let view: ProgressView | null = null;
-  const enrolment = new Enrolment(api, (state) => view?.show(state), writeBookmark);
-  view = progressView(api, enrolment, clip, {
+  const enrolment = new Enrolment(api, (state) => view.show(state), writeBookmark);
+  const view = progressView(api, enrolment, clip, {
     onMeet: (modelId) => void meet(modelId, enrolment.state.name),
     onAgain: () => {
       enrolment.leave();
@@ -102,6 +102,7 @@ function watch(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>
   });
   view.show(enrolment.state);
   show(view);
+  underWay = view;
   void begin(enrolment);
 }
 
@@ -109,6 +110,7 @@ function watch(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>
 async function meet(modelId: string, name: string): Promise<void> {
   try {
     const meeting = (await addToMeeting(modelId)) ?? (await api.createMeeting(`${name}’s meeting`, [modelId]));
+    writeBookmark(null);
     setMeeting(meeting.id);
     await rejoin(meeting, name);
   } catch (error) {
@@ -139,6 +141,7 @@ function leaveMeeting(): void {
 function show(view: View): void {
   shown?.close();
   shown = view;
+  underWay = null;
   const onStage = view.element.classList.contains("stage");
   page.replaceChildren(...(onStage ? [] : [header(home)]), view.element);
   scrollTo(0, 0);
@@ -146,8 +149,9 @@ function show(view: View): void {
 }
 
 function home(): void {
-  // work under way is left by its own buttons only: a stray press must not lose it
-  if (!(shown && "show" in shown)) void start();
+  if (underWay?.busy()) return;
+  writeBookmark(null);
+  void start();
 }
 
 function showProblem(problem: Problem, again: () => void = () => void start()): void {

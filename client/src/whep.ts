@@ -55,11 +55,12 @@ export class WhepLink {
   /** Connect and stay connected; returns when closed or refused. */
   async run(): Promise<void> {
     this.hooks.onState({ kind: "connecting" });
+    let refusals = 0;
     for (let attempt = 0; !this.closing.signal.aborted; attempt++) {
       let problem: Problem | null = null;
       try {
         await this.connect();
-        attempt = 0;
+        attempt = refusals = 0;
         this.hooks.onState({ kind: "live" });
         await this.lost();
       } catch (error) {
@@ -67,7 +68,8 @@ export class WhepLink {
       }
       this.drop();
       if (this.closing.signal.aborted) return;
-      if (problem && [401, 403].includes(problem.status) && this.seat) this.seat = null;
+      const stale = problem !== null && [401, 403].includes(problem.status) && refusals++ === 0;
+      if (stale) this.seat = null;
       else if (problem && isFinal(problem)) {
         this.hooks.onState({ kind: "refused", problem });
         return;
@@ -172,6 +174,8 @@ export class WhepLink {
         else if (state === "disconnected") timer = setTimeout(resolve, DISCONNECTED_MS);
       };
       peer?.addEventListener("connectionstatechange", look);
+      // a server that ends the session closes the channel long before the network notices
+      this.channel?.addEventListener("close", () => resolve());
       look();
     });
   }
@@ -204,15 +208,20 @@ function settled(peer: RTCPeerConnection, signal: AbortSignal): Promise<void> {
     "Your network may block video connections; try another network.",
   );
   return new Promise((resolve, reject) => {
-    const timer = setTimeout(() => reject(blocked), CONNECTING_MS);
-    const look = (): void => {
-      if (peer.connectionState === "connected") resolve();
-      else if (peer.connectionState === "failed") reject(blocked);
-      else return;
+    const done = new AbortController();
+    const finish = (end: () => void): void => {
       clearTimeout(timer);
+      done.abort();
+      end();
     };
-    peer.addEventListener("connectionstatechange", look);
-    signal.addEventListener("abort", () => (clearTimeout(timer), reject(signal.reason)), { once: true });
+    const timer = setTimeout(() => finish(() => reject(blocked)), CONNECTING_MS);
+    const look = (): void => {
+      if (peer.connectionState === "connected") finish(resolve);
+      else if (peer.connectionState === "failed") finish(() => reject(blocked));
+    };
+    peer.addEventListener("connectionstatechange", look, { signal: done.signal });
+    const left = (): void => finish(() => reject(signal.reason as unknown));
+    signal.addEventListener("abort", left, { signal: done.signal });
   });
 }
 

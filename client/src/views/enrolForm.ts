@@ -20,7 +20,7 @@ export function enrolForm(onEnrol: (name: string, clip: Clip) => void): View {
     type: "text",
     maxLength: 80,
     autocomplete: "name",
-    placeholder: "How others see you named",
+    placeholder: "The name others will see",
     value: localStorage.getItem(NAME_KEY) ?? "",
   });
   const file = h("input", {

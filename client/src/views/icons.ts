@@ -35,20 +35,21 @@ export function mark(): SVGElement {
   );
 }
 
-/** Somebody seen from four sides while turning once. */
+/** Somebody seen while turning once: front, side, back, other side. */
 export function turningFigure(): SVGElement {
-  const person = (x: number, body: string, extra = ""): string =>
-    `<g transform="translate(${x} 0)"><circle cx="0" cy="16" r="7.5"/>${body}${extra}</g>`;
-  const front = '<path d="M-13 76V46a13 13 0 0 1 26 0v30"/><path d="M-5 108V80M5 108V80"/>';
-  const side = '<path d="M-7 76V46a7 13 0 0 1 14 0v30"/><path d="M-2 108V80M3 108V80"/>';
-  const eyes = '<path d="M-2.8 15v.8M2.8 15v.8"/>';
-  const nose = (way: number): string => `<path d="M${way * 7.5} 16.5h${way * 3}"/>`;
+  const wide = "M-15 47a15 15 0 0 1 30 0v23a3.4 3.4 0 0 1-6.8 0V50v56a4 4 0 0 1-7.7 0V77h-1v29a4 4 0 0 1-7.7 0V50v20a3.4 3.4 0 0 1-6.8 0z";
+  const slim = "M-8 47a8 15 0 0 1 16 0v25a5 5 0 0 1-3 4.5V106a4.5 4.5 0 0 1-9 0V76.5a5 5 0 0 1-4-4.5z";
+  const person = (x: number, body: string, face: string): string =>
+    `<g transform="translate(${x} 0)"><path d="${body}"/><circle cy="17" r="9"/>${face}</g>`;
+  const eyes = '<path class="turning-face" d="M-3.2 15.5v1.5M3.2 15.5v1.5"/>';
+  const nose = (way: number): string => `<path d="M${way * 7.5} 14l${way * 5} 4.5l${way * -5} 1z"/>`;
+  const label = "A person turning once: front, one side, back, other side";
   return svg(
-    '<svg class="turning" viewBox="0 0 320 150" fill="none" stroke="currentColor" stroke-width="2" stroke-linecap="round" stroke-linejoin="round" role="img" aria-label="A person seen from the front, the left, the back and the right while turning once">' +
-      person(40, front, eyes) +
-      person(120, side, nose(1)) +
-      person(200, front) +
-      person(280, side, nose(-1)) +
-      '<g class="turning-way"><path d="M40 134c30 10 210 10 240 0"/><path d="m271 131 9.5 2.8-6 7.8"/></g></svg>',
+    `<svg class="turning" viewBox="0 0 320 150" fill="currentColor" role="img" aria-label="${label}">` +
+      person(40, wide, eyes) +
+      person(120, slim, nose(1)) +
+      person(200, wide, "") +
+      person(280, slim, nose(-1)) +
+      '<g class="turning-way"><path d="M40 130c40 12 200 12 240 0"/><path d="m270.5 126.5 10 3.3-6.5 8"/></g></svg>',
   );
 }

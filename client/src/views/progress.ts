@@ -23,6 +23,8 @@ interface ProgressHooks {
 
 export interface ProgressView extends View {
   show(state: EnrolState): void;
+  /** Whether work is under way that a stray press must not leave. */
+  busy(): boolean;
 }
 
 export function progressView(
@@ -53,6 +55,7 @@ export function progressView(
   });
   const again = button("Start again", hooks.onAgain);
   const retry = button("Try again", hooks.onAgain, { look: "primary" });
+  const reconnect = button("Try again", () => void enrolment.reconnect(), { look: "primary" });
   const meet = button(
     "Meet",
     () => {
@@ -97,6 +100,7 @@ export function progressView(
         return { key: "ready", buttons: [meet] };
       case "stopped":
       case "failed":
+        if (enrolment.canReconnect) return { key: "reconnect", buttons: [reconnect, again] };
         return enrolment.canResume
           ? { key: "resume", buttons: [resume, again] }
           : { key: "again", buttons: [retry] };
@@ -109,7 +113,8 @@ export function progressView(
     pane.element,
     h("section", { className: "progress-words" }, title, steps, bar, message, trouble, ways, report),
   );
-  return { element, show, close: () => pane.close() };
+  const busy = (): boolean => ["working", "stopping"].includes(enrolment.state.status);
+  return { element, show, busy, close: () => pane.close() };
 }
 
 function titleOf({ step, status, name }: EnrolState): string {

@@ -1,0 +1,81 @@
+/** Stand-ins for what only a browser or a server has. */
+
+import type { TokenStore } from "../src/api";
+import type { Job, Sequence } from "../src/types";
+
+export function tokenStore(token: string | null): TokenStore {
+  return {
+    get: () => token,
+    set: (next) => {
+      token = next;
+    },
+  };
+}
+
+export function json(body: unknown, status = 200): Response {
+  return new Response(JSON.stringify(body), { status });
+}
+
+export function eventStream(...jobs: Job[]): Response {
+  const text = jobs.map((job) => `event: progress\ndata: ${JSON.stringify(job)}\n\n`).join("");
+  const last = jobs.at(-1);
+  return new Response(text + (last?.state === "running" ? "" : "event: end\ndata: {}\n\n"));
+}
+
+export function job(part: Partial<Job> = {}): Job {
+  return {
+    id: "j",
+    kind: "train",
+    state: "running",
+    progress: 0,
+    message: "",
+    has_preview: false,
+    sequence_id: "s",
+    model_id: null,
+    error: null,
+    ...part,
+  };
+}
+
+export function sequence(part: Partial<Sequence> = {}): Sequence {
+  return {
+    id: "s",
+    person_id: "p",
+    kind: "video",
+    state: "ready",
+    frames: 60,
+    frames_per_second: 30,
+    duration_s: 2,
+    quality: null,
+    thumbnail_url: null,
+    job_id: null,
+    ...part,
+  };
+}
+
+export interface Call {
+  method: string;
+  path: string;
+  token: string | null;
+  body: string | null;
+}
+
+/** A fetch that answers from `answer` and keeps what was asked. */
+export function fakeFetch(answer: (call: Call) => Response | Promise<Response>): {
+  request: typeof fetch;
+  calls: Call[];
+} {
+  const calls: Call[] = [];
+  const request: typeof fetch = async (input, init) => {
+    const headers = new Headers(init?.headers);
+    const call = {
+      method: init?.method ?? "GET",
+      path: String(input),
+      token: headers.get("Authorization"),
+      body: typeof init?.body === "string" ? init.body : null,
+    };
+    calls.push(call);
+    return answer(call);
+  };
+  return { request, calls };
+}
