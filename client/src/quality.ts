@@ -10,29 +10,29 @@ export interface QualityLine {
 
 const SIDES = ["front", "left", "back", "right"] as const;
 /** A side seen in fewer than this share of the pictures is worth a word. */
-const SEEN = 0.05;
+const SEEN = 0.08;
+/** Bounds of good and of fair, for what the capture measures. */
+const FRAMES = [30, 12] as const;
+/** Share of the outline that the fitted body covers. */
+const OVERLAP = [0.75, 0.6] as const;
+/** Strength of the finest detail; a blurred picture has little. */
+const DETAIL = [40, 20] as const;
 
 export function qualityLines(sequence: Sequence): QualityLine[] {
   const quality = sequence.quality ?? {};
   const lines: QualityLine[] = [];
-  const frames = number(quality, "frames_used") ?? sequence.frames;
-  if (frames !== null) {
-    const level = frames >= 30 ? "good" : frames >= 12 ? "fair" : "poor";
-    lines.push({ label: "Pictures used", value: String(frames), level });
-  }
+  const frames = number(quality["frames_used"]) ?? sequence.frames;
+  if (frames !== null) lines.push(graded("Pictures used", frames, FRAMES));
   const sides = coverage(quality);
   if (sides) lines.push(sidesLine(sides));
-  const agreement = number(quality, "agreement", "mask_pose_agreement", "mask_agreement");
-  if (agreement !== null) {
-    lines.push(graded("Outline", agreement, ["Clear", "Fair", "Unclear"], [0.8, 0.6]));
+  const overlap = number(quality["mask_overlap"]);
+  if (overlap !== null) lines.push(graded("Outline", overlap, OVERLAP, ["Clear", "Fair", "Unclear"]));
+  const detail = number(quality["blur"]);
+  if (detail !== null) {
+    lines.push(graded("Sharpness", detail, DETAIL, ["Sharp", "A little soft", "Blurred"]));
   }
-  const sharpness = number(quality, "sharpness");
-  if (sharpness !== null) {
-    lines.push(graded("Sharpness", sharpness, ["Sharp", "A little soft", "Blurred"], [0.6, 0.3]));
-  }
-  const blur = number(quality, "blur", "blurred", "blurred_share");
-  if (blur !== null) {
-    lines.push(graded("Sharpness", 1 - blur, ["Sharp", "A little soft", "Blurred"], [0.8, 0.5]));
+  if (quality["legs_seen"] === false) {
+    lines.push({ label: "Legs", value: "Not seen", level: "fair" });
   }
   return lines;
 }
@@ -57,17 +57,17 @@ function list(words: readonly string[]): string {
 
 function graded(
   label: string,
-  value: number,
-  words: readonly [string, string, string],
-  bounds: readonly [number, number],
+  measured: number,
+  [good, fair]: readonly [number, number],
+  words?: readonly [string, string, string],
 ): QualityLine {
-  if (value >= bounds[0]) return { label, value: words[0], level: "good" };
-  if (value >= bounds[1]) return { label, value: words[1], level: "fair" };
-  return { label, value: words[2], level: "poor" };
+  const rank = measured >= good ? 0 : measured >= fair ? 1 : 2;
+  const level = (["good", "fair", "poor"] as const)[rank];
+  return { label, value: words?.[rank] ?? String(measured), level };
 }
 
 function coverage(quality: Quality): Record<string, number> | null {
-  const sides = quality["coverage"] ?? quality["sides"];
+  const sides = quality["coverage"];
   if (typeof sides !== "object" || sides === null) return null;
   const numbers = Object.entries(sides).filter(
     (entry): entry is [string, number] => typeof entry[1] === "number",
@@ -75,10 +75,6 @@ function coverage(quality: Quality): Record<string, number> | null {
   return Object.fromEntries(numbers);
 }
 
-function number(quality: Quality, ...names: string[]): number | null {
-  for (const name of names) {
-    const value = quality[name];
-    if (typeof value === "number" && Number.isFinite(value)) return value;
-  }
-  return null;
+function number(value: unknown): number | null {
+  return typeof value === "number" && Number.isFinite(value) ? value : null;
 }

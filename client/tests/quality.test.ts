@@ -8,8 +8,9 @@ describe("a capture's report", () => {
     const quality = {
       frames_used: 110,
       coverage: { front: 0.6, left: 0.2, back: 0, right: 0.2 },
-      agreement: 0.7,
-      blur: 0.9,
+      mask_overlap: 0.7,
+      blur: 9.5,
+      legs_seen: false,
       advice: ["Turn all the way round.", 3],
     };
     const told = sequence({ quality: quality as unknown as { advice: string[] } });
@@ -18,6 +19,7 @@ describe("a capture's report", () => {
       { label: "Sides seen", value: "Front, left and right", level: "fair" },
       { label: "Outline", value: "Fair", level: "fair" },
       { label: "Sharpness", value: "Blurred", level: "poor" },
+      { label: "Legs", value: "Not seen", level: "fair" },
     ]);
     expect(advice(told)).toEqual(["Turn all the way round."]);
   });
