@@ -13,8 +13,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import shutil
 import tempfile
+import zipfile
+import zlib
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -93,13 +96,18 @@ def open_sequence(path: Path) -> Sequence:
         raise BrokenSequence(
             f"sequence.json must be version {VERSION}; got {about.get('version')!r}; capture again"
         )
+    rate = about.get("frames_per_second", 30.0)
+    if not (isinstance(rate, int | float) and 0.0 < rate < math.inf):
+        raise BrokenSequence(
+            f"frames_per_second in sequence.json must be a positive number; got {rate!r}"
+        )
     train = _open_frames(path)
     test = {
         s: _open_frames(path / "test" / s) for s in _TEST_SPLITS if (path / "test" / s).is_dir()
     }
     return Sequence(
         person=str(about.get("person", "")),
-        frames_per_second=float(about.get("frames_per_second", 30.0)),
+        frames_per_second=float(rate),
         body=_read_body(path / "body.npz"),
         train=train,
         data_hash=_data_hash(path),
@@ -206,7 +214,7 @@ def _read_arrays(path: Path, *required: str) -> dict[str, Array]:
     try:
         with np.load(path, allow_pickle=False) as stored:
             arrays = dict(stored)
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise BrokenSequence(f"{path.name} must be a readable .npz file; got {error}") from error
     missing = [name for name in required if name not in arrays]
     if missing:
@@ -218,11 +226,14 @@ def _read_arrays(path: Path, *required: str) -> dict[str, Array]:
 
 def _read_json(path: Path) -> dict[str, Any]:
     try:
-        return json.loads(path.read_text())
+        about = json.loads(path.read_text())
     except (OSError, ValueError) as error:
         raise BrokenSequence(
             f"{path.parent} must be a sequence folder with a {path.name}; got {error}"
         ) from error
+    if not isinstance(about, dict):
+        raise BrokenSequence(f"{path.name} must hold an object; got {about!r}; capture again")
+    return about
 
 
 def _write_frames(
@@ -247,7 +258,7 @@ def _write_frames(
         root_translation=motion.root_translation,
         confidence=motion.confidence if confidence is None else confidence,
     )
-    arrays = {
+    arrays: dict[str, Any] = {  # Any: numpy's stubs take a mapping's values for its options
         "intrinsics": np.stack([c.intrinsics for c in cameras]),
         "world_to_camera": np.stack([c.world_to_camera for c in cameras]),
         "size": np.array([cameras[0].width, cameras[0].height]),
@@ -266,7 +277,7 @@ def _write_png(path: Path, pixels: Array) -> None:
 
 
 def _write_body(path: Path, body: Body) -> None:
-    arrays: dict[str, Array] = {"rest_joints": body.skeleton.rest_joints}
+    arrays: dict[str, Any] = {"rest_joints": body.skeleton.rest_joints}
     if body.rest_vertices is not None and body.faces is not None and body.blend_weights is not None:
         arrays |= {
             "rest_vertices": body.rest_vertices.astype(np.float32),
