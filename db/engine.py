@@ -32,8 +32,7 @@ def make_engine(url: str) -> Engine:
             connect_args={"connect_timeout": _CONNECT_TIMEOUT_S},
             json_serializer=_strict_json,
         )
-    if parsed.database and parsed.database != ":memory:":
-        Path(parsed.database).parent.mkdir(parents=True, exist_ok=True)
+    Path(str(parsed.database)).parent.mkdir(parents=True, exist_ok=True)
     engine = create_engine(parsed, pool_timeout=30, json_serializer=_strict_json)
     event.listen(engine, "connect", _prepare_sqlite)
     event.listen(engine, "begin", _begin_sqlite)

@@ -21,11 +21,10 @@ from dataclasses import dataclass, field
 from db.errors import DatabaseError, NotFound
 from db.models import JobKind, JobRow, JobState
 from db.sweep import sweep
-from services.container import Services, build_services
+from services.container import Services
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.queue import Orphan, crashed, drop_orphans, revive_silent
 from services.jobs.scratch import clear_abandoned, clear_scratch
-from services.settings import Settings
 
 log = logging.getLogger(__name__)
 
@@ -182,19 +181,6 @@ class Worker:
             except DatabaseError as error:
                 log.warning("job %s stays as it is until it is taken back: %s", child.job_id, error)
         self._children.clear()
-
-
-def run(settings: Settings, kinds: Collection[JobKind] | None = None) -> None:
-    """A worker process: works until SIGTERM or Ctrl-C."""
-    services = build_services(settings)
-    services.database.migrate()
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
-    try:
-        Worker(services, kinds or [JobKind(kind) for kind in settings.worker_kinds]).run(stop)
-    finally:
-        services.close()
 
 
 def _cause(code: int) -> str:

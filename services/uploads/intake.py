@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
+from capture.errors import CaptureError
 from db.errors import Conflict
 from db.models import (
     AuditEventRow,
@@ -27,6 +28,9 @@ from services.container import Services
 from services.jobs.events import QUEUE
 from services.jobs.queue import Orphan, drop_orphans, enqueue
 from services.uploads.check import Checked, check_upload
+
+_LONGEST_NAME = 80
+"""Characters, so that the name of a file is at most 255 bytes long in UTF-8."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +53,12 @@ def known_sequence(services: Services, person_id: str, sha256: str) -> SequenceR
 def take_in(services: Services, arrival: Arrival) -> SequenceRow:
     """Check and store `arrival`. Where it raises (CaptureError, StoreFull), nothing stays."""
     name = safe_name(arrival.filename)
-    checked = check_upload(arrival.path, name)
+    # under the name its sender knows it by, for messages speak of it
+    path = arrival.path.rename(arrival.path.with_name(name))
+    checked = _check(path, name)
     put: list[Orphan] = []
     try:
-        source = _put(services, arrival, file_chunks(arrival.path), put)
+        source = _put(services, arrival, file_chunks(path), put)
         motion = None
         if checked.motion is not None:
             motion = _put(services, arrival, [motion_bytes(checked.motion)], put)
@@ -82,8 +88,8 @@ def end_upload(unit: UnitOfWork, upload: UploadRow) -> list[Orphan]:
 def safe_name(filename: str) -> str:
     """The last part of a file's name, for people and for its suffix only; never a path."""
     last = PurePosixPath(filename.replace("\\", "/")).name
-    kept = "".join(c for c in last if c.isprintable() and c not in '<>:"|?*')
-    return kept[-255:] or "upload"
+    kept = "".join(c for c in last if c.isprintable() and c not in '<>:"|?*').strip(". ")
+    return kept[-_LONGEST_NAME:] or "upload"
 
 
 def motion_bytes(motion: Motion) -> bytes:
@@ -108,6 +114,13 @@ def motion_from_bytes(data: bytes) -> Motion:
             stored["root_translation"],
             stored["confidence"],
         )
+
+
+def _check(path: Path, name: str) -> Checked:
+    try:
+        return check_upload(path, name)
+    except CaptureError as error:  # FFmpeg tells the whole path, which is nobody's business
+        raise type(error)(str(error).replace(f"{path.parent}/", "")) from error
 
 
 def _put(

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import uuid
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 from fastapi import Request
 from fastapi.concurrency import run_in_threadpool
 from python_multipart import MultipartParser
 from python_multipart.exceptions import MultipartParseError
-from python_multipart.multipart import MultipartCallbacks, parse_options_header
+from python_multipart.multipart import parse_options_header
 from starlette.requests import ClientDisconnect
 
 from db.objects import naming_errors
 from services.problems import ProblemError
+
+if TYPE_CHECKING:
+    from python_multipart.multipart import MultipartCallbacks
 
 _FIELD = b"file"
 _WRITE_BYTES = 1 << 20
@@ -55,7 +59,7 @@ class Spool:
 
     async def relieve(self, *, all_of_it: bool = False) -> None:
         """Write to disk what has gathered, off the event loop."""
-        if self._waiting and (all_of_it or self._waiting_bytes >= _WRITE_BYTES):
+        if all_of_it or self._waiting_bytes >= _WRITE_BYTES:
             await run_in_threadpool(self.flush)
 
     def flush(self) -> None:
@@ -66,27 +70,29 @@ class Spool:
                 self._file = self.path.open("wb", buffering=0)
             for piece in pieces:
                 self._digest.update(piece)
-                self._file.write(piece)
+                left = memoryview(piece)
+                while left:  # unbuffered, so a nearly full disk may take a part
+                    left = left[self._file.write(left) :]
 
     def close(self) -> None:
         """Finish the file."""
-        if self._file is None:
-            self.path.touch()
-        else:
-            file, self._file = self._file, None
+        file, self._file = self._file, None
+        if file is not None:
             file.close()
 
 
 @contextmanager
 def spool(folder: Path, limit_bytes: int) -> Iterator[Spool]:
     """A file to receive into; gone afterwards, whatever happens."""
-    folder.mkdir(parents=True, exist_ok=True)
-    made = Spool(folder / f"upload-{os.getpid()}-{uuid.uuid4().hex}", limit_bytes)
+    own = folder / f"upload-{os.getpid()}-{uuid.uuid4().hex}"
+    with naming_errors():
+        own.mkdir(parents=True)
+    made = Spool(own / "body", limit_bytes)
     try:
         yield made
     finally:
         made.close()
-        made.path.unlink(missing_ok=True)
+        shutil.rmtree(own, ignore_errors=True)
 
 
 async def receive_file(request: Request, into: Spool) -> None:
@@ -132,11 +138,10 @@ async def receive_raw(request: Request, into: Spool) -> bool:
 
 
 def join(pieces: Iterable[bytes], into: Spool) -> None:
-    """Put together pieces that were received before."""
+    """Append pieces that were received before."""
     for piece in pieces:
         into.add(piece)
         into.flush()
-    into.close()
 
 
 def too_large(limit_bytes: int, got: str) -> ProblemError:

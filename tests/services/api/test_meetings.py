@@ -1,0 +1,141 @@
+"""Meetings: who stands where, who may come in, and what the demo shows."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import httpx
+import pytest
+
+from db.models import ModelRow
+from services.app import create_app
+from services.bootstrap import ensure_demo, import_model
+from services.container import Services
+from tests.services.conftest import bearer
+
+
+@pytest.fixture
+def models(services: Services, model_file: Path) -> list[ModelRow]:
+    return [import_model(services, model_file, "house", name) for name in ("Ada", "Bob", "Cy")]
+
+
+async def test_a_meeting_places_its_performers_apart(
+    client: httpx.AsyncClient, models: list[ModelRow]
+):
+    ids = [model.id for model in models]
+    opened = await client.post("/v1/meetings", json={"name": "Monday", "model_ids": ids})
+    assert opened.status_code == 201
+    meeting = opened.json()
+    assert [p["name"] for p in meeting["performers"]] == ["Ada", "Bob", "Cy"]
+    assert meeting["join_url"] == f"/?meeting={meeting['id']}"
+    places = [p["position"] for p in meeting["performers"]]
+    apart = [math.dist(a, b) for i, a in enumerate(places) for b in places[:i]]
+    assert min(apart) > 0.5
+    assert (await client.get(f"/v1/meetings/{meeting['id']}")).json() == meeting
+
+
+async def test_performers_come_and_go_and_listeners_hear_of_it(
+    services: Services, models: list[ModelRow]
+):
+    app = create_app(services.settings, services)
+    heard: list[str] = []
+
+    async def listener(meeting_id: str) -> None:
+        heard.append(meeting_id)
+
+    app.state.cast_listeners.append(listener)
+    async with httpx.AsyncClient(
+        transport=httpx.ASGITransport(app), base_url="http://test", headers=bearer(services)
+    ) as client:
+        meeting = (await client.post("/v1/meetings", json={"name": "Monday"})).json()
+        path = f"/v1/meetings/{meeting['id']}/performers"
+        ada = await client.post(path, json={"model_id": models[0].id})
+        assert ada.status_code == 201
+        assert ada.json()["position"] == [0.0, 0.0, 0.0]
+        bob = (await client.post(path, json={"model_id": models[1].id})).json()
+        gone = await client.delete(f"{path}/{ada.json()['id']}")
+        assert gone.status_code == 204
+        assert (await client.delete(f"{path}/{ada.json()['id']}")).status_code == 404
+        left = (await client.get(f"/v1/meetings/{meeting['id']}")).json()["performers"]
+        assert [(p["id"], p["position"]) for p in left] == [(bob["id"], [0.0, 0.0, 0.0])]
+        await client.delete(f"/v1/people/{models[1].person_id}")
+        left = (await client.get(f"/v1/meetings/{meeting['id']}")).json()["performers"]
+        assert left == []
+    assert heard == [meeting["id"]] * 4
+
+
+async def test_joining_gives_a_seat_and_a_token_for_this_meeting_only(
+    client: httpx.AsyncClient, services: Services, models: list[ModelRow]
+):
+    body = {"name": "Monday", "model_ids": [models[0].id]}
+    first = (await client.post("/v1/meetings", json=body)).json()["id"]
+    second = (await client.post("/v1/meetings", json=body)).json()["id"]
+    seats = [
+        (await client.post(f"/v1/meetings/{first}/join", json={"display_name": name})).json()
+        for name in ("Dee", "Eve")
+    ]
+    assert [seat["seat"] for seat in seats] == [1, 2]
+    assert seats[0]["whep_url"] == f"/whep/{first}"
+    assert seats[0]["ice_servers"] == []
+    assert [p["name"] for p in seats[0]["performers"]] == ["Ada"]
+    mine = {"Authorization": f"Bearer {seats[0]['token']}"}
+    assert (await client.get(f"/v1/meetings/{first}", headers=mine)).status_code == 200
+    other = await client.get(f"/v1/meetings/{second}", headers=mine)
+    assert other.status_code == 403
+    assert f"for meeting '{second}'" in other.json()["detail"]
+    assert (await client.get("/v1/people", headers=mine)).status_code == 403
+    changed = await client.post(
+        f"/v1/meetings/{first}/performers",
+        json={"model_id": models[1].id},
+        headers=bearer(services, account="neighbours"),
+    )
+    assert changed.status_code == 403
+
+
+async def test_a_link_lets_in_where_access_is_closed(services: Services, models: list[ModelRow]):
+    closed = services.settings.model_copy(
+        update={"open_access": False, "public_url": "https://meet.example/"}
+    )
+    from dataclasses import replace
+
+    app = create_app(closed, replace(services, settings=closed))
+    async with httpx.AsyncClient(
+        transport=httpx.ASGITransport(app), base_url="http://test"
+    ) as client:
+        opened = await client.post(
+            "/v1/meetings",
+            json={"name": "Monday", "model_ids": [models[0].id]},
+            headers=bearer(services),
+        )
+        url, token = opened.json()["join_url"].split("#token=")
+        assert url == f"https://meet.example/?meeting={opened.json()['id']}"
+        joined = await client.post(
+            f"/v1/meetings/{opened.json()['id']}/join",
+            json={},
+            headers={"Authorization": f"Bearer {token}"},
+        )
+        assert joined.status_code == 200
+        refused = await client.post("/v1/guest")
+        assert refused.status_code == 403
+        assert (await client.get("/v1/demo")).status_code == 404
+
+
+async def test_unknown_models_open_no_meeting(client: httpx.AsyncClient):
+    answer = await client.post("/v1/meetings", json={"name": "Monday", "model_ids": ["none"]})
+    assert answer.status_code == 404
+
+
+async def test_the_demo_is_made_once_and_heals(
+    client: httpx.AsyncClient, services: Services, model_file: Path
+):
+    assert (await client.get("/v1/demo")).status_code == 404
+    meeting_id = ensure_demo(services, model_file, "Robin")
+    assert ensure_demo(services, model_file, "Robin") == meeting_id
+    assert (await client.get("/v1/demo")).json() == {"meeting_id": meeting_id}
+    guest = {"Authorization": f"Bearer {(await client.post('/v1/guest')).json()['token']}"}
+    (person,) = (await client.get("/v1/people", headers=guest)).json()["items"]
+    await client.delete(f"/v1/people/{person['id']}", headers=guest)
+    assert ensure_demo(services, model_file, "Robin") == meeting_id
+    meeting = (await client.get(f"/v1/meetings/{meeting_id}", headers=guest)).json()
+    assert [p["name"] for p in meeting["performers"]] == ["Robin"]

@@ -1,0 +1,169 @@
+"""Models: files by hash, views from any side in any pose, and what is refused."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+
+from db.models import ModelRow
+from services.bootstrap import import_model
+from services.container import Services
+from tests.services import seeds
+from tests.services.conftest import bearer
+
+
+@pytest.fixture
+def model(services: Services, model_file: Path) -> ModelRow:
+    return import_model(services, model_file, "house", "Ada")
+
+
+def _pixels(answer: httpx.Response) -> np.ndarray:
+    assert answer.status_code == 200, answer.text
+    pixels = cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert pixels is not None
+    return pixels
+
+
+async def _view(client: httpx.AsyncClient, model: ModelRow, **body: object) -> httpx.Response:
+    asked = {"width": 96, "height": 128} | body
+    return await client.post(
+        f"/v1/models/{model.id}/views",
+        content=json.dumps(asked),
+        headers={"Content-Type": "application/json"},
+    )
+
+
+async def test_a_model_is_read_and_listed(
+    client: httpx.AsyncClient, model: ModelRow, model_file: Path
+):
+    data = model_file.read_bytes()
+    read = (await client.get(f"/v1/models/{model.id}")).json()
+    assert (read["preset"], read["bytes"]) == ("splats", len(data))
+    assert read["sha256"] == hashlib.sha256(data).hexdigest()
+    assert read["metrics"]["steps"] == 5
+    assert (await client.get("/v1/models")).json()["items"] == [read]
+    (file,) = read["files"]
+    fetched = await client.get(file["url"])
+    assert fetched.content == data
+    assert fetched.headers["etag"] == f'"{read["sha256"]}"'
+    assert fetched.headers["content-length"] == str(len(data))
+    kept = await client.get(file["url"], headers={"If-None-Match": fetched.headers["etag"]})
+    assert (kept.status_code, kept.content) == (304, b"")
+    missing = await client.get(f"/v1/models/{model.id}/files/..%2Fsecret")
+    assert missing.status_code == 404
+
+
+async def test_a_view_shows_a_whole_person_cut_out(client: httpx.AsyncClient, model: ModelRow):
+    pixels = _pixels(await _view(client, model))
+    assert pixels.shape == (128, 96, 4)
+    alpha = pixels[..., 3]
+    rows = np.flatnonzero(alpha.max(axis=1) > 128)
+    assert rows.size > 60
+    assert rows[0] > 1
+    assert rows[-1] < 126
+    assert alpha[0, 0] == 0
+
+
+async def test_views_follow_camera_pose_and_background(client: httpx.AsyncClient, model: ModelRow):
+    front = _pixels(await _view(client, model, background=[0, 0, 1], format="png"))
+    assert front.shape == (128, 96, 3)
+    assert front[0, 0].tolist() == [255, 0, 0]  # OpenCV reads BGR
+    side = await _view(client, model, background=[0, 0, 1], camera={"orbit": {"azimuth_deg": 90}})
+    assert np.abs(_pixels(side).astype(int) - front).mean() > 1.0
+    squat = [[0.0] * 3 for _ in range(24)]
+    squat[1] = squat[2] = [-1.2, 0.0, 0.0]
+    posed = await _view(client, model, background=[0, 0, 1], pose={"joint_angles": squat})
+    assert np.abs(_pixels(posed).astype(int) - front).mean() > 1.0
+    later = await _view(client, model, background=[0, 0, 1], time_s=0.1)
+    assert np.abs(_pixels(later).astype(int) - front).mean() > 0.05
+
+
+@pytest.mark.parametrize(("kind", "mark"), [("jpeg", b"\xff\xd8"), ("webp", b"RIFF")])
+async def test_views_in_other_formats(
+    client: httpx.AsyncClient, model: ModelRow, kind: str, mark: bytes
+):
+    answer = await _view(client, model, format=kind)
+    assert answer.headers["content-type"] == f"image/{kind}"
+    assert answer.content.startswith(mark)
+    if kind == "jpeg":
+        assert _pixels(answer)[0, 0].min() > 250
+
+
+async def test_a_camera_by_matrices(client: httpx.AsyncClient, model: ModelRow):
+    camera = {
+        "intrinsics": [[200, 0, 48], [0, 200, 64], [0, 0, 1]],
+        "world_to_camera": [[1, 0, 0, 0], [0, -1, 0, 0.9], [0, 0, -1, 4]],
+    }
+    assert _pixels(await _view(client, model, camera=camera))[..., 3].max() > 128
+
+
+SINGULAR = {
+    "intrinsics": [[0, 0, 48], [0, 0, 64], [0, 0, 0]],
+    "world_to_camera": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4]],
+}
+FLAT = {
+    "intrinsics": [[200, 0, 48], [0, 200, 64], [0, 0, 1]],
+    "world_to_camera": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 4]],
+}
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ({"camera": SINGULAR}, "intrinsics must be invertible"),
+        ({"camera": FLAT}, "world_to_camera must hold a rotation"),
+        ({"camera": {"intrinsics": SINGULAR["intrinsics"]}}, "together"),
+        ({"camera": {**FLAT, "intrinsics": [[1, 2], [3]]}}, "rows of unequal length"),
+        ({"pose": {"joint_angles": [[0, 0, NAN]] * 24}}, "joint_angles must be finite; got nan"),
+        ({"pose": {"joint_angles": [[0, 0, 0]] * 23}}, "joint_angles must be 24 x 3"),
+        ({"pose": {"joint_angles": [[0, 0, 0]] * 24, "root_translation": [0, NAN, 0]}}, "finite"),
+        ({"time_s": NAN}, "time_s"),
+        ({"camera": {"orbit": {"azimuth_deg": NAN}}}, "azimuth_deg"),
+        ({"width": 4000}, "at most 2048 px; got 4000"),
+        ({"width": 0}, "width"),
+        ({"format": "gif"}, "format"),
+        ({"background": [2, 0, 0]}, "background"),
+    ],
+)
+async def test_bad_views_are_told(
+    client: httpx.AsyncClient, model: ModelRow, body: dict, told: str
+):
+    answer = await _view(client, model, **body)
+    assert answer.status_code == 422
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert told in answer.json()["detail"]
+
+
+async def test_keypoints_drive_a_model(client: httpx.AsyncClient, model: ModelRow):
+    data = json.dumps(seeds.keypoints(4, angle=0.8)).encode()
+    uploaded = await client.post(
+        f"/v1/people/{model.person_id}/sequences", files={"file": ("wave.json", data)}
+    )
+    own = _pixels(await _view(client, model))
+    driven = await _view(client, model, motion_sequence_id=uploaded.json()["id"])
+    assert np.abs(_pixels(driven).astype(int) - own).mean() > 1.0
+    unknown = await _view(client, model, motion_sequence_id="none")
+    assert unknown.status_code == 404
+
+
+async def test_models_of_others_stay_closed(
+    client: httpx.AsyncClient, services: Services, model: ModelRow
+):
+    other = bearer(services, account="neighbours")
+    for path in (f"/v1/models/{model.id}", f"/v1/models/{model.id}/files/model.safetensors"):
+        assert (await client.get(path, headers=other)).status_code == 403
+    view = await client.post(f"/v1/models/{model.id}/views", json={}, headers=other)
+    assert view.status_code == 403
+
+
+async def test_an_erased_model_is_gone_from_memory_too(client: httpx.AsyncClient, model: ModelRow):
+    assert (await _view(client, model)).status_code == 200
+    assert (await client.delete(f"/v1/people/{model.person_id}")).json()["remaining"] == 0
+    assert (await _view(client, model)).status_code == 404

@@ -1,0 +1,83 @@
+"""People are added, read and erased; what is wrong is a problem with its rule."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import httpx
+import pytest
+
+from services.container import Services
+from tests.services import seeds
+from tests.services.conftest import stored_files
+
+
+async def test_a_person_is_added_and_read(client: httpx.AsyncClient):
+    added = await client.post("/v1/people", json={"name": "  Ada "})
+    assert added.status_code == 201
+    assert added.json()["name"] == "Ada"
+    person = (await client.get(f"/v1/people/{added.json()['id']}")).json()
+    assert person == added.json() | {"sequences": [], "models": []}
+    assert (await client.get("/v1/people")).json()["items"] == [added.json()]
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ({"name": ""}, "body.name"),
+        ({"name": "x" * 121}, "at most 120"),
+        ({}, "Field required"),
+        ({"name": "Ada", "nmae": 1}, "body.nmae"),
+    ],
+)
+async def test_bad_bodies_are_told_by_field_and_value(
+    client: httpx.AsyncClient, body: dict, told: str
+):
+    answer = await client.post("/v1/people", json=body)
+    assert answer.status_code == 422
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert set(answer.json()) == {"type", "title", "status", "detail"}
+    assert told in answer.json()["detail"]
+    assert "got" in answer.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [
+        ("GET", "/v1/people/nobody"),
+        ("DELETE", "/v1/people/nobody"),
+        ("GET", "/v1/sequences/none"),
+        ("GET", "/v1/sequences/none/thumbnail"),
+        ("GET", "/v1/jobs/none"),
+        ("DELETE", "/v1/jobs/none"),
+        ("GET", "/v1/jobs/none/events"),
+        ("GET", "/v1/jobs/none/preview"),
+        ("GET", "/v1/models/none"),
+        ("GET", "/v1/models/none/files/model.safetensors"),
+        ("GET", "/v1/meetings/none"),
+        ("HEAD", "/v1/uploads/none"),
+        ("GET", "/v1/nothing-of-the-kind"),
+    ],
+)
+async def test_unknown_ids_are_not_found(client: httpx.AsyncClient, method: str, path: str):
+    answer = await client.request(method, path)
+    assert answer.status_code == 404
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+async def test_erasing_a_person_proves_it(
+    client: httpx.AsyncClient, services: Services, sequence_folder: Path
+):
+    sequence = seeds.captured(services, sequence_folder)
+    seeds.queued_training(services, sequence)
+    assert len(stored_files(services.settings)) == 3
+    erased = await client.delete(f"/v1/people/{sequence.person_id}")
+    assert erased.status_code == 200
+    assert erased.json() == {
+        "deleted_rows": {"person": 1, "sequence": 1, "motion": 1, "job": 1},
+        "deleted_objects": 3,
+        "remaining": 0,
+    }
+    assert stored_files(services.settings) == []
+    assert (await client.get(f"/v1/people/{sequence.person_id}")).status_code == 404
+    assert (await client.get(f"/v1/sequences/{sequence.id}")).status_code == 404

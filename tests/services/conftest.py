@@ -1,0 +1,111 @@
+"""A gateway to test on: in this process (`client`), or as a server on a real port (`gateway`)."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from pathlib import Path
+
+import httpx
+import pytest
+import uvicorn
+
+from services.app import create_app
+from services.auth import ALL_SCOPES
+from services.container import Services, build_services
+from services.settings import Settings, load_settings
+from tests.services import seeds
+
+SECRET = "a key for tests only, long enough to sign"
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Settings:
+    return load_settings(
+        data_dir=tmp_path / "data",
+        jwt_secret=SECRET,
+        open_access=True,
+        embedded_worker=False,
+        client_dir=tmp_path / "no-page",
+        max_upload_bytes=20_000_000,
+        job_heartbeat_timeout_s=6.0,
+    )
+
+
+@pytest.fixture
+def services(settings: Settings) -> Iterator[Services]:
+    made = build_services(settings)
+    made.database.migrate()
+    yield made
+    made.close()
+
+
+def bearer(
+    services: Services, account: str = "house", scopes: frozenset[str] = ALL_SCOPES
+) -> dict[str, str]:
+    """The header of a caller."""
+    token, _ = services.tokens.issue(account, scopes, timedelta(hours=1))
+    return {"Authorization": f"Bearer {token}"}
+
+
+@pytest.fixture
+async def client(services: Services) -> AsyncIterator[httpx.AsyncClient]:
+    """A caller of account `house`."""
+    transport = httpx.ASGITransport(
+        create_app(services.settings, services), raise_app_exceptions=False
+    )
+    async with httpx.AsyncClient(
+        transport=transport, base_url="http://test", headers=bearer(services)
+    ) as made:
+        yield made
+
+
+@pytest.fixture
+async def person_id(client: httpx.AsyncClient) -> str:
+    """Ada, of account `house`."""
+    return (await client.post("/v1/people", json={"name": "Ada"})).json()["id"]
+
+
+@pytest.fixture(scope="session")
+def sequence_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small studio sequence."""
+    return seeds.film(tmp_path_factory.mktemp("film") / "sequence")
+
+
+@pytest.fixture(scope="session")
+def model_file(tmp_path_factory: pytest.TempPathFactory, sequence_folder: Path) -> Path:
+    """A model barely trained from it."""
+    return seeds.train(sequence_folder, tmp_path_factory.mktemp("model") / "model.safetensors")
+
+
+@contextmanager
+def serving(settings: Settings) -> Iterator[httpx.Client]:
+    """A real server on a free port, and a caller of account `house`."""
+    services = build_services(settings)
+    config = uvicorn.Config(
+        create_app(settings, services), port=0, log_level="warning", timeout_graceful_shutdown=3
+    )
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    while not server.started:
+        assert thread.is_alive(), "the server did not start"
+        time.sleep(0.02)
+    port = server.servers[0].sockets[0].getsockname()[1]
+    try:
+        with httpx.Client(
+            base_url=f"http://127.0.0.1:{port}", headers=bearer(services), timeout=60.0
+        ) as caller:
+            yield caller
+    finally:
+        server.should_exit = True
+        thread.join(30.0)
+
+
+def stored_files(settings: Settings) -> list[Path]:
+    """Every file of the object store and of the scratch folder."""
+    places = (settings.data_dir / "objects", settings.scratch_dir)
+    return [path for place in places for path in place.rglob("*") if path.is_file()]

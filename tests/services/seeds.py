@@ -1,0 +1,138 @@
+"""Real sequences and models, made small, and put where an upload and its capture would put them."""
+
+from __future__ import annotations
+
+import io
+import time
+import zipfile
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+
+from capture.store import open_sequence
+from capture.studio import make_sequence
+from db.models import (
+    JobKind,
+    MotionRow,
+    PersonRow,
+    SequenceKind,
+    SequenceRow,
+    SequenceState,
+    new_id,
+)
+from services.container import Services
+from services.jobs.packing import pack
+from services.jobs.queue import enqueue
+
+
+def film(folder: Path) -> Path:
+    """A studio sequence of 8 frames of 64 px."""
+    make_sequence(folder, frames=8, size=64, test_cameras=1)
+    return folder
+
+
+def train(folder: Path, out: Path) -> Path:
+    """A model of five steps."""
+    from renderer.checkpoint import save_model
+    from renderer.training import train as train_model
+
+    model = train_model(open_sequence(folder), iterations=5, clock=time.perf_counter)
+    save_model(model, out)
+    return out
+
+
+def captured(services: Services, folder: Path, account: str = "house") -> SequenceRow:
+    """A person with a captured sequence, as after an upload and its capture."""
+    now = services.clock()
+    person = PersonRow(id=new_id(), account=account, name="Ada", created_at=now)
+    clip = open_sequence(folder)
+    source = services.objects.put(person.id, [b"the clip"])
+    packed = pack(services.objects, person.id, folder)
+    motion = services.objects.put(person.id, [(folder / "motion.npz").read_bytes()])
+    sequence = SequenceRow(
+        id=new_id(),
+        person_id=person.id,
+        kind=SequenceKind.VIDEO,
+        state=SequenceState.READY,
+        created_at=now,
+        source_name="clip.mp4",
+        source_sha256=source.sha256,
+        packed_sha256=packed.sha256,
+        frames=len(clip.train),
+        frames_per_second=clip.frames_per_second,
+        duration_s=clip.motion.duration_s,
+    )
+    with services.unit_of_work() as unit:
+        unit.people.add(person)
+        unit.flush()
+        unit.sequences.add(sequence)
+        unit.flush()
+        unit.motions.add(
+            MotionRow(
+                person_id=person.id,
+                sequence_id=sequence.id,
+                frames=len(clip.motion),
+                duration_s=clip.motion.duration_s,
+                sha256=motion.sha256,
+            )
+        )
+        unit.commit()
+    return sequence
+
+
+def queued_training(services: Services, sequence: SequenceRow, budget_s: float = 2.0) -> str:
+    """A training in the queue; its job's id."""
+    with services.unit_of_work() as unit:
+        params = {"preset": "splats", "budget_s": budget_s, "seed": 0}
+        job = enqueue(unit, JobKind.TRAIN, sequence, params, services.clock())
+        unit.commit()
+    return job.id
+
+
+def picture(seed: int = 0, size: int = 32) -> bytes:
+    """A PNG of noise."""
+    pixels = np.random.default_rng(seed).integers(0, 255, (size, size, 3), dtype=np.uint8)
+    return cv2.imencode(".png", pixels)[1].tobytes()
+
+
+def archive(entries: dict[str, bytes], compression: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """A zip with these entries."""
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", compression) as made:
+        for name, data in entries.items():
+            made.writestr(name, data)
+    return file.getvalue()
+
+
+def frames_archive(count: int = 10) -> bytes:
+    """A zip of frames without anybody in them."""
+    return archive({f"{i:03d}.png": picture(i) for i in range(count)})
+
+
+def video(frames: int = 12, size: int = 64) -> bytes:
+    """An mp4 of noise: a video without a person."""
+    file = io.BytesIO()
+    rng = np.random.default_rng(0)
+    with av.open(file, "w", format="mp4") as container:
+        stream = container.add_stream("mpeg4", rate=25)
+        stream.width = stream.height = size
+        stream.pix_fmt = "yuv420p"
+        for _ in range(frames):
+            pixels = rng.integers(0, 255, (size, size, 3), dtype=np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(pixels)))
+        container.mux(stream.encode())
+    return file.getvalue()
+
+
+def keypoints(frames: int = 3, angle: float = 0.1) -> dict:
+    """Keypoints that lift the arms."""
+    joints = [[0.0, 0.0, angle] for _ in range(24)]
+    return {
+        "format": "metanerf-keypoints",
+        "version": 1,
+        "layout": "smpl24",
+        "frames_per_second": 30,
+        "frames": [{"joint_angles": joints} for _ in range(frames)],
+    }
