@@ -28,6 +28,9 @@ _CHILD_OF = {"left_hip": "left_knee", "left_knee": "left_ankle", "left_shoulder"
 _CONTINUES = {"wrist": "elbow", "ankle": "knee", "foot": "knee"}
 """Hands and feet turn with the limb they end: where legs are apart at rest, so are the soles."""
 
+_LEGS = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("hip", "knee", "ankle"))
+"""What no clip may lack: a leg's length is the unit, and the feet find the floor."""
+
 _SIDED = {
     "MB": {"hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase",
            "collar": "Shoulder", "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand"},
@@ -83,7 +86,7 @@ def parse_bvh(text: str) -> Bvh:
     names, parents, offsets, channels = _parse_tree(hierarchy.split())
     lines = motion.strip().splitlines()
     try:
-        frame_time_s = float(lines[1].split(":")[1])
+        declared, frame_time_s = int(lines[0].split(":")[1]), float(lines[1].split(":")[1])
         rows = np.array([line.split() for line in lines[2:] if line.strip()], dtype=np.float64)
     except (IndexError, ValueError) as error:
         raise BrokenMotionCapture(f"MOTION must hold numbers only; got {error}") from error
@@ -92,6 +95,12 @@ def parse_bvh(text: str) -> Bvh:
         raise BrokenMotionCapture(
             f"every frame must hold {wanted} finite channels; got an array of {rows.shape}"
         )
+    if len(rows) != declared:
+        raise BrokenMotionCapture(
+            f"MOTION must hold the {declared} frames it declares; got {len(rows)}; fetch it again"
+        )
+    if not 0.0 < frame_time_s < np.inf:
+        raise BrokenMotionCapture(f"Frame Time must be positive; got {frame_time_s}")
     positions, rotations = _read_channels(rows, channels)
     return Bvh(tuple(names), tuple(parents), np.array(offsets), rotations, positions, frame_time_s)
 
@@ -180,7 +189,13 @@ def _mapping(clip: Bvh, family: str) -> dict[str, int]:
     for side, prefix in zip(("left", "right"), _PREFIX[family], strict=True):
         for ours, theirs in _SIDED[family].items():
             wanted[f"{side}_{ours}"] = prefix + theirs
-    return {ours: clip.names.index(name) for ours, name in wanted.items() if name in clip.names}
+    mapped = {ours: clip.names.index(name) for ours, name in wanted.items() if name in clip.names}
+    missing = [joint for joint in _LEGS if joint not in mapped]
+    if missing:
+        raise BrokenMotionCapture(
+            f"the skeleton must have both legs; {missing[0]} is missing, named {wanted[missing[0]]}"
+        )
+    return mapped
 
 
 def _zero_pose(clip: Bvh) -> Bvh:
@@ -220,13 +235,20 @@ def _parse_tree(
                 position += 4
             elif word == "CHANNELS":
                 count = int(tokens[position + 1])
-                channels[stack[-1]] = tokens[position + 2 : position + 2 + count]
+                channels[stack[-1]] = _known(tokens[position + 2 : position + 2 + count])
                 position += 2 + count
             else:
                 raise ValueError(f"unknown word {word!r}")
     except (IndexError, ValueError) as error:
         raise BrokenMotionCapture(f"HIERARCHY must be a tree of joints; got {error}") from error
     return names, parents, offsets, channels
+
+
+def _known(channels: list[str]) -> list[str]:
+    for name in channels:
+        if name[:1] not in _AXES or name[1:] not in ("position", "rotation"):
+            raise ValueError(f"channels must be Xposition, ..., Zrotation; got {name!r}")
+    return channels
 
 
 def _read_channels(rows: Array, channels: list[list[str]]) -> tuple[Array, Array]:
