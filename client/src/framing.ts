@@ -35,6 +35,8 @@ const SLOW_FPS = 20;
 const FLUENT_FPS = 27;
 const SLOW_S = 3;
 const FLUENT_S = 6;
+/** An encoder that starts afresh takes a moment to get going. */
+const SETTLING_S = 2;
 const LONGEST_WAIT_S = 120;
 
 /**
@@ -47,13 +49,24 @@ export class SizeLadder {
   private fluent = 0;
   private wait = FLUENT_S;
   private climbed = false;
+  private ignored = 0;
 
   get side(): number {
     return SIDES[this.index] ?? SIDES[0];
   }
 
+  /** The next seconds say nothing: something has just begun. */
+  settle(): void {
+    this.slow = this.fluent = 0;
+    this.ignored = SETTLING_S;
+  }
+
   /** Tell the pictures of the last second; says whether the step changed. */
   observe(fps: number, highest: number): boolean {
+    if (this.ignored > 0) {
+      this.ignored -= 1;
+      return false;
+    }
     this.slow = fps < SLOW_FPS ? this.slow + 1 : 0;
     this.fluent = fps >= FLUENT_FPS ? this.fluent + 1 : 0;
     if (this.index > highest || (this.slow >= SLOW_S && this.index > 0)) {
@@ -70,7 +83,7 @@ export class SizeLadder {
 
   private move(index: number): boolean {
     this.index = index;
-    this.slow = this.fluent = 0;
+    this.settle();
     return true;
   }
 }

@@ -24,6 +24,10 @@ export interface LiveOptions {
 
 /** No picture for so long while the page is seen: the connection is dead, whatever it says. */
 const STALLED_S = 4;
+/** The very first picture may take longer: the server may have to load the people first. */
+const PATIENCE_S = 20;
+/** Browsers show tiny black pictures before the first real one. */
+const SMALLEST_PX = 16;
 const ROSTER_S = 10;
 const SWAY_RAD = 0.45;
 const SWAY_S = 18;
@@ -48,6 +52,8 @@ export class LiveView {
   private box: Size = { width: 16, height: 16 };
   private size: Size = { width: 512, height: 512 };
   private resent = true;
+  /** The connection stands; for the viewer it is live with its first picture. */
+  private connected = false;
   private sequence = 0;
   private shown = 0;
   private still = 0;
@@ -68,10 +74,11 @@ export class LiveView {
     this.link = new WhepLink({
       seat: () => this.seat(),
       onState: (state) => {
-        this.state = state;
         // a new connection knows nothing of the viewpoint yet
         this.resent = true;
-        this.onState(state);
+        this.connected = state.kind === "live";
+        this.still = 0;
+        if (!this.connected) this.tell(state);
       },
       onStream: (stream) => {
         this.video.srcObject = stream;
@@ -120,6 +127,11 @@ export class LiveView {
   }
 
   private readonly leavePage = (): void => this.link.close();
+
+  private tell(state: LinkState): void {
+    this.state = state;
+    this.onState(state);
+  }
 
   private async seat(): Promise<Seat> {
     const seat = await this.api.join(this.meeting.id, this.options.displayName);
@@ -193,7 +205,13 @@ export class LiveView {
   }
 
   private pictureShown(): void {
-    this.shown += 1;
+    if (this.video.videoWidth >= SMALLEST_PX) {
+      this.shown += 1;
+      if (this.connected && this.state.kind !== "live") {
+        this.ladder.settle();
+        this.tell({ kind: "live" });
+      }
+    }
     this.framing = this.video.requestVideoFrameCallback(() => this.pictureShown());
   }
 
@@ -202,17 +220,17 @@ export class LiveView {
     this.shown = 0;
     const { framesDecoded, roundTripMs } = await this.link.numbers();
     const { videoWidth: width, videoHeight: height } = this.video;
-    this.onNumbers({ fps, framesDecoded, width, height, roundTripMs });
-    if (this.state.kind !== "live" || document.hidden) {
-      this.still = 0;
-      return;
+    if (width >= SMALLEST_PX) {
+      this.onNumbers({ fps, framesDecoded, width, height, roundTripMs });
     }
-    this.still = fps === 0 ? this.still + 1 : 0;
-    if (this.still >= STALLED_S) {
+    // hidden pages show no pictures, and that is no fault
+    this.still = fps > 0 || document.hidden ? 0 : this.still + 1;
+    if (!this.connected || document.hidden) return;
+    if (this.still >= (this.state.kind === "live" ? STALLED_S : PATIENCE_S)) {
       this.still = 0;
       this.link.restart();
-      return;
     }
+    if (this.state.kind !== "live") return;
     if (this.options.pinned) return;
     const { width: wide, height: high } = this.box;
     const highest = highestStep(wide * devicePixelRatio, high * devicePixelRatio);

@@ -71,8 +71,9 @@ describe("SizeLadder", () => {
       seconds(ladder, 5, count);
       return waited;
     };
-    const first = climbs(3);
-    const second = climbs(3);
+    const untilSlow = 2 + 3;
+    const first = climbs(untilSlow);
+    const second = climbs(untilSlow);
     expect(ladder.side).toBe(512);
     expect(second).toBeGreaterThan(1.8 * first);
   });
