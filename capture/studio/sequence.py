@@ -44,10 +44,10 @@ def make_sequence(
     Training frames come from one camera; test frames from a ring of `test_cameras` others, at
     moments of the training motion (novel_view) and of another motion (unseen_pose). With `motion`
     (.bvh) the first three quarters train and the rest, turned alike, is the unseen motion.
-    Raises CaptureError for an unknown look, BrokenMotionCapture for an unreadable file.
+    Raises CaptureError for senseless numbers or an unknown look, BrokenMotionCapture for an
+    unreadable file.
     """
-    if look not in LOOKS:
-        raise CaptureError(f"look must be one of {', '.join(LOOKS)}; got {look!r}")
+    _check(look, frames, size, test_cameras, turn_deg)
     performer = make_performer(seed)
     skeleton = performer.body.skeleton
     seen, unseen = _motions(motion, skeleton, frames, turn_deg)
@@ -62,7 +62,8 @@ def make_sequence(
             strict=True,
         )
     ]
-    total = frames + _NOVEL_MOMENTS + _UNSEEN_MOMENTS
+    novel, others = _spread(len(seen), _NOVEL_MOMENTS), _spread(len(unseen), _UNSEEN_MOMENTS)
+    total = frames + len(novel) + len(others)
     done = 0
 
     def shots(moves: Motion, moments: Array, cameras: list[Camera]) -> Iterator[Frame]:
@@ -82,12 +83,26 @@ def make_sequence(
         body=performer.body,
         train=shots(seen, np.arange(len(seen)), [camera]),
         test={
-            NOVEL_VIEW: shots(seen, _spread(len(seen), _NOVEL_MOMENTS), ring),
-            UNSEEN_POSE: shots(unseen, _spread(len(unseen), _UNSEEN_MOMENTS), ring),
+            NOVEL_VIEW: shots(seen, novel, ring),
+            UNSEEN_POSE: shots(unseen, others, ring),
         },
         source=f"studio look={look} seed={seed} turn={turn_deg:g}",
         exact_poses=True,
     )
+
+
+def _check(look: str, frames: int, size: int, test_cameras: int, turn_deg: float) -> None:
+    if look not in LOOKS:
+        raise CaptureError(f"look must be one of {', '.join(LOOKS)}; got {look!r}")
+    for name, value, least in (
+        ("frames", frames, 1),
+        ("size", size, 16),
+        ("test_cameras", test_cameras, 1),
+    ):
+        if value < least:
+            raise CaptureError(f"{name} must be at least {least}; got {value}")
+    if not np.isfinite(turn_deg):
+        raise CaptureError(f"turn_deg must be finite; got {turn_deg}")
 
 
 def _motions(
@@ -104,10 +119,13 @@ def _motions(
 
 
 def _evenly(motion: Motion, start: int, stop: int, frames: int) -> Motion:
-    """`frames` poses spread over [start, stop), retimed to the studio's rate."""
+    """`frames` poses spread over [start, stop), retimed to the studio's rate.
+
+    On the spot, as on a treadmill: framed over a path of metres, nobody would fill the picture.
+    """
     picked = np.linspace(start, stop - 1, frames).round().astype(int)
     times = np.arange(frames) / FRAMES_PER_SECOND
-    root = motion.root_translation[picked] - motion.root_translation[picked].mean(0) * [1, 0, 1]
+    root = motion.root_translation[picked] * [0.0, 1.0, 0.0]
     return Motion(times, motion.joint_angles[picked], root, motion.confidence[picked])
 
 
@@ -119,8 +137,10 @@ def _framing(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"], f
             for m in motions
         ]
     )
-    margin = 0.13  # the joints end in the head's centre, the wrists and the toes
-    low, high = joints[:, 1].min() - 0.05, joints[:, 1].max() + 2.0 * margin
+    margin = 0.13  # the joints end in the head's centre, the knuckles and the toes
+    hands = [name.endswith(("wrist", "hand")) for name in skeleton.names]
+    below = np.tile(np.where(hands, margin, 0.05), len(joints) // len(hands))
+    low, high = (joints[:, 1] - below).min(), joints[:, 1].max() + 2.0 * margin
     sideways = float(np.abs(joints[:, [0, 2]]).max()) + margin
     reach = max(sideways, 0.5 * (high - low))
     distance = reach / (_FILL * np.tan(0.5 * _FIELD_OF_VIEW_RAD))
