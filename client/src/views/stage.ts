@@ -48,7 +48,7 @@ export function stageView(live: LiveView, hooks: StageHooks): View {
       h(
         "div",
         { className: "stage-ways" },
-        inviteButton(live.meeting.id),
+        inviteButton(live.meeting.join_url),
         button("Leave", hooks.onLeave, { look: "glass", icon: "leave", testId: "leave" }),
       ),
     ),
@@ -159,7 +159,8 @@ function showPeople(people: HTMLElement, performers: readonly Performer[], live:
   );
 }
 
-function inviteButton(meetingId: string): HTMLElement {
+/** The server writes the link, with a token where one is needed; the address is this page's own. */
+function inviteButton(joinUrl: string): HTMLElement {
   const invite = button("Copy invite link", () => void copy(), { look: "glass", icon: "link" });
   const label = invite.querySelector("span");
   const say = (words: string): void => {
@@ -167,7 +168,8 @@ function inviteButton(meetingId: string): HTMLElement {
     announce(words);
   };
   const copy = async (): Promise<void> => {
-    const link = new URL(`/?meeting=${encodeURIComponent(meetingId)}`, location.href).href;
+    const { search, hash } = new URL(joinUrl, location.href);
+    const link = `${location.origin}/${search}${hash}`;
     try {
       await navigator.clipboard.writeText(link);
       say("Copied");
