@@ -59,7 +59,7 @@ def _run(services: Services, settings: Settings, job_id: str, attempt: int) -> i
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     threading.Thread(target=_stop_with_parent, args=(reporter,), daemon=True).start()
     try:
-        with scratch_folder(settings.scratch_dir, f"{job_id}-{attempt}") as folder, reporter:
+        with scratch_folder(settings.scratch_dir) as folder, reporter:
             _RUNS[job.kind](services, job, reporter, folder)
     except (StoreAway, DatabaseAway):
         raise  # not the job's fault: the worker tries again later
@@ -73,7 +73,8 @@ def _run(services: Services, settings: Settings, job_id: str, attempt: int) -> i
 
 
 def _stop_with_parent(reporter: Reporter) -> None:
-    sys.stdin.buffer.read()
+    while os.read(sys.stdin.fileno(), 1):  # unbuffered: a lock would be held at the end
+        pass
     reporter.stop()
 
 

@@ -24,10 +24,12 @@ from db.sweep import sweep
 from services.container import Services
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.queue import Orphan, crashed, drop_orphans, revive_silent
-from services.jobs.scratch import clear_abandoned, clear_scratch
+from services.jobs.scratch import clear_abandoned
 
 log = logging.getLogger(__name__)
 
+_START_S = 60.0
+"""Time a child has to import what it needs; its worker's signs of life count for it till then."""
 _LOOK_S = 0.5
 """How often children and the queue are looked at."""
 
@@ -37,6 +39,7 @@ class _Child:
     job_id: str
     attempt: int
     process: subprocess.Popen[bytes]
+    started_s: float = field(default_factory=time.monotonic)
     asked_to_stop_s: float | None = field(default=None)
 
 
@@ -99,9 +102,17 @@ class Worker:
         if code is None:
             if not self._is_wanted(child):
                 self._stop(child)
+            elif time.monotonic() - child.started_s < _START_S:
+                self._beat_for(child)
             return
         self._children.remove(child)
         self._bury(child, code)
+
+    def _beat_for(self, child: _Child) -> None:
+        with self._services.unit_of_work() as unit:
+            now = self._services.clock()
+            unit.jobs.write(child.job_id, child.attempt, {"heartbeat_at": now})
+            unit.commit()
 
     def _is_wanted(self, child: _Child) -> bool:
         with self._services.reading() as unit:
@@ -123,7 +134,7 @@ class Worker:
     def _bury(self, child: _Child, code: int) -> None:
         if child.process.stdin is not None:
             child.process.stdin.close()
-        clear_scratch(self._services.settings.scratch_dir, f"{child.job_id}-{child.attempt}")
+        clear_abandoned(self._services.settings.scratch_dir)
         orphans: list[Orphan] = []
         with self._services.unit_of_work() as unit:
             # locks the row; matches only where the child left no end of its own

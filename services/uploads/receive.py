@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import shutil
-import uuid
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -20,6 +17,7 @@ from python_multipart.multipart import parse_options_header
 from starlette.requests import ClientDisconnect
 
 from db.objects import naming_errors
+from services.jobs.scratch import scratch_folder
 from services.problems import ProblemError
 
 if TYPE_CHECKING:
@@ -84,15 +82,12 @@ class Spool:
 @contextmanager
 def spool(folder: Path, limit_bytes: int) -> Iterator[Spool]:
     """A file to receive into; gone afterwards, whatever happens."""
-    own = folder / f"upload-{os.getpid()}-{uuid.uuid4().hex}"
-    with naming_errors():
-        own.mkdir(parents=True)
-    made = Spool(own / "body", limit_bytes)
-    try:
-        yield made
-    finally:
-        made.close()
-        shutil.rmtree(own, ignore_errors=True)
+    with scratch_folder(folder) as own:
+        made = Spool(own / "body", limit_bytes)
+        try:
+            yield made
+        finally:
+            made.close()
 
 
 async def receive_file(request: Request, into: Spool) -> None:

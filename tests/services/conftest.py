@@ -31,7 +31,6 @@ def settings(tmp_path: Path) -> Settings:
         embedded_worker=False,
         client_dir=tmp_path / "no-page",
         max_upload_bytes=20_000_000,
-        job_heartbeat_timeout_s=6.0,
     )
 
 

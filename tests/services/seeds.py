@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-import time
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -33,13 +34,20 @@ def film(folder: Path) -> Path:
     return folder
 
 
-def train(folder: Path, out: Path) -> Path:
-    """A model of five steps."""
-    from renderer.checkpoint import save_model
-    from renderer.training import train as train_model
+_TRAIN = """
+import sys, time
+from pathlib import Path
+from capture.store import open_sequence
+from renderer.checkpoint import save_model
+from renderer.training import train
+model = train(open_sequence(Path(sys.argv[1])), iterations=5, clock=time.perf_counter)
+save_model(model, Path(sys.argv[2]))
+"""
 
-    model = train_model(open_sequence(folder), iterations=5, clock=time.perf_counter)
-    save_model(model, out)
+
+def train(folder: Path, out: Path) -> Path:
+    """A model of five steps, trained in a process of its own as jobs are."""
+    subprocess.run([sys.executable, "-c", _TRAIN, str(folder), str(out)], check=True)
     return out
 
 

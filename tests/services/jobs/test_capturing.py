@@ -1,0 +1,86 @@
+"""Captures by a real gateway and landmark model: a person, nobody, and a change of mind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import av
+import cv2
+import httpx
+import pytest
+
+from services.settings import Settings
+from tests.services import seeds
+from tests.services.conftest import serving, stored_files
+from tests.services.jobs.waiting import job_when
+from tests.shared_data import shared_data
+
+
+@pytest.fixture
+def caller(settings: Settings) -> Iterator[httpx.Client]:
+    model = shared_data("models/pose_landmarker_full.task")
+    changes = {"embedded_worker": True, "pose_model": model}
+    with serving(settings.model_copy(update=changes)) as made:
+        yield made
+
+
+def _upload(caller: httpx.Client, name: str, data: bytes) -> dict:
+    person_id = caller.post("/v1/people", json={"name": "Ada"}).json()["id"]
+    answer = caller.post(f"/v1/people/{person_id}/sequences", files={"file": (name, data)})
+    assert answer.status_code == 202, answer.text
+    return answer.json()
+
+
+def _real_frames(count: int = 8, height: int = 300) -> bytes:
+    """Every tenth frame of a real clip, small, as a zip."""
+    entries = {}
+    with av.open(str(shared_data("real-two-cameras/cam01.mp4"))) as container:
+        for index, frame in enumerate(container.decode(video=0)):
+            if index % 10 == 0:
+                pixels = frame.to_ndarray(format="bgr24")
+                width = round(pixels.shape[1] * height / pixels.shape[0])
+                small = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA)
+                entries[f"{index:04d}.jpg"] = cv2.imencode(".jpg", small)[1].tobytes()
+            if len(entries) == count:
+                break
+    return seeds.archive(entries)
+
+
+def test_real_frames_become_a_sequence(caller: httpx.Client):
+    uploaded = _upload(caller, "frames.zip", _real_frames())
+    job = job_when(
+        caller,
+        uploaded["job_id"],
+        lambda job: job["state"] in ("succeeded", "failed"),
+        "the end of the capture",
+    )
+    assert job["state"] == "succeeded", job
+    sequence = caller.get(f"/v1/sequences/{uploaded['id']}").json()
+    assert sequence["state"] == "ready"
+    assert sequence["frames"] >= 8
+    assert sequence["duration_s"] > 0.0
+    assert sequence["quality"]
+    thumbnail = caller.get(sequence["thumbnail_url"])
+    assert thumbnail.content.startswith(b"\x89PNG")
+
+
+def test_a_video_without_a_person_fails_with_the_reason_and_leaves_nothing(
+    caller: httpx.Client, settings: Settings
+):
+    uploaded = _upload(caller, "noise.mp4", seeds.video(16))
+    job = job_when(caller, uploaded["job_id"], lambda job: job["state"] == "failed", "failing")
+    assert job["error"]["status"] == 422
+    assert "person" in job["error"]["detail"]
+    assert job["sequence_id"] is None
+    assert caller.get(f"/v1/sequences/{uploaded['id']}").status_code == 404
+    assert caller.post(f"/v1/jobs/{job['id']}/resume").status_code == 409
+    assert stored_files(settings) == []
+
+
+def test_a_running_capture_can_be_cancelled(caller: httpx.Client, settings: Settings):
+    uploaded = _upload(caller, "frames.zip", _real_frames())
+    job_when(caller, uploaded["job_id"], lambda job: job["state"] == "running", "starting")
+    caller.delete(f"/v1/jobs/{uploaded['job_id']}")
+    job_when(caller, uploaded["job_id"], lambda job: job["state"] == "cancelled", "the end")
+    assert caller.get(f"/v1/sequences/{uploaded['id']}").status_code == 404
+    assert stored_files(settings) == []

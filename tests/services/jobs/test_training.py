@@ -1,0 +1,161 @@
+"""Training by a real gateway in real child processes: followed, stopped, killed, resumed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from services.container import build_services
+from services.settings import Settings
+from tests.db.databases import fresh_database, redis_url
+from tests.services import seeds
+from tests.services.conftest import serving, stored_files
+from tests.services.jobs.waiting import child_of, job_when, until
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def working(
+    request: pytest.FixtureRequest, settings: Settings, tmp_path: Path
+) -> Iterator[Settings]:
+    """Settings of a gateway that runs jobs; with PostgreSQL goes Redis, as when deployed."""
+    with fresh_database(request.param, tmp_path) as url:
+        events = redis_url() if request.param == "postgresql" else None
+        changes = {"database_url": url, "redis_url": events, "embedded_worker": True}
+        yield settings.model_copy(update=changes)
+
+
+@pytest.fixture
+def sequence_id(working: Settings, sequence_folder: Path) -> str:
+    services = build_services(working)
+    services.database.migrate()
+    sequence = seeds.captured(services, sequence_folder)
+    services.close()
+    return sequence.id
+
+
+def _start(caller: httpx.Client, sequence_id: str, budget_s: float) -> str:
+    answer = caller.post(f"/v1/sequences/{sequence_id}/models", json={"budget_s": budget_s})
+    assert answer.status_code == 202, answer.text
+    assert answer.json()["state"] == "queued"
+    return answer.json()["id"]
+
+
+def _follow(caller: httpx.Client, job_id: str) -> list[tuple[str, dict]]:
+    events = []
+    with caller.stream("GET", f"/v1/jobs/{job_id}/events") as stream:
+        assert stream.headers["content-type"].startswith("text/event-stream")
+        name = ""
+        for line in stream.iter_lines():
+            if line.startswith("event: "):
+                name = line.removeprefix("event: ")
+            elif line.startswith("data: "):
+                events.append((name, json.loads(line.removeprefix("data: "))))
+    return events
+
+
+def test_a_training_is_followed_to_its_model(working: Settings, sequence_id: str):
+    with serving(working) as caller:
+        job_id = _start(caller, sequence_id, budget_s=2.0)
+        events = _follow(caller, job_id)
+        names = [name for name, _ in events]
+        assert names == ["progress"] * (len(events) - 1) + ["end"]
+        shares = [job["progress"] for _, job in events]
+        assert shares == sorted(shares)
+        assert any(0.0 < share < 1.0 for share in shares)
+        last = events[-1][1]
+        assert (last["state"], last["progress"], last["error"]) == ("succeeded", 1.0, None)
+        preview = caller.get(f"/v1/jobs/{job_id}/preview")
+        assert preview.content.startswith(b"\x89PNG")
+        model = caller.get(f"/v1/models/{last['model_id']}").json()
+        assert (model["preset"], model["sequence_id"]) == ("splats", sequence_id)
+        view = caller.post(f"/v1/models/{model['id']}/views", json={"width": 64, "height": 64})
+        assert view.content.startswith(b"\x89PNG")
+        refused = caller.delete(f"/v1/jobs/{job_id}")
+        assert refused.status_code == 409
+    left = {path.name for path in stored_files(working)}
+    assert model["sha256"] in left
+    assert len(left) == 4  # clip, packed sequence, motion, weights: no checkpoint, no scratch
+
+
+def test_a_stopped_or_killed_training_goes_on_from_its_checkpoint(
+    working: Settings, sequence_id: str
+):
+    with serving(working) as caller:
+        job_id = _start(caller, sequence_id, budget_s=60.0)
+        job_when(caller, job_id, lambda job: job["progress"] > 0.03, "progress")
+    # the gateway has stopped: its job waits, with a checkpoint
+    services = build_services(working)
+    with services.reading() as unit:
+        stopped = unit.jobs.get(job_id)
+    assert (stopped.state, stopped.crashes) == ("queued", 0)
+    assert stopped.checkpoint_sha256 is not None
+    with serving(working) as caller:
+        first = child_of(job_id)
+        resumed = job_when(
+            caller,
+            job_id,
+            lambda job: job["message"].startswith("step ") and job["state"] == "running",
+            "going on after a restart",
+        )
+        assert resumed["progress"] >= stopped.progress - 0.01
+        os.kill(first, signal.SIGKILL)
+        second = until(lambda: (pid := child_of(job_id)) != first and pid, "another process")
+        assert second != first
+        again = job_when(
+            caller,
+            job_id,
+            lambda job: job["message"].startswith("step "),
+            "going on after a crash",
+        )
+        assert again["progress"] >= stopped.progress - 0.01
+        with services.reading() as unit:
+            job = unit.jobs.get(job_id)
+            assert (job.crashes, job.attempt) == (1, 3)
+        assert caller.delete(f"/v1/jobs/{job_id}").status_code == 202
+        cancelled = job_when(caller, job_id, lambda job: job["state"] == "cancelled", "the end")
+        assert cancelled["message"] == "cancelled"
+        assert _follow(caller, job_id)[-1][0] == "end"
+        assert caller.post(f"/v1/jobs/{job_id}/resume").json()["state"] == "queued"
+        job_when(caller, job_id, lambda job: job["state"] == "running", "resuming")
+        person_id = caller.get(f"/v1/sequences/{sequence_id}").json()["person_id"]
+        third = child_of(job_id)
+        assert caller.delete(f"/v1/people/{person_id}").json()["remaining"] == 0
+        until(lambda: not Path(f"/proc/{third}/cwd").exists(), "the end of an erased job's process")
+    services.close()
+    assert stored_files(working) == []
+
+
+def test_a_worker_that_is_killed_takes_no_job_with_it(working: Settings, sequence_id: str):
+    services = build_services(working)
+    with services.reading() as unit:
+        sequence = unit.sequences.get(sequence_id)
+    job_id = seeds.queued_training(services, sequence, budget_s=60.0)
+    worker = subprocess.Popen(
+        [sys.executable, "-c", "from services.cli import main; main()", "worker", "train"],
+        env=working.child_environment(),
+    )
+
+    def state(wanted: str):
+        def look():
+            with services.reading() as unit:
+                job = unit.jobs.get(job_id)
+            return job if job.state == wanted and job.progress > 0.0 else None
+
+        return look
+
+    try:
+        until(state("running"), "progress")
+    finally:
+        worker.kill()
+        worker.wait()
+    given_back = until(state("queued"), "giving the job back")
+    assert given_back.checkpoint_sha256 is not None
+    services.close()
