@@ -1,0 +1,137 @@
+"""The paper's four networks: PoseRefiner, SkeletonMotion, ResidualMotion and CanonicalField's MLP.
+
+Sizes come from `FieldSizes`; with HumanNeRF's (Weng et al. 2022) the parameters count 233,029,
+63.59 M, 101,123 and 494,084. The last layers of refiner and residual start at U(-1e-5, 1e-5), so
+that training starts from the poses as given and from a rigid body.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import nn
+from torch.nn import functional
+
+from renderer.field.encoding import encoded_size, hann_window, positional_encoding
+from renderer.field.sizes import FieldSizes, MlpSize
+from scene.arrays import Float, Tensor
+from scene.skeleton import JOINT_COUNT
+
+_LEAK = 0.2
+"""Slope of the CNN's leaky ReLU below zero."""
+_START = 1e-5
+_TINY = 1e-8
+"""Keeps the logarithm of a nil prior finite."""
+POSE_NUMBERS = 3 * (JOINT_COUNT - 1)
+"""Joint angles without the root: turning or moving the whole body changes nothing canonical."""
+
+
+def parameter_count(module: nn.Module | None) -> int:
+    """Learnt numbers in `module`; 0 for a network that is left out."""
+    return 0 if module is None else sum(p.numel() for p in module.parameters())
+
+
+class Mlp(nn.Module):
+    """Linear layers with ReLU between them; one may read the first `reread` inputs once more."""
+
+    def __init__(self, inputs: int, outputs: int, size: MlpSize, reread: int | None = None) -> None:
+        super().__init__()
+        self._reread = inputs if reread is None else reread
+        self._skip = size.skip
+        layers: list[nn.Module] = []
+        for place in range(1, size.depth + 1):
+            wide = inputs if place == 1 else size.width
+            wide += self._reread if place == size.skip else 0
+            layers.append(nn.Linear(wide, size.width))
+        self.hidden = nn.ModuleList(layers)
+        self.last = nn.Linear(size.width, outputs)
+
+    def forward(self, inputs: Float[Tensor, "N I"]) -> Float[Tensor, "N O"]:
+        """Outputs without a final activation."""
+        value = inputs
+        for place, layer in enumerate(self.hidden, start=1):
+            if place == self._skip:
+                value = torch.cat([value, inputs[:, : self._reread]], dim=1)
+            value = functional.relu(layer(value))
+        return self.last(value)
+
+
+def _start_near_zero(layer: nn.Linear) -> None:
+    nn.init.uniform_(layer.weight, -_START, _START)
+    nn.init.zeros_(layer.bias)
+
+
+class PoseRefiner(nn.Module):
+    """Corrections of joint angles, axis-angle, from the angles as given."""
+
+    def __init__(self, size: MlpSize) -> None:
+        super().__init__()
+        self.mlp = Mlp(POSE_NUMBERS, POSE_NUMBERS, size)
+        _start_near_zero(self.mlp.last)
+
+    def forward(self, joint_angles: Float[Tensor, "F 24 3"]) -> Float[Tensor, "F 24 3"]:
+        """Axis-angle corrections (rad), to be applied in each joint's own frame; the root's nil."""
+        change = self.mlp(joint_angles[:, 1:].flatten(1)).view(-1, JOINT_COUNT - 1, 3)
+        return functional.pad(change, (0, 0, 1, 0))
+
+
+class SkeletonMotion(nn.Module):
+    """The weight volume: which joint moves each place of the canonical space, or none.
+
+    softmax over 25 channels (24 joints, then background) of CNN(z) + log prior, with z constant
+    and learnt. Without a CNN the prior itself is the volume.
+    """
+
+    prior: Tensor
+
+    def __init__(self, sizes: FieldSizes, prior: Float[Tensor, "25 D H W"]) -> None:
+        super().__init__()
+        self.register_buffer("prior", prior)
+        self.latent = None
+        if sizes.latent:
+            self.latent = nn.Parameter(torch.randn(sizes.latent))
+            self.first = nn.Linear(sizes.latent, sizes.latent_channels)
+            self.decoder = _decoder(sizes.latent_channels, sizes.volume[0], len(prior))
+
+    def forward(self) -> Float[Tensor, "25 D H W"]:
+        """Probabilities; they sum to one over the first axis."""
+        if self.latent is None:
+            return self.prior
+        seed = functional.leaky_relu(self.first(self.latent), _LEAK)
+        logits = self.decoder(seed.view(1, -1, 1, 1, 1))[0]
+        return torch.softmax(logits + torch.log(self.prior + _TINY), dim=0)
+
+
+def _decoder(channels: int, side: int, outputs: int) -> nn.Sequential:
+    """Transposed convolutions from 1^3 to side^3 (HumanNeRF's ConvDecoder3D)."""
+    layers: list[nn.Module] = []
+    inner, outer = channels, channels // 2
+    for _ in range(int(math.log2(side)) - 1):
+        layers += [nn.ConvTranspose3d(inner, outer, 4, 2, 1), nn.LeakyReLU(_LEAK)]
+        inner, outer = (outer, outer // 2) if inner == outer else (outer, outer)
+    return nn.Sequential(*layers, nn.ConvTranspose3d(inner, outputs, 4, 2, 1))
+
+
+class ResidualMotion(nn.Module):
+    """What bones do not explain: an offset (m) of each canonical point, given the pose."""
+
+    def __init__(self, sizes: FieldSizes) -> None:
+        super().__init__()
+        assert sizes.residual is not None
+        self._octaves = sizes.residual_octaves
+        encoded = encoded_size(self._octaves, identity=False)
+        self.mlp = Mlp(encoded + POSE_NUMBERS, 3, sizes.residual, reread=encoded)
+        _start_near_zero(self.mlp.last)
+
+    def forward(
+        self,
+        points: Float[Tensor, "N 3"],
+        joint_angles: Float[Tensor, "24 3"],
+        opened: float,
+    ) -> Float[Tensor, "N 3"]:
+        """Offsets in canonical metres; `opened` is the Hann window's fraction, 0 .. 1."""
+        window = hann_window(self._octaves, opened).to(points)
+        encoded = positional_encoding(points, self._octaves, identity=False, window=window)
+        pose = joint_angles[1:].reshape(1, -1).expand(len(points), -1)
+        return self.mlp(torch.cat([encoded, pose], dim=1))

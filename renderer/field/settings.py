@@ -1,0 +1,58 @@
+"""How a field is trained: its sizes, rates and schedules. One frozen row a preset."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from renderer.field.sizes import FieldSizes, GridSize, MlpSize
+
+
+@dataclass(frozen=True)
+class FieldSettings:
+    """Everything a preset of the field decides."""
+
+    sizes: FieldSizes
+    table_rate: float = 3e-2
+    """Adam's rate for grid features."""
+    density_rate: float = 1.0
+    """Rate of the grid's densities, as a share of `table_rate`."""
+    field_rate: float = 5e-4
+    """The same for the canonical MLP."""
+    motion_rate: float = 5e-5
+    """The same for refiner, weight volume and residual."""
+    last_rate_share: float = 0.1
+    """Rates fall exponentially to this share at the end of the schedule."""
+    frames_a_step: int = 4
+    rays_a_frame: int = 1024
+    beside_share: float = 0.15
+    """Share of the rays that pass beside the body, through the shell alone."""
+    patch_px: int = 0
+    """Side of square patches, which a perceptual loss needs; 0: single rays."""
+    on_body_share: float = 0.8
+    """Share of patches centred on the body."""
+    refine_from: float = 0.1
+    """Share of the schedule after which the refiner starts."""
+    residual_from: float = 0.07
+    """Share of the schedule after which the residual starts (the paper: 10K of 150K steps)."""
+    residual_until: float = 0.33
+    """Share at which its window is fully open (50K of 150K)."""
+    pixel_loss: str = "mse"
+    """`mse` as in the paper, or `l1`, which forgives the few pixels that can't be explained."""
+
+
+FAST = FieldSettings(
+    sizes=FieldSizes(
+        colour=MlpSize(depth=1, width=32),
+        grid=GridSize(voxel_m=0.012, channels=8, inside_m=0.03, outside_m=0.04),
+        volume=(32, 96, 96),
+        refiner=MlpSize(depth=2, width=64),
+        posed_grid=64,
+        inverse_rounds=3,
+    ),
+    field_rate=2e-3,
+    motion_rate=1e-3,
+)
+"""Two CPU cores, a minute. The grid takes the place of the deep canonical MLP. The CNN is out: with
+a known surface its prior already is the weight volume, and one step of it costs as much as ten of
+the rest. The residual is out: a tight body has none, and it must be asked at every sample. The
+refiner works only where poses were estimated."""

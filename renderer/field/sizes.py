@@ -1,0 +1,75 @@
+"""How large each network of a field is, and which speed-ups are on: one frozen row a preset."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class MlpSize:
+    """A fully connected network with ReLU between its layers."""
+
+    depth: int
+    """Hidden layers."""
+    width: int
+    """Units a hidden layer."""
+    skip: int | None = None
+    """The linear layer, counted from 1, that reads the encoding once more; None: none does."""
+
+
+@dataclass(frozen=True)
+class GridSize:
+    """A grid of features stored only in a shell around the rest surface."""
+
+    voxel_m: float
+    """Side of a cell."""
+    channels: int
+    """Features a grid point, beside its density."""
+    inside_m: float
+    """How far the shell reaches below the rest surface, m."""
+    outside_m: float
+    """How far it reaches above (clothes, hair, a body measured too thin), m."""
+
+
+@dataclass(frozen=True)
+class FieldSizes:
+    """Every size of a field. A network whose row is None is left out."""
+
+    colour: MlpSize | None
+    """CanonicalField's MLP: colour and density of an encoded point, or colour alone of a grid's
+    features (density is then read from the grid); None: the grid's features are the colour."""
+    octaves: int = 0
+    """Frequencies of the canonical encoding (10: 63 inputs); 0 where a grid encodes."""
+    grid: GridSize | None = None
+    volume: tuple[int, int, int] = (32, 32, 32)
+    """Grid points of the weight volume along z, y and x."""
+    latent: int = 0
+    """Length of SkeletonMotion's latent z (the paper: 256); 0: no CNN, the prior is the volume."""
+    latent_channels: int = 1024
+    """Channels of the CNN's first volume; they halve at every second doubling of its side."""
+    residual: MlpSize | None = None
+    residual_octaves: int = 6
+    refiner: MlpSize | None = None
+    posed_grid: int = 0
+    """Points a side of the grid that caches one pose's inverse skinning; 0: 24 look-ups a sample.
+    """
+    inverse_rounds: int = 0
+    """Fixed-point rounds after HumanNeRF's inverse skinning; they make it the exact inverse of
+    linear blend skinning. 0 as in the paper."""
+    step_m: float = 0.01
+    """Distance between samples along a ray."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain dicts and numbers, as model files store them."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, stored: dict[str, Any]) -> FieldSizes:
+        """The inverse of `to_json`."""
+        parts = dict(stored)
+        for name in ("colour", "residual", "refiner"):
+            parts[name] = None if parts[name] is None else MlpSize(**parts[name])
+        parts["grid"] = None if parts["grid"] is None else GridSize(**parts["grid"])
+        parts["volume"] = tuple(parts["volume"])
+        return cls(**parts)

@@ -1,0 +1,123 @@
+"""Training frames as rays: cropped to the body, with what one pose needs cached beside them."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from renderer.field.field import PersonField
+from renderer.field.marching import box_span, march
+from renderer.field.posed import PosedGrid, Support, posed_grid
+from renderer.field.skinning import WeightVolume
+from scene.arrays import Array, Float, Int, Tensor
+from scene.sequence import FrameSource, body_crop
+
+_CROP_MARGIN = 0.12
+"""Share of the body's box kept round it: room where density that strays is still punished."""
+_BLACK = 1.5 / 255.0
+"""Mean of the pixels outside the mask below which a picture counts as already over black."""
+_STALE_M = 0.01
+"""Movement of any joint after which a cached grid is made anew."""
+
+
+class TrainingView:
+    """One frame: its pixels as rays and colours, and its pose's grid once it is asked for."""
+
+    def __init__(
+        self, rgba: Float[Array, "H W 4"], directions: Float[Array, "H W 3"],
+        origin: Float[Array, "3"], joint_angles: Float[Array, "24 3"],
+        root_translation: Float[Array, "3"],
+    ) -> None:  # fmt: skip
+        self.shape = rgba.shape[:2]
+        self._rgba = torch.from_numpy((rgba.reshape(-1, 4) * 255.0 + 0.5).astype(np.uint8))
+        self._directions = torch.from_numpy(directions.reshape(-1, 3).astype(np.float32))
+        self._origin = torch.from_numpy(origin.astype(np.float32))[None]
+        self.joint_angles = torch.from_numpy(joint_angles).float()
+        self.root_translation = torch.from_numpy(root_translation).float()
+        self.grid: PosedGrid | None = None
+        self._made_for: Tensor | None = None
+        self._on_body = self._beside = torch.arange(len(self._rgba))
+        self._near = self._far = self._furthest = torch.zeros(len(self._rgba))
+
+    def prepare(
+        self, field: PersonField, volume: WeightVolume, support: Support,
+        transforms: Float[Tensor, "24 3 4"],
+    ) -> None:  # fmt: skip
+        """Find where this frame's rays meet the body, unless that is known for (nearly) this
+        pose."""
+        if self._made_for is not None:
+            moved = (transforms - self._made_for)[..., 3].abs().max()
+            turned = (transforms - self._made_for)[..., :3].abs().max()
+            if float(torch.maximum(moved, turned)) < _STALE_M:
+                return
+        self._made_for = transforms
+        origins = self._origin.expand(len(self._directions), 3)
+        near, far = box_span(origins, self._directions, *support.bounds(transforms))
+        self.grid = None
+        if field.sizes.posed_grid:
+            self.grid = posed_grid(field, volume, support, transforms)
+            near, far = self._live_span(self.grid, near, far, field.sizes.step_m)
+        self._near, self._far, self._furthest = near, far, far.clone()
+        hit = far > near
+        self._on_body = torch.nonzero(hit & (self._rgba[:, 3] > 0))[:, 0]
+        self._beside = torch.nonzero(hit & (self._rgba[:, 3] == 0))[:, 0]
+
+    def _live_span(
+        self, grid: PosedGrid, near: Tensor, far: Tensor, step_m: float
+    ) -> tuple[Float[Tensor, "P"], Float[Tensor, "P"]]:
+        """First and last live place of every ray, wider by the search's own step; empty where there is none."""
+        hit = torch.nonzero(far > near)[:, 0]
+        origins = self._origin.expand(len(hit), 3)
+        rays = (origins, self._directions[hit], (near[hit], far[hit]), 2.0 * step_m)
+        samples = march(grid, *rays)
+        along = ((samples.points - self._origin) * self._directions[hit][samples.ray]).sum(dim=1)
+        first = torch.full((len(hit),), torch.inf).scatter_reduce(0, samples.ray, along, "amin")
+        last = torch.full((len(hit),), -torch.inf).scatter_reduce(0, samples.ray, along, "amax")
+        start, stop = torch.zeros_like(near), torch.full_like(far, -1.0)
+        start[hit], stop[hit] = first - 2.0 * step_m, last + 2.0 * step_m
+        return start, stop
+
+    def pick(self, count: int, beside: float, chance: torch.Generator) -> Int[Tensor, "R"]:
+        """Pixels whose rays meet the body's shell: a share `beside` of them off the mask, where
+        there is only emptiness to learn."""
+        off = round(count * beside) if len(self._on_body) else count
+        parts = [
+            group[torch.randint(len(group), (number,), generator=chance)]
+            for group, number in ((self._on_body, count - off), (self._beside, off))
+            if len(group) and number
+        ]
+        return torch.cat(parts) if parts else self._on_body
+
+    def rays(
+        self, pixels: Int[Tensor, "R"]
+    ) -> tuple[Float[Tensor, "R 3"], Float[Tensor, "R 3"], tuple[Tensor, Tensor]]:
+        """Origins, directions and (near, far) of pixels."""
+        origins = self._origin.expand(len(pixels), 3)
+        return origins, self._directions[pixels], (self._near[pixels], self._far[pixels])
+
+    def shorten(self, pixels: Int[Tensor, "R"], depth_m: Float[Tensor, "R"]) -> None:
+        """End rays at `depth_m` from now on: everything behind is hidden."""
+        self._far[pixels] = torch.minimum(depth_m, self._furthest[pixels])
+
+    def truth(self, pixels: Int[Tensor, "R"]) -> Float[Tensor, "R 4"]:
+        """Premultiplied RGBA of pixels."""
+        return self._rgba[pixels].float() / 255.0
+
+
+def read_views(source: FrameSource) -> list[TrainingView]:
+    """All frames of `source`, cropped to the body."""
+    return [_read_view(source, index) for index in range(len(source))]
+
+
+def _read_view(source: FrameSource, index: int) -> TrainingView:
+    image, mask, camera = source.image(index), source.mask(index), source.camera(index)
+    crop = body_crop(mask, _CROP_MARGIN) or (slice(0, mask.shape[0]), slice(0, mask.shape[1]))
+    rgb = image if float(image[mask == 0.0].mean() if (mask == 0.0).any() else 1.0) < _BLACK else (
+        image * mask[..., None]
+    )  # fmt: skip
+    rgba = np.concatenate([rgb[crop], mask[crop][..., None]], axis=2)
+    window = camera.cropped(crop[1].start, crop[0].start, rgba.shape[1], rgba.shape[0])
+    pose = source.pose(index)
+    return TrainingView(
+        rgba, window.rays()[1], camera.position, pose.joint_angles, pose.root_translation
+    )
