@@ -145,7 +145,9 @@ function show(view: View): void {
   const onStage = view.element.classList.contains("stage");
   page.replaceChildren(...(onStage ? [] : [header(home)]), view.element);
   scrollTo(0, 0);
-  view.element.querySelector<HTMLElement>("h1[tabindex]")?.focus({ preventScroll: true });
+  // whoever uses a keyboard or a screen reader goes on from the top of the new screen
+  const first = onStage ? view.element : view.element.querySelector<HTMLElement>("h1[tabindex]");
+  first?.focus({ preventScroll: true });
 }
 
 function home(): void {

@@ -183,12 +183,13 @@ export class WhepLink {
   private drop(): void {
     this.decodedBefore += this.decodedNow;
     this.decodedNow = 0;
-    this.peer?.close();
+    // goodbye before the connection ends: a server that sees it end forgets the session by itself
     if (this.resource && this.seat) {
       const headers = { Authorization: `Bearer ${this.seat.token}` };
       const goodbye = this.request(this.resource, { method: "DELETE", headers, keepalive: true });
       goodbye.catch(() => undefined);
     }
+    this.peer?.close();
     this.peer = this.channel = this.resource = this.cut = null;
   }
 }
