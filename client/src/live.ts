@@ -22,6 +22,9 @@ export interface LiveOptions {
   pinned: number | null;
 }
 
+/** As the viewer sees it: connected is not enough, a picture must be there. */
+export type LiveState = LinkState | { kind: "preparing" };
+
 /** No picture for so long while the page is seen: the connection is dead, whatever it says. */
 const STALLED_S = 4;
 /** The very first picture may take longer: the server may have to load the people first. */
@@ -36,12 +39,12 @@ const RESIZE_MS = 250;
 export class LiveView {
   readonly video = document.createElement("video");
   readonly viewpoint: Viewpoint;
-  onState: (state: LinkState) => void = () => undefined;
+  onState: (state: LiveState) => void = () => undefined;
   onNumbers: (numbers: LiveNumbers) => void = () => undefined;
   onPerformers: (performers: readonly Performer[]) => void = () => undefined;
   /** Drift gently to and fro, for a picture that nobody steers. */
   swaying = false;
-  state: LinkState = { kind: "connecting" };
+  state: LiveState = { kind: "connecting" };
 
   private readonly link: WhepLink;
   private readonly ladder = new SizeLadder();
@@ -78,7 +81,7 @@ export class LiveView {
         this.resent = true;
         this.connected = state.kind === "live";
         this.still = 0;
-        if (!this.connected) this.tell(state);
+        this.tell(this.connected ? { kind: "preparing" } : state);
       },
       onStream: (stream) => {
         this.video.srcObject = stream;
@@ -128,7 +131,7 @@ export class LiveView {
 
   private readonly leavePage = (): void => this.link.close();
 
-  private tell(state: LinkState): void {
+  private tell(state: LiveState): void {
     this.state = state;
     this.onState(state);
   }

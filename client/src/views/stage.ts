@@ -1,9 +1,8 @@
 /** The meeting: the live picture, filling the window, and the little that lies on it. */
 
 import { steerWith } from "../controls";
-import type { LiveNumbers, LiveView } from "../live";
+import type { LiveNumbers, LiveState, LiveView } from "../live";
 import type { Performer } from "../types";
-import type { LinkState } from "../whep";
 import { announce, h, usesTouch } from "./dom";
 import { mark } from "./icons";
 import { button, notice, type View } from "./shell";
@@ -26,6 +25,7 @@ export function stageView(live: LiveView, hooks: StageHooks): View {
   const people = h("div", { className: "people", attributes: { role: "group" } });
   people.setAttribute("aria-label", "Who is here");
   const fps = h("span", { testId: "fps" });
+  fps.dataset["fps"] = fps.dataset["frames"] = "0";
   const numbers = h("p", { className: "numbers glass", attributes: { "aria-hidden": "true" } }, fps);
   const middle = h("div", { className: "middle" });
   const help = button("Controls", () => toggleHint(), { look: "glass", icon: "help" });
@@ -98,13 +98,15 @@ export function stageView(live: LiveView, hooks: StageHooks): View {
   };
 }
 
-function stateInWords(state: LinkState, hooks: StageHooks): HTMLElement[] {
+function stateInWords(state: LiveState, hooks: StageHooks): HTMLElement[] {
   switch (state.kind) {
     case "live":
       announce("Connected");
       return [];
     case "connecting":
       return [waiting("Connecting")];
+    case "preparing":
+      return [waiting("Getting the picture ready")];
     case "reconnecting":
       return [waiting("Connection lost. Reconnecting", state.problem?.detail)];
     case "refused":
