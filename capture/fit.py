@@ -7,8 +7,9 @@ landmarks (robust), 3D landmarks, pose prior and joint limits, accelerations, th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -32,6 +33,7 @@ from capture.fit_terms import (
 from capture.landmarks import LANDMARK_NAMES, Landmarks
 from scene.arrays import Array, Float, Tensor
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, slerp
+from scene.skeleton import JOINT_COUNT, JOINT_NAMES
 
 USUAL_FOCAL = 0.87
 """Focal length of phones and webcams, in longest sides of the picture (60 degrees)."""
@@ -44,9 +46,11 @@ _WORLD_DEVIATION_M = 0.07
 _OFFSET_DEVIATION_M = 0.02
 _PIXEL_DEVIATION = 0.008
 """Of a landmark, in heights of the person."""
-_VERTEX_SPACING_M = 0.035
+_VERTEX_SPACING_M = 0.05
+_SHOWN_BY = {"shoulder": "elbow", "elbow": "wrist", "wrist": "index", "hip": "knee",
+             "knee": "ankle", "ankle": "foot_index"}  # fmt: skip
 _LANDMARK_STEPS, _SILHOUETTE_STEPS = 260, 240
-_NEAREST_EVERY = 4
+_NEAREST_EVERY = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +74,7 @@ class _Problem:
 
     def __init__(
         self,
-        people: Sequence[Landmarks | None],
+        people: Sequence[Landmarks],
         masks: Sequence[Float[Array, "H W"] | None],
         times_s: Float[Array, "F"],
         takes: Array,
@@ -85,9 +89,9 @@ class _Problem:
         self.focal0 = focal_px or USUAL_FOCAL * max(self.width, self.height)
         self.pixels, self.world, self.weights = landmark_arrays(people, self.width, self.height)
         self.steps = time_steps(times_s, takes)
-        self.extent = person_height_px(self.pixels, self.weights)
+        self.extent = person_height_px(self.pixels)
         self._tensors(self.marks)
-        self._start(times_s)
+        self._start()
 
     def _tensors(self, marks: LandmarkModel) -> None:
         def tensor(value: Array) -> Tensor:
@@ -104,10 +108,10 @@ class _Problem:
         self.seen_pixels, self.seen_weights = tensor(self.pixels), tensor(self.weights)
         self.seen_world = tensor(self.world * TO_Y_UP)
         self.mirror = torch.tensor(MIRROR)
-        self.prior = pose_prior()
+        self.prior, self.hidden = pose_prior(), tensor(hidden_joints(self.weights))
 
-    def _start(self, times_s: Array) -> None:
-        angles, pelvis = start_poses(self, times_s)
+    def _start(self) -> None:
+        angles, pelvis = start_poses(self)
         self.root0 = torch.tensor(axis_angle_to_matrix(angles[:, 0]), dtype=torch.float32)
         body = torch.tensor(angles, dtype=torch.float32)
         body[:, 0] = 0.0
@@ -153,7 +157,7 @@ class _Problem:
         seen = (robust(off.square().sum(-1)) * self.seen_weights).sum(1).mean()
         depth = self._world_energy(marks)
         steady = unsteadiness(placed, *self.steps, _ACCELERATION_M_S2).sum() / len(placed)
-        total = seen + 0.5 * depth + 0.5 * self.prior.energy(self.angles).mean() + steady
+        total = seen + 0.5 * depth + 0.5 * self.prior.energy(self.angles, self.hidden).mean() + steady
         total = total + self._once_a_clip()
         if nearest is not None:
             edge = silhouette_energy(
@@ -212,7 +216,51 @@ def fit_clip(
     `focal_px` is in pixels of the masks; None estimates it about that of usual cameras. Raises
     CaptureStopped when asked to stop. The same input gives the same result.
     """
-    problem = _Problem(people, masks, times_s, np.asarray(takes), model, focal_px)
+    found = [index for index, person in enumerate(people) if person is not None]
+    problem = _Problem(
+        [person for person in people if person is not None],
+        [masks[index] for index in found],
+        times_s[found],
+        np.asarray(takes)[found],
+        model,
+        focal_px,
+    )
+    with _one_thread():
+        _minimise(problem, on_progress, should_stop)
+    return _with_lost_frames(problem.result(), np.array(found), times_s)
+
+
+def _with_lost_frames(fit: Fit, found: Array, times_s: Array) -> Fit:
+    """`fit` of the `found` frames, spread to all: lost ones are bridged and trusted in nothing."""
+    angles, pelvis = bridged(found, fit.joint_angles, fit.pelvis, times_s)
+    error = np.full((len(times_s), len(LANDMARK_NAMES)), np.nan)
+    weights = np.zeros_like(error)
+    error[found], weights[found] = fit.landmark_error_px, fit.weights
+    return replace(
+        fit, joint_angles=angles, pelvis=pelvis, landmark_error_px=error, weights=weights
+    )
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """The tensors are small: threads only wait for each other, seventeen times as long if busy.
+
+    Subnormal numbers, which fading gradients become, would be as slow again.
+    """
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    torch.set_flush_denormal(True)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+        torch.set_flush_denormal(False)
+
+
+def _minimise(
+    problem: _Problem, on_progress: Callable[[float], None], should_stop: Callable[[], bool]
+) -> None:
+    """First landmarks alone, then the silhouette too, each with a falling rate."""
     total = _LANDMARK_STEPS + _SILHOUETTE_STEPS
     done = 0
     for steps, rate, edge in ((_LANDMARK_STEPS, 0.03, False), (_SILHOUETTE_STEPS, 0.012, True)):
@@ -231,7 +279,6 @@ def fit_clip(
             optimiser.step()
             done += 1
             on_progress(done / total)
-    return problem.result()
 
 
 def _optimiser(problem: _Problem, rate: float) -> torch.optim.Adam:
@@ -240,30 +287,25 @@ def _optimiser(problem: _Problem, rate: float) -> torch.optim.Adam:
     if not problem.focal_known:
         groups.append((problem.log_focal, 0.2 * rate))
     return torch.optim.Adam(
-        [{"params": [value], "lr": lr, "initial": lr} for value, lr in groups], betas=(0.9, 0.99)
+        [{"params": [value], "lr": lr, "initial": lr} for value, lr in groups], betas=(0.9, 0.99), eps=1e-5
     )
 
 
-def start_poses(problem: _Problem, times_s: Array) -> tuple[Array, Array]:
-    """Closed-form poses [F 24 3] and pelvis places [F 3] of all frames; lost ones interpolated."""
-    found = np.flatnonzero(problem.weights.sum(1) > 0.0)
-    angles = solve_pose(problem.world[found], problem.weights[found])
+def start_poses(problem: _Problem) -> tuple[Array, Array]:
+    """Closed-form poses [F 24 3] and pelvis places [F 3], m."""
+    angles = solve_pose(problem.world, problem.weights)
     with torch.no_grad():
         rotations = torch.tensor(axis_angle_to_matrix(angles), dtype=torch.float32)
-        turned, placed = forward(rotations, torch.zeros(len(found), 3), problem.joints0)
+        turned, placed = forward(rotations, torch.zeros(len(angles), 3), problem.joints0)
         marks = rigid_points(turned, placed, problem.joints0, problem.marks0, problem.mark_joints)
     focal, centre = problem.focal0, problem.centre.numpy()
     intrinsics = np.array([[focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]])
-    shift = solve_translation(
-        marks.numpy().astype(np.float64) * TO_Y_UP,
-        problem.pixels[found],
-        problem.weights[found],
-        intrinsics,
-    )
-    return _bridged(found, angles, shift * TO_Y_UP, times_s)
+    points = marks.numpy().astype(np.float64) * TO_Y_UP
+    shift = solve_translation(points, problem.pixels, problem.weights, intrinsics)
+    return angles, shift * TO_Y_UP
 
 
-def _bridged(found: Array, angles: Array, pelvis: Array, times_s: Array) -> tuple[Array, Array]:
+def bridged(found: Array, angles: Array, pelvis: Array, times_s: Array) -> tuple[Array, Array]:
     """Poses of `found` frames spread to all frames: slerp between, the nearest outside."""
     rotations = axis_angle_to_matrix(angles)
     out_angles = np.zeros((len(times_s), *angles.shape[1:]))
@@ -281,15 +323,13 @@ def _bridged(found: Array, angles: Array, pelvis: Array, times_s: Array) -> tupl
 
 
 def landmark_arrays(
-    people: Sequence[Landmarks | None], width: int, height: int
+    people: Sequence[Landmarks], width: int, height: int
 ) -> tuple[Array, Array, Array]:
-    """Pixels [F 33 2], world [F 33 3] and trust [F 33] of all frames; nil where lost or outside."""
+    """Pixels [F 33 2], world [F 33 3] and trust [F 33] of all frames; no trust outside."""
     pixels = np.zeros((len(people), len(LANDMARK_NAMES), 2))
     world = np.zeros((len(people), len(LANDMARK_NAMES), 3))
     trust = np.zeros((len(people), len(LANDMARK_NAMES)))
     for frame, person in enumerate(people):
-        if person is None:
-            continue
         pixels[frame], world[frame] = person.pixels, person.world
         inside = (person.pixels >= 0).all(1) & (person.pixels <= [width, height]).all(1)
         trust[frame] = np.where(inside, person.visibility, 0.0) ** 2
@@ -298,13 +338,22 @@ def landmark_arrays(
     return pixels, world, trust
 
 
-def person_height_px(pixels: Array, trust: Array) -> float:
+def hidden_joints(trust: Float[Array, "F 33"]) -> Float[Array, "F 24"]:
+    """1 for each limb joint whose motion nothing shows, since the landmark beyond it is not seen."""
+    hidden = np.zeros((len(trust), JOINT_COUNT))
+    for joint, landmark in _SHOWN_BY.items():
+        for side in ("left", "right"):
+            unseen = trust[:, LANDMARK_NAMES.index(f"{side}_{landmark}")] <= 0.0
+            hidden[:, JOINT_NAMES.index(f"{side}_{joint}")] = unseen
+    return hidden
+
+
+def person_height_px(pixels: Float[Array, "F 33 2"]) -> float:
     """About the standing person's height in px, from the trunk's length (robust over the clip)."""
     left, right = LANDMARK_NAMES.index("left_shoulder"), LANDMARK_NAMES.index("right_shoulder")
     hips = [LANDMARK_NAMES.index(n) for n in ("left_hip", "right_hip")]
-    found = trust.sum(1) > 0.0
-    shoulders = 0.5 * (pixels[found, left] + pixels[found, right])
-    trunk = np.linalg.norm(shoulders - pixels[found][:, hips].mean(1), axis=1)
+    shoulders = 0.5 * (pixels[:, left] + pixels[:, right])
+    trunk = np.linalg.norm(shoulders - pixels[:, hips].mean(1), axis=1)
     return float(max(3.4 * np.percentile(trunk, 75), 20.0))
 
 

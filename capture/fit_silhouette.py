@@ -20,7 +20,7 @@ from scene.arrays import Array, Float, Tensor
 
 SIDE_PX = 256
 """Longest side of the pictures in which distances are measured."""
-CONTOUR_POINTS = 120
+CONTOUR_POINTS = 96
 _FAR = 0.15
 """Distances beyond this share of the picture's longest side count as that."""
 
@@ -53,7 +53,9 @@ class Silhouettes:
     @torch.no_grad()
     def nearest(self, pixels: Float[Tensor, "F V 2"]) -> Tensor:
         """Index [F P] of the projected point nearest to each point of the outline."""
-        return torch.cdist(self.contour, pixels).argmin(-1)
+        # |v|^2 - 2 c v orders like the distance, at a third of its cost
+        lengths = pixels.square().sum(-1)[:, None]
+        return torch.baddbmm(lengths, self.contour, pixels.transpose(1, 2), alpha=-2.0).argmin(-1)
 
 
 def prepare_silhouettes(masks: Sequence[Float[Array, "H W"] | None]) -> Silhouettes:

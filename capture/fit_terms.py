@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -15,22 +16,26 @@ import torch
 from scene.arrays import Array, Float, Tensor
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
 
+_HELD_RAD = 0.03
+"""Deviation of a joint that nothing shows."""
+
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 
 
-def _levels() -> list[tuple[list[int], list[int]]]:
-    """Joints and their parents by depth in the tree: nine steps instead of 24."""
+def _levels() -> list[tuple[list[int], list[int], list[int]]]:
+    """By depth in the tree: joints, their parents, and the parents' places in the level above."""
     depth = [0] * JOINT_COUNT
     for joint in range(1, JOINT_COUNT):
         depth[joint] = depth[PARENTS[joint]] + 1
-    levels = []
-    for d in range(1, max(depth) + 1):
-        joints = [j for j in range(JOINT_COUNT) if depth[j] == d]
-        levels.append((joints, [PARENTS[j] for j in joints]))
-    return levels
+    members = [[j for j in range(JOINT_COUNT) if depth[j] == d] for d in range(max(depth) + 1)]
+    return [
+        (joints, [PARENTS[j] for j in joints], [above.index(PARENTS[j]) for j in joints])
+        for above, joints in pairwise(members)
+    ]
 
 
 LEVELS = _levels()
+_IN_ORDER = np.argsort([0] + [joint for joints, _, _ in LEVELS for joint in joints])
 
 
 def rotation_matrices(axis_angle: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
@@ -47,18 +52,13 @@ def forward(
     rotations: Float[Tensor, "F 24 3 3"], root: Float[Tensor, "F 3"], rest: Float[Tensor, "24 3"]
 ) -> tuple[Float[Tensor, "F 24 3 3"], Float[Tensor, "F 24 3"]]:
     """World rotations and positions of all joints; `root` is the place of joint 0 itself."""
-    frames = rotations.shape[0]
-    turned = [rotations.new_empty(frames, 3, 3)] * JOINT_COUNT
-    placed = [root] * JOINT_COUNT
-    turned[0] = rotations[:, 0]
-    for joints, parents in LEVELS:
-        above = torch.stack([turned[p] for p in parents], 1)
+    turned, placed = [rotations[:, :1]], [root[:, None]]
+    for joints, parents, places in LEVELS:
+        above = turned[-1][:, places]
         bones = (rest[joints] - rest[parents])[None, :, :, None]
-        own = above @ rotations[:, joints]
-        places = torch.stack([placed[p] for p in parents], 1) + (above @ bones)[..., 0]
-        for i, joint in enumerate(joints):
-            turned[joint], placed[joint] = own[:, i], places[:, i]
-    return torch.stack(turned, 1), torch.stack(placed, 1)
+        placed.append(placed[-1][:, places] + (above @ bones)[..., 0])
+        turned.append(above @ rotations[:, joints])
+    return torch.cat(turned, 1)[:, _IN_ORDER], torch.cat(placed, 1)[:, _IN_ORDER]
 
 
 def rigid_points(
@@ -80,11 +80,16 @@ def skinned_points(
     points: Float[Tensor, "V 3"],
     weights: Float[Tensor, "V 24"],
 ) -> Float[Tensor, "F V 3"]:
-    """Rest `points` by linear blend skinning."""
+    """Rest `points` by linear blend skinning, as one product of matrices.
+
+    x = sum_k w_k (R_k p + s_k): rows [w_k p, w_k] of all joints, times the stacked [R_k | s_k].
+    """
     shift = placed - (turned @ rest_joints[None, :, :, None])[..., 0]
-    blended = torch.einsum("vk,fkij->fvij", weights, turned)
-    moved = torch.einsum("vk,fki->fvi", weights, shift)
-    return (blended @ points[None, :, :, None])[..., 0] + moved
+    homogeneous = torch.cat([points, torch.ones_like(points[:, :1])], 1)
+    rows = (weights[:, :, None] * homogeneous[:, None]).flatten(1)
+    transforms = torch.cat([turned, shift[..., None]], -1)  # [F 24 3 4]
+    columns = transforms.permute(1, 3, 0, 2).reshape(rows.shape[1], -1)
+    return (rows @ columns).reshape(len(points), -1, 3).transpose(0, 1)
 
 
 def project(
@@ -114,10 +119,16 @@ class PosePrior:
     deviation: Float[Tensor, "24 3"]
     """rad, axis-angle components in the T-pose's axes."""
 
-    def energy(self, angles: Float[Tensor, "F 24 3"]) -> Float[Tensor, "F"]:
-        """Gaussian about the mean, and walls at the hinges' ends."""
-        spread = ((angles - self.mean) / self.deviation)[:, 1:].square().sum((1, 2))
-        return spread + _hinge_walls(angles)
+    def energy(
+        self, angles: Float[Tensor, "F 24 3"], hidden: Float[Tensor, "F 24"]
+    ) -> Float[Tensor, "F"]:
+        """Gaussian about the mean, and walls at the hinges' ends.
+
+        `hidden` joints (1) are held at the mean: the silhouette alone would bend them at will.
+        """
+        spread = ((angles - self.mean) / self.deviation).square().sum(2)[:, 1:]
+        held = (angles - self.mean).square().sum(2)[:, 1:] / _HELD_RAD**2
+        return torch.lerp(spread, held, hidden[:, 1:]).sum(1) + _hinge_walls(angles)
 
 
 def pose_prior() -> PosePrior:
