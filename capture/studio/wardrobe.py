@@ -36,6 +36,8 @@ class Outfit:
     long_sleeves: bool
     letters: Bool[Array, "P Q"]
     """The chest print, True where it is printed."""
+    hair_drop_m: float
+    """How far the hair hangs below a short cut at the sides and the nape."""
 
 
 def make_outfit(rng: np.random.Generator) -> Outfit:
@@ -58,6 +60,7 @@ def make_outfit(rng: np.random.Generator) -> Outfit:
         checked=bool(rng.uniform() < 0.5),
         long_sleeves=bool(rng.uniform() < 0.6),
         letters=canvas > 127,
+        hair_drop_m=float(rng.choice([0.0, 0.035, 0.09])),
     )
 
 
@@ -72,20 +75,28 @@ def albedo(
     at = {name: rest_joints[i] for i, name in enumerate(JOINT_NAMES)}
     height = rest[:, 1]
     head = np.isin(joint, [JOINT_NAMES.index("head"), JOINT_NAMES.index("neck")])
-    arms = np.abs(rest[:, 0]) > 0.9 * at["left_shoulder"][0]
+    # hips may be as wide as shoulders, so arms are also told by their height
+    arms = (np.abs(rest[:, 0]) > 0.9 * at["left_shoulder"][0]) & (height > at["spine3"][1])
     waist = at["pelvis"][1] + 0.06
     cuff = at["left_wrist" if outfit.long_sleeves else "left_elbow"][0] - 0.02
-    is_shirt = (height > waist) & (np.abs(rest[:, 0]) < cuff) & ~(head & _above_collar(rest, at))
+    collar = _below_collar(rest, at)
+    is_shirt = (height > waist) & (np.abs(rest[:, 0]) < cuff) & (collar > 0.0)
     is_trousers = (height <= waist) & (height > at["left_ankle"][1] + 0.05)
     is_shoe = height <= at["left_ankle"][1] + 0.05
     colour = np.tile(outfit.skin, (len(rest), 1))
     _paint_shirt(colour, is_shirt, outfit, rest, normal, arms, at)
-    _paint_trousers(colour, is_trousers, outfit, rest, waist)
+    colour[is_shirt & (collar < 0.012)] = 0.7 * outfit.shirt[1]
+    _paint_trousers(colour, is_trousers, outfit, rest, waist, at["left_knee"])
     colour[is_shoe] = outfit.shoes
-    colour[is_shoe & (height < 0.025)] = [0.92, 0.92, 0.9]
-    laces = is_shoe & (np.mod(height, 0.02) < 0.007) & (np.abs(np.abs(rest[:, 0]) - 0.115) < 0.025)
-    colour[laces & (normal[:, 1] > 0.3)] = [0.95, 0.95, 0.95]
+    toe_cap = rest[:, 2] > at["left_foot"][2] + 0.005
+    colour[is_shoe & ((height < 0.025) | toe_cap)] = [0.92, 0.92, 0.9]
+    instep = (np.abs(np.abs(rest[:, 0]) - at["left_foot"][0]) < 0.025) & (normal[:, 1] > 0.3)
+    laces = is_shoe & instep & ~toe_cap & (np.mod(height, 0.02) < 0.007)
+    colour[laces] = [0.95, 0.95, 0.95]
     _paint_head(colour, head & ~is_shirt, outfit, rest, at)
+    # what looks down sees less of the sky: chin, nose and fingers get their shape
+    bare = ~(is_shirt | is_trousers | is_shoe)
+    colour[bare] *= 1.0 - 0.2 * np.maximum(-normal[bare, 1:2], 0.0)
     return colour.astype(np.float32)
 
 
@@ -93,9 +104,12 @@ def _rgb(hue: float, saturation: float, value: float) -> Float[Array, "3"]:
     return np.array(colorsys.hsv_to_rgb(hue % 1.0, saturation, value))
 
 
-def _above_collar(rest: Array, at: dict[str, Array]) -> Array:
-    """The collar slopes down at the front."""
-    return rest[:, 1] > at["neck"][1] - 0.02 - 0.35 * np.maximum(rest[:, 2], 0.0)
+def _below_collar(rest: Array, at: dict[str, Array]) -> Array:
+    """How far, m, a place lies outside a round neck opening that slopes down at the front."""
+    edge = at["neck"][1] - 0.02 - 0.35 * np.maximum(rest[:, 2], 0.0)
+    from_neck = np.hypot(rest[:, 0], rest[:, 2] - at["neck"][2])
+    chin = np.maximum(rest[:, 1] - at["neck"][1] - 0.01, 0.0)  # the head is wider than the opening
+    return np.maximum(edge - rest[:, 1], from_neck - 0.09 - 4.0 * chin)
 
 
 def _paint_shirt(colour: Array, where: Array, outfit: Outfit, rest: Array, normal: Array,
@@ -133,7 +147,9 @@ def _paint_print(colour: Array, front: Array, outfit: Outfit, rest: Array, at: d
     colour[np.flatnonzero(inside)[ink]] = [0.1, 0.1, 0.16]
 
 
-def _paint_trousers(colour: Array, where: Array, outfit: Outfit, rest: Array, waist: float) -> None:
+def _paint_trousers(
+    colour: Array, where: Array, outfit: Outfit, rest: Array, waist: float, knee: Array
+) -> None:
     height = rest[:, 1]
     colour[where] = outfit.trousers
     weave = np.mod(height * 3.0 + np.abs(rest[:, 0]) * 5.0, 0.05) < 0.012
@@ -143,8 +159,8 @@ def _paint_trousers(colour: Array, where: Array, outfit: Outfit, rest: Array, wa
         rest[:, 2] > 0.02
     )
     colour[where & (seam | (pocket & (height > waist - 0.17)))] = 1.9 * outfit.trousers + 0.1
-    patch = (np.abs(height - 0.5) < 0.05) & (np.abs(rest[:, 0] - 0.11) < 0.045) & (rest[:, 2] > 0)
-    colour[where & patch] = [0.75, 0.62, 0.4]
+    patch = (np.abs(height - knee[1]) < 0.05) & (np.abs(rest[:, 0] - knee[0]) < 0.04)
+    colour[where & patch & (rest[:, 2] > knee[2])] = [0.75, 0.62, 0.4]
     belt = height > waist - 0.035
     colour[where & belt] = [0.22, 0.14, 0.09]
     colour[where & belt & (np.abs(rest[:, 0]) < 0.025) & (rest[:, 2] > 0)] = [0.85, 0.78, 0.5]
@@ -155,12 +171,13 @@ def _paint_head(colour: Array, head: Array, outfit: Outfit, rest: Array, at: dic
     front = head & (z > 0.02)
     colour[front & (((x - 0.031) / 0.016) ** 2 + ((y - 0.047) / 0.008) ** 2 < 1.0)] = 0.97
     colour[front & ((x - 0.031) ** 2 + (y - 0.047) ** 2 < 0.0075**2)] = [0.16, 0.24, 0.3]
-    colour[front & (np.abs(x - 0.033) < 0.019) & (np.abs(y - 0.067 + 3.0 * (x - 0.033) ** 2) < 0.0042)] = (
-        0.8 * outfit.hair
-    )  # fmt: skip
+    arch = np.abs(y - 0.067 + 12.0 * (x - 0.03) ** 2)
+    taper = 0.005 - 0.12 * np.maximum(x - 0.03, 0.0)  # thinner towards the temple
+    colour[front & (np.abs(x - 0.033) < 0.019) & (arch < taper)] = 0.8 * outfit.hair
     colour[front & ((x / 0.024) ** 2 + ((y + 0.028) / 0.007) ** 2 < 1.0)] = [0.68, 0.3, 0.3]
     # from the forehead down to the nape
-    hairline = 0.09 - np.clip(0.035 - z, 0.0, 0.13)
+    back = np.clip(0.035 - z, 0.0, 0.13)
+    hairline = 0.09 - back - outfit.hair_drop_m * np.clip(back / 0.04, 0.0, 1.0)
     strands = 0.006 * np.sin(900.0 * np.arctan2(rest[:, 0], z + 1e-9) / np.pi)
     hair = head & (y > hairline + strands)
     shine = 1.0 + 0.22 * np.sin(95.0 * np.arctan2(rest[:, 0], z + 1e-9))
