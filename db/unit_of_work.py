@@ -13,7 +13,6 @@ from sqlalchemy.orm import Session
 from db import repositories, sql
 from db.engine import make_engine
 from db.errors import Conflict, DatabaseAway, StoreFull
-from db.migrations import migrate
 
 
 class Database:
@@ -30,6 +29,8 @@ class Database:
 
     def migrate(self) -> None:
         """Bring the schema to this version. Raises MigrationFailed or DatabaseAway."""
+        from db.migrations import migrate  # here, for job processes never need it
+
         try:
             migrate(self._url)
         except OperationalError as error:

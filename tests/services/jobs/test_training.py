@@ -21,13 +21,14 @@ from tests.services.conftest import serving, stored_files
 from tests.services.jobs.waiting import child_of, job_when, until
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture
 def working(
     request: pytest.FixtureRequest, settings: Settings, tmp_path: Path
 ) -> Iterator[Settings]:
     """Settings of a gateway that runs jobs; with PostgreSQL goes Redis, as when deployed."""
-    with fresh_database(request.param, tmp_path) as url:
-        events = redis_url() if request.param == "postgresql" else None
+    kind = getattr(request, "param", "sqlite")
+    with fresh_database(kind, tmp_path) as url:
+        events = redis_url() if kind == "postgresql" else None
         changes = {"database_url": url, "redis_url": events, "embedded_worker": True}
         yield settings.model_copy(update=changes)
 
@@ -61,6 +62,7 @@ def _follow(caller: httpx.Client, job_id: str) -> list[tuple[str, dict]]:
     return events
 
 
+@pytest.mark.parametrize("working", ["sqlite", "postgresql"], indirect=True)
 def test_a_training_is_followed_to_its_model(working: Settings, sequence_id: str):
     with serving(working) as caller:
         job_id = _start(caller, sequence_id, budget_s=2.0)

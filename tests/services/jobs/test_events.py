@@ -1,0 +1,71 @@
+"""Wake-ups travel between threads and, by Redis, between processes; without it one just looks."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+
+from services.jobs.events import Events, LocalEvents, RedisEvents
+from tests.db.databases import redis_url
+
+
+def _wakes_a_thread(listening: Events, speaking: Events) -> bool:
+    """Whether an event ends a wait that would last a minute."""
+    listening.wait("topic", 0.01)  # subscribed from here on
+    woken = threading.Event()
+
+    def wait() -> None:
+        listening.wait("topic", 0.01)
+        listening.wait("topic", 60.0)
+        woken.set()
+
+    thread = threading.Thread(target=wait, daemon=True)
+    thread.start()
+    for _ in range(100):
+        speaking.publish("another topic")
+        speaking.publish("topic")
+        if woken.wait(0.1):
+            return True
+    return False
+
+
+def test_an_event_wakes_a_thread():
+    events = LocalEvents()
+    assert _wakes_a_thread(events, events)
+
+
+def test_an_event_wakes_another_process_by_redis():
+    listening, speaking = RedisEvents(redis_url()), RedisEvents(redis_url())
+    assert _wakes_a_thread(listening, speaking)
+    listening.close()
+    speaking.close()
+
+
+async def test_no_event_after_listening_is_missed():
+    listening, speaking = RedisEvents(redis_url()), RedisEvents(redis_url())
+    async with listening.listen("job:1") as listener:
+        speaking.publish("job:1")
+        await asyncio.wait_for(listener.wait(60.0), 30.0)
+    listening.close()
+    speaking.close()
+
+
+async def test_without_redis_everybody_just_looks():
+    events = RedisEvents("redis://127.0.0.1:1/0")
+    events.publish("topic")
+    events.wait("topic", 0.05)
+    async with events.listen("topic") as listener:
+        await asyncio.wait_for(listener.wait(60.0), 30.0)
+    events.close()
+
+
+async def test_without_events_between_processes_one_looks_soon():
+    async with LocalEvents().listen("topic") as listener:
+        await asyncio.wait_for(listener.wait(60.0), 30.0)
+
+
+def test_waiting_ends_by_itself():
+    started = time.monotonic()
+    LocalEvents().wait("topic", 0.05)
+    assert time.monotonic() - started >= 0.04

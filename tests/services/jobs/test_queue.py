@@ -1,0 +1,101 @@
+"""The life of a job by the clock: crashes are forgiven a few times, silence is noticed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from db.models import JobKind, JobRow, JobState, SequenceState
+from services.container import Services, build_services
+from services.jobs.queue import crashed, drop_orphans, enqueue, revive_silent
+from services.settings import Settings
+from tests.fakes import Clock
+from tests.services import seeds
+from tests.services.conftest import stored_files
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def services(settings: Settings, clock: Clock) -> Iterator[Services]:
+    made = build_services(settings, clock=clock)
+    made.database.migrate()
+    yield made
+    made.close()
+
+
+def _claim(services: Services) -> JobRow:
+    with services.unit_of_work() as unit:
+        job = unit.jobs.claim(list(JobKind), "a worker", services.clock())
+        unit.commit()
+    assert job is not None
+    return job
+
+
+def test_a_job_is_given_up_after_its_last_crash(services: Services, sequence_folder: Path):
+    job_id = seeds.queued_training(services, seeds.captured(services, sequence_folder))
+    for last in (False, False, True):
+        job = _claim(services)
+        with services.unit_of_work() as unit:
+            job = unit.jobs.get(job_id)
+            crashed(unit, job, "its process was killed", services.clock(), at_most=3)
+            unit.commit()
+        assert job.state is (JobState.FAILED if last else JobState.QUEUED)
+    assert job.error is not None
+    assert job.error["type"] == "urn:metanerf:worker-died"
+    assert "died 3 times, lately: its process was killed" in job.error["detail"]
+
+
+def test_silence_is_noticed_by_the_clock(services: Services, clock: Clock, sequence_folder: Path):
+    job_id = seeds.queued_training(services, seeds.captured(services, sequence_folder))
+    _claim(services)
+
+    def revived() -> list[str]:
+        with services.unit_of_work() as unit:
+            found, _ = revive_silent(unit, clock(), 30.0, at_most=3)
+            unit.commit()
+        return found
+
+    clock.advance(seconds=29)
+    assert revived() == []
+    clock.advance(seconds=2)
+    assert revived() == [job_id]
+    assert revived() == []
+    assert _claim(services).attempt == 2
+
+
+def test_a_capture_that_is_given_up_takes_its_upload_along(
+    services: Services, clock: Clock, sequence_folder: Path
+):
+    sequence = seeds.captured(services, sequence_folder)
+    with services.unit_of_work() as unit:
+        uploaded = unit.sequences.get(sequence.id)
+        uploaded.state = SequenceState.UPLOADED
+        job_id = enqueue(unit, JobKind.CAPTURE, uploaded, {}, clock()).id
+        unit.commit()
+    _claim(services)
+    with services.unit_of_work() as unit:
+        orphans = crashed(unit, unit.jobs.get(job_id), "it died", clock(), at_most=1)
+        unit.commit()
+    drop_orphans(services, orphans)
+    with services.reading() as unit:
+        assert unit.sequences.of_person(sequence.person_id) == []
+        job = unit.jobs.get(job_id)
+    assert (job.state, job.sequence_id) == (JobState.FAILED, None)
+    assert sequence.source_sha256 not in {p.name for p in stored_files(services.settings)}
+
+
+def test_a_cancelled_job_that_crashes_is_cancelled(services: Services, sequence_folder: Path):
+    job_id = seeds.queued_training(services, seeds.captured(services, sequence_folder))
+    _claim(services)
+    with services.unit_of_work() as unit:
+        job = unit.jobs.get(job_id)
+        job.cancel_requested = True
+        crashed(unit, job, "it died", services.clock(), at_most=3)
+        unit.commit()
+    assert job.state is JobState.CANCELLED
