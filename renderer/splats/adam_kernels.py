@@ -7,7 +7,7 @@ import math
 import numba
 import numpy as np
 
-from renderer.splats.layout import LOG_SCALE
+from renderer.splats.layout import COLOUR, LOG_SCALE
 from scene.arrays import Array
 
 _EPSILON = 1e-15
@@ -27,7 +27,7 @@ def adam_step(
     least_contribution: float,
     log_scale_range: Array,  # [2] float32
 ) -> None:
-    """One step down the gradient, bias-corrected a row by its own count; scales are clamped."""
+    """One step down the gradient, corrected by each row's own count; scales, colours clamped."""
     log_beta1, log_beta2 = math.log(beta1), math.log(beta2)
     for i in numba.prange(parameters.shape[0]):
         if seen[i] <= least_contribution:
@@ -44,6 +44,8 @@ def adam_step(
             parameters[i, p] -= np.float32(rates[p] * step)
         for p in range(LOG_SCALE, LOG_SCALE + 3):
             parameters[i, p] = min(max(parameters[i, p], log_scale_range[0]), log_scale_range[1])
+        for p in range(COLOUR, COLOUR + 3):
+            parameters[i, p] = min(max(parameters[i, p], np.float32(0.0)), np.float32(1.0))
 
 
 @numba.njit(parallel=True, fastmath=True, nogil=True, cache=True)

@@ -26,7 +26,8 @@ class SplatSettings:
     """Every rate falls linearly to this share."""
     beta1: float = 0.9
     beta2: float = 0.99
-    scale_range_m: tuple[float, float] = (5e-4, 0.04)
+    scale_range_m: tuple[float, float] = (5e-4, 0.02)
+    """Longer ones grow into spikes where poses are off."""
     first_blur_px2: float = 4.0
     """Dilation at the start where poses are estimated; gone by half time."""
     pose_rate_rad: float = 6e-3

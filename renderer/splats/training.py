@@ -11,9 +11,14 @@ import numpy as np
 from renderer.splats.compose import SplatRenderer, Workspace, pack_camera
 from renderer.splats.initialise import first_splats
 from renderer.splats.layout import (
+    ALPHA,
     BOX_FILTER_PX2,
     COLOUR,
+    CONIC_A,
+    CONIC_B,
+    CONIC_C,
     CONTRIBUTION,
+    EMPTY_BOX,
     LOG_SCALE,
     OPACITY,
     PARAMETERS,
@@ -25,15 +30,18 @@ from renderer.splats.model import SplatModel
 from renderer.splats.poses import PoseRefinement
 from renderer.splats.settings import SplatSettings
 from renderer.splats.unseen import fill_unseen
-from scene.arrays import Array, Float, UInt8
+from scene.arrays import Array, Bool, Float, UInt8
 from scene.sequence import FrameSource, Sequence, body_crop
 
 _CROP_MARGIN = 0.12
 """Share of the body's box kept round it: room where splats that stray are still punished."""
-_SEEN_WEIGHT = 0.5
-"""Summed blending weight, in pixels, from which a frame counts as having shown a splat."""
-_LEAST_CONTRIBUTION = 1e-3
-"""The same from which a step moves it."""
+_VISIBLE = 0.004
+"""Share of its own light that must reach the camera in some frame for a splat to count as seen;
+neighbours overlap, so that even at the front it is a tenth to a half, and behind a thousandth."""
+_VISIBILITY_FRAMES = 40
+"""Frames looked at to find out which splats were seen."""
+_LEAST_CONTRIBUTION = 0.02
+"""Summed blending weight, in pixels, from which a step moves a splat."""
 _PREVIEW_PX = 384
 
 
@@ -54,13 +62,13 @@ class SplatTrainer:
         self._sequence, self._settings = sequence, settings
         self._rng = np.random.default_rng(seed)
         self._views = _read_views(sequence.train)
-        self.parameters, self._joints, self._weights = first_splats(sequence, settings, self._rng)
+        self._initial, self._joints, self._weights = first_splats(sequence, settings, self._rng)
+        self.parameters = self._initial.copy()
         count = len(self.parameters)
         self._poses = PoseRefinement(sequence, settings)
         self._first = np.zeros_like(self.parameters)
         self._second = np.zeros_like(self.parameters)
         self._steps = np.zeros(count, np.int32)
-        self._most_seen = np.zeros(count, np.float32)
         self._slower = np.ones(1, np.float32)
         self._queue: list[int] = []
         threads = numba.get_num_threads()
@@ -82,33 +90,22 @@ class SplatTrainer:
 
     def step(self, fraction: float) -> float:
         """Draw one frame, compare, move what it showed; returns mean absolute difference."""
-        from renderer.splats.adam_kernels import adam_step, sum_threads
+        from renderer.splats.adam_kernels import adam_step
         from renderer.splats.project_kernels import chain_rule
-        from renderer.splats.tile_kernels import draw_and_differentiate
 
         if not self._queue:
             self._queue = self._rng.permutation(len(self._views)).tolist()
         frame = self._queue.pop()
+        transforms = self._draw(
+            frame, self._dilation(fraction), self._rng.uniform(size=3).astype(np.float32)
+        )
         view, work = self._views[frame], self._work
-        height, width = view.rgba.shape[:2]
-        transforms = self._poses.transforms(frame)
-        work.arrange(
-            self.parameters, self._joints, self._weights, transforms, view.camera,
-            width, height, self._dilation(fraction),
-        )  # fmt: skip
-        background = self._rng.uniform(size=3).astype(np.float32)
-        draw_and_differentiate(
-            work.projected, work.starts, work.entries, view.rgba, background,
-            self._thread_gradients, self._losses,
-        )  # fmt: skip
-        sum_threads(self._thread_gradients, self._by_projected)
         self._by_transform[:] = 0.0
         chain_rule(
             self.parameters, self._joints, self._weights, transforms, view.camera,
             work.projected, work.boxes, self._by_projected, self._by_parameter, self._by_transform,
         )  # fmt: skip
         contribution = self._by_projected[:, CONTRIBUTION]
-        np.maximum(self._most_seen, contribution, out=self._most_seen)
         rates = self._rates(fraction)
         adam_step(
             self.parameters, self._by_parameter, contribution, self._first, self._second,
@@ -116,14 +113,39 @@ class SplatTrainer:
             np.log(np.array(self._settings.scale_range_m, np.float32)),
         )  # fmt: skip
         self._poses.step(frame, self._by_transform.sum(axis=0), fraction, float(self._slower[0]))
-        return float(self._losses.sum()) / (3.0 * width * height)
+        return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
+
+    def _draw(
+        self, frame: int, dilation: float, background: Float[Array, "3"]
+    ) -> Float[Array, "K 4 4"]:
+        """Draw `frame` and compare: fills the gradient by what was projected, and the losses.
+
+        Returns the transforms that it was drawn with.
+        """
+        from renderer.splats.adam_kernels import sum_threads
+        from renderer.splats.tile_kernels import draw_and_differentiate
+
+        view, work = self._views[frame], self._work
+        transforms = self._poses.transforms(frame)
+        height, width = view.rgba.shape[:2]
+        work.arrange(
+            self.parameters, self._joints, self._weights, transforms, view.camera,
+            width, height, dilation,
+        )  # fmt: skip
+        draw_and_differentiate(
+            work.projected, work.starts, work.entries, view.rgba, background,
+            self._thread_gradients, self._losses,
+        )  # fmt: skip
+        sum_threads(self._thread_gradients, self._by_projected)
+        return transforms
 
     def preview(self) -> Float[Array, "H W 3"]:
         """The first training view, over light grey."""
         camera = self._sequence.train.camera(0)
         scale = _PREVIEW_PX / max(camera.width, camera.height)
         small = camera.resized(round(camera.width * scale), round(camera.height * scale))
-        picture = SplatRenderer((self._model({}),)).render(small, [self._poses.transforms(0)])
+        model = self._model(self.parameters, np.ones(len(self.parameters), bool), {})
+        picture = SplatRenderer((model,)).render(small, [self._poses.transforms(0)])
         return picture[..., :3] + (1.0 - picture[..., 3:]) * np.float32(0.93)
 
     def state(self) -> dict[str, Array]:
@@ -134,7 +156,6 @@ class SplatTrainer:
             "first": self._first.copy(),
             "second": self._second.copy(),
             "steps": self._steps.copy(),
-            "most_seen": self._most_seen.copy(),
             "slower": self._slower.copy(),
             "chance": np.array(chance),
             **self._poses.state(),
@@ -144,8 +165,7 @@ class SplatTrainer:
         """Go back to `state`."""
         self.parameters = state["parameters"].copy()
         self._first, self._second = state["first"].copy(), state["second"].copy()
-        self._steps, self._most_seen = state["steps"].copy(), state["most_seen"].copy()
-        self._slower = state["slower"].copy()
+        self._steps, self._slower = state["steps"].copy(), state["slower"].copy()
         chance = json.loads(str(state["chance"]))
         self._rng.bit_generator.state, self._queue = chance["rng"], list(chance["queue"])
         self._thread_gradients[:] = 0.0
@@ -157,11 +177,16 @@ class SplatTrainer:
 
     def finish(self, metrics: dict[str, Any]) -> SplatModel:
         """The model, with unseen splats filled in."""
-        return self._model(metrics, filled=True)
+        seen = self._seen()
+        parameters = fill_unseen(self.parameters, self._initial, seen)
+        seen_share = round(float(seen.mean()), 4)
+        return self._model(
+            parameters, seen, {**metrics, "splats": len(seen), "seen_share": seen_share}
+        )
 
-    def _model(self, metrics: dict[str, Any], *, filled: bool = False) -> SplatModel:
-        seen = self._most_seen > _SEEN_WEIGHT
-        parameters = fill_unseen(self.parameters, seen) if filled else self.parameters
+    def _model(
+        self, parameters: Float[Array, "N P"], seen: Bool[Array, "N"], metrics: dict[str, Any]
+    ) -> SplatModel:
         return SplatModel(
             parameters,
             self._joints.astype(np.uint8),
@@ -170,12 +195,23 @@ class SplatTrainer:
             self._sequence.body.skeleton,
             self._poses.motion(),
             self._sequence.data_hash,
-            metrics={
-                **metrics,
-                "splats": len(parameters),
-                "seen_share": round(float(seen.mean()), 4),
-            },
+            metrics=metrics,
         )
+
+    def _seen(self) -> Bool[Array, "N"]:
+        """Splats whose light, for the greater part, reached the camera in some frame."""
+        every = max(1, len(self._views) // _VISIBILITY_FRAMES)
+        best = np.zeros(len(self.parameters), np.float32)
+        for frame in range(0, len(self._views), every):
+            self._draw(frame, BOX_FILTER_PX2, np.zeros(3, np.float32))
+            p = self._work.projected
+            # a splat alone would blend its opacity times the area of its Gaussian, 2 pi / sqrt(det)
+            density = np.maximum(p[:, CONIC_A] * p[:, CONIC_C] - p[:, CONIC_B] ** 2, 1e-12)
+            alone = 2.0 * np.pi * p[:, ALPHA] / np.sqrt(density)
+            shown = self._by_projected[:, CONTRIBUTION] / np.maximum(alone, 1e-6)
+            drawn = self._work.boxes[:, 0] != EMPTY_BOX
+            np.maximum(best, np.where(drawn, shown, 0.0), out=best)
+        return best > _VISIBLE
 
     def _dilation(self, fraction: float) -> float:
         """px^2 added to every splat; poses that are estimated start blurred, so that limbs find

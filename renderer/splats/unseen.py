@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION
+from renderer.splats.layout import COLOUR, POSITION
 from scene.arrays import Array, Bool, Float
 
 _MIRROR_REACH_M = 0.03
@@ -13,19 +13,24 @@ _ROWS = 1024
 """Distances are taken in blocks of so many rows, to bound memory."""
 
 
-def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Float[Array, "N P"]:
-    """Parameters with colour, size and opacity of every unseen splat borrowed from a seen one."""
+def fill_unseen(
+    parameters: Float[Array, "N P"], first: Float[Array, "N P"], seen: Bool[Array, "N"]
+) -> Float[Array, "N P"]:
+    """Parameters in which every unseen splat stands as it was at `first`, its colour borrowed.
+
+    What hardly any frame showed has learnt noise, in shape as in colour.
+    """
     if seen.all() or not seen.any():
         return parameters
     filled = parameters.copy()
     missing, known = np.flatnonzero(~seen), np.flatnonzero(seen)
-    rest = parameters[:, POSITION : POSITION + 3]
-    mirror_distance, mirror = _nearest(rest[missing] * [-1.0, 1.0, 1.0], rest[known])
-    _, nearest = _nearest(rest[missing], rest[known])
+    rest, colours = first[missing, POSITION : POSITION + 3], slice(COLOUR, COLOUR + 3)
+    seen_at = parameters[known, POSITION : POSITION + 3]
+    mirror_distance, mirror = _nearest(rest * np.float32([-1.0, 1.0, 1.0]), seen_at)
+    _, nearest = _nearest(rest, seen_at)
     donor = known[np.where(mirror_distance < _MIRROR_REACH_M, mirror, nearest)]
-    for columns in (slice(COLOUR, COLOUR + 3), slice(OPACITY, OPACITY + 1)):
-        filled[missing, columns] = parameters[donor, columns]
-    filled[missing, LOG_SCALE : LOG_SCALE + 3] = parameters[missing, LOG_SCALE : LOG_SCALE + 3]
+    filled[missing] = first[missing]
+    filled[missing, colours] = parameters[donor, colours]
     return filled
 
 
