@@ -56,7 +56,7 @@ def make_outfit(rng: np.random.Generator) -> Outfit:
         shoes=_rgb(rng.uniform(), 0.3, rng.uniform(0.15, 0.8)),
         skin=skin,
         hair=_rgb(rng.uniform(0.02, 0.12), 0.6, rng.uniform(0.08, 0.45)),
-        stripe_m=float(rng.uniform(0.045, 0.08)),
+        stripe_m=float(rng.uniform(0.07, 0.11)),
         checked=bool(rng.uniform() < 0.5),
         long_sleeves=bool(rng.uniform() < 0.6),
         letters=canvas > 127,
