@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from renderer.errors import UnknownPreset
-from renderer.field.sizes import FieldSizes
+from renderer.field.settings import FAST, FieldSettings
 from renderer.splats.settings import SplatSettings
 
 
@@ -15,7 +15,7 @@ class Preset:
 
     name: str
     description: str
-    settings: SplatSettings | FieldSizes = field()
+    settings: SplatSettings | FieldSettings = field()
 
 
 PRESETS: dict[str, Preset] = {
@@ -25,6 +25,11 @@ PRESETS: dict[str, Preset] = {
             "splats",
             "skinned Gaussian splats: seconds to train, milliseconds a view, what meetings draw",
             SplatSettings(),
+        ),
+        Preset(
+            "fast",
+            "the paper's field on a grid in a shell with a small MLP: sized for two CPU cores",
+            FAST,
         ),
     )
 }

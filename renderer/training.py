@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -43,6 +43,7 @@ class Progress:
     """sRGB picture of the model as it is now."""
 
 
+@runtime_checkable
 class Trainer(Protocol):
     """One kind of model being trained."""
 

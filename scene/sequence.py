@@ -97,5 +97,6 @@ def body_crop(mask: Float[Array, "H W"], margin: float = 0.05) -> tuple[slice, s
     spans = []
     for found, side in ((rows, mask.shape[0]), (columns, mask.shape[1])):
         grow = int(np.ceil(margin * (found[-1] + 1 - found[0])))
-        spans.append(slice(max(0, found[0] - grow), min(side, found[-1] + 1 + grow)))
+        first, last = int(found[0]) - grow, int(found[-1]) + 1 + grow
+        spans.append(slice(max(0, first), min(side, last)))
     return spans[0], spans[1]

@@ -71,7 +71,7 @@ def test_a_foreign_checkpoint_is_refused(tmp_path):
     with pytest.raises(TrainingStopped):
         trained(checkpoint=path, on_progress=reports.append, should_stop=lambda: bool(reports),
                 iterations=200)  # fmt: skip
-    with pytest.raises(TrainingError, match="same clip, preset and seed; got .*delete"):
+    with pytest.raises(TrainingError, match=r"same clip, preset and seed; got .*delete"):
         trained(checkpoint=path, seed=9)
     path.write_bytes(b"no checkpoint")
     with pytest.raises(TrainingError, match="must be a file of an earlier run; got"):
@@ -108,7 +108,7 @@ def test_lasting_divergence_fails_with_the_reason(monkeypatch):
 
 
 def test_a_preset_nobody_knows_is_refused_with_the_list():
-    with pytest.raises(UnknownPreset, match="must be one of splats.*; got 'slow'"):
+    with pytest.raises(UnknownPreset, match=r"must be one of splats.*; got 'slow'"):
         trained(preset="slow")
 
 
