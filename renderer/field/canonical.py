@@ -117,7 +117,9 @@ class CanonicalField(nn.Module):
         assert self.table is not None
         logit = np.clip(-signed_distance[shell.learnt] / _SOFTNESS_M, *_LOGIT_RANGE)
         with torch.no_grad():
-            self.table[_FIXED_ROWS:, 0] = torch.from_numpy((logit / DENSITY_GAIN).astype(np.float32))
+            self.table[_FIXED_ROWS:, 0] = torch.from_numpy(
+                (logit / DENSITY_GAIN).astype(np.float32)
+            )
 
     def forward(
         self, points: Float[Tensor, "N 3"]

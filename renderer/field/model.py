@@ -5,12 +5,19 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+import torch
+
+from renderer.field.canonical import Shell
 from renderer.field.drawing import FieldRenderer
 from renderer.field.field import PersonField
-from scene.arrays import Array, Float
+from renderer.field.sizes import FieldSizes
+from scene.arrays import Array, Bool, Float
 from scene.camera import Camera
 from scene.motion import Motion, Pose
 from scene.skeleton import Skeleton
+
+_LEARNT = "field."
 
 
 class FieldModel:
@@ -43,3 +50,69 @@ class FieldModel:
     def render(self, camera: Camera, pose: Pose) -> Float[Array, "H W 4"]:
         """Premultiplied sRGB and alpha of the person in `pose` seen by `camera`."""
         return self._renderer.render(camera, pose)
+
+    def tensors(self) -> dict[str, Array]:
+        """What a model file holds beside motion and skeleton; `from_tensors` takes it back.
+
+        The grid's table is kept in half precision (far below a byte's step in colour), the prior in
+        bytes, which it was rounded to when it was made, and the shell in bits.
+        """
+        field = self.field
+        stored = {_LEARNT + name: p.detach().numpy() for name, p in field.named_parameters()}
+        table = _LEARNT + "canonical.table"
+        if table in stored:
+            stored[table] = stored[table].astype(np.float16)
+        box = torch.stack([field.low, field.high])
+        stored["box"] = box.numpy()
+        stored["prior"] = torch.round(field.motion.prior * 255.0).to(torch.uint8).numpy()
+        if field.shell is not None:
+            stored["shell"] = np.packbits(field.shell.learnt, axis=None)
+            stored["deep"] = np.packbits(field.shell.deep, axis=None)
+        return stored
+
+    def header(self) -> dict[str, Any]:
+        """Sizes, as the header of a model file holds them."""
+        shape = None if self.field.shell is None else list(self.field.shell.learnt.shape)
+        return {
+            "sizes": self.field.sizes.to_json(),
+            "grid_shape": shape,
+            "residual_opened": self.field.residual_opened,
+        }
+
+    @classmethod
+    def from_tensors(
+        cls, tensors: dict[str, Array], about: dict[str, Any], skeleton: Skeleton, motion: Motion
+    ) -> FieldModel:
+        """The model in a file. Raises KeyError, ValueError or RuntimeError for parts that are
+        missing or do not fit."""
+        sizes = FieldSizes.from_json(about["sizes"])
+        low, high = torch.from_numpy(tensors["box"].copy())
+        prior = torch.from_numpy(tensors["prior"].astype(np.float32) / np.float32(255.0))
+        shell = None
+        if about["grid_shape"] is not None:
+            learnt, deep = (_unpacked(tensors[k], about["grid_shape"]) for k in ("shell", "deep"))
+            shell = Shell(learnt, deep)
+        field = PersonField(sizes, skeleton, prior, low.clone(), high.clone(), shell)
+        learnt_state = {
+            name[len(_LEARNT) :]: torch.from_numpy(value.astype(np.float32))
+            for name, value in tensors.items()
+            if name.startswith(_LEARNT)
+        }
+        expected = {name for name, _ in field.named_parameters()}
+        if set(learnt_state) != expected:
+            raise ValueError(
+                f"learnt tensors must be {sorted(expected)}; got {sorted(learnt_state)}"
+            )
+        field.load_state_dict(learnt_state, strict=False)
+        field.residual_opened = about["residual_opened"]
+        return cls(
+            field,
+            preset=about["preset"],
+            motion=motion,
+            data_hash=about["data_hash"],
+            metrics=about["metrics"],
+        )
+
+
+def _unpacked(bits: Array, shape: list[int]) -> Bool[Array, "D H W"]:
+    return np.unpackbits(bits, count=int(np.prod(shape))).reshape(shape).astype(bool)

@@ -18,6 +18,8 @@ from scene.skeleton import Skeleton
 
 _BOX_MARGIN_M = 0.04
 """Empty border round the shell, so that the volume's outermost points are background."""
+_PAST_JOINTS_M = 0.2
+"""How far a body reaches past its outermost joints: the crown above the head's."""
 _REFERENCE_HEIGHT_M = 1.58
 """Floor to head joint of the adult that the radii below are taken from."""
 _RADII_M = {"pelvis": 0.12, "hip": 0.08, "spine1": 0.12, "spine2": 0.12, "spine3": 0.12,
@@ -50,7 +52,7 @@ def rest_shape(body: Body, volume: tuple[int, int, int], outside_m: float) -> Re
     reach = outside_m + _BOX_MARGIN_M
     joints = body.skeleton.rest_joints
     if body.rest_vertices is None:
-        reach = reach + 0.12 * _scale(body.skeleton)
+        reach = reach + _PAST_JOINTS_M * _scale(body.skeleton)
         low, high = joints.min(axis=0) - reach, joints.max(axis=0) + reach
     else:
         low, high = body.rest_vertices.min(axis=0) - reach, body.rest_vertices.max(axis=0) + reach
@@ -120,7 +122,7 @@ def _from_surface(body: Body, points: Array, low: Array, high: Array) -> tuple[A
     nearest = _nearest_sample(points, samples, low, high)
     away = points - samples[nearest]
     distance = np.linalg.norm(away, axis=-1)
-    # a normal tells the side only near the skin: beyond a fingertip the nearest sample may face away
+    # a normal tells the side only near the skin: past a fingertip the nearest may face away
     near = distance < np.linalg.norm((high - low) / (np.array(distance.shape[::-1]) - 1))
     inside = np.where(
         near, np.einsum("...x,...x->...", away, outward[nearest]) < 0.0, ~_flooded(~near)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from renderer.field.sizes import FieldSizes, GridSize, MlpSize
 
@@ -14,8 +15,6 @@ class FieldSettings:
     sizes: FieldSizes
     table_rate: float = 3e-2
     """Adam's rate for grid features."""
-    density_rate: float = 1.0
-    """Rate of the grid's densities, as a share of `table_rate`."""
     field_rate: float = 5e-4
     """The same for the canonical MLP."""
     motion_rate: float = 5e-5
@@ -30,6 +29,11 @@ class FieldSettings:
     """Side of square patches, which a perceptual loss needs; 0: single rays."""
     on_body_share: float = 0.8
     """Share of patches centred on the body."""
+    lpips_backbone: Path | None = None
+    """File with the backbone of a perceptual loss on patches; None: pixels alone."""
+    lpips_weight: float = 1.0
+    patch_mse_weight: float = 0.2
+    """Weights of the two losses where there is a backbone (the paper's)."""
     refine_from: float = 0.1
     """Share of the schedule after which the refiner starts."""
     residual_from: float = 0.07

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import torch
 
-from renderer.field.lookup import to_grid, trilinear
+from renderer.field.lookup import corners, to_grid, trilinear, weighted_rows
 from scene.arrays import Float, Tensor
 
 _SMALL_ANGLE = 1e-4
@@ -43,6 +43,16 @@ class WeightVolume:
         inside = ((points >= self.low) & (points <= self.high)).all(dim=1, keepdim=True)
         rows = trilinear(self.rows, to_grid(points, self.low, self.high, self.shape), self.shape)
         return rows[:, :-1] * inside
+
+    def of_each_joint(self, points: Float[Tensor, "N 24 3"]) -> Float[Tensor, "N 24"]:
+        """Weight of joint k at the k-th canonical point of each row; nil outside the box."""
+        inside = ((points >= self.low) & (points <= self.high)).all(dim=2)
+        at = to_grid(points.reshape(-1, 3), self.low, self.high, self.shape)
+        index, weights = corners(at, self.shape)
+        first = self.channels.shape[1] * torch.arange(points.shape[1], dtype=torch.int32)
+        index = index + first.repeat(len(points))[:, None]
+        found = weighted_rows(self.channels.reshape(-1, 1), index, weights)
+        return found.view(points.shape[:2]) * inside
 
 
 def rotations(axis_angle: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
@@ -90,12 +100,9 @@ def inverse_skinning(
     Differentiable in points, transforms and the volume's rows.
     """
     rotation, offset = transforms[..., :3], transforms[..., 3]
-    joints = len(transforms)
     # M rigid: x_i = R^T (x - t)
     near = torch.einsum("nkj,kji->nki", points[:, None] - offset, rotation)
-    flat = near.reshape(-1, 3)
-    weights = volume.at(flat).view(len(points), joints, joints)
-    own = torch.diagonal(weights, dim1=1, dim2=2)
+    own = volume.of_each_joint(near)
     total = own.sum(dim=1)
     canonical = (own[..., None] * near).sum(dim=1) / total.clamp(min=_LEAST_WEIGHT)[:, None]
     return canonical, total.clamp(max=1.0)

@@ -25,6 +25,7 @@ from renderer.field.posed import LEAST_LIKELIHOOD, Support, direct_canonical
 from renderer.field.settings import FieldSettings
 from renderer.field.skinning import WeightVolume, blended_inverse
 from renderer.field.views import TrainingView, read_views
+from renderer.lpips import Lpips
 from scene.arrays import Array, Float, Int, Tensor
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -68,6 +69,7 @@ class FieldTrainer:
         self._views = read_views(sequence.train)
         self._adam = torch.optim.Adam(self._groups(), betas=_BETAS, fused=True)
         self._base_rates = [float(group["lr"]) for group in self._adam.param_groups]
+        self._lpips = None if settings.lpips_backbone is None else Lpips(settings.lpips_backbone)
         self._slower = 1.0
         self._queue: list[int] = []
 
@@ -84,18 +86,35 @@ class FieldTrainer:
         bundles = [self._rays_of(self._views[f], volume, fraction) for f in self._next_frames()]
         made = self._rendered(bundles)
         truth = torch.cat([bundle.view.truth(bundle.pixels) for bundle in bundles])
-        background = torch.rand(len(made), 3, generator=self._chance)
-        difference = (made[:, :3] + (1.0 - made[:, 3:]) * background) - (
-            truth[:, :3] + (1.0 - truth[:, 3:]) * background
-        )
-        loss = (
-            difference.abs().mean()
-            if self._settings.pixel_loss == "l1"
-            else (difference * difference).mean()
-        )
+        loss = self._loss(made, truth)
         loss.backward()
         self._adam.step()
         return float(loss.detach())
+
+    def _loss(self, made: Float[Tensor, "R 4"], truth: Float[Tensor, "R 4"]) -> Tensor:
+        """Difference over random backgrounds: what the field leaves open must let any through."""
+        settings = self._settings
+        patch = settings.patch_px**2 or 1
+        colours = torch.rand(len(made) // patch, 3, generator=self._chance)
+        background = colours.repeat_interleave(patch, dim=0)
+        one, other = (rgba[:, :3] + (1.0 - rgba[:, 3:]) * background for rgba in (made, truth))
+        difference = one - other
+        if settings.pixel_loss == "l1":
+            return difference.abs().mean()
+        squared = (difference * difference).mean()
+        if self._lpips is None:
+            return squared
+        side = settings.patch_px
+        pair = (rgb.view(-1, side, side, 3).permute(0, 3, 1, 2) for rgb in (one, other))
+        perceived = self._lpips(*pair).mean()
+        return settings.patch_mse_weight * squared + settings.lpips_weight * perceived
+
+    def _picked(self, view: TrainingView) -> Int[Tensor, "R"]:
+        settings = self._settings
+        if settings.patch_px == 0:
+            return view.pick(settings.rays_a_frame, settings.beside_share, self._chance)
+        count = max(1, settings.rays_a_frame // settings.patch_px**2)
+        return view.pick_patches(count, settings.patch_px, settings.on_body_share, self._chance)
 
     def _rays_of(self, view: TrainingView, volume: WeightVolume, fraction: float) -> _Bundle:
         """Some rays of one frame, with the canonical point and likelihood of their samples."""
@@ -103,7 +122,7 @@ class FieldTrainer:
         refine = self._refines and fraction >= settings.refine_from
         transforms = field.transforms(view.joint_angles, view.root_translation, refine=refine)
         view.prepare(field, volume, self._support, transforms.detach())
-        picked = view.pick(settings.rays_a_frame, settings.beside_share, self._chance)
+        picked = self._picked(view)
         jitter = torch.rand(len(picked), generator=self._chance)
         rays = (*view.rays(picked), settings.sizes.step_m, jitter)
         if view.grid is None:
@@ -195,7 +214,11 @@ class FieldTrainer:
         self._slower *= 0.5
 
     def finish(self, metrics: dict[str, Any]) -> FieldModel:
-        """The model as trained."""
+        """The model as trained, its table rounded as model files keep it."""
+        table = self.field.canonical.table
+        if table is not None:
+            with torch.no_grad():
+                table.copy_(table.half().float())
         return FieldModel(
             self.field,
             preset=self._preset,

@@ -9,13 +9,12 @@ from renderer.field.field import PersonField
 from renderer.field.marching import box_span, march
 from renderer.field.posed import PosedGrid, Support, posed_grid
 from renderer.field.skinning import WeightVolume
+from renderer.metrics import over_black
 from scene.arrays import Array, Float, Int, Tensor
 from scene.sequence import FrameSource, body_crop
 
 _CROP_MARGIN = 0.12
 """Share of the body's box kept round it: room where density that strays is still punished."""
-_BLACK = 1.5 / 255.0
-"""Mean of the pixels outside the mask below which a picture counts as already over black."""
 _STALE_M = 0.01
 """Movement of any joint after which a cached grid is made anew."""
 
@@ -65,7 +64,8 @@ class TrainingView:
     def _live_span(
         self, grid: PosedGrid, near: Tensor, far: Tensor, step_m: float
     ) -> tuple[Float[Tensor, "P"], Float[Tensor, "P"]]:
-        """First and last live place of every ray, wider by the search's own step; empty where there is none."""
+        """First and last live place of every ray, wider by the search's own step; empty where the
+        ray meets nothing."""
         hit = torch.nonzero(far > near)[:, 0]
         origins = self._origin.expand(len(hit), 3)
         rays = (origins, self._directions[hit], (near[hit], far[hit]), 2.0 * step_m)
@@ -87,6 +87,25 @@ class TrainingView:
             if len(group) and number
         ]
         return torch.cat(parts) if parts else self._on_body
+
+    def pick_patches(
+        self, count: int, side: int, on_body: float, chance: torch.Generator
+    ) -> Int[Tensor, "R"]:
+        """Pixels of `count` square patches, row by row; a share `on_body` of them is centred on
+        the body, the others anywhere. All lie within the crop."""
+        height, width = self.shape
+        side = min(side, height, width)
+        pixels = []
+        for _ in range(count):
+            centre = torch.randint(height * width, (1,), generator=chance)
+            if len(self._on_body) and float(torch.rand(1, generator=chance)) < on_body:
+                place = torch.randint(len(self._on_body), (1,), generator=chance)
+                centre = self._on_body[place]
+            top = (centre // width - side // 2).clamp(0, height - side)
+            left = (centre % width - side // 2).clamp(0, width - side)
+            rows, columns = top + torch.arange(side), left + torch.arange(side)
+            pixels.append((rows[:, None] * width + columns).reshape(-1))
+        return torch.cat(pixels)
 
     def rays(
         self, pixels: Int[Tensor, "R"]
@@ -112,9 +131,7 @@ def read_views(source: FrameSource) -> list[TrainingView]:
 def _read_view(source: FrameSource, index: int) -> TrainingView:
     image, mask, camera = source.image(index), source.mask(index), source.camera(index)
     crop = body_crop(mask, _CROP_MARGIN) or (slice(0, mask.shape[0]), slice(0, mask.shape[1]))
-    rgb = image if float(image[mask == 0.0].mean() if (mask == 0.0).any() else 1.0) < _BLACK else (
-        image * mask[..., None]
-    )  # fmt: skip
+    rgb = over_black(image, mask)
     rgba = np.concatenate([rgb[crop], mask[crop][..., None]], axis=2)
     window = camera.cropped(crop[1].start, crop[0].start, rgba.shape[1], rgba.shape[0])
     pose = source.pose(index)

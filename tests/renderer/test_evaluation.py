@@ -1,0 +1,97 @@
+"""Evaluation on models whose figures are known beforehand."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderer.evaluation import evaluate, side_of_body
+from scene import NOVEL_VIEW, UNSEEN_POSE, Camera, Motion, Pose, Skeleton
+from tests.renderer.field.performer import Frames, body, paint, pose, sequence, view
+from tests.shared_data import shared_data
+
+
+class Painted:
+    """A model that paints the truth, dimmed by `error`."""
+
+    preset, data_hash = "painted", "0" * 64
+
+    def __init__(self, error: float = 0.0) -> None:
+        self._error = error
+        self.metrics: dict = {}
+
+    @property
+    def skeleton(self) -> Skeleton:
+        return body().skeleton
+
+    @property
+    def motion(self) -> Motion:
+        return sequence().motion
+
+    def render(self, camera: Camera, pose: Pose) -> np.ndarray:
+        frame = paint(body(), camera, pose)
+        rgb = np.clip(frame.image + np.float32(self._error), 0.0, 1.0)
+        return np.concatenate([rgb, frame.mask[..., None]], axis=2).astype(np.float32)
+
+
+def test_the_truth_scores_full_marks():
+    result = evaluate(Painted(), sequence())
+    for split in ("novel_view", "unseen_pose", "training_view"):
+        for region in ("body_crop", "whole"):
+            assert result["psnr"][split][region] == 100.0
+            assert result["lpips"][split][region] is None
+        assert result["ssim"][split]["whole"] == pytest.approx(1.0)
+
+
+def test_a_known_error_gives_its_psnr_and_json_holds_it():
+    result = evaluate(Painted(0.1), sequence())
+    assert result["psnr"]["novel_view"]["whole"] == pytest.approx(20.0, abs=0.1)
+    assert len(result["per_view"]["novel_view"]) == 2
+    assert result["conditions"]["resolution"]["novel_view"] == [48, 48]
+    assert json.loads(json.dumps(result)) == result
+
+
+def test_lpips_states_its_backbone():
+    backbone = shared_data("models") / "squeezenet1_1_features.pth"
+    result = evaluate(Painted(0.1), sequence(), backbone)
+    assert result["lpips"]["novel_view"]["whole"] > 0.0
+    assert result["conditions"]["lpips"] == {
+        "backbone": "squeeze",
+        "linear_layers": "0.1",
+        "input_range": [-1, 1],
+    }
+
+
+def test_sides_never_seen_are_reported_apart():
+    clip = sequence()
+    front = [paint(body(), view(), pose(0.0, time_s=t)) for t in (0.0, 0.1)]
+    shots = [paint(body(), view(azimuth), pose(0.0)) for azimuth in (0.2, np.pi)]
+    half = replace(
+        clip,
+        train=Frames(front),
+        motion=Motion.from_poses([frame.pose for frame in front]),
+        test={NOVEL_VIEW: Frames(shots)},
+    )
+    result = evaluate(Painted(), half)
+    assert [v["seen_side"] for v in result["per_view"][NOVEL_VIEW]] == [True, False]
+    assert result["psnr"][NOVEL_VIEW]["whole"] == 100.0
+    assert result["unseen_side"]["psnr"][NOVEL_VIEW]["whole"] == 100.0
+    assert result["psnr"][UNSEEN_POSE]["whole"] is None
+
+
+def test_a_clip_without_test_views_says_so():
+    result = evaluate(Painted(), replace(sequence(), test={}))
+    assert result["psnr"]["novel_view"] == {"body_crop": None, "whole": None}
+    assert result["psnr"]["training_view"]["whole"] == 100.0
+
+
+@pytest.mark.parametrize(
+    ("turn", "azimuth", "side"),
+    [(0.0, 0.0, 0.0), (0.0, np.pi / 2, np.pi / 2), (np.pi / 2, np.pi / 2, 0.0)],
+)
+def test_the_side_is_measured_from_the_front_to_the_left(turn, azimuth, side):
+    got = side_of_body(view(azimuth), pose(turn), body().skeleton)
+    assert got == pytest.approx(side, abs=1e-6)
