@@ -56,7 +56,7 @@ export function homeOrbit(performers: readonly Performer[], aspect: number): Orb
   const spread = Math.max(0, ...performers.map((p) => Math.hypot(p.position[0] - x, p.position[2] - z)));
   const widthM = 1.3 + 2 * spread;
   const fitting = widthM / (2 * Math.tan(FOV_Y_RAD / 2) * Math.max(aspect, 0.1));
-  const distanceM = clamp(Math.max(3.7 + 2 * spread, fitting), DISTANCE_LIMITS_M);
+  const distanceM = clamp(Math.max(3.7 + 0.8 * spread, fitting), DISTANCE_LIMITS_M);
   return { target: [x, 0.92, z], azimuthRad: 0, elevationRad: 0.08, distanceM };
 }
 

@@ -133,14 +133,16 @@ function titleOf({ step, status, name }: EnrolState): string {
   }
 }
 
-function messageOf({ status, message }: EnrolState, percent: number): string {
+function messageOf({ step, status, message, fraction }: EnrolState, percent: number): string {
   if (status === "ready") {
     return usesTouch()
       ? "Turn around yourself in the meeting with a finger."
       : "In the meeting, drag to look at yourself from every side.";
   }
   if (status === "failed") return "";
-  return [`${percent} %`, message].filter(Boolean).join(", ");
+  // how the training counts its steps means nothing to people; the picture shows how far it is
+  const told = step === "train" && fraction > 0 ? "sharper with every second" : message;
+  return [`${percent} %`, status === "working" ? told : ""].filter(Boolean).join(", ");
 }
 
 function stepLine([step, label]: (typeof STEPS)[number], state: EnrolState): HTMLElement {
