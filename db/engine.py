@@ -8,6 +8,7 @@ IMMEDIATE. A deferred one that turns writer after another has written would fail
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from sqlite3 import Connection as SqliteConnection
 
@@ -40,8 +41,19 @@ def make_engine(url: str) -> Engine:
 
 
 def _strict_json(value: object) -> str:
-    # NaN is no JSON: PostgreSQL would refuse it, SQLite would keep it
-    return json.dumps(value, allow_nan=False)
+    # NaN is no JSON: PostgreSQL would refuse it, and so would browsers
+    try:
+        return json.dumps(value, allow_nan=False)
+    except ValueError:
+        return json.dumps(_nan_to_null(value), allow_nan=False)
+
+
+def _nan_to_null(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _nan_to_null(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_nan_to_null(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _prepare_sqlite(connection: SqliteConnection, _record: object) -> None:

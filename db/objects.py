@@ -246,7 +246,7 @@ def naming_errors() -> Iterator[None]:
     try:
         yield
     except FileNotFoundError as error:
-        raise NotFound(f"object must exist; got {_first_line(error)}") from error
+        raise NotFound("an object must be stored to be read; got one that is not") from error
     except OSError as error:
         if error.errno == 28:
             raise StoreFull(

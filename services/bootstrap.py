@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
-from db.models import MeetingRow, ModelFileRow, ModelRow, PersonRow, new_id
+from db.models import MeetingRow, ModelRow, PersonRow, new_id
 from db.objects import file_chunks
 from db.repositories import UnitOfWork
 from renderer.checkpoint import load_model
@@ -12,7 +13,7 @@ from services.auth import GUEST
 from services.container import Services
 from services.jobs.queue import drop_orphans
 from services.meetings import DEMO, add_performer, create_meeting
-from services.person_models import WEIGHTS
+from services.person_models import store_files, write_files
 
 
 def ensure_demo(services: Services, model_path: Path, name: str) -> str:
@@ -38,7 +39,6 @@ def import_model(services: Services, path: Path, account: str, name: str) -> Mod
     trained = load_model(path)
     now = services.clock()
     person = PersonRow(id=new_id(), account=account, name=name, created_at=now)
-    stored = services.objects.put(person.id, file_chunks(path))
     row = ModelRow(
         id=new_id(),
         person_id=person.id,
@@ -47,9 +47,12 @@ def import_model(services: Services, path: Path, account: str, name: str) -> Mod
         data_hash=trained.data_hash,
         metrics=trained.metrics,
     )
-    row.files = [
-        ModelFileRow(name=WEIGHTS, person_id=person.id, bytes=stored.bytes, sha256=stored.sha256)
-    ]
+    with tempfile.TemporaryDirectory() as folder:
+        row.files = store_files(
+            lambda file: services.objects.put(person.id, file_chunks(file)),
+            person.id,
+            write_files(trained, Path(folder)),
+        )
     try:
         with services.unit_of_work() as unit:
             unit.people.add(person)
@@ -57,7 +60,7 @@ def import_model(services: Services, path: Path, account: str, name: str) -> Mod
             unit.models.add(row)
             unit.commit()
     except BaseException:
-        drop_orphans(services, [(person.id, stored.sha256)])
+        drop_orphans(services, [(person.id, file.sha256) for file in row.files])
         raise
     return row
 

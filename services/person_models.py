@@ -1,21 +1,24 @@
-"""Trained models in memory, the most recently used ones, found by id."""
+"""Trained models: their files, and the most recently used ones in memory."""
 
 from __future__ import annotations
 
 import tempfile
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from db.errors import NotFound
-from db.models import ModelRow
-from db.objects import Objects, fetch
+from db.models import ModelFileRow, ModelRow
+from db.objects import Objects, StoredObject, fetch
 from db.unit_of_work import Database
 from renderer.model import PersonModel
 
 WEIGHTS = "model.safetensors"
 """The file of a model that every preset has."""
+SPLATS = "splats.ply"
+"""The splats as other viewers open them, where the model is made of such."""
 
 
 @dataclass(eq=False)
@@ -76,6 +79,35 @@ class ModelCache:
             path = Path(folder) / WEIGHTS
             fetch(self._objects, person_id, sha256, path)
             return load_model(path)
+
+
+def write_files(model: PersonModel, folder: Path) -> list[Path]:
+    """Write every file by which `model` is handed out."""
+    from renderer.checkpoint import save_model
+    from renderer.splats.files import write_ply
+    from renderer.splats.model import SplatModel
+
+    files = [folder / WEIGHTS]
+    save_model(model, files[0])
+    if isinstance(model, SplatModel):
+        files.append(folder / SPLATS)
+        write_ply(model, files[1])
+    return files
+
+
+def store_files(
+    put: Callable[[Path], StoredObject], person_id: str, files: list[Path]
+) -> list[ModelFileRow]:
+    """Store files by `put`; the rows that point at them."""
+    rows = []
+    for path in files:
+        stored = put(path)
+        rows.append(
+            ModelFileRow(
+                name=path.name, person_id=person_id, bytes=stored.bytes, sha256=stored.sha256
+            )
+        )
+    return rows
 
 
 def weights_of(row: ModelRow) -> str:

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from capture.store import open_sequence
-from db.models import JobRow, ModelFileRow, ModelRow, new_id
+from db.models import JobRow, ModelRow, new_id
 from db.objects import fetch
 from db.repositories import UnitOfWork
 from renderer.errors import TrainingStopped
@@ -14,7 +14,7 @@ from services.container import Services
 from services.jobs.packing import unpack
 from services.jobs.report import JobStopped, Reporter
 from services.jobs.results import Results
-from services.person_models import WEIGHTS
+from services.person_models import store_files, write_files
 
 
 def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path) -> None:
@@ -22,7 +22,6 @@ def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path)
 
     A checkpoint that an earlier attempt left in the store is gone on from.
     """
-    from renderer.checkpoint import save_model
     from renderer.training import Progress, train
 
     _fetch_sequence(services, job, folder / "sequence")
@@ -48,10 +47,9 @@ def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path)
     except TrainingStopped as stopped:
         reporter.save_checkpoint()
         raise JobStopped from stopped
-    weights = folder / WEIGHTS
-    save_model(model, weights)
+    (folder / "files").mkdir()
+    files = write_files(model, folder / "files")
     with Results(services, job) as results:
-        stored = results.put_file(weights)
         row = ModelRow(
             id=new_id(),
             person_id=job.person_id,
@@ -61,11 +59,7 @@ def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path)
             data_hash=model.data_hash,
             metrics=model.metrics,
         )
-        row.files = [
-            ModelFileRow(
-                name=WEIGHTS, person_id=job.person_id, bytes=stored.bytes, sha256=stored.sha256
-            )
-        ]
+        row.files = store_files(results.put_file, job.person_id, files)
 
         def write(unit: UnitOfWork, training: JobRow) -> str:
             unit.models.add(row)

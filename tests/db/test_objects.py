@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import subprocess
+import uuid
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -25,11 +26,21 @@ def _files(folder: Path) -> list[Path]:
     return [path for path in folder.rglob("*") if path.is_file()]
 
 
-@pytest.mark.parametrize("kind", ["folder", "memory"])
+S3 = os.environ.get("METANERF_TEST_S3")
+"""Address of an S3 store with a bucket `test` for these tests, such as `moto_server` is."""
+
+
+def _open(kind: str, folder: Path) -> ObstoreObjects:
+    if kind == "s3":
+        return open_objects(
+            f"s3://test/{uuid.uuid4().hex}", endpoint=S3, access_key_id="a", secret_access_key="b"
+        )
+    return ObstoreObjects(MemoryStore()) if kind == "memory" else open_objects(f"file://{folder}")
+
+
+@pytest.mark.parametrize("kind", ["folder", "memory", *(["s3"] if S3 else [])])
 def test_bytes_come_out_as_they_went_in(kind: str, tmp_path: Path):
-    objects = (
-        open_objects(f"file://{tmp_path}") if kind == "folder" else ObstoreObjects(MemoryStore())
-    )
+    objects = _open(kind, tmp_path)
     data = os.urandom(12_345_678)
     stored = objects.put(OWNER, (data[i : i + 70_000] for i in range(0, len(data), 70_000)))
     assert (stored.sha256, stored.bytes) == (hashlib.sha256(data).hexdigest(), len(data))

@@ -51,6 +51,19 @@ def test_rows_come_back_as_they_went_with_utc_moments(database: Database):
         assert found.created_at.tzinfo is not None
 
 
+def test_what_is_no_number_is_stored_as_null(database: Database):
+    ada = person()
+    odd = job(ada.id)
+    odd.params = {"loss": float("nan"), "list": [1.0, float("inf")]}
+    with database.unit_of_work() as unit:
+        unit.people.add(ada)
+        unit.flush()
+        unit.jobs.add(odd)
+        unit.commit()
+    with database.reading() as unit:
+        assert unit.jobs.get(odd.id).params == {"loss": None, "list": [1.0, None]}
+
+
 def test_unknown_id_says_what_was_asked_for(database: Database):
     asked = pytest.raises(NotFound, match="id must be that of a person; got 'nobody'")
     with asked, database.reading() as unit:
