@@ -1,7 +1,8 @@
 """Frames as pictures: a folder, or a zip that is read without being unpacked to disk.
 
-Nothing of a zip is ever written, so a name that points outside can do no harm; it is refused all the
-same, since an honest program makes none. Sizes are checked twice: as declared, and while inflating.
+Nothing of a zip is ever written, so a name that points outside can do no harm; it is refused all
+the same, since an honest program makes none. Sizes are checked twice: as declared, and while
+inflating.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path, PurePosixPath
 import av
 import cv2
 import numpy as np
+from av.error import FFmpegError
 
 from capture.errors import CaptureStopped, UnreadableClip
 from capture.video import MAX_FRAMES, MAX_PIXELS, MAX_SIDE_PX, Clip, shrink, spread
@@ -43,8 +45,8 @@ def read_frames(
 ) -> Clip:
     """The pictures in a folder or zip, by natural order of their names, `frames_per_second` apart.
 
-    Raises UnreadableClip for a broken or dangerous archive, no pictures, an empty or broken picture,
-    pictures of different sizes; CaptureStopped when asked to stop.
+    Raises UnreadableClip for a broken or dangerous archive, no pictures, an empty or broken
+    picture, pictures of different sizes; CaptureStopped when asked to stop.
     """
     with _opened(path) as (names, read):
         if not names:
@@ -76,7 +78,7 @@ def decode_picture(name: str, data: bytes) -> UInt8[Array, "H W 3"]:
     try:
         with av.open(io.BytesIO(data)) as probe:
             width, height = probe.streams.video[0].width, probe.streams.video[0].height
-    except (av.FFmpegError, IndexError, ValueError) as error:
+    except (FFmpegError, IndexError, ValueError) as error:
         raise _no_picture(name, data) from error
     if width * height > MAX_PIXELS:
         raise UnreadableClip(
@@ -147,8 +149,8 @@ def _refuse_dangers(archive: zipfile.ZipFile, name: str) -> None:
             raise _too_large(entry.filename, entry.file_size)
         if entry.file_size > MAX_RATIO * max(entry.compress_size, 1) + 4096:
             raise UnreadableClip(
-                f"{entry.filename} in {name} must grow at most {MAX_RATIO} times when unpacked; got "
-                f"{entry.compress_size} to {entry.file_size} bytes; zip pictures, not raw data"
+                f"{entry.filename} in {name} must grow at most {MAX_RATIO} times when unpacked; "
+                f"got {entry.compress_size} to {entry.file_size} bytes; zip pictures, not raw data"
             )
     total = sum(entry.file_size for entry in entries)
     if total > MAX_TOTAL_BYTES:

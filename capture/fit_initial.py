@@ -1,8 +1,8 @@
 """Closed-form inverse kinematics: 33 landmarks in 3D to the joint angles of the 24-joint body.
 
-Axes: y up, z towards the camera, x to the right of the picture, so that a person who faces the camera
-faces +z as at rest. Trunk and head are placed by the best rotation between rest and seen landmarks
-(Kabsch), limbs by the directions of their two bones and the axis of the hinge between them. Pure
+Axes: y up, z towards the camera, x to the right of the picture, so that a person who faces the
+camera faces +z as at rest. The head is placed by the best rotation between rest and seen landmarks
+(Kabsch), the trunk by hips and shoulders, limbs by the directions of their two bones and the axis of the hinge between them. Pure
 functions, batched over frames.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from capture.fit_landmarks import load_landmark_model
-from capture.landmarks import LANDMARK_NAMES
+from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES
 from scene.arrays import Array, Float
 from scene.rotations import (
     axis_angle_to_matrix,
@@ -21,7 +21,7 @@ from scene.rotations import (
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
 
 TO_Y_UP = np.array([1.0, -1.0, -1.0])
-"""MediaPipe's world axes (x right, y down, z away) to ours (x right, y up, z towards the camera)."""
+"""MediaPipe's world axes (x right, y down, z away) to ours (x right, y up, z near)."""
 VISIBLE = 0.5
 """Visibility from which a limb's landmarks are believed; below, the limb stays at rest."""
 _BENT_FROM, _BENT_FULLY = 0.15, 0.5
@@ -29,7 +29,7 @@ _BENT_FROM, _BENT_FULLY = 0.15, 0.5
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 _L = {name: index for index, name in enumerate(LANDMARK_NAMES)}
-_HEAD = list(range(11))
+_HEAD = list(range(FACE_LANDMARKS))
 _TRUNK = [_L[n] for n in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")]
 
 
@@ -110,8 +110,8 @@ def _solve_arm(points: Array, seen: Array, world: Array, side: str, out: float) 
     fore_arm = points[:, wrist] - points[:, elbow]
     hanging = chest @ rotation_between(along, np.array([0.0, -1.0, 0.0]))
     upper, fore = _two_bones(chest, upper_arm, fore_arm, along, hinge)
-    arm_seen = seen[:, [elbow]].all(axis=1)[:, None, None]
-    fore_seen = seen[:, [elbow, wrist]].all(axis=1)[:, None, None]
+    arm_seen = seen[:, elbow][:, None, None]
+    fore_seen = (seen[:, elbow] & seen[:, wrist])[:, None, None]
     upper = np.where(arm_seen, upper, hanging)
     fore = np.where(fore_seen, fore, upper)
     index, pinky = points[:, _L[f"{side}_index"]], points[:, _L[f"{side}_pinky"]]
@@ -132,14 +132,14 @@ def _solve_leg(points: Array, seen: Array, world: Array, side: str) -> None:
     thigh, shin = _two_bones(
         pelvis, points[:, knee] - points[:, hip], points[:, ankle] - points[:, knee], along, hinge
     )
-    thigh_seen = seen[:, [knee]].all(axis=1)[:, None, None]
-    shin_seen = seen[:, [knee, ankle]].all(axis=1)[:, None, None]
+    thigh_seen = seen[:, knee][:, None, None]
+    shin_seen = (seen[:, knee] & seen[:, ankle])[:, None, None]
     thigh = np.where(thigh_seen, thigh, pelvis)
     shin = np.where(shin_seen, shin, thigh)
     heel, toe = _L[f"{side}_heel"], _L[f"{side}_foot_index"]
     rest = load_landmark_model().rest
     foot = _swing(shin, rest[toe] - rest[heel], points[:, toe] - points[:, heel])
-    foot_seen = shin_seen & seen[:, [heel, toe]].all(axis=1)[:, None, None]
+    foot_seen = shin_seen & (seen[:, heel] & seen[:, toe])[:, None, None]
     world[:, _J[f"{side}_hip"]] = thigh
     world[:, _J[f"{side}_knee"]] = shin
     world[:, _J[f"{side}_ankle"]] = np.where(foot_seen, _at_most(shin, foot, 1.0), shin)

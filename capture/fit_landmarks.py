@@ -1,8 +1,8 @@
 """Where the estimator's 33 landmarks lie on the body model: rest points that move with a joint.
 
-Most landmarks are a joint, or a vertex found by its place in the T-pose. The estimator was taught by
-people who clicked on photographs, so its "hip" is not the model's hip joint: the fit learns one offset
-a landmark for the whole clip (mirrored between left and right).
+Most landmarks are a joint, or a vertex found by its place in the T-pose. The estimator was taught
+by people who clicked on photographs, so its "hip" is not the model's hip joint: the fit learns one
+offset a landmark for the whole clip (mirrored between left and right).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The silhouette term: the surface stays inside the mask, and the mask's edge is reached by it.
 
 Both directions are distances in pixels of a small picture. Inside-ness is read from a distance map;
-reach is the distance from points of the mask's contour to the nearest projected vertex, whose index is
-looked up every few steps only.
+reach is the distance from points of the mask's contour to the nearest projected vertex, whose index
+is looked up every few steps only.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ from scene.arrays import Array, Float, Tensor
 SIDE_PX = 256
 """Longest side of the pictures in which distances are measured."""
 CONTOUR_POINTS = 96
+_INWARDS = 6.0
+"""Most points lie inside whatever happens: the few that stick out must be heard."""
 _FAR = 0.15
 """Distances beyond this share of the picture's longest side count as that."""
 
@@ -96,7 +98,7 @@ def silhouette_energy(
 ) -> Float[Tensor, "F"]:
     """Mean energy of both directions, a frame."""
     outside = silhouettes.outside(pixels) / deviation_px
-    inwards = robust(outside.square()).mean(1)
+    inwards = _INWARDS * robust(outside.square()).mean(1)
     reached = torch.gather(pixels, 1, nearest[..., None].expand(-1, -1, 2))
     gap = (reached - silhouettes.contour) / deviation_px
     reach = very_robust(gap.square().sum(-1), 6.0) * silhouettes.contour_weight

@@ -1,7 +1,7 @@
 """The body in torch, and the terms of the clip-wide fit. Batched over frames, float32.
 
-Frame of the fit ("seen"): y up, z towards the camera, origin at the camera, so that a person who faces
-the camera faces +z as at rest. F frames, J = 24 joints, L = 33 landmarks, V sampled vertices.
+Frame of the fit ("seen"): y up, z towards the camera, origin at the camera, so that a person who
+faces the camera faces +z as at rest. F frames, J = 24 joints, L = 33 landmarks, V sampled vertices.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ class PosePrior:
 def pose_prior() -> PosePrior:
     """Deviations of everyday motion; elbows and knees are hinges with some twist."""
     mean, deviation = torch.zeros(JOINT_COUNT, 3), torch.full((JOINT_COUNT, 3), 0.25)
-    wide = {"neck": 0.35, "head": 0.35, "collar": 0.2, "shoulder": 1.0, "wrist": 0.45,
+    wide = {"neck": 0.2, "head": 0.3, "collar": 0.2, "shoulder": 1.0, "wrist": 0.45,
             "hip": 0.8, "ankle": 0.35, "foot": 0.12, "hand": 0.05}  # fmt: skip
     for name, index in _J.items():
         part = name.split("_")[-1]

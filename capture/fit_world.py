@@ -1,8 +1,9 @@
-"""From the camera's frame to the world: which way is up, where the floor is, where the person stands.
+"""From the camera's frame to the world: where up is, where the floor is, where the person stands.
 
-One fixed camera doesn't know gravity, but people stand upright: in frames where trunk and legs are in
-line, the line from the ankles to the neck is close to the vertical. Where no legs are seen, the trunk
-and the picture's own up share the word, since a trunk's lean in depth is the estimator's weakest guess.
+One fixed camera doesn't know gravity, but people stand upright: in frames where trunk and legs are
+in line, the line from the ankles to the neck is close to the vertical. Where no legs are seen, the
+trunk and the picture's own up share the word, since a trunk's lean in depth is the estimator's
+weakest guess.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capture.fit import Fit
+from capture.fit_problem import Fit
 from capture.landmarks import LANDMARK_NAMES
 from scene.arrays import Array, Float
 from scene.body import Body

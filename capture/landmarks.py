@@ -24,6 +24,8 @@ LANDMARK_NAMES = (
     "right_heel", "left_foot_index", "right_foot_index",
 )  # fmt: skip
 LANDMARK_COUNT = len(LANDMARK_NAMES)
+FACE_LANDMARKS = 11
+"""The first eleven: nose, eyes, ears, mouth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +51,7 @@ class Landmarks:
         mask = np.zeros((height, width), dtype=np.float32)
         h, w = self.mask.shape
         mask[int(y) : int(y) + h, int(x) : int(x) + w] = self.mask
-        return Landmarks(self.pixels + [x, y], self.world, self.visibility, mask)
+        return Landmarks(self.pixels + np.array([x, y]), self.world, self.visibility, mask)
 
 
 class PoseEstimator(Protocol):

@@ -25,13 +25,30 @@ def refine_mask(image: UInt8[Array, "H W 3"], person: Landmarks) -> Float[Array,
     coarse = keep_connected(person.mask, person)
     extent = float((person.box[2:] - person.box[:2]).max())
     radius = int(np.clip(round(extent / 80.0), 2, 12))
-    band = edge_band(coarse, 2 * radius)
-    filtered = cv2.ximgproc.guidedFilter(
-        guide=image.astype(np.float32) / 255.0, src=coarse, radius=radius, eps=1e-4
-    )
-    sharp = np.clip((filtered - 0.5) * _SHARPEN + 0.5, 0.0, 1.0)
-    alpha = np.where(band, sharp, coarse > _SURE).astype(np.float32)
+    rows, columns = _around(coarse, 4 * radius)
+    alpha = np.zeros_like(coarse)
+    if rows.stop > rows.start:
+        alpha[rows, columns] = _sharpened(image[rows, columns], coarse[rows, columns], radius)
     return keep_connected(alpha, person)
+
+
+def _sharpened(image: Array, coarse: Array, radius: int) -> Array:
+    guide = image.astype(np.float32) / np.float32(255.0)
+    source = np.ascontiguousarray(coarse)
+    filtered = cv2.ximgproc.guidedFilter(guide=guide, src=source, radius=radius, eps=1e-4)
+    sharp = np.clip((filtered - 0.5) * _SHARPEN + 0.5, 0.0, 1.0)
+    band = edge_band(source, 2 * radius)
+    return np.where(band, sharp, source > _SURE).astype(np.float32)
+
+
+def _around(mask: Array, margin: int) -> tuple[slice, slice]:
+    """Rows and columns that hold the mask and `margin` pixels more; empty for an empty mask."""
+    spans = []
+    for axis, side in ((1, mask.shape[0]), (0, mask.shape[1])):
+        found = np.flatnonzero((mask > 0.05).any(axis=axis))
+        low, high = (int(found[0]), int(found[-1]) + 1) if len(found) else (0, 0)
+        spans.append(slice(max(0, low - margin), min(side, high + margin) if high else 0))
+    return spans[0], spans[1]
 
 
 def keep_connected(mask: Float[Array, "H W"], person: Landmarks) -> Float[Array, "H W"]:
@@ -49,7 +66,7 @@ def keep_connected(mask: Float[Array, "H W"], person: Landmarks) -> Float[Array,
         touched[np.argmax(sizes)] = 1
     keep = touched > 0
     keep[0] = True  # faint pixels around the parts that stay
-    return np.where(keep[labels], mask, 0.0).astype(np.float32)
+    return np.where(keep[np.asarray(labels)], mask, 0.0).astype(np.float32)
 
 
 def bone_points(person: Landmarks, steps: int = 12) -> Float[Array, "P 2"]:

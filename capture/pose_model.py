@@ -17,7 +17,7 @@ PUBLISHED_ADDRESS = (
     "pose_landmarker_full/float16/1/pose_landmarker_full.task"
 )
 KNOWN_SHA256 = {
-    "5134a3aad27a58b93da0088d431f366da362b44e3ccfbe3462b3827a839011b1": "published, full, version 1",
+    "5134a3aad27a58b93da0088d431f366da362b44e3ccfbe3462b3827a839011b1": "published, version 1",
     "6864611cbbb7ab26be3507a5db5bd6ab69fd24aa1f1813ace1cc2f7e71bf8093": "bundled from the networks "
     "of the mediapipe 0.10.21 wheel",
 }

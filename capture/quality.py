@@ -158,8 +158,8 @@ def _advice(found: Mapping[str, Any]) -> list[str]:
     hidden = [side for side in SIDES if found["coverage"][side] < _SIDE_SEEN]
     if hidden:
         lines.append(
-            f"The {' and the '.join(hidden)} of the person {'was' if len(hidden) == 1 else 'were'} "
-            "hardly seen, so their colours will be guessed: turn once, slowly, before the camera."
+            f"Hardly seen of the person: {', '.join(hidden)}. Colours there will be guessed: turn once, "
+            "slowly, before the camera."
         )
     if not found["legs_seen"]:
         lines.append("Only the upper body is seen: step back until your feet are in the picture.")
@@ -169,7 +169,7 @@ def _advice(found: Mapping[str, Any]) -> list[str]:
             "picture, alone and well lit."
         )
     if found["takes"] > 1:
-        lines.append(f"The picture jumps {found['takes'] - 1} times: film one take without cuts.")
+        lines.append(f"The picture jumps ({found['takes']} takes): film one take without cuts.")
     if found["blur"] < _SHARP:
         lines.append(
             f"The picture is blurred (sharpness {found['blur']:.0f}, better above {_SHARP:.0f}): "

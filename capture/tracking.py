@@ -55,7 +55,7 @@ def follow(
 ) -> Track:
     """Follow the largest, most central person.
 
-    Raises NoPersonFound if nobody of use is in the sampled frames, CaptureStopped when asked to stop.
+    Raises NoPersonFound if nobody of use is in the sampled frames, CaptureStopped when asked.
     """
     start, first = _choose(images, estimator)
     people: list[Landmarks | None] = [None] * len(images)
@@ -113,14 +113,14 @@ def _choose(images: Sequence[Array], estimator: PoseEstimator) -> tuple[int, Lan
                 best = (score, int(index), person)
     if best is None:
         raise NoPersonFound(
-            f"the clip must show a person; got nobody in {len(sampled)} frames spread over it; film "
-            "one person, well lit, from head to foot or to the hips"
+            f"the clip must show a person; got nobody in {len(sampled)} frames spread over it; "
+            "film one person, well lit, from head to foot or to the hips"
         )
     size = float((best[2].box[2:] - best[2].box[:2]).max())
     if size < MIN_SIDE_PX:
         raise NoPersonFound(
-            f"the person must be at least {MIN_SIDE_PX} px tall in a picture of {width} x {height}; "
-            f"got {size:.0f} px; come closer to the camera"
+            f"the person must be at least {MIN_SIDE_PX} px tall in a picture of {width} x {height};"
+            f" got {size:.0f} px; come closer to the camera"
         )
     return best[1], best[2]
 

@@ -11,6 +11,7 @@ import av
 import cv2
 import numpy as np
 from av.container import InputContainer
+from av.error import FFmpegError
 from av.video.frame import VideoFrame
 
 from capture.errors import CaptureStopped, UnreadableClip
@@ -141,7 +142,7 @@ def increasing(times_s: list[float], frames_per_second: float) -> Float[Array, "
 def _opened(path: Path) -> Iterator[InputContainer]:
     try:
         container = av.open(str(path))
-    except (av.FFmpegError, OSError, ValueError) as error:
+    except (FFmpegError, OSError, ValueError) as error:
         raise _no_video(path, error) from error
     with container:
         if not container.streams.video:
@@ -158,7 +159,7 @@ def _decoded(container: InputContainer, path: Path) -> Iterator[VideoFrame]:
             frame = next(frames)
         except StopIteration:
             return
-        except av.FFmpegError as error:
+        except FFmpegError as error:
             if decoded:  # a clip cut short by a crash: what came before is good
                 return
             raise _no_video(path, error) from error

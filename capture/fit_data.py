@@ -1,0 +1,74 @@
+"""What the fit is given: landmarks as arrays with trust, sizes, hidden joints, bridges over gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
+from scene.arrays import Array, Float
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, slerp
+from scene.skeleton import JOINT_COUNT, JOINT_NAMES
+
+_SHOWN_BY = {"shoulder": "elbow", "elbow": "wrist", "wrist": "index", "hip": "knee",
+             "knee": "ankle", "ankle": "foot_index"}  # fmt: skip
+"""The landmark beyond a joint, which shows how the joint moves."""
+
+
+def landmark_arrays(
+    people: Sequence[Landmarks], width: int, height: int
+) -> tuple[Array, Array, Array]:
+    """Pixels [F 33 2], world [F 33 3] and trust [F 33] of all frames; no trust outside."""
+    pixels = np.zeros((len(people), len(LANDMARK_NAMES), 2))
+    world = np.zeros((len(people), len(LANDMARK_NAMES), 3))
+    trust = np.zeros((len(people), len(LANDMARK_NAMES)))
+    for frame, person in enumerate(people):
+        pixels[frame], world[frame] = person.pixels, person.world
+        inside = (person.pixels >= 0).all(1) & (person.pixels <= [width, height]).all(1)
+        trust[frame] = np.where(inside, person.visibility, 0.0) ** 2
+    trust[trust < 0.1] = 0.0
+    trust[:, 1:FACE_LANDMARKS] *= 0.35  # ten points of one rigid face must not outvote the limbs
+    return pixels, world, trust
+
+
+def hidden_joints(trust: Float[Array, "F 33"]) -> Float[Array, "F 24"]:
+    """1 for each limb joint whose motion nothing shows: the landmark beyond it is not seen."""
+    hidden = np.zeros((len(trust), JOINT_COUNT))
+    for joint, landmark in _SHOWN_BY.items():
+        for side in ("left", "right"):
+            unseen = trust[:, LANDMARK_NAMES.index(f"{side}_{landmark}")] <= 0.0
+            hidden[:, JOINT_NAMES.index(f"{side}_{joint}")] = unseen
+    return hidden
+
+
+def person_height_px(pixels: Float[Array, "F 33 2"]) -> float:
+    """About the standing person's height in px, from the trunk's length (robust over the clip)."""
+    left, right = LANDMARK_NAMES.index("left_shoulder"), LANDMARK_NAMES.index("right_shoulder")
+    hips = [LANDMARK_NAMES.index(n) for n in ("left_hip", "right_hip")]
+    shoulders = 0.5 * (pixels[:, left] + pixels[:, right])
+    trunk = np.linalg.norm(shoulders - pixels[:, hips].mean(1), axis=1)
+    return float(max(3.4 * np.percentile(trunk, 75), 20.0))
+
+
+def sampled_vertices(vertices: Float[Array, "V 3"], spacing_m: float) -> Array:
+    """Indices of one vertex for each occupied cell of a grid."""
+    cells = np.floor(vertices / spacing_m).astype(np.int64)
+    return np.sort(np.unique(cells, axis=0, return_index=True)[1])
+
+
+def bridged(found: Array, angles: Array, pelvis: Array, times_s: Array) -> tuple[Array, Array]:
+    """Poses of `found` frames spread to all frames: slerp between, the nearest outside."""
+    rotations = axis_angle_to_matrix(angles)
+    out_angles = np.zeros((len(times_s), *angles.shape[1:]))
+    out_pelvis = np.stack(
+        [np.interp(times_s, times_s[found], pelvis[:, axis]) for axis in range(3)], 1
+    )
+    for frame, time_s in enumerate(times_s):
+        after = int(np.clip(np.searchsorted(found, frame), 0, len(found) - 1))
+        before = max(after - 1, 0) if found[after] > frame else after
+        span = times_s[found[after]] - times_s[found[before]]
+        share = (time_s - times_s[found[before]]) / span if span > 0.0 else 0.0
+        blend = slerp(rotations[before], rotations[after], float(np.clip(share, 0.0, 1.0)))
+        out_angles[frame] = matrix_to_axis_angle(blend)
+    return out_angles, out_pelvis
