@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -29,9 +30,9 @@ def trained(**options) -> SplatModel:
 
 def test_loss_falls_and_the_model_says_how_it_was_made():
     losses: list[float] = []
-    model = trained(iterations=150, on_progress=lambda p: losses.append(p.loss))
+    model = trained(iterations=400, on_progress=lambda p: losses.append(p.loss))
     assert losses[-1] < 0.35 * losses[0]
-    assert model.metrics["steps"] == 150
+    assert model.metrics["steps"] == 400
     assert 0.5 < model.metrics["seen_share"] <= 1.0
     assert model.data_hash == "of a test"
 
@@ -117,14 +118,15 @@ def test_either_time_or_steps():
         trained(iterations=None)
 
 
-def test_estimated_poses_get_better():
+def test_refining_estimated_poses_explains_the_pictures_better():
     truth = make_motion(6)
-    rng = np.random.default_rng(0)
     angles = truth.joint_angles.copy()
-    angles[:, 9] += 0.12 * rng.normal(size=(6, 3))
-    noisy = type(truth)(truth.times_s, angles, truth.root_translation, truth.confidence)
-    sequence = make_sequence(exact=False, motion=noisy)
-    model = train(sequence, iterations=900, clock=ticking())
-    before = np.abs(noisy.joint_angles[:, 9] - truth.joint_angles[:, 9]).mean()
-    after = np.abs(model.motion.joint_angles[:, 9] - truth.joint_angles[:, 9]).mean()
-    assert after < 0.8 * before
+    angles[:, 9] += 0.15 * np.random.default_rng(0).normal(size=(6, 3))
+    noisy = replace(truth, joint_angles=angles)
+    losses = {}
+    for exact in (True, False):
+        seen: list[float] = []
+        sequence = make_sequence(exact=exact, motion=noisy)
+        train(sequence, iterations=600, clock=ticking(), on_progress=lambda p: seen.append(p.loss))
+        losses[exact] = np.mean(seen[-5:])
+    assert losses[False] < 0.75 * losses[True]
