@@ -13,10 +13,13 @@ import numpy as np
 
 from renderer.model import PersonModel
 from renderer.splats.compose import SplatRenderer
+from renderer.splats.layout import PARAMETERS, ROTATION
 from renderer.splats.model import SplatModel
 from scene.arrays import Array, Float, UInt8
-from scene.camera import Camera
+from scene.camera import Camera, orbit_camera
 from scene.environment import Environment, Performer, Scene
+from scene.motion import Motion, Pose
+from scene.skeleton import JOINT_COUNT, Skeleton
 
 FIELD_PREVIEW_PX = 128
 """Longest side at which a field performer is rendered live; the layer is then enlarged."""
@@ -81,6 +84,25 @@ class Stage:
             self._models, self._splats = models, SplatRenderer(models)
         transforms = [p.placement @ _skinning(p) for p in performers]
         return self._splats.render(camera, transforms)
+
+
+def warm_up() -> None:
+    """Load (or, the first time on a machine, compile) every kernel that a live view needs."""
+    row = np.zeros((1, PARAMETERS), np.float32)
+    row[0, ROTATION] = 1.0
+    rest = Pose.rest()
+    model = SplatModel(
+        row,
+        np.zeros((1, 4), np.uint8),
+        np.array([[1.0, 0.0, 0.0, 0.0]], np.float32),
+        np.ones(1, bool),
+        Skeleton(np.zeros((JOINT_COUNT, 3))),
+        Motion.from_poses([rest]),
+        data_hash="",
+    )
+    somebody = Performer("", model, np.zeros(3), 0.0, rest)
+    camera = orbit_camera((0.0, 0.0, 0.0), 2.0, 0.0, 0.1, 32, 32)
+    Stage().render(Scene(Environment(), (somebody,)), camera)
 
 
 def contact_shadows(

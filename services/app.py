@@ -83,6 +83,7 @@ def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     services: Services = app.state.services
     await run_in_threadpool(services.database.migrate)
+    app.state.views.warm_up()
     stop = threading.Event()
     worker = None
     if services.settings.embedded_worker:

@@ -29,7 +29,8 @@ def capture(
     from services.settings import load_settings
 
     if (source is None) == (webcam is None):
-        raise InvalidInput("capture needs a clip or --webcam, and not both; got " + str(source))
+        both = "both" if source else "neither"
+        raise InvalidInput(f"capture must be given a clip or --webcam; got {both}")
     pose_model = load_settings().pose_model_source()
     with stop_on_interrupt() as should_stop, progress_bar("capturing") as report:
         clip = source if source is not None else record_webcam(webcam, seconds(length), should_stop)

@@ -19,7 +19,7 @@ from aiortc import (
 )
 from aiortc.codecs import vpx
 
-from renderer.stage import Stage
+from renderer.stage import Stage, warm_up
 from scene.errors import SceneError
 from services.live.packets import NewestView, PacketError, decode_view
 from services.live.room import CastMember, Room
@@ -72,6 +72,10 @@ class ViewSessions:
 
     def __len__(self) -> int:
         return len(self._sessions)
+
+    def warm_up(self) -> None:
+        """Have the renderer ready before the first viewer comes; returns at once."""
+        self._executor.submit(warm_up)
 
     def render_milliseconds(self) -> list[float]:
         """Times of the latest renders of all sessions, ms."""

@@ -1,0 +1,1 @@
+"""What is claimed, as commands that anyone can run again; reports name machine and commit."""

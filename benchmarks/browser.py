@@ -1,0 +1,84 @@
+"""A real headless Chromium, and a real service in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from playwright.sync_api import Page, sync_playwright
+
+_FLAGS = [
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
+    "--disable-background-networking", "--disable-component-update",
+    "--autoplay-policy=no-user-gesture-required",
+]  # fmt: skip
+_NAMES = ("chromium", "chromium-browser", "google-chrome")
+
+
+def chromium() -> str | None:
+    """`$CHROMIUM`, else a Chromium on PATH, else None: Playwright's own."""
+    return os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, _NAMES)), None)
+
+
+@contextmanager
+def open_page(width: int = 1024, height: int = 768) -> Iterator[Page]:
+    """A page of a fresh browser; errors of its scripts are raised."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium(), args=_FLAGS)
+        page = browser.new_page(viewport={"width": width, "height": height})
+        faults: list[str] = []
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        yield page
+        browser.close()
+        if faults:
+            raise RuntimeError(f"the page failed: {faults}")
+
+
+@contextmanager
+def running_demo(data_dir: Path, **environment: str) -> Iterator[str]:
+    """`metanerf demo` on a free port; yields its address."""
+    metanerf = [sys.executable, "-c", "from services.cli import main; main()"]
+    process = subprocess.Popen(
+        [*metanerf, "demo", "--no-browser", "--port", "0", "--data-dir", str(data_dir)],
+        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        env={**os.environ, **environment},
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if found := re.search(r"http://\S+:\d+/", line):
+                yield found[0]
+                break
+        else:
+            raise RuntimeError(f"the demo ended with code {process.wait()}")
+    finally:
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(30)
+        except subprocess.TimeoutExpired:
+            process.kill()
+
+
+def frames_shown(page: Page) -> int:
+    """Frames that the stage's video has decoded."""
+    return int(page.get_by_test_id("fps").get_attribute("data-frames") or 0)
+
+
+def picture(page: Page) -> bytes:
+    """What the stage's video shows now, as raw RGBA of a 64 x 64 copy."""
+    values = page.evaluate(
+        """() => {
+            const video = document.querySelector('[data-testid=stage-video]');
+            const canvas = new OffscreenCanvas(64, 64), context = canvas.getContext('2d');
+            context.drawImage(video, 0, 0, 64, 64);
+            return Array.from(context.getImageData(0, 0, 64, 64).data);
+        }"""
+    )
+    return bytes(values)

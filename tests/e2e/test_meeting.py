@@ -1,0 +1,103 @@
+"""The main job in a real browser: a clip goes in, a meeting comes out, the picture follows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from benchmarks.browser import frames_shown, open_page, picture, running_demo
+from tests.shared_data import shared_data
+
+pytestmark = pytest.mark.e2e
+MINUTES = 60_000
+
+
+def short_clip(source: Path, out: Path, every: int) -> Path:
+    """Every `every`-th frame of the real clip at half its size: what two cores capture in time."""
+    with av.open(str(source)) as clip, av.open(str(out), "w") as short:
+        stream = short.add_stream("libx264", rate=60 // every)
+        stream.width, stream.height, stream.pix_fmt = 540, 960, "yuv420p"
+        for number, frame in enumerate(clip.decode(video=0)):
+            if number % every == 0:
+                small = frame.reformat(width=540, height=960, format="yuv420p")
+                small.pts = None
+                short.mux(stream.encode(small))
+        short.mux(stream.encode())
+    return out
+
+
+def watch(page: Page, frames: int, minutes: float = 1.0) -> None:
+    """Wait until `frames` more frames have been shown."""
+    goal = frames_shown(page) + frames
+    page.wait_for_function(
+        "goal => Number(document.querySelector('[data-testid=fps]').dataset.frames) >= goal",
+        arg=goal,
+        timeout=minutes * MINUTES,
+    )
+
+
+def difference(before: bytes, after: bytes) -> float:
+    a, b = (np.frombuffer(p, np.uint8).astype(int) for p in (before, after))
+    return float(np.abs(a - b).mean())
+
+
+def test_the_demo_meeting_follows_the_viewer(tmp_path):
+    with running_demo(tmp_path / "data") as address, open_page() as page:
+        page.goto(address)
+        page.get_by_test_id("start-join").click()
+        expect(page.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTES)
+        watch(page, 20)
+        still = [picture(page)]
+        watch(page, 5)
+        still.append(picture(page))
+        page.mouse.move(512, 384)
+        page.mouse.down()
+        page.mouse.move(250, 384, steps=8)
+        page.mouse.up()
+        watch(page, 30)
+        # the person moves a little all the time; the room behind moves only with the viewer
+        assert difference(still[0], picture(page)) > 2.0 * difference(*still) + 1.0
+        page.get_by_test_id("leave").click()
+        expect(page.get_by_test_id("start-join")).to_be_visible()
+
+
+def test_a_real_clip_becomes_somebody_in_the_meeting(tmp_path):
+    clip = short_clip(shared_data("real-two-cameras/cam01.mp4"), tmp_path / "clip.mp4", every=4)
+    pose_model = str(shared_data("models/pose_landmarker_full.task"))
+    environment = {"METANERF_POSE_MODEL": pose_model}
+    with running_demo(tmp_path / "data", **environment) as address, open_page() as page:
+        page.goto(address)
+        page.get_by_test_id("enrol-name").fill("Test person")
+        page.get_by_test_id("enrol-file").set_input_files(str(clip))
+        page.get_by_test_id("enrol-submit").click()
+        expect(page.get_by_test_id("progress")).to_be_visible(timeout=MINUTES)
+        expect(page.get_by_test_id("quality")).to_be_visible(timeout=4 * MINUTES)
+        expect(page.get_by_test_id("preview")).to_be_visible(timeout=2 * MINUTES)
+        meet = page.get_by_test_id("meet")
+        expect(meet).to_be_visible(timeout=3 * MINUTES)
+        meet.click()
+        expect(page.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTES)
+        watch(page, 30)
+        before = picture(page)
+        page.keyboard.down("d")
+        watch(page, 15)
+        page.keyboard.up("d")
+        watch(page, 10)
+        assert difference(before, picture(page)) > 3.0
+
+
+def test_a_text_file_named_mp4_is_refused_in_words(tmp_path):
+    fake = tmp_path / "holiday.mp4"
+    fake.write_text("dear diary")
+    with running_demo(tmp_path / "data") as address, open_page() as page:
+        page.goto(address)
+        page.get_by_test_id("enrol-name").fill("Nobody")
+        page.get_by_test_id("enrol-file").set_input_files(str(fake))
+        page.get_by_test_id("enrol-submit").click()
+        error = page.get_by_test_id("error")
+        expect(error).to_be_visible(timeout=MINUTES)
+        expect(error).to_contain_text("video")
