@@ -47,6 +47,9 @@ _SMALLEST_PX = {"squeeze": 17, "alex": 31, "vgg": 16}
 class Lpips(nn.Module):
     """The distance, differentiable in both pictures; its weights stay as they are."""
 
+    shift: Tensor
+    scale: Tensor
+
     def __init__(self, backbone: Path) -> None:
         """Read the convolutions from `backbone`. Raises RendererError for any other file."""
         super().__init__()

@@ -66,7 +66,7 @@ class FieldTrainer:
         self._volume = self.field.weight_volume()
         with torch.no_grad():
             self._support = Support.of(self._volume)
-        self._views = read_views(sequence.train)
+        self._views = read_views(sequence.train, settings.patch_px)
         self._adam = torch.optim.Adam(self._groups(), betas=_BETAS, fused=True)
         self._base_rates = [float(group["lr"]) for group in self._adam.param_groups]
         self._lpips = None if settings.lpips_backbone is None else Lpips(settings.lpips_backbone)
@@ -267,6 +267,7 @@ class FieldTrainer:
         given = torch.from_numpy(motion.joint_angles).float()
         change = axis_angle_to_matrix(self.field.refiner(given).double().numpy())
         angles = matrix_to_axis_angle(axis_angle_to_matrix(motion.joint_angles) @ change)
+        angles[:, 0] = motion.joint_angles[:, 0]
         return Motion(motion.times_s, angles, motion.root_translation, motion.confidence)
 
 

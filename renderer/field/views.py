@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from renderer.errors import TrainingError
 from renderer.field.field import PersonField
 from renderer.field.marching import box_span, march
 from renderer.field.posed import PosedGrid, Support, posed_grid
@@ -94,7 +95,6 @@ class TrainingView:
         """Pixels of `count` square patches, row by row; a share `on_body` of them is centred on
         the body, the others anywhere. All lie within the crop."""
         height, width = self.shape
-        side = min(side, height, width)
         pixels = []
         for _ in range(count):
             centre = torch.randint(height * width, (1,), generator=chance)
@@ -123,18 +123,32 @@ class TrainingView:
         return self._rgba[pixels].float() / 255.0
 
 
-def read_views(source: FrameSource) -> list[TrainingView]:
-    """All frames of `source`, cropped to the body."""
-    return [_read_view(source, index) for index in range(len(source))]
+def read_views(source: FrameSource, least_px: int = 0) -> list[TrainingView]:
+    """All frames of `source`, cropped to the body, to `least_px` a side or more.
+
+    Raises TrainingError for pictures smaller than that.
+    """
+    return [_read_view(source, index, least_px) for index in range(len(source))]
 
 
-def _read_view(source: FrameSource, index: int) -> TrainingView:
+def _read_view(source: FrameSource, index: int, least_px: int) -> TrainingView:
     image, mask, camera = source.image(index), source.mask(index), source.camera(index)
+    if min(mask.shape) < least_px:
+        raise TrainingError(
+            f"frames must be at least {least_px} px a side, as the patches are; got {mask.shape}"
+        )
     crop = body_crop(mask, _CROP_MARGIN) or (slice(0, mask.shape[0]), slice(0, mask.shape[1]))
-    rgb = over_black(image, mask)
-    rgba = np.concatenate([rgb[crop], mask[crop][..., None]], axis=2)
+    crop = tuple(_widened(s, n, least_px) for s, n in zip(crop, mask.shape, strict=True))
+    rgba = np.concatenate([over_black(image, mask)[crop], mask[crop][..., None]], axis=2)
     window = camera.cropped(crop[1].start, crop[0].start, rgba.shape[1], rgba.shape[0])
     pose = source.pose(index)
     return TrainingView(
         rgba, window.rays()[1], camera.position, pose.joint_angles, pose.root_translation
     )
+
+
+def _widened(span: slice, side: int, least: int) -> slice:
+    """`span` grown to `least` pixels within 0 .. `side`."""
+    missing = max(0, least - (span.stop - span.start))
+    start = min(max(0, span.start - missing // 2), side - (span.stop - span.start) - missing)
+    return slice(start, start + span.stop - span.start + missing)

@@ -26,8 +26,8 @@ def test_ssim_agrees_with_torchmetrics():
     from torchmetrics.functional.image import structural_similarity_index_measure as reference
 
     made, truth = _pair(0.2)
-    batch = [torch.from_numpy(p).movedim(-1, 0)[None].double() for p in (made, truth)]
-    _, each = reference(*batch, data_range=1.0, return_full_image=True)
+    one, other = (torch.from_numpy(p).movedim(-1, 0)[None].double() for p in (made, truth))
+    _, each = reference(one, other, data_range=1.0, return_full_image=True)
     within = each[..., 5:-5, 5:-5]  # theirs reflects at the border; ours stays inside
     assert ssim(made, truth) == pytest.approx(float(within.mean()), abs=1e-6)
 

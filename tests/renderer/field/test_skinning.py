@@ -51,6 +51,7 @@ def test_rotations_agree_with_the_scene():
 def test_rotations_have_a_gradient_at_zero():
     angle = torch.zeros(3, dtype=torch.float64, requires_grad=True)
     rotations(angle)[0, 1].backward()
+    assert angle.grad is not None
     assert torch.allclose(angle.grad, torch.tensor([0.0, 0.0, -1.0]).double())
 
 
