@@ -11,6 +11,7 @@ import io
 import re
 import stat
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
@@ -30,6 +31,15 @@ MAX_PICTURE_BYTES = 64 * 2**20
 MAX_TOTAL_BYTES = 8 * 2**30
 MAX_RATIO = 200
 """Declared bytes a stored byte. Pictures are compressed already: honest zips stay below 5."""
+
+_BROKEN_ENTRY = (
+    zipfile.BadZipFile,
+    zlib.error,
+    RuntimeError,  # encrypted
+    NotImplementedError,  # packed in a way unknown here
+    EOFError,
+    OSError,
+)
 
 Reader = Callable[[str], bytes]
 
@@ -84,7 +94,10 @@ def decode_picture(name: str, data: bytes) -> UInt8[Array, "H W 3"]:
         raise UnreadableClip(
             f"{name} must have at most {MAX_PIXELS} pixels; got {width} x {height}; make it smaller"
         )
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error as error:  # a size that OpenCV itself refuses
+        raise _no_picture(name, data) from error
     if pixels is None:
         raise _no_picture(name, data)
     return np.ascontiguousarray(pixels[..., ::-1])
@@ -164,7 +177,7 @@ def _inflate(archive: zipfile.ZipFile, name: str) -> bytes:
     try:
         with archive.open(name) as stream:
             data = stream.read(MAX_PICTURE_BYTES + 1)
-    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, EOFError, OSError) as error:
+    except _BROKEN_ENTRY as error:
         raise UnreadableClip(
             f"{name} must be a whole, unencrypted entry; got {error}; zip the frames again"
         ) from error

@@ -1,4 +1,4 @@
-"""What the fit is given: landmarks as arrays with trust, sizes, hidden joints, bridges over gaps."""
+"""What the fit is given: landmarks with trust, sizes, hidden joints; and bridges over gaps."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ import numpy as np
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
 from scene.arrays import Array, Float
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, slerp
-from scene.skeleton import JOINT_COUNT, JOINT_NAMES
+from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
 
 _SHOWN_BY = {"shoulder": "elbow", "elbow": "wrist", "wrist": "index", "hip": "knee",
              "knee": "ankle", "ankle": "foot_index"}  # fmt: skip
 """The landmark beyond a joint, which shows how the joint moves."""
+_STIFF_SPINE = 0.15
+"""How far the spine counts as hidden without legs, whose pelvis could tilt unseen."""
 
 
 def landmark_arrays(
@@ -39,7 +41,19 @@ def hidden_joints(trust: Float[Array, "F 33"]) -> Float[Array, "F 24"]:
         for side in ("left", "right"):
             unseen = trust[:, LANDMARK_NAMES.index(f"{side}_{landmark}")] <= 0.0
             hidden[:, JOINT_NAMES.index(f"{side}_{joint}")] = unseen
+    knees = [LANDMARK_NAMES.index("left_knee"), LANDMARK_NAMES.index("right_knee")]
+    no_legs = (trust[:, knees] <= 0.0).all(axis=1)
+    for joint in ("spine1", "spine2", "spine3"):
+        hidden[:, JOINT_NAMES.index(joint)] = _STIFF_SPINE * no_legs
     return hidden
+
+
+def beyond_hidden(hidden: Float[Array, "F 24"]) -> Float[Array, "F 24"]:
+    """1 for joints that are hidden themselves or hang on one that is."""
+    beyond = (hidden >= 1.0).astype(float)
+    for joint in range(1, JOINT_COUNT):
+        beyond[:, joint] = np.maximum(beyond[:, joint], beyond[:, PARENTS[joint]])
+    return beyond
 
 
 def person_height_px(pixels: Float[Array, "F 33 2"]) -> float:

@@ -2,8 +2,8 @@
 
 Axes: y up, z towards the camera, x to the right of the picture, so that a person who faces the
 camera faces +z as at rest. The head is placed by the best rotation between rest and seen landmarks
-(Kabsch), the trunk by hips and shoulders, limbs by the directions of their two bones and the axis of the hinge between them. Pure
-functions, batched over frames.
+(Kabsch), the trunk by hips and shoulders, limbs by the directions of their two bones and the axis
+of the hinge between them. Pure functions, batched over frames.
 """
 
 from __future__ import annotations

@@ -9,7 +9,13 @@ import numpy as np
 import torch
 
 from capture.body import BodyModel
-from capture.fit_data import hidden_joints, landmark_arrays, person_height_px, sampled_vertices
+from capture.fit_data import (
+    beyond_hidden,
+    hidden_joints,
+    landmark_arrays,
+    person_height_px,
+    sampled_vertices,
+)
 from capture.fit_initial import TO_Y_UP, solve_pose, solve_translation
 from capture.fit_landmarks import MIRROR, LandmarkModel, place_landmarks
 from capture.fit_silhouette import Silhouettes, prepare_silhouettes, silhouette_energy
@@ -101,7 +107,10 @@ class Problem:
         self.mirror = torch.tensor(MIRROR)
         self.depth_trust = torch.ones(len(LANDMARK_NAMES))
         self.depth_trust[:FACE_LANDMARKS] = _FACE_DEPTH_TRUST
-        self.prior, self.hidden = pose_prior(), tensor(hidden_joints(self.weights))
+        hidden = hidden_joints(self.weights)
+        self.prior, self.hidden = pose_prior(), tensor(hidden)
+        owners = model.blend_weights[chosen].argmax(axis=1)
+        self.shown = tensor(1.0 - beyond_hidden(hidden)[:, owners])
 
     def _start(self) -> None:
         angles, pelvis = start_poses(self)
@@ -159,6 +168,7 @@ class Problem:
                 self.silhouettes,
                 self.surface_pixels(turned, placed, rest),
                 nearest,
+                self.shown,
                 _PIXEL_DEVIATION * self.extent,
             )
             total = total + 6.0 * edge.mean()

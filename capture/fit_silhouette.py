@@ -94,11 +94,15 @@ def silhouette_energy(
     silhouettes: Silhouettes,
     pixels: Float[Tensor, "F V 2"],
     nearest: Tensor,
+    shown: Float[Tensor, "F V"],
     deviation_px: float,
 ) -> Float[Tensor, "F"]:
-    """Mean energy of both directions, a frame."""
+    """Mean energy of both directions, a frame.
+
+    Points that are not `shown` (0: a limb behind a table) may lie outside the mask.
+    """
     outside = silhouettes.outside(pixels) / deviation_px
-    inwards = _INWARDS * robust(outside.square()).mean(1)
+    inwards = _INWARDS * (robust(outside.square()) * shown).mean(1)
     reached = torch.gather(pixels, 1, nearest[..., None].expand(-1, -1, 2))
     gap = (reached - silhouettes.contour) / deviation_px
     reach = very_robust(gap.square().sum(-1), 6.0) * silhouettes.contour_weight

@@ -11,8 +11,8 @@
 
 `smpl24`: joints by the names of `scene.skeleton`, T-pose at zero, y up, a person facing +z;
 `root_translation` (default 0) is added to the pelvis' rest position. `mediapipe33`: MediaPipe's
-world landmarks, m, origin between the hips, x right, y down, z away from the camera; visibility 0 to
-1 (default 1). `time_s` may be left out everywhere: frames are then 1 / `frames_per_second` apart.
+world landmarks, m, origin between the hips, x right, y down, z away from the camera; visibility 0
+to 1 (default 1). Without `time_s`, frames are 1 / `frames_per_second` apart.
 """
 
 from __future__ import annotations

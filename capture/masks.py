@@ -1,8 +1,8 @@
 """The person's mask: the estimator's soft one, its edge moved onto the picture's own edges.
 
-The estimator sees the person in 256 pixels and its mask is that coarse. A guided filter (He et al.
-2010) lets the picture's colours decide inside a narrow band around the edge; what is not connected
-with the person's skeleton (other people, furniture) is dropped.
+The estimator sees the person in 256 pixels and its mask is that coarse. Inside a narrow band around
+its edge the picture's colours decide (GrabCut, Rother et al. 2004), so that a wrong cut does little
+harm; what is not connected with the person's skeleton (other people, furniture) is dropped.
 """
 
 from __future__ import annotations
@@ -14,8 +14,16 @@ from capture.landmarks import Landmarks
 from scene.arrays import Array, Float, UInt8
 
 _SURE = 0.5
-_SHARPEN = 4.0
-"""Slope of alpha around one half after filtering: an edge two or three pixels wide stays."""
+_CERTAIN = 0.97
+"""Alpha from which the estimator is believed without a look at the colours."""
+_BAND_SHARE = 90.0
+"""The band's half width is the person's extent over this: about two of the estimator's pixels."""
+_CUT_ROUNDS = 2
+_FEWEST_PIXELS = 100
+"""Of either side: colour models of fewer say nothing."""
+_EDGE_BLUR_PX = 0.7
+"""Turns the cut's hard edge into the soft one of a camera's pixels."""
+_PERSON = (cv2.GC_FGD, cv2.GC_PR_FGD)
 _BONES = ((11, 12), (11, 23), (12, 24), (23, 24), (11, 13), (13, 15), (12, 14), (14, 16), (23, 25),
           (25, 27), (24, 26), (26, 28), (0, 11), (0, 12))  # fmt: skip
 
@@ -24,21 +32,30 @@ def refine_mask(image: UInt8[Array, "H W 3"], person: Landmarks) -> Float[Array,
     """Soft alpha float32 in [0, 1] of `person` in `image`."""
     coarse = keep_connected(person.mask, person)
     extent = float((person.box[2:] - person.box[:2]).max())
-    radius = int(np.clip(round(extent / 80.0), 2, 12))
-    rows, columns = _around(coarse, 4 * radius)
+    radius = int(np.clip(round(extent / _BAND_SHARE), 2, 10))
+    rows, columns = _around(coarse, 6 * radius)
     alpha = np.zeros_like(coarse)
     if rows.stop > rows.start:
-        alpha[rows, columns] = _sharpened(image[rows, columns], coarse[rows, columns], radius)
+        cut = _cut(image[rows, columns], coarse[rows, columns], radius)
+        alpha[rows, columns] = cv2.GaussianBlur(cut, (0, 0), _EDGE_BLUR_PX)
     return keep_connected(alpha, person)
 
 
-def _sharpened(image: Array, coarse: Array, radius: int) -> Array:
-    guide = image.astype(np.float32) / np.float32(255.0)
-    source = np.ascontiguousarray(coarse)
-    filtered = cv2.ximgproc.guidedFilter(guide=guide, src=source, radius=radius, eps=1e-4)
-    sharp = np.clip((filtered - 0.5) * _SHARPEN + 0.5, 0.0, 1.0)
-    band = edge_band(source, 2 * radius)
-    return np.where(band, sharp, source > _SURE).astype(np.float32)
+def _cut(image: Array, coarse: Array, radius: int) -> Float[Array, "h w"]:
+    """The mask cut anew, 0 or 1, within `radius` of its edge and where it is unsure."""
+    solid = (coarse > _SURE).astype(np.uint8)
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    labels = np.where(solid > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    labels[(cv2.erode(solid, kernel) > 0) | (coarse > _CERTAIN)] = cv2.GC_FGD
+    labels[(cv2.dilate(solid, kernel) == 0) | (coarse < 1.0 - _CERTAIN)] = cv2.GC_BGD
+    sides = [np.isin(labels, pair) for pair in (_PERSON, (cv2.GC_BGD, cv2.GC_PR_BGD))]
+    if min(side.sum() for side in sides) < _FEWEST_PIXELS:
+        return solid.astype(np.float32)
+    cv2.setRNGSeed(0)  # its k-means starts at random: the same clip must give the same mask
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    pixels = np.ascontiguousarray(image[..., ::-1])
+    cv2.grabCut(pixels, labels, (0, 0, 1, 1), *models, _CUT_ROUNDS, cv2.GC_INIT_WITH_MASK)
+    return np.isin(labels, _PERSON).astype(np.float32)
 
 
 def _around(mask: Array, margin: int) -> tuple[slice, slice]:
@@ -66,7 +83,7 @@ def keep_connected(mask: Float[Array, "H W"], person: Landmarks) -> Float[Array,
         touched[np.argmax(sizes)] = 1
     keep = touched > 0
     keep[0] = True  # faint pixels around the parts that stay
-    return np.where(keep[np.asarray(labels)], mask, 0.0).astype(np.float32)
+    return np.where(np.take(keep, np.asarray(labels, dtype=np.int64)), mask, 0.0).astype(np.float32)
 
 
 def bone_points(person: Landmarks, steps: int = 12) -> Float[Array, "P 2"]:
@@ -77,11 +94,3 @@ def bone_points(person: Landmarks, steps: int = 12) -> Float[Array, "P 2"]:
         if min(person.visibility[start], person.visibility[end]) > 0.5:
             points.append(person.pixels[start] * (1.0 - along) + person.pixels[end] * along)
     return np.concatenate(points)
-
-
-def edge_band(mask: Float[Array, "H W"], radius: int) -> Array:
-    """Pixels within `radius` of the mask's edge, or where it is unsure; bool [H W]."""
-    solid = (mask > _SURE).astype(np.uint8)
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    near = cv2.dilate(solid, kernel) != cv2.erode(solid, kernel)
-    return near | ((mask > 0.1) & (mask < 0.9) & (cv2.dilate(solid, kernel) > 0))

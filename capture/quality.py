@@ -158,8 +158,8 @@ def _advice(found: Mapping[str, Any]) -> list[str]:
     hidden = [side for side in SIDES if found["coverage"][side] < _SIDE_SEEN]
     if hidden:
         lines.append(
-            f"Hardly seen of the person: {', '.join(hidden)}. Colours there will be guessed: turn once, "
-            "slowly, before the camera."
+            f"Hardly seen of the person: {', '.join(hidden)}. Colours there will be guessed: "
+            "turn once, slowly, before the camera."
         )
     if not found["legs_seen"]:
         lines.append("Only the upper body is seen: step back until your feet are in the picture.")
