@@ -30,7 +30,7 @@ def run(json_file: Path | None, size: int, seconds: float) -> None:
             " return [v.videoWidth, v.videoHeight]; }"
         )
         metrics = urllib.request.urlopen(f"{address}metrics", timeout=10).read().decode()
-    render = re.search(r"metanerf_render_milliseconds (\S+)", metrics)
+    render = re.search(r"^metanerf_render_milliseconds (\S+)", metrics, re.M)
     write_report(
         json_file,
         "live",

@@ -46,7 +46,7 @@ def run(json_file: Path | None, count: int) -> None:
 def surface_model(count: int) -> SplatModel:
     """Splats on a studio performer's body, as training begins with them."""
     rng, body = np.random.default_rng(0), make_performer(0).body
-    points, weights, area = sample_surface(body, count, rng)
+    points, _, weights, area = sample_surface(body, count, rng)
     parameters = np.zeros((count, PARAMETERS), np.float32)
     parameters[:, :3] = points
     parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(0.6 * np.sqrt(area / count))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, POSITION, ROTATION
@@ -22,18 +24,30 @@ _MASK_VOTES = 0.9
 """Share of the frames whose mask must cover a capsule's point."""
 
 
+@dataclass(frozen=True, eq=False)
+class FirstSplats:
+    """Splats at rest, before training."""
+
+    parameters: Float[Array, "N P"]
+    joints: Array
+    """[N 4] uint16."""
+    weights: Float[Array, "N 4"]
+    normals: Float[Array, "N 3"]
+    """Outward, unit length."""
+
+
 def first_splats(
     sequence: Sequence, settings: SplatSettings, rng: np.random.Generator
-) -> tuple[Float[Array, "N P"], Array, Float[Array, "N 4"]]:
-    """Parameters, joints (uint16) and weights of `settings.count` splats at rest.
+) -> FirstSplats:
+    """`settings.count` splats at rest.
 
     Raises InvalidInput where capsules and masks have nothing in common.
     """
     body = sequence.body
     if body.has_surface:
-        points, weights, area = sample_surface(body, settings.count, rng)
+        points, normals, weights, area = sample_surface(body, settings.count, rng)
     else:
-        points, weights, area = _sample_capsules(sequence, settings.count, rng)
+        points, normals, weights, area = _sample_capsules(sequence, settings.count, rng)
     strongest = np.argsort(-weights, axis=1)[:, :4]
     top = np.take_along_axis(weights, strongest, axis=1)
     top /= top.sum(axis=1, keepdims=True)
@@ -44,13 +58,15 @@ def first_splats(
     parameters[:, ROTATION] = 1.0
     parameters[:, COLOUR : COLOUR + 3] = 0.5
     parameters[:, OPACITY] = settings.opacity_logit
-    return parameters, strongest.astype(np.uint16), top.astype(np.float32)
+    return FirstSplats(
+        parameters, strongest.astype(np.uint16), top.astype(np.float32), normals.astype(np.float32)
+    )
 
 
 def sample_surface(
     body: Body, count: int, rng: np.random.Generator
-) -> tuple[Float[Array, "N 3"], Float[Array, "N K"], float]:
-    """Points spread evenly by area over the rest surface, their blend weights, the area (m^2)."""
+) -> tuple[Float[Array, "N 3"], Float[Array, "N 3"], Float[Array, "N K"], float]:
+    """Points spread evenly by area over the rest surface, normals, blend weights, area (m^2)."""
     if body.rest_vertices is None or body.faces is None or body.blend_weights is None:
         raise InvalidInput("body must have a surface to be sampled; got joints only")
     corners = body.rest_vertices[body.faces]
@@ -64,14 +80,15 @@ def sample_surface(
     mix = np.stack([1.0 - root, root * (1.0 - v), root * v], axis=1)
     points = np.einsum("nc,ncx->nx", mix, corners[face])
     weights = np.einsum("nc,nck->nk", mix, body.blend_weights[body.faces[face]])
-    return points, weights, float(areas.sum())
+    unit = normal[face] / np.maximum(2.0 * areas[face, None], 1e-12)
+    return points, unit, weights, float(areas.sum())
 
 
 def _sample_capsules(
     sequence: Sequence, count: int, rng: np.random.Generator
-) -> tuple[Float[Array, "N 3"], Float[Array, "N K"], float]:
+) -> tuple[Float[Array, "N 3"], Float[Array, "N 3"], Float[Array, "N K"], float]:
     skeleton = sequence.body.skeleton
-    points, joints, area = _capsule_points(skeleton, _CANDIDATES * count, rng)
+    points, normals, joints, area = _capsule_points(skeleton, _CANDIDATES * count, rng)
     weights = np.zeros((len(points), len(JOINT_NAMES)))
     # a point follows its bone, and shares the next one near the joint between them
     weights[np.arange(len(points)), joints] = 1.0
@@ -85,13 +102,13 @@ def _sample_capsules(
             "limbs inside them; check the camera and the poses"
         )
     picked = rng.choice(kept, count, replace=len(kept) < count)
-    return points[picked], weights[picked], area
+    return points[picked], normals[picked], weights[picked], area
 
 
 def _capsule_points(
     skeleton: Skeleton, count: int, rng: np.random.Generator
-) -> tuple[Float[Array, "N 3"], Array, float]:
-    """Points on the capsules, the joint that moves each, and the capsules' area."""
+) -> tuple[Float[Array, "N 3"], Float[Array, "N 3"], Array, float]:
+    """Points on the capsules, normals, the joint that moves each, and the capsules' area."""
     rest, bones = skeleton.rest_joints, []
     for child, parent in enumerate(skeleton.parents):
         name = skeleton.names[child].split("_")[-1].rstrip("123")
@@ -101,15 +118,17 @@ def _capsule_points(
             bones.append((rest[parent], end, mover, _CAPSULE_RADIUS_M[name]))
     areas = np.array([2 * np.pi * r * (np.linalg.norm(b - a) + r) for a, b, _, r in bones])
     shares = rng.multinomial(count, areas / areas.sum())
-    points, joints = [], []
+    points, normals, joints = [], [], []
     for (start, end, mover, radius), share in zip(bones, shares, strict=True):
         turn = rotation_between(np.array([0.0, 1.0, 0.0]), end - start + 1e-9)
         angle = rng.uniform(0.0, 2.0 * np.pi, share)
         ring = radius * np.stack([np.cos(angle), np.zeros(share), np.sin(angle)], axis=1)
         along = rng.uniform(size=(share, 1))
         points.append(start + along * (end - start) + ring @ turn.T)
+        normals.append(ring @ turn.T / radius)
         joints.append(np.full(share, mover))
-    return np.concatenate(points), np.concatenate(joints), float(areas.sum())
+    total = float(areas.sum())
+    return np.concatenate(points), np.concatenate(normals), np.concatenate(joints), total
 
 
 def _inside_mask(sequence: Sequence, index: int, points: Array, joints: Array) -> Array:

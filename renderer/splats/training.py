@@ -35,9 +35,12 @@ from scene.sequence import FrameSource, Sequence, body_crop
 
 _CROP_MARGIN = 0.12
 """Share of the body's box kept round it: room where splats that stray are still punished."""
-_VISIBLE = 0.004
+_VISIBLE = 0.05
 """Share of its own light that must reach the camera in some frame for a splat to count as seen;
 neighbours overlap, so that even at the front it is a tenth to a half, and behind a thousandth."""
+_GRAZING = 0.15
+"""Cosine between surface and view from which a splat faces the camera: at the very rim, poses that
+are slightly off would paint the background's colour on it."""
 _VISIBILITY_FRAMES = 40
 """Frames looked at to find out which splats were seen."""
 _LEAST_CONTRIBUTION = 0.02
@@ -62,8 +65,10 @@ class SplatTrainer:
         self._sequence, self._settings = sequence, settings
         self._rng = np.random.default_rng(seed)
         self._views = _read_views(sequence.train)
-        self._initial, self._joints, self._weights = first_splats(sequence, settings, self._rng)
-        self.parameters = self._initial.copy()
+        self._first_splats = first = first_splats(sequence, settings, self._rng)
+        self.parameters, self._joints, self._weights = (
+            first.parameters.copy(), first.joints, first.weights
+        )  # fmt: skip
         count = len(self.parameters)
         self._poses = PoseRefinement(sequence, settings)
         self._first = np.zeros_like(self.parameters)
@@ -178,7 +183,7 @@ class SplatTrainer:
     def finish(self, metrics: dict[str, Any]) -> SplatModel:
         """The model, with unseen splats filled in."""
         seen = self._seen()
-        parameters = fill_unseen(self.parameters, self._initial, seen)
+        parameters = fill_unseen(self.parameters, seen)
         seen_share = round(float(seen.mean()), 4)
         return self._model(
             parameters, seen, {**metrics, "splats": len(seen), "seen_share": seen_share}
@@ -199,19 +204,33 @@ class SplatTrainer:
         )
 
     def _seen(self) -> Bool[Array, "N"]:
-        """Splats whose light, for the greater part, reached the camera in some frame."""
+        """Splats that faced the camera in some frame while their light reached it."""
         every = max(1, len(self._views) // _VISIBILITY_FRAMES)
-        best = np.zeros(len(self.parameters), np.float32)
+        seen = np.zeros(len(self.parameters), bool)
         for frame in range(0, len(self._views), every):
-            self._draw(frame, BOX_FILTER_PX2, np.zeros(3, np.float32))
+            transforms = self._draw(frame, BOX_FILTER_PX2, np.zeros(3, np.float32))
             p = self._work.projected
             # a splat alone would blend its opacity times the area of its Gaussian, 2 pi / sqrt(det)
             density = np.maximum(p[:, CONIC_A] * p[:, CONIC_C] - p[:, CONIC_B] ** 2, 1e-12)
             alone = 2.0 * np.pi * p[:, ALPHA] / np.sqrt(density)
-            shown = self._by_projected[:, CONTRIBUTION] / np.maximum(alone, 1e-6)
+            shown = self._by_projected[:, CONTRIBUTION] > _VISIBLE * alone
             drawn = self._work.boxes[:, 0] != EMPTY_BOX
-            np.maximum(best, np.where(drawn, shown, 0.0), out=best)
-        return best > _VISIBLE
+            seen |= shown & drawn & self._faces(transforms, self._views[frame].camera)
+        return seen
+
+    def _faces(
+        self, transforms: Float[Array, "K 4 4"], camera: Float[Array, "4 4"]
+    ) -> Bool[Array, "N"]:
+        """Whether the body's surface, where each splat began, is turned towards the camera."""
+        first = self._first_splats
+        blended = np.einsum("ns,nsij->nij", first.weights, transforms[first.joints][:, :, :3])
+        rest = first.parameters[:, POSITION : POSITION + 3]
+        place = np.einsum("nij,nj->ni", blended[:, :, :3], rest) + blended[:, :, 3]
+        normal = np.einsum("nij,nj->ni", blended[:, :, :3], first.normals)
+        eye = -camera[:3, :3].T @ camera[:3, 3]
+        away = eye - place
+        cosine = (normal * away).sum(axis=1) / np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+        return cosine > _GRAZING
 
     def _dilation(self, fraction: float) -> float:
         """px^2 added to every splat; poses that are estimated start blurred, so that limbs find

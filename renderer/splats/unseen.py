@@ -13,23 +13,20 @@ _ROWS = 1024
 """Distances are taken in blocks of so many rows, to bound memory."""
 
 
-def fill_unseen(
-    parameters: Float[Array, "N P"], first: Float[Array, "N P"], seen: Bool[Array, "N"]
-) -> Float[Array, "N P"]:
-    """Parameters in which every unseen splat stands as it was at `first`, its colour borrowed.
+def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Float[Array, "N P"]:
+    """Parameters with the colour of every unseen splat borrowed from a seen one.
 
-    What hardly any frame showed has learnt noise, in shape as in colour.
+    Their shape and opacity stay: training has made those transparent that stood in its way.
     """
     if seen.all() or not seen.any():
         return parameters
     filled = parameters.copy()
     missing, known = np.flatnonzero(~seen), np.flatnonzero(seen)
-    rest, colours = first[missing, POSITION : POSITION + 3], slice(COLOUR, COLOUR + 3)
-    seen_at = parameters[known, POSITION : POSITION + 3]
-    mirror_distance, mirror = _nearest(rest * np.float32([-1.0, 1.0, 1.0]), seen_at)
-    _, nearest = _nearest(rest, seen_at)
+    rest, colours = parameters[:, POSITION : POSITION + 3], slice(COLOUR, COLOUR + 3)
+    mirrored = rest[missing] * np.float32([-1.0, 1.0, 1.0])
+    mirror_distance, mirror = _nearest(mirrored, rest[known])
+    _, nearest = _nearest(rest[missing], rest[known])
     donor = known[np.where(mirror_distance < _MIRROR_REACH_M, mirror, nearest)]
-    filled[missing] = first[missing]
     filled[missing, colours] = parameters[donor, colours]
     return filled
 

@@ -34,7 +34,7 @@ def make_body() -> Body:
 def make_model(count: int = 600, seed: int = 0) -> SplatModel:
     """Splats on the box: red below, green above, blue at the back."""
     rng, body = np.random.default_rng(seed), make_body()
-    points, weights, area = sample_surface(body, count, rng)
+    points, _, weights, area = sample_surface(body, count, rng)
     parameters = np.zeros((count, PARAMETERS), np.float32)
     parameters[:, :3] = points
     parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(0.6 * np.sqrt(area / count))
