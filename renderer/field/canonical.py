@@ -24,9 +24,7 @@ DENSITY_SCALE = 100.0
 """1/m a unit of the grid's softplus: a centimetre of skin is then opaque at moderate parameters."""
 _SOFTNESS_M = 0.006
 """Signed distance that changes the first density by one unit of its logit."""
-DENSITY_GAIN = 1.0
-"""Logits a unit of the table's density column."""
-_LOGIT_RANGE = (-4.0, 5.0)
+_LOGIT_RANGE = (-8.0, 5.0)
 _EMPTY, _DEEP, _FIXED_ROWS = 0, 1, 2
 _EMPTY_LOGIT, _DEEP_LOGIT = -12.0, 5.0
 
@@ -102,8 +100,7 @@ class CanonicalField(nn.Module):
         count = int(shell.learnt.sum()) + _FIXED_ROWS
         table = 0.01 * torch.randn(count, 1 + sizes.grid.channels)
         table[:_FIXED_ROWS] = 0.0
-        table[_EMPTY, 0] = _EMPTY_LOGIT / DENSITY_GAIN
-        table[_DEEP, 0] = _DEEP_LOGIT / DENSITY_GAIN
+        table[_EMPTY, 0], table[_DEEP, 0] = _EMPTY_LOGIT, _DEEP_LOGIT
         self.table = nn.Parameter(table)
         self.table.register_hook(_keep_fixed_rows)
 
@@ -117,9 +114,7 @@ class CanonicalField(nn.Module):
         assert self.table is not None
         logit = np.clip(-signed_distance[shell.learnt] / _SOFTNESS_M, *_LOGIT_RANGE)
         with torch.no_grad():
-            self.table[_FIXED_ROWS:, 0] = torch.from_numpy(
-                (logit / DENSITY_GAIN).astype(np.float32)
-            )
+            self.table[_FIXED_ROWS:, 0] = torch.from_numpy(logit.astype(np.float32))
 
     def forward(
         self, points: Float[Tensor, "N 3"]
@@ -161,7 +156,7 @@ class CanonicalField(nn.Module):
 
 
 def _density(logit: Float[Tensor, "N"]) -> Float[Tensor, "N"]:
-    return DENSITY_SCALE * functional.softplus(DENSITY_GAIN * logit)
+    return DENSITY_SCALE * functional.softplus(logit)
 
 
 def _keep_fixed_rows(grad: Tensor) -> Tensor:

@@ -14,13 +14,16 @@ import torch
 from renderer.field.field import PersonField
 from renderer.field.lookup import corners, to_grid, weighted_rows
 from renderer.field.skinning import WeightVolume, blended_inverse, inverse_skinning
-from scene.arrays import Bool, Float, Tensor
+from scene.arrays import Bool, Float, Int, Tensor
 
 LEAST_LIKELIHOOD = 1e-3
 """Samples less likely than this belong to nobody: alpha would be below it too."""
 _SUPPORT_LIKELIHOOD = 0.5
 _SUPPORT_POINTS = 6000
 _BOX_MARGIN_M = 0.03
+_TORN_ROUNDS = 2
+_TORN_STRETCH = 1.5
+"""A cell is torn when its corners' canonical points span this many of its own diagonals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +78,11 @@ class PosedGrid:
     do not pull their neighbours when rows are interpolated."""
     live: Bool[Tensor, "G"]
     """Whether the cell above this grid point (towards +x, +y, +z) may hold anything to see."""
+    torn: Bool[Tensor, "G"]
+    """Whether that cell's corners belong to places far apart in the canonical body, as between an
+    arm and the side it rests on: nothing in between means anything there."""
+    transforms: Float[Tensor, "24 3 4"]
+    volume: WeightVolume
 
     def cell_coordinates(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
         """Grid coordinates of world points."""
@@ -83,11 +91,26 @@ class PosedGrid:
     def canonical(
         self, points: Float[Tensor, "N 3"]
     ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N"]]:
-        """Canonical points and likelihoods, interpolated."""
+        """Canonical points and likelihoods, interpolated; in torn cells, solved for anew."""
         shape = (self.side, self.side, self.side)
-        rows = weighted_rows(self.rows, *corners(self.cell_coordinates(points), shape))
+        index, weights = corners(self.cell_coordinates(points), shape)
+        rows = weighted_rows(self.rows, index, weights)
         likelihood = rows[:, 3]
-        return rows[:, :3] / likelihood.clamp(min=1e-6)[:, None], likelihood
+        found = rows[:, :3] / likelihood.clamp(min=1e-6)[:, None]
+        torn = torch.nonzero(self.torn[index[:, 0]])[:, 0]
+        if len(torn):
+            found[torn] = self._solved(points[torn], index[torn], weights[torn])
+        return found, likelihood
+
+    def _solved(self, points: Tensor, index: Tensor, weights: Tensor) -> Float[Tensor, "N 3"]:
+        """From the canonical point of the nearest corner that has one, by fixed-point rounds."""
+        near = self.rows[index]
+        best = (weights * (near[..., 3] > LEAST_LIKELIHOOD)).argmax(dim=1)
+        start = near[torch.arange(len(near)), best]
+        found = start[:, :3] / start[:, 3:].clamp(min=1e-6)
+        for _ in range(_TORN_ROUNDS):
+            found = blended_inverse(points, self.transforms, self.volume.at(found))
+        return found
 
 
 @torch.no_grad()
@@ -133,7 +156,10 @@ def posed_grid(
     rows[some] = torch.cat([found, torch.ones_like(found[:, :1])], dim=1) * likelihood[some, None]
     alive = torch.zeros(side**3)
     alive[some] = field.canonical.may_hold(found).float()
-    return PosedGrid(low, high, side, rows, _live_cells(alive.view(side, side, side)))
+    live = _live_cells(alive.view(side, side, side))
+    stretch = _TORN_STRETCH * float((high - low).norm()) / (side - 1)
+    torn = _torn_cells(some, found, side, stretch)
+    return PosedGrid(low, high, side, rows, live, torn & live, transforms, volume)
 
 
 def _one_joint(volume: WeightVolume, near: Tensor, joint: int) -> Tensor:
@@ -166,6 +192,17 @@ def _live_cells(alive: Float[Tensor, "S S S"]) -> Bool[Tensor, "G"]:
     """Cells with any corner alive, at the index of their low corner."""
     padded = torch.nn.functional.pad(alive[None, None], (0, 1, 0, 1, 0, 1))
     return (torch.nn.functional.max_pool3d(padded, 2, stride=1) > 0.0).view(-1)
+
+
+def _torn_cells(
+    some: Int[Tensor, "P"], found: Float[Tensor, "P 3"], side: int, stretch_m: float
+) -> Bool[Tensor, "G"]:
+    """Cells whose corners' canonical points `found` (at grid points `some`) span too much."""
+    reach = torch.full((6, side**3), -1e3)
+    reach[:, some] = torch.cat([found, -found], dim=1).T
+    padded = torch.nn.functional.pad(reach.view(1, 6, side, side, side), (0, 1) * 3, value=-1e3)
+    most = torch.nn.functional.max_pool3d(padded, 2, stride=1).view(6, -1)
+    return (most[:3] + most[3:]).amax(dim=0) > stretch_m
 
 
 def direct_canonical(

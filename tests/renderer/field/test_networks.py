@@ -45,16 +45,14 @@ def test_humannerfs_sizes_count_as_published():
 
 def test_the_fast_preset_counts():
     field = PersonField.for_body(FAST.sizes, body())
-    grid = FAST.sizes.grid
-    assert grid is not None
     assert field.shell is not None
     assert parameter_count(field.refiner) == 69 * 64 + 64 + 64 * 64 + 64 + 64 * 69 + 69
     assert parameter_count(field.motion) == 0
     assert parameter_count(field.residual) == 0
     assert field.canonical.table is not None
     learnt = int(field.shell.learnt.sum())
-    assert field.canonical.table.shape == (learnt + 2, 1 + grid.channels)
-    assert parameter_count(field.canonical.mlp) == grid.channels * 32 + 32 + 32 * 3 + 3
+    assert field.canonical.table.shape == (learnt + 2, 1 + 4)
+    assert parameter_count(field.canonical.mlp) == 4 * 16 + 16 + 16 * 3 + 3
 
 
 def test_sizes_survive_json():
