@@ -11,6 +11,7 @@ import numpy as np
 
 from scene.arrays import Array, Float, UInt8
 from scene.body import Body
+from scene.camera import Camera
 from scene.motion import Pose
 from scene.sequence import Frame, Sequence
 from scene.skeleton import JOINT_NAMES, PARENTS
@@ -41,12 +42,11 @@ def surface_mask(frame: Frame, body: Body) -> UInt8[Array, "H W"] | None:
     """1 where the posed surface covers a pixel; None for a body without a surface."""
     if body.faces is None:
         return None
-    return project_surface(frame, body, frame.pose)
+    return project_surface(frame.camera, body, frame.pose)
 
 
-def project_surface(frame: Frame, body: Body, pose: Pose) -> UInt8[Array, "H W"]:
-    """1 where `body` in `pose` covers a pixel of the frame's camera; the body needs a surface."""
-    camera = frame.camera
+def project_surface(camera: Camera, body: Body, pose: Pose) -> UInt8[Array, "H W"]:
+    """1 where `body` in `pose` covers a pixel of `camera`; the body needs a surface."""
     covered = np.zeros((camera.height, camera.width), dtype=np.uint8)
     pixels, depth = camera.project(body.posed_vertices(pose))
     assert body.faces is not None  # posed_vertices has refused a body without

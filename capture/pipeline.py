@@ -11,7 +11,7 @@ import numpy as np
 
 from capture.archive import read_frames
 from capture.body import load_body_model
-from capture.errors import NoPersonFound, UnreadableClip
+from capture.errors import BrokenSequence, NoPersonFound, UnreadableClip
 from capture.fit import Fit, fit_clip
 from capture.fit_world import Placed, place_in_world
 from capture.landmarks import MediaPipeEstimator, PoseEstimator
@@ -79,6 +79,8 @@ def capture_clip(
     Returns the quality report, which is stored too. Raises UnreadableClip, NoPersonFound,
     PoseModelMissing, CaptureStopped, BrokenSequence if `out` exists; nothing is left behind then.
     """
+    if out.exists():  # told now, not after a minute of work
+        raise BrokenSequence(f"out must not exist yet; got {out}; remove it or choose another")
     stages = _Stages(on_progress, should_stop)
     read = read_frames if path.is_dir() or _is_zip(path) else read_video
     clip = read(

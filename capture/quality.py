@@ -15,7 +15,6 @@ from scene.body import Body
 from scene.camera import Camera
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix
-from scene.sequence import Frame
 
 SIDES = ("front", "left", "back", "right")
 """Sides of the person, each a quarter turn: the front faces the camera within 45 degrees."""
@@ -118,9 +117,9 @@ def sharpness(image: UInt8[Array, "H W 3"], mask: Float[Array, "H W"]) -> float:
     return float(laplacian[inside].var()) if inside.any() else 0.0
 
 
-def _checked(seen: Seen) -> Array:
+def _checked(seen: Seen) -> list[int]:
     count = len(seen.images)
-    return np.unique(np.linspace(0, count - 1, min(count, _CHECKED_FRAMES)).astype(int))
+    return np.unique(np.linspace(0, count - 1, min(count, _CHECKED_FRAMES)).astype(int)).tolist()
 
 
 def _pairs(seen: Seen) -> list[tuple[Array, Array]]:
@@ -146,8 +145,7 @@ def _mask_overlap(seen: Seen) -> float:
     shares = []
     for index in _checked(seen):
         pose, mask = seen.motion.pose(index), seen.masks[index] > 0.5
-        frame = Frame(seen.images[index], seen.masks[index], seen.camera, pose)
-        covered = project_surface(frame, seen.body, pose) > 0
+        covered = project_surface(seen.camera, seen.body, pose) > 0
         shares.append((covered & mask).sum() / max((covered | mask).sum(), 1))
     return float(np.mean(shares))
 

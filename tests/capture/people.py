@@ -17,7 +17,6 @@ from scene.arrays import Array
 from scene.body import Body
 from scene.camera import Camera, orbit_camera
 from scene.motion import Motion, Pose
-from scene.sequence import Frame
 from scene.skeleton import JOINT_NAMES
 
 JOINT = {name: index for index, name in enumerate(JOINT_NAMES)}
@@ -63,8 +62,7 @@ def seen_by(view: Camera, person: Body, pose: Pose) -> Landmarks:
     points = mark_points(person, pose)
     pixels, _ = view.project(points)
     hips = 0.5 * (points[LANDMARK["left_hip"]] + points[LANDMARK["right_hip"]])
-    blank = np.zeros((view.height, view.width, 3), dtype=np.float32)
-    mask = project_surface(Frame(blank, blank[..., 0], view, pose), person, pose)
+    mask = project_surface(view, person, pose)
     return Landmarks(
         pixels,
         (points - hips) @ view.rotation.T,

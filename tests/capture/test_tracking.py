@@ -80,7 +80,7 @@ def test_frames_are_looked_at_in_a_window(subject):
 
 def test_nobody_is_refused_with_advice(subject):
     images = [np.full((64, 64, 3), 120, dtype=np.uint8)] * 4
-    with pytest.raises(NoPersonFound, match="got nobody in 4 frames.*film one person"):
+    with pytest.raises(NoPersonFound, match=r"got nobody in 4 frames.*film one person"):
         follow(images, FakeEstimator({SUBJECT: subject}))
 
 
@@ -91,7 +91,7 @@ def test_a_tiny_person_is_refused_with_the_size(subject):
         def detect(self, image):
             return [tiny[0]]
 
-    with pytest.raises(NoPersonFound, match="at least 40 px tall.*come closer"):
+    with pytest.raises(NoPersonFound, match=r"at least 40 px tall.*come closer"):
         follow(_film(subject), Tiny())
 
 

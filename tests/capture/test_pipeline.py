@@ -1,0 +1,216 @@
+"""From a clip to a sequence: with an estimator that knows the truth, and with the real one."""
+
+from __future__ import annotations
+
+import zipfile
+
+import numpy as np
+import pytest
+
+from capture.errors import (
+    BrokenSequence,
+    CaptureStopped,
+    NoPersonFound,
+    PoseModelMissing,
+    UnreadableClip,
+)
+from capture.overlay import project_surface, write_video
+from capture.pipeline import capture_clip, capture_frames, capture_video
+from capture.store import open_sequence, read_quality
+from scene.errors import InvalidInput
+from tests.capture.people import (
+    FakeEstimator,
+    body,
+    camera,
+    encoded,
+    picture,
+    seen_by,
+    standing,
+)
+from tests.shared_data import shared_data
+
+FRAMES = 10
+COLOUR = (200, 60, 40)
+MODEL = "models/pose_landmarker_full.task"
+
+
+@pytest.fixture(scope="module")
+def people():
+    motion = standing(FRAMES, turn_rad=0.6)
+    return [seen_by(camera(), body(), motion.pose(i)) for i in range(FRAMES)]
+
+
+@pytest.fixture(scope="module")
+def estimator(people) -> FakeEstimator:
+    return FakeEstimator({COLOUR: people})
+
+
+@pytest.fixture(scope="module")
+def zipped(people, tmp_path_factory):
+    path = tmp_path_factory.mktemp("clip") / "frames.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        for index, person in enumerate(people):
+            archive.writestr(f"{index:03d}.png", encoded(picture(person, COLOUR)))
+    return path
+
+
+@pytest.fixture(scope="module")
+def captured(zipped, estimator, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out") / "seq"
+    told: list[tuple[float, str]] = []
+    quality = capture_frames(
+        zipped,
+        out,
+        person="Ada",
+        estimator=estimator,
+        size=160,
+        on_progress=lambda done, message: told.append((done, message)),
+    )
+    return out, quality, told
+
+
+def test_a_zip_of_frames_becomes_a_sequence(captured, people):
+    out, quality, _ = captured
+    sequence = open_sequence(out)
+    assert sequence.person == "Ada"
+    assert len(sequence.train) == FRAMES == quality.frames_used
+    assert not sequence.exact_poses
+    assert sequence.body.has_surface
+    frame = sequence.frame(3)
+    assert max(frame.image.shape[:2]) == 160
+    assert frame.camera.width == frame.image.shape[1]
+    inside = frame.image[frame.mask > 0.99]
+    assert inside.mean(axis=0) == pytest.approx(np.array(COLOUR) / 255.0, abs=0.03)
+
+
+def test_the_stored_cameras_see_the_body_on_its_mask(captured):
+    sequence = open_sequence(captured[0])
+    for index in (0, FRAMES - 1):
+        frame = sequence.frame(index)
+        covered = project_surface(frame.camera, sequence.body, frame.pose) > 0
+        mask = frame.mask > 0.5
+        assert (covered & mask).sum() / (covered | mask).sum() > 0.8
+
+
+def test_the_quality_report_is_stored(captured):
+    out, quality, _ = captured
+    assert read_quality(out) == quality.as_json()
+    assert quality.landmark_error_px < 3.0
+    assert quality.coverage["front"] > 0.5
+
+
+def test_progress_rises_and_names_the_stages(captured):
+    told = captured[2]
+    shares = [done for done, _ in told]
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0
+    assert {"finding the person", "fitting the body"} <= {message for _, message in told}
+
+
+def test_an_existing_folder_is_never_overwritten(zipped, estimator, tmp_path):
+    (tmp_path / "seq").mkdir()
+    with pytest.raises(BrokenSequence, match="out must not exist yet"):
+        capture_frames(zipped, tmp_path / "seq", person="p", estimator=estimator)
+
+
+def _nothing_left(folder) -> bool:
+    return [p.name for p in folder.iterdir() if "out" in p.name] == []
+
+
+def test_a_text_file_named_mp4_leaves_nothing(tmp_path, estimator):
+    path = tmp_path / "story.mp4"
+    path.write_text("once upon a time")
+    with pytest.raises(UnreadableClip, match="must be a video"):
+        capture_video(path, tmp_path / "out", person="p", estimator=estimator)
+    assert _nothing_left(tmp_path)
+
+
+def test_a_clip_without_a_person_leaves_nothing(tmp_path, estimator):
+    path = tmp_path / "wall.mp4"
+    write_video([np.full((64, 64, 3), 100 + i, dtype=np.uint8) for i in range(20)], path, 30)
+    with pytest.raises(NoPersonFound):
+        capture_clip(path, tmp_path / "out", person="p", estimator=estimator)
+    assert _nothing_left(tmp_path)
+
+
+def test_too_few_frames_are_refused_with_both_numbers(tmp_path, people, estimator):
+    for index in range(3):
+        (tmp_path / f"{index}.png").write_bytes(encoded(picture(people[index], COLOUR)))
+    with pytest.raises(UnreadableClip, match="at least 8 frames; got 3"):
+        capture_frames(tmp_path, tmp_path / "out", person="p", estimator=estimator)
+
+
+def test_a_person_seen_too_rarely_is_refused_with_both_numbers(tmp_path, people, estimator):
+    wall = np.full((256, 256, 3), 120, dtype=np.uint8)
+    for index in range(40):
+        image = picture(people[index % FRAMES], COLOUR) if index % 8 == 0 else wall
+        (tmp_path / f"{index}.png").write_bytes(encoded(image))
+    with pytest.raises(NoPersonFound, match="at least 10 of 40 frames; got 5"):
+        capture_frames(tmp_path, tmp_path / "out", person="p", estimator=estimator)
+
+
+@pytest.mark.parametrize("stage", ["reading", "finding", "fitting"])
+def test_a_stop_leaves_nothing(zipped, estimator, tmp_path, stage):
+    at = ""
+
+    def note(_: float, message: str) -> None:
+        nonlocal at
+        at = message
+
+    with pytest.raises(CaptureStopped):
+        capture_clip(
+            zipped,
+            tmp_path / "out",
+            person="p",
+            estimator=estimator,
+            on_progress=note,
+            should_stop=lambda: stage in at,
+        )
+    assert _nothing_left(tmp_path)
+
+
+def test_wrong_doors_are_named(zipped, tmp_path):
+    with pytest.raises(UnreadableClip, match="use capture_frames"):
+        capture_video(tmp_path, tmp_path / "out", person="p")
+    with pytest.raises(UnreadableClip, match="must be in a folder or a zip"):
+        capture_frames(tmp_path / "clip.mp4", tmp_path / "out", person="p")
+    with pytest.raises(InvalidInput, match="a pose_model or an estimator"):
+        capture_clip(zipped, tmp_path / "out", person="p")
+    with pytest.raises(PoseModelMissing, match="set METANERF_POSE_MODEL"):
+        capture_clip(zipped, tmp_path / "out", person="p", pose_model=tmp_path / "absent.task")
+
+
+def test_a_real_clip_with_others_behind_becomes_a_sequence(tmp_path):
+    clip = shared_data("real-two-cameras/cam01.mp4")
+    quality = capture_video(
+        clip, tmp_path / "out", person="p", pose_model=shared_data(MODEL), max_frames=12
+    )
+    assert quality.frames_used == 12
+    assert quality.mask_overlap > 0.78
+    assert quality.landmark_error < 0.015
+    assert quality.joints_in_mask > 0.95
+    assert quality.legs_seen
+    sequence = open_sequence(tmp_path / "out")
+    for index in (0, 6, 11):
+        frame = sequence.frame(index)
+        # one whole person, and nobody of the background: the mask is one piece around the pelvis
+        pelvis = frame.pose.root_translation + sequence.body.skeleton.rest_joints[0]
+        pixel, _ = frame.camera.project(pelvis)
+        assert frame.mask[int(pixel[1]), int(pixel[0])] > 0.9
+        assert 0.03 < (frame.mask > 0.5).mean() < 0.5
+
+
+def test_an_upper_body_is_captured_standing(tmp_path):
+    clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
+    quality = capture_video(
+        clip, tmp_path / "out", person="p", pose_model=shared_data(MODEL), max_frames=10
+    )
+    assert not quality.legs_seen
+    assert any("upper body" in line for line in quality.advice)
+    assert quality.mask_overlap > 0.8
+    sequence = open_sequence(tmp_path / "out")
+    joints = sequence.body.skeleton.joint_transforms(
+        sequence.motion.joint_angles, sequence.motion.root_translation
+    )[..., :3, 3]
+    assert joints[:, 15, 1].min() > 1.35  # the head is up
+    assert joints[:, [7, 8], 1].max() < 0.25  # the feet are down

@@ -1,0 +1,107 @@
+"""The report: shares that are right for known people, and advice that follows from them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from capture.quality import SIDES, Seen, judge, sharpness, side_shares
+from scene.camera import orbit_camera
+from scene.motion import Motion
+from tests.capture.people import body, camera, picture, seen_by, standing
+
+FRAMES = 16
+
+
+def _seen(motion: Motion) -> Seen:
+    view = camera()
+    people = [seen_by(view, body(), motion.pose(i)) for i in range(len(motion))]
+    rng = np.random.default_rng(0)
+    images = []
+    for person in people:
+        image = picture(person)
+        noise = rng.integers(-40, 40, image.shape[:2])[..., None]
+        images.append(np.clip(image + noise, 0, 255).astype(np.uint8))
+    return Seen(
+        images=images,
+        masks=[p.mask for p in people],
+        camera=view,
+        body=body(),
+        motion=motion,
+        landmark_error_px=np.ones((len(motion), 33)),
+        frames_lost=0,
+        takes=1,
+        legs_seen=True,
+    )
+
+
+@pytest.fixture(scope="module")
+def turning() -> Seen:
+    return _seen(standing(FRAMES, turn_rad=2.0 * np.pi * (FRAMES - 1) / FRAMES))
+
+
+def test_a_full_turn_covers_every_side(turning):
+    quality = judge(turning)
+    assert sum(quality.coverage.values()) == pytest.approx(1.0, abs=0.01)
+    for side in SIDES:
+        assert quality.coverage[side] == pytest.approx(0.25, abs=0.07)
+    assert quality.advice == ("Nothing needs to be filmed again.",)
+
+
+def test_a_person_who_never_turns_is_told_to():
+    quality = judge(_seen(standing(8)))
+    assert quality.coverage["front"] == 1.0
+    assert "left, back, right" in quality.advice[0]
+    assert "turn once" in quality.advice[0]
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "side"), [(0.0, "front"), (0.5, "left"), (1.0, "back"), (-0.5, "right")]
+)
+def test_the_side_seen_is_the_one_that_faces_the_camera(azimuth, side):
+    view = orbit_camera((0.0, 0.9, 0.0), 3.0, azimuth * np.pi, 0.1, 64, 64)
+    assert side_shares(standing(3), view)[side] == 1.0
+
+
+def test_a_true_fit_agrees_with_its_mask(turning):
+    quality = judge(turning)
+    assert quality.mask_overlap > 0.99
+    assert quality.joints_in_mask > 0.95
+    assert quality.landmark_error_px == 1.0
+    assert quality.person_px > 150
+
+
+def test_a_wrong_fit_does_not(turning):
+    moved = replace(
+        turning.motion, root_translation=turning.motion.root_translation + np.array([0.4, 0.0, 0.0])
+    )
+    quality = judge(replace(turning, motion=moved))
+    assert quality.mask_overlap < 0.5
+    assert any("hard to follow" in line for line in quality.advice)
+
+
+def test_blur_lowers_the_sharpness(turning):
+    image, mask = turning.images[0], turning.masks[0]
+    blurred = cv2.GaussianBlur(image, (0, 0), 3.0)
+    assert sharpness(blurred, mask) < 0.1 * sharpness(image, mask)
+    soft = [cv2.GaussianBlur(i, (0, 0), 3.0) for i in turning.images]
+    assert any("blurred" in line for line in judge(replace(turning, images=soft)).advice)
+
+
+def test_losses_cuts_and_missing_legs_are_told(turning):
+    quality = judge(replace(turning, frames_lost=8, takes=3, legs_seen=False))
+    text = " ".join(quality.advice)
+    assert "lost in 8 of 24 frames" in text
+    assert "3 takes" in text
+    assert "upper body" in text
+
+
+def test_the_report_is_plain_json(turning):
+    import json
+
+    stored = json.loads(json.dumps(judge(turning).as_json()))
+    assert stored["frames_used"] == FRAMES
+    assert set(stored["coverage"]) == set(SIDES)
