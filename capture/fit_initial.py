@@ -165,7 +165,9 @@ def _two_bones(
 
 def _swing(parent: Array, rest: Array, seen: Array) -> Array:
     """`parent` turned by the least rotation that takes its `rest` direction to `seen`."""
-    return rotation_between(parent @ rest, seen) @ parent
+    now = parent @ rest
+    nil = np.linalg.norm(seen, axis=-1, keepdims=True) < 1e-9  # two landmarks in one place
+    return rotation_between(now, np.where(nil, now, seen)) @ parent
 
 
 def _frame(x: Array, y: Array) -> Array:
