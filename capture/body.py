@@ -39,7 +39,7 @@ class BodyModel:
         return self.joint_directions.shape[2]
 
     def body(self, shape: Float[Array, "B"], scale: float = 1.0) -> Body:
-        """The body of `shape` (0 is the mean; +-0.5 is far out), sized by `scale`, feet on y = 0."""
+        """The body of `shape` (0: the mean; +-0.5: far out), sized by `scale`, feet on y = 0."""
         shape = np.asarray(shape, dtype=np.float64)
         require_shape("shape", shape, (self.shape_count,))
         vertices = scale * (self.rest_vertices + self.vertex_directions @ shape)

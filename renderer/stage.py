@@ -91,7 +91,7 @@ def warm_up() -> None:
     row = np.zeros((1, PARAMETERS), np.float32)
     row[0, ROTATION] = 1.0
     rest = Pose.rest()
-    model = SplatModel(
+    model: PersonModel = SplatModel(
         row,
         np.zeros((1, 4), np.uint8),
         np.array([[1.0, 0.0, 0.0, 0.0]], np.float32),

@@ -1,4 +1,4 @@
-"""The studio: synthetic performers with exact truth, one training camera, a ring of test cameras."""
+"""The studio: synthetic performers with exact truth, one training camera, a ring for tests."""
 
 from capture.studio.sequence import make_sequence
 

@@ -67,7 +67,7 @@ def depth_order(depth: Array, boxes: Array, order: Array) -> int:
             starts[int((depth[i] - low) * scale) + 1] += 1
     for b in range(_DEPTH_BINS):
         starts[b + 1] += starts[b]
-    total = starts[_DEPTH_BINS]
+    total = int(starts[_DEPTH_BINS])
     for i in range(depth.shape[0]):
         if boxes[i, 0] != EMPTY_BOX:
             b = int((depth[i] - low) * scale)
@@ -87,7 +87,7 @@ def count_entries(boxes: Array, order: Array, drawn: int, tiles_x: int, starts: 
                 starts[ty * tiles_x + tx + 1] += 1
     for t in range(starts.shape[0] - 1):
         starts[t + 1] += starts[t]
-    return starts[starts.shape[0] - 1]
+    return int(starts[starts.shape[0] - 1])
 
 
 @numba.njit(nogil=True, cache=True)

@@ -23,7 +23,7 @@ def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Floa
     filled = parameters.copy()
     missing, known = np.flatnonzero(~seen), np.flatnonzero(seen)
     rest, colours = parameters[:, POSITION : POSITION + 3], slice(COLOUR, COLOUR + 3)
-    mirrored = rest[missing] * np.float32([-1.0, 1.0, 1.0])
+    mirrored = rest[missing] * np.array([-1.0, 1.0, 1.0], np.float32)
     mirror_distance, mirror = _nearest(mirrored, rest[known])
     _, nearest = _nearest(rest[missing], rest[known])
     donor = known[np.where(mirror_distance < _MIRROR_REACH_M, mirror, nearest)]

@@ -28,14 +28,16 @@ def capture(
     from capture.webcam import record_webcam
     from services.settings import load_settings
 
-    if (source is None) == (webcam is None):
-        both = "both" if source else "neither"
-        raise InvalidInput(f"capture must be given a clip or --webcam; got {both}")
+    if source is not None and webcam is not None:
+        raise InvalidInput("capture must be given a clip or --webcam; got both")
     pose_model = load_settings().pose_model_source()
     with stop_on_interrupt() as should_stop, progress_bar("capturing") as report:
-        clip = source if source is not None else record_webcam(webcam, seconds(length), should_stop)
+        if webcam is not None:
+            source = record_webcam(webcam, seconds(length), should_stop)
+        if source is None:
+            raise InvalidInput("capture must be given a clip or --webcam; got neither")
         quality = capture_clip(
-            clip,
+            source,
             out,
             person=person,
             pose_model=pose_model,

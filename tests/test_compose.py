@@ -1,0 +1,136 @@
+"""docker-compose.yml: valid by the specification, and each of our services' own commands starts.
+
+No container engine is needed: the commands run here, with the file's own environment, against a
+local PostgreSQL and Redis in place of those of the file. The S3 store is replaced by a folder.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import psycopg
+import pytest
+import redis
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+SCHEMA = files("check_jsonschema") / "builtin_schemas" / "vendor" / "compose-spec.json"
+POSTGRES = os.environ.get("METANERF_TEST_POSTGRES", "postgresql+psycopg://root@127.0.0.1:5432/test")
+REDIS = "redis://127.0.0.1:6379/15"
+OURS = ("gateway", "capture", "worker")
+VARIABLES = {"JWT_SECRET": "kq8Zr2mW" * 6, "POSTGRES_PASSWORD": "p" * 24, "S3_SECRET": "s" * 24}
+
+
+def compose() -> dict[str, Any]:
+    """The file with its variables put in, as the engine would."""
+    text = (ROOT / "docker-compose.yml").read_text()
+
+    def value(found: re.Match[str]) -> str:
+        name, default = found[1], found[3]
+        return VARIABLES.get(name, default if found[2] == ":-" else "")
+
+    filled = re.sub(r"(?<!\$)\$\{(\w+)(?:(:-|:\?)([^}]*))?\}", value, text)
+    return yaml.safe_load(filled)
+
+
+def test_it_is_valid_by_the_compose_specification():
+    jsonschema.validate(compose(), json.loads(SCHEMA.read_text()))
+
+
+def test_secrets_must_be_given():
+    text = (ROOT / "docker-compose.yml").read_text()
+    for name in VARIABLES:
+        assert re.search(rf"\$\{{{name}:\?", text), name
+
+
+def test_every_dependency_is_a_service_with_a_health_check():
+    services = compose()["services"]
+    for name, service in services.items():
+        for needed, how in (service.get("depends_on") or {}).items():
+            assert needed in services, name
+            if how["condition"] == "service_healthy":
+                assert "healthcheck" in services[needed], needed
+
+
+def environment(service: dict[str, Any], folder: Path, port: int) -> dict[str, str]:
+    given = {k: str(v) for k, v in service["environment"].items()}
+    return {
+        **{k: v for k, v in os.environ.items() if not k.startswith("METANERF_")},
+        **given,
+        "METANERF_DATABASE_URL": POSTGRES,
+        "METANERF_REDIS_URL": REDIS,
+        "METANERF_OBJECT_STORE_URL": f"file://{folder}/objects",
+        "METANERF_DATA_DIR": str(folder / "data"),
+        "METANERF_PORT": str(port),
+    }
+
+
+@pytest.fixture
+def stores():
+    """A local PostgreSQL with a schema of our own, and Redis; skips where they are not."""
+    plain = POSTGRES.replace("+psycopg", "")
+    try:
+        redis.Redis.from_url(REDIS).ping()
+        with psycopg.connect(plain, autocommit=True) as connection:
+            connection.execute("DROP SCHEMA IF EXISTS public CASCADE; CREATE SCHEMA public")
+    except (psycopg.OperationalError, redis.RedisError) as error:
+        pytest.skip(f"needs PostgreSQL at {POSTGRES} and Redis at {REDIS}: {error}")
+    yield
+    with psycopg.connect(plain, autocommit=True) as connection:
+        connection.execute("DROP SCHEMA IF EXISTS public CASCADE; CREATE SCHEMA public")
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.mark.usefixtures("stores")
+def test_each_service_starts_with_its_own_command_and_environment(tmp_path):
+    services, port = compose()["services"], free_port()
+    main = [sys.executable, "-c", "from services.cli import main; main()"]
+    running = {
+        name: subprocess.Popen(
+            [*main, *services[name]["command"][1:]],
+            env=environment(services[name], tmp_path, port),
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for name in OURS
+    }
+    try:
+        checks = wait_ready(f"http://127.0.0.1:{port}/readyz", seconds=60)
+        assert checks == {"database": "ok", "objects": "ok", "redis": "ok"}
+        time.sleep(1.0)
+        assert {name: process.poll() for name, process in running.items()} == dict.fromkeys(OURS)
+    finally:
+        for process in running.values():
+            process.send_signal(signal.SIGTERM)
+        told = {name: process.communicate(timeout=30)[1] for name, process in running.items()}
+    for name, process in running.items():
+        assert process.returncode in (0, -signal.SIGTERM), told[name]
+
+
+def wait_ready(address: str, seconds: float) -> dict[str, str]:
+    give_up = time.monotonic() + seconds
+    while time.monotonic() < give_up:
+        try:
+            with urllib.request.urlopen(address, timeout=2) as answer:
+                return json.load(answer)["checks"]
+        except (urllib.error.URLError, OSError):
+            time.sleep(0.3)
+    pytest.fail(f"{address} was not ready in {seconds} s")
