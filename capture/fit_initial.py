@@ -150,7 +150,8 @@ def _two_bones(
     parent: Array, first: Array, second: Array, along: Array, hinge: Array
 ) -> tuple[Array, Array]:
     """World rotations of two bones that lie `along` at rest and bend about `hinge`."""
-    a, b = _unit(first), _unit(second)
+    a = _unit(_or_else(first, parent @ along))
+    b = _unit(_or_else(second, a))
     normal = np.cross(a, b)
     sine = np.linalg.norm(normal, axis=-1, keepdims=True)
     swung = _swing(parent, along, first) @ hinge
@@ -166,15 +167,16 @@ def _two_bones(
 def _swing(parent: Array, rest: Array, seen: Array) -> Array:
     """`parent` turned by the least rotation that takes its `rest` direction to `seen`."""
     now = parent @ rest
-    nil = np.linalg.norm(seen, axis=-1, keepdims=True) < 1e-9  # two landmarks in one place
-    return rotation_between(now, np.where(nil, now, seen)) @ parent
+    return rotation_between(now, _or_else(seen, now)) @ parent
 
 
 def _frame(x: Array, y: Array) -> Array:
     """Rotation whose x axis is along `x` and whose y axis is nearest to `y`."""
     right = _unit(x)
     up = _unit(y - np.sum(y * right, axis=-1, keepdims=True) * right)
-    return np.stack([right, up, np.cross(right, up)], axis=-1)
+    frame = np.stack([right, up, np.cross(right, up)], axis=-1)
+    whole = np.abs(np.linalg.det(frame)) > 0.5  # not where landmarks fall into one place or line
+    return np.where(whole[..., None, None], frame, np.eye(3))
 
 
 def _orthonormal(first: Array, second: Array) -> Array:
@@ -198,6 +200,12 @@ def _best_rotation(rest: Array, seen: Array) -> Array:
     u, _, vt = np.linalg.svd(np.einsum("fni,nj->fij", b, a))
     flip = np.sign(np.linalg.det(u @ vt))[:, None, None]
     return np.concatenate([u[..., :2], u[..., 2:] * flip], axis=-1) @ vt
+
+
+def _or_else(direction: Array, other: Array) -> Array:
+    """`direction`, or `other` where it is nil: two landmarks in one place."""
+    nil = np.linalg.norm(direction, axis=-1, keepdims=True) < 1e-9
+    return np.where(nil, other, direction)
 
 
 def _unit(vector: Array) -> Array:
