@@ -18,7 +18,7 @@ _CERTAIN = 0.97
 """Alpha from which the estimator is believed without a look at the colours."""
 _BAND_SHARE = 90.0
 """The band's half width is the person's extent over this: about two of the estimator's pixels."""
-_CUT_ROUNDS = 2
+_CUT_ROUNDS = 1
 _FEWEST_PIXELS = 100
 """Of either side: colour models of fewer say nothing."""
 _EDGE_BLUR_PX = 0.7
