@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import av
 import numpy as np
 import pytest
@@ -107,3 +109,22 @@ def test_shrink_leaves_small_pictures_alone():
 def test_broken_time_stamps_give_way_to_an_even_rate():
     assert increasing([1.0, 1.5, 2.0], 30.0) == pytest.approx([0.0, 0.5, 1.0])
     assert increasing([1.0, 1.0, 2.0], 10.0) == pytest.approx([0.0, 0.1, 0.2])
+
+
+def test_a_phone_held_upright_is_shown_upright(tmp_path):
+    image = np.zeros((48, 64, 3), dtype=np.uint8)
+    image[:24, :32] = 255  # top left, before the turn
+    path = tmp_path / "phone.mp4"
+    write_video([image] * 4, path, 30)
+    data = bytearray(path.read_bytes())
+    # ISO 14496-12, 8.3.2: the track header's matrix; this one turns by 90 degrees clockwise
+    matrix = struct.pack(">9i", 0, 1 << 16, 0, -(1 << 16), 0, 0, 48 << 16, 0, 1 << 30)
+    place = data.index(b"tkhd") + 44
+    data[place : place + 36] = matrix
+    path.write_bytes(data)
+    clip = read_video(path)
+    assert clip.source_size == (48, 64)
+    shown = clip.images[0].mean(axis=2)
+    assert shown.shape == (64, 48)
+    assert shown[:32, 24:].mean() > 240.0  # top right
+    assert shown[32:].mean() < 15.0
