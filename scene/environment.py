@@ -10,7 +10,7 @@ import numpy as np
 from scene.arrays import Array, Float
 from scene.motion import Pose
 
-Model = TypeVar("Model")
+Model = TypeVar("Model", covariant=True)
 
 
 @dataclass(frozen=True)

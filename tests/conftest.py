@@ -29,7 +29,7 @@ jaxtyping.install_import_hook(_checked_modules(), "tests.annotations.typecheck")
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Where everything that tests need is started first (continuous integration), skipping fails."""
+    """Where everything that tests need was started first, as in CI, a skip is a failure."""
     if (
         report.skipped
         and os.environ.get("METANERF_TEST_NO_SKIPS")

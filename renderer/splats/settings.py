@@ -28,6 +28,10 @@ class SplatSettings:
     beta2: float = 0.99
     scale_range_m: tuple[float, float] = (5e-4, 0.02)
     """Longer ones grow into spikes where poses are off."""
+    shape_pull: float = 0.015
+    """Where poses are estimated: share by which a step draws places and sizes back to the surface.
+    A person who does not turn is never seen sideways, so what they do in depth is else pure noise.
+    """
     first_blur_px2: float = 4.0
     """Dilation at the start where poses are estimated; gone by half time."""
     pose_rate_rad: float = 6e-3

@@ -38,7 +38,7 @@ _CROP_MARGIN = 0.12
 _VISIBLE = 0.05
 """Share of its own light that must reach the camera in some frame for a splat to count as seen;
 neighbours overlap, so that even at the front it is a tenth to a half, and behind a thousandth."""
-_GRAZING = 0.15
+_GRAZING = 0.4
 """Cosine between surface and view from which a splat faces the camera: at the very rim, poses that
 are slightly off would paint the background's colour on it."""
 _VISIBILITY_FRAMES = 40
@@ -117,6 +117,8 @@ class SplatTrainer:
             self._steps, rates, self._settings.beta1, self._settings.beta2, _LEAST_CONTRIBUTION,
             np.log(np.array(self._settings.scale_range_m, np.float32)),
         )  # fmt: skip
+        if self._poses.active:
+            self._pull_to_surface(contribution > _LEAST_CONTRIBUTION, fraction)
         self._poses.step(frame, self._by_transform.sum(axis=0), fraction, float(self._slower[0]))
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
 
@@ -143,6 +145,13 @@ class SplatTrainer:
         )  # fmt: skip
         sum_threads(self._thread_gradients, self._by_projected)
         return transforms
+
+    def _pull_to_surface(self, moved: Bool[Array, "N"], fraction: float) -> None:
+        """Draw places and sizes of the splats just moved back towards where they began."""
+        pull = np.float32(self._settings.shape_pull * (1.0 - fraction))
+        shape = slice(POSITION, LOG_SCALE + 3)
+        gap = self._first_splats.parameters[moved, shape] - self.parameters[moved, shape]
+        self.parameters[moved, shape] += pull * gap
 
     def preview(self) -> Float[Array, "H W 3"]:
         """The first training view, over light grey."""

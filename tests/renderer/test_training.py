@@ -125,8 +125,8 @@ def test_refining_estimated_poses_explains_the_pictures_better():
     noisy = replace(truth, joint_angles=angles)
     losses = {}
     for exact in (True, False):
-        seen: list[float] = []
+        reported: list[Progress] = []
         sequence = make_sequence(exact=exact, motion=noisy)
-        train(sequence, iterations=600, clock=ticking(), on_progress=lambda p: seen.append(p.loss))
-        losses[exact] = np.mean(seen[-5:])
+        train(sequence, iterations=600, clock=ticking(), on_progress=reported.append)
+        losses[exact] = np.mean([progress.loss for progress in reported[-5:]])
     assert losses[False] < 0.75 * losses[True]
