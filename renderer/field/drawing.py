@@ -38,11 +38,16 @@ _LEAST_WEIGHT = 1e-3
 class FieldRenderer:
     """Draws a field whose weights stay as they are: the weight volume is made once."""
 
-    def __init__(self, field: PersonField) -> None:
+    def __init__(
+        self, field: PersonField, prepared: tuple[WeightVolume, Support] | None = None
+    ) -> None:
+        """`prepared`: the field's weight volume and support where the caller has them already."""
         self.field = field
-        with torch.no_grad():
-            self.volume: WeightVolume = field.weight_volume()
-            self.support = Support.of(self.volume)
+        if prepared is None:
+            with torch.no_grad():
+                volume = field.weight_volume()
+                prepared = volume, Support.of(volume)
+        self.volume, self.support = prepared
 
     @torch.no_grad()
     def render(self, camera: Camera, pose: Pose) -> Float[Array, "H W 4"]:

@@ -88,9 +88,9 @@ class FieldTrainer:
         self._schedule(fraction)
         frames = self._next_frames()
         seeds = torch.randint(2**62, (_PARTS,), generator=self._chance).tolist()
-        parts = [(frames[part::_PARTS], seeds[part]) for part in range(_PARTS)]
+        parts = [part for part in (frames[first::_PARTS] for first in range(_PARTS)) if part]
         done = self._pool.map(
-            lambda part: self._gradients(*part, fraction), [part for part in parts if part[0]]
+            lambda part, seed: self._gradients(part, seed, fraction), parts, seeds[: len(parts)]
         )
         loss = 0.0
         self._adam.zero_grad(set_to_none=True)
@@ -213,7 +213,9 @@ class FieldTrainer:
         scale = _PREVIEW_PX / max(camera.width, camera.height)
         small = camera.resized(round(camera.width * scale), round(camera.height * scale))
         pose = self._sequence.motion.pose(0)
-        draw = self._pool.submit(lambda: FieldRenderer(self.field).render(small, pose))
+        learnt = self.field.motion.latent is not None
+        prepared = None if learnt else (self._volume, self._support)
+        draw = self._pool.submit(lambda: FieldRenderer(self.field, prepared).render(small, pose))
         picture = draw.result()
         return picture[..., :3] + (1.0 - picture[..., 3:]) * np.float32(_PREVIEW_BACKGROUND)
 
