@@ -25,25 +25,25 @@ def capture(
 ) -> None:
     """Turn one clip of one person into a sequence: masks, camera, body and motion."""
     from capture.pipeline import capture_clip
-    from capture.webcam import record_webcam
+    from capture.webcam import capture_webcam
     from services.settings import load_settings
 
-    if source is not None and webcam is not None:
-        raise InvalidInput("capture must be given a clip or --webcam; got both")
+    if (source is None) == (webcam is None):
+        given = "neither" if source is None else "both"
+        raise InvalidInput(f"capture must be given a clip or --webcam; got {given}")
     pose_model = load_settings().pose_model_source()
     with stop_on_interrupt() as should_stop, progress_bar("capturing") as report:
         if webcam is not None:
-            source = record_webcam(webcam, seconds(length), should_stop)
-        if source is None:
-            raise InvalidInput("capture must be given a clip or --webcam; got neither")
-        quality = capture_clip(
-            source,
-            out,
-            person=person,
-            pose_model=pose_model,
-            on_progress=report,
-            should_stop=should_stop,
-        )
+            quality = capture_webcam(
+                webcam, out, seconds=seconds(length), person=person, pose_model=pose_model,
+                on_progress=report, should_stop=should_stop,
+            )  # fmt: skip
+        else:
+            assert source is not None
+            quality = capture_clip(
+                source, out, person=person, pose_model=pose_model,
+                on_progress=report, should_stop=should_stop,
+            )  # fmt: skip
     typer.echo(str(out))
     for line in quality.advice:
         typer.echo(f"  {line}")
