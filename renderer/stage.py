@@ -87,7 +87,14 @@ class Stage:
 
 
 def warm_up() -> None:
-    """Load (or, the first time on a machine, compile) every kernel that a live view needs."""
+    """Load (or, the first time on a machine, compile) every kernel that a live view needs.
+
+    Fields are drawn by one torch thread from then on: on shared cores small operations
+    lose more by waiting for each other than a second thread brings.
+    """
+    import torch
+
+    torch.set_num_threads(1)
     row = np.zeros((1, PARAMETERS), np.float32)
     row[0, ROTATION] = 1.0
     rest = Pose.rest()

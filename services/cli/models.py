@@ -135,7 +135,8 @@ def evaluate(
         json_file.write_text(json.dumps(figures, indent=2) + "\n")
     for metric in ("psnr", "ssim", "lpips"):
         for split, regions in (figures.get(metric) or {}).items():
-            shown = "  ".join(f"{region} {value:.4g}" for region, value in regions.items())
+            known = {region: value for region, value in regions.items() if value is not None}
+            shown = "  ".join(f"{region} {value:.4g}" for region, value in known.items())
             typer.echo(f"{metric:5} {split:12} {shown}")
 
 

@@ -1,0 +1,109 @@
+"""The commands by hand: film, train, render, evaluate; and what mistakes are told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import av
+import cv2
+import pytest
+from typer.testing import CliRunner
+
+from services.cli.app import app, main
+from services.cli.terminal import seconds
+
+runner = CliRunner()
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("film") / "truth.seq"
+    made = runner.invoke(
+        app, ["studio", "--out", str(out), "--frames", "8", "--size", "64", "--test-cameras", "2"]
+    )
+    assert made.exit_code == 0, made.output
+    return out
+
+
+@pytest.fixture(scope="module")
+def trained(filmed: Path) -> Path:
+    out = filmed.parent / "model.safetensors"
+    made = runner.invoke(app, ["train", str(filmed), "--out", str(out), "--iterations", "150"])
+    assert made.exit_code == 0, made.output
+    assert not out.with_suffix(".checkpoint").exists()
+    return out
+
+
+@pytest.mark.parametrize("camera", ["front", "orbit", "40,10"])
+def test_a_picture_is_rendered(trained, tmp_path, camera):
+    out = tmp_path / "view.png"
+    done = runner.invoke(
+        app, ["render", str(trained), "--out", str(out), f"--camera={camera}", "--size", "96"]
+    )
+    assert done.exit_code == 0, done.output
+    picture = cv2.imread(str(out))
+    assert picture.shape == (96, 96, 3)
+    assert picture.std() > 10
+
+
+def test_a_video_is_rendered(trained, tmp_path):
+    out = tmp_path / "orbit.mp4"
+    done = runner.invoke(
+        app, ["render", str(trained), "--out", str(out), "--size", "64", "--length", "0.5s"]
+    )
+    assert done.exit_code == 0, done.output
+    with av.open(str(out)) as video:
+        assert sum(1 for _ in video.decode(video=0)) == 15
+    assert [p.name for p in tmp_path.iterdir()] == ["orbit.mp4"]
+
+
+def test_figures_are_written_for_both_splits_and_regions(trained, filmed, tmp_path):
+    out = tmp_path / "figures.json"
+    done = runner.invoke(app, ["evaluate", str(trained), str(filmed), "--json", str(out)])
+    assert done.exit_code == 0, done.output
+    figures = json.loads(out.read_text())
+    for metric in ("psnr", "ssim"):
+        for split in ("novel_view", "unseen_pose"):
+            assert set(figures[metric][split]) >= {"body_crop", "whole"}
+    assert figures["psnr"]["novel_view"]["whole"] > figures["psnr"]["novel_view"]["body_crop"] > 10
+
+
+def test_presets_are_listed():
+    listed = json.loads(runner.invoke(app, ["presets", "--json"]).output)
+    assert listed["splats"]["settings"]["count"] == 10_000
+    assert "fast" in listed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["train", "nowhere", "--out", "m.safetensors"], "must be a sequence folder"),
+        (["render", "nowhere", "--out", "x.png"], "must be a model file"),
+        (["capture", "--out", "x.seq"], "must be given a clip or --webcam; got neither"),
+        (["studio", "--out", "x.seq", "--look", "moonlit"], "look must be one of"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(arguments, words, monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["metanerf", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    told = capsys.readouterr().err
+    assert words in told
+    assert "Traceback" not in told
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("20s", 20.0), ("1.5m", 90.0), ("2h", 7200.0), ("7", 7.0)]
+)
+def test_durations_are_read_as_people_write_them(text, value):
+    assert seconds(text) == value
+
+
+@pytest.mark.parametrize("text", ["soon", "-3s", "0s", "3 days"])
+def test_other_durations_are_refused(text):
+    with pytest.raises(Exception, match=r"must look like 20s, 1.5m or 2h; got"):
+        seconds(text)

@@ -1,0 +1,80 @@
+"""Rooms: endless motion without jumps, people on their spot, places round a circle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from scene import Pose
+from services.live.room import (
+    CastMember,
+    Room,
+    circle_places,
+    facing_yaw,
+    grounded,
+    to_and_fro,
+)
+from services.live.track import frame_size
+from tests.renderer.studio import make_model, make_motion
+
+
+def test_motion_goes_to_and_fro_without_a_jump():
+    motion = make_motion(20)
+    times = np.arange(0.0, 3.0 * motion.duration_s, 0.01)
+    poses = np.array([to_and_fro(motion, float(t)).joint_angles[9, 0] for t in times])
+    pace = np.abs(np.diff(motion.joint_angles[:, 9, 0])).max() / 0.1
+    assert np.abs(np.diff(poses)).max() <= 1.01 * pace * 0.01
+    ends = [to_and_fro(motion, motion.duration_s + d).joint_angles for d in (-0.05, 0.05)]
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)
+
+
+def test_one_pose_stands_still():
+    assert (to_and_fro(make_motion(1), 99.0).joint_angles == make_motion(1).joint_angles[0]).all()
+
+
+def test_a_walker_stays_on_the_spot_but_may_jump():
+    pose = grounded(Pose(np.zeros((24, 3)), np.array([3.0, 0.2, -1.0])))
+    np.testing.assert_array_equal(pose.root_translation, [0.0, 0.2, 0.0])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 6, 12])
+def test_places_are_apart_and_face_the_middle(count):
+    places = circle_places(count)
+    assert len(places) == count
+    for i, (a, yaw) in enumerate(places):
+        assert all(math.dist(a, b) > 0.25 for b, _ in places[:i])
+        if count > 1:
+            facing = np.array([np.sin(yaw), 0.0, np.cos(yaw)])
+            assert facing @ -np.array(a) > 0.99 * np.linalg.norm(a)
+
+
+def test_facing_yaw_turns_the_clip_to_the_front():
+    motion = make_motion(8)
+    motion.joint_angles[:, 0] = [0.0, 0.7, 0.0]
+    assert facing_yaw(motion) == pytest.approx(-0.7)
+
+
+def test_the_first_view_sees_everybody():
+    cast = tuple(
+        CastMember(str(i), "x", make_model(50), place, yaw)
+        for i, (place, yaw) in enumerate(circle_places(4))
+    )
+    room = Room("m", cast)
+    camera = room.first_view(256, 256)
+    for member in cast:
+        pixel, depth = camera.project(np.add(member.position, (0.0, 0.8, 0.0)))
+        assert depth > 0
+        assert (pixel > 0).all()
+        assert (pixel < 256).all()
+    assert len(room.scene_at(0.3).performers) == 4
+
+
+@pytest.mark.parametrize(
+    ("asked", "given"),
+    [((512, 512), (512, 512)), ((1000, 500), (992, 496)), ((4000, 2000), (1024, 512)),
+     ((0, 0), (512, 512)), ((20, 20), (128, 128))],
+)  # fmt: skip
+def test_frame_sizes_are_whole_macroblocks_within_bounds(asked, given):
+    assert frame_size(*asked) == given

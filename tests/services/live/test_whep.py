@@ -1,0 +1,165 @@
+"""WHEP with a real WebRTC viewer: the picture comes, follows the viewpoint, and ends cleanly."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+from aiortc import RTCConfiguration, RTCPeerConnection, RTCSessionDescription
+from av import VideoFrame
+
+from db.models import ModelRow
+from scene import look_at
+from scene.rotations import matrix_to_quaternion
+from services.app import create_app
+from services.bootstrap import import_model
+from services.container import Services
+from services.live.packets import ViewPacket, encode_view
+from services.live.sessions import ViewSessions
+from tests.services.conftest import bearer
+
+
+@pytest.fixture
+def model(services: Services, model_file: Path) -> ModelRow:
+    return import_model(services, model_file, "house", "Ada")
+
+
+@pytest.fixture
+async def app(services: Services):
+    made = create_app(services.settings, services)
+    yield made
+    await made.state.views.close_all()
+
+
+@pytest.fixture
+async def caller(app, services: Services):
+    transport = httpx.ASGITransport(app, raise_app_exceptions=False)
+    async with httpx.AsyncClient(
+        transport=transport, base_url="http://test", headers=bearer(services)
+    ) as client:
+        yield client
+
+
+async def open_meeting(caller: httpx.AsyncClient, model: ModelRow) -> tuple[str, dict[str, str]]:
+    """A meeting with Ada in it, and the header of one who has joined."""
+    meeting = (
+        await caller.post("/v1/meetings", json={"name": "Monday", "model_ids": [model.id]})
+    ).json()
+    joined = await caller.post(f"/v1/meetings/{meeting['id']}/join", json={"display_name": "Bo"})
+    return meeting["id"], {"Authorization": f"Bearer {joined.json()['token']}"}
+
+
+def view(sequence: int, x: float, z: float, size: int = 160) -> bytes:
+    pose = look_at((x, 1.2, z), (0.0, 0.9, 0.0))
+    w, qx, qy, qz = (float(q) for q in matrix_to_quaternion(pose[:, :3].T.copy()))
+    packet = ViewPacket(sequence, 0.0, (x, 1.2, z), (w, qx, qy, qz), 0.7, size, size)
+    return encode_view(packet)
+
+
+class Viewer:
+    """A WebRTC viewer that is not ours: plain aiortc."""
+
+    def __init__(self) -> None:
+        self.peer = RTCPeerConnection(RTCConfiguration(iceServers=[]))
+        self.channel = self.peer.createDataChannel("view", ordered=False, maxRetransmits=0)
+        self.receiver = self.peer.addTransceiver("video", direction="recvonly").receiver
+
+    async def look(self, caller: httpx.AsyncClient, meeting_id: str, header: dict[str, str]):
+        await self.peer.setLocalDescription(await self.peer.createOffer())
+        answer = await caller.post(
+            f"/whep/{meeting_id}",
+            content=self.peer.localDescription.sdp,
+            headers=header | {"Content-Type": "application/sdp"},
+        )
+        if answer.status_code == 201:
+            await self.peer.setRemoteDescription(RTCSessionDescription(answer.text, "answer"))
+        return answer
+
+    async def frame(self) -> np.ndarray:
+        frame = await asyncio.wait_for(self.receiver.track.recv(), 20)
+        assert isinstance(frame, VideoFrame)
+        return frame.to_ndarray(format="rgb24")
+
+    async def frame_of_size(self, size: int) -> np.ndarray:
+        for _ in range(90):
+            picture = await self.frame()
+            if picture.shape[0] == size:
+                return picture
+        raise AssertionError(f"no picture of {size} px came")
+
+    async def opened(self) -> None:
+        for _ in range(200):
+            if self.channel.readyState == "open":
+                return
+            await asyncio.sleep(0.05)
+        raise AssertionError("the data channel did not open")
+
+
+async def test_the_picture_follows_the_viewpoint_and_the_session_ends(app, caller, model):
+    meeting_id, header = await open_meeting(caller, model)
+    viewer = Viewer()
+    answer = await viewer.look(caller, meeting_id, header)
+    assert answer.status_code == 201
+    assert answer.headers["content-type"].startswith("application/sdp")
+    assert answer.headers["location"].startswith(f"/whep/{meeting_id}/")
+    assert answer.headers["etag"]
+    await viewer.opened()
+    viewer.channel.send(view(1, 0.0, 3.0))
+    front = await viewer.frame_of_size(160)
+    viewer.channel.send(b"no packet of ours")
+    viewer.channel.send(view(2, 2.0, -2.0, 192))
+    behind = await viewer.frame_of_size(192)
+    assert front.std() > 5
+    assert behind.std() > 5
+    views: ViewSessions = app.state.views
+    assert len(views) == 1
+    gone = await caller.delete(answer.headers["location"], headers=header)
+    assert gone.status_code == 200
+    assert len(views) == 0
+    again = await caller.delete(answer.headers["location"], headers=header)
+    assert again.status_code == 404
+    await viewer.peer.close()
+
+
+@pytest.mark.parametrize(
+    ("content", "kind", "status", "words"),
+    [
+        (b"{}", "application/json", 415, "must be of type application/sdp"),
+        (b"v=0 nonsense", "application/sdp", 422, "the offer must be an SDP"),
+        (b"x" * 70_000, "application/sdp", 413, "at most 65536 bytes"),
+        (b"\xff\xfe", "application/sdp", 422, "must be UTF-8"),
+    ],
+)
+async def test_bad_offers_are_refused_in_words(app, caller, model, content, kind, status, words):
+    meeting_id, header = await open_meeting(caller, model)
+    answer = await caller.post(
+        f"/whep/{meeting_id}", content=content, headers=header | {"Content-Type": kind}
+    )
+    assert answer.status_code == status
+    assert words in answer.json()["detail"]
+    assert len(app.state.views) == 0
+
+
+async def test_tokens_of_other_meetings_and_none_are_refused(caller, model):
+    meeting_id, _ = await open_meeting(caller, model)
+    _, other = await open_meeting(caller, model)
+    offer = {"content": b"v=0", "headers": {"Content-Type": "application/sdp"}}
+    foreign = await caller.post(
+        f"/whep/{meeting_id}", content=b"v=0", headers=other | {"Content-Type": "application/sdp"}
+    )
+    assert foreign.status_code == 403
+    caller.headers.pop("Authorization")
+    nobody = await caller.post(f"/whep/{meeting_id}", **offer)
+    assert nobody.status_code == 401
+
+
+async def test_a_full_server_says_when_to_come_back(services, caller, app, model):
+    meeting_id, header = await open_meeting(caller, model)
+    app.state.views._max_viewers = 0
+    answer = await Viewer().look(caller, meeting_id, header)
+    assert answer.status_code == 503
+    assert int(answer.headers["retry-after"]) > 0
+    assert "at most 0 viewers" in answer.json()["detail"]
