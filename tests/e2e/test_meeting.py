@@ -56,10 +56,11 @@ def test_the_demo_meeting_follows_the_viewer(tmp_path):
         still.append(picture(page))
         page.mouse.move(512, 384)
         page.mouse.down()
-        page.mouse.move(250, 384, steps=8)
+        page.mouse.move(112, 384, steps=8)
         page.mouse.up()
-        watch(page, 30)
-        # the person moves a little all the time; the room behind moves only with the viewer
+        page.mouse.wheel(0, -600)
+        watch(page, 40)
+        # the person moves a little all the time; coming closer, they fill the picture
         assert difference(still[0], picture(page)) > 2.0 * difference(*still) + 1.0
         page.get_by_test_id("leave").click()
         expect(page.get_by_test_id("start-join")).to_be_visible()

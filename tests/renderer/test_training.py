@@ -8,11 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from capture.store import open_sequence
+from capture.studio import make_sequence as make_studio_sequence
 from renderer.errors import TrainingError, TrainingStopped, UnknownPreset
+from renderer.evaluation import evaluate
 from renderer.splats.model import SplatModel
 from renderer.splats.training import SplatTrainer
 from renderer.training import Progress, train
-from tests.renderer.studio import make_motion, make_sequence
+from scene import FrameSource, Motion, Pose
+from tests.renderer.studio import make_sequence
 
 
 def ticking(step_s: float = 0.01):
@@ -33,7 +37,7 @@ def test_loss_falls_and_the_model_says_how_it_was_made():
     model = trained(iterations=400, on_progress=lambda p: losses.append(p.loss))
     assert losses[-1] < 0.35 * losses[0]
     assert model.metrics["steps"] == 400
-    assert 0.5 < model.metrics["seen_share"] <= 1.0
+    assert 0.25 < model.metrics["seen_share"] < 0.75  # top and bottom never face the camera
     assert model.data_hash == "of a test"
 
 
@@ -118,15 +122,29 @@ def test_either_time_or_steps():
         trained(iterations=None)
 
 
-def test_refining_estimated_poses_explains_the_pictures_better():
-    truth = make_motion(6)
-    angles = truth.joint_angles.copy()
-    angles[:, 9] += 0.15 * np.random.default_rng(0).normal(size=(6, 3))
-    noisy = replace(truth, joint_angles=angles)
-    losses = {}
+class Claimed:
+    """Frames of `source` with the poses that `motion` claims."""
+
+    def __init__(self, source: FrameSource, motion: Motion) -> None:
+        self._source, self._motion = source, motion
+        self.camera, self.image, self.mask = source.camera, source.image, source.mask
+
+    def __len__(self) -> int:
+        return len(self._source)
+
+    def pose(self, index: int) -> Pose:
+        return self._motion.pose(index)
+
+
+def test_refining_poses_wins_back_sharpness_on_unseen_views(tmp_path):
+    make_studio_sequence(tmp_path / "seq", frames=20, size=96, test_cameras=4)
+    clip = open_sequence(tmp_path / "seq")
+    noise = np.deg2rad(4.0) * np.random.default_rng(0).normal(size=clip.motion.joint_angles.shape)
+    noisy = replace(clip.motion, joint_angles=clip.motion.joint_angles + noise)
+    psnr = {}
     for exact in (True, False):
-        reported: list[Progress] = []
-        sequence = make_sequence(exact=exact, motion=noisy)
-        train(sequence, iterations=600, clock=ticking(), on_progress=reported.append)
-        losses[exact] = np.mean([progress.loss for progress in reported[-5:]])
-    assert losses[False] < 0.75 * losses[True]
+        claimed = replace(clip, train=Claimed(clip.train, noisy), motion=noisy, exact_poses=exact)
+        model = train(claimed, iterations=500, clock=ticking(0.001))
+        psnr[exact] = evaluate(model, clip)["psnr"]["novel_view"]["body_crop"]
+    # measured: 19.9 dB with the noise taken for truth, 21.8 refined
+    assert psnr[False] > psnr[True] + 1.0

@@ -43,6 +43,7 @@ def test_a_picture_is_rendered(trained, tmp_path, camera):
     )
     assert done.exit_code == 0, done.output
     picture = cv2.imread(str(out))
+    assert picture is not None
     assert picture.shape == (96, 96, 3)
     assert picture.std() > 10
 
