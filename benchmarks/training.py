@@ -14,7 +14,7 @@ from renderer.evaluation import evaluate
 from renderer.training import train
 from scene.sequence import Sequence
 
-RUNS = (("splats", (2, 5, 10, 20)), ("fast", (30, 60, 90)))
+RUNS = (("splats", (2, 5, 10, 20)), ("fast", (30, 90)))
 """Preset and budgets, s."""
 PERFORMERS = (("plain", 0), ("lit", 0))
 
