@@ -15,7 +15,9 @@ import numpy as np
 
 def write_report(path: Path | None, name: str, figures: dict[str, Any]) -> None:
     """Print `figures`, and write them with where they come from to `path` if there is one."""
-    report = {"benchmark": name, "command": " ".join(sys.argv[1:]), **machine(), **figures}
+    # a file's folder is this machine's business alone
+    command = " ".join(Path(word).name if word.startswith("/") else word for word in sys.argv[1:])
+    report = {"benchmark": name, "command": command, **machine(), **figures}
     print(json.dumps(report, indent=1))
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
