@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import threading
 import time
@@ -119,4 +120,8 @@ def serving(settings: Settings) -> Iterator[httpx.Client]:
 def stored_files(settings: Settings) -> list[Path]:
     """Every file of the object store and of the scratch folder."""
     places = (settings.data_dir / "objects", settings.scratch_dir)
-    return [path for place in places for path in place.rglob("*") if path.is_file()]
+    # os.walk takes folders that vanish meanwhile calmly, which rglob does not
+    found = [
+        Path(at, name) for place in places for at, _, names in os.walk(place) for name in names
+    ]
+    return [path for path in found if path.is_file()]
