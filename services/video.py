@@ -29,19 +29,17 @@ def person_camera(
     azimuth_deg: float,
     elevation_deg: float,
     distance_m: float | None,
-    width: int,
-    height: int,
-    fov_rad: float = _FIELD_OF_VIEW_RAD,
+    size: int,
 ) -> Camera:
     """A camera on a sphere round the person; azimuth 0 is in front of how they mostly face."""
     joints = model.skeleton.joint_transforms(pose.joint_angles, pose.root_translation)[:, :3, 3]
     centre = joints.mean(axis=0)
     centre[1] = 0.5 * (joints[:, 1].min() + joints[:, 1].max())
     reach = 0.62 * model.skeleton.height_m
-    distance = distance_m or reach / np.tan(0.5 * fov_rad)
+    distance = distance_m or reach / np.tan(0.5 * _FIELD_OF_VIEW_RAD)
     azimuth = np.deg2rad(azimuth_deg) - facing_yaw(model.motion)
     return orbit_camera(
-        centre, distance, azimuth, np.deg2rad(elevation_deg), width, height, fov_rad
+        centre, distance, azimuth, np.deg2rad(elevation_deg), size, size, _FIELD_OF_VIEW_RAD
     )
 
 
@@ -65,7 +63,7 @@ def camera_path(
         pose = to_and_fro(motion, start_s + frame / FRAMES_PER_SECOND)
         view = person_camera(
             model, middle, azimuth_deg + turns * 360.0 * frame / count, elevation_deg,
-            distance_m, size, size,
+            distance_m, size,
         )  # fmt: skip
         yield over_backdrop(model.render(view, pose))
 
