@@ -2,18 +2,26 @@
 
 import { NO_SERVER, Problem, problemOf } from "./problem";
 import { readEvents } from "./sse";
-import type { GuestToken, Job, Meeting, Performer, Person, Seat, Sequence } from "./types";
+import type {
+  DemoMeeting,
+  Guest,
+  Job,
+  Meeting,
+  NewMeeting,
+  NewModel,
+  NewPerformer,
+  NewPerson,
+  Performer,
+  Person,
+  Seat,
+  Sequence,
+  Visitor,
+} from "./types";
 
 /** Keeps the bearer token between calls (and, in the page, between reloads). */
 export interface TokenStore {
   get(): string | null;
   set(token: string | null): void;
-}
-
-export interface Training {
-  preset: string;
-  budget_s: number;
-  seed: number;
 }
 
 const FINAL: ReadonlySet<Job["state"]> = new Set(["succeeded", "failed", "cancelled"]);
@@ -34,7 +42,7 @@ export class Api {
   /** The meeting that the demo shows, if this server runs one. */
   async demoMeeting(): Promise<string | null> {
     try {
-      return (await this.json<{ meeting_id: string }>("GET", "/v1/demo")).meeting_id;
+      return (await this.json<DemoMeeting>("GET", "/v1/demo")).meeting_id;
     } catch (error) {
       if (error instanceof Problem && error.status === 404) return null;
       throw error;
@@ -42,14 +50,14 @@ export class Api {
   }
 
   createPerson(name: string): Promise<Person> {
-    return this.json("POST", "/v1/people", { name });
+    return this.json("POST", "/v1/people", { name } satisfies NewPerson);
   }
 
   sequence(id: string): Promise<Sequence> {
     return this.json("GET", `/v1/sequences/${id}`);
   }
 
-  train(sequenceId: string, training: Training): Promise<Job> {
+  train(sequenceId: string, training: NewModel): Promise<Job> {
     return this.json("POST", `/v1/sequences/${sequenceId}/models`, training);
   }
 
@@ -75,15 +83,15 @@ export class Api {
   }
 
   createMeeting(name: string, modelIds: string[]): Promise<Meeting> {
-    return this.json("POST", "/v1/meetings", { name, model_ids: modelIds });
+    return this.json("POST", "/v1/meetings", { name, model_ids: modelIds } satisfies NewMeeting);
   }
 
   addPerformer(meetingId: string, modelId: string): Promise<Performer> {
-    return this.json("POST", `/v1/meetings/${meetingId}/performers`, { model_id: modelId });
+    return this.json("POST", `/v1/meetings/${meetingId}/performers`, { model_id: modelId } satisfies NewPerformer);
   }
 
   join(meetingId: string, displayName: string): Promise<Seat> {
-    return this.json("POST", `/v1/meetings/${meetingId}/join`, { display_name: displayName });
+    return this.json("POST", `/v1/meetings/${meetingId}/join`, { display_name: displayName } satisfies Visitor);
   }
 
   /** Upload a clip; `onProgress` gets 0 to 1. XMLHttpRequest, since fetch can't tell how far it is. */
@@ -108,7 +116,7 @@ export class Api {
       upload.onabort = () => reject(signal.reason);
       upload.onload = () => {
         if (upload.status >= 200 && upload.status < 300) {
-          resolve(unwrap(JSON.parse(upload.responseText) as Sequence | { sequence: Sequence }));
+          resolve(JSON.parse(upload.responseText) as Sequence);
         } else {
           reject(problemOf(upload.status, upload.responseText));
         }
@@ -208,17 +216,13 @@ export class Api {
       );
     }
     if (!response.ok) throw problemOf(response.status, await response.text());
-    const { token } = (await response.json()) as GuestToken;
+    const { token } = (await response.json()) as Guest;
     this.tokens.set(token);
     return token;
   }
 }
 
 const LONGEST_SILENCE = 8;
-
-function unwrap(answer: Sequence | { sequence: Sequence }): Sequence {
-  return "sequence" in answer ? answer.sequence : answer;
-}
 
 /** The response, or NO_SERVER where none came. */
 async function reached(response: Promise<Response>, signal?: AbortSignal): Promise<Response> {

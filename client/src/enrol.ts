@@ -3,10 +3,10 @@
  * knows nothing of the page.
  */
 
-import type { Api, Training } from "./api";
+import type { Api } from "./api";
 import { isFinal } from "./api";
 import { Problem, asProblem } from "./problem";
-import type { Job, Sequence } from "./types";
+import type { Job, NewModel, Sequence } from "./types";
 
 export type Step = "upload" | "capture" | "train";
 
@@ -38,7 +38,7 @@ export interface Clip {
   fileName: string;
 }
 
-const TRAINING: Training = { preset: "splats", budget_s: 20, seed: 0 };
+const TRAINING: NewModel = { preset: "splats", budget_s: 20, seed: 0 };
 
 const MOTION_ONLY = new Problem(
   "This file holds movement only",
@@ -172,7 +172,7 @@ export class Enrolment {
     if (job.state === "cancelled") {
       this.change({ status: "stopped", job });
     } else if (job.state === "failed") {
-      throw Problem.from(job.error ?? { title: "It did not work", detail: job.message });
+      throw job.error ? Problem.from(job.error) : new Problem("It did not work", job.message, 500);
     } else if (job.kind === "train") {
       this.change({ status: "ready", fraction: 1, job, modelId: job.model_id });
     }

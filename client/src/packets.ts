@@ -6,7 +6,7 @@
  * f32 vertical field of view (rad), u16 width, u16 height (px).
  */
 
-import type { Quaternion, Vec3 } from "./types";
+import type { Quaternion, Vec3 } from "./geometry";
 
 export const VIEW_BYTES = 52;
 const VERSION = 1;

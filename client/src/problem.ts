@@ -1,6 +1,6 @@
 /** What went wrong, in words for people: every failure of the page becomes one of these. */
 
-import type { ProblemDetails } from "./types";
+import type { Problem as ProblemDetails } from "./types";
 
 export class Problem extends Error {
   override readonly name = "Problem";
@@ -20,8 +20,8 @@ export class Problem extends Error {
     return this.status === 0 || this.status === 502 || this.status === 504;
   }
 
-  static from(details: ProblemDetails, status = details.status ?? 500): Problem {
-    return new Problem(details.title, sentence(details.detail ?? ""), status);
+  static from(details: ProblemDetails): Problem {
+    return new Problem(details.title, sentence(details.detail), details.status);
   }
 }
 
@@ -57,7 +57,8 @@ const WORDS: Record<number, readonly [string, string]> = {
   503: ["The server is busy", "Wait a moment and try again."],
 };
 
-function parse(body: string): ProblemDetails | null {
+/** Title and detail of a body that is a problem; proxies on the way may answer with anything. */
+function parse(body: string): { title: string; detail?: string } | null {
   try {
     const value: unknown = JSON.parse(body);
     if (typeof value !== "object" || value === null) return null;

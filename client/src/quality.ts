@@ -1,6 +1,9 @@
 /** A capture's report on its clip, in plain words. */
 
-import type { Quality, Sequence } from "./types";
+import type { Sequence } from "./types";
+
+/** What the capture measured; every part may be missing. */
+type Quality = Record<string, unknown>;
 
 export interface QualityLine {
   label: string;
@@ -39,7 +42,7 @@ export function qualityLines(sequence: Sequence): QualityLine[] {
 
 /** What to film again, as the capture says it. */
 export function advice(sequence: Sequence): string[] {
-  const given = sequence.quality?.advice;
+  const given = sequence.quality?.["advice"];
   return Array.isArray(given) ? given.filter((line): line is string => typeof line === "string") : [];
 }
 

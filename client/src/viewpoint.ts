@@ -5,7 +5,8 @@
  * elevation is positive above the target. Cameras have OpenCV axes: x right, y down, z forward.
  */
 
-import type { Performer, Quaternion, Vec3 } from "./types";
+import type { Quaternion, Vec3 } from "./geometry";
+import type { Performer } from "./types";
 
 export const FOV_Y_RAD = 0.6;
 const ELEVATION_LIMITS_RAD = [-0.35, 1.35] as const;

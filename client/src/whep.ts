@@ -120,7 +120,7 @@ export class WhepLink {
   private async connect(): Promise<void> {
     const seat = (this.seat ??= await this.hooks.seat());
     this.closing.signal.throwIfAborted();
-    const iceServers = seat.ice_servers.map((s) => (typeof s === "string" ? { urls: s } : s));
+    const iceServers = seat.ice_servers.map((urls) => ({ urls }));
     const peer = this.makePeer({ iceServers, bundlePolicy: "max-bundle" });
     this.peer = peer;
     // before the offer, so that the channel is part of it

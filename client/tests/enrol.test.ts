@@ -147,7 +147,12 @@ describe("Enrolment", () => {
 
   it("tells why a capture failed, in the server's words", async () => {
     const { server, enrolment, bookmarks } = setUp();
-    const error = { title: "Nobody found", detail: "a clip must show a person", status: 422 };
+    const error = {
+      type: "urn:metanerf:no-person",
+      title: "Nobody found",
+      detail: "a clip must show a person",
+      status: 422,
+    };
     server.outcome["c"] = { ...CAPTURE, state: "failed", error };
     await enrolment.start("Ada", CLIP);
     expect(enrolment.state.status).toBe("failed");
@@ -161,7 +166,8 @@ describe("Enrolment", () => {
 
   it("lets a failed training be tried again from where it was", async () => {
     const { server, enrolment, bookmarks } = setUp();
-    server.outcome["j"] = job({ state: "failed", error: { title: "Out of memory" } });
+    const error = { type: "urn:metanerf:worker-died", title: "Worker died", detail: "", status: 500 };
+    server.outcome["j"] = job({ state: "failed", error });
     await enrolment.start("Ada", CLIP);
     expect(enrolment.state.problem).toBeInstanceOf(Problem);
     expect(enrolment.canResume).toBe(true);

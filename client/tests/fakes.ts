@@ -43,6 +43,8 @@ export function sequence(part: Partial<Sequence> = {}): Sequence {
     person_id: "p",
     kind: "video",
     state: "ready",
+    created_at: "2026-01-01T00:00:00Z",
+    sha256: "0".repeat(64),
     frames: 60,
     frames_per_second: 30,
     duration_s: 2,

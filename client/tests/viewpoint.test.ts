@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
-import type { Performer, Quaternion, Vec3 } from "../src/types";
+import type { Quaternion, Vec3 } from "../src/geometry";
+import type { Performer } from "../src/types";
 import { STILL, Viewpoint, homeOrbit, orbitCamera, type Orbit } from "../src/viewpoint";
 
 const HOME: Orbit = { target: [0, 0.9, 0], azimuthRad: 0, elevationRad: 0.1, distanceM: 3 };

@@ -57,7 +57,13 @@ class FakePeer extends EventTarget {
   }
 }
 
-const SEAT: Seat = { token: "seat", ice_servers: ["stun:s"], whep_url: "/whep/m", performers: [] };
+const SEAT: Seat = {
+  token: "seat",
+  seat: 1,
+  ice_servers: ["stun:s"],
+  whep_url: "/whep/m",
+  performers: [],
+};
 
 function setUp(answer: (call: Call, attempt: number) => Response) {
   const peers: FakePeer[] = [];
