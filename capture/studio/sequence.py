@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ import numpy as np
 from capture.bvh import read_bvh
 from capture.errors import CaptureError
 from capture.store import write_sequence
+from capture.studio.footage import Footage, FootageWriter
 from capture.studio.moves import gestures, turned, turning
-from capture.studio.performer import film, make_performer
+from capture.studio.performer import StudioPerformer, film, make_performer
 from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
 from scene.motion import Motion
@@ -21,6 +23,8 @@ from scene.skeleton import Skeleton
 LOOKS = ("plain", "lit")
 FRAMES_PER_SECOND = 10.0
 """A full turn of 60 frames takes six seconds."""
+_SHUTTER_MOMENTS = 7
+"""Moments that add up to a frame while the shutter is open."""
 _NOVEL_MOMENTS, _UNSEEN_MOMENTS = 16, 8
 _FIELD_OF_VIEW_RAD = 0.6
 _FILL = 0.9
@@ -37,6 +41,8 @@ def make_sequence(
     test_cameras: int = 8,
     seed: int = 0,
     turn_deg: float = 360.0,
+    frames_per_second: float = FRAMES_PER_SECOND,
+    footage: Footage | None = None,
     on_progress: Callable[[float, str], None] | None = None,
 ) -> None:
     """Write a sequence of the performer `seed` to the folder `out`.
@@ -44,13 +50,22 @@ def make_sequence(
     Training frames come from one camera; test frames from a ring of `test_cameras` others, at
     moments of the training motion (novel_view) and of another motion (unseen_pose). With `motion`
     (.bvh) the first three quarters train and the rest, turned alike, is the unseen motion.
+
+    With `footage`, the raw training frames are written too, as the camera records them (room,
+    noise, blur), for whoever has to find the person in them; the sequence itself stays clean:
+
+        make_sequence(
+            Path("truth.seq"), size=512, frames_per_second=30.0,
+            footage=Footage(Path("raw.mp4"), background="textured", noise=2.0, blur_px=0.6),
+        )
+
     Raises CaptureError for senseless numbers or an unknown look, BrokenMotionCapture for an
     unreadable file.
     """
-    _check(look, frames, size, test_cameras, turn_deg)
+    _check(look, frames, size, test_cameras, turn_deg, frames_per_second)
     performer = make_performer(seed)
     skeleton = performer.body.skeleton
-    seen, unseen = _motions(motion, skeleton, frames, turn_deg)
+    seen, unseen = _motions(motion, skeleton, frames, turn_deg, frames_per_second)
     centre, distance = _framing(skeleton, seen)
     camera = orbit_camera(centre, distance, 0.0, 0.05, size, size, _FIELD_OF_VIEW_RAD)
     centre, distance = _framing(skeleton, seen, unseen)
@@ -76,22 +91,51 @@ def make_sequence(
                 on_progress(done / total, f"frame {done} of {total}")
             yield Frame(image, mask, view, pose)
 
-    write_sequence(
-        out,
-        person=f"studio performer {seed}",
-        frames_per_second=FRAMES_PER_SECOND,
-        body=performer.body,
-        train=shots(seen, np.arange(len(seen)), [camera]),
-        test={
-            NOVEL_VIEW: shots(seen, novel, ring),
-            UNSEEN_POSE: shots(unseen, others, ring),
-        },
-        source=f"studio look={look} seed={seed} turn={turn_deg:g}",
-        exact_poses=True,
+    def training_shots(writer: FootageWriter | None) -> Iterator[Frame]:
+        for frame in shots(seen, np.arange(len(seen)), [camera]):
+            if writer is not None and footage is not None:
+                open_s = footage.shutter / frames_per_second
+                writer.add(*_exposed(performer, seen, frame, look, open_s))
+            yield frame
+
+    recording = (
+        nullcontext()
+        if footage is None
+        else FootageWriter(footage, camera, frames_per_second, seed)
+    )
+    with recording as writer:
+        write_sequence(
+            out,
+            person=f"studio performer {seed}",
+            frames_per_second=frames_per_second,
+            body=performer.body,
+            train=training_shots(writer),
+            test={
+                NOVEL_VIEW: shots(seen, novel, ring),
+                UNSEEN_POSE: shots(unseen, others, ring),
+            },
+            source=f"studio look={look} seed={seed} turn={turn_deg:g}",
+            exact_poses=True,
+        )
+
+
+def _exposed(
+    performer: StudioPerformer, motion: Motion, frame: Frame, look: str, open_s: float
+) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
+    """`frame` as seen by a shutter that is open for `open_s` seconds about its moment."""
+    if open_s == 0.0:
+        return frame.image, frame.mask
+    times = frame.pose.time_s + open_s * np.linspace(-0.5, 0.5, _SHUTTER_MOMENTS)
+    seen = [film(performer, motion.pose_at(float(t)), frame.camera, look) for t in times]
+    return (
+        np.mean([image for image, _ in seen], axis=0),
+        np.mean([alpha for _, alpha in seen], axis=0),
     )
 
 
-def _check(look: str, frames: int, size: int, test_cameras: int, turn_deg: float) -> None:
+def _check(
+    look: str, frames: int, size: int, test_cameras: int, turn_deg: float, rate: float
+) -> None:
     if look not in LOOKS:
         raise CaptureError(f"look must be one of {', '.join(LOOKS)}; got {look!r}")
     for name, value, least in (
@@ -103,28 +147,30 @@ def _check(look: str, frames: int, size: int, test_cameras: int, turn_deg: float
             raise CaptureError(f"{name} must be at least {least}; got {value}")
     if not np.isfinite(turn_deg):
         raise CaptureError(f"turn_deg must be finite; got {turn_deg}")
+    if not 0.0 < rate <= 240.0:
+        raise CaptureError(f"frames_per_second must be above 0 and at most 240; got {rate}")
 
 
 def _motions(
-    path: Path | None, skeleton: Skeleton, frames: int, turn_deg: float
+    path: Path | None, skeleton: Skeleton, frames: int, turn_deg: float, rate: float
 ) -> tuple[Motion, Motion]:
     if path is None:
-        return turning(frames, FRAMES_PER_SECOND, turn_deg), gestures(32, FRAMES_PER_SECOND)
+        return turning(frames, rate, turn_deg), gestures(32, rate)
     whole = read_bvh(path, skeleton)
     cut = max(2, int(0.75 * len(whole)))
     return (
-        turned(_evenly(whole, 0, cut, frames), turn_deg),
-        turned(_evenly(whole, min(cut, len(whole) - 2), len(whole), 32), turn_deg),
+        turned(_evenly(whole, 0, cut, frames, rate), turn_deg),
+        turned(_evenly(whole, min(cut, len(whole) - 2), len(whole), 32, rate), turn_deg),
     )
 
 
-def _evenly(motion: Motion, start: int, stop: int, frames: int) -> Motion:
-    """`frames` poses spread over [start, stop), retimed to the studio's rate.
+def _evenly(motion: Motion, start: int, stop: int, frames: int, rate: float) -> Motion:
+    """`frames` poses spread over [start, stop), retimed to `rate`.
 
     On the spot, as on a treadmill: framed over a path of metres, nobody would fill the picture.
     """
     picked = np.linspace(start, stop - 1, frames).round().astype(int)
-    times = np.arange(frames) / FRAMES_PER_SECOND
+    times = np.arange(frames) / rate
     root = motion.root_translation[picked] * [0.0, 1.0, 0.0]
     return Motion(times, motion.joint_angles[picked], root, motion.confidence[picked])
 

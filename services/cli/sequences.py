@@ -61,10 +61,25 @@ def studio(
     test_cameras: Annotated[int, typer.Option(min=1)] = 8,
     seed: int = 0,
     turn: Annotated[float, typer.Option(help="How far the person turns, degrees.")] = 360.0,
+    frame_rate: Annotated[float, typer.Option(help="Frames a second.")] = 10.0,
+    footage: Annotated[
+        Path | None, typer.Option(help="Raw training frames too: a video, or a folder of PNG.")
+    ] = None,
+    background: Annotated[str, typer.Option(help="Of the footage: black or textured.")] = "black",
+    noise: Annotated[float, typer.Option(help="Of the footage: std in 8-bit levels.")] = 0.0,
+    blur: Annotated[float, typer.Option(help="Of the footage's lens: std in px.")] = 0.0,
+    shutter: Annotated[
+        float, typer.Option(help="Of the footage: share of a frame's time, for motion blur.")
+    ] = 0.0,
 ) -> None:
     """Film a synthetic performer with exact truth: one camera, and a ring of test cameras."""
-    from capture.studio import make_sequence
+    from capture.studio import Footage, make_sequence
 
+    if footage is None and (background != "black" or noise or blur or shutter):
+        raise InvalidInput(
+            "background, noise, blur and shutter must come with --footage, whose pixels they "
+            "change (a sequence stays clean); got no --footage"
+        )
     with progress_bar("filming") as report:
         make_sequence(
             out,
@@ -75,6 +90,8 @@ def studio(
             test_cameras=test_cameras,
             seed=seed,
             turn_deg=turn,
+            frames_per_second=frame_rate,
+            footage=None if footage is None else Footage(footage, background, noise, blur, shutter),
             on_progress=report,
         )
     typer.echo(str(out))

@@ -83,6 +83,7 @@ def test_presets_are_listed():
         (["render", "nowhere", "--out", "x.png"], "must be a model file"),
         (["capture", "--out", "x.seq"], "must be given a clip or --webcam; got neither"),
         (["studio", "--out", "x.seq", "--look", "moonlit"], "look must be one of"),
+        (["studio", "--out", "x.seq", "--noise", "2"], "must come with --footage"),
     ],
 )
 def test_mistakes_are_told_in_one_line(arguments, words, monkeypatch, capsys, tmp_path):
