@@ -328,6 +328,10 @@ class PerformerRow(Base):
     )
     person_id: Mapped[str] = mapped_column(ForeignKey("person.id", ondelete="CASCADE"), index=True)
     model_id: Mapped[str] = mapped_column(ForeignKey("model.id", ondelete="CASCADE"), index=True)
+    motion_sequence_id: Mapped[str | None] = mapped_column(
+        ForeignKey("sequence.id", ondelete="SET NULL"), index=True
+    )
+    """Whose motion they move by; empty: their model's own."""
     name: Mapped[str] = mapped_column(String(120))
     place: Mapped[int]
     """Order of arrival, from 0."""
@@ -350,6 +354,8 @@ class ParticipantRow(Base):
     display_name: Mapped[str] = mapped_column(String(120))
     seat: Mapped[int]
     joined_at: Mapped[datetime]
+    seen_at: Mapped[datetime]
+    """When their view last gave a sign of life; at first, when they joined."""
 
 
 class AuditEventRow(Base):

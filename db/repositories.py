@@ -138,7 +138,15 @@ class Meetings(Protocol):
     def with_label(self, label: str) -> MeetingRow | None: ...
 
     def where_performs(self, person_id: str) -> list[str]:
-        """Ids of the meetings in which a person stands."""
+        """Ids of the meetings in which a person stands, or moves somebody else."""
+        ...
+
+    def seen(self, participant_ids: Collection[str], now: datetime) -> set[str]:
+        """Note a sign of life of participants; says which of them are still there."""
+        ...
+
+    def drop_participants(self, participant_ids: Collection[str]) -> None:
+        """Give seats back; those that were given back already are no error."""
         ...
 
 

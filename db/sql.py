@@ -19,6 +19,7 @@ from db.models import (
     MeetingRow,
     ModelRow,
     MotionRow,
+    ParticipantRow,
     PerformerRow,
     PersonRow,
     SequenceRow,
@@ -224,8 +225,19 @@ class SqlMeetings(_Repository):
         ).one_or_none()
 
     def where_performs(self, person_id: str) -> list[str]:
-        query = select(PerformerRow.meeting_id).where(PerformerRow.person_id == person_id)
+        theirs = select(SequenceRow.id).where(SequenceRow.person_id == person_id)
+        query = select(PerformerRow.meeting_id).where(
+            (PerformerRow.person_id == person_id) | PerformerRow.motion_sequence_id.in_(theirs)
+        )
         return list(self._session.scalars(query.distinct()))
+
+    def seen(self, participant_ids: Collection[str], now: datetime) -> set[str]:
+        named = ParticipantRow.id.in_(participant_ids)
+        self._session.execute(update(ParticipantRow).where(named).values(seen_at=now))
+        return set(self._session.scalars(select(ParticipantRow.id).where(named)))
+
+    def drop_participants(self, participant_ids: Collection[str]) -> None:
+        self._session.execute(delete(ParticipantRow).where(ParticipantRow.id.in_(participant_ids)))
 
 
 class SqlAuditLog(_Repository):

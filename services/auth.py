@@ -32,6 +32,8 @@ class Principal:
     scopes: frozenset[str]
     meeting_id: str | None = None
     """The only meeting this token opens, if it is bound to one."""
+    participant_id: str | None = None
+    """The seat in that meeting which it was given with, if it was given with one."""
 
     def require_account(self, account: str) -> None:
         """Raise a 403 problem unless what `account` owns is this caller's."""
@@ -66,6 +68,7 @@ class Tokens:
         scopes: frozenset[str],
         lifetime: timedelta,
         meeting_id: str | None = None,
+        participant_id: str | None = None,
     ) -> tuple[str, datetime]:
         """A token and when it ends."""
         now = self._clock()
@@ -79,6 +82,8 @@ class Tokens:
         }
         if meeting_id is not None:
             claims["meeting"] = meeting_id
+        if participant_id is not None:
+            claims["participant"] = participant_id
         return jwt.encode(claims, self._key, _ALGORITHM), expires
 
     def read(self, token: str) -> Principal:
@@ -101,7 +106,10 @@ class Tokens:
         if float(claims["exp"]) <= self._clock().timestamp():
             raise _unauthorized("the token must not be over; got one that is; get a new one")
         return Principal(
-            str(claims["sub"]), frozenset(str(claims["scope"]).split()), claims.get("meeting")
+            str(claims["sub"]),
+            frozenset(str(claims["scope"]).split()),
+            claims.get("meeting"),
+            claims.get("participant"),
         )
 
 

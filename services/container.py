@@ -13,6 +13,7 @@ from db.objects import Objects, open_objects
 from db.unit_of_work import Database, SqlUnitOfWork
 from services.auth import Tokens
 from services.jobs.events import Events, open_events
+from services.limits import RateLimit
 from services.person_models import ModelCache
 from services.settings import Settings
 
@@ -29,6 +30,7 @@ class Services:
     events: Events
     tokens: Tokens
     models: ModelCache
+    guest_limit: RateLimit
     clock: Clock
 
     def unit_of_work(self) -> SqlUnitOfWork:
@@ -71,6 +73,7 @@ def build_services(
         events=open_events(settings.redis_url),
         tokens=Tokens(settings.signing_key(), clock),
         models=ModelCache(database, store, settings.cached_models),
+        guest_limit=RateLimit("guest tokens", settings.guest_tokens_per_minute, clock),
         clock=clock,
     )
 

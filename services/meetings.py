@@ -1,13 +1,12 @@
-"""Meetings: who stands where, and who looks on."""
+"""Meetings: who stands where, and how others are asked in."""
 
 from __future__ import annotations
 
 from datetime import timedelta
 from urllib.parse import quote
 
-from db.models import MeetingRow, ModelRow, ParticipantRow, PerformerRow, new_id
+from db.models import MeetingRow, ModelRow, PerformerRow, new_id
 from db.repositories import UnitOfWork
-from services.auth import Principal
 from services.container import Services
 from services.live.room import circle_places, facing_yaw
 from services.problems import ProblemError
@@ -15,7 +14,6 @@ from services.problems import ProblemError
 DEMO = "demo"
 """Label of the meeting that the demo shows."""
 MOST_PERFORMERS = 12
-_SEAT_LIFETIME = timedelta(hours=12)
 _LINK_LIFETIME = timedelta(days=7)
 
 
@@ -83,21 +81,6 @@ def arrange(services: Services, unit: UnitOfWork, meeting: MeetingRow) -> None:
         performer.place = index
         performer.x_m, performer.y_m, performer.z_m = place
         performer.yaw_rad = yaw_rad + facing_yaw(motion)
-
-
-def take_seat(
-    services: Services, unit: UnitOfWork, meeting: MeetingRow, caller: Principal, display_name: str
-) -> tuple[ParticipantRow, str]:
-    """A seat in a meeting that is locked for it, and the token that opens its view."""
-    seat = 1 + max((one.seat for one in meeting.participants), default=0)
-    participant = ParticipantRow(
-        id=new_id(), display_name=display_name, seat=seat, joined_at=services.clock()
-    )
-    meeting.participants.append(participant)
-    token, _ = services.tokens.issue(
-        caller.account, frozenset({"join"}), _SEAT_LIFETIME, meeting_id=meeting.id
-    )
-    return participant, token
 
 
 def join_url(services: Services, meeting: MeetingRow) -> str:

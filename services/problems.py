@@ -86,14 +86,19 @@ def problem_of(error: Exception) -> ProblemError:
     )
 
 
-PROBLEMS: dict[int | str, dict[str, Any]] = {
-    status: {
-        "description": HTTPStatus(status).phrase,
-        "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Responses that a route may give, for the API's description."""
+    return {
+        status: {
+            "description": HTTPStatus(status).phrase,
+            "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+        }
+        for status in statuses
     }
-    for status in (401, 403, 404, 422, 503)
-}
-"""Responses that every route may give, for the API's description."""
+
+
+PROBLEMS = problems(401, 403, 404, 422, 503)
+"""Those that nearly every route may give."""
 
 
 def install(app: FastAPI) -> None:

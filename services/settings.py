@@ -77,6 +77,9 @@ class Settings(BaseSettings):
     open_access: bool = Field(
         default=False, description="Anybody may get a guest's token (the demo)."
     )
+    guest_tokens_per_minute: int = Field(
+        default=60, ge=1, description="Guests' tokens given to one address, a minute."
+    )
 
     max_upload_bytes: int = Field(
         default=512 * 1024 * 1024, ge=1, description="Largest clip or archive taken, bytes."

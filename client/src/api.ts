@@ -215,7 +215,9 @@ export class Api {
         response.status,
       );
     }
-    if (!response.ok) throw problemOf(response.status, await response.text());
+    if (!response.ok) {
+      throw problemOf(response.status, await response.text(), response.headers.get("Retry-After"));
+    }
     const { token } = (await response.json()) as Guest;
     this.tokens.set(token);
     return token;

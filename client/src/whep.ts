@@ -15,7 +15,7 @@ export type LinkState =
   | { kind: "refused"; problem: Problem };
 
 export interface LinkHooks {
-  /** A seat in the meeting; asked again when the old one is no longer accepted. */
+  /** A seat in the meeting; asked for each session, and again when it is no longer accepted. */
   seat(): Promise<Seat>;
   onState(state: LinkState): void;
   onStream(stream: MediaStream): void;
@@ -188,6 +188,8 @@ export class WhepLink {
       const headers = { Authorization: `Bearer ${this.seat.token}` };
       const goodbye = this.request(this.resource, { method: "DELETE", headers, keepalive: true });
       goodbye.catch(() => undefined);
+      // a seat is given back with its session: the next connection takes one of its own
+      this.seat = null;
     }
     this.peer?.close();
     this.peer = this.channel = this.resource = this.cut = null;

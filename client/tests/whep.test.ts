@@ -143,6 +143,8 @@ describe("WhepLink", () => {
     expect(kinds()).toEqual(["connecting", "live", "reconnecting", "live"]);
     expect((await link.numbers()).framesDecoded).toBe(20);
     expect(calls.filter(({ method }) => method === "DELETE")[0]?.path).toMatch(/\/whep\/m\/7$/);
+    const posts = calls.filter(({ method }) => method === "POST");
+    expect(posts.map(({ token }) => token)).toEqual(["Bearer seat1", "Bearer seat2"]);
     link.close();
   });
 

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from datetime import timedelta
 
-from fastapi import APIRouter, status
+from fastapi import APIRouter, Request, status
 
 from services.api import shapes
 from services.auth import ALL_SCOPES, GUEST
 from services.container import Provided
-from services.problems import PROBLEMS, ProblemError
+from services.limits import network_of
+from services.problems import ProblemError, problems
 
-router = APIRouter(prefix="/v1", tags=["access"], responses={403: PROBLEMS[403]})
+router = APIRouter(prefix="/v1", tags=["access"], responses=problems(403, 429))
 
 
 @router.post("/guest", status_code=status.HTTP_201_CREATED, summary="Get a guest's token")
-def be_guest(services: Provided) -> shapes.Guest:
-    """A token for whoever asks; only where the server's access is open, as the demo's is."""
+def be_guest(request: Request, services: Provided) -> shapes.Guest:
+    """A token for whoever asks, in moderation; only where access is open, as the demo's is."""
     if not services.settings.open_access:
         raise ProblemError(
             403,
@@ -24,6 +25,7 @@ def be_guest(services: Provided) -> shapes.Guest:
             "guests must be let in by the server's settings (open_access); got a server that "
             "lets none in; ask its keeper for a token",
         )
+    services.guest_limit.take(network_of(request.client.host if request.client else ""))
     lifetime = timedelta(hours=services.settings.token_lifetime_h)
     token, expires = services.tokens.issue(GUEST, ALL_SCOPES, lifetime)
     return shapes.Guest(token=token, expires_at=expires)

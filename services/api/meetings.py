@@ -6,7 +6,7 @@ from fastapi import APIRouter, Request, Response, status
 from fastapi.concurrency import run_in_threadpool
 
 from db.errors import NotFound
-from services import meetings
+from services import meetings, seats
 from services.access import meeting_of, model_of
 from services.api import shapes
 from services.api.cast import tell_cast_changed
@@ -76,7 +76,7 @@ def join_meeting(
     caller.require_meeting(meeting_id)
     with services.unit_of_work() as unit:
         meeting = unit.meetings.get_for_change(meeting_id)
-        seat, token = meetings.take_seat(services, unit, meeting, caller, body.display_name)
+        seat, token = seats.take_seat(services, unit, meeting, caller, body.display_name)
         unit.commit()
     return shapes.Seat(
         token=token,

@@ -13,7 +13,7 @@ from services.api import shapes
 from services.auth import Principal, Writer
 from services.container import Provided, Services
 from services.jobs.queue import Orphan, drop_orphans
-from services.problems import PROBLEMS, ProblemError
+from services.problems import PROBLEMS, ProblemError, problems
 from services.uploads.intake import Arrival, end_upload, known_sequence, safe_name, take_in
 from services.uploads.receive import Spool, join, receive_file, receive_raw, spool, too_large
 
@@ -52,7 +52,7 @@ _RAW = {
     status_code=status.HTTP_202_ACCEPTED,
     summary="Upload a clip",
     openapi_extra=_FORM,
-    responses={413: PROBLEMS[422], 507: PROBLEMS[503]},
+    responses=problems(413, 507),
 )
 async def upload_clip(
     person_id: str, request: Request, services: Provided, caller: Writer
@@ -117,8 +117,8 @@ def upload_offset(upload_id: str, services: Provided, caller: Writer) -> Respons
     status_code=status.HTTP_204_NO_CONTENT,
     responses={
         202: {"description": "The last piece: the sequence.", "model": shapes.Sequence},
-        409: PROBLEMS[422],
-    },
+    }
+    | problems(409),
 )
 async def send_piece(
     upload_id: str,

@@ -8,6 +8,7 @@ import secrets
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Protocol
 
 from aiortc import (
     RTCConfiguration,
@@ -24,17 +25,32 @@ from scene.errors import SceneError
 from services.live.packets import NewestView, PacketError, decode_view
 from services.live.room import CastMember, Room
 from services.live.track import ViewTrack
+from services.seats import BEAT_S
 
 log = logging.getLogger(__name__)
 
 SILENCE_S = 5.0
 """A viewer silent for so long after their first viewpoint is gone (ICE consent needs 30 s)."""
+CONNECT_S = 15.0
+"""Time from the answer to a connection; who needs longer has gone away or can't get through."""
 _START_BITRATE, _LOWEST_BITRATE, _HIGHEST_BITRATE = 2_000_000, 500_000, 6_000_000
 """bit/s; aiortc's own 0.5 to 1.5 Mbit/s smear a 1024 px view. They are constants of its module."""
 
 Clock = Callable[[], float]
 LoadCast = Callable[[str], Awaitable[tuple[CastMember, ...]]]
 """Meeting id -> its performers."""
+
+
+class Seats(Protocol):
+    """Where it is noted which seats of meetings are taken; see services.seats."""
+
+    async def keep(self, participant_ids: set[str]) -> None:
+        """Somebody looks from these seats."""
+        ...
+
+    async def give_back(self, participant_ids: set[str]) -> None:
+        """Nobody looks from these any more."""
+        ...
 
 
 class OfferRefused(SceneError):
@@ -50,16 +66,32 @@ class _Session:
     meeting_id: str
     connection: RTCPeerConnection
     track: ViewTrack
+    opened_s: float
+    participant_id: str | None
+    """The seat that is looked from; none for who came without one."""
     heard_s: float | None = None
+    """When the last viewpoint came."""
+
+    def is_gone(self, now_s: float) -> bool:
+        """Whether nobody is there any more, as far as can be told."""
+        if self.heard_s is not None:
+            return now_s - self.heard_s > SILENCE_S
+        return self.connection.connectionState != "connected" and now_s - self.opened_s > CONNECT_S
 
 
 class ViewSessions:
     """All view sessions of this process. Every method runs on its event loop."""
 
     def __init__(
-        self, load_cast: LoadCast, clock: Clock, *, ice_servers: list[str], max_viewers: int
+        self,
+        load_cast: LoadCast,
+        seats: Seats,
+        clock: Clock,
+        *,
+        ice_servers: list[str],
+        max_viewers: int,
     ) -> None:
-        self._load_cast, self._clock = load_cast, clock
+        self._load_cast, self._seats, self._clock = load_cast, seats, clock
         self._ice = [RTCIceServer(urls=url) for url in ice_servers]
         self._max_viewers = max_viewers
         self._rooms: dict[str, Room] = {}
@@ -83,20 +115,21 @@ class ViewSessions:
             1e3 * s for session in self._sessions.values() for s in session.track.render_seconds
         ]
 
-    async def open(self, meeting_id: str, sdp_offer: str) -> tuple[str, str]:
+    async def open(
+        self, meeting_id: str, sdp_offer: str, participant_id: str | None = None
+    ) -> tuple[str, str]:
         """Answer a viewer's offer. Returns the session's id and the SDP answer.
 
+        The seat of `participant_id` is given back when the session ends, however it ends.
         Raises NoRoom when the server is full, OfferRefused for an SDP that can't be answered.
         """
-        if len(self._sessions) >= self._max_viewers:
-            raise NoRoom(
-                f"at most {self._max_viewers} viewers fit on this server; got one more; try again"
-            )
+        self._require_room()
         room = await self._room(meeting_id)
+        self._require_room()  # others may have come while the performers were loaded
         connection = RTCPeerConnection(RTCConfiguration(iceServers=self._ice))
         view = NewestView()
         track = ViewTrack(room, view, Stage(), self._executor, self._clock)
-        session = _Session(meeting_id, connection, track)
+        session = _Session(meeting_id, connection, track, self._clock(), participant_id)
         session_id = secrets.token_urlsafe(12)
         self._sessions[session_id] = session
         self._listen(session_id, session, view)
@@ -110,7 +143,7 @@ class ViewSessions:
                 f"with: {reason}"
             ) from error
         if self._watch is None:
-            self._watch = asyncio.create_task(self._drop_the_silent())
+            self._watch = asyncio.create_task(self._keep_watch())
         return session_id, answer
 
     async def close(self, session_id: str) -> bool:
@@ -120,6 +153,9 @@ class ViewSessions:
             return False
         session.track.stop()
         await session.connection.close()
+        seat = session.participant_id
+        if seat is not None and seat not in self._seats_taken():
+            await self._seats.give_back({seat})
         if not any(s.meeting_id == session.meeting_id for s in self._sessions.values()):
             self._rooms.pop(session.meeting_id, None)
         return True
@@ -138,8 +174,20 @@ class ViewSessions:
 
     async def _room(self, meeting_id: str) -> Room:
         if meeting_id not in self._rooms:
-            self._rooms[meeting_id] = Room(meeting_id, await self._load_cast(meeting_id))
+            cast = await self._load_cast(meeting_id)
+            # of two who come at once, both look into one room
+            self._rooms.setdefault(meeting_id, Room(meeting_id, cast))
         return self._rooms[meeting_id]
+
+    def _require_room(self) -> None:
+        if len(self._sessions) >= self._max_viewers:
+            raise NoRoom(
+                f"at most {self._max_viewers} viewers fit on this server; got one more; try again"
+            )
+
+    def _seats_taken(self) -> set[str]:
+        seats = (session.participant_id for session in self._sessions.values())
+        return {seat for seat in seats if seat is not None}
 
     def _listen(self, session_id: str, session: _Session, view: NewestView) -> None:
         connection = session.connection
@@ -162,13 +210,18 @@ class ViewSessions:
             if connection.connectionState in ("failed", "closed"):
                 await self.close(session_id)
 
-    async def _drop_the_silent(self) -> None:
+    async def _keep_watch(self) -> None:
+        """Once a second end the sessions of those who are gone; now and then keep seats."""
+        kept_s = self._clock()
         while True:
             await asyncio.sleep(1.0)
-            now = self._clock()
+            now_s = self._clock()
             for session_id, session in list(self._sessions.items()):
-                if session.heard_s is not None and now - session.heard_s > SILENCE_S:
+                if session.is_gone(now_s):
                     await self.close(session_id)
+            if now_s - kept_s >= BEAT_S:
+                kept_s = now_s
+                await self._seats.keep(self._seats_taken())
 
 
 async def _answer(connection: RTCPeerConnection, track: ViewTrack, sdp_offer: str) -> str:

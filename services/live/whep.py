@@ -7,18 +7,24 @@ ends the session. The view follows the data channel `view` that the viewer opens
 
 from __future__ import annotations
 
+import logging
 import time
+from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, FastAPI, Request, Response, status
 from fastapi.concurrency import run_in_threadpool
 from prometheus_client import Gauge
 
-from services.auth import Joiner
+from db.errors import DatabaseError
+from services import seats
+from services.auth import Joiner, Principal
 from services.container import Provided, Services
 from services.live.room import CastMember
 from services.live.sessions import NoRoom, ViewSessions
 from services.problems import PROBLEMS, ProblemError
+
+log = logging.getLogger(__name__)
 
 router = APIRouter(tags=["meetings"], responses=PROBLEMS)
 
@@ -37,6 +43,7 @@ def install(app: FastAPI, services: Services) -> ViewSessions:
 
     sessions = ViewSessions(
         load_cast,
+        _StoredSeats(services),
         time.monotonic,
         ice_servers=services.settings.ice_servers,
         max_viewers=services.settings.max_viewers,
@@ -47,6 +54,27 @@ def install(app: FastAPI, services: Services) -> ViewSessions:
     VIEWERS.set_function(lambda: len(sessions))
     RENDER_MS.set_function(lambda: _median(sessions.render_milliseconds()))
     return sessions
+
+
+class _StoredSeats:
+    """Seats as rows. A database that is away ends no view: what can't be noted lapses."""
+
+    def __init__(self, services: Services) -> None:
+        self._services = services
+
+    async def keep(self, participant_ids: set[str]) -> None:
+        await self._tell(seats.keep_seats, participant_ids)
+
+    async def give_back(self, participant_ids: set[str]) -> None:
+        await self._tell(seats.give_back, participant_ids)
+
+    async def _tell(
+        self, change: Callable[[Services, set[str]], object], participant_ids: set[str]
+    ) -> None:
+        try:
+            await run_in_threadpool(change, self._services, participant_ids)
+        except DatabaseError as error:
+            log.warning("seats could not be noted: %s", error)
 
 
 def _sessions(request: Request) -> ViewSessions:
@@ -69,9 +97,9 @@ async def look(
     """One rendered view; the viewer chooses where to stand by the data channel `view`."""
     caller.require_meeting(meeting_id)
     sdp_offer = await _read_offer(request)
-    await run_in_threadpool(_require_meeting, services, meeting_id)
+    await run_in_threadpool(_require_place, services, meeting_id, caller)
     try:
-        session_id, sdp_answer = await views.open(meeting_id, sdp_offer)
+        session_id, sdp_answer = await views.open(meeting_id, sdp_offer, caller.participant_id)
     except NoRoom as full:
         headers = {"Retry-After": str(_RETRY_AFTER_S)}
         raise ProblemError(503, "server-full", str(full), headers=headers) from full
@@ -111,9 +139,11 @@ async def _read_offer(request: Request) -> str:
         raise ProblemError(422, "invalid-input", f"an offer must be UTF-8; got {error}") from error
 
 
-def _require_meeting(services: Services, meeting_id: str) -> None:
+def _require_place(services: Services, meeting_id: str, caller: Principal) -> None:
     with services.reading() as unit:
         unit.meetings.get(meeting_id)
+    if caller.participant_id is not None:
+        seats.require_seat(services, caller.participant_id)
 
 
 def _cast_of(services: Services, meeting_id: str) -> tuple[CastMember, ...]:

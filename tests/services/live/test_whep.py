@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
 import httpx
-import numpy as np
 import pytest
-from aiortc import RTCConfiguration, RTCPeerConnection, RTCSessionDescription
-from av import VideoFrame
 
 from db.models import ModelRow
-from scene import look_at
-from scene.rotations import matrix_to_quaternion
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
-from services.live.packets import ViewPacket, encode_view
 from services.live.sessions import ViewSessions
 from tests.services.conftest import bearer
+from tests.services.live.viewer import Viewer, view
 
 
 @pytest.fixture
@@ -50,52 +44,6 @@ async def open_meeting(caller: httpx.AsyncClient, model: ModelRow) -> tuple[str,
     ).json()
     joined = await caller.post(f"/v1/meetings/{meeting['id']}/join", json={"display_name": "Bo"})
     return meeting["id"], {"Authorization": f"Bearer {joined.json()['token']}"}
-
-
-def view(sequence: int, x: float, z: float, size: int = 160) -> bytes:
-    pose = look_at((x, 1.2, z), (0.0, 0.9, 0.0))
-    w, qx, qy, qz = (float(q) for q in matrix_to_quaternion(pose[:, :3].T.copy()))
-    packet = ViewPacket(sequence, 0.0, (x, 1.2, z), (w, qx, qy, qz), 0.7, size, size)
-    return encode_view(packet)
-
-
-class Viewer:
-    """A WebRTC viewer that is not ours: plain aiortc."""
-
-    def __init__(self) -> None:
-        self.peer = RTCPeerConnection(RTCConfiguration(iceServers=[]))
-        self.channel = self.peer.createDataChannel("view", ordered=False, maxRetransmits=0)
-        self.receiver = self.peer.addTransceiver("video", direction="recvonly").receiver
-
-    async def look(self, caller: httpx.AsyncClient, meeting_id: str, header: dict[str, str]):
-        await self.peer.setLocalDescription(await self.peer.createOffer())
-        answer = await caller.post(
-            f"/whep/{meeting_id}",
-            content=self.peer.localDescription.sdp,
-            headers=header | {"Content-Type": "application/sdp"},
-        )
-        if answer.status_code == 201:
-            await self.peer.setRemoteDescription(RTCSessionDescription(answer.text, "answer"))
-        return answer
-
-    async def frame(self) -> np.ndarray:
-        frame = await asyncio.wait_for(self.receiver.track.recv(), 20)
-        assert isinstance(frame, VideoFrame)
-        return frame.to_ndarray(format="rgb24")
-
-    async def frame_of_size(self, size: int) -> np.ndarray:
-        for _ in range(90):
-            picture = await self.frame()
-            if picture.shape[0] == size:
-                return picture
-        raise AssertionError(f"no picture of {size} px came")
-
-    async def opened(self) -> None:
-        for _ in range(200):
-            if self.channel.readyState == "open":
-                return
-            await asyncio.sleep(0.05)
-        raise AssertionError("the data channel did not open")
 
 
 async def test_the_picture_follows_the_viewpoint_and_the_session_ends(app, caller, model):

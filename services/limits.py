@@ -1,0 +1,62 @@
+"""How often somebody may ask: a limit for each caller, told with the time to come back."""
+
+from __future__ import annotations
+
+import ipaddress
+import math
+import threading
+from collections.abc import Callable
+from datetime import datetime
+
+from services.problems import ProblemError
+
+_WINDOW_S = 60.0
+_MOST_KEYS = 10_000
+"""Callers remembered before those who have waited long enough are forgotten."""
+
+
+class RateLimit:
+    """At most `per_minute` at once, and as many a minute in the long run (GCRA, ITU-T I.371).
+
+    It counts in this process: several gateways together let in so many times more.
+    """
+
+    def __init__(self, what: str, per_minute: int, clock: Callable[[], datetime]) -> None:
+        self._what, self._per_minute, self._clock = what, per_minute, clock
+        self._free_s: dict[str, float] = {}
+        """When each caller has used nothing up."""
+        self._guard = threading.Lock()
+
+    def take(self, caller: str) -> None:
+        """Count one more of `caller`. Raises a 429 problem with `Retry-After` beyond the limit."""
+        step_s = _WINDOW_S / self._per_minute
+        with self._guard:
+            now_s = self._clock().timestamp()
+            free_s = max(now_s, self._free_s.get(caller, 0.0)) + step_s
+            wait_s = free_s - now_s - _WINDOW_S
+            if wait_s <= 1e-6:
+                self._free_s[caller] = free_s
+                self._forget(now_s)
+                return
+        raise ProblemError(
+            429,
+            "too-many-requests",
+            f"{self._what} must be at most {self._per_minute} a minute from one address; got one "
+            f"more; come back in {math.ceil(wait_s)} s",
+            headers={"Retry-After": str(math.ceil(wait_s))},
+        )
+
+    def _forget(self, now_s: float) -> None:
+        if len(self._free_s) > _MOST_KEYS:
+            self._free_s = {key: free for key, free in self._free_s.items() if free > now_s}
+
+
+def network_of(address: str) -> str:
+    """What tells one caller from another: an IPv4 address, or the /64 that one IPv6 host has."""
+    try:
+        parsed = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:  # a Unix socket, or a test without a network
+        return address
+    if parsed.version == 4:
+        return address
+    return str(ipaddress.ip_network((parsed, 64), strict=False))
