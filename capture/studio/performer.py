@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from capture.body import load_body_model
-from capture.studio.wardrobe import Outfit, albedo, make_outfit
+from capture.studio.garments import Garment, make_garments
+from capture.studio.wardrobe import Outfit, albedo, cloth_albedo, make_outfit
 from scene.arrays import Array, Float
 from scene.body import Body
 from scene.camera import Camera
@@ -28,6 +29,8 @@ class StudioPerformer:
     vertex_joint: Array
     """[V], the joint that moves each vertex most."""
     rest_normals: Float[Array, "V 3"]
+    garments: tuple[Garment, ...]
+    """Loose clothes, worn in the look `loose` only."""
 
 
 def make_performer(seed: int) -> StudioPerformer:
@@ -39,29 +42,46 @@ def make_performer(seed: int) -> StudioPerformer:
     assert body.blend_weights is not None
     assert body.faces is not None
     normals = vertex_normals(body.rest_vertices, body.faces)
-    return StudioPerformer(body, make_outfit(rng), body.blend_weights.argmax(axis=1), normals)
+    joint = body.blend_weights.argmax(axis=1)
+    return StudioPerformer(body, make_outfit(rng), joint, normals, make_garments(body))
 
 
 def film(
-    performer: StudioPerformer, pose: Pose, camera: Camera, look: str
+    performer: StudioPerformer,
+    pose: Pose,
+    camera: Camera,
+    look: str,
+    cloth: Float[Array, "C 3"] | None = None,
 ) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
-    """The picture (premultiplied over black, sRGB) and its alpha."""
+    """The picture (premultiplied over black, sRGB) and its alpha.
+
+    `cloth` is where the vertices of the performer's garments hang; None wears none.
+    """
     from capture.studio.mesh_kernels import box_filter, rasterise
 
     fine = camera.resized(camera.width * SUPERSAMPLING, camera.height * SUPERSAMPLING)
     posed = performer.body.posed_vertices(pose)
-    pixels, depth = fine.project(posed)
     faces = performer.body.faces
     assert faces is not None
+    vertices, triangles = posed, faces
+    if cloth is not None:
+        vertices = np.concatenate([posed, cloth])
+        triangles = np.concatenate([faces, _garment_faces(performer, len(posed))])
+    pixels, depth = fine.project(vertices)
     size = (fine.height, fine.width)
     triangle = np.empty(size, np.int32)
     barycentric, nearest = np.empty((*size, 3), np.float32), np.empty(size, np.float32)
-    rasterise(pixels, depth, faces, triangle, barycentric, nearest)
-    seen = triangle >= 0
-    corners, weights = faces[triangle[seen]], barycentric[seen].astype(np.float64)
+    rasterise(pixels, depth, triangles, triangle, barycentric, nearest)
     samples = np.zeros((*size, 4), np.float32)
-    samples[seen, :3] = _shade(performer, posed, corners, weights, look)
-    samples[seen, 3] = 1.0
+    skin, worn = (triangle >= 0) & (triangle < len(faces)), triangle >= len(faces)
+    samples[skin, :3] = _shade(
+        performer, posed, faces[triangle[skin]], barycentric[skin].astype(np.float64), look
+    )
+    if cloth is not None:
+        samples[worn, :3] = _shade_cloth(
+            performer, cloth, triangles[triangle[worn]] - len(posed), barycentric[worn], camera
+        )
+    samples[..., 3] = triangle >= 0
     out = np.empty((camera.height, camera.width, 4), np.float32)
     box_filter(samples, SUPERSAMPLING, out)
     return out[..., :3], out[..., 3]
@@ -87,7 +107,7 @@ def _shade(performer: StudioPerformer, posed: Array, corners: Array, weights: Ar
     joint = performer.vertex_joint[corners[np.arange(len(corners)), weights.argmax(axis=1)]]
     joints = performer.body.skeleton.rest_joints
     colour = albedo(performer.outfit, rest, normal, joint, joints)
-    if look == "plain":
+    if look != "lit":
         return colour
     turned = vertex_normals(posed, performer.body.faces)
     normal = np.einsum("nc,ncx->nx", weights, turned[corners])
@@ -95,3 +115,23 @@ def _shade(performer: StudioPerformer, posed: Array, corners: Array, weights: Ar
     facing = np.maximum(normal @ light, 0.0)
     sky = 0.5 + 0.5 * normal[:, 1]
     return colour * (0.72 + 0.08 * sky + 0.2 * facing)[:, None].astype(np.float32)
+
+
+def _garment_faces(performer: StudioPerformer, first: int) -> Array:
+    """Triangles of all garments, whose vertices are counted from `first`."""
+    faces = []
+    for garment in performer.garments:
+        faces.append(garment.faces + first)
+        first += garment.rest.shape[0] * garment.rest.shape[1]
+    return np.concatenate(faces)
+
+
+def _shade_cloth(
+    performer: StudioPerformer, cloth: Array, corners: Array, weights: Array, camera: Camera
+) -> Float[Array, "N 3"]:
+    """Flat light, as on the rest of `loose`: one thing at a time."""
+    texture = np.concatenate([g.texture.reshape(-1, 2) for g in performer.garments])
+    place = np.einsum("nc,ncx->nx", weights, texture[corners])
+    a, b, c = (cloth[corners[:, i]] for i in range(3))
+    inside = np.einsum("nx,nx->n", np.cross(b - a, c - a), camera.position - a) > 0.0
+    return cloth_albedo(performer.outfit, place, inside)

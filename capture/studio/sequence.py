@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +13,17 @@ from capture.bvh import read_bvh
 from capture.errors import CaptureError
 from capture.store import write_sequence
 from capture.studio.footage import Footage, FootageWriter
+from capture.studio.garments import Drape, drape
 from capture.studio.moves import gestures, turned, turning
 from capture.studio.performer import StudioPerformer, film, make_performer
 from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
-from scene.motion import Motion
+from scene.motion import Motion, Pose
 from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Frame
 from scene.skeleton import Skeleton
 
-LOOKS = ("plain", "lit")
+LOOKS = ("plain", "lit", "loose")
+"""Flat light; the light of a room; flat light, in clothes that swing."""
 FRAMES_PER_SECOND = 10.0
 """A full turn of 60 frames takes six seconds."""
 _SHUTTER_MOMENTS = 7
@@ -29,6 +32,38 @@ _NOVEL_MOMENTS, _UNSEEN_MOMENTS = 16, 8
 _FIELD_OF_VIEW_RAD = 0.6
 _FILL = 0.9
 """Share of the picture's height that the whole motion may fill."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Take:
+    """A performer who moves, in a look."""
+
+    performer: StudioPerformer
+    motion: Motion
+    look: str
+    cloth: Drape | None
+
+    @classmethod
+    def of(cls, performer: StudioPerformer, motion: Motion, look: str) -> _Take:
+        loose = look == "loose"
+        cloth = drape(performer.garments, performer.body, motion) if loose else None
+        return cls(performer, motion, look, cloth)
+
+    def film(self, pose: Pose, camera: Camera) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
+        """What `camera` sees at the moment of `pose`."""
+        cloth = None if self.cloth is None else self.cloth.at(pose.time_s)
+        return film(self.performer, pose, camera, self.look, cloth)
+
+    def exposed(
+        self, time_s: float, camera: Camera, open_s: float
+    ) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
+        """What falls on the sensor while the shutter is open, for `open_s` about `time_s`."""
+        times = time_s + open_s * np.linspace(-0.5, 0.5, _SHUTTER_MOMENTS)
+        seen = [self.film(self.motion.pose_at(float(time)), camera) for time in times]
+        return (
+            np.mean([image for image, _ in seen], axis=0),
+            np.mean([alpha for _, alpha in seen], axis=0),
+        )
 
 
 def make_sequence(
@@ -81,21 +116,26 @@ def make_sequence(
     total = frames + len(novel) + len(others)
     done = 0
 
-    def shots(moves: Motion, moments: Array, cameras: list[Camera]) -> Iterator[Frame]:
+    def shots(take: _Take, moments: Array, cameras: list[Camera]) -> Iterator[Frame]:
         nonlocal done
         for shot, moment in enumerate(moments):
-            view, pose = cameras[shot % len(cameras)], moves.pose(int(moment))
-            image, mask = film(performer, pose, view, look)
+            view, pose = cameras[shot % len(cameras)], take.motion.pose(int(moment))
+            image, mask = take.film(pose, view)
             done += 1
             if on_progress is not None:
                 on_progress(done / total, f"frame {done} of {total}")
             yield Frame(image, mask, view, pose)
 
+    trained, tested = (_Take.of(performer, moves, look) for moves in (seen, unseen))
+
     def training_shots(writer: FootageWriter | None) -> Iterator[Frame]:
-        for frame in shots(seen, np.arange(len(seen)), [camera]):
+        for frame in shots(trained, np.arange(frames), [camera]):
             if writer is not None and footage is not None:
                 open_s = footage.shutter / frames_per_second
-                writer.add(*_exposed(performer, seen, frame, look, open_s))
+                raw = (frame.image, frame.mask)
+                if open_s > 0.0:
+                    raw = trained.exposed(frame.pose.time_s, camera, open_s)
+                writer.add(*raw)
             yield frame
 
     recording = (
@@ -111,26 +151,12 @@ def make_sequence(
             body=performer.body,
             train=training_shots(writer),
             test={
-                NOVEL_VIEW: shots(seen, novel, ring),
-                UNSEEN_POSE: shots(unseen, others, ring),
+                NOVEL_VIEW: shots(trained, novel, ring),
+                UNSEEN_POSE: shots(tested, others, ring),
             },
             source=f"studio look={look} seed={seed} turn={turn_deg:g}",
             exact_poses=True,
         )
-
-
-def _exposed(
-    performer: StudioPerformer, motion: Motion, frame: Frame, look: str, open_s: float
-) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
-    """`frame` as seen by a shutter that is open for `open_s` seconds about its moment."""
-    if open_s == 0.0:
-        return frame.image, frame.mask
-    times = frame.pose.time_s + open_s * np.linspace(-0.5, 0.5, _SHUTTER_MOMENTS)
-    seen = [film(performer, motion.pose_at(float(t)), frame.camera, look) for t in times]
-    return (
-        np.mean([image for image, _ in seen], axis=0),
-        np.mean([alpha for _, alpha in seen], axis=0),
-    )
 
 
 def _check(

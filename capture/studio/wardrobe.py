@@ -100,6 +100,21 @@ def albedo(
     return colour.astype(np.float32)
 
 
+def cloth_albedo(
+    outfit: Outfit, texture: Float[Array, "N 2"], inside: Bool[Array, "N"]
+) -> Float[Array, "N 3"]:
+    """Colour of loose cloth at `texture` (m around, m above the hem); darker on its inside."""
+    around, above_hem = texture.T
+    colour = np.tile(outfit.shirt[0], (len(texture), 1))
+    colour[np.mod(around, outfit.stripe_m) < 0.42 * outfit.stripe_m] = outfit.shirt[1]
+    cell = np.mod(texture + 0.02, 0.08) - 0.04
+    colour[np.hypot(cell[:, 0], cell[:, 1]) < 0.012] = [0.95, 0.93, 0.86]
+    colour[above_hem < 0.03] = 0.6 * outfit.shirt[1]
+    colour[(above_hem > 0.036) & (above_hem < 0.042)] = [0.9, 0.85, 0.6]
+    colour[inside] *= 0.5
+    return colour.astype(np.float32)
+
+
 def _rgb(hue: float, saturation: float, value: float) -> Float[Array, "3"]:
     return np.array(colorsys.hsv_to_rgb(hue % 1.0, saturation, value))
 

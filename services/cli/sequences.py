@@ -54,7 +54,8 @@ def studio(
     out: Annotated[Path, typer.Option(help="Where the sequence folder goes.")],
     motion: Annotated[Path | None, typer.Option(help="Real motion (.bvh).")] = None,
     look: Annotated[
-        str, typer.Option(help="plain (flat light) or lit (light of a room).")
+        str,
+        typer.Option(help="plain (flat light), lit (light of a room) or loose (clothes swing)."),
     ] = "plain",
     frames: Annotated[int, typer.Option(min=2)] = 60,
     size: Annotated[int, typer.Option(min=32, max=2048)] = 256,

@@ -234,7 +234,7 @@ def test_progress_is_told(tmp_path):
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"look": "disco"}, "look must be one of plain, lit; got 'disco'"),
+        ({"look": "disco"}, "look must be one of plain, lit, loose; got 'disco'"),
         ({"frames": 0}, "frames must be at least 1; got 0"),
         ({"frames": -3}, "frames must be at least 1; got -3"),
         ({"size": 0}, "size must be at least 16; got 0"),
