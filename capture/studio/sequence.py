@@ -12,6 +12,7 @@ import numpy as np
 from capture.bvh import read_bvh
 from capture.errors import CaptureError
 from capture.store import write_sequence
+from capture.studio.cast import clip_of, seed_of
 from capture.studio.footage import Footage, FootageWriter
 from capture.studio.garments import Drape, drape
 from capture.studio.moves import gestures, turned, turning
@@ -69,6 +70,7 @@ class _Take:
 def make_sequence(
     out: Path,
     *,
+    performer: str | None = None,
     motion: Path | None = None,
     look: str = "plain",
     frames: int = 60,
@@ -80,11 +82,12 @@ def make_sequence(
     footage: Footage | None = None,
     on_progress: Callable[[float, str], None] | None = None,
 ) -> None:
-    """Write a sequence of the performer `seed` to the folder `out`.
+    """Write a sequence of the performer `seed`, or of the `performer` of the cast, to `out`.
 
     Training frames come from one camera; test frames from a ring of `test_cameras` others, at
     moments of the training motion (novel_view) and of another motion (unseen_pose). With `motion`
-    (.bvh) the first three quarters train and the rest, turned alike, is the unseen motion.
+    (.bvh, or a folder that holds the performer's clip) the first three quarters train and the rest,
+    turned alike, is the unseen motion.
 
     With `footage`, the raw training frames are written too, as the camera records them (room,
     noise, blur), for whoever has to find the person in them; the sequence itself stays clean:
@@ -98,8 +101,10 @@ def make_sequence(
     unreadable file.
     """
     _check(look, frames, size, test_cameras, turn_deg, frames_per_second)
-    performer = make_performer(seed)
-    skeleton = performer.body.skeleton
+    seed = seed if performer is None else seed_of(performer)
+    motion = None if motion is None else clip_of(motion, performer)
+    actor = make_performer(seed)
+    skeleton = actor.body.skeleton
     seen, unseen = _motions(motion, skeleton, frames, turn_deg, frames_per_second)
     centre, distance = _framing(skeleton, seen)
     camera = orbit_camera(centre, distance, 0.0, 0.05, size, size, _FIELD_OF_VIEW_RAD)
@@ -126,7 +131,7 @@ def make_sequence(
                 on_progress(done / total, f"frame {done} of {total}")
             yield Frame(image, mask, view, pose)
 
-    trained, tested = (_Take.of(performer, moves, look) for moves in (seen, unseen))
+    trained, tested = (_Take.of(actor, moves, look) for moves in (seen, unseen))
 
     def training_shots(writer: FootageWriter | None) -> Iterator[Frame]:
         for frame in shots(trained, np.arange(frames), [camera]):
@@ -146,9 +151,9 @@ def make_sequence(
     with recording as writer:
         write_sequence(
             out,
-            person=f"studio performer {seed}",
+            person=f"studio performer {seed}" if performer is None else performer,
             frames_per_second=frames_per_second,
-            body=performer.body,
+            body=actor.body,
             train=training_shots(writer),
             test={
                 NOVEL_VIEW: shots(trained, novel, ring),

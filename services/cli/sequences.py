@@ -52,7 +52,12 @@ def capture(
 @app.command()
 def studio(
     out: Annotated[Path, typer.Option(help="Where the sequence folder goes.")],
-    motion: Annotated[Path | None, typer.Option(help="Real motion (.bvh).")] = None,
+    performer: Annotated[
+        str | None, typer.Option(help="By name: amber, basil, clover, dune or ember.")
+    ] = None,
+    motion: Annotated[
+        Path | None, typer.Option(help="Real motion (.bvh), or a folder with the performer's clip.")
+    ] = None,
     look: Annotated[
         str,
         typer.Option(help="plain (flat light), lit (light of a room) or loose (clothes swing)."),
@@ -60,7 +65,7 @@ def studio(
     frames: Annotated[int, typer.Option(min=2)] = 60,
     size: Annotated[int, typer.Option(min=32, max=2048)] = 256,
     test_cameras: Annotated[int, typer.Option(min=1)] = 8,
-    seed: int = 0,
+    seed: Annotated[int, typer.Option(help="Which person, if not by name.")] = 0,
     turn: Annotated[float, typer.Option(help="How far the person turns, degrees.")] = 360.0,
     frame_rate: Annotated[float, typer.Option(help="Frames a second.")] = 10.0,
     footage: Annotated[
@@ -84,6 +89,7 @@ def studio(
     with progress_bar("filming") as report:
         make_sequence(
             out,
+            performer=performer,
             motion=motion,
             look=look,
             frames=frames,

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from capture.body import load_body_model
+from capture.bvh import read_bvh
 from capture.errors import CaptureError
 from capture.store import open_sequence
 from capture.studio import make_sequence
+from capture.studio.cast import CAST
 from capture.studio.moves import gestures, turned, turning
 from capture.studio.performer import film, make_performer
 from scene import Camera, Motion, Pose, Sequence, orbit_camera
@@ -207,6 +209,30 @@ def test_motion_from_a_file(tmp_path):
     assert min(np.rad2deg(unseen.pose(i).joint_angles[16, 2]) for i in range(8)) > -10.6
 
 
+@pytest.mark.parametrize("name", CAST)
+def test_the_cast_moves_to_its_clips(tmp_path, name):
+    make_sequence(
+        tmp_path / "seq", performer=name, motion=shared_data("mocap"), frames=6, size=64,
+        test_cameras=2, seed=99,
+    )  # fmt: skip
+    sequence = open_sequence(tmp_path / "seq")
+    assert sequence.person == name
+    body = make_performer(CAST[name].seed).body
+    np.testing.assert_allclose(sequence.body.skeleton.rest_joints, body.skeleton.rest_joints)
+    clip = read_bvh(shared_data(f"mocap/{CAST[name].clip}.bvh"), body.skeleton)
+    bend = sequence.train.pose(0).joint_angles[1:]
+    np.testing.assert_allclose(bend, clip.joint_angles[0, 1:], atol=1e-12)
+    assert min(rows_filled(sequence.train.mask(index)) for index in range(6)) > 0.3
+
+
+def test_the_cast_are_different_people():
+    people = [make_performer(role.seed) for role in CAST.values()]
+    assert len({person.outfit.skin.tobytes() for person in people}) == len(CAST) == 5
+    assert np.ptp([person.body.skeleton.height_m for person in people]) > 0.1
+    assert {person.outfit.long_sleeves for person in people} == {True, False}
+    assert {person.outfit.checked for person in people} == {True, False}
+
+
 @pytest.mark.parametrize("clip", ["walk_figure8_91_62", "bend_scoop_lift_arm_02_06"])
 def test_real_motion_is_framed_whole_and_large(tmp_path, clip):
     """However far somebody walks, and however low they reach."""
@@ -235,6 +261,12 @@ def test_progress_is_told(tmp_path):
     ("changed", "message"),
     [
         ({"look": "disco"}, "look must be one of plain, lit, loose; got 'disco'"),
+        ({"performer": "zeus"}, "performer must be one of amber, basil, .*; got 'zeus'"),
+        ({"motion": Path(__file__).parent}, "must be a .bvh file unless a performer .* is named"),
+        (
+            {"motion": Path(__file__).parent, "performer": "dune"},
+            r"motion must hold wash_self_02_10\.bvh, dune's clip; got",
+        ),
         ({"frames": 0}, "frames must be at least 1; got 0"),
         ({"frames": -3}, "frames must be at least 1; got -3"),
         ({"size": 0}, "size must be at least 16; got 0"),

@@ -1,0 +1,56 @@
+"""The cast: five performers by name, so that figures of different runs speak of the same person.
+
+They differ in build, skin and clothes, and in the clip of the CMU motion capture database that is
+theirs: dancing, walking, reaching, washing; all three skeleton families. The clips are no part of
+this package: whoever has them passes their folder.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from capture.errors import CaptureError
+
+
+@dataclass(frozen=True)
+class Role:
+    """A performer of the cast."""
+
+    seed: int
+    """Of shape and clothes; never changed, or older figures would speak of somebody else."""
+    clip: str
+    """Stem of the motion file that is theirs."""
+
+
+CAST = {
+    "amber": Role(2, "dance_turn_on_spot_94_14"),
+    "basil": Role(6, "walk_figure8_91_62"),
+    "clover": Role(9, "bend_scoop_lift_arm_02_06"),
+    "dune": Role(11, "wash_self_02_10"),
+    "ember": Role(14, "dance_indian_94_15"),
+}
+
+
+def seed_of(performer: str) -> int:
+    """The seed of `performer`. Raises CaptureError for a name that is not of the cast."""
+    if performer not in CAST:
+        raise CaptureError(f"performer must be one of {', '.join(CAST)}; got {performer!r}")
+    return CAST[performer].seed
+
+
+def clip_of(motion: Path, performer: str | None) -> Path:
+    """The motion file: `motion` itself, or the performer's own clip in the folder `motion`.
+
+    Raises CaptureError for a folder without the clip, or without a performer to choose it.
+    """
+    if not motion.is_dir():
+        return motion
+    if performer is None:
+        raise CaptureError(
+            f"motion must be a .bvh file unless a performer of the cast is named; got {motion}"
+        )
+    clip = motion / f"{CAST[performer].clip}.bvh"
+    if not clip.exists():
+        raise CaptureError(f"motion must hold {clip.name}, {performer}'s clip; got {motion}")
+    return clip
