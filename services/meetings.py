@@ -7,8 +7,10 @@ from urllib.parse import quote
 
 from db.models import MeetingRow, ModelRow, PerformerRow, new_id
 from db.repositories import UnitOfWork
+from scene.motion import Motion
 from services.container import Services
 from services.live.room import circle_places, facing_yaw
+from services.motions import motion_of
 from services.problems import ProblemError
 
 DEMO = "demo"
@@ -32,15 +34,22 @@ def create_meeting(
     unit.meetings.add(meeting)
     unit.flush()
     for model in models:
-        _add(unit, meeting, model)
+        _add(unit, meeting, model, None)
     arrange(services, unit, meeting)
     return meeting
 
 
 def add_performer(
-    services: Services, unit: UnitOfWork, meeting: MeetingRow, model: ModelRow
+    services: Services,
+    unit: UnitOfWork,
+    meeting: MeetingRow,
+    model: ModelRow,
+    motion_sequence_id: str | None = None,
 ) -> PerformerRow:
-    """One more performer; everybody moves up. Raises a 409 problem when the room is full."""
+    """One more performer, who moves by a sequence's motion or by the model's own.
+
+    Everybody moves up. Raises a 409 problem when the room is full, or the sequence has no motion.
+    """
     if len(meeting.performers) >= MOST_PERFORMERS:
         raise ProblemError(
             409,
@@ -48,7 +57,7 @@ def add_performer(
             f"a meeting must have at most {MOST_PERFORMERS} performers; got one more; "
             "remove somebody first",
         )
-    performer = _add(unit, meeting, model)
+    performer = _add(unit, meeting, model, motion_sequence_id)
     arrange(services, unit, meeting)
     return performer
 
@@ -77,10 +86,17 @@ def arrange(services: Services, unit: UnitOfWork, meeting: MeetingRow) -> None:
     for index, (performer, (place, yaw_rad)) in enumerate(
         zip(meeting.performers, circle_places(count), strict=True)
     ):
-        motion = services.models.load_row(unit.models.get(performer.model_id)).motion
+        motion = performed_motion(services, unit, performer)
         performer.place = index
         performer.x_m, performer.y_m, performer.z_m = place
         performer.yaw_rad = yaw_rad + facing_yaw(motion)
+
+
+def performed_motion(services: Services, unit: UnitOfWork, performer: PerformerRow) -> Motion:
+    """How a performer moves: as the sequence that was lent to them, else as they were filmed."""
+    if performer.motion_sequence_id is not None:
+        return motion_of(services, unit, performer.motion_sequence_id)
+    return services.models.load_row(unit.models.get(performer.model_id)).motion
 
 
 def join_url(services: Services, meeting: MeetingRow) -> str:
@@ -95,11 +111,14 @@ def join_url(services: Services, meeting: MeetingRow) -> str:
     return f"{url}#token={token}"
 
 
-def _add(unit: UnitOfWork, meeting: MeetingRow, model: ModelRow) -> PerformerRow:
+def _add(
+    unit: UnitOfWork, meeting: MeetingRow, model: ModelRow, motion_sequence_id: str | None
+) -> PerformerRow:
     performer = PerformerRow(
         id=new_id(),
         person_id=model.person_id,
         model_id=model.id,
+        motion_sequence_id=motion_sequence_id,
         name=unit.people.get(model.person_id).name,
         place=len(meeting.performers),
         x_m=0.0,

@@ -7,10 +7,13 @@ import type {
   Guest,
   Job,
   Meeting,
+  Model,
+  Models,
   NewMeeting,
   NewModel,
   NewPerformer,
   NewPerson,
+  People,
   Performer,
   Person,
   Seat,
@@ -53,6 +56,16 @@ export class Api {
     return this.json("POST", "/v1/people", { name } satisfies NewPerson);
   }
 
+  /** Everybody of this account, the oldest first. */
+  async people(): Promise<Person[]> {
+    return (await this.json<People>("GET", "/v1/people")).items;
+  }
+
+  /** Their models, the oldest first. */
+  async models(): Promise<Model[]> {
+    return (await this.json<Models>("GET", "/v1/models")).items;
+  }
+
   sequence(id: string): Promise<Sequence> {
     return this.json("GET", `/v1/sequences/${id}`);
   }
@@ -86,8 +99,14 @@ export class Api {
     return this.json("POST", "/v1/meetings", { name, model_ids: modelIds } satisfies NewMeeting);
   }
 
-  addPerformer(meetingId: string, modelId: string): Promise<Performer> {
-    return this.json("POST", `/v1/meetings/${meetingId}/performers`, { model_id: modelId } satisfies NewPerformer);
+  /** Stand a model in a meeting; it moves by a sequence's motion, or as it was filmed. */
+  addPerformer(
+    meetingId: string,
+    modelId: string,
+    motionSequenceId: string | null = null,
+  ): Promise<Performer> {
+    const body = { model_id: modelId, motion_sequence_id: motionSequenceId } satisfies NewPerformer;
+    return this.json("POST", `/v1/meetings/${meetingId}/performers`, body);
   }
 
   join(meetingId: string, displayName: string): Promise<Seat> {

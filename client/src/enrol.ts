@@ -5,6 +5,7 @@
 
 import type { Api } from "./api";
 import { isFinal } from "./api";
+import { MOTION_ONLY } from "./keypoints";
 import { Problem, asProblem } from "./problem";
 import type { Job, NewModel, Sequence } from "./types";
 
@@ -39,11 +40,6 @@ export interface Clip {
 }
 
 const TRAINING: NewModel = { preset: "splats", budget_s: 20, seed: 0 };
-
-const MOTION_ONLY = new Problem(
-  "This file holds movement only",
-  "It can move somebody who is here already, but a new person needs a video; choose a clip.",
-);
 
 export class Enrolment {
   state: EnrolState = {

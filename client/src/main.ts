@@ -7,6 +7,7 @@ import "./style/progress.css";
 import "./style/stage.css";
 import { Api, type TokenStore } from "./api";
 import { Enrolment, type Bookmark, type Clip } from "./enrol";
+import { everybody, meetMoving, type Somebody } from "./keypoints";
 import { LiveView } from "./live";
 import { Problem, asProblem } from "./problem";
 import type { Meeting } from "./types";
@@ -49,7 +50,8 @@ async function start(): Promise<void> {
       live = look(meeting, GUEST);
       live.swaying = true;
     }
-    show(startView(live, { onJoin: join, onEnrol: enrol }));
+    const hooks = { onJoin: join, onEnrol: enrol, everybody: () => everybody(api), onMove: move };
+    show(startView(live, hooks));
     live?.start();
   } catch (error) {
     showProblem(asProblem(error));
@@ -85,6 +87,13 @@ async function rejoin(meeting: Meeting, displayName = GUEST): Promise<void> {
 
 function enrol(name: string, clip: Clip): void {
   watch(clip, (enrolment) => enrolment.start(name, clip));
+}
+
+/** Into a meeting in which `somebody` moves by the keypoints in `file`. */
+async function move(somebody: Somebody, file: File): Promise<void> {
+  const meeting = await meetMoving(api, somebody, file, new AbortController().signal);
+  setMeeting(meeting.id);
+  await rejoin(meeting);
 }
 
 /** Show the progress of an enrolment that `begin` sets going. */

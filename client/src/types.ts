@@ -105,6 +105,8 @@ export interface NewModel {
 /** Who comes in. */
 export interface NewPerformer {
   model_id: string;
+  /** Whose motion to follow; empty: the model's own. */
+  motion_sequence_id?: string | null;
 }
 
 /** Somebody to enrol. */
@@ -155,6 +157,8 @@ export interface Performer {
   id: string;
   name: string;
   model_id: string;
+  /** Empty: moves as they were filmed. */
+  motion_sequence_id: string | null;
   /** World, m. */
   position: readonly [number, number, number];
   yaw_rad: number;

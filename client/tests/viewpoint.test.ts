@@ -19,7 +19,8 @@ function rotate([w, x, y, z]: Quaternion, [a, b, c]: Vec3): Vec3 {
 }
 
 function performer(x: number, z: number): Performer {
-  return { id: `${x}`, name: "", model_id: "", position: [x, 0, z], yaw_rad: 0 };
+  const nobody = { id: `${x}`, name: "", model_id: "", motion_sequence_id: null };
+  return { ...nobody, position: [x, 0, z], yaw_rad: 0 };
 }
 
 describe("orbitCamera", () => {

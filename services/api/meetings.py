@@ -7,7 +7,7 @@ from fastapi.concurrency import run_in_threadpool
 
 from db.errors import NotFound
 from services import meetings, seats
-from services.access import meeting_of, model_of
+from services.access import meeting_of, model_of, sequence_of
 from services.api import shapes
 from services.api.cast import tell_cast_changed
 from services.auth import Joiner, Principal, Writer
@@ -49,7 +49,7 @@ async def add_performer(
     caller: Writer,
 ) -> shapes.Performer:
     """Stand a model in the meeting; everybody else moves up."""
-    performer = await run_in_threadpool(_add, services, caller, meeting_id, body.model_id)
+    performer = await run_in_threadpool(_add, services, caller, meeting_id, body)
     await tell_cast_changed(request, meeting_id)
     return performer
 
@@ -97,11 +97,15 @@ def read_demo(services: Provided) -> shapes.DemoMeeting:
     return shapes.DemoMeeting(meeting_id=meeting.id)
 
 
-def _add(services: Services, caller: Principal, meeting_id: str, model_id: str) -> shapes.Performer:
+def _add(
+    services: Services, caller: Principal, meeting_id: str, body: shapes.NewPerformer
+) -> shapes.Performer:
     with services.unit_of_work() as unit:
         meeting = meeting_of(unit, caller, meeting_id)
-        model = model_of(unit, caller, model_id)
-        performer = meetings.add_performer(services, unit, meeting, model)
+        model = model_of(unit, caller, body.model_id)
+        if body.motion_sequence_id is not None:
+            sequence_of(unit, caller, body.motion_sequence_id)
+        performer = meetings.add_performer(services, unit, meeting, model, body.motion_sequence_id)
         unit.commit()
     return shapes.Performer.of(performer)
 

@@ -8,13 +8,12 @@ from fastapi import APIRouter, Header, Response
 from fastapi.responses import StreamingResponse
 
 from db.errors import NotFound
-from scene.motion import Motion
 from services.access import model_of, sequence_of
 from services.api import shapes
 from services.auth import Reader
 from services.container import Provided
+from services.motions import motion_of
 from services.problems import PROBLEMS, ProblemError
-from services.uploads.intake import motion_from_bytes
 from services.views import MEDIA_TYPES, render_view
 
 router = APIRouter(prefix="/v1/models", tags=["models"], responses=PROBLEMS)
@@ -88,22 +87,10 @@ def make_view(model_id: str, body: shapes.NewView, services: Provided, caller: R
         )
     with services.reading() as unit:
         row = model_of(unit, caller, model_id)
-        driver = None
+        motion = None
         if body.motion_sequence_id is not None:
             sequence_of(unit, caller, body.motion_sequence_id)
-            driver = unit.motions.of_sequence(body.motion_sequence_id)
-            if driver is None:
-                raise ProblemError(
-                    409,
-                    "not-captured",
-                    "motion_sequence_id must be of a sequence that is ready; got "
-                    f"{body.motion_sequence_id!r}; wait for its capture",
-                )
+            motion = motion_of(services, unit, body.motion_sequence_id)
     model = services.models.load_row(row)
-    motion: Motion = model.motion
-    if driver is not None:
-        motion = motion_from_bytes(
-            b"".join(services.objects.stream(driver.person_id, driver.sha256))
-        )
-    picture = render_view(model, motion, body)
+    picture = render_view(model, motion or model.motion, body)
     return Response(picture, media_type=MEDIA_TYPES[body.format])

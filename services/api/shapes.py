@@ -222,6 +222,9 @@ class NewPerformer(Body):
     """Who comes in."""
 
     model_id: str
+    motion_sequence_id: str | None = Field(
+        default=None, description="Whose motion to follow; empty: the model's own."
+    )
 
 
 class Performer(BaseModel):
@@ -230,6 +233,7 @@ class Performer(BaseModel):
     id: str
     name: str
     model_id: str
+    motion_sequence_id: str | None = Field(description="Empty: moves as they were filmed.")
     position: tuple[float, float, float] = Field(description="World, m.")
     yaw_rad: float
 
@@ -239,6 +243,7 @@ class Performer(BaseModel):
             id=row.id,
             name=row.name,
             model_id=row.model_id,
+            motion_sequence_id=row.motion_sequence_id,
             position=(row.x_m, row.y_m, row.z_m),
             yaw_rad=row.yaw_rad,
         )

@@ -19,11 +19,12 @@ _EYE_LEVEL_SHARE = 0.55
 
 @dataclass(frozen=True, eq=False)
 class CastMember:
-    """One performer of a meeting: a model and its place in the room."""
+    """One performer of a meeting: a model, how it moves and its place in the room."""
 
     performer_id: str
     name: str
     model: PersonModel
+    motion: Motion
     position: tuple[float, float, float]
     yaw_rad: float
 
@@ -37,14 +38,14 @@ class Room:
     environment: Environment = field(default_factory=Environment)
 
     def scene_at(self, now_s: float) -> Scene[PersonModel]:
-        """The scene at `now_s`; every performer plays their model's own motion to and fro."""
+        """The scene at `now_s`; every performer plays their motion to and fro."""
         performers = tuple(
             Performer(
                 member.name,
                 member.model,
                 np.array(member.position, dtype=np.float64),
                 member.yaw_rad,
-                grounded(to_and_fro(member.model.motion, now_s)),
+                grounded(to_and_fro(member.motion, now_s)),
             )
             for member in self.cast
         )

@@ -22,6 +22,7 @@ from services.auth import Joiner, Principal
 from services.container import Provided, Services
 from services.live.room import CastMember
 from services.live.sessions import NoRoom, ViewSessions
+from services.meetings import performed_motion
 from services.problems import PROBLEMS, ProblemError
 
 log = logging.getLogger(__name__)
@@ -39,7 +40,7 @@ def install(app: FastAPI, services: Services) -> ViewSessions:
     """Make the view sessions of `app`, and have them told when a cast changes."""
 
     async def load_cast(meeting_id: str) -> tuple[CastMember, ...]:
-        return await run_in_threadpool(_cast_of, services, meeting_id)
+        return await run_in_threadpool(cast_of, services, meeting_id)
 
     sessions = ViewSessions(
         load_cast,
@@ -146,19 +147,22 @@ def _require_place(services: Services, meeting_id: str, caller: Principal) -> No
         seats.require_seat(services, caller.participant_id)
 
 
-def _cast_of(services: Services, meeting_id: str) -> tuple[CastMember, ...]:
+def cast_of(services: Services, meeting_id: str) -> tuple[CastMember, ...]:
+    """The performers of a meeting, ready to be shown. Raises NotFound."""
     with services.reading() as unit:
         performers = list(unit.meetings.get(meeting_id).performers)
         rows = [unit.models.get(performer.model_id) for performer in performers]
+        motions = [performed_motion(services, unit, performer) for performer in performers]
     return tuple(
         CastMember(
             performer.id,
             performer.name,
             services.models.load_row(row),
+            motion,
             (performer.x_m, performer.y_m, performer.z_m),
             performer.yaw_rad,
         )
-        for performer, row in zip(performers, rows, strict=True)
+        for performer, row, motion in zip(performers, rows, motions, strict=True)
     )
 
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-
-import numpy as np
 
 from capture.errors import CaptureError
 from db.errors import Conflict
@@ -23,10 +20,10 @@ from db.models import (
 )
 from db.objects import StoredObject, file_chunks
 from db.repositories import UnitOfWork
-from scene.motion import Motion
 from services.container import Services
 from services.jobs.events import QUEUE
 from services.jobs.queue import Orphan, drop_orphans, enqueue
+from services.motions import motion_bytes
 from services.uploads.check import Checked, check_upload
 
 _LONGEST_NAME = 80
@@ -90,30 +87,6 @@ def safe_name(filename: str) -> str:
     last = PurePosixPath(filename.replace("\\", "/")).name
     kept = "".join(c for c in last if c.isprintable() and c not in '<>:"|?*').strip(". ")
     return kept[-_LONGEST_NAME:] or "upload"
-
-
-def motion_bytes(motion: Motion) -> bytes:
-    """A motion as `motion.npz` of a sequence folder."""
-    file = io.BytesIO()
-    np.savez_compressed(
-        file,
-        times_s=motion.times_s,
-        joint_angles=motion.joint_angles,
-        root_translation=motion.root_translation,
-        confidence=motion.confidence,
-    )
-    return file.getvalue()
-
-
-def motion_from_bytes(data: bytes) -> Motion:
-    """The inverse of `motion_bytes`."""
-    with np.load(io.BytesIO(data), allow_pickle=False) as stored:
-        return Motion(
-            stored["times_s"],
-            stored["joint_angles"],
-            stored["root_translation"],
-            stored["confidence"],
-        )
 
 
 def _check(path: Path, name: str) -> Checked:

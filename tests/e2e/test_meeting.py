@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import av
@@ -10,6 +11,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from benchmarks.browser import frames_shown, open_page, picture, running_demo
+from tests.services import seeds
 from tests.shared_data import shared_data
 
 pytestmark = pytest.mark.e2e
@@ -102,3 +104,31 @@ def test_a_text_file_named_mp4_is_refused_in_words(tmp_path):
         error = page.get_by_test_id("error")
         expect(error).to_be_visible(timeout=MINUTES)
         expect(error).to_contain_text("video")
+
+
+def test_keypoints_make_nobody_new_but_move_somebody_who_is_here(tmp_path):
+    # one pose throughout, so that the picture stands still where they are followed
+    still = tmp_path / "still.json"
+    still.write_text(json.dumps(seeds.keypoints(30, angle=0.4)))
+    with running_demo(tmp_path / "data") as address, open_page() as page:
+        page.goto(f"{address}?size=256")  # one size throughout: a change of it would be seen
+        page.get_by_test_id("enrol-name").fill("Nobody")
+        page.get_by_test_id("enrol-file").set_input_files(str(still))
+        expect(page.get_by_test_id("complaint")).to_contain_text(
+            "how somebody looks comes from pictures"
+        )
+        page.get_by_test_id("enrol-submit").click()
+        expect(page.get_by_test_id("complaint")).to_contain_text("Choose a clip first")
+        page.get_by_role("button", name="Use keypoints").click()
+        page.get_by_test_id("keypoints-file").set_input_files(str(still))
+        expect(page.get_by_test_id("keypoints-who")).to_contain_text("Ada")
+        page.get_by_test_id("keypoints-submit").click()
+        expect(page.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTES)
+        expect(page.get_by_role("main")).to_contain_text("Ada by keypoints")
+        watch(page, 40)
+        pictures = [picture(page)]
+        for _ in range(3):
+            watch(page, 10)
+            pictures.append(picture(page))
+        assert np.frombuffer(pictures[0], np.uint8).std() > 10.0
+        assert max(difference(pictures[0], other) for other in pictures[1:]) < 0.3

@@ -1,15 +1,21 @@
-/** Name and clip: a file that is chosen or dropped, or a turn in front of the camera. */
+/** Name and clip: a file that is chosen or dropped, or a turn in front of the camera; or keypoints. */
 
 import type { Clip } from "../enrol";
+import { MOTION_ONLY, isJson } from "../keypoints";
 import { announce, h } from "./dom";
-import { icon } from "./icons";
+import { described, fileDrop } from "./fileDrop";
+import { keypointsForm, type KeypointsHooks } from "./keypointsForm";
 import { recorder } from "./recorder";
 import { button, type View } from "./shell";
 
 const ACCEPTED = "video/*,.mp4,.mov,.webm,.mkv,.avi,.zip,.json";
 const NAME_KEY = "metanerf.name";
 
-export function enrolForm(onEnrol: (name: string, clip: Clip) => void): View {
+export interface EnrolHooks extends KeypointsHooks {
+  onEnrol(name: string, clip: Clip): void;
+}
+
+export function enrolForm(hooks: EnrolHooks): View {
   let clip: Clip | null = null;
   let film: View | null = null;
 
@@ -23,62 +29,37 @@ export function enrolForm(onEnrol: (name: string, clip: Clip) => void): View {
     placeholder: "The name others will see",
     value: localStorage.getItem(NAME_KEY) ?? "",
   });
-  const file = h("input", {
-    testId: "enrol-file",
-    type: "file",
+  const complaint = h("p", { className: "complaint", testId: "complaint", attributes: { role: "alert" } });
+  const drop = fileDrop({
+    title: "Choose a clip, or drop it here",
+    kinds: "MP4, MOV or WebM; or a ZIP of pictures",
     accept: ACCEPTED,
-    className: "unseen",
-    attributes: { "aria-label": "Choose a clip" },
+    label: "Choose a clip",
+    testId: "enrol-file",
+    onFile: (picked) => void choose(picked),
   });
-  const chosen = h("p", { className: "chosen" });
-  const complaint = h("p", { className: "complaint", attributes: { role: "alert" } });
-  const drop = h(
-    "label",
-    { className: "drop" },
-    file,
-    icon("upload"),
-    h("strong", {}, "Choose a clip, or drop it here"),
-    h("span", { className: "soft" }, "MP4, MOV or WebM; or a ZIP of pictures"),
-    chosen,
-  );
-  const body = h("div", { className: "enrol-body" }, drop);
+  const choose = async (picked: File): Promise<void> => {
+    take({ blob: picked, fileName: picked.name });
+    drop.say(described(picked));
+    if (!(await isJson(picked)) || clip?.blob !== picked) return;
+    take(null);
+    drop.clear();
+    complaint.textContent = MOTION_ONLY.message;
+  };
+  const take = (next: Clip | null): void => {
+    clip = next;
+    complaint.textContent = "";
+  };
+  const body = h("div", { className: "enrol-body" });
   const go = button("Make my likeness", () => undefined, {
     look: "primary",
     large: true,
     testId: "enrol-submit",
     submit: true,
   });
-
-  const take = (next: Clip | null, words: string): void => {
-    clip = next;
-    chosen.textContent = words;
-    drop.classList.toggle("full", next !== null);
-    complaint.textContent = "";
-    if (words) announce(words);
-  };
-  file.addEventListener("change", () => {
-    const [picked] = file.files ?? [];
-    if (picked) take({ blob: picked, fileName: picked.name }, described(picked));
-  });
-  dropping(drop, (dropped) => take({ blob: dropped, fileName: dropped.name }, described(dropped)));
-
-  const tabs = switcher(["Upload a clip", "Use the camera"], (index) => {
-    film?.close();
-    film = null;
-    file.value = "";
-    take(null, "");
-    if (index === 0) {
-      body.replaceChildren(drop);
-    } else {
-      film = recorder((recorded) => take(recorded, recorded ? "Your clip is ready" : ""));
-      body.replaceChildren(film.element);
-    }
-  });
-
-  const element = h(
+  const form = h(
     "form",
-    { className: "card", noValidate: true },
-    tabs,
+    { noValidate: true },
     body,
     h("label", { className: "label", htmlFor: "enrol-name" }, "Your name"),
     name,
@@ -86,43 +67,46 @@ export function enrolForm(onEnrol: (name: string, clip: Clip) => void): View {
     go,
     h("p", { className: "soft small" }, "The clip goes to this server only. It takes about a minute."),
   );
-  element.addEventListener("submit", (event) => {
+  form.addEventListener("submit", (event) => {
     event.preventDefault();
     const called = name.value.trim();
     if (!clip) {
       complaint.textContent = film ? "Film yourself first." : "Choose a clip first.";
-      file.focus();
+      drop.focus();
     } else if (called === "") {
       complaint.textContent = "Tell us your name.";
       name.focus();
     } else {
       localStorage.setItem(NAME_KEY, called);
-      onEnrol(called, clip);
+      hooks.onEnrol(called, clip);
     }
   });
-  return { element, close: () => film?.close() };
-}
 
-function described(file: File): string {
-  const megabytes = file.size / 1e6;
-  const size = megabytes < 1 ? "under 1 MB" : `${megabytes.toFixed(0)} MB`;
-  return `${file.name}, ${size}`;
-}
-
-function dropping(area: HTMLElement, onFile: (file: File) => void): void {
-  const over = (event: DragEvent): void => {
-    event.preventDefault();
-    area.classList.add("over");
+  const filmed = (recorded: Clip | null): void => {
+    take(recorded);
+    if (recorded) announce("Your clip is ready");
   };
-  area.addEventListener("dragenter", over);
-  area.addEventListener("dragover", over);
-  area.addEventListener("dragleave", () => area.classList.remove("over"));
-  area.addEventListener("drop", (event) => {
-    event.preventDefault();
-    area.classList.remove("over");
-    const [file] = event.dataTransfer?.files ?? [];
-    if (file) onFile(file);
-  });
+  const ways = [
+    ["Upload a clip", () => clipForm(drop.element)],
+    ["Use the camera", () => clipForm((film = recorder(filmed)).element)],
+    ["Use keypoints", () => keypointsForm(hooks)],
+  ] as const;
+  const clipForm = (source: HTMLElement): HTMLElement => {
+    body.replaceChildren(source);
+    return form;
+  };
+  const show = (index: number): void => {
+    film?.close();
+    film = null;
+    drop.clear();
+    take(null);
+    const way = ways[index] ?? ways[0];
+    element.replaceChildren(tabs, way[1]());
+  };
+  const tabs = switcher(ways.map(([label]) => label), show);
+  const element = h("div", { className: "card" });
+  show(0);
+  return { element, close: () => film?.close() };
 }
 
 /** Two or more choices of which one holds. */
@@ -138,7 +122,8 @@ function switcher(labels: readonly string[], onChoice: (index: number) => void):
   const choose = (index: number): void => {
     choices.forEach((choice, i) => choice.setAttribute("aria-pressed", String(i === index)));
     onChoice(index);
+    choices[index]?.focus();
   };
-  const attributes = { role: "group", "aria-label": "Where the clip comes from" };
+  const attributes = { role: "group", "aria-label": "How to come in" };
   return h("div", { className: "switcher", attributes }, ...choices);
 }

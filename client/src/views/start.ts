@@ -1,20 +1,18 @@
 /** The first screen: the meeting that is on, and the way to bring oneself in. */
 
-import type { Clip } from "../enrol";
 import type { LiveView } from "../live";
-import { enrolForm } from "./enrolForm";
+import { enrolForm, type EnrolHooks } from "./enrolForm";
 import { h } from "./dom";
 import { turningFigure } from "./icons";
 import { button, type View } from "./shell";
 
-interface StartHooks {
+interface StartHooks extends EnrolHooks {
   onJoin(): void;
-  onEnrol(name: string, clip: Clip): void;
 }
 
 /** `live` is a first look into the meeting; null where there is none to join. */
 export function startView(live: LiveView | null, hooks: StartHooks): View {
-  const form = enrolForm(hooks.onEnrol);
+  const form = enrolForm(hooks);
   const element = h(
     "main",
     { className: "start" },

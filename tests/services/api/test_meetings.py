@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
 import httpx
+import numpy as np
 import pytest
 
 from db.models import ModelRow
 from services.app import create_app
 from services.bootstrap import ensure_demo, import_model
 from services.container import Services
+from services.live.room import Room
+from services.live.whep import cast_of
+from tests.services import seeds
 from tests.services.conftest import bearer
 
 
@@ -139,3 +144,61 @@ async def test_the_demo_is_made_once_and_heals(
     assert ensure_demo(services, model_file, "Robin") == meeting_id
     meeting = (await client.get(f"/v1/meetings/{meeting_id}", headers=guest)).json()
     assert [p["name"] for p in meeting["performers"]] == ["Robin"]
+
+
+async def _keypoints(client: httpx.AsyncClient, person_id: str) -> str:
+    file = {"file": ("wave.json", json.dumps(seeds.keypoints(30, angle=0.8)))}
+    answer = await client.post(f"/v1/people/{person_id}/sequences", files=file)
+    assert answer.json()["state"] == "ready"
+    return answer.json()["id"]
+
+
+async def test_keypoints_move_a_performer_until_they_are_erased(
+    client: httpx.AsyncClient, services: Services, models: list[ModelRow]
+):
+    app = create_app(services.settings, services)
+    heard: list[str] = []
+
+    async def listener(meeting_id: str) -> None:
+        heard.append(meeting_id)
+
+    app.state.cast_listeners.append(listener)
+    ada, bob, _ = models
+    meeting = (await client.post("/v1/meetings", json={"name": "Monday"})).json()
+    motion = await _keypoints(client, bob.person_id)
+    body = {"model_id": ada.id, "motion_sequence_id": motion}
+    moved = await client.post(f"/v1/meetings/{meeting['id']}/performers", json=body)
+    assert moved.status_code == 201, moved.text
+    assert moved.json()["motion_sequence_id"] == motion
+    (member,) = cast_of(services, meeting["id"])
+    np.testing.assert_allclose(member.motion.joint_angles[:, 5, 2], 0.8)
+    room = Room(meeting["id"], (member,))
+    np.testing.assert_allclose(room.scene_at(0.5).performers[0].pose.joint_angles[5, 2], 0.8)
+    async with httpx.AsyncClient(
+        transport=httpx.ASGITransport(app), base_url="http://test", headers=bearer(services)
+    ) as caller:
+        await caller.delete(f"/v1/people/{bob.person_id}")
+    assert heard == [meeting["id"]]
+    (member,) = cast_of(services, meeting["id"])
+    assert member.motion is member.model.motion
+
+
+async def test_only_ready_motions_of_ones_own_move_anybody(
+    client: httpx.AsyncClient, services: Services, models: list[ModelRow]
+):
+    meeting = (await client.post("/v1/meetings", json={"name": "Monday"})).json()
+    path = f"/v1/meetings/{meeting['id']}/performers"
+    upload = {"file": ("a.zip", seeds.frames_archive())}
+    clip = await client.post(f"/v1/people/{models[0].person_id}/sequences", files=upload)
+    body = {"model_id": models[0].id, "motion_sequence_id": clip.json()["id"]}
+    waiting = await client.post(path, json=body)
+    assert waiting.status_code == 409
+    assert "wait for its capture" in waiting.json()["detail"]
+    neighbours = bearer(services, account="neighbours")
+    stranger = await client.post("/v1/people", json={"name": "Dee"}, headers=neighbours)
+    client.headers.update(neighbours)
+    body["motion_sequence_id"] = await _keypoints(client, stranger.json()["id"])
+    client.headers.update(bearer(services))
+    assert (await client.post(path, json=body)).status_code == 403
+    left = (await client.get(f"/v1/meetings/{meeting['id']}")).json()["performers"]
+    assert left == []

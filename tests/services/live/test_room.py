@@ -58,7 +58,7 @@ def test_facing_yaw_turns_the_clip_to_the_front():
 
 def test_the_first_view_sees_everybody():
     cast = tuple(
-        CastMember(str(i), "x", make_model(50), place, yaw)
+        CastMember(str(i), "x", (model := make_model(50)), model.motion, place, yaw)
         for i, (place, yaw) in enumerate(circle_places(4))
     )
     room = Room("m", cast)
