@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 
@@ -127,8 +128,10 @@ def test_keypoints_make_nobody_new_but_move_somebody_who_is_here(tmp_path):
         expect(page.get_by_role("main")).to_contain_text("Ada by keypoints")
         watch(page, 40)
         pictures = [picture(page)]
-        for _ in range(3):
+        for _ in range(5):
             watch(page, 10)
             pictures.append(picture(page))
         assert np.frombuffer(pictures[0], np.uint8).std() > 10.0
-        assert max(difference(pictures[0], other) for other in pictures[1:]) < 0.3
+        # by her own motion it is 1.5 or more; an encoder's key frame shows now and then
+        changes = [difference(a, b) for a, b in itertools.pairwise(pictures)]
+        assert np.median(changes) < 0.3
