@@ -8,6 +8,7 @@ twice is free of harm: the name is the same.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import shutil
@@ -30,6 +31,8 @@ from db.errors import NotFound, StoreAway, StoreFull
 INCOMING = "incoming"
 """Prefix of objects under way; never a person's id."""
 CHUNK_BYTES = 1 << 20
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""The disk is full, or what this user or file may have of it."""
 _PART_BYTES = 5 << 20
 """The smallest part that S3 takes but for the last."""
 
@@ -248,19 +251,31 @@ def naming_errors() -> Iterator[None]:
     except FileNotFoundError as error:
         raise NotFound("an object must be stored to be read; got one that is not") from error
     except OSError as error:
-        if error.errno == 28:
-            raise StoreFull(
-                f"the disk needs free space; got: {os.strerror(28)}; free some and retry"
-            ) from error
+        if full := no_space(error):
+            raise StoreFull(full) from error
         raise
     except BaseError as error:
-        if "os error 28" in str(error) or "StorageFull" in str(error):
-            raise StoreFull(
-                f"the object store needs free space; got: {_first_line(error)}; free some and retry"
-            ) from error
+        if full := no_space(error):
+            raise StoreFull(full) from error
         raise StoreAway(
             f"the object store must answer; got: {_first_line(error)}; retry in a moment"
         ) from error
+
+
+def no_space(error: BaseException) -> str | None:
+    """What to tell where `error`, or what led to it, is that a disk is full; else None.
+
+    Libraries wrap what the system says, some in words of their own, so their text counts too.
+    """
+    cause: BaseException | None = error
+    while cause is not None:
+        number = cause.errno if isinstance(cause, OSError) else None
+        told = [known for known in _NO_SPACE if f"os error {known})" in str(cause)]
+        for found in (number, *told):
+            if found in _NO_SPACE:
+                return f"the disk needs free space; got: {os.strerror(found)}; free some and retry"
+        cause = cause.__cause__ or cause.__context__
+    return None
 
 
 def _first_line(error: Exception) -> str:

@@ -15,13 +15,15 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
-from db.errors import Conflict, DatabaseAway, NotFound, StoreAway, StoreFull
+from db.errors import Conflict, DatabaseAway, DatabaseError, NotFound, StoreAway, StoreFull
+from db.objects import no_space
 from scene.errors import SceneError
 
 log = logging.getLogger(__name__)
 
 MEDIA_TYPE = "application/problem+json"
 RETRY_AFTER_S = 3
+NO_SPACE_STATUS = 507
 _LONGEST_VALUE = 80
 
 
@@ -62,7 +64,7 @@ class ProblemError(Exception):
 _KINDS: tuple[tuple[type[SceneError], int, str], ...] = (
     (NotFound, 404, "not-found"),
     (Conflict, 409, "conflict"),
-    (StoreFull, 507, "no-space-left"),
+    (StoreFull, NO_SPACE_STATUS, "no-space-left"),
     (StoreAway, 503, "store-away"),
     (DatabaseAway, 503, "database-away"),
     (SceneError, 422, "invalid-input"),
@@ -73,14 +75,12 @@ def problem_of(error: Exception) -> ProblemError:
     """The problem that `error` is; one that nobody foresaw tells no secrets."""
     if isinstance(error, ProblemError):
         return error
+    if not isinstance(error, DatabaseError) and (full := no_space(error)):
+        return ProblemError(NO_SPACE_STATUS, "no-space-left", full)
     for kind, status, name in _KINDS:
         if isinstance(error, kind):
             headers = {"Retry-After": str(RETRY_AFTER_S)} if status == 503 else None
             return ProblemError(status, name, str(error), headers=headers)
-    if isinstance(error, OSError) and error.errno == 28:
-        return ProblemError(
-            507, "no-space-left", "the disk needs free space; got none; free some and retry"
-        )
     return ProblemError(
         500, "internal-error", f"the server failed ({type(error).__name__}); its log says more"
     )

@@ -115,7 +115,8 @@ export class Enrolment {
   get canResume(): boolean {
     const { status, job } = this.state;
     const ended = status === "stopped" || status === "failed";
-    return ended && job?.kind === "train" && isFinal(job) && job.state !== "succeeded";
+    // a job whose clip the server has given up has no sequence any more
+    return ended && !!job?.sequence_id && isFinal(job) && job.state !== "succeeded";
   }
 
   /** The server went out of sight, but it has the clip: the way can be taken up again. */
@@ -127,13 +128,15 @@ export class Enrolment {
     return this.bookmark ? this.revisit(this.bookmark) : Promise.resolve();
   }
 
-  /** Take up a stopped or failed training again, from its last checkpoint. */
+  /** Take up a stopped or failed job again: a training from its last checkpoint. */
   resume(): Promise<void> {
-    const { job } = this.state;
+    const { job, sequence } = this.state;
     if (!job) return Promise.resolve();
     return this.attempt(async (signal) => {
       this.change({ status: "working", problem: null });
-      await this.follow(await this.api.resumeJob(job.id), signal);
+      const resumed = await this.api.resumeJob(job.id);
+      if (job.kind === "capture" && sequence) await this.continueFrom(sequence, signal);
+      else await this.follow(resumed, signal);
     });
   }
 

@@ -153,7 +153,7 @@ describe("Enrolment", () => {
       detail: "a clip must show a person",
       status: 422,
     };
-    server.outcome["c"] = { ...CAPTURE, state: "failed", error };
+    server.outcome["c"] = { ...CAPTURE, state: "failed", error, sequence_id: null };
     await enrolment.start("Ada", CLIP);
     expect(enrolment.state.status).toBe("failed");
     expect(enrolment.state.problem).toMatchObject({
@@ -162,6 +162,20 @@ describe("Enrolment", () => {
     });
     expect(enrolment.canResume).toBe(false);
     expect(bookmarks.at(-1)).toBeNull();
+  });
+
+  it("goes on with a clip that the server kept although its capture failed", async () => {
+    const { server, enrolment, bookmarks } = setUp();
+    const error = { type: "urn:metanerf:no-space-left", title: "No space left", detail: "", status: 507 };
+    const captured = server.outcome["c"] as Job;
+    server.outcome["c"] = { ...CAPTURE, state: "failed", error };
+    await enrolment.start("Ada", CLIP);
+    expect(enrolment.canResume).toBe(true);
+    expect(bookmarks.at(-1)).toMatchObject({ sequenceId: "s", jobId: null });
+    server.outcome["c"] = captured;
+    await enrolment.resume();
+    expect(server.calls).toContain("resume c");
+    expect(enrolment.state).toMatchObject({ status: "ready", modelId: "m" });
   });
 
   it("lets a failed training be tried again from where it was", async () => {

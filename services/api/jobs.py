@@ -45,9 +45,9 @@ def cancel_job(job_id: str, services: Provided, caller: Writer) -> shapes.Job:
     return shapes.Job.of(job)
 
 
-@router.post("/{job_id}/resume", status_code=status.HTTP_202_ACCEPTED, summary="Resume a training")
+@router.post("/{job_id}/resume", status_code=status.HTTP_202_ACCEPTED, summary="Resume a job")
 def resume_job(job_id: str, services: Provided, caller: Writer) -> shapes.Job:
-    """Queue a cancelled or failed training again; it goes on from its checkpoint."""
+    """Queue a cancelled or failed job again; a training goes on from its checkpoint."""
     with services.unit_of_work() as unit:
         job = job_of(unit, caller, job_id)
         resume(job)

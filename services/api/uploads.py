@@ -6,7 +6,7 @@ from fastapi import APIRouter, Header, Request, Response, status
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import JSONResponse
 
-from db.models import JobKind, UploadChunkRow, UploadRow, new_id
+from db.models import JobKind, SequenceRow, UploadChunkRow, UploadRow, new_id
 from db.objects import file_chunks
 from services.access import person_of
 from services.api import shapes
@@ -78,13 +78,12 @@ def begin_upload(
     limit = services.settings.max_upload_bytes
     if body.size > limit:
         raise too_large(limit, str(body.size))
+    _require_person(services, caller, person_id)
+    known = known_sequence(services, person_id, body.sha256)
+    if known is not None:
+        answer = shapes.Known(sequence=_with_capture(services, known))
+        return JSONResponse(answer.model_dump(mode="json"), status_code=200)
     with services.unit_of_work() as unit:
-        person_of(unit, caller, person_id)
-        known = unit.sequences.with_source(person_id, body.sha256)
-        if known is not None:
-            capture = unit.jobs.latest(known.id, JobKind.CAPTURE)
-            answer = shapes.Known(sequence=shapes.Sequence.of(known, capture))
-            return JSONResponse(answer.model_dump(mode="json"), status_code=200)
         upload = unit.uploads.with_content(person_id, body.sha256)
         if upload is None or upload.size != body.size:
             upload = UploadRow(
@@ -163,6 +162,10 @@ def _store(
             person_id, caller.account, received.path, received.filename, received.sha256
         )
         sequence = take_in(services, arrival)
+    return _with_capture(services, sequence)
+
+
+def _with_capture(services: Services, sequence: SequenceRow) -> shapes.Sequence:
     with services.reading() as unit:
         capture = unit.jobs.latest(sequence.id, JobKind.CAPTURE)
     return shapes.Sequence.of(sequence, capture)

@@ -1,7 +1,8 @@
 """What can be done with a job: queue it, cancel it, resume it, give it back, give it up.
 
 A capture that fails or is cancelled takes its sequence with it, since there is nothing to be had
-from it; the job stays and says why. All functions work within the caller's transaction; those that
+from it; the job stays and says why. Only a full disk is not the clip's fault: then the clip stays
+and the capture can be resumed. All functions work within the caller's transaction; those that
 end a job return the objects that nothing points at afterwards, for the caller to delete once the
 transaction is committed.
 """
@@ -15,7 +16,7 @@ from db.errors import NotFound
 from db.models import JobKind, JobRow, JobState, SequenceRow, SequenceState, new_id
 from db.repositories import UnitOfWork
 from services.container import Services
-from services.problems import Problem, ProblemError
+from services.problems import NO_SPACE_STATUS, Problem, ProblemError
 
 Orphan = tuple[str, str]
 """Owner and sha256 of an object."""
@@ -62,16 +63,15 @@ def cancel(unit: UnitOfWork, job: JobRow, now: datetime) -> list[Orphan]:
 
 
 def resume(job: JobRow) -> None:
-    """Queue a cancelled or failed training again; it goes on from its checkpoint.
+    """Queue a cancelled or failed job again; a training goes on from its checkpoint.
 
-    Raises a 409 problem for any other job.
+    Raises a 409 problem for a job that is not over, or whose sequence is gone.
     """
-    resumable = job.kind is JobKind.TRAIN and job.state in (JobState.CANCELLED, JobState.FAILED)
-    if not resumable or job.sequence_id is None:
+    if job.state not in (JobState.CANCELLED, JobState.FAILED) or job.sequence_id is None:
         raise ProblemError(
             409,
             "not-resumable",
-            "only a cancelled or failed training of a stored sequence can be resumed; got a "
+            "only a cancelled or failed job of a stored sequence can be resumed; got a "
             f"{job.kind} job that is {job.state}; start a new one",
         )
     job.state, job.error, job.finished_at = JobState.QUEUED, None, None
@@ -130,7 +130,12 @@ def finish(
     if state is JobState.SUCCEEDED:
         job.progress = 1.0
         return _drop_checkpoint(job)
-    return _discard_sequence(unit, job) if job.kind is JobKind.CAPTURE else []
+    if job.kind is not JobKind.CAPTURE:
+        return []
+    if error and error.status == NO_SPACE_STATUS and job.sequence_id is not None:
+        unit.sequences.get(job.sequence_id).state = SequenceState.UPLOADED
+        return []
+    return _discard_sequence(unit, job)
 
 
 def drop_orphans(services: Services, orphans: list[Orphan]) -> None:

@@ -11,6 +11,7 @@ from db.errors import Conflict
 from db.models import (
     AuditEventRow,
     JobKind,
+    JobState,
     MotionRow,
     SequenceKind,
     SequenceRow,
@@ -21,8 +22,8 @@ from db.models import (
 from db.objects import StoredObject, file_chunks
 from db.repositories import UnitOfWork
 from services.container import Services
-from services.jobs.events import QUEUE
-from services.jobs.queue import Orphan, drop_orphans, enqueue
+from services.jobs.events import QUEUE, job_topic
+from services.jobs.queue import Orphan, drop_orphans, enqueue, resume
 from services.motions import motion_bytes
 from services.uploads.check import Checked, check_upload
 
@@ -42,9 +43,20 @@ class Arrival:
 
 
 def known_sequence(services: Services, person_id: str, sha256: str) -> SequenceRow | None:
-    """The sequence already made of the same bytes: a retry is free."""
-    with services.reading() as unit:
-        return unit.sequences.with_source(person_id, sha256)
+    """The sequence already made of the same bytes: a retry is free.
+
+    Where its capture failed and can be resumed, that is what whoever sends it again wants.
+    """
+    with services.unit_of_work() as unit:
+        known = unit.sequences.with_source(person_id, sha256)
+        capture = known and unit.jobs.latest(known.id, JobKind.CAPTURE)
+        if capture and capture.state is JobState.FAILED:
+            resume(capture)
+        unit.commit()
+    if capture:
+        services.events.publish(QUEUE)
+        services.events.publish(job_topic(capture.id))
+    return known
 
 
 def take_in(services: Services, arrival: Arrival) -> SequenceRow:

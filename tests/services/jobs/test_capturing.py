@@ -24,14 +24,14 @@ def caller(settings: Settings) -> Iterator[httpx.Client]:
         yield made
 
 
-def _upload(caller: httpx.Client, name: str, data: bytes) -> dict:
+def upload(caller: httpx.Client, name: str, data: bytes) -> dict:
     person_id = caller.post("/v1/people", json={"name": "Ada"}).json()["id"]
     answer = caller.post(f"/v1/people/{person_id}/sequences", files={"file": (name, data)})
     assert answer.status_code == 202, answer.text
     return answer.json()
 
 
-def _real_frames(count: int = 8, height: int = 300) -> bytes:
+def real_frames(count: int = 8, height: int = 300) -> bytes:
     """Every tenth frame of a real clip, small, as a zip."""
     entries = {}
     with av.open(str(shared_data("real-two-cameras/cam01.mp4"))) as container:
@@ -46,8 +46,8 @@ def _real_frames(count: int = 8, height: int = 300) -> bytes:
     return seeds.archive(entries)
 
 
-def test_real_frames_become_a_sequence(caller: httpx.Client):
-    uploaded = _upload(caller, "frames.zip", _real_frames())
+def testreal_frames_become_a_sequence(caller: httpx.Client):
+    uploaded = upload(caller, "frames.zip", real_frames())
     job = job_when(
         caller,
         uploaded["job_id"],
@@ -67,7 +67,7 @@ def test_real_frames_become_a_sequence(caller: httpx.Client):
 def test_a_video_without_a_person_fails_with_the_reason_and_leaves_nothing(
     caller: httpx.Client, settings: Settings
 ):
-    uploaded = _upload(caller, "noise.mp4", seeds.video(16))
+    uploaded = upload(caller, "noise.mp4", seeds.video(16))
     job = job_when(caller, uploaded["job_id"], lambda job: job["state"] == "failed", "failing")
     assert job["error"]["status"] == 422
     assert "person" in job["error"]["detail"]
@@ -78,7 +78,7 @@ def test_a_video_without_a_person_fails_with_the_reason_and_leaves_nothing(
 
 
 def test_a_running_capture_can_be_cancelled(caller: httpx.Client, settings: Settings):
-    uploaded = _upload(caller, "frames.zip", _real_frames())
+    uploaded = upload(caller, "frames.zip", real_frames())
     job_when(caller, uploaded["job_id"], lambda job: job["state"] == "running", "starting")
     caller.delete(f"/v1/jobs/{uploaded['job_id']}")
     job_when(caller, uploaded["job_id"], lambda job: job["state"] == "cancelled", "the end")

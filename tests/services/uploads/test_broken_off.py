@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -19,6 +18,7 @@ from services.jobs.scratch import clear_abandoned, scratch_folder
 from services.settings import Settings
 from tests.services import seeds
 from tests.services.conftest import bearer, serving, stored_files
+from tests.services.disks import TinyDisk
 from tests.services.jobs.waiting import until
 
 
@@ -109,13 +109,9 @@ def test_a_killed_server_leaves_nothing_visible_and_its_scratch_is_cleared(setti
 @pytest.fixture
 def tiny_disk(settings: Settings) -> Iterator[Path]:
     """2 MB of scratch space."""
-    folder = settings.scratch_dir
-    folder.mkdir(parents=True)
-    mount = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(folder)]
-    if not shutil.which("mount") or subprocess.run(mount, capture_output=True).returncode:
-        pytest.skip("mounting a tiny disk needs root")
-    yield folder
-    subprocess.run(["umount", str(folder)], check=True)
+    disk = TinyDisk(settings.scratch_dir, 2_000_000)
+    yield disk.folder
+    disk.remove()
 
 
 def test_a_full_disk_is_told_and_leaves_nothing(settings: Settings, tiny_disk: Path):
