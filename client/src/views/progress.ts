@@ -3,6 +3,7 @@
 import type { Api } from "../api";
 import type { Clip, EnrolState, Enrolment, Step } from "../enrol";
 import { asProblem } from "../problem";
+import { progressInWords } from "../progressWords";
 import { advice, qualityLines } from "../quality";
 import type { Sequence } from "../types";
 import { announce, h, present, usesTouch } from "./dom";
@@ -77,7 +78,7 @@ export function progressView(
     bar.setAttribute("aria-label", title.textContent);
     bar.classList.toggle("resting", state.status !== "working");
     bar.hidden = state.status === "ready";
-    message.textContent = messageOf(state, percent);
+    message.textContent = messageOf(state);
     if (state.sequence) showQuality(report, state.sequence);
     pane.show(state);
     trouble.replaceChildren(...(state.problem ? [notice(state.problem)] : []));
@@ -133,16 +134,13 @@ function titleOf({ step, status, name }: EnrolState): string {
   }
 }
 
-function messageOf({ step, status, message, fraction }: EnrolState, percent: number): string {
-  if (status === "ready") {
+function messageOf(state: EnrolState): string {
+  if (state.status === "ready") {
     return usesTouch()
       ? "Turn around yourself in the meeting with a finger."
       : "In the meeting, drag to look at yourself from every side.";
   }
-  if (status === "failed") return "";
-  // how the training counts its steps means nothing to people; the picture shows how far it is
-  const told = step === "train" && fraction > 0 ? "sharper with every second" : message;
-  return [`${percent} %`, status === "working" ? told : ""].filter(Boolean).join(", ");
+  return state.status === "failed" ? "" : progressInWords(state);
 }
 
 function stepLine([step, label]: (typeof STEPS)[number], state: EnrolState): HTMLElement {

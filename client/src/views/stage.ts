@@ -189,7 +189,8 @@ function controlsInWords(): HTMLElement[] {
     ? [
         ["One finger", "look around"],
         ["Pinch", "come closer"],
-        ["Two fingers", "walk"],
+        ["Two fingers", "move along"],
+        ["Double tap", "first view"],
       ]
     : [
         ["Drag", "look around"],
