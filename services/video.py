@@ -11,36 +11,16 @@ import numpy as np
 from capture.overlay import write_video
 from renderer.model import PersonModel
 from scene.arrays import Array, Float, UInt8
-from scene.camera import Camera, orbit_camera
 from scene.errors import InvalidInput
-from scene.motion import Motion, Pose
-from services.live.room import facing_yaw, to_and_fro
+from scene.motion import Motion
+from services.live.room import to_and_fro
+from services.person_view import person_camera
 
 FRAMES_PER_SECOND = 30
 BACKDROP = (0.93, 0.93, 0.93)
 """sRGB behind a person who is shown alone."""
 _SIDES = {"front": 0.0, "left": 90.0, "back": 180.0, "right": -90.0}
 _FIELD_OF_VIEW_RAD = 0.6
-
-
-def person_camera(
-    model: PersonModel,
-    pose: Pose,
-    azimuth_deg: float,
-    elevation_deg: float,
-    distance_m: float | None,
-    size: int,
-) -> Camera:
-    """A camera on a sphere round the person; azimuth 0 is in front of how they mostly face."""
-    joints = model.skeleton.joint_transforms(pose.joint_angles, pose.root_translation)[:, :3, 3]
-    centre = joints.mean(axis=0)
-    centre[1] = 0.5 * (joints[:, 1].min() + joints[:, 1].max())
-    reach = 0.62 * model.skeleton.height_m
-    distance = distance_m or reach / np.tan(0.5 * _FIELD_OF_VIEW_RAD)
-    azimuth = np.deg2rad(azimuth_deg) - facing_yaw(model.motion)
-    return orbit_camera(
-        centre, distance, azimuth, np.deg2rad(elevation_deg), size, size, _FIELD_OF_VIEW_RAD
-    )
 
 
 def camera_path(
@@ -54,6 +34,7 @@ def camera_path(
 ) -> Iterator[UInt8[Array, "H W 3"]]:
     """Pictures of a path: `orbit` goes round once; a side, or `AZIMUTH,ELEVATION`, stands still.
 
+    Sides are counted as `services.person_view` says.
     Raises InvalidInput for a camera that is none of these.
     """
     azimuth_deg, elevation_deg, turns = _parse_camera(camera)
@@ -62,9 +43,16 @@ def camera_path(
     for frame in range(count):
         pose = to_and_fro(motion, start_s + frame / FRAMES_PER_SECOND)
         view = person_camera(
-            model, middle, azimuth_deg + turns * 360.0 * frame / count, elevation_deg,
-            distance_m, size,
-        )  # fmt: skip
+            model.skeleton,
+            motion,
+            middle,
+            azimuth_deg=azimuth_deg + turns * 360.0 * frame / count,
+            elevation_deg=elevation_deg,
+            distance_m=distance_m,
+            width=size,
+            height=size,
+            fov_y_rad=_FIELD_OF_VIEW_RAD,
+        )
         yield over_backdrop(model.render(view, pose))
 
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from renderer.model import PersonModel
 from scene.arrays import Array, Float
-from scene.camera import Camera, orbit_camera
+from scene.camera import Camera
 from scene.errors import InvalidInput
 from scene.motion import Motion, Pose
-from services.api.shapes import NewView, ViewCamera, ViewPose
+from scene.skeleton import Skeleton
+from services.api.shapes import NewView, Orbit, ViewCamera, ViewPose
+from services.person_view import person_camera
 
-_MARGIN = 1.25
-"""The whole person and some air, when the distance is left open."""
 _ENCODERS = {
     "png": (".png", [cv2.IMWRITE_PNG_COMPRESSION, 4]),
     "jpeg": (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 92]),
@@ -27,7 +27,8 @@ MEDIA_TYPES = {"png": "image/png", "jpeg": "image/jpeg", "webp": "image/webp"}
 def render_view(model: PersonModel, motion: Motion, asked: NewView) -> bytes:
     """The picture that `asked` describes. Raises InvalidInput for a bad camera or pose."""
     pose = view_pose(motion, asked)
-    camera = view_camera(model, pose, asked.camera, asked.width, asked.height)
+    shown = motion if asked.pose is None else Motion.from_poses([pose])
+    camera = view_camera(model.skeleton, shown, pose, asked.camera, asked.width, asked.height)
     return encode(model.render(camera, pose), asked.background, asked.format)
 
 
@@ -39,9 +40,9 @@ def view_pose(motion: Motion, asked: NewView) -> Pose:
 
 
 def view_camera(
-    model: PersonModel, pose: Pose, asked: ViewCamera, width: int, height: int
+    skeleton: Skeleton, motion: Motion, pose: Pose, asked: ViewCamera, width: int, height: int
 ) -> Camera:
-    """The camera given by matrices, or on its orbit round the person in `pose`."""
+    """The camera given by matrices, or on its orbit round the person in a `pose` of `motion`."""
     if asked.intrinsics is not None or asked.world_to_camera is not None:
         if asked.intrinsics is None or asked.world_to_camera is None or asked.orbit is not None:
             raise InvalidInput(
@@ -50,24 +51,17 @@ def view_camera(
             )
         intrinsics = _array("intrinsics", asked.intrinsics)
         return Camera(intrinsics, _array("world_to_camera", asked.world_to_camera), width, height)
-    fov_y_rad = math.radians(asked.fov_deg)
-    joints = model.skeleton.joint_transforms(pose.joint_angles, pose.root_translation)[:, :3, 3]
-    target = 0.5 * (joints.min(axis=0) + joints.max(axis=0))
-    azimuth_deg, elevation_deg, distance_m = 0.0, 5.0, None
-    if asked.orbit is not None:
-        azimuth_deg, elevation_deg = asked.orbit.azimuth_deg, asked.orbit.elevation_deg
-        distance_m = asked.orbit.distance_m
-    if distance_m is None:
-        narrow = min(1.0, width / height)
-        distance_m = 0.5 * _MARGIN * model.skeleton.height_m / math.tan(0.5 * fov_y_rad) / narrow
-    return orbit_camera(
-        target,
-        distance_m,
-        math.radians(azimuth_deg),
-        math.radians(elevation_deg),
-        width,
-        height,
-        fov_y_rad,
+    orbit = asked.orbit or Orbit()
+    return person_camera(
+        skeleton,
+        motion,
+        pose,
+        azimuth_deg=orbit.azimuth_deg,
+        elevation_deg=orbit.elevation_deg,
+        distance_m=orbit.distance_m,
+        width=width,
+        height=height,
+        fov_y_rad=math.radians(asked.fov_deg),
     )
 
 

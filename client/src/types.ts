@@ -140,7 +140,7 @@ export interface NewView {
 
 /** A camera on a sphere round the person. */
 export interface Orbit {
-  /** 0: in front; 90: their left. */
+  /** 0: in front of how they mostly face; 90: their left. */
   azimuth_deg?: number;
   elevation_deg?: number;
   /** Empty: so far that the whole person fits. */

@@ -296,7 +296,9 @@ class Orbit(Body):
     """A camera on a sphere round the person."""
 
     azimuth_deg: float = Field(
-        default=0.0, allow_inf_nan=False, description="0: in front; 90: their left."
+        default=0.0,
+        allow_inf_nan=False,
+        description="0: in front of how they mostly face; 90: their left.",
     )
     elevation_deg: float = Field(default=5.0, gt=-90.0, lt=90.0)
     distance_m: float | None = Field(
