@@ -5,6 +5,7 @@ CaptureError (SceneError)
 ├── NoPersonFound        nobody, or hardly ever, seen in the clip
 ├── PoseModelMissing     the landmark model's file is absent or not the one expected
 ├── BrokenSequence       a sequence folder that breaks the format
+├── BrokenDataset        a folder of a public data set that breaks its layout, or hides code
 ├── BrokenKeypoints      a keypoints file that breaks the format
 ├── BrokenMotionCapture  a BVH file that can't be read
 ├── UploadFailed         the service refused an upload or went away
@@ -34,6 +35,10 @@ class PoseModelMissing(CaptureError):
 
 class BrokenSequence(CaptureError):
     """A sequence folder breaks the format."""
+
+
+class BrokenDataset(CaptureError):
+    """A folder of a public data set breaks its layout, or hides code in its pickles."""
 
 
 class BrokenKeypoints(CaptureError):

@@ -77,6 +77,9 @@ def studio(
     shutter: Annotated[
         float, typer.Option(help="Of the footage: share of a frame's time, for motion blur.")
     ] = 0.0,
+    humannerf: Annotated[
+        Path | None, typer.Option(help="The training frames in HumanNeRF's layout too: a folder.")
+    ] = None,
 ) -> None:
     """Film a synthetic performer with exact truth: one camera, and a ring of test cameras."""
     from capture.studio import Footage, make_sequence
@@ -101,6 +104,11 @@ def studio(
             footage=None if footage is None else Footage(footage, background, noise, blur, shutter),
             on_progress=report,
         )
+    if humannerf is not None:
+        from capture.readers import write_humannerf
+        from capture.store import open_sequence
+
+        write_humannerf(open_sequence(out), humannerf)
     typer.echo(str(out))
 
 
