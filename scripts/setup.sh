@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Sets up everything that `make demo` and `make test` need, once: virtual environment, pinned
-# packages, the client's build. Run again it does nothing that is already done.
+# packages, the client's build, the renderer's compiled kernels. Run again it does nothing that is already done.
 #   scripts/setup.sh          what the demo needs
 #   scripts/setup.sh test     and the tools and the Chromium that the tests need
 set -euo pipefail
@@ -41,6 +41,16 @@ build_client() {
   echo "$wanted" > "$stamp"
 }
 
+# so that the first meeting is alive at once; where it is not done, the page says what it waits for
+compile_renderer() {
+  local stamp=.venv/.compiled wanted
+  wanted=$(find renderer -name '*kernels.py' -print0 | sort -z | xargs -0 cat .venv/.installed | sha256sum)
+  [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
+  echo "setup: compiling the renderer (half a minute)"
+  .venv/bin/python -c "from renderer.stage import warm_up; warm_up()"
+  echo "$wanted" > "$stamp"
+}
+
 install_chromium() {
   [ -n "${CHROMIUM:-}" ] && return
   command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null && return
@@ -54,4 +64,5 @@ install_chromium() {
 
 install_python
 build_client
+compile_renderer
 if [ "${1:-}" = test ]; then install_chromium; fi

@@ -23,12 +23,14 @@ export interface LiveOptions {
 }
 
 /** As the viewer sees it: connected is not enough, a picture must be there. */
-export type LiveState = LinkState | { kind: "preparing" };
+export type LiveState = LinkState | { kind: "preparing"; firstStart: boolean };
 
 /** No picture for so long while the page is seen: the connection is dead, whatever it says. */
 const STALLED_S = 4;
 /** The very first picture may take longer: the server may have to load the people first. */
 const PATIENCE_S = 20;
+/** On its first start on a machine, the server compiles its renderer before the first picture. */
+const FIRST_START_PATIENCE_S = 180;
 /** Browsers show tiny black pictures before the first real one. */
 const SMALLEST_PX = 16;
 const ROSTER_S = 10;
@@ -57,6 +59,8 @@ export class LiveView {
   private resent = true;
   /** The connection stands; for the viewer it is live with its first picture. */
   private connected = false;
+  /** The server has said that its first picture takes longer. */
+  private firstStart = false;
   private sequence = 0;
   private shown = 0;
   private still = 0;
@@ -81,7 +85,7 @@ export class LiveView {
         this.resent = true;
         this.connected = state.kind === "live";
         this.still = 0;
-        this.tell(this.connected ? { kind: "preparing" } : state);
+        this.tell(this.connected ? { kind: "preparing", firstStart: this.firstStart } : state);
       },
       onStream: (stream) => {
         this.video.srcObject = stream;
@@ -138,6 +142,7 @@ export class LiveView {
 
   private async seat(): Promise<Seat> {
     const seat = await this.api.join(this.meeting.id, this.options.displayName);
+    this.firstStart = !seat.ready;
     this.showPerformers(seat.performers);
     return seat;
   }
@@ -218,6 +223,11 @@ export class LiveView {
     this.framing = this.video.requestVideoFrameCallback(() => this.pictureShown());
   }
 
+  private get patienceS(): number {
+    if (this.state.kind === "live") return STALLED_S;
+    return this.firstStart ? FIRST_START_PATIENCE_S : PATIENCE_S;
+  }
+
   private async everySecond(): Promise<void> {
     const fps = this.shown;
     this.shown = 0;
@@ -229,7 +239,7 @@ export class LiveView {
     // hidden pages show no pictures, and that is no fault
     this.still = fps > 0 || document.hidden ? 0 : this.still + 1;
     if (!this.connected || document.hidden) return;
-    if (this.still >= (this.state.kind === "live" ? STALLED_S : PATIENCE_S)) {
+    if (this.still >= this.patienceS) {
       this.still = 0;
       this.link.restart();
     }

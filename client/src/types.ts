@@ -205,6 +205,8 @@ export interface Seat {
   seat: number;
   ice_servers: string[];
   whep_url: string;
+  /** False while the renderer compiles, on its first start on a machine. */
+  ready: boolean;
   performers: Performer[];
 }
 

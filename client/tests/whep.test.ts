@@ -60,6 +60,7 @@ class FakePeer extends EventTarget {
 const SEAT: Seat = {
   token: "seat",
   seat: 1,
+  ready: true,
   ice_servers: ["stun:s"],
   whep_url: "/whep/m",
   performers: [],

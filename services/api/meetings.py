@@ -70,7 +70,7 @@ async def remove_performer(
 
 @router.post("/meetings/{meeting_id}/join", summary="Join a meeting")
 def join_meeting(
-    meeting_id: str, body: shapes.Visitor, services: Provided, caller: Joiner
+    meeting_id: str, body: shapes.Visitor, request: Request, services: Provided, caller: Joiner
 ) -> shapes.Seat:
     """A seat, and the token with which `whep_url` shows the meeting."""
     caller.require_meeting(meeting_id)
@@ -83,6 +83,7 @@ def join_meeting(
         seat=seat.seat,
         ice_servers=services.settings.ice_servers,
         whep_url=f"/whep/{meeting_id}",
+        ready=request.app.state.views.ready,
         performers=[shapes.Performer.of(one) for one in meeting.performers],
     )
 

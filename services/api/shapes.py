@@ -276,6 +276,9 @@ class Seat(BaseModel):
     seat: int
     ice_servers: list[str]
     whep_url: str
+    ready: bool = Field(
+        description="False while the renderer compiles, on its first start on a machine."
+    )
     performers: list[Performer]
 
 

@@ -33,6 +33,7 @@ def demo(
     data_dir: Annotated[Path | None, typer.Option(help="Where everything is kept.")] = None,
 ) -> None:
     """The meeting on this machine: no server, no account; opens the page in the browser."""
+    typer.echo("\n  MetaNeRF is starting")
     from services.bootstrap import ensure_demo
     from services.build_demo import DEMO_MODEL
     from services.container import build_services
@@ -44,7 +45,7 @@ def demo(
     ensure_demo(services, DEMO_MODEL, _DEMO_NAME)
     services.close()
     address = f"http://{settings.host}:{listener.getsockname()[1]}/"
-    typer.secho(f"\n  MetaNeRF is open at {address}   (Ctrl-C ends it)\n", bold=True)
+    typer.secho(f"  MetaNeRF is open at {address}   (Ctrl-C ends it)\n", bold=True)
     if browser:
         threading.Timer(1.0, webbrowser.open, [address]).start()
     _serve(settings, listener)

@@ -6,7 +6,7 @@ import asyncio
 import logging
 import secrets
 from collections.abc import Awaitable, Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -98,6 +98,7 @@ class ViewSessions:
         self._sessions: dict[str, _Session] = {}
         # one thread renders for all: a picture already uses every core
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="render")
+        self._warming: Future[None] | None = None
         self._watch: asyncio.Task[None] | None = None
         vpx.DEFAULT_BITRATE, vpx.MIN_BITRATE = _START_BITRATE, _LOWEST_BITRATE
         vpx.MAX_BITRATE = _HIGHEST_BITRATE
@@ -107,7 +108,13 @@ class ViewSessions:
 
     def warm_up(self) -> None:
         """Have the renderer ready before the first viewer comes; returns at once."""
-        self._executor.submit(warm_up)
+        self._warming = self._executor.submit(warm_up)
+        self._warming.add_done_callback(_tell_failure)
+
+    @property
+    def ready(self) -> bool:
+        """Whether pictures come at once; on its first start on a machine the renderer compiles."""
+        return self._warming is None or self._warming.done()
 
     def render_milliseconds(self) -> list[float]:
         """Times of the latest renders of all sessions, ms."""
@@ -222,6 +229,11 @@ class ViewSessions:
             if now_s - kept_s >= BEAT_S:
                 kept_s = now_s
                 await self._seats.keep(self._seats_taken())
+
+
+def _tell_failure(warming: Future[None]) -> None:
+    if not warming.cancelled() and (error := warming.exception()):
+        log.error("the renderer could not be made ready", exc_info=error)
 
 
 async def _answer(connection: RTCPeerConnection, track: ViewTrack, sdp_offer: str) -> str:

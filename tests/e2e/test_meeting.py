@@ -69,6 +69,18 @@ def test_the_demo_meeting_follows_the_viewer(tmp_path):
         expect(page.get_by_test_id("start-join")).to_be_visible()
 
 
+def test_the_first_start_on_a_machine_says_what_it_waits_for(tmp_path):
+    nothing_compiled = {"NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    with running_demo(tmp_path / "data", **nothing_compiled) as address, open_page() as page:
+        page.goto(address)
+        waiting = page.get_by_test_id("waiting")
+        expect(waiting).to_contain_text("The server is starting up", timeout=MINUTES)
+        page.get_by_test_id("start-join").click()
+        expect(waiting).to_contain_text("The server is starting up")
+        watch(page, 5, minutes=3.0)
+        expect(waiting).to_have_count(0)
+
+
 def test_a_real_clip_becomes_somebody_in_the_meeting(tmp_path):
     clip = short_clip(shared_data("real-two-cameras/cam01.mp4"), tmp_path / "clip.mp4", every=4)
     pose_model = str(shared_data("models/pose_landmarker_full.task"))

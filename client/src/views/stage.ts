@@ -6,6 +6,7 @@ import type { Performer } from "../types";
 import { announce, h, usesTouch } from "./dom";
 import { mark } from "./icons";
 import { button, notice, type View } from "./shell";
+import { waitingNote } from "./waitingNote";
 
 interface StageHooks {
   onLeave(): void;
@@ -104,11 +105,9 @@ function stateInWords(state: LiveState, hooks: StageHooks): HTMLElement[] {
       announce("Connected");
       return [];
     case "connecting":
-      return [waiting("Connecting")];
     case "preparing":
-      return [waiting("Getting the picture ready")];
     case "reconnecting":
-      return [waiting("Connection lost. Reconnecting", state.problem?.detail)];
+      return [waitingNote(state)];
     case "refused":
       return [
         h(
@@ -122,16 +121,6 @@ function stateInWords(state: LiveState, hooks: StageHooks): HTMLElement[] {
         ),
       ];
   }
-}
-
-function waiting(words: string, detail = ""): HTMLElement {
-  announce(words);
-  return h(
-    "div",
-    { className: "waiting-note glass" },
-    h("span", { className: "spinner", attributes: { "aria-hidden": "true" } }),
-    h("div", {}, h("strong", {}, words), detail !== "" && h("p", {}, detail)),
-  );
 }
 
 function showNumbers(fps: HTMLElement, line: HTMLElement, news: LiveNumbers): void {

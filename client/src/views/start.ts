@@ -5,6 +5,7 @@ import { enrolForm, type EnrolHooks } from "./enrolForm";
 import { h } from "./dom";
 import { turningFigure } from "./icons";
 import { button, type View } from "./shell";
+import { waitingNote } from "./waitingNote";
 
 interface StartHooks extends EnrolHooks {
   onJoin(): void;
@@ -46,17 +47,20 @@ export function startView(live: LiveView | null, hooks: StartHooks): View {
 
 function meetingHero(live: LiveView, onJoin: () => void): HTMLElement {
   const who = h("p", { className: "who" });
-  const window_ = h("div", { className: "window" }, live.video, who);
   const name = (): void => {
     const names = live.meeting.performers.map((performer) => performer.name);
     who.textContent = names.length ? `Now here: ${names.join(", ")}` : "Nobody is here yet";
   };
   name();
   live.onPerformers = name;
+  const middle = h("div", { className: "window-middle" });
+  const window_ = h("div", { className: "window" }, live.video, middle, who);
   live.onState = (state) => {
     window_.classList.toggle("waiting", state.kind !== "live");
+    const waits = state.kind !== "live" && state.kind !== "refused";
+    middle.replaceChildren(...(waits ? [waitingNote(state)] : []));
   };
-  window_.classList.toggle("waiting", live.state.kind !== "live");
+  live.onState(live.state);
   return h(
     "section",
     { className: "hero", attributes: { "aria-labelledby": "hero-title" } },

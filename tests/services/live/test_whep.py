@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import threading
 from pathlib import Path
 
 import httpx
@@ -111,3 +113,20 @@ async def test_a_full_server_says_when_to_come_back(services, caller, app, model
     assert answer.status_code == 503
     assert int(answer.headers["retry-after"]) > 0
     assert "at most 0 viewers" in answer.json()["detail"]
+
+
+async def test_who_joins_is_told_while_the_renderer_gets_ready(caller, app, model):
+    meeting_id, _ = await open_meeting(caller, model)
+    views: ViewSessions = app.state.views
+    ready = threading.Event()
+    # the renderer's one thread is busy, as it is while kernels are compiled
+    views._executor.submit(ready.wait, 20.0)
+    views.warm_up()
+    join = f"/v1/meetings/{meeting_id}/join"
+    assert (await caller.post(join, json={})).json()["ready"] is False
+    ready.set()
+    for _ in range(400):
+        if views.ready:
+            break
+        await asyncio.sleep(0.05)
+    assert (await caller.post(join, json={})).json()["ready"] is True
