@@ -52,15 +52,24 @@ def first_splats(
     top = np.take_along_axis(weights, strongest, axis=1)
     top /= top.sum(axis=1, keepdims=True)
     parameters = np.zeros((len(points), PARAMETERS), np.float32)
-    parameters[:, POSITION : POSITION + 3] = points
+    parameters[:, POSITION : POSITION + 3] = points - settings.inset_m * normals
     spacing = np.sqrt(area / len(points))
     parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(settings.scale_share * spacing)
-    parameters[:, ROTATION] = 1.0
+    parameters[:, LOG_SCALE + 2] += np.log(settings.thickness)
+    parameters[:, ROTATION : ROTATION + 4] = _from_z_axis(normals)
     parameters[:, COLOUR : COLOUR + 3] = 0.5
     parameters[:, OPACITY] = settings.opacity_logit
     return FirstSplats(
         parameters, strongest.astype(np.uint16), top.astype(np.float32), normals.astype(np.float32)
     )
+
+
+def _from_z_axis(directions: Float[Array, "N 3"]) -> Float[Array, "N 4"]:
+    """Quaternions (w, x, y, z) that turn +z to unit `directions`, the shortest way."""
+    x, y, z = directions.T
+    turns = np.stack([1.0 + z, -y, x, np.zeros_like(z)], axis=1)
+    turns[turns[:, 0] < 1e-6] = [0.0, 1.0, 0.0, 0.0]
+    return turns / np.linalg.norm(turns, axis=1, keepdims=True)
 
 
 def sample_surface(

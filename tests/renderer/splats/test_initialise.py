@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from renderer.splats.initialise import first_splats, sample_surface
+from renderer.splats.layout import LOG_SCALE, ROTATION
 from renderer.splats.settings import SplatSettings
 from scene import Body, InvalidInput, Skeleton
+from scene.rotations import quaternion_to_matrix
 from tests.renderer.studio import make_body, make_sequence
 
 
@@ -30,6 +32,16 @@ def test_splats_follow_at_most_four_joints():
     assert first.parameters.shape == (500, 14)
     assert first.joints.shape == (500, 4)
     np.testing.assert_allclose(first.weights.sum(axis=1), 1.0, rtol=1e-6)
+
+
+def test_splats_lie_flat_in_the_surface():
+    settings = SplatSettings(count=500)
+    first = first_splats(make_sequence(), settings, np.random.default_rng(0))
+    quaternions = first.parameters[:, ROTATION : ROTATION + 4].astype(np.float64)
+    turns = quaternion_to_matrix(quaternions)
+    np.testing.assert_allclose(turns[:, :, 2], first.normals, atol=1e-6)
+    scales = np.exp(first.parameters[:, LOG_SCALE : LOG_SCALE + 3])
+    np.testing.assert_allclose(scales[:, 2], settings.thickness * scales[:, 0], rtol=1e-5)
 
 
 def test_without_a_surface_capsules_are_cut_by_the_masks():
