@@ -11,8 +11,13 @@ from pathlib import Path
 
 import jaxtyping
 import pytest
+import torch
 
 import tests.annotations  # noqa: F401  (the hook finds its checker by this name)
+
+# before anything imports triton: without a GPU its kernels run one by one on the CPU
+if not torch.cuda.is_available():
+    os.environ.setdefault("TRITON_INTERPRET", "1")
 
 _ROOT = Path(__file__).resolve().parents[1]
 

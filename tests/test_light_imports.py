@@ -9,7 +9,7 @@ BLOCK_AND_IMPORT = """
 import importlib, importlib.abc, pkgutil, sys
 
 BLOCKED = {"numba", "llvmlite", "safetensors", "torchmetrics", "jaxtyping", "beartype", "cv2",
-           "scipy", "av", "PIL", "matplotlib", "anny", "mediapipe", "roma"}
+           "scipy", "av", "PIL", "matplotlib", "anny", "mediapipe", "roma", "triton"}
 
 class Blocker(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
