@@ -8,8 +8,9 @@ the rates, thrice, then failing with the reason), and leaves a checkpoint that a
 from __future__ import annotations
 
 import json
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -52,7 +53,8 @@ class Trainer(Protocol):
         ...
 
     def step(self, fraction: float) -> float:
-        """One step at `fraction` of the schedule; returns the loss."""
+        """One step at `fraction` of the schedule; returns the loss. One that is not finite says
+        that training has diverged, or that nobody is left in the picture."""
         ...
 
     def preview(self) -> Float[Array, "H W 3"]:
@@ -83,6 +85,7 @@ def train(
     budget_s: float | None = None,
     iterations: int | None = None,
     seed: int = 0,
+    lpips_backbone: Path | None = None,
     on_progress: Callable[[Progress], None] = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
     checkpoint: Path | None = None,
@@ -93,6 +96,7 @@ def train(
     Args:
         budget_s: training time (compilation and reading apart); schedules scale with it.
         iterations: a number of steps in its place: repeatable to the bit for one seed.
+        lpips_backbone: weights for a perceptual loss, where the preset trains on patches.
         checkpoint: where a stopped run is kept, and where this one goes on from if it is there.
         clock: monotonic seconds.
     Raises:
@@ -103,7 +107,8 @@ def train(
             f"either budget_s or iterations must be given; got {budget_s} and {iterations}"
         )
     chosen = find_preset(preset)
-    run = _Run(_make_trainer(chosen, sequence, seed), chosen.name, sequence.data_hash, seed)
+    trainer = _make_trainer(chosen, sequence, seed, lpips_backbone)
+    run = _Run(trainer, chosen.name, sequence.data_hash, seed)
     run.resume(checkpoint)
     run.trainer.warm_up()
     run.loop(budget_s, iterations, on_progress, should_stop, checkpoint, clock)
@@ -118,16 +123,26 @@ def train(
     )
 
 
-def _make_trainer(preset: Preset, sequence: Sequence, seed: int) -> Trainer:
-    from renderer.splats.settings import SplatSettings
+def _make_trainer(
+    preset: Preset, sequence: Sequence, seed: int, lpips_backbone: Path | None
+) -> Trainer:
+    from renderer.field.settings import FieldSettings
 
-    if isinstance(preset.settings, SplatSettings):
-        from renderer.splats.training import SplatTrainer
+    settings = preset.settings
+    on_patches = isinstance(settings, FieldSettings) and settings.patch_px > 0
+    if lpips_backbone is not None and not on_patches:
+        raise TrainingError(
+            f"lpips_backbone must go with a preset that trains on patches, such as paper; "
+            f"got {preset.name!r}; leave it out"
+        )
+    if isinstance(settings, FieldSettings):
+        from renderer.field.training import FieldTrainer
 
-        return SplatTrainer(sequence, preset.settings, seed)
-    from renderer.field.training import FieldTrainer
+        settings = replace(settings, lpips_backbone=lpips_backbone)
+        return FieldTrainer(sequence, preset.name, settings, seed)
+    from renderer.splats.training import SplatTrainer
 
-    return FieldTrainer(sequence, preset.name, preset.settings, seed)
+    return SplatTrainer(sequence, settings, seed)
 
 
 class _Run:
@@ -150,7 +165,8 @@ class _Run:
         """Step until the budget is used."""
         started = clock() - self.elapsed_s
         reported = saved = self.elapsed_s
-        good, good_step = self.trainer.state(), self.step
+        # two, since the newest may already hold the step that went wrong
+        good = deque([(self.trainer.state(), self.step)], maxlen=2)
         while True:
             fraction = self.elapsed_s / budget_s if budget_s else self.step / (iterations or 1)
             if fraction >= 1.0:
@@ -159,7 +175,7 @@ class _Run:
             self.step += 1
             self.elapsed_s = clock() - started
             if not np.isfinite(self.loss):
-                self._roll_back(good, good_step)
+                self._roll_back(good)
                 continue
             if self.step % _CHECK_EVERY_STEPS and self.elapsed_s - reported < REPORT_EVERY_S:
                 continue
@@ -169,15 +185,16 @@ class _Run:
             if self.elapsed_s - reported >= REPORT_EVERY_S:
                 state = self.trainer.state()
                 if not _is_finite(state):
-                    self._roll_back(good, good_step)
+                    self._roll_back(good)
                     continue
-                good, good_step, reported = state, self.step, self.elapsed_s
+                good.append((state, self.step))
+                reported = self.elapsed_s
                 on_progress(self._progress(fraction))
             if self.elapsed_s - saved >= CHECKPOINT_EVERY_S:
                 self.save(checkpoint)
                 saved = self.elapsed_s
         if not _is_finite(self.trainer.state()):
-            self.trainer.restore(good)
+            self.trainer.restore(good[-1][0])
         on_progress(self._progress(1.0))
 
     def save(self, path: Path | None) -> None:
@@ -211,16 +228,19 @@ class _Run:
         self.trainer.restore(arrays)
         self.step, self.elapsed_s = int(about["step"]), float(about["elapsed_s"])
 
-    def _roll_back(self, good: dict[str, Array], good_step: int) -> None:
+    def _roll_back(self, good: deque[tuple[dict[str, Array], int]]) -> None:
         self.rollbacks += 1
         if self.rollbacks > _ATTEMPTS:
             raise TrainingError(
-                f"training must stay finite; got a loss of {self.loss} at step {self.step}, "
-                f"{_ATTEMPTS} times after halving the rates; look at the clip's masks and poses"
+                "training must stay finite and keep the person in sight; got a loss of "
+                f"{self.loss} at step {self.step}, {_ATTEMPTS} times after halving the rates; "
+                "look at the clip's masks and poses"
             )
-        self.trainer.restore(good)
+        state, self.step = good[-1]
+        if len(good) > 1:
+            good.pop()
+        self.trainer.restore(state)
         self.trainer.slow_down()
-        self.step = good_step
 
     def _progress(self, fraction: float) -> Progress:
         picture = self.trainer.preview()

@@ -21,7 +21,10 @@ from renderer.field.sizes import FieldSizes, GridSize
 from scene.arrays import Array, Bool, Float, Int, Tensor
 
 DENSITY_SCALE = 100.0
-"""1/m a unit of the grid's softplus: a centimetre of skin is then opaque at moderate parameters."""
+"""1/m a unit of what is learnt: a centimetre of skin is then opaque at moderate parameters."""
+START_DENSITY = 10.0
+"""1/m, added before an MLP's ReLU: every run starts as a fog, a body's width of which is nearly
+opaque, and not as a black picture, where the ReLU would pass no gradient."""
 _SOFTNESS_M = 0.006
 """Signed distance that changes the first density by one unit of its logit."""
 _LOGIT_RANGE = (-8.0, 5.0)
@@ -90,10 +93,11 @@ class CanonicalField(nn.Module):
         self.mlp: Mlp | None = None
         if sizes.grid is None or shell is None:
             assert sizes.colour is not None
-            self.mlp = Mlp(encoded_size(sizes.octaves, identity=True), 4, sizes.colour)
+            inputs = encoded_size(sizes.octaves, identity=True)
+            self.mlp = Mlp(inputs, 4, sizes.colour, backend=sizes.backend)
             return
         if sizes.colour is not None:
-            self.mlp = Mlp(sizes.grid.channels, 3, sizes.colour)
+            self.mlp = Mlp(sizes.grid.channels, 3, sizes.colour, backend=sizes.backend)
         depth, height, width = shell.learnt.shape
         self._shape = (depth, height, width)
         self.register_buffer("rows", torch.from_numpy(shell.rows.reshape(-1)), persistent=False)
@@ -134,7 +138,9 @@ class CanonicalField(nn.Module):
         if self.table is None or place.index is None:
             assert self.mlp is not None
             out = self.mlp(positional_encoding(place.points, self._octaves, identity=True))
-            return torch.sigmoid(out[:, :3]), functional.relu(out[:, 3])
+            return torch.sigmoid(out[:, :3]), functional.relu(
+                DENSITY_SCALE * out[:, 3] + START_DENSITY
+            )
         features = weighted_rows(self.table, place.index, place.weights)
         colour = features[:, 1:] if self.mlp is None else self.mlp(features[:, 1:])
         return torch.sigmoid(colour), _density(features[:, 0])
@@ -146,6 +152,18 @@ class CanonicalField(nn.Module):
         at = to_grid(points, self.low, self.high, self._shape)
         index, _ = corners(at, self._shape)
         return (self.rows[index] >= _FIXED_ROWS).any(dim=1)
+
+    def grid_density(self) -> Float[Tensor, "D H W"]:
+        """Densities at the grid's own points."""
+        assert self.table is not None
+        return _density(self.table[self.rows.long(), 0]).view(self._shape)
+
+    def empty(self, there: Bool[Tensor, "D H W"]) -> None:
+        """Take all density from the grid points marked."""
+        assert self.table is not None
+        rows = self.rows[there.view(-1)].long()
+        with torch.no_grad():
+            self.table[rows[rows >= _FIXED_ROWS], 0] = _EMPTY_LOGIT
 
     def density_at(self, place: Located) -> Float[Tensor, "N"]:
         """Densities alone; a fraction of the price of `at` where a grid holds them."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 
+from renderer.field.cells import LiveCells
 from renderer.field.field import PersonField
 from renderer.field.marching import (
     OPAQUE,
@@ -14,14 +17,16 @@ from renderer.field.marching import (
     box_span,
     composite,
     march,
-    march_all,
+    steps_of,
 )
 from renderer.field.posed import (
     LEAST_LIKELIHOOD,
     PosedGrid,
     Support,
     direct_canonical,
+    occupied_cells,
     posed_grid,
+    reached_cells,
 )
 from renderer.field.skinning import WeightVolume
 from scene.arrays import Array, Float, Tensor
@@ -29,8 +34,11 @@ from scene.camera import Camera
 from scene.motion import Pose
 
 _RAYS_AT_ONCE = 16384
+_RAYS_AT_ONCE_CULLED = 4096
 _RAYS_AT_ONCE_DIRECT = 512
-"""Without a posed grid every sample of a ray costs 24 look-ups, so memory holds fewer."""
+"""Where every sample of a ray costs 24 look-ups, memory holds fewer."""
+_WAVE = 8
+"""Samples of a ray that are asked before looking whether the ray has become opaque."""
 _LEAST_WEIGHT = 1e-3
 """Blending weight below which a sample's colour can't be seen."""
 
@@ -61,8 +69,8 @@ class FieldRenderer:
     def render_posed(
         self,
         camera: Camera,
-        transforms: Float[Tensor, "24 3 4"],
-        joint_angles: Float[Tensor, "24 3"],
+        transforms: Float[Tensor, "K 3 4"],
+        joint_angles: Float[Tensor, "K 3"],
     ) -> Float[Array, "H W 4"]:
         """The same from M_i (rest -> world)."""
         picture = np.zeros((camera.height, camera.width, 4), np.float32)
@@ -75,50 +83,110 @@ class FieldRenderer:
         crop = camera.cropped(columns.start, rows.start, size[1], size[0])
         directions = torch.from_numpy(crop.rays()[1]).float().view(-1, 3)
         origin = torch.from_numpy(camera.position).float()[None]
-        posed = None
-        if self.field.sizes.posed_grid:
-            posed = posed_grid(self.field, self.volume, self.support, transforms)
+        cells = self._cells(transforms, joint_angles)
+        draw = _Draw(self, (low, high), cells, transforms, joint_angles)
         parts = [
-            self._draw(origin.expand(len(part), 3), part, (low, high), posed, transforms,
-                       joint_angles)
-            for part in directions.split(_RAYS_AT_ONCE if posed else _RAYS_AT_ONCE_DIRECT)
-        ]  # fmt: skip
+            draw.rays(origin.expand(len(part), 3), part)
+            for part in directions.split(self._rays_at_once(cells))
+        ]
         picture[rows, columns] = torch.cat(parts).view(*size, 4).numpy()
         return picture
 
-    def _draw(
-        self, origins: Tensor, directions: Tensor, box: tuple[Tensor, Tensor],
-        posed: PosedGrid | None, transforms: Tensor, joint_angles: Tensor,
-    ) -> Float[Tensor, "R 4"]:  # fmt: skip
+    def _cells(
+        self, transforms: Float[Tensor, "K 3 4"], joint_angles: Float[Tensor, "K 3"]
+    ) -> LiveCells | None:
+        """What is known of this pose before any sample is asked."""
+        field, volume, support = self.field, self.volume, self.support
+        if field.sizes.posed_grid:
+            return posed_grid(field, volume, support, transforms)
+        if field.sizes.occupancy:
+            return occupied_cells(field, volume, support, transforms, joint_angles)
+        return reached_cells(support, transforms) if field.sizes.cull else None
+
+    @staticmethod
+    def _rays_at_once(cells: LiveCells | None) -> int:
+        if isinstance(cells, PosedGrid):
+            return _RAYS_AT_ONCE
+        return _RAYS_AT_ONCE_DIRECT if cells is None else _RAYS_AT_ONCE_CULLED
+
+
+@dataclass(frozen=True, eq=False)
+class _Draw:
+    """One pose being drawn."""
+
+    renderer: FieldRenderer
+    box: tuple[Float[Tensor, "3"], Float[Tensor, "3"]]
+    cells: LiveCells | None
+    transforms: Float[Tensor, "K 3 4"]
+    joint_angles: Float[Tensor, "K 3"]
+
+    def rays(
+        self, origins: Float[Tensor, "R 3"], directions: Float[Tensor, "R 3"]
+    ) -> Float[Tensor, "R 4"]:
+        """Premultiplied RGBA of rays."""
+        sizes = self.renderer.field.sizes
         rgba = torch.zeros(len(directions), 4)
-        near, far = box_span(origins, directions, *box)
+        near, far = box_span(origins, directions, *self.box)
         hit = torch.nonzero(far > near)[:, 0]
         if len(hit) == 0:
             return rgba
-        rays = (origins[hit], directions[hit], (near[hit], far[hit]), self.field.sizes.step_m)
-        samples = march_all(*rays) if posed is None else march(posed, *rays)
-        rgba[hit] = self._shade(samples, posed, transforms, joint_angles)
+        span = near[hit], far[hit]
+        steps = steps_of(span, sizes.step_m, sizes.samples_a_ray)
+        samples = march(self.cells, origins[hit], directions[hit], span, steps)
+        # a grid tells density so cheaply that all of a ray is asked at once
+        waves = sizes.early_stop and not self.renderer.field.canonical.has_grid
+        rgba[hit] = self._in_waves(samples) if waves else self._shaded(samples)
         return rgba
 
-    def _shade(
-        self, samples: Samples, posed: PosedGrid | None, transforms: Tensor, joint_angles: Tensor
-    ) -> Float[Tensor, "R 4"]:
-        """Density everywhere, colour only where it is seen."""
-        step = self.field.sizes.step_m
-        if posed is None:
-            rounds = self.field.sizes.inverse_rounds
-            found, likelihood = direct_canonical(samples.points, transforms, self.volume, rounds)
-        else:
-            found, likelihood = posed.canonical(samples.points)
-        keep = likelihood > LEAST_LIKELIHOOD
-        samples, found, likelihood = samples.kept(keep), found[keep], likelihood[keep]
-        canonical = self.field.canonical
-        place = canonical.located(self.field.moved(found, joint_angles))
-        alpha = alphas(canonical.density_at(place), likelihood, step)
-        weights, before = blending_weights(alpha, samples)
-        seen = (weights > _LEAST_WEIGHT) & (before > OPAQUE)
-        colours, _ = canonical.at(place.kept(seen))
-        return composite(weights[seen], colours, samples.kept(seen))
+    def _in_waves(self, samples: Samples) -> Float[Tensor, "R 4"]:
+        """Front to back, each ray as far as it can be seen into."""
+        rgba = torch.zeros(samples.rays, 4)
+        for wave in samples.waves(_WAVE):
+            through = 1.0 - rgba[:, 3:]
+            visible = wave.kept(through[wave.ray, 0] > OPAQUE)
+            if len(visible.ray):
+                rgba = rgba + through * self._shaded(visible)
+        return rgba
+
+    def _shaded(self, samples: Samples) -> Float[Tensor, "R 4"]:
+        """RGBA of the samples, those left out that the field's speed-ups need not ask."""
+        field = self.renderer.field
+        found, likelihood = self._canonical(samples)
+        if self.cells is not None:
+            keep = likelihood > LEAST_LIKELIHOOD
+            samples, found, likelihood = samples.kept(keep), found[keep], likelihood[keep]
+        found = field.moved(found, self.joint_angles)
+        occupied = field.occupied_at(found)
+        if occupied is not None and field.sizes.occupancy:
+            samples, found, likelihood = (
+                samples.kept(occupied),
+                found[occupied],
+                likelihood[occupied],
+            )
+            occupied = None
+        canonical = field.canonical
+        place = canonical.located(found)
+        if canonical.has_grid:
+            density = canonical.density_at(place)
+            alpha = alphas(density, likelihood, samples.step)
+            weights, before = blending_weights(alpha, samples)
+            seen = weights > _LEAST_WEIGHT
+            if field.sizes.early_stop:
+                seen &= before > OPAQUE
+            colours, _ = canonical.at(place.kept(seen))
+            return composite(weights[seen], colours, samples.kept(seen))
+        colours, density = canonical.at(place)
+        if occupied is not None:
+            density = density * occupied
+        weights, _ = blending_weights(alphas(density, likelihood, samples.step), samples)
+        return composite(weights, colours, samples)
+
+    def _canonical(self, samples: Samples) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N"]]:
+        if isinstance(self.cells, PosedGrid):
+            return self.cells.canonical(samples.points)
+        renderer, rounds = self.renderer, self.renderer.field.sizes.inverse_rounds
+        support = None if self.cells is None else renderer.support
+        return direct_canonical(samples.points, self.transforms, renderer.volume, rounds, support)
 
 
 def _window(camera: Camera, low: Array, high: Array) -> tuple[slice, slice] | None:

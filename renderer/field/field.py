@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import nn
 
 from renderer.field.canonical import CanonicalField, Shell
+from renderer.field.cells import LiveCells
 from renderer.field.networks import PoseRefiner, ResidualMotion, SkeletonMotion
-from renderer.field.rest_shape import RestShape, rest_shape
+from renderer.field.rest_shape import RestShape, bone_shape, rest_shape
 from renderer.field.sizes import FieldSizes
 from renderer.field.skinning import WeightVolume, rotations, skinning_transforms
-from scene.arrays import Float, Tensor
+from scene.arrays import Bool, Float, Tensor
 from scene.body import Body
 from scene.skeleton import Skeleton
 
@@ -29,7 +32,7 @@ class PersonField(nn.Module):
         self,
         sizes: FieldSizes,
         skeleton: Skeleton,
-        prior: Float[Tensor, "25 D H W"],
+        prior: Float[Tensor, "C D H W"],
         low: Float[Tensor, "3"],
         high: Float[Tensor, "3"],
         shell: Shell | None,
@@ -42,18 +45,25 @@ class PersonField(nn.Module):
         self.register_buffer("rest_joints", joints, persistent=False)
         self.register_buffer("low", low, persistent=False)
         self.register_buffer("high", high, persistent=False)
-        self.refiner = PoseRefiner(sizes.refiner) if sizes.refiner else None
+        count = len(skeleton.names)
+        self.refiner = PoseRefiner(sizes.refiner, count, sizes.backend) if sizes.refiner else None
         self.motion = SkeletonMotion(sizes, prior)
-        self.residual = ResidualMotion(sizes) if sizes.residual else None
+        self.residual = ResidualMotion(sizes, count) if sizes.residual else None
         self.canonical = CanonicalField(sizes, low, high, shell)
         self.residual_opened: float | None = None
         """Fraction of the residual's window that is open; None: the residual is off."""
+        self.occupied: LiveCells | None = None
+        """Where the canonical space of a trained MLP holds anything; None: not known (yet)."""
 
     @classmethod
     def for_body(cls, sizes: FieldSizes, body: Body) -> PersonField:
         """An untrained field over the prior knowledge of `body`."""
         outside = sizes.grid.outside_m if sizes.grid else _LIKELY_OUTSIDE_M
-        return cls.for_shape(sizes, body.skeleton, rest_shape(body, sizes.volume, outside))
+        if sizes.bone_prior:
+            shape = bone_shape(body.skeleton, sizes.volume, outside)
+        else:
+            shape = rest_shape(body, sizes.volume, outside)
+        return cls.for_shape(sizes, body.skeleton, shape)
 
     @classmethod
     def for_shape(cls, sizes: FieldSizes, skeleton: Skeleton, shape: RestShape) -> PersonField:
@@ -67,17 +77,25 @@ class PersonField(nn.Module):
         field.canonical.start_from(shell, distance)
         return field
 
+    def bake(self) -> None:
+        """Keep the weight volume as it stands and drop the CNN that made it: its input never
+        changes, so neither does what it makes. Nothing about motion is learnt after this."""
+        with torch.no_grad():
+            volume = self.motion()
+        self.sizes = replace(self.sizes, latent=0)
+        self.motion = SkeletonMotion(self.sizes, volume)
+
     def weight_volume(self) -> WeightVolume:
         """The weight volume as it stands, ready for look-ups."""
         return WeightVolume.of(self.motion(), self.low, self.high)
 
     def transforms(
         self,
-        joint_angles: Float[Tensor, "24 3"],
+        joint_angles: Float[Tensor, "K 3"],
         root_translation: Float[Tensor, "3"],
         *,
         refine: bool,
-    ) -> Float[Tensor, "24 3 4"]:
+    ) -> Float[Tensor, "K 3 4"]:
         """M_i (rest -> world), with the refiner's corrections where asked and present.
 
         Corrections belong to the estimates the refiner was trained on; live poses come without.
@@ -88,9 +106,15 @@ class PersonField(nn.Module):
         return skinning_transforms(local, root_translation, self.rest_joints, self.skeleton.parents)
 
     def moved(
-        self, canonical: Float[Tensor, "N 3"], joint_angles: Float[Tensor, "24 3"]
+        self, canonical: Float[Tensor, "N 3"], joint_angles: Float[Tensor, "K 3"]
     ) -> Float[Tensor, "N 3"]:
         """Skeleton-canonical points after the residual motion, where that is on."""
         if self.residual is None or self.residual_opened is None:
             return canonical
         return canonical + self.residual(canonical, joint_angles, self.residual_opened)
+
+    def occupied_at(self, canonical: Float[Tensor, "N 3"]) -> Bool[Tensor, "N"] | None:
+        """Whether anything is at canonical points (after residual motion); None: not known."""
+        if self.occupied is None:
+            return None
+        return self.occupied.live[self.occupied.index_of(canonical).long()]

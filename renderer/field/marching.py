@@ -8,11 +8,12 @@ sum_i T_i alpha_i c_i. Only samples in live cells are kept, packed in order a ra
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import torch
 
-from renderer.field.posed import PosedGrid
+from renderer.field.cells import LiveCells
 from scene.arrays import Bool, Float, Int, Tensor
 
 OPAQUE = 1e-3
@@ -30,6 +31,8 @@ class Samples:
     points: Float[Tensor, "N 3"]
     t: Float[Tensor, "N"]
     """Distance along the ray, m."""
+    step: Float[Tensor, "N"]
+    """Length of ray that each stands for (delta), m."""
     rays: int
     slots: int
     """Most live samples of any ray."""
@@ -37,8 +40,20 @@ class Samples:
     def kept(self, keep: Bool[Tensor, "N"]) -> Samples:
         """Only the samples marked; slots keep their numbers."""
         return Samples(
-            self.ray[keep], self.slot[keep], self.points[keep], self.t[keep], self.rays, self.slots
+            self.ray[keep],
+            self.slot[keep],
+            self.points[keep],
+            self.t[keep],
+            self.step[keep],
+            self.rays,
+            self.slots,
         )
+
+    def waves(self, depth: int) -> Iterator[Samples]:
+        """The samples front to back, `depth` slots at a time."""
+        for first in range(0, self.slots, depth):
+            wave = self.kept((self.slot >= first) & (self.slot < first + depth))
+            yield replace(wave, slot=wave.slot - first, slots=depth)
 
 
 def box_span(
@@ -57,17 +72,23 @@ def box_span(
 def packed(
     live: Bool[Tensor, "R S"],
     t: Float[Tensor, "R S"],
+    step: Float[Tensor, "R"],
     origins: Float[Tensor, "R 3"],
     directions: Float[Tensor, "R 3"],
 ) -> Samples:
-    """The marked samples, in order."""
+    """The marked samples, in order; `step` is the distance between each ray's samples, m."""
     ray, place = torch.nonzero(live, as_tuple=True)
-    count = torch.bincount(ray, minlength=len(live))
-    slot = torch.arange(len(ray)) - (count.cumsum(0) - count)[ray]
-    most = int(count.max()) if len(ray) else 0
+    slot, most = _slots(ray, len(live))
     distance = t[ray, place]
     points = torch.addcmul(origins[ray], distance[:, None], directions[ray])
-    return Samples(ray, slot, points, distance, len(live), most)
+    return Samples(ray, slot, points, distance, step[ray], len(live), most)
+
+
+def _slots(ray: Int[Tensor, "N"], rays: int) -> tuple[Int[Tensor, "N"], int]:
+    """Place of each sample among its ray's, and the most of any ray."""
+    count = torch.bincount(ray, minlength=rays)
+    slot = torch.arange(len(ray), device=ray.device) - (count.cumsum(0) - count)[ray]
+    return slot, int(count.max()) if len(ray) else 0
 
 
 def joined(bundles: list[Samples]) -> Samples:
@@ -81,13 +102,14 @@ def joined(bundles: list[Samples]) -> Samples:
         torch.cat([bundle.slot for bundle in bundles]),
         torch.cat([bundle.points for bundle in bundles]),
         torch.cat([bundle.t for bundle in bundles]),
+        torch.cat([bundle.step for bundle in bundles]),
         rays,
         max(bundle.slots for bundle in bundles),
     )
 
 
 def alphas(
-    density: Float[Tensor, "N"], likelihood: Float[Tensor, "N"], step_m: float
+    density: Float[Tensor, "N"], likelihood: Float[Tensor, "N"], step_m: Float[Tensor, "N"]
 ) -> Float[Tensor, "N"]:
     """alpha = f (1 - exp(-sigma delta))."""
     return likelihood * (1.0 - torch.exp(-density * step_m))
@@ -115,44 +137,38 @@ def composite(
     return rgba.new_zeros(samples.rays, 4).index_add(0, samples.ray, rgba)
 
 
+def steps_of(
+    span: tuple[Float[Tensor, "R"], Float[Tensor, "R"]], step_m: float, samples_a_ray: int = 0
+) -> tuple[Float[Tensor, "R"], int]:
+    """Distance between the samples of each ray, m, and the most samples that any ray gets.
+
+    `samples_a_ray` divides each span evenly; nil: samples lie `step_m` apart.
+    """
+    near, far = span
+    if samples_a_ray:
+        return (far - near) / samples_a_ray, samples_a_ray
+    longest = float((far - near).max()) if len(near) else 0.0
+    return torch.full_like(near, step_m), max(1, math.ceil(longest / step_m))
+
+
 def march(
-    grid: PosedGrid,
+    cells: LiveCells | None,
     origins: Float[Tensor, "R 3"],
     directions: Float[Tensor, "R 3"],
     span: tuple[Float[Tensor, "R"], Float[Tensor, "R"]],
-    step_m: float,
+    steps: tuple[Float[Tensor, "R"], int],
     jitter: Float[Tensor, "R"] | float = 0.5,
 ) -> Samples:
-    """Samples `step_m` apart within `span` that lie in live cells of `grid`.
+    """Samples within `span`, `steps` apart, that lie in live `cells` where these are given.
 
     `jitter` (0 .. 1) shifts each ray's samples by that share of a step: stratified in training, the
     middle in rendering.
     """
     near, far = span
-    longest = float((far - near).max()) if len(near) else 0.0
-    count = max(1, math.ceil(longest / step_m))
-    first = near + jitter * step_m
-    t = first[:, None] + step_m * torch.arange(count, dtype=origins.dtype)
-    scale = (grid.side - 1) / (grid.high - grid.low)
-    start, slope = (origins - grid.low) * scale, directions * scale
-    index = torch.zeros(t.shape, dtype=torch.int32)
-    for axis, stride in ((2, grid.side * grid.side), (1, grid.side), (0, 1)):
-        cell = torch.addcmul(start[:, axis : axis + 1], t, slope[:, axis : axis + 1])
-        index += stride * cell.to(torch.int32).clamp_(0, grid.side - 2)
-    live = grid.live[index] & (t < far[:, None])
-    return packed(live, t, origins, directions)
-
-
-def march_all(
-    origins: Float[Tensor, "R 3"],
-    directions: Float[Tensor, "R 3"],
-    span: tuple[Float[Tensor, "R"], Float[Tensor, "R"]],
-    step_m: float,
-    jitter: Float[Tensor, "R"] | float = 0.5,
-) -> Samples:
-    """The same without a grid: every sample within `span`."""
-    near, far = span
-    longest = float((far - near).max()) if len(near) else 0.0
-    count = max(1, math.ceil(longest / step_m))
-    t = (near + jitter * step_m)[:, None] + step_m * torch.arange(count, dtype=origins.dtype)
-    return packed(t < far[:, None], t, origins, directions)
+    step, count = steps
+    places = torch.arange(count, dtype=origins.dtype, device=origins.device)
+    t = (near + jitter * step)[:, None] + step[:, None] * places
+    live = t < far[:, None]
+    if cells is not None:
+        live &= cells.live[cells.index_along(origins, directions, t)]
+    return packed(live, t, step, origins, directions)

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from renderer.field.canonical import Shell
+from renderer.field.cells import LiveCells
 from renderer.field.drawing import FieldRenderer
 from renderer.field.field import PersonField
 from renderer.field.sizes import FieldSizes
@@ -55,7 +56,8 @@ class FieldModel:
         """What a model file holds beside motion and skeleton; `from_tensors` takes it back.
 
         The grid's table is kept in half precision (far below a byte's step in colour), the prior in
-        bytes, which it was rounded to when it was made, and the shell in bits.
+        bytes, which it was rounded to when it was made, and the shell in bits. A baked weight
+        volume takes the prior's place, as it is.
         """
         field = self.field
         stored = {_LEARNT + name: p.detach().numpy() for name, p in field.named_parameters()}
@@ -64,7 +66,11 @@ class FieldModel:
             stored[table] = stored[table].astype(np.float16)
         box = torch.stack([field.low, field.high])
         stored["box"] = box.numpy()
-        stored["prior"] = torch.round(field.motion.prior * 255.0).to(torch.uint8).numpy()
+        prior = field.motion.prior
+        in_bytes = torch.round(prior * 255.0).to(torch.uint8)
+        stored["prior"] = (prior if field.sizes.baked else in_bytes).numpy()
+        if field.occupied is not None:
+            stored["occupied"] = np.packbits(field.occupied.live.numpy(), axis=None)
         if field.shell is not None:
             stored["shell"] = np.packbits(field.shell.learnt, axis=None)
             stored["deep"] = np.packbits(field.shell.deep, axis=None)
@@ -77,6 +83,7 @@ class FieldModel:
             "sizes": self.field.sizes.to_json(),
             "grid_shape": shape,
             "residual_opened": self.field.residual_opened,
+            "occupied_side": None if self.field.occupied is None else self.field.occupied.side,
         }
 
     @classmethod
@@ -87,7 +94,9 @@ class FieldModel:
         missing or do not fit."""
         sizes = FieldSizes.from_json(about["sizes"])
         low, high = torch.from_numpy(tensors["box"].copy())
-        prior = torch.from_numpy(tensors["prior"].astype(np.float32) / np.float32(255.0))
+        prior = torch.from_numpy(tensors["prior"].astype(np.float32))
+        if tensors["prior"].dtype == np.uint8:
+            prior = prior / 255.0
         shell = None
         if about["grid_shape"] is not None:
             learnt, deep = (_unpacked(tensors[k], about["grid_shape"]) for k in ("shell", "deep"))
@@ -105,6 +114,10 @@ class FieldModel:
             )
         field.load_state_dict(learnt_state, strict=False)
         field.residual_opened = about["residual_opened"]
+        side = about.get("occupied_side")
+        if side is not None:
+            live = _unpacked(tensors["occupied"], [side**3])
+            field.occupied = LiveCells(field.low, field.high, side, torch.from_numpy(live))
         return cls(
             field,
             preset=about["preset"],
@@ -114,5 +127,5 @@ class FieldModel:
         )
 
 
-def _unpacked(bits: Array, shape: list[int]) -> Bool[Array, "D H W"]:
+def _unpacked(bits: Array, shape: list[int]) -> Bool[Array, "..."]:
     return np.unpackbits(bits, count=int(np.prod(shape))).reshape(shape).astype(bool)

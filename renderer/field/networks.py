@@ -8,6 +8,7 @@ that training starts from the poses as given and from a rigid body.
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import torch
 from torch import nn
@@ -15,16 +16,19 @@ from torch.nn import functional
 
 from renderer.field.encoding import encoded_size, hann_window, positional_encoding
 from renderer.field.sizes import FieldSizes, MlpSize
+from renderer.fused.mlp import fused_mlp, require_fusible, runs_on
 from scene.arrays import Float, Tensor
-from scene.skeleton import JOINT_COUNT
 
 _LEAK = 0.2
 """Slope of the CNN's leaky ReLU below zero."""
 _START = 1e-5
 _TINY = 1e-8
 """Keeps the logarithm of a nil prior finite."""
-POSE_NUMBERS = 3 * (JOINT_COUNT - 1)
-"""Joint angles without the root: turning or moving the whole body changes nothing canonical."""
+
+
+def pose_numbers(joints: int) -> int:
+    """Joint angles without the root: turning or moving the whole body changes nothing canonical."""
+    return 3 * (joints - 1)
 
 
 def parameter_count(module: nn.Module | None) -> int:
@@ -35,7 +39,15 @@ def parameter_count(module: nn.Module | None) -> int:
 class Mlp(nn.Module):
     """Linear layers with ReLU between them; one may read the first `reread` inputs once more."""
 
-    def __init__(self, inputs: int, outputs: int, size: MlpSize, reread: int | None = None) -> None:
+    def __init__(
+        self,
+        inputs: int,
+        outputs: int,
+        size: MlpSize,
+        reread: int | None = None,
+        backend: str = "torch",
+    ) -> None:
+        """Raises InvalidInput for sizes that `backend` can't run."""
         super().__init__()
         self._reread = inputs if reread is None else reread
         self._skip = size.skip
@@ -43,12 +55,18 @@ class Mlp(nn.Module):
         for place in range(1, size.depth + 1):
             wide = inputs if place == 1 else size.width
             wide += self._reread if place == size.skip else 0
-            layers.append(nn.Linear(wide, size.width))
+            layers.append(nn.Linear(wide, size.width, bias=size.bias))
         self.hidden = nn.ModuleList(layers)
-        self.last = nn.Linear(size.width, outputs)
+        self.last = nn.Linear(size.width, outputs, bias=size.bias)
+        self._fused = backend == "fused"
+        if self._fused:
+            for weights, _ in self._calls():
+                require_fusible([tuple(w.shape) for w in weights], biased=size.bias)
 
     def forward(self, inputs: Float[Tensor, "N I"]) -> Float[Tensor, "N O"]:
         """Outputs without a final activation."""
+        if self._fused and runs_on(inputs.device):
+            return self._forward_fused(inputs)
         value = inputs
         for place, layer in enumerate(self.hidden, start=1):
             if place == self._skip:
@@ -56,36 +74,55 @@ class Mlp(nn.Module):
             value = functional.relu(layer(value))
         return self.last(value)
 
+    def _forward_fused(self, inputs: Float[Tensor, "N I"]) -> Float[Tensor, "N O"]:
+        first, *then = self._calls()
+        value = fused_mlp(inputs, *first)
+        for weights, relu_last in then:
+            value = fused_mlp(
+                torch.cat([value, inputs[:, : self._reread]], dim=1), weights, relu_last
+            )
+        return value
+
+    def _calls(self) -> list[tuple[list[Tensor], bool]]:
+        """Weights of each fused call, and whether it ends in ReLU: a skip cuts the network in
+        two."""
+        weights = [cast(nn.Linear, layer).weight for layer in [*self.hidden, self.last]]
+        if self._skip is None:
+            return [(weights, False)]
+        cut = self._skip - 1
+        return [(weights[:cut], True), (weights[cut:], False)]
+
 
 def _start_near_zero(layer: nn.Linear) -> None:
     nn.init.uniform_(layer.weight, -_START, _START)
-    nn.init.zeros_(layer.bias)
+    if layer.bias is not None:
+        nn.init.zeros_(layer.bias)
 
 
 class PoseRefiner(nn.Module):
     """Corrections of joint angles, axis-angle, from the angles as given."""
 
-    def __init__(self, size: MlpSize) -> None:
+    def __init__(self, size: MlpSize, joints: int, backend: str = "torch") -> None:
         super().__init__()
-        self.mlp = Mlp(POSE_NUMBERS, POSE_NUMBERS, size)
+        self.mlp = Mlp(pose_numbers(joints), pose_numbers(joints), size, backend=backend)
         _start_near_zero(self.mlp.last)
 
-    def forward(self, joint_angles: Float[Tensor, "F 24 3"]) -> Float[Tensor, "F 24 3"]:
+    def forward(self, joint_angles: Float[Tensor, "F K 3"]) -> Float[Tensor, "F K 3"]:
         """Axis-angle corrections (rad), to be applied in each joint's own frame; the root's nil."""
-        change = self.mlp(joint_angles[:, 1:].flatten(1)).view(-1, JOINT_COUNT - 1, 3)
+        change = self.mlp(joint_angles[:, 1:].flatten(1)).view(len(joint_angles), -1, 3)
         return functional.pad(change, (0, 0, 1, 0))
 
 
 class SkeletonMotion(nn.Module):
     """The weight volume: which joint moves each place of the canonical space, or none.
 
-    softmax over 25 channels (24 joints, then background) of CNN(z) + log prior, with z constant
+    softmax over K + 1 channels (K joints, then background) of CNN(z) + log prior, with z constant
     and learnt. Without a CNN the prior itself is the volume.
     """
 
     prior: Tensor
 
-    def __init__(self, sizes: FieldSizes, prior: Float[Tensor, "25 D H W"]) -> None:
+    def __init__(self, sizes: FieldSizes, prior: Float[Tensor, "C D H W"]) -> None:
         super().__init__()
         self.register_buffer("prior", prior)
         self.latent = None
@@ -94,7 +131,7 @@ class SkeletonMotion(nn.Module):
             self.first = nn.Linear(sizes.latent, sizes.latent_channels)
             self.decoder = _decoder(sizes.latent_channels, sizes.volume[0], len(prior))
 
-    def forward(self) -> Float[Tensor, "25 D H W"]:
+    def forward(self) -> Float[Tensor, "C D H W"]:
         """Probabilities; they sum to one over the first axis."""
         if self.latent is None:
             return self.prior
@@ -116,18 +153,20 @@ def _decoder(channels: int, side: int, outputs: int) -> nn.Sequential:
 class ResidualMotion(nn.Module):
     """What bones do not explain: an offset (m) of each canonical point, given the pose."""
 
-    def __init__(self, sizes: FieldSizes) -> None:
+    def __init__(self, sizes: FieldSizes, joints: int) -> None:
         super().__init__()
         assert sizes.residual is not None
         self._octaves = sizes.residual_octaves
         encoded = encoded_size(self._octaves, identity=False)
-        self.mlp = Mlp(encoded + POSE_NUMBERS, 3, sizes.residual, reread=encoded)
+        self.mlp = Mlp(
+            encoded + pose_numbers(joints), 3, sizes.residual, encoded, backend=sizes.backend
+        )
         _start_near_zero(self.mlp.last)
 
     def forward(
         self,
         points: Float[Tensor, "N 3"],
-        joint_angles: Float[Tensor, "24 3"],
+        joint_angles: Float[Tensor, "K 3"],
         opened: float,
     ) -> Float[Tensor, "N 3"]:
         """Offsets in canonical metres; `opened` is the Hann window's fraction, 0 .. 1."""

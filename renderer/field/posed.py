@@ -1,24 +1,33 @@
 """A body in one pose, ready to be asked "which canonical point is here?".
 
-The paper's way costs 24 look-ups a sample. A `PosedGrid` caches it once a pose: canonical point and
-likelihood on a grid over the body's box, interpolated, plus one bit a cell that says whether
-anything is there at all.
+The paper's way costs 24 look-ups a sample. `reached_cells` says, exactly, where all of them would
+find nothing. A `PosedGrid` caches them once a pose: canonical point and likelihood on a grid over
+the body's box, interpolated, plus one bit a cell that says whether anything is there at all.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
+from renderer.field.cells import LiveCells, dilated
 from renderer.field.field import PersonField
-from renderer.field.lookup import corners, to_grid, weighted_rows
-from renderer.field.skinning import WeightVolume, blended_inverse, inverse_skinning
+from renderer.field.lookup import corners, weighted_rows
+from renderer.field.skinning import (
+    WeightVolume,
+    blended_inverse,
+    inverse_skinning,
+    reached_skinning,
+)
 from scene.arrays import Bool, Float, Int, Tensor
 
 LEAST_LIKELIHOOD = 1e-3
 """Samples less likely than this belong to nobody: alpha would be below it too."""
-_SUPPORT_LIKELIHOOD = 0.5
+_NIL_WEIGHT = 1e-5
+"""Weight below which a joint has no say: all 24 together stay far below the likelihood above."""
+_REACHED_SIDE = 64
+_SUPPORT_LIKELIHOOD = 0.25
 _SUPPORT_POINTS = 6000
 _BOX_MARGIN_M = 0.03
 _TORN_ROUNDS = 2
@@ -31,10 +40,14 @@ class Support:
     """Places of the canonical body, enough of them to bound it in any pose."""
 
     points: Float[Tensor, "P 3"]
-    weights: Float[Tensor, "P 24"]
-    bone_low: Float[Tensor, "24 3"]
+    weights: Float[Tensor, "P K"]
+    bone_low: Float[Tensor, "K 3"]
     """Canonical box in which joint k moves anything, m; empty (low > high) for none."""
-    bone_high: Float[Tensor, "24 3"]
+    bone_high: Float[Tensor, "K 3"]
+    moved: tuple[Float[Tensor, "_ 3"], ...]
+    """Centres of the canonical cells in which joint k moves anything, m."""
+    cell_radius_m: float
+    """From a canonical cell's centre to its corners."""
 
     @classmethod
     def of(cls, volume: WeightVolume) -> Support:
@@ -46,18 +59,23 @@ class Support:
         places = volume.low + unit * (volume.high - volume.low)
         weights = volume.rows[:, :-1]
         cell = (volume.high - volume.low) / torch.tensor([width - 1.0, height - 1.0, depth - 1.0])
-        lows, highs = [], []
+        lows, highs, centres = [], [], []
         for joint in range(weights.shape[1]):
-            moved = places[weights[:, joint] > LEAST_LIKELIHOOD]
+            some = weights[:, joint] > _NIL_WEIGHT
+            moved = places[some]
             lows.append(moved.amin(0) - cell if len(moved) else torch.full((3,), torch.inf))
             highs.append(moved.amax(0) + cell if len(moved) else torch.full((3,), -torch.inf))
+            live = _live_cells(some.float().view(volume.shape))
+            centres.append(places[live] + 0.5 * cell)
         body = torch.nonzero(weights.sum(dim=1) > _SUPPORT_LIKELIHOOD)[:, 0]
         picked = body[:: max(1, len(body) // _SUPPORT_POINTS)]
         share = weights[picked] / weights[picked].sum(dim=1, keepdim=True)
-        return cls(places[picked], share, torch.stack(lows), torch.stack(highs))
+        box = torch.stack(lows), torch.stack(highs)
+        radius = 0.5 * float(cell.norm())
+        return cls(places[picked], share, *box, tuple(centres), radius)
 
     def bounds(
-        self, transforms: Float[Tensor, "24 3 4"]
+        self, transforms: Float[Tensor, "K 3 4"]
     ) -> tuple[Float[Tensor, "3"], Float[Tensor, "3"]]:
         """Low and high corner (world, m) of the posed body with its shell."""
         blend = (self.weights @ transforms.reshape(-1, 12)).view(-1, 3, 4)
@@ -65,28 +83,59 @@ class Support:
         return posed.amin(0) - _BOX_MARGIN_M, posed.amax(0) + _BOX_MARGIN_M
 
 
+def reached_cells(support: Support, transforms: Float[Tensor, "K 3 4"]) -> LiveCells:
+    """Cells of the posed body's box that any joint's weights reach; nobody is anywhere else."""
+    centres = [
+        moved @ transform[:, :3].T + transform[:, 3]
+        for moved, transform in zip(support.moved, transforms, strict=True)
+    ]
+    box = support.bounds(transforms)
+    everywhere = torch.cat(centres)
+    near = support.cell_radius_m
+    inside = ((everywhere > box[0] - near) & (everywhere < box[1] + near)).all(dim=1)
+    return LiveCells.near(everywhere[inside], near, box, _REACHED_SIDE)
+
+
+@torch.no_grad()
+def occupied_cells(
+    field: PersonField, volume: WeightVolume, support: Support,
+    transforms: Float[Tensor, "K 3 4"], joint_angles: Float[Tensor, "K 3"],
+) -> LiveCells:  # fmt: skip
+    """Cells of the posed body's box that the person fills, and those around them.
+
+    Grid points ask where they come from; the canonical space knows what is there. Its own border
+    and one cell of border here make up for what lies between grid points.
+    """
+    cells = reached_cells(support, transforms)
+    if field.occupied is None:
+        return cells
+    side = cells.side
+    asked = torch.nonzero(cells.live)[:, 0]
+    at = torch.stack([asked % side, asked // side % side, asked // (side * side)], dim=1)
+    points = cells.low + at * cells.cell_m
+    rounds = field.sizes.inverse_rounds
+    found, likelihood = direct_canonical(points, transforms, volume, rounds, support)
+    likely = likelihood > LEAST_LIKELIHOOD
+    filled = torch.zeros(side**3)
+    there = field.occupied_at(field.moved(found[likely], joint_angles))
+    filled[asked[likely]] = torch.ones(int(likely.sum())) if there is None else there.float()
+    near = dilated(filled.view(side, side, side))
+    return replace(cells, live=_live_cells(near) & cells.live)
+
+
 @dataclass(frozen=True, eq=False)
-class PosedGrid:
+class PosedGrid(LiveCells):
     """Canonical point and likelihood over the posed body's box; grid points span corner to
     corner."""
 
-    low: Float[Tensor, "3"]
-    high: Float[Tensor, "3"]
-    side: int
     rows: Float[Tensor, "G 4"]
     """Canonical point times likelihood, then likelihood: so that places without a canonical point
     do not pull their neighbours when rows are interpolated."""
-    live: Bool[Tensor, "G"]
-    """Whether the cell above this grid point (towards +x, +y, +z) may hold anything to see."""
     torn: Bool[Tensor, "G"]
     """Whether that cell's corners belong to places far apart in the canonical body, as between an
     arm and the side it rests on: nothing in between means anything there."""
-    transforms: Float[Tensor, "24 3 4"]
+    transforms: Float[Tensor, "K 3 4"]
     volume: WeightVolume
-
-    def cell_coordinates(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 3"]:
-        """Grid coordinates of world points."""
-        return (points - self.low) * ((self.side - 1) / (self.high - self.low))
 
     def canonical(
         self, points: Float[Tensor, "N 3"]
@@ -118,7 +167,7 @@ def posed_grid(
     field: PersonField,
     volume: WeightVolume,
     support: Support,
-    transforms: Float[Tensor, "24 3 4"],
+    transforms: Float[Tensor, "K 3 4"],
 ) -> PosedGrid:
     """The grid of one pose. Each joint is asked only about the part of the grid it can reach."""
     side = field.sizes.posed_grid
@@ -138,7 +187,7 @@ def posed_grid(
             ((near >= support.bone_low[joint]) & (near <= support.bone_high[joint])).all(dim=1)
         )[:, 0]
         near = near[inside]
-        weight = _one_joint(volume, near, joint)
+        weight = volume.of_joint(joint, near)
         flat = torch.zeros(len(points), 4)
         flat[inside] = torch.cat([weight[:, None] * near, weight[:, None]], dim=1)
         block = flat.view(*x.shape, 4)
@@ -159,12 +208,7 @@ def posed_grid(
     live = _live_cells(alive.view(side, side, side))
     stretch = _TORN_STRETCH * float((high - low).norm()) / (side - 1)
     torn = _torn_cells(some, found, side, stretch)
-    return PosedGrid(low, high, side, rows, live, torn & live, transforms, volume)
-
-
-def _one_joint(volume: WeightVolume, near: Tensor, joint: int) -> Tensor:
-    index, weights = corners(to_grid(near, volume.low, volume.high, volume.shape), volume.shape)
-    return (volume.channels[joint][index] * weights).sum(dim=1)
+    return PosedGrid(low, high, side, live, rows, torn & live, transforms, volume)
 
 
 def _reached(
@@ -188,7 +232,7 @@ def _reached(
     return spans[0], spans[1], spans[2]
 
 
-def _live_cells(alive: Float[Tensor, "S S S"]) -> Bool[Tensor, "G"]:
+def _live_cells(alive: Float[Tensor, "D H W"]) -> Bool[Tensor, "G"]:
     """Cells with any corner alive, at the index of their low corner."""
     padded = torch.nn.functional.pad(alive[None, None], (0, 1, 0, 1, 0, 1))
     return (torch.nn.functional.max_pool3d(padded, 2, stride=1) > 0.0).view(-1)
@@ -206,11 +250,18 @@ def _torn_cells(
 
 
 def direct_canonical(
-    points: Float[Tensor, "N 3"], transforms: Float[Tensor, "24 3 4"], volume: WeightVolume,
-    rounds: int,
+    points: Float[Tensor, "N 3"], transforms: Float[Tensor, "K 3 4"], volume: WeightVolume,
+    rounds: int, support: Support | None = None,
 ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N"]]:  # fmt: skip
-    """The same without a grid: 24 look-ups a point, differentiable, then `rounds` exact rounds."""
-    canonical, likelihood = inverse_skinning(points, transforms, volume)
+    """The same without a grid, differentiable, then `rounds` exact rounds.
+
+    All joints are asked about every point, or with `support` only those whose weights reach it.
+    """
+    if support is None:
+        canonical, likelihood = inverse_skinning(points, transforms, volume)
+    else:
+        boxes = support.bone_low, support.bone_high
+        canonical, likelihood = reached_skinning(points, transforms, volume, boxes)
     for _ in range(rounds):
         canonical = blended_inverse(points, transforms, volume.at(canonical.detach()))
     return canonical, likelihood

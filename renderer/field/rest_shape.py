@@ -2,8 +2,8 @@
 skin is about.
 
 With a surface: each grid point takes the blend weights of the nearest surface sample and the signed
-distance to it. Without one: Gaussian bones (HumanNeRF, Weng et al. 2022, sec. 3.2) as thick as an
-adult's limbs. Both over one canonical box, on a grid with axes z, y, x.
+distance to it. Without one: Gaussian bones as thick as an adult's limbs. Both over one canonical
+box, on a grid with axes z, y, x. `bone_shape` is HumanNeRF's prior (Weng et al. 2022, sec. 3.2).
 """
 
 from __future__ import annotations
@@ -26,6 +26,10 @@ _RADII_M = {"pelvis": 0.12, "hip": 0.08, "spine1": 0.12, "spine2": 0.12, "spine3
             "knee": 0.06, "ankle": 0.045, "foot": 0.04, "neck": 0.06, "head": 0.11,
             "collar": 0.07, "shoulder": 0.055, "elbow": 0.045, "wrist": 0.04,
             "hand": 0.045}  # fmt: skip
+_BONE_SPREAD = 0.75
+"""Standard deviation of a Gaussian bone, as a share of its limb's radius."""
+_OTHER_RADIUS_M = 0.05
+"""The same for joints that SMPL's skeleton does not have."""
 _LEAF_M = {"head": (0.0, 0.08, 0.0), "foot": (0.0, 0.0, 0.05)}
 """Where a bone without a child joint ends, from its joint, T-pose."""
 
@@ -49,23 +53,45 @@ def rest_shape(body: Body, volume: tuple[int, int, int], outside_m: float) -> Re
     The likelihood of any body is 1 up to `outside_m` above the skin and falls to 0 over one more
     cell; inside, everything is body.
     """
-    reach = outside_m + _BOX_MARGIN_M
-    joints = body.skeleton.rest_joints
-    if body.rest_vertices is None:
-        reach = reach + _PAST_JOINTS_M * _scale(body.skeleton)
-        low, high = joints.min(axis=0) - reach, joints.max(axis=0) + reach
-    else:
-        low, high = body.rest_vertices.min(axis=0) - reach, body.rest_vertices.max(axis=0) + reach
-    axes = [np.linspace(low[a], high[a], volume[2 - a]) for a in (2, 1, 0)]
-    z, y, x = np.meshgrid(*axes, indexing="ij")
-    points = np.stack([x, y, z], axis=-1)
+    low, high, points = _canonical_box(body, volume, outside_m)
     cell = float(((high - low) / (np.array(volume[::-1]) - 1)).max())
     if body.rest_vertices is None:
-        weights, distance = _from_bones(body.skeleton, points)
+        bones, distance = _from_bones(body.skeleton, points)
+        weights = bones / np.maximum(bones.sum(-1, keepdims=True), 1e-12)
     else:
         weights, distance = _from_surface(body, points, low, high)
     likely = np.clip((outside_m + cell - distance) / cell, 0.0, 1.0)
     prior = np.concatenate([weights * likely[..., None], 1.0 - likely[..., None]], axis=-1)
+    return _shape(low, high, prior, distance)
+
+
+def bone_shape(skeleton: Skeleton, volume: tuple[int, int, int], outside_m: float) -> RestShape:
+    """Gaussian bones alone, whatever else is known: joint k's weight falls with the distance from
+    its bones, what they leave of 1 is background, and all of it is normalised."""
+    low, high, points = _canonical_box(Body(skeleton), volume, outside_m)
+    bones, distance = _from_bones(skeleton, points)
+    bones = bones ** (1.0 / _BONE_SPREAD**2)
+    background = 1.0 - bones.sum(-1, keepdims=True).clip(max=1.0)
+    prior = np.concatenate([bones, background], axis=-1)
+    return _shape(low, high, prior / prior.sum(-1, keepdims=True), distance)
+
+
+def _canonical_box(
+    body: Body, volume: tuple[int, int, int], outside_m: float
+) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, "D H W 3"]]:
+    """Low and high corner of the box round `body` at rest, and its grid points."""
+    reach = outside_m + _BOX_MARGIN_M
+    places = body.rest_vertices
+    if places is None:
+        places = body.skeleton.rest_joints
+        reach += _PAST_JOINTS_M * _scale(body.skeleton)
+    low, high = places.min(axis=0) - reach, places.max(axis=0) + reach
+    axes = [np.linspace(low[a], high[a], volume[2 - a]) for a in (2, 1, 0)]
+    z, y, x = np.meshgrid(*axes, indexing="ij")
+    return low, high, np.stack([x, y, z], axis=-1)
+
+
+def _shape(low: Array, high: Array, prior: Array, distance: Array) -> RestShape:
     # stored as bytes in model files: rounded now, so that a reloaded model is the trained one
     rounded = np.round(prior * 255.0) / 255.0
     return RestShape(
@@ -81,7 +107,7 @@ def _scale(skeleton: Skeleton) -> float:
 
 
 def _from_bones(skeleton: Skeleton, points: Array) -> tuple[Array, Array]:
-    """Weights [..., 24] of Gaussian bones and the distance to the union of their capsules."""
+    """Each joint's Gaussian bones [..., K] and the distance to the union of their capsules."""
     scale = _scale(skeleton)
     density, distance = [], []
     for joint, name in enumerate(skeleton.names):
@@ -92,11 +118,10 @@ def _from_bones(skeleton: Skeleton, points: Array) -> tuple[Array, Array]:
             sideways = (np.sign(start[0]) * 0.07, 0.0, 0.0)
             ends = [start + scale * np.array(_LEAF_M.get(kind, sideways))]
         away = np.min([_to_segment(points, start, end) for end in ends], axis=0)
-        radius = _RADII_M[kind] * scale
+        radius = _RADII_M.get(kind, _OTHER_RADIUS_M) * scale
         density.append(np.exp(-0.5 * (away / radius) ** 2))
         distance.append(away - radius)
-    weights = np.stack(density, axis=-1)
-    return weights / np.maximum(weights.sum(-1, keepdims=True), 1e-12), np.min(distance, axis=0)
+    return np.stack(density, axis=-1), np.min(distance, axis=0)
 
 
 def _to_segment(points: Array, start: Array, end: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from renderer.field.sizes import FieldSizes, GridSize, MlpSize
@@ -42,6 +42,9 @@ class FieldSettings:
     """Share at which its window is fully open (50K of 150K)."""
     pixel_loss: str = "mse"
     """`mse` as in the paper, or `l1`, which forgives the few pixels that can't be explained."""
+    iterations: int | None = None
+    """Steps of the whole schedule where it was published with a count. A run of another length
+    scales all of it, and its model says by how much."""
 
 
 FAST = FieldSettings(
@@ -67,3 +70,51 @@ FAST = FieldSettings(
 - exact inverse skinning costs 3 rounds once a pose; 48 grid points a side do as well as 96;
 - the refiner works only where poses were estimated.
 """
+
+_PAPER_ITERATIONS = 150_000
+
+
+def _as_published(sizes: FieldSizes) -> FieldSettings:
+    """HumanNeRF's training (Weng et al. 2022, sec. 4 and its released configuration), which the
+    paper keeps: 6 patches of 20 x 20 px of one frame a step, 0.2 MSE + LPIPS, residual from 10K and
+    open at 50K, refiner from 20K, rates falling by 0.1 over 500K."""
+    return FieldSettings(
+        sizes=sizes,
+        frames_a_step=1,
+        rays_a_frame=6 * 20 * 20,
+        patch_px=20,
+        last_rate_share=0.1 ** (_PAPER_ITERATIONS / 500_000),
+        refine_from=20_000 / _PAPER_ITERATIONS,
+        residual_from=10_000 / _PAPER_ITERATIONS,
+        residual_until=50_000 / _PAPER_ITERATIONS,
+        iterations=_PAPER_ITERATIONS,
+    )
+
+
+HUMANNERF = _as_published(
+    FieldSizes(
+        colour=MlpSize(depth=8, width=256, skip=6),
+        octaves=10,
+        volume=(32, 32, 32),
+        latent=256,
+        residual=MlpSize(depth=6, width=128, skip=5),
+        refiner=MlpSize(depth=4, width=256),
+        samples_a_ray=128,
+        bone_prior=True,
+        cull=False,
+        early_stop=False,
+    )
+)
+"""The baseline: HumanNeRF's own sizes, in plain torch, every sample asked."""
+
+PAPER = replace(
+    HUMANNERF,
+    sizes=replace(
+        HUMANNERF.sizes,
+        colour=MlpSize(depth=8, width=64, skip=4, bias=False),
+        residual=MlpSize(depth=6, width=64, skip=4, bias=False),
+        refiner=MlpSize(depth=4, width=64, bias=False),
+        backend="fused",
+    ),
+)
+"""The paper's: the same depths, 64 wide, fully fused. A skip cuts such a network into two calls."""

@@ -16,6 +16,8 @@ class MlpSize:
     """Units a hidden layer."""
     skip: int | None = None
     """The linear layer, counted from 1, that reads the encoding once more; None: none does."""
+    bias: bool = True
+    """Whether linear layers add a bias. Fully fused networks have none."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,23 @@ class FieldSizes:
     """Fixed-point rounds after HumanNeRF's inverse skinning; they make it the exact inverse of
     linear blend skinning. 0 as in the paper."""
     step_m: float = 0.01
-    """Distance between samples along a ray."""
+    """Distance between samples along a ray, where `samples_a_ray` is nil."""
+    samples_a_ray: int = 0
+    """Samples of every ray between entering and leaving the body's box (the paper: 128)."""
+    bone_prior: bool = False
+    """Whether Gaussian bones are the prior of the weight volume, as in the paper, even where a
+    surface with blend weights is known."""
+    cull: bool = True
+    """Whether samples where nobody is likely to be are skipped, before anything is asked there."""
+    occupancy: bool = False
+    """Whether samples are skipped where the canonical space was found empty after training."""
+    early_stop: bool = True
+    """Whether rays end where nothing behind can be seen."""
+    baked: bool = False
+    """Whether a trained model keeps its weight volume and drops the CNN that made it."""
+    backend: str = "torch"
+    """What runs the MLPs: `torch`, or `fused` (tiny-cuda-nn where it is installed, else our own
+    kernel, else `torch` where neither runs)."""
 
     def to_json(self) -> dict[str, Any]:
         """Plain dicts and numbers, as model files store them."""

@@ -22,8 +22,8 @@ _LEAST_WEIGHT = 1e-4
 class WeightVolume:
     """The weight volume as rows: one look-up gives all joints' weights at a place."""
 
-    rows: Float[Tensor, "V 25"]
-    channels: Float[Tensor, "25 V"]
+    rows: Float[Tensor, "V C"]
+    channels: Float[Tensor, "C V"]
     """The same, one joint after the other."""
     shape: tuple[int, int, int]
     low: Float[Tensor, "3"]
@@ -31,20 +31,20 @@ class WeightVolume:
 
     @classmethod
     def of(
-        cls, volume: Float[Tensor, "25 D H W"], low: Float[Tensor, "3"], high: Float[Tensor, "3"]
+        cls, volume: Float[Tensor, "C D H W"], low: Float[Tensor, "3"], high: Float[Tensor, "3"]
     ) -> WeightVolume:
         """Rows of a volume with its channels first."""
         depth, height, width = volume.shape[1:]
         channels = volume.reshape(len(volume), -1)
         return cls(channels.T.contiguous(), channels, (depth, height, width), low, high)
 
-    def at(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N 24"]:
+    def at(self, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N K"]:
         """Weights of the joints at canonical points; nil outside the box."""
         inside = ((points >= self.low) & (points <= self.high)).all(dim=1, keepdim=True)
         rows = trilinear(self.rows, to_grid(points, self.low, self.high, self.shape), self.shape)
         return rows[:, :-1] * inside
 
-    def of_each_joint(self, points: Float[Tensor, "N 24 3"]) -> Float[Tensor, "N 24"]:
+    def of_each_joint(self, points: Float[Tensor, "N K 3"]) -> Float[Tensor, "N K"]:
         """Weight of joint k at the k-th canonical point of each row; nil outside the box."""
         inside = ((points >= self.low) & (points <= self.high)).all(dim=2)
         at = to_grid(points.reshape(-1, 3), self.low, self.high, self.shape)
@@ -53,6 +53,11 @@ class WeightVolume:
         index = index + first.repeat(len(points))[:, None]
         found = weighted_rows(self.channels.reshape(-1, 1), index, weights)
         return found.view(points.shape[:2]) * inside
+
+    def of_joint(self, joint: int, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
+        """Weight of one joint at canonical points within the box."""
+        index, weights = corners(to_grid(points, self.low, self.high, self.shape), self.shape)
+        return weighted_rows(self.channels[joint][:, None], index, weights)[:, 0]
 
 
 def rotations(axis_angle: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
@@ -71,11 +76,11 @@ def rotations(axis_angle: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 
 
 
 def skinning_transforms(
-    local: Float[Tensor, "24 3 3"],
+    local: Float[Tensor, "K 3 3"],
     root_translation: Float[Tensor, "3"],
-    rest_joints: Float[Tensor, "24 3"],
+    rest_joints: Float[Tensor, "K 3"],
     parents: tuple[int, ...],
-) -> Float[Tensor, "24 3 4"]:
+) -> Float[Tensor, "K 3 4"]:
     """M_i (rest -> world) of local joint rotations; differentiable twin of Skeleton's."""
     turned: list[Tensor] = []
     placed: list[Tensor] = []
@@ -93,7 +98,7 @@ def skinning_transforms(
 
 
 def inverse_skinning(
-    points: Float[Tensor, "N 3"], transforms: Float[Tensor, "24 3 4"], volume: WeightVolume
+    points: Float[Tensor, "N 3"], transforms: Float[Tensor, "K 3 4"], volume: WeightVolume
 ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N"]]:
     """Canonical points and likelihoods of world points, by 24 look-ups each.
 
@@ -108,10 +113,33 @@ def inverse_skinning(
     return canonical, total.clamp(max=1.0)
 
 
+def reached_skinning(
+    points: Float[Tensor, "N 3"],
+    transforms: Float[Tensor, "K 3 4"],
+    volume: WeightVolume,
+    boxes: tuple[Float[Tensor, "K 3"], Float[Tensor, "K 3"]],
+) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N"]]:
+    """The same, asking joint k only about points that it brings into its canonical box (low and
+    high corners, m): outside, its weight must be nil."""
+    total = points.new_zeros(len(points))
+    moved = torch.zeros_like(points)
+    for joint, (low, high) in enumerate(zip(*boxes, strict=True)):
+        if bool((low > high).any()):
+            continue
+        low, high = torch.maximum(low, volume.low), torch.minimum(high, volume.high)
+        near = (points - transforms[joint, :, 3]) @ transforms[joint, :, :3]
+        inside = torch.nonzero(((near >= low) & (near <= high)).all(dim=1))[:, 0]
+        near = near[inside]
+        weight = volume.of_joint(joint, near)
+        total = total.index_add(0, inside, weight)
+        moved = moved.index_add(0, inside, weight[:, None] * near)
+    return moved / total.clamp(min=_LEAST_WEIGHT)[:, None], total.clamp(max=1.0)
+
+
 def blended_inverse(
     points: Float[Tensor, "N 3"],
-    transforms: Float[Tensor, "24 3 4"],
-    weights: Float[Tensor, "N 24"],
+    transforms: Float[Tensor, "K 3 4"],
+    weights: Float[Tensor, "N K"],
 ) -> Float[Tensor, "N 3"]:
     """(sum_k w_k M_k)^-1 x: where linear blend skinning with these weights came from.
 

@@ -19,10 +19,11 @@ from renderer.field.marching import (
     composite,
     joined,
     march,
-    march_all,
+    steps_of,
 )
 from renderer.field.model import FieldModel
-from renderer.field.posed import LEAST_LIKELIHOOD, Support, direct_canonical
+from renderer.field.posed import LEAST_LIKELIHOOD, PosedGrid, Support, direct_canonical
+from renderer.field.pruning import occupied_cells, prune_grid
 from renderer.field.settings import FieldSettings
 from renderer.field.skinning import WeightVolume, blended_inverse
 from renderer.field.views import TrainingView, read_views
@@ -43,6 +44,8 @@ inside each operation many times over: those wait for each other at thousands of
 Always two, so that one seed gives one result whatever the machine."""
 _BEHIND_M = 0.03
 """How far behind the last visible sample a ray goes on."""
+_VANISHED = 1e-3
+"""Share of the mask's alpha below which nobody is rendered."""
 _HIDDEN = 0.01
 """Transmittance below which a training sample is left out: its gradient would be as small."""
 
@@ -79,12 +82,15 @@ class FieldTrainer:
         self._pool = ThreadPoolExecutor(torch.get_num_threads(), initializer=_one_thread)
         self._slower = 1.0
         self._queue: list[int] = []
+        self._shown: set[int] = set()
+        """Frames in which the person has been rendered."""
 
     def warm_up(self) -> None:
         """Nothing is compiled."""
 
     def step(self, fraction: float) -> float:
-        """One step at `fraction` of the schedule; returns the loss."""
+        """One step at `fraction` of the schedule; returns the loss: NaN where its gradients are not
+        finite (nothing is then learnt), infinite where the person has vanished from the picture."""
         self._schedule(fraction)
         frames = self._next_frames()
         seeds = torch.randint(2**62, (_PARTS,), generator=self._chance).tolist()
@@ -92,33 +98,50 @@ class FieldTrainer:
         done = self._pool.map(
             lambda part, seed: self._gradients(part, seed, fraction), parts, seeds[: len(parts)]
         )
-        loss = 0.0
+        loss, shown, there = 0.0, 0.0, 0.0
         self._adam.zero_grad(set_to_none=True)
-        for part_loss, gradients in done:
-            loss += part_loss
+        for part_loss, (part_shown, part_there), gradients in done:
+            loss, shown, there = loss + part_loss, shown + part_shown, there + part_there
             for parameter, gradient in zip(self._parameters, gradients, strict=True):
                 if gradient is not None:
                     total = gradient if parameter.grad is None else parameter.grad + gradient
                     parameter.grad = total
+        if self._has_vanished(frames, shown, there):
+            return float("inf")
+        if not all(p.grad is None or bool(p.grad.isfinite().all()) for p in self._parameters):
+            return float("nan")
         self._adam.step()
         return loss
 
+    def _has_vanished(self, frames: list[int], shown: float, there: float) -> bool:
+        """Whether frames that showed the person once show nothing of them any more. (A frame whose
+        pose is wrong may never show anything, and must not stop the others.)"""
+        if shown > _VANISHED * there:
+            self._shown.update(frames)
+            return False
+        return there > 0.0 and self._shown.issuperset(frames)
+
     def _gradients(
         self, frames: list[int], seed: int, fraction: float
-    ) -> tuple[float, tuple[Tensor | None, ...]]:
-        """Share of the step's loss that some of its frames make, and its gradients."""
+    ) -> tuple[float, tuple[float, float], tuple[Tensor | None, ...]]:
+        """Share of the step's loss that some of its frames make, the alpha that was rendered and
+        the mask's in the same pixels (sums), and the gradients."""
         chance = torch.Generator().manual_seed(seed)
         learnt = self.field.motion.latent is not None
         volume = self.field.weight_volume() if learnt else self._volume
         bundles = [self._rays_of(self._views[f], volume, fraction, chance) for f in frames]
         truth = torch.cat([bundle.view.truth(bundle.pixels) for bundle in bundles])
         if len(truth) == 0:  # nobody in sight
-            return 0.0, (None,) * len(self._parameters)
+            return 0.0, (0.0, 0.0), (None,) * len(self._parameters)
         share = len(frames) / min(self._settings.frames_a_step, len(self._views))
-        loss = share * self._loss(self._rendered(bundles), truth, chance)
-        if not loss.requires_grad:
-            return float(loss), (None,) * len(self._parameters)
-        return float(loss.detach()), torch.autograd.grad(loss, self._parameters, allow_unused=True)
+        made = self._rendered(bundles)
+        on_body = truth[:, 3] > 0.5
+        alpha = float(made[on_body, 3].detach().sum()), float(on_body.sum())
+        loss = share * self._loss(made, truth, chance)
+        gradients: tuple[Tensor | None, ...] = (None,) * len(self._parameters)
+        if loss.requires_grad:
+            gradients = torch.autograd.grad(loss, self._parameters, allow_unused=True)
+        return float(loss.detach()), alpha, gradients
 
     def _loss(
         self, made: Float[Tensor, "R 4"], truth: Float[Tensor, "R 4"], chance: torch.Generator
@@ -157,37 +180,41 @@ class FieldTrainer:
         view.prepare(field, volume, self._support, transforms.detach())
         picked = self._picked(view, chance)
         jitter = torch.rand(len(picked), generator=chance)
-        rays = (*view.rays(picked), settings.sizes.step_m, jitter)
-        if view.grid is None:
-            samples = march_all(*rays)
-            found, likelihood = direct_canonical(
-                samples.points, transforms, volume, settings.sizes.inverse_rounds
-            )
-        else:
-            samples = march(view.grid, *rays)
-            found, likelihood = view.grid.canonical(samples.points)
+        sizes, cells = settings.sizes, view.cells
+        *rays, span = view.rays(picked)
+        steps = steps_of(span, sizes.step_m, sizes.samples_a_ray)
+        samples = march(cells, rays[0], rays[1], span, steps, jitter)
+        if isinstance(cells, PosedGrid):
+            found, likelihood = cells.canonical(samples.points)
             if refine:
                 found = blended_inverse(samples.points, transforms, volume.at(found))
-        keep = likelihood.detach() > LEAST_LIKELIHOOD
-        found = field.moved(found[keep], view.joint_angles)
-        return _Bundle(samples.kept(keep), found, likelihood[keep], view, picked)
+        else:
+            support = None if cells is None else self._support
+            found, likelihood = direct_canonical(
+                samples.points, transforms, volume, sizes.inverse_rounds, support
+            )
+        if cells is not None:
+            keep = likelihood.detach() > LEAST_LIKELIHOOD
+            samples, found, likelihood = samples.kept(keep), found[keep], likelihood[keep]
+        found = field.moved(found, view.joint_angles)
+        return _Bundle(samples, found, likelihood, view, picked)
 
     def _rendered(self, bundles: list[_Bundle]) -> Float[Tensor, "R 4"]:
         """Premultiplied RGBA of all rays; samples behind what is opaque already are not asked."""
-        canonical, step = self.field.canonical, self._settings.sizes.step_m
+        canonical = self.field.canonical
         samples = joined([bundle.samples for bundle in bundles])
         likelihood = torch.cat([bundle.likelihood for bundle in bundles])
         place = canonical.located(torch.cat([bundle.canonical for bundle in bundles]))
         if canonical.has_grid:
             with torch.no_grad():
-                alpha = alphas(canonical.density_at(place), likelihood, step)
+                alpha = alphas(canonical.density_at(place), likelihood, samples.step)
                 visible = blending_weights(alpha, samples)[1] > _HIDDEN
                 self._end_rays(bundles, samples, visible)
             samples, place, likelihood = (
                 samples.kept(visible), place.kept(visible), likelihood[visible]
             )  # fmt: skip
         colours, density = canonical.at(place)
-        weights, _ = blending_weights(alphas(density, likelihood, step), samples)
+        weights, _ = blending_weights(alphas(density, likelihood, samples.step), samples)
         return composite(weights, colours, samples)
 
     def _end_rays(self, bundles: list[_Bundle], samples: Samples, visible: Tensor) -> None:
@@ -251,13 +278,23 @@ class FieldTrainer:
         self._slower *= 0.5
 
     def finish(self, metrics: dict[str, Any]) -> FieldModel:
-        """The model as trained, its table rounded as model files keep it."""
-        table = self.field.canonical.table
-        if table is not None:
-            with torch.no_grad():
-                table.copy_(table.half().float())
+        """The model as trained: floaters pruned, baked where its preset says so, and its table
+        rounded as model files keep it."""
+        field = self.field
+        field.requires_grad_(False)
+        if field.canonical.table is None:
+            field.occupied = occupied_cells(field.canonical, field.weight_volume())
+        elif field.shell is not None:
+            prune_grid(field.canonical, torch.from_numpy(field.shell.deep))
+            field.canonical.table.copy_(field.canonical.table.half().float())
+        if field.sizes.baked:
+            field.bake()
+        published = self._settings.iterations
+        if published is not None:
+            scale = metrics["steps"] / published
+            metrics = {**metrics, "published_iterations": published, "schedule_scale": scale}
         return FieldModel(
-            self.field,
+            field,
             preset=self._preset,
             motion=self._motion(),
             data_hash=self._sequence.data_hash,

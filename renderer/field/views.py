@@ -6,9 +6,10 @@ import numpy as np
 import torch
 
 from renderer.errors import TrainingError
+from renderer.field.cells import LiveCells
 from renderer.field.field import PersonField
-from renderer.field.marching import box_span, march
-from renderer.field.posed import PosedGrid, Support, posed_grid
+from renderer.field.marching import box_span, march, steps_of
+from renderer.field.posed import Support, posed_grid, reached_cells
 from renderer.field.skinning import WeightVolume
 from renderer.metrics import over_black
 from scene.arrays import Array, Float, Int, Tensor
@@ -25,7 +26,7 @@ class TrainingView:
 
     def __init__(
         self, rgba: Float[Array, "H W 4"], directions: Float[Array, "H W 3"],
-        origin: Float[Array, "3"], joint_angles: Float[Array, "24 3"],
+        origin: Float[Array, "3"], joint_angles: Float[Array, "K 3"],
         root_translation: Float[Array, "3"],
     ) -> None:  # fmt: skip
         self.shape = rgba.shape[:2]
@@ -34,14 +35,15 @@ class TrainingView:
         self._origin = torch.from_numpy(origin.astype(np.float32))[None]
         self.joint_angles = torch.from_numpy(joint_angles).float()
         self.root_translation = torch.from_numpy(root_translation).float()
-        self.grid: PosedGrid | None = None
+        self.cells: LiveCells | None = None
+        """Where samples of this pose can hold anything: its posed grid or its culled cells."""
         self._made_for: Tensor | None = None
         self._on_body = self._beside = torch.arange(len(self._rgba))
         self._near = self._far = self._furthest = torch.zeros(len(self._rgba))
 
     def prepare(
         self, field: PersonField, volume: WeightVolume, support: Support,
-        transforms: Float[Tensor, "24 3 4"],
+        transforms: Float[Tensor, "K 3 4"],
     ) -> None:  # fmt: skip
         """Find where this frame's rays meet the body, unless that is known for (nearly) this
         pose."""
@@ -53,24 +55,28 @@ class TrainingView:
         self._made_for = transforms
         origins = self._origin.expand(len(self._directions), 3)
         near, far = box_span(origins, self._directions, *support.bounds(transforms))
-        self.grid = None
-        if field.sizes.posed_grid:
-            self.grid = posed_grid(field, volume, support, transforms)
-            near, far = self._live_span(self.grid, near, far, field.sizes.step_m)
+        sizes = field.sizes
+        self.cells = None
+        if sizes.posed_grid:
+            self.cells = posed_grid(field, volume, support, transforms)
+        elif sizes.cull:
+            self.cells = reached_cells(support, transforms)
+        if self.cells is not None:
+            near, far = self._live_span(self.cells, near, far, sizes.step_m)
         self._near, self._far, self._furthest = near, far, far.clone()
         hit = far > near
         self._on_body = torch.nonzero(hit & (self._rgba[:, 3] > 0))[:, 0]
         self._beside = torch.nonzero(hit & (self._rgba[:, 3] == 0))[:, 0]
 
     def _live_span(
-        self, grid: PosedGrid, near: Tensor, far: Tensor, step_m: float
+        self, cells: LiveCells, near: Tensor, far: Tensor, step_m: float
     ) -> tuple[Float[Tensor, "P"], Float[Tensor, "P"]]:
         """First and last live place of every ray, wider by the search's own step; empty where the
         ray meets nothing."""
         hit = torch.nonzero(far > near)[:, 0]
         origins = self._origin.expand(len(hit), 3)
-        rays = (origins, self._directions[hit], (near[hit], far[hit]), 2.0 * step_m)
-        samples = march(grid, *rays)
+        span = near[hit], far[hit]
+        samples = march(cells, origins, self._directions[hit], span, steps_of(span, 2.0 * step_m))
         along = ((samples.points - self._origin) * self._directions[hit][samples.ray]).sum(dim=1)
         first = torch.full((len(hit),), torch.inf).scatter_reduce(0, samples.ray, along, "amin")
         last = torch.full((len(hit),), -torch.inf).scatter_reduce(0, samples.ray, along, "amax")

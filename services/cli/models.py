@@ -32,14 +32,18 @@ def train(
         int | None, typer.Option(help="Steps in place of a time: repeatable to the bit.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    lpips_backbone: Annotated[
+        Path | None,
+        typer.Option(help="Backbone weights (.pth): `humannerf` and `paper` then add LPIPS."),
+    ] = None,
 ) -> None:
     """Train a person's model. Ctrl-C keeps a checkpoint: the same command then goes on from it."""
-    from capture.store import open_sequence
+    from capture.readers import open_folder
     from renderer.checkpoint import save_model
     from renderer.training import Progress, TrainingStopped
     from renderer.training import train as train_model
 
-    clip = open_sequence(sequence)
+    clip = open_folder(sequence)
     checkpoint = out.with_suffix(".checkpoint")
     with stop_on_interrupt() as should_stop, progress_bar(f"training {preset}") as report:
 
@@ -53,6 +57,7 @@ def train(
                 budget_s=None if iterations else seconds(budget),
                 iterations=iterations,
                 seed=seed,
+                lpips_backbone=lpips_backbone,
                 on_progress=on_progress,
                 should_stop=should_stop,
                 checkpoint=checkpoint,
@@ -124,12 +129,12 @@ def evaluate(
     ] = None,
 ) -> None:
     """Compare a model with the truth on unseen views and unseen poses: PSNR, SSIM, LPIPS."""
-    from capture.store import open_sequence
+    from capture.readers import open_folder
     from renderer.checkpoint import load_model
     from renderer.evaluation import evaluate as evaluate_model
 
     figures = evaluate_model(
-        load_model(model), open_sequence(sequence), lpips_backbone=lpips_backbone
+        load_model(model), open_folder(sequence), lpips_backbone=lpips_backbone
     )
     if json_file is not None:
         json_file.write_text(json.dumps(figures, indent=2) + "\n")
@@ -144,13 +149,16 @@ def evaluate(
 def presets(
     as_json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
-    """List what can be trained."""
-    from dataclasses import asdict
-
+    """List what can be trained: parameters of each network, megabytes, what is switched on."""
+    from renderer.catalogue import described
     from renderer.presets import PRESETS
 
+    listed = {name: described(preset) for name, preset in PRESETS.items()}
     if as_json:
-        typer.echo(json.dumps({name: asdict(p) for name, p in PRESETS.items()}, indent=2))
+        typer.echo(json.dumps(listed, indent=2, default=str))
         return
-    for name, preset in PRESETS.items():
-        typer.echo(f"{name:10} {preset.description}")
+    widest = max(map(len, listed))
+    for name, about in listed.items():
+        count = sum(about["parameters"].values())
+        typer.echo(f"{name:{widest}} {count / 1e6:8.2f} M {about['megabytes']:8.2f} MB  "
+                   f"{PRESETS[name].description}")  # fmt: skip

@@ -17,17 +17,19 @@ from renderer.field.marching import (
 )
 from renderer.reference.volume_rendering import render_ray
 
+STEP_M = 0.01
+
 
 def _samples(live: torch.Tensor) -> Samples:
     t = torch.arange(live.shape[1]).double().expand(live.shape)
     ones = torch.ones(len(live), 3).double()
-    return packed(live, t, 0.0 * ones, ones)
+    return packed(live, t, torch.full((len(live),), STEP_M).double(), 0.0 * ones, ones)
 
 
 def test_alpha_golden():
     density, likelihood = torch.tensor([100.0, 100.0, 0.0, 1e9]), torch.tensor([1.0, 0.5, 1.0, 1.0])
     expected = torch.tensor([1.0 - math.exp(-1.0), 0.5 * (1.0 - math.exp(-1.0)), 0.0, 1.0])
-    assert torch.allclose(alphas(density, likelihood, 0.01), expected)
+    assert torch.allclose(alphas(density, likelihood, torch.full((4,), 0.01)), expected)
 
 
 def test_box_span_golden():
@@ -48,7 +50,7 @@ def test_agrees_with_the_slow_twin():
     colours = torch.rand(count, 3, generator=generator).double()
     density = 200.0 * torch.rand(count, generator=generator).double()
     likelihood = torch.rand(count, generator=generator).double()
-    weights, _ = blending_weights(alphas(density, likelihood, 0.01), samples)
+    weights, _ = blending_weights(alphas(density, likelihood, samples.step), samples)
     got = composite(weights, colours, samples)
     for ray in range(7):
         mine = samples.ray == ray
@@ -62,7 +64,7 @@ def test_gradients_against_finite_differences():
     count = len(samples.ray)
 
     def rendered(colours: torch.Tensor, density: torch.Tensor, f: torch.Tensor) -> torch.Tensor:
-        weights, _ = blending_weights(alphas(density, f, 0.01), samples)
+        weights, _ = blending_weights(alphas(density, f, samples.step), samples)
         return composite(weights, colours, samples)
 
     inputs = (

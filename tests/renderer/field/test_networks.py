@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -14,33 +16,52 @@ from renderer.field.networks import (
     SkeletonMotion,
     parameter_count,
 )
-from renderer.field.settings import FAST
+from renderer.field.settings import FAST, HUMANNERF, PAPER
 from renderer.field.sizes import FieldSizes, MlpSize
 from tests.renderer.field.performer import body
-
-HUMANNERF = FieldSizes(
-    colour=MlpSize(depth=8, width=256, skip=6),
-    octaves=10,
-    latent=256,
-    residual=MlpSize(depth=6, width=128, skip=5),
-    refiner=MlpSize(depth=4, width=256),
-)
 
 
 def _uniform_prior(sizes: FieldSizes) -> torch.Tensor:
     return torch.full((25, *sizes.volume), 1.0 / 25.0)
 
 
-def test_humannerfs_sizes_count_as_published():
+def _counts(sizes: FieldSizes, joints: int = 24) -> list[int]:
+    """Parameters of canonical field, residual, refiner and weight volume."""
     with torch.device("meta"):
-        assert HUMANNERF.colour is not None
-        assert HUMANNERF.refiner is not None
-        canonical = Mlp(encoded_size(10, identity=True), 4, HUMANNERF.colour)
-        assert parameter_count(canonical) == 494_084
-        assert parameter_count(ResidualMotion(HUMANNERF)) == 101_123
-        assert parameter_count(PoseRefiner(HUMANNERF.refiner)) == 233_029
-        motion = SkeletonMotion(HUMANNERF, _uniform_prior(HUMANNERF))
-        assert parameter_count(motion) == pytest.approx(63.59e6, rel=1e-4)
+        assert sizes.colour is not None
+        assert sizes.refiner is not None
+        networks = (
+            Mlp(encoded_size(sizes.octaves, identity=True), 4, sizes.colour),
+            ResidualMotion(sizes, joints),
+            PoseRefiner(sizes.refiner, joints),
+            SkeletonMotion(sizes, torch.ones(joints + 1, *sizes.volume)),
+        )
+    return [parameter_count(network) for network in networks]
+
+
+def test_humannerfs_sizes_count_as_published():
+    canonical, residual, refiner, motion = _counts(HUMANNERF.sizes)
+    assert (canonical, residual, refiner) == (494_084, 101_123, 233_029)
+    assert motion == pytest.approx(63.59e6, rel=1e-4)
+
+
+def test_the_papers_sizes_keep_the_depths_at_64_units_without_biases():
+    encoded, pose = 63, 69
+    canonical = encoded * 64 + 2 * 64 * 64 + (64 + encoded) * 64 + 4 * 64 * 64 + 64 * 4
+    residual = (36 + pose) * 64 + 2 * 64 * 64 + (64 + 36) * 64 + 2 * 64 * 64 + 64 * 3
+    refiner = pose * 64 + 3 * 64 * 64 + 64 * pose
+    assert (canonical, residual, refiner) == (36_992, 29_696, 21_120)
+    assert _counts(PAPER.sizes)[:3] == [canonical, residual, refiner]
+    assert _counts(PAPER.sizes)[3] == _counts(HUMANNERF.sizes)[3]
+
+
+def test_another_skeleton_brings_its_own_number_of_joints():
+    sizes = replace(HUMANNERF.sizes, latent=4, latent_channels=16, volume=(8, 8, 8))
+    refiner = PoseRefiner(MlpSize(1, 8), 30)
+    assert refiner(torch.zeros(2, 30, 3)).shape == (2, 30, 3)
+    residual = ResidualMotion(replace(sizes, residual=MlpSize(2, 8)), 30)
+    assert residual(torch.zeros(5, 3), torch.zeros(30, 3), 1.0).shape == (5, 3)
+    assert SkeletonMotion(sizes, torch.ones(31, 8, 8, 8))().shape == (31, 8, 8, 8)
 
 
 def test_the_fast_preset_counts():
@@ -56,7 +77,7 @@ def test_the_fast_preset_counts():
 
 
 def test_sizes_survive_json():
-    for sizes in (HUMANNERF, FAST.sizes):
+    for sizes in (HUMANNERF.sizes, PAPER.sizes, FAST.sizes):
         assert FieldSizes.from_json(sizes.to_json()) == sizes
 
 
@@ -68,12 +89,12 @@ def test_the_skip_reads_the_encoding_at_its_layer():
 
 def test_refiner_and_residual_start_from_nothing():
     angles = torch.rand(2, 24, 3)
-    refiner = PoseRefiner(MlpSize(depth=2, width=16))
+    refiner = PoseRefiner(MlpSize(depth=2, width=16), 24)
     change = refiner(angles)
     assert (change[:, 0] == 0.0).all()
     assert change.abs().max() < 1e-3
     sizes = FieldSizes(colour=None, residual=MlpSize(depth=2, width=16))
-    assert ResidualMotion(sizes)(torch.rand(9, 3), angles[0], 1.0).abs().max() < 1e-3
+    assert ResidualMotion(sizes, 24)(torch.rand(9, 3), angles[0], 1.0).abs().max() < 1e-3
 
 
 def test_without_a_cnn_the_prior_is_the_volume():
