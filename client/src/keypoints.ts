@@ -14,12 +14,12 @@ export interface Somebody {
 /** Why nobody new comes of a file of keypoints, and what does. */
 export const MOTION_ONLY = new Problem(
   "This file holds movement only",
-  "A new person needs a clip: how somebody looks comes from pictures. Under “Use keypoints” the file moves somebody who is here already.",
+  "A new person needs a clip: how somebody looks comes from pictures. Under “Keypoints” the file moves somebody who is here already.",
 );
 
 const NO_KEYPOINTS = new Problem(
   "This file holds no keypoints",
-  "Choose a JSON file of the format metanerf-keypoints; a clip of a new person goes under “Upload a clip”.",
+  "Choose a JSON file of the format metanerf-keypoints; a clip of a new person goes under “Clip”.",
 );
 const HEAD_BYTES = 256;
 

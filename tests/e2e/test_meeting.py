@@ -69,6 +69,34 @@ def test_the_demo_meeting_follows_the_viewer(tmp_path):
         expect(page.get_by_test_id("start-join")).to_be_visible()
 
 
+def test_a_touch_device_is_told_of_touches_and_follows_them(tmp_path):
+    with running_demo(tmp_path / "data") as address, open_page() as desk:
+        browser = desk.context.browser
+        assert browser is not None
+        page = browser.new_page(viewport={"width": 390, "height": 844}, has_touch=True)
+        page.goto(f"{address}?size=256")
+        page.get_by_test_id("start-join").click()
+        hint = page.locator("#stage-hint")
+        expect(hint).to_contain_text("Pinch")
+        expect(hint).not_to_contain_text("W A S D")
+        watch(page, 30)
+        still = [picture(page)]
+        watch(page, 5)
+        still.append(picture(page))
+        line = page.context.new_cdp_session(page)
+
+        def touch(kind: str, *places: tuple[float, float]) -> None:
+            points = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(places)]
+            line.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+        touch("touchStart", (170, 400), (220, 400))
+        for step in range(1, 7):
+            touch("touchMove", (170 - 10 * step, 400), (220 + 10 * step, 400))
+        touch("touchEnd")
+        watch(page, 30)
+        assert difference(still[0], picture(page)) > difference(*still) + 5.0
+
+
 def test_the_first_start_on_a_machine_says_what_it_waits_for(tmp_path):
     nothing_compiled = {"NUMBA_CACHE_DIR": str(tmp_path / "numba")}
     with running_demo(tmp_path / "data", **nothing_compiled) as address, open_page() as page:
@@ -132,7 +160,7 @@ def test_keypoints_make_nobody_new_but_move_somebody_who_is_here(tmp_path):
         )
         page.get_by_test_id("enrol-submit").click()
         expect(page.get_by_test_id("complaint")).to_contain_text("Choose a clip first")
-        page.get_by_role("button", name="Use keypoints").click()
+        page.get_by_role("button", name="Keypoints", exact=True).click()
         page.get_by_test_id("keypoints-file").set_input_files(str(still))
         expect(page.get_by_test_id("keypoints-who")).to_contain_text("Ada")
         page.get_by_test_id("keypoints-submit").click()

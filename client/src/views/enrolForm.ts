@@ -87,9 +87,9 @@ export function enrolForm(hooks: EnrolHooks): View {
     if (recorded) announce("Your clip is ready");
   };
   const ways = [
-    ["Upload a clip", () => clipForm(drop.element)],
-    ["Use the camera", () => clipForm((film = recorder(filmed)).element)],
-    ["Use keypoints", () => keypointsForm(hooks)],
+    ["Clip", () => clipForm(drop.element)],
+    ["Camera", () => clipForm((film = recorder(filmed)).element)],
+    ["Keypoints", () => keypointsForm(hooks)],
   ] as const;
   const clipForm = (source: HTMLElement): HTMLElement => {
     body.replaceChildren(source);

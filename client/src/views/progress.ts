@@ -137,7 +137,7 @@ function titleOf({ step, status, name }: EnrolState): string {
 function messageOf(state: EnrolState): string {
   if (state.status === "ready") {
     return usesTouch()
-      ? "Turn around yourself in the meeting with a finger."
+      ? "In the meeting, turn the view with one finger to see yourself from every side."
       : "In the meeting, drag to look at yourself from every side.";
   }
   return state.status === "failed" ? "" : progressInWords(state);

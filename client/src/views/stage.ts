@@ -134,7 +134,7 @@ function showNumbers(fps: HTMLElement, line: HTMLElement, news: LiveNumbers): vo
   line.replaceChildren(fps, ...rest.map((part) => h("span", {}, part)));
 }
 
-/** A press on a name brings the viewer in front of that person. */
+/** A press on a name brings the viewer close to that person. */
 function showPeople(people: HTMLElement, performers: readonly Performer[], live: LiveView): void {
   const key = performers.map(({ id, name }) => `${id} ${name}`).join();
   if (people.dataset["key"] === key) return;
