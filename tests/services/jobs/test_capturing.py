@@ -46,7 +46,7 @@ def real_frames(count: int = 8, height: int = 300) -> bytes:
     return seeds.archive(entries)
 
 
-def testreal_frames_become_a_sequence(caller: httpx.Client):
+def test_real_frames_become_a_sequence(caller: httpx.Client):
     uploaded = upload(caller, "frames.zip", real_frames())
     job = job_when(
         caller,
