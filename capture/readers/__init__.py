@@ -25,6 +25,6 @@ def open_folder(path: Path) -> Sequence:
     if (path / "annots.npy").exists():
         return open_zju_mocap(path)
     raise BrokenSequence(
-        f"{path} must hold a sequence.json (ours), {', '.join(PICKLES)} (HumanNeRF) or annots.npy "
-        "(ZJU-MoCap); got none of them; capture a clip or name another folder"
+        f"{path} must be a sequence folder: with sequence.json (ours), {', '.join(PICKLES)} "
+        "(HumanNeRF) or annots.npy (ZJU-MoCap); got none of them; name another, or capture a clip"
     )

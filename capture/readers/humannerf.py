@@ -34,8 +34,8 @@ from capture.readers.frames import (
     upright_world,
 )
 from capture.readers.pickles import load_pickle, numbers, table
+from capture.readers.surface import with_surface
 from scene.arrays import Array
-from scene.body import Body
 from scene.camera import Camera
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.sequence import Sequence
@@ -46,9 +46,10 @@ FRAMES_PER_SECOND = 30.0
 
 
 def open_humannerf(path: Path) -> Sequence:
-    """The sequence in folder `path`, joints only; pictures are read later, one by one.
+    """The sequence in folder `path`; pictures are read later, one by one.
 
-    Poses were estimated, so training may refine them. Raises BrokenDataset naming the file and the
+    The surface is our body model's, fitted to the joints; poses were estimated, so training may
+    refine them. Raises BrokenDataset naming the file and the
     rule it breaks, also for a pickle with code in it.
     """
     cameras, meshes, canonical = (load_pickle(path / name) for name in PICKLES)
@@ -70,7 +71,7 @@ def open_humannerf(path: Path) -> Sequence:
     return Sequence(
         person=path.resolve().name,
         frames_per_second=FRAMES_PER_SECOND,
-        body=Body(skeleton),
+        body=with_surface(skeleton),
         train=DatasetFrames(shots, motion, range(len(shots))),
         data_hash=data_hash(path, files),
         motion=motion,

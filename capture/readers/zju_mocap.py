@@ -38,8 +38,8 @@ from capture.readers.frames import (
 )
 from capture.readers.joints import joints_from_vertices
 from capture.readers.pickles import load_npy, numbers, strings, table
+from capture.readers.surface import with_surface
 from scene.arrays import Array, Float
-from scene.body import Body
 from scene.camera import Camera
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -74,8 +74,8 @@ def open_zju_mocap(path: Path, training_camera: int = 0) -> Sequence:
     """The sequence in folder `path` (CoreView_387, my_377, ...); pictures are read one by one.
 
     One camera trains on the first 80 % of the moments. Every 30th moment is seen by all other
-    cameras: as new views, and of the rest as unseen poses. Joints only: SMPL's surface may not be
-    passed on. Poses were estimated, so training may refine them.
+    cameras: as new views, and of the rest as unseen poses. The surface is our body model's, fitted
+    to the joints; poses were estimated, so training may refine them.
     Raises BrokenDataset naming the file and the rule it breaks, also for code in annots.npy.
     """
     annots = table(load_npy(path / "annots.npy"), "annots.npy", "cams", "ims")
@@ -113,7 +113,7 @@ def open_zju_mocap(path: Path, training_camera: int = 0) -> Sequence:
     return Sequence(
         person=path.resolve().name,
         frames_per_second=FRAMES_PER_SECOND,
-        body=Body(skeleton),
+        body=with_surface(skeleton),
         train=train,
         data_hash=data_hash(path, [file for file in files if file.exists()]),
         motion=train.motion,

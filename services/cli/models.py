@@ -19,7 +19,10 @@ app = typer.Typer()
 Picture = UInt8[Array, "H W 3"]
 
 ModelPath = Annotated[Path, typer.Argument(help="A trained model (.safetensors).")]
-SequencePath = Annotated[Path, typer.Argument(help="A sequence folder, as capture or studio make.")]
+SequencePath = Annotated[
+    Path,
+    typer.Argument(help="A folder of capture or studio, or of ZJU-MoCap or HumanNeRF as they are."),
+]
 
 
 @app.command()

@@ -101,7 +101,7 @@ def test_a_video_prepared_by_their_tool_is_read(video):
     truth, folder = video
     sequence = open_folder(folder)
     assert not sequence.exact_poses
-    assert not sequence.body.has_surface
+    assert sequence.body.has_surface
     for index in (0, 7, 23):
         got = seen_joints(sequence.train, sequence.body, index)
         np.testing.assert_allclose(got, truth.joint_pixels(index, 0), atol=0.02)
@@ -227,7 +227,9 @@ def test_missing_and_unequal_pictures_are_named(video, tmp_path):
 
 
 def test_a_folder_of_no_known_layout_is_refused(tmp_path):
-    with pytest.raises(BrokenSequence, match=r"must hold a sequence\.json .*HumanNeRF.*ZJU"):
+    with pytest.raises(
+        BrokenSequence, match=r"must be a sequence folder: with sequence\.json .*HumanNeRF.*ZJU"
+    ):
         open_folder(tmp_path)
 
 

@@ -35,6 +35,23 @@ def trained(filmed: Path) -> Path:
     return out
 
 
+def test_a_folder_of_humannerfs_is_trained_on_as_it_is(tmp_path):
+    theirs, model = tmp_path / "theirs", tmp_path / "model.safetensors"
+    made = runner.invoke(
+        app,
+        ["studio", "--out", str(tmp_path / "truth.seq"), "--performer", "dune", "--frames", "8",
+         "--size", "64", "--test-cameras", "1", "--humannerf", str(theirs)],
+    )  # fmt: skip
+    assert made.exit_code == 0, made.output
+    assert (theirs / "mesh_infos.pkl").exists()
+    done = runner.invoke(app, ["train", str(theirs), "--out", str(model), "--iterations", "150"])
+    assert done.exit_code == 0, done.output
+    figures = tmp_path / "figures.json"
+    done = runner.invoke(app, ["evaluate", str(model), str(theirs), "--json", str(figures)])
+    assert done.exit_code == 0, done.output
+    assert json.loads(figures.read_text())["psnr"]["training_view"]["body_crop"] > 18.0
+
+
 @pytest.mark.parametrize("camera", ["front", "orbit", "40,10"])
 def test_a_picture_is_rendered(trained, tmp_path, camera):
     out = tmp_path / "view.png"
