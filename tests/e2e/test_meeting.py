@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
+import re
+import signal
 from pathlib import Path
 
 import av
+import httpx
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
 from benchmarks.browser import frames_shown, open_page, picture, running_demo
 from tests.services import seeds
+from tests.services.jobs.waiting import until
 from tests.shared_data import shared_data
 
 pytestmark = pytest.mark.e2e
@@ -67,6 +72,35 @@ def test_the_demo_meeting_follows_the_viewer(tmp_path):
         assert difference(still[0], picture(page)) > 2.0 * difference(*still) + 1.0
         page.get_by_test_id("leave").click()
         expect(page.get_by_test_id("start-join")).to_be_visible()
+
+
+def viewers(address: str) -> float:
+    figures = httpx.get(f"{address}metrics").text
+    found = re.search(r"^metanerf_viewers (\S+)$", figures, re.MULTILINE)
+    assert found is not None
+    return float(found[1])
+
+
+def test_whoever_closes_the_page_or_crashes_leaves_room_for_others(tmp_path):
+    environment = {"METANERF_MAX_VIEWERS": "1"}
+    with running_demo(tmp_path / "data", **environment) as address, open_page() as page:
+        page.goto(f"{address}?size=256")
+        page.get_by_test_id("start-join").click()
+        watch(page, 5)
+        assert viewers(address) == 1.0
+        browser = page.context.browser
+        assert browser is not None
+        page.close()
+        second = browser.new_page()
+        second.goto(f"{address}?size=256")
+        second.get_by_test_id("start-join").click()
+        watch(second, 5)
+        # pages that die say no goodbye
+        running = browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")
+        for process in running["processInfo"]:
+            if process["type"] == "renderer":
+                os.kill(process["id"], signal.SIGKILL)
+        until(lambda: viewers(address) == 0.0, "noticing the crash")
 
 
 def test_a_touch_device_is_told_of_touches_and_follows_them(tmp_path):
