@@ -34,6 +34,7 @@ from scene.camera import Camera
 from scene.motion import Pose
 
 _RAYS_AT_ONCE = 16384
+_RAYS_AT_ONCE_IN_WAVES = 8192
 _RAYS_AT_ONCE_CULLED = 4096
 _RAYS_AT_ONCE_DIRECT = 512
 """Where every sample of a ray costs 24 look-ups, memory holds fewer."""
@@ -103,11 +104,19 @@ class FieldRenderer:
             return occupied_cells(field, volume, support, transforms, joint_angles)
         return reached_cells(support, transforms) if field.sizes.cull else None
 
-    @staticmethod
-    def _rays_at_once(cells: LiveCells | None) -> int:
+    def _rays_at_once(self, cells: LiveCells | None) -> int:
+        """As many as memory holds samples of."""
         if isinstance(cells, PosedGrid):
             return _RAYS_AT_ONCE
+        if self.in_waves:
+            return _RAYS_AT_ONCE_IN_WAVES
         return _RAYS_AT_ONCE_DIRECT if cells is None else _RAYS_AT_ONCE_CULLED
+
+    @property
+    def in_waves(self) -> bool:
+        """Whether samples are asked front to back. A grid tells density so cheaply that all of a
+        ray is asked at once."""
+        return self.field.sizes.early_stop and not self.field.canonical.has_grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,9 +142,8 @@ class _Draw:
         span = near[hit], far[hit]
         steps = steps_of(span, sizes.step_m, sizes.samples_a_ray)
         samples = march(self.cells, origins[hit], directions[hit], span, steps)
-        # a grid tells density so cheaply that all of a ray is asked at once
-        waves = sizes.early_stop and not self.renderer.field.canonical.has_grid
-        rgba[hit] = self._in_waves(samples) if waves else self._shaded(samples)
+        in_waves = self.renderer.in_waves
+        rgba[hit] = self._in_waves(samples) if in_waves else self._shaded(samples)
         return rgba
 
     def _in_waves(self, samples: Samples) -> Float[Tensor, "R 4"]:

@@ -44,3 +44,16 @@ def training(
     from benchmarks.training import run
 
     run(json_file, backbone)
+
+
+@app.command()
+def field(
+    json_file: JsonFile = None,
+    preset: Annotated[str, typer.Option(help="humannerf or paper.")] = "paper",
+    size: Annotated[int, typer.Option(help="Pixels a side of the view.", min=32, max=1024)] = 256,
+    steps: Annotated[int, typer.Option(help="Steps that fit the field to a body.", min=50)] = 400,
+) -> None:
+    """What each speed-up of the paper's field is worth, with the same weights: ms and dB."""
+    from benchmarks.field_speed import run
+
+    run(json_file, preset, size, steps)
