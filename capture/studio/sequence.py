@@ -188,22 +188,25 @@ def _motions(
     if path is None:
         return turning(frames, rate, turn_deg), gestures(32, rate)
     whole = read_bvh(path, skeleton)
-    cut = max(2, int(0.75 * len(whole)))
+    cut_s = 0.75 * whole.duration_s
+    start_s, end_s = whole.times_s[0], whole.times_s[-1]
     return (
-        turned(_evenly(whole, 0, cut, frames, rate), turn_deg),
-        turned(_evenly(whole, min(cut, len(whole) - 2), len(whole), 32, rate), turn_deg),
+        turned(_in_real_time(whole, start_s, start_s + cut_s, frames, rate), turn_deg),
+        turned(_in_real_time(whole, start_s + cut_s, end_s, 32, rate), turn_deg),
     )
 
 
-def _evenly(motion: Motion, start: int, stop: int, frames: int, rate: float) -> Motion:
-    """`frames` poses spread over [start, stop), retimed to `rate`.
+def _in_real_time(motion: Motion, start_s: float, end_s: float, frames: int, rate: float) -> Motion:
+    """`frames` poses of [start_s, end_s) at `rate`; a span too short is played to and fro.
 
     On the spot, as on a treadmill: framed over a path of metres, nobody would fill the picture.
     """
-    picked = np.linspace(start, stop - 1, frames).round().astype(int)
     times = np.arange(frames) / rate
-    root = motion.root_translation[picked] * [0.0, 1.0, 0.0]
-    return Motion(times, motion.joint_angles[picked], root, motion.confidence[picked])
+    span = max(end_s - start_s, 1e-6)
+    poses = [motion.pose_at(start_s + span - abs(span - time % (2.0 * span))) for time in times]
+    root = np.stack([pose.root_translation for pose in poses]) * [0.0, 1.0, 0.0]
+    angles = np.stack([pose.joint_angles for pose in poses])
+    return Motion(times, angles, root, np.ones(angles.shape[:2]))
 
 
 def _framing(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"], float]:
