@@ -3,6 +3,9 @@
 Body crop: the box of the true mask (alpha > 0) grown by 5 %. Black background, sRGB, mean over
 pictures of each picture's figure. A test camera counts only where its side of the body was seen in
 training; the others are reported apart under `unseen_side`.
+
+Poses of the test views are taken as they are or, where asked, aligned by their own pictures first
+(`renderer.alignment`): models of estimated poses are to be reported both ways.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from renderer.alignment import Aligner
 from renderer.lpips import Lpips
 from renderer.metrics import over_black, psnr, ssim
 from renderer.model import PersonModel
@@ -21,7 +25,14 @@ from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.motion import Pose
 from scene.rotations import axis_angle_to_matrix
-from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, FrameSource, Sequence, body_crop
+from scene.sequence import (
+    NOVEL_VIEW,
+    UNSEEN_POSE,
+    FrameSource,
+    Sequence,
+    body_crop,
+    read_frame,
+)
 from scene.skeleton import Skeleton
 
 TRAINING_VIEW = "training_view"
@@ -34,7 +45,11 @@ _SMALLEST_CROP_PX = 32
 
 
 def evaluate(
-    model: PersonModel, sequence: Sequence, lpips_backbone: Path | None = None
+    model: PersonModel,
+    sequence: Sequence,
+    lpips_backbone: Path | None = None,
+    *,
+    aligned: bool = False,
 ) -> dict[str, Any]:
     """PSNR (dB), SSIM and LPIPS of `model` on the test views of `sequence`, and on training views.
 
@@ -44,14 +59,19 @@ def evaluate(
     a clip without test views, or LPIPS without a backbone. `unseen_side` holds the same for cameras
     that saw a side no training camera saw, `per_view` each picture's own figures, `conditions` how
     all this was measured.
+
+    With `aligned`, each test pose is first aligned with its own picture, and `conditions` says so:
+    what is then measured is the model without the offset of its canonical body.
     """
+    aligner = Aligner(model, sequence) if aligned else None
     lpips = None if lpips_backbone is None else Lpips(lpips_backbone)
     seen = _sides(sequence.train, sequence.body.skeleton)
     per_view: dict[str, list[dict[str, Any]]] = {}
     for split in (NOVEL_VIEW, UNSEEN_POSE):
         source = sequence.test.get(split)
         per_view[split] = [] if source is None else [
-            _measure(model, source, index, source.pose(index), seen, sequence.body.skeleton, lpips)
+            _measure(model, source, index, _test_pose(source, index, aligner), seen,
+                     sequence.body.skeleton, lpips)
             for index in range(len(source))
         ]  # fmt: skip
     per_view[TRAINING_VIEW] = [
@@ -67,6 +87,7 @@ def evaluate(
             "resolution": _resolutions(sequence),
             "background": "black",
             "colour": "sRGB in [0, 1]",
+            "test_poses": "aligned with their own pictures" if aligned else "as given",
             "body_crop": "box of the true mask (alpha > 0) grown by 5 %",
             "seen_within_deg": SEEN_WITHIN_DEG,
             "lpips": None if lpips is None else {
@@ -93,6 +114,10 @@ def _some_training_poses(sequence: Sequence) -> list[tuple[int, Pose]]:
     frames = len(sequence.train)
     picked = np.unique(np.linspace(0, frames - 1, min(frames, _TRAINING_VIEWS)).round().astype(int))
     return [(int(index), sequence.train.pose(int(index))) for index in picked]
+
+
+def _test_pose(source: FrameSource, index: int, aligner: Aligner | None) -> Pose:
+    return source.pose(index) if aligner is None else aligner.align(read_frame(source, index))
 
 
 def _measure(
