@@ -10,17 +10,20 @@ import cv2
 import numpy as np
 
 from capture.archive import read_frames
+from capture.backdrop import FRAMES as BACKDROP_FRAMES
+from capture.backdrop import learn_backdrop
 from capture.body import load_body_model
 from capture.errors import BrokenSequence, NoPersonFound, UnreadableClip
 from capture.fit import Fit, fit_clip
 from capture.fit_world import Placed, place_in_world
+from capture.foreground import premultiplied
 from capture.landmarks import MediaPipeEstimator, PoseEstimator
-from capture.masks import refine_mask
+from capture.masks import occupied, refine_mask, steady_masks
 from capture.pose_model import PoseModelSource, pose_model_file
 from capture.quality import CaptureQuality, Seen, judge
 from capture.store import write_sequence
 from capture.tracking import Track, follow
-from capture.video import MAX_FRAMES, Clip, read_video
+from capture.video import MAX_FRAMES, Clip, read_video, spread
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
 from scene.errors import InvalidInput
@@ -156,10 +159,7 @@ def _capture(
     stages: _Stages,
 ) -> CaptureQuality:
     report = stages.part(0.3, 0.38, "cutting out the person")
-    masks: list[Float[Array, "H W"] | None] = []
-    for index, found in enumerate(track.people):
-        masks.append(None if found is None else refine_mask(clip.images[index], found))
-        report((index + 1) / len(track.people))
+    masks = _cut_out(clip, track, report)
     height, width = clip.images[0].shape[:2]
     scale = max(height, width) / max(clip.source_size)
     fit = fit_clip(
@@ -188,6 +188,21 @@ def _capture(
         quality=quality.as_json(),
     )
     return quality
+
+
+def _cut_out(
+    clip: Clip, track: Track, report: Callable[[float], None]
+) -> list[Float[Array, "H W"] | None]:
+    """The person's mask in each frame; None where they were lost."""
+    found = [(clip.images[i], person) for i, person in enumerate(track.people) if person]
+    some = [found[i] for i in spread(len(found), BACKDROP_FRAMES)]
+    backdrop = learn_backdrop([image for image, _ in some], (occupied(one) for _, one in some))
+    masks: list[Float[Array, "H W"] | None] = []
+    for index, person in enumerate(track.people):
+        image = clip.images[index]
+        masks.append(None if person is None else refine_mask(image, person, backdrop))
+        report((index + 1) / len(track.people))
+    return steady_masks(clip.images, masks)
 
 
 def _stored_frames(
@@ -247,5 +262,4 @@ def _frames(seen: Seen, report: Callable[[float], None]) -> Iterator[Frame]:
         report(index / len(seen.images))
         mask = seen.masks[index]
         # only the person is kept: what stands behind them at home is nobody's business
-        pixels = image.astype(np.float32) / np.float32(255.0) * mask[..., None]
-        yield Frame(pixels, mask, seen.camera, seen.motion.pose(index))
+        yield Frame(premultiplied(image, mask), mask, seen.camera, seen.motion.pose(index))

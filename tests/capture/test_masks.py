@@ -8,8 +8,16 @@ import cv2
 import numpy as np
 import pytest
 
+from capture.backdrop import learn_backdrop
 from capture.landmarks import Landmarks
-from capture.masks import bone_points, keep_connected, refine_mask
+from capture.masks import (
+    bone_points,
+    draw_bones,
+    keep_connected,
+    occupied,
+    refine_mask,
+    steady_masks,
+)
 from tests.capture.people import body, camera, picture, seen_by, standing
 
 
@@ -69,3 +77,66 @@ def test_hidden_bones_do_not_vouch(person):
     hidden = replace(person, visibility=np.zeros(33))
     assert len(bone_points(hidden)) == 1
     assert len(bone_points(person)) > 100
+
+
+def test_an_edge_pixel_gets_the_share_of_its_colour(person):
+    """The person's outline, blurred as by a lens: its alpha is found again."""
+    sharp = person.mask.astype(np.float32)
+    alpha = cv2.GaussianBlur(sharp, (0, 0), 1.0)
+    own, wall = np.array([200.0, 60.0, 40.0]), np.array([120.0, 120.0, 120.0])
+    image = np.round(alpha[..., None] * own + (1.0 - alpha[..., None]) * wall).astype(np.uint8)
+    found = refine_mask(image, person)
+    edge = (alpha > 0.05) & (alpha < 0.95)
+    assert np.abs(found - alpha)[edge].mean() < 0.7 * np.abs(sharp - alpha)[edge].mean()
+
+
+def test_a_still_camera_gives_back_a_hand_that_was_left_out():
+    motion = standing(24, turn_rad=2.0)
+    people = [seen_by(camera(), body(), motion.pose(i)) for i in range(24)]
+    images = [picture(one) for one in people]
+    backdrop = learn_backdrop(images, [occupied(one) for one in people])
+    person, image = people[0], images[0]
+    x, y = person.pixels[19].astype(int)  # the left index finger
+    around = (slice(y - 8, y + 8), slice(x - 8, x + 8))
+    cut = person.mask.copy()
+    cut[around] = 0.0
+    short = replace(person, mask=cut)
+    hand = person.mask[around] > 0.5
+    assert refine_mask(image, short)[around][hand].mean() < 0.5
+    assert refine_mask(image, short, backdrop)[around][hand].mean() > 0.9
+
+
+def test_what_stands_still_does_not_flicker(person):
+    rng = np.random.default_rng(0)
+    image = picture(person)
+    edge = cv2.dilate(person.mask, np.ones((5, 5))) - cv2.erode(person.mask, np.ones((5, 5))) > 0
+    masks = [
+        np.where(edge, rng.random(edge.shape), person.mask).astype(np.float32) for _ in range(3)
+    ]
+    steady = [np.asarray(mask) for mask in steady_masks([image] * 3, masks)]
+    assert (
+        np.abs(steady[1] - steady[0])[edge].mean() < 0.6 * np.abs(masks[1] - masks[0])[edge].mean()
+    )
+    assert (steady[1] == person.mask)[~edge].all()
+
+
+def test_what_moves_keeps_its_own_edge():
+    motion = standing(3, turn_rad=1.0)
+    people = [seen_by(camera(), body(), motion.pose(i)) for i in range(3)]
+    steady = steady_masks([picture(one) for one in people], [one.mask for one in people])
+    for one, mask in zip(people, steady, strict=True):
+        assert mask is not None
+        assert np.abs(mask - one.mask).max() < 0.1
+
+
+def test_a_lost_frame_stays_lost(person):
+    steady = steady_masks([picture(person)] * 3, [person.mask, None, person.mask])
+    assert steady[1] is None
+    np.testing.assert_array_equal(steady[0], person.mask)
+
+
+def test_bones_reach_the_toes(person):
+    drawn = draw_bones(person, person.mask.shape, 3)
+    x, y = person.pixels[31].astype(int)  # the left foot
+    assert drawn[y - 1 : y + 2, x - 1 : x + 2].any()
+    assert not draw_bones(replace(person, visibility=np.zeros(33)), (64, 64), 3).any()
