@@ -24,7 +24,7 @@ format:
 	.venv/bin/ruff format .
 	.venv/bin/ruff check --fix .
 
-# Pins every package but torch with its hash; run it after a change of dependencies.
+# Pins every package but torch with its hash (one file to run, one to test); run it after a change of dependencies.
 lock:
 	scripts/lock.sh
 

@@ -1,17 +1,27 @@
 #!/usr/bin/env bash
-# Writes requirements.lock: every package that metanerf and its tools need, with hashes.
-# torch is left out: it is installed by version, since its builds differ from machine to machine.
+# Pins every package with its hash, in two files:
+#   requirements.lock       what metanerf runs on
+#   requirements-dev.lock   the same and what its tests, tools and body asset are made with
+# torch is left out of both: it is installed by version, since its builds differ from machine to machine.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-.venv/bin/python -m piptools compile -q --extra dev --generate-hashes --allow-unsafe --no-emit-index-url --no-emit-find-links \
-  --no-emit-trusted-host --strip-extras --unsafe-package torch --output-file requirements.lock pyproject.toml
-.venv/bin/python - <<'PY'
+
+pin() {
+  local file=$1; shift
+  .venv/bin/python -m piptools compile -q --generate-hashes --allow-unsafe --no-emit-index-url --no-emit-find-links \
+    --no-emit-trusted-host --strip-extras --unsafe-package torch --output-file "$file" "$@" pyproject.toml
+  .venv/bin/python - "$file" <<'PY'
 import re
+import sys
 from pathlib import Path
 
-path = Path("requirements.lock")
+path = Path(sys.argv[1])
 text = path.read_text()
 # a torch line with its hash lines would refuse every other machine's build
 text = re.sub(r"^torch==.*?(?=^\S|\Z)", "", text, flags=re.M | re.S)
 path.write_text(text)
 PY
+}
+
+pin requirements.lock
+pin requirements-dev.lock --extra dev --constraint requirements.lock

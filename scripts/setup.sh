@@ -18,17 +18,27 @@ python_for_venv() {
   fail "Python 3.11 or 3.12 is needed and was not found; install it or set PYTHON=/path/to/python"
 }
 
+# PyPI's torch for Linux brings gigabytes of CUDA along; where there is no such card the CPU build serves
+torch_index() {
+  [ "$(uname -s)" = Linux ] && ! command -v nvidia-smi >/dev/null || return 0
+  echo "--extra-index-url https://download.pytorch.org/whl/cpu --retries 1"
+}
+
+# $1: requirements.lock, or requirements-dev.lock, which holds all of it and more
 install_python() {
-  local stamp=.venv/.installed wanted
-  wanted=$(cat requirements.lock pyproject.toml | sha256sum)
-  [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
+  local lock=$1 installed=.venv/.installed wanted
+  wanted=$(cat "$lock" pyproject.toml | sha256sum)
+  # tests' packages serve the demo too: what is there stays
+  grep -qsx "$wanted" "$installed" && return
   [ -x .venv/bin/python ] || "$(python_for_venv)" -m venv .venv
   echo "setup: installing Python packages (about a minute)"
   # torch by version alone: its builds differ from machine to machine, so no hash can be pinned
-  .venv/bin/python -m pip install -q --disable-pip-version-check torch==2.13.0
-  .venv/bin/python -m pip install -q --disable-pip-version-check --no-deps --require-hashes -r requirements.lock
+  # shellcheck disable=SC2046  # several words, or none
+  .venv/bin/python -m pip install -qq --disable-pip-version-check $(torch_index) torch==2.13.0
+  .venv/bin/python -m pip install -q --disable-pip-version-check --no-deps --require-hashes -r "$lock"
   .venv/bin/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
-  echo "$wanted" > "$stamp"
+  cat requirements.lock pyproject.toml | sha256sum > "$installed"
+  echo "$wanted" >> "$installed"
 }
 
 build_client() {
@@ -44,7 +54,7 @@ build_client() {
 # so that the first meeting is alive at once; where it is not done, the page says what it waits for
 compile_renderer() {
   local stamp=.venv/.compiled wanted
-  wanted=$(find renderer -name '*kernels.py' -print0 | sort -z | xargs -0 cat .venv/.installed | sha256sum)
+  wanted=$(find renderer -name '*kernels.py' -print0 | sort -z | xargs -0 cat requirements.lock | sha256sum)
   [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
   echo "setup: compiling the renderer (half a minute)"
   .venv/bin/python -c "from renderer.stage import warm_up; warm_up()"
@@ -62,7 +72,7 @@ install_chromium() {
   fi
 }
 
-install_python
+if [ "${1:-}" = test ]; then install_python requirements-dev.lock; else install_python requirements.lock; fi
 build_client
 compile_renderer
 if [ "${1:-}" = test ]; then install_chromium; fi
