@@ -43,6 +43,11 @@ class Progress:
     preview: Float[Array, "H W 3"] | None
     """sRGB picture of the model as it is now."""
 
+    @property
+    def message(self) -> str:
+        """What is going on in words, and the numbers for those who want them."""
+        return f"learning what the person looks like (step {self.step}, loss {self.loss:.4f})"
+
 
 @runtime_checkable
 class Trainer(Protocol):

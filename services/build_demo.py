@@ -42,7 +42,7 @@ def build(
         clip = open_sequence(clip_folder)
         model = train(
             clip, preset="splats", iterations=_ITERATIONS, seed=_SEED, clock=time.perf_counter,
-            on_progress=lambda step: report(0.3 + 0.7 * step.fraction, f"step {step.step}"),
+            on_progress=lambda step: report(0.3 + 0.7 * step.fraction, step.message),
         )  # fmt: skip
     assert isinstance(model, SplatModel)
     recorded = _on_the_spot(read_bvh(motion, clip.body.skeleton))

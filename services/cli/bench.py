@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from scene.errors import InvalidInput
 
 app = typer.Typer(help="Measure what is claimed, on this machine.", no_args_is_help=True)
 
@@ -19,6 +22,11 @@ def live(
     seconds: Annotated[float, typer.Option(help="How long to watch.", min=2.0)] = 10.0,
 ) -> None:
     """Frames a second that a browser decodes from a meeting, and what they cost."""
+    if find_spec("playwright") is None:  # only tests and this need a browser
+        raise InvalidInput(
+            "a browser must be at hand to watch the meeting; got no package playwright; "
+            "run `make setup-test`"
+        )
     from benchmarks.live import run
 
     run(json_file, size, seconds)

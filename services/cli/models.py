@@ -51,7 +51,7 @@ def train(
     with stop_on_interrupt() as should_stop, progress_bar(f"training {preset}") as report:
 
         def on_progress(step: Progress) -> None:
-            report(step.fraction, f"step {step.step}, loss {step.loss:.4f}")
+            report(step.fraction, step.message)
 
         try:
             model = train_model(

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from scene.errors import InvalidInput
-from services.cli.terminal import progress_bar, seconds, stop_on_interrupt
+from services.cli.terminal import print_table, progress_bar, seconds, stop_on_interrupt
 
 app = typer.Typer()
 
@@ -22,6 +22,12 @@ def capture(
     webcam: Annotated[int | None, typer.Option(help="Film with this webcam instead.")] = None,
     length: Annotated[str, typer.Option(help="How long the webcam films.")] = "15s",
     person: Annotated[str, typer.Option(help="Name stored with the sequence.")] = "someone",
+    overlay: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write a video (.mp4) of the clip with all that was found drawn over it."
+        ),
+    ] = None,
 ) -> None:
     """Turn one clip of one person into a sequence: masks, camera, body and motion."""
     from capture.pipeline import capture_clip
@@ -36,15 +42,16 @@ def capture(
         if webcam is not None:
             quality = capture_webcam(
                 webcam, out, seconds=seconds(length), person=person, pose_model=pose_model,
-                on_progress=report, should_stop=should_stop,
+                overlay=overlay, on_progress=report, should_stop=should_stop,
             )  # fmt: skip
         else:
             assert source is not None
             quality = capture_clip(
                 source, out, person=person, pose_model=pose_model,
-                on_progress=report, should_stop=should_stop,
+                overlay=overlay, on_progress=report, should_stop=should_stop,
             )  # fmt: skip
     typer.echo(str(out))
+    print_table(quality.rows())
     for line in quality.advice:
         typer.echo(f"  {line}")
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
 
 Report = Callable[[float, str], None]
 """Told the share that is done, and what is being done."""
@@ -41,6 +43,14 @@ def progress_bar(title: str) -> Iterator[Report]:
             progress.update(task, completed=min(1.0, max(0.0, fraction)), message=message)
 
         yield report
+
+
+def print_table(rows: Iterable[tuple[str, str, str]]) -> None:
+    """Rows of three: what, value, verdict; a verdict that is not `good` stands out."""
+    table = Table(show_header=False, box=None, padding=(0, 2))
+    for what, value, verdict in rows:
+        table.add_row(what, value, Text(verdict, style="" if verdict == "good" else "bold"))
+    Console().print(table)
 
 
 @contextmanager

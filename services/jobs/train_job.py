@@ -31,7 +31,7 @@ def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path)
     reporter.watch_checkpoint(checkpoint)
 
     def on_progress(step: Progress) -> None:
-        reporter.progress(step.fraction, f"step {step.step}, loss {step.loss:.4f}", step.preview)
+        reporter.progress(step.fraction, step.message, step.preview)
 
     try:
         model = train(

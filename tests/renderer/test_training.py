@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -54,6 +55,9 @@ def test_time_ends_the_budget():
     assert seen[-1].fraction == 1.0
     assert seen[-1].preview is not None
     assert seen[-1].preview.shape == (384, 384, 3)
+    assert re.fullmatch(
+        r"learning what the person looks like \(step \d+, loss 0\.\d{4}\)", seen[-1].message
+    )
 
 
 def test_stopping_leaves_a_checkpoint_that_goes_on(tmp_path):

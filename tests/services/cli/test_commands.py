@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import av
@@ -113,6 +114,14 @@ def test_mistakes_are_told_in_one_line(arguments, words, monkeypatch, capsys, tm
     assert words in told
     assert "Traceback" not in told
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_measurement_says_what_it_lacks_before_it_starts(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "playwright", None)
+    monkeypatch.setattr("sys.argv", ["metanerf", "bench", "live"])
+    with pytest.raises(SystemExit):
+        main()
+    assert "got no package playwright; run `make setup-test`" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,7 @@ def test_a_stopped_or_killed_training_goes_on_from_its_checkpoint(
         resumed = job_when(
             caller,
             job_id,
-            lambda job: job["message"].startswith("step ") and job["state"] == "running",
+            lambda job: job["message"].startswith("learning ") and job["state"] == "running",
             "going on after a restart",
         )
         assert resumed["progress"] >= stopped.progress - 0.01
@@ -115,7 +115,7 @@ def test_a_stopped_or_killed_training_goes_on_from_its_checkpoint(
         again = job_when(
             caller,
             job_id,
-            lambda job: job["message"].startswith("step "),
+            lambda job: job["message"].startswith("learning "),
             "going on after a crash",
         )
         assert again["progress"] >= stopped.progress - 0.01
