@@ -6,7 +6,7 @@ has only numpy and torch they fall back to plain names, so that `scene` and `ren
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,11 +26,16 @@ else:
 
         Bool = Float = Int = UInt8 = _Unchecked
 
-    try:
-        from torch import Tensor
-    except ImportError:
-        Tensor = np.ndarray
-
 Array = np.ndarray
+
+
+def __getattr__(name: str) -> Any:
+    # torch takes seconds to import: only a module that asks for `Tensor` pays
+    if name == "Tensor":
+        from torch import Tensor
+
+        return Tensor
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = ["Array", "Bool", "Float", "Int", "Tensor", "UInt8"]

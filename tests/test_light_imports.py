@@ -1,9 +1,12 @@
-"""scene/ and renderer/ import where only numpy and torch are installed (a bare GPU machine)."""
+"""scene/ and renderer/ import where only numpy and torch are installed (a bare GPU machine), and
+what starts often does not wait for heavy packages."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+
+import pytest
 
 BLOCK_AND_IMPORT = """
 import importlib, importlib.abc, pkgutil, sys
@@ -32,3 +35,15 @@ def test_scene_and_renderer_import_with_numpy_and_torch_alone():
     )
     assert done.returncode == 0, done.stderr
     assert "scene.camera" in done.stdout
+
+
+@pytest.mark.parametrize(
+    "module", ["scene", "services.cli.app", "services.app", "services.jobs.child"]
+)
+def test_what_starts_often_does_not_wait_for_torch(module):
+    slow = "{'torch', 'numba', 'mediapipe', 'scipy'} & set(sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys, {module}; assert not {slow}, {slow}"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr

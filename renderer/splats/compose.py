@@ -1,17 +1,32 @@
-"""Draws any number of splat models into one picture; they hide each other splat by splat."""
+"""Draws any number of people's splats into one picture; they hide each other splat by splat."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence as Many
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from renderer.splats.layout import BOX_FILTER_PX2, PROJECTED, TILE
-from renderer.splats.model import SplatModel
-from scene.arrays import Array, Float
+from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
+from scene.skeleton import Skeleton
 
 _ENTRIES_AT_FIRST = 1 << 16
+
+
+@runtime_checkable
+class SkinnedSplats(Protocol):
+    """What is drawn of a `SplatModel`; meanings and units are told there."""
+
+    @property
+    def parameters(self) -> Float[Array, "N 14"]: ...
+    @property
+    def joints(self) -> UInt8[Array, "N 4"]: ...
+    @property
+    def weights(self) -> Float[Array, "N 4"]: ...
+    @property
+    def skeleton(self) -> Skeleton: ...
 
 
 class Workspace:
@@ -59,7 +74,7 @@ class Workspace:
 class SplatRenderer:
     """Renders one cast of models; keep it as long as the cast stays."""
 
-    def __init__(self, models: Many[SplatModel]) -> None:
+    def __init__(self, models: Many[SkinnedSplats]) -> None:
         offsets = np.cumsum([0] + [len(m.skeleton.names) for m in models])
         self._parameters = np.concatenate([m.parameters for m in models]).astype(np.float32)
         self._weights = np.concatenate([m.weights for m in models]).astype(np.float32)

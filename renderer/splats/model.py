@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from renderer.splats.compose import SplatRenderer
 from renderer.splats.layout import PARAMETERS
 from scene.arrays import Array, Bool, Float, UInt8
 from scene.camera import Camera
@@ -41,7 +42,5 @@ class SplatModel:
 
     def render(self, camera: Camera, pose: Pose) -> Float[Array, "H W 4"]:
         """Premultiplied sRGB and alpha, float32. For many views keep a `SplatRenderer`."""
-        from renderer.splats.compose import SplatRenderer
-
         transforms = self.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
         return SplatRenderer((self,)).render(camera, [transforms])
