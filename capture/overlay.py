@@ -1,4 +1,8 @@
-"""The picture to trust: skeleton, box and the fitted surface's outline drawn over the frames."""
+"""The picture to trust: silhouette, box, skeleton and fitted surface drawn over the frames.
+
+White box and magenta outline: the person's mask. Green outline: the fitted body. They lie on each
+other where the capture went well. Left limbs are orange, right limbs blue.
+"""
 
 from __future__ import annotations
 
@@ -17,19 +21,16 @@ from scene.sequence import Frame, Sequence
 from scene.skeleton import JOINT_NAMES, PARENTS
 
 _LEFT, _RIGHT, _MIDDLE = (255, 140, 30), (40, 160, 255), (255, 240, 120)
-_SURFACE, _BOX = (60, 255, 120), (255, 255, 255)
+_SURFACE, _SILHOUETTE, _BOX = (60, 255, 120), (255, 60, 220), (255, 255, 255)
 
 
 def draw_overlay(frame: Frame, body: Body) -> UInt8[Array, "H W 3"]:
-    """sRGB picture of `frame` with mask's box, skeleton and the outline of the posed surface.
-
-    Left limbs are orange, right limbs blue.
-    """
+    """sRGB picture of `frame` with the mask's box and outline, skeleton and posed surface."""
     picture = np.ascontiguousarray((np.clip(frame.image, 0.0, 1.0) * 255.0).astype(np.uint8))
+    _outline(picture, (frame.mask > 0.5).astype(np.uint8), _SILHOUETTE)
     covered = surface_mask(frame, body)
     if covered is not None:
-        outlines, _ = cv2.findContours(covered, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-        cv2.drawContours(picture, outlines, -1, _SURFACE, 1, cv2.LINE_AA)
+        _outline(picture, covered, _SURFACE)
     rows, columns = np.nonzero(frame.mask > 0.5)
     if len(rows):
         corners = [(int(columns.min()), int(rows.min())), (int(columns.max()), int(rows.max()))]
@@ -83,6 +84,11 @@ def write_video(
             container.mux(stream.encode(frame))
         if stream is not None:
             container.mux(stream.encode())
+
+
+def _outline(picture: Array, covered: Array, colour: tuple[int, int, int]) -> None:
+    outlines, _ = cv2.findContours(covered, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(picture, outlines, -1, colour, 1, cv2.LINE_AA)
 
 
 def _draw_skeleton(picture: Array, frame: Frame, body: Body) -> None:

@@ -19,6 +19,7 @@ from capture.fit_world import Placed, place_in_world
 from capture.foreground import premultiplied
 from capture.landmarks import MediaPipeEstimator, PoseEstimator
 from capture.masks import occupied, refine_mask, steady_masks
+from capture.overlay import draw_overlay, write_video
 from capture.pose_model import PoseModelSource, pose_model_file
 from capture.quality import CaptureQuality, Seen, judge
 from capture.store import write_sequence
@@ -48,6 +49,7 @@ class _Stages:
 
     on_progress: Progress
     should_stop: Stop
+    on_fit: Callable[[str, Fit], None]
 
     def part(self, start: float, end: float, message: str) -> Callable[[float], None]:
         self.on_progress(start, message)
@@ -64,7 +66,9 @@ def capture_clip(
     max_frames: int = MAX_FRAMES,
     size: int = SIZE_PX,
     focal_px: float | None = None,
+    overlay: Path | None = None,
     on_progress: Progress = lambda *_: None,
+    on_fit: Callable[[str, Fit], None] = lambda *_: None,
     should_stop: Stop = lambda: False,
 ) -> CaptureQuality:
     """Capture a video, or a folder or zip of frames, whichever `path` is, into the folder `out`.
@@ -76,7 +80,9 @@ def capture_clip(
         max_frames: frames used, spread evenly over the clip.
         size: longest side of the stored frames, px; never enlarged.
         focal_px: focal length of the clip's own pixels where known; else it is estimated.
+        overlay: where to write a video (.mp4) of the clip, whole pictures, with all that was found.
         on_progress: called with the share done and what is being done.
+        on_fit: called with each stage of the fit and what it made of the clip (`fit.STAGES`).
         should_stop: asked often; CaptureStopped follows.
 
     Returns the quality report, which is stored too. Raises UnreadableClip, NoPersonFound,
@@ -84,7 +90,11 @@ def capture_clip(
     """
     if out.exists():  # told now, not after a minute of work
         raise BrokenSequence(f"out must not exist yet; got {out}; remove it or choose another")
-    stages = _Stages(on_progress, should_stop)
+    if overlay is not None and (overlay.suffix.lower() != ".mp4" or not overlay.parent.is_dir()):
+        raise InvalidInput(
+            f"overlay must be an .mp4 file in a folder that exists; got {overlay}; rename it"
+        )
+    stages = _Stages(on_progress, should_stop, on_fit)
     read = read_frames if path.is_dir() or _is_zip(path) else read_video
     clip = read(
         path,
@@ -104,7 +114,10 @@ def capture_clip(
             track = _follow(clip, own, stages)
     else:
         raise InvalidInput("capture must be given a pose_model or an estimator; got neither")
-    return _capture(clip, track, out, person, path.name, size, focal_px, stages)
+    seen, quality = _capture(clip, track, out, person, path.name, size, focal_px, stages)
+    if overlay is not None:
+        write_video(_overlays(seen), overlay, clip.frames_per_second)
+    return quality
 
 
 def capture_video(path: Path, out: Path, *, person: str, **options) -> CaptureQuality:
@@ -157,7 +170,7 @@ def _capture(
     size: int,
     focal_px: float | None,
     stages: _Stages,
-) -> CaptureQuality:
+) -> tuple[Seen, CaptureQuality]:
     report = stages.part(0.3, 0.38, "cutting out the person")
     masks = _cut_out(clip, track, report)
     height, width = clip.images[0].shape[:2]
@@ -170,6 +183,7 @@ def _capture(
         load_body_model(),
         focal_px=None if focal_px is None else focal_px * scale,
         on_progress=stages.part(0.38, 0.92, "fitting the body"),
+        on_stage=stages.on_fit,
         should_stop=stages.should_stop,
     )
     placed = place_in_world(fit, load_body_model().body(fit.shape), clip.times_s)
@@ -187,7 +201,7 @@ def _capture(
         exact_poses=False,
         quality=quality.as_json(),
     )
-    return quality
+    return seen, quality
 
 
 def _cut_out(
@@ -263,3 +277,10 @@ def _frames(seen: Seen, report: Callable[[float], None]) -> Iterator[Frame]:
         mask = seen.masks[index]
         # only the person is kept: what stands behind them at home is nobody's business
         yield Frame(premultiplied(image, mask), mask, seen.camera, seen.motion.pose(index))
+
+
+def _overlays(seen: Seen) -> Iterator[UInt8[Array, "h w 3"]]:
+    for index, image in enumerate(seen.images):
+        pixels = image.astype(np.float32) / np.float32(255.0)
+        frame = Frame(pixels, seen.masks[index], seen.camera, seen.motion.pose(index))
+        yield draw_overlay(frame, seen.body)

@@ -25,6 +25,12 @@ _GOOD_ERROR = 0.02
 _GOOD_IOU = 0.75
 _SMALL_PX = 160
 _CHECKED_FRAMES = 12
+_WEAK = 0.7
+"""A frame is weak below this share of the clip's usual confidence,"""
+_WEAK_ERROR = 2.5
+"""or beyond so many times its usual distance from the landmarks."""
+_WEAK_S = 0.25
+"""Weak frames are told of where they last so long, s."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +48,18 @@ class CaptureQuality:
     """Mean distance of seen landmarks from the fitted body's, px of the stored frames."""
     landmark_error: float
     """The same in heights of the person's box."""
+    landmark_error_mm: float
+    """The same at the person's distance, mm."""
     joints_in_mask: float
     """Share of seen joints that fall on the mask."""
     mask_overlap: float
     """Intersection over union of the mask and the projected surface."""
     confidence: float
     """Mean visibility of the joints."""
+    frame_confidence: tuple[float, ...]
+    """The same for each stored frame."""
+    weak_s: tuple[tuple[float, float], ...]
+    """From when to when, s, the person was hard to see or to follow."""
     blur: float
     """Median variance of the Laplacian inside the mask; higher is sharper."""
     legs_seen: bool
@@ -58,7 +70,47 @@ class CaptureQuality:
 
     def as_json(self) -> dict[str, Any]:
         """Plain values for sequence.json."""
-        return asdict(self) | {"advice": list(self.advice), "coverage": dict(self.coverage)}
+        return asdict(self) | {
+            "advice": list(self.advice),
+            "coverage": dict(self.coverage),
+            "frame_confidence": list(self.frame_confidence),
+            "weak_s": [list(span) for span in self.weak_s],
+        }
+
+    def rows(self) -> list[tuple[str, str, str]]:
+        """The report as a table: what was measured, its value, and what to make of it."""
+        total = self.frames_used + self.frames_lost
+        sides = ", ".join(f"{side} {share:.0%}" for side, share in self.coverage.items())
+        hidden = [side for side in SIDES if self.coverage[side] < _SIDE_SEEN]
+        weakest = min(self.frame_confidence)
+        return [
+            ("Frames", f"{self.frames_used} of {total}", _verdict(self.frames_lost <= 0.1 * total)),
+            ("Takes", str(self.takes), _verdict(self.takes == 1, "cuts")),
+            ("Sides", sides, f"not seen: {', '.join(hidden)}" if hidden else "all round"),
+            ("Legs", "seen" if self.legs_seen else "not seen", _verdict(self.legs_seen)),
+            ("Person", f"{self.person_px} px tall", _verdict(self.person_px >= _SMALL_PX, "small")),
+            (
+                "Confidence",
+                f"{self.confidence:.2f}, least {weakest:.2f}",
+                f"weak {_spans(self.weak_s)}" if self.weak_s else "good",
+            ),
+            (
+                "Landmarks",
+                f"{self.landmark_error_px:.1f} px, {self.landmark_error_mm:.0f} mm off",
+                _verdict(self.landmark_error <= _GOOD_ERROR),
+            ),
+            (
+                "Joints on the mask",
+                f"{self.joints_in_mask:.0%}",
+                _verdict(self.joints_in_mask > 0.9),
+            ),
+            (
+                "Body and mask agree",
+                f"{self.mask_overlap:.0%}",
+                _verdict(self.mask_overlap >= _GOOD_IOU),
+            ),
+            ("Sharpness", f"{self.blur:.0f}", _verdict(self.blur >= _SHARP, "blurred")),
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +134,7 @@ def judge(seen: Seen) -> CaptureQuality:
     heights = [float(np.ptp(np.nonzero(mask > 0.5)[0]) + 1) for mask in seen.masks]
     person_px = int(np.median(heights))
     error_px = float(np.nanmean(seen.landmark_error_px))
+    frame_confidence = seen.motion.confidence.mean(axis=1)
     measured: dict[str, Any] = {
         "frames_used": len(seen.images),
         "frames_lost": seen.frames_lost,
@@ -89,9 +142,12 @@ def judge(seen: Seen) -> CaptureQuality:
         "coverage": side_shares(seen.motion, seen.camera),
         "landmark_error_px": round(error_px, 3),
         "landmark_error": round(error_px / max(person_px, 1), 4),
+        "landmark_error_mm": round(_error_mm(seen), 1),
         "joints_in_mask": round(_joints_in_mask(seen), 3),
         "mask_overlap": round(_mask_overlap(seen), 3),
-        "confidence": round(float(seen.motion.confidence.mean()), 3),
+        "confidence": round(float(frame_confidence.mean()), 3),
+        "frame_confidence": tuple(np.round(frame_confidence, 3).tolist()),
+        "weak_s": _weak_spans(seen, frame_confidence),
         "blur": round(float(np.median([sharpness(*p) for p in _pairs(seen)])), 1),
         "legs_seen": seen.legs_seen,
         "person_px": person_px,
@@ -115,6 +171,35 @@ def sharpness(image: UInt8[Array, "H W 3"], mask: Float[Array, "H W"]) -> float:
     laplacian = cv2.Laplacian(grey, cv2.CV_64F)
     inside = cv2.erode((mask > 0.9).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     return float(laplacian[inside].var()) if inside.any() else 0.0
+
+
+def _error_mm(seen: Seen) -> float:
+    """Mean distance of seen landmarks from the body's, at the depth of its pelvis."""
+    pelvis = seen.motion.root_translation + seen.body.skeleton.rest_joints[0]
+    _, depth_m = seen.camera.project(pelvis)
+    focal_px = float(seen.camera.intrinsics[[0, 1], [0, 1]].mean())
+    return 1e3 * float(np.nanmean(seen.landmark_error_px * depth_m[:, None])) / focal_px
+
+
+def _weak_spans(seen: Seen, confidence: Float[Array, "F"]) -> tuple[tuple[float, float], ...]:
+    """Runs of frames that stand out from their own clip as hard to see or to follow, s."""
+    known = ~np.isnan(seen.landmark_error_px)
+    error = np.nansum(seen.landmark_error_px, axis=1) / np.maximum(known.sum(axis=1), 1)
+    usual = np.median(error) + 1e-6
+    weak = (confidence < _WEAK * np.median(confidence)) | (error > _WEAK_ERROR * usual)
+    weak |= ~known.any(axis=1)
+    times = seen.motion.times_s
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], weak, [False]]).astype(int)))
+    spans = [(times[a], times[b - 1]) for a, b in edges.reshape(-1, 2)]
+    return tuple((round(float(a), 2), round(float(b), 2)) for a, b in spans if b - a >= _WEAK_S)
+
+
+def _spans(spans: tuple[tuple[float, float], ...]) -> str:
+    return ", ".join(f"{start:.1f}-{end:.1f} s" for start, end in spans)
+
+
+def _verdict(good: bool, otherwise: str = "poor") -> str:
+    return "good" if good else otherwise
 
 
 def _checked(seen: Seen) -> list[int]:
@@ -175,6 +260,11 @@ def _advice(found: Mapping[str, Any]) -> list[str]:
         )
     if found["person_px"] < _SMALL_PX:
         lines.append(f"The person is only {found['person_px']} px tall: come closer to the camera.")
+    if found["weak_s"]:
+        lines.append(
+            f"The person was hard to follow at {_spans(found['weak_s'])} of the clip: film that "
+            "part again, slowly, with nobody and nothing in front of you."
+        )
     if found["landmark_error"] > _GOOD_ERROR or found["mask_overlap"] < _GOOD_IOU:
         lines.append(
             "The body was hard to follow: wear clothes close to the body, and keep arms and legs "

@@ -66,3 +66,12 @@ def test_the_overlay_video_has_every_frame(frame, tmp_path):
     clip = read_video(path)
     assert len(clip.images) == 5
     assert clip.frames_per_second == pytest.approx(10.0)
+
+
+def test_mask_and_body_have_outlines_of_their_own(frame):
+    moved = Frame(frame.image, np.roll(frame.mask, 20, axis=1), frame.camera, frame.pose)
+    drawn = draw_overlay(moved, body()).astype(int)
+    green = (drawn[..., 1] > 200) & (drawn[..., 0] < 150)
+    magenta = (drawn[..., 0] > 200) & (drawn[..., 1] < 120) & (drawn[..., 2] > 180)
+    apart = np.nonzero(magenta)[1].mean() - np.nonzero(green)[1].mean()
+    assert apart == pytest.approx(20.0, abs=4.0)

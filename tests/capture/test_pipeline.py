@@ -17,6 +17,7 @@ from capture.errors import (
 from capture.overlay import project_surface, write_video
 from capture.pipeline import capture_clip, capture_frames, capture_video
 from capture.store import open_sequence, read_quality
+from capture.video import read_video
 from scene.errors import InvalidInput
 from tests.capture.people import (
     FakeEstimator,
@@ -64,6 +65,7 @@ def captured(zipped, estimator, tmp_path_factory):
         person="Ada",
         estimator=estimator,
         size=160,
+        overlay=out.parent / "overlay.mp4",
         on_progress=lambda done, message: told.append((done, message)),
     )
     return out, quality, told
@@ -97,6 +99,22 @@ def test_the_quality_report_is_stored(captured):
     assert read_quality(out) == quality.as_json()
     assert quality.landmark_error_px < 3.0
     assert quality.coverage["front"] > 0.5
+
+
+def test_the_overlay_shows_the_whole_pictures(captured):
+    out, quality, _ = captured
+    clip = read_video(out.parent / "overlay.mp4")
+    assert len(clip.images) == quality.frames_used
+    corner = clip.images[0][:8, :8].mean(axis=(0, 1))
+    np.testing.assert_allclose(corner, 120.0, atol=12.0)  # the grey wall, which is not stored
+
+
+def test_an_overlay_must_be_an_mp4(zipped, estimator, tmp_path):
+    for name in ("overlay.gif", "nowhere/overlay.mp4"):
+        with pytest.raises(InvalidInput, match=r"overlay must be an \.mp4 file in a folder"):
+            capture_frames(
+                zipped, tmp_path / "seq", person="p", estimator=estimator, overlay=tmp_path / name
+            )
 
 
 def test_progress_rises_and_names_the_stages(captured):

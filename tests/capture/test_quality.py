@@ -105,3 +105,50 @@ def test_the_report_is_plain_json(turning):
     stored = json.loads(json.dumps(judge(turning).as_json()))
     assert stored["frames_used"] == FRAMES
     assert set(stored["coverage"]) == set(SIDES)
+
+
+def test_the_error_is_told_in_millimetres_too(turning):
+    """A pixel at the pelvis' depth is depth / focal metres wide: about 2.2 m over 222 px."""
+    quality = judge(turning)
+    pelvis = turning.body.skeleton.rest_joints[0]
+    depth_m = turning.camera.project(pelvis)[1]
+    expected = 1e3 * float(depth_m) / turning.camera.intrinsics[0, 0]
+    assert quality.landmark_error_mm == pytest.approx(expected, abs=0.06)
+    assert 5.0 < quality.landmark_error_mm < 15.0
+
+
+def test_weak_frames_are_told_by_their_time(turning):
+    motion = turning.motion
+    confidence = np.ones_like(motion.confidence)
+    confidence[6:13] = 0.5
+    confidence[2] = 0.1  # a single frame is no stretch of time
+    seldom = Motion(motion.times_s * 4.0, motion.joint_angles, motion.root_translation, confidence)
+    quality = judge(replace(turning, motion=seldom))
+    assert len(quality.frame_confidence) == FRAMES
+    assert quality.frame_confidence[6] == 0.5
+    assert quality.weak_s == ((round(6 * 4 / 30, 2), round(12 * 4 / 30, 2)),)
+    assert any("hard to follow at 0.8-1.6 s" in line for line in quality.advice)
+
+
+def test_frames_that_miss_their_landmarks_are_weak(turning):
+    error = turning.landmark_error_px.copy()
+    error[6:11] = 4.0
+    slow = Motion(
+        turning.motion.times_s * 4.0, turning.motion.joint_angles,
+        turning.motion.root_translation, turning.motion.confidence,
+    )  # fmt: skip
+    quality = judge(replace(turning, motion=slow, landmark_error_px=error))
+    assert quality.weak_s == ((round(6 * 4 / 30, 2), round(10 * 4 / 30, 2)),)
+
+
+def test_the_table_says_what_is_good_and_what_is_not(turning):
+    rows = {what: (value, verdict) for what, value, verdict in judge(turning).rows()}
+    assert rows["Sides"][1] == "all round"
+    assert rows["Landmarks"][1] == "good"
+    assert rows["Frames"] == (f"{FRAMES} of {FRAMES}", "good")
+    poor = judge(replace(_seen(standing(8)), frames_lost=8, takes=2, legs_seen=False))
+    rows = {what: (value, verdict) for what, value, verdict in poor.rows()}
+    assert rows["Sides"][1] == "not seen: left, back, right"
+    assert rows["Frames"] == ("8 of 16", "poor")
+    assert rows["Takes"] == ("2", "cuts")
+    assert rows["Legs"] == ("not seen", "poor")
