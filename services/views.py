@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 
 from renderer.model import PersonModel
+from renderer.splats.model import SplatModel
+from renderer.splats.unseen import filmed_only
 from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.errors import InvalidInput
@@ -27,6 +29,13 @@ MEDIA_TYPES = {"png": "image/png", "jpeg": "image/jpeg", "webp": "image/webp"}
 def render_view(model: PersonModel, motion: Motion, asked: NewView) -> bytes:
     """The picture that `asked` describes. Raises InvalidInput for a bad camera or pose."""
     pose = view_pose(motion, asked)
+    if asked.hide_unseen:
+        if not isinstance(model, SplatModel):
+            raise InvalidInput(
+                f"hide_unseen must be asked of a model of splats, which know what was filmed; got "
+                f"preset {model.preset!r}; leave it out"
+            )
+        model = filmed_only(model)
     shown = motion if asked.pose is None else Motion.from_poses([pose])
     camera = view_camera(model.skeleton, shown, pose, asked.camera, asked.width, asked.height)
     return encode(model.render(camera, pose), asked.background, asked.format)

@@ -47,6 +47,7 @@ export class LiveView {
   /** Drift gently to and fro, for a picture that nobody steers. */
   swaying = false;
   state: LiveState = { kind: "connecting" };
+  private filmedOnly = false;
 
   private readonly link: WhepLink;
   private readonly ladder = new SizeLadder();
@@ -111,6 +112,12 @@ export class LiveView {
   play(): void {
     // refused only where even muted video may not start by itself; then a touch starts it
     this.video.play().catch(() => addEventListener("pointerdown", () => this.play(), { once: true }));
+  }
+
+  /** Show only what was filmed of the people; what was never seen of them is a guess. */
+  showFilmedOnly(on: boolean): void {
+    this.filmedOnly = on;
+    this.resent = true;
   }
 
   /** Hand the picture over to a viewer: no more drifting, everybody in sight. */
@@ -184,6 +191,7 @@ export class LiveView {
       position,
       wxyz,
       fovYRad: FOV_Y_RAD,
+      hideUnseen: this.filmedOnly,
       ...this.size,
     });
     // what could not be sent is still news at the next tick

@@ -2,6 +2,7 @@
  * The `view` packet of the live connection: little endian, 52 bytes.
  *
  * Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
+ * Flags, bit 0: show only what was filmed of a person.
  * Payload: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV camera axes),
  * f32 vertical field of view (rad), u16 width, u16 height (px).
  */
@@ -11,6 +12,7 @@ import type { Quaternion, Vec3 } from "./geometry";
 export const VIEW_BYTES = 52;
 const VERSION = 1;
 const KIND_VIEW = 3;
+const HIDE_UNSEEN = 1;
 
 export interface ViewPacket {
   /** Counts up; wraps at 2^32. The newest one wins. */
@@ -21,6 +23,8 @@ export interface ViewPacket {
   fovYRad: number;
   width: number;
   height: number;
+  /** What was never filmed of a person, and is a guess, fades away. */
+  hideUnseen: boolean;
 }
 
 export function encodeView(packet: ViewPacket): ArrayBuffer {
@@ -28,6 +32,7 @@ export function encodeView(packet: ViewPacket): ArrayBuffer {
   const data = new DataView(bytes);
   data.setUint8(0, VERSION);
   data.setUint8(1, KIND_VIEW);
+  data.setUint16(2, packet.hideUnseen ? HIDE_UNSEEN : 0, true);
   data.setUint32(4, packet.sequence, true);
   data.setFloat64(8, packet.captureTimeMs, true);
   const floats = [...packet.position, ...packet.wxyz, packet.fovYRad];

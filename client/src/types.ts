@@ -135,6 +135,8 @@ export interface NewView {
   motion_sequence_id?: string | null;
   /** sRGB; empty: transparent, white in a JPEG. */
   background?: readonly [number, number, number] | null;
+  /** Show only what was filmed: the rest, filled in by guess, fades away. */
+  hide_unseen?: boolean;
   format?: "png" | "jpeg" | "webp";
 }
 

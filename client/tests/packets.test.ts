@@ -11,6 +11,7 @@ describe("encodeView", () => {
       fovYRad: 0.75,
       width: 1024,
       height: 576,
+      hideUnseen: false,
     });
     expect(bytes.byteLength).toBe(VIEW_BYTES);
     const hex = [...new Uint8Array(bytes)].map((byte) => byte.toString(16).padStart(2, "0"));
@@ -23,6 +24,12 @@ describe("encodeView", () => {
         "0000403f" + // field of view
         "0004" + "4002", // size
     );
+  });
+
+  it("asks for what was filmed alone by the first bit of the flags", () => {
+    const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: true });
+    expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 1, 0]);
   });
 });
 

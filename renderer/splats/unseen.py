@@ -1,14 +1,25 @@
-"""Splats that no frame showed take the colour of their mirror image, else of the nearest seen."""
+"""Splats that no frame showed take the colour of their mirror image, else of the nearest seen.
+
+They stay marked, so that a viewer may ask for what was filmed alone.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
-from renderer.splats.layout import COLOUR, POSITION
+from renderer.model import PersonModel
+from renderer.splats.layout import COLOUR, OPACITY, POSITION
+from renderer.splats.model import SplatModel
 from scene.arrays import Array, Bool, Float
 
 _MIRROR_REACH_M = 0.03
 """How far from its mirror image a seen splat may be to stand for it."""
+_KEPT_M, _GONE_M = 0.02, 0.1
+"""Distance at rest from the nearest seen splat up to which an unseen one is whole, and from which
+it is gone: single ones among seen ones leave no hole, and an edge fades over a hand's breadth."""
 _ROWS = 1024
 """Distances are taken in blocks of so many rows, to bound memory."""
 
@@ -29,6 +40,41 @@ def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Floa
     donor = known[np.where(mirror_distance < _MIRROR_REACH_M, mirror, nearest)]
     filled[missing, colours] = parameters[donor, colours]
     return filled
+
+
+def filmed_only(model: PersonModel) -> PersonModel:
+    """`model` with what no frame showed faded away; made once and kept as long as `model` lives.
+
+    A field keeps no record of what was filmed and is given back as it is.
+    """
+    if not isinstance(model, SplatModel) or model.seen.all():
+        return model
+    if model not in _FILMED_ONLY:
+        parameters = model.parameters.copy()
+        parameters[:, OPACITY] = _faded(parameters[:, OPACITY], _presence(model))
+        _FILMED_ONLY[model] = replace(model, parameters=parameters)
+    return _FILMED_ONLY[model]
+
+
+_FILMED_ONLY: WeakKeyDictionary[SplatModel, SplatModel] = WeakKeyDictionary()
+
+
+def _presence(model: SplatModel) -> Float[Array, "N"]:
+    """1 where the person was filmed, falling smoothly to 0 where they were not."""
+    rest = model.parameters[:, POSITION : POSITION + 3]
+    presence = np.where(model.seen, 1.0, 0.0)
+    if model.seen.any():
+        missing = np.flatnonzero(~model.seen)
+        distance, _ = _nearest(rest[missing], rest[model.seen])
+        near = np.clip((_GONE_M - distance) / (_GONE_M - _KEPT_M), 0.0, 1.0)
+        presence[missing] = near**2 * (3.0 - 2.0 * near)
+    return presence
+
+
+def _faded(logits: Float[Array, "N"], presence: Float[Array, "N"]) -> Float[Array, "N"]:
+    """Logits of the opacities times `presence`."""
+    opacity = np.clip(presence / (1.0 + np.exp(-logits.astype(np.float64))), 1e-9, 1.0 - 1e-9)
+    return np.log(opacity / (1.0 - opacity)).astype(logits.dtype)
 
 
 def _nearest(points: Array, others: Array) -> tuple[Float[Array, "M"], Array]:

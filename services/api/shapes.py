@@ -344,4 +344,8 @@ class NewView(Body):
     background: tuple[Share, Share, Share] | None = Field(
         default=None, description="sRGB; empty: transparent, white in a JPEG."
     )
+    hide_unseen: bool = Field(
+        default=False,
+        description="Show only what was filmed: the rest, filled in by guess, fades away.",
+    )
     format: Literal["png", "jpeg", "webp"] = "png"

@@ -1,6 +1,7 @@
 """Packets of the data channels: little endian, versioned, sequence and capture time first.
 
 Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
+Flags of a view, bit 0: show only what was filmed of a person. Unknown bits are left alone.
 View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
 f32 vertical field of view (rad), u16 width, u16 height (px).
 
@@ -26,6 +27,7 @@ _HEADER = struct.Struct("<BBHId")
 _VIEW = struct.Struct("<3f4ffHH")
 VIEW_BYTES = _HEADER.size + _VIEW.size
 _HALF_RANGE = 1 << 31
+_HIDE_UNSEEN = 1
 
 
 class Kind(IntEnum):
@@ -53,6 +55,8 @@ class ViewPacket:
     fov_y_rad: float
     width: int
     height: int
+    hide_unseen: bool = False
+    """Whether what was never filmed of a person, and is a guess, fades away."""
 
     def camera(self, width: int, height: int) -> Camera:
         """The viewer's camera at `width` x `height` px.
@@ -67,7 +71,8 @@ class ViewPacket:
 
 def encode_view(packet: ViewPacket) -> bytes:
     """The bytes of `packet`."""
-    header = _HEADER.pack(VERSION, Kind.VIEW, 0, packet.sequence, packet.capture_time_ms)
+    flags = _HIDE_UNSEEN if packet.hide_unseen else 0
+    header = _HEADER.pack(VERSION, Kind.VIEW, flags, packet.sequence, packet.capture_time_ms)
     payload = _VIEW.pack(
         *packet.position, *packet.wxyz, packet.fov_y_rad, packet.width, packet.height
     )
@@ -78,7 +83,7 @@ def decode_view(data: bytes) -> ViewPacket:
     """Read a view packet. Raises PacketError with the rule that `data` breaks."""
     if len(data) != VIEW_BYTES:
         raise PacketError(f"a view packet must be {VIEW_BYTES} bytes long; got {len(data)}")
-    version, kind, _, sequence, capture_time_ms = _HEADER.unpack_from(data)
+    version, kind, flags, sequence, capture_time_ms = _HEADER.unpack_from(data)
     if version != VERSION or kind != Kind.VIEW:
         raise PacketError(
             f"a view packet must be version {VERSION}, kind {int(Kind.VIEW)}; "
@@ -90,7 +95,10 @@ def decode_view(data: bytes) -> ViewPacket:
     length = math.sqrt(sum(v * v for v in wxyz))
     if not 0.5 < length < 2.0:
         raise PacketError(f"quaternion must have about unit length; got {length:.3g}")
-    return ViewPacket(sequence, capture_time_ms, (x, y, z), tuple(wxyz), fov_y_rad, width, height)
+    return ViewPacket(
+        sequence, capture_time_ms, (x, y, z), tuple(wxyz), fov_y_rad, width, height,
+        bool(flags & _HIDE_UNSEEN),
+    )  # fmt: skip
 
 
 def is_newer(sequence: int, than: int) -> bool:

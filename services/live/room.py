@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from renderer.model import PersonModel
+from renderer.splats.unseen import filmed_only
 from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
 from scene.environment import Environment, Performer, Scene
@@ -37,12 +38,15 @@ class Room:
     cast: tuple[CastMember, ...]
     environment: Environment = field(default_factory=Environment)
 
-    def scene_at(self, now_s: float) -> Scene[PersonModel]:
-        """The scene at `now_s`; every performer plays their motion to and fro."""
+    def scene_at(self, now_s: float, *, hide_unseen: bool = False) -> Scene[PersonModel]:
+        """The scene at `now_s`; every performer plays their motion to and fro.
+
+        With `hide_unseen` what was never filmed of them fades away.
+        """
         performers = tuple(
             Performer(
                 member.name,
-                member.model,
+                filmed_only(member.model) if hide_unseen else member.model,
                 np.array(member.position, dtype=np.float64),
                 member.yaw_rad,
                 grounded(to_and_fro(member.motion, now_s)),

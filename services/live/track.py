@@ -66,7 +66,10 @@ class ViewTrack(MediaStreamTrack):
         return frame
 
     def _picture(self, now_s: float) -> VideoFrame:
-        picture = self._stage.render(self._room.scene_at(now_s), self._camera())
+        packet = self._view.packet
+        hide_unseen = packet is not None and packet.hide_unseen
+        scene = self._room.scene_at(now_s, hide_unseen=hide_unseen)
+        picture = self._stage.render(scene, self._camera())
         return VideoFrame.from_ndarray(picture, format="rgb24")
 
     def _camera(self) -> Camera:

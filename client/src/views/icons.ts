@@ -10,6 +10,7 @@ const ICONS = {
   arrow: '<path d="M5 12h14M13 6l6 6-6 6"/>',
   camera: '<rect x="3" y="6" width="12.5" height="12" rx="3"/><path d="m15.5 10.5 5.5-3v9l-5.5-3"/>',
   check: '<path d="m5 12.5 4.5 4.5L19 7.5"/>',
+  filmed: '<circle cx="12" cy="7" r="3.5"/><path d="M5.5 20v-1.5a6.5 6.5 0 0 1 6.5-6.5"/><path d="M15.2 12.9l.2.1M17.9 15.6l.1.2M18.5 19.6v.2" stroke-width="2.2"/>',
   help: '<circle cx="12" cy="12" r="9"/><path d="M9.5 9.5a2.5 2.5 0 1 1 3.6 2.2c-.8.4-1.1.9-1.1 1.8"/><path d="M12 16.8h.01"/>',
   leave: '<path d="M14 4h3a3 3 0 0 1 3 3v10a3 3 0 0 1-3 3h-3"/><path d="M4 12h11M11 8l4 4-4 4"/>',
   link: '<path d="M10 14a4 4 0 0 0 5.7 0l3-3A4 4 0 0 0 13 5.3l-1 1"/><path d="M14 10a4 4 0 0 0-5.7 0l-3 3a4 4 0 0 0 5.7 5.7l1-1"/>',

@@ -29,6 +29,18 @@ export function stageView(live: LiveView, hooks: StageHooks): View {
   fps.dataset["fps"] = fps.dataset["frames"] = "0";
   const numbers = h("p", { className: "numbers glass", attributes: { "aria-hidden": "true" } }, fps);
   const middle = h("div", { className: "middle" });
+  const filmed = button("Only what was filmed", () => toggleFilmed(), {
+    look: "glass",
+    icon: "filmed",
+    testId: "filmed-only",
+  });
+  filmed.title = "Show only what was filmed: parts that no camera saw fade away";
+  filmed.setAttribute("aria-pressed", "false");
+  const toggleFilmed = (): void => {
+    const on = filmed.getAttribute("aria-pressed") !== "true";
+    filmed.setAttribute("aria-pressed", String(on));
+    live.showFilmedOnly(on);
+  };
   const help = button("Controls", () => toggleHint(), { look: "glass", icon: "help" });
   help.setAttribute("aria-controls", hint.id);
 
@@ -62,6 +74,7 @@ export function stageView(live: LiveView, hooks: StageHooks): View {
         "div",
         { className: "stage-ways" },
         button("First view", () => live.viewpoint.reset(), { look: "glass", icon: "reset" }),
+        filmed,
         help,
       ),
     ),

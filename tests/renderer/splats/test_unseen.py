@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from renderer.splats.layout import COLOUR, PARAMETERS
-from renderer.splats.unseen import fill_unseen
+from renderer.splats.layout import COLOUR, OPACITY, PARAMETERS
+from renderer.splats.model import SplatModel
+from renderer.splats.unseen import fill_unseen, filmed_only
+from scene import Pose, orbit_camera
+from tests.renderer.studio import make_model
 
 
 def splats(*rows: tuple[float, float, float, float]) -> np.ndarray:
@@ -40,3 +45,63 @@ def test_nothing_changes_when_all_or_none_were_seen():
     learnt = splats((0.9, 9.0, 9.0, 0.7))
     for seen in (True, False):
         assert fill_unseen(learnt, np.array([seen])) is learnt
+
+
+def filmed_from_the_front() -> SplatModel:
+    """The box person, whose back (z < 0) no frame showed."""
+    model = make_model(1500)
+    return replace(model, seen=model.parameters[:, 2] >= -0.05)
+
+
+def test_only_what_was_filmed_stays_and_fades_softly():
+    model = filmed_from_the_front()
+    alone = filmed_only(model)
+    assert isinstance(alone, SplatModel)
+    before, after = (1.0 / (1.0 + np.exp(-m.parameters[:, OPACITY])) for m in (model, alone))
+    share = after / before
+    np.testing.assert_allclose(share[model.seen], 1.0, atol=1e-5)
+    z = model.parameters[:, 2]
+    x, y = model.parameters[:, 0], model.parameters[:, 1]
+    back = (z < -0.099) & (np.abs(x) < 0.1) & (np.abs(y - 0.8) < 0.6)  # a hand from what was seen
+    assert back.sum() > 50
+    assert share[back].max() < 1e-3
+    between = (share > 0.05) & (share < 0.95)
+    assert between.sum() > 20  # a transition, no cut
+
+
+def test_a_lone_unseen_splat_leaves_no_hole():
+    model = make_model(3000)
+    seen = np.ones(len(model), bool)
+    seen[::50] = False
+    alone = filmed_only(replace(model, seen=seen))
+    assert isinstance(alone, SplatModel)
+    before, after = (1.0 / (1.0 + np.exp(-m.parameters[:, OPACITY])) for m in (model, alone))
+    assert (after / before).min() > 0.85
+
+
+def test_the_faded_model_is_made_once_and_goes_with_its_model():
+    model = filmed_from_the_front()
+    assert filmed_only(model) is filmed_only(model)
+    whole = make_model(50)
+    assert filmed_only(whole) is whole
+
+
+def test_nothing_filmed_leaves_nobody():
+    model = make_model(200)
+    alone = filmed_only(replace(model, seen=np.zeros(200, bool)))
+    camera = orbit_camera((0.0, 0.8, 0.0), 3.0, 0.0, 0.0, 32, 32)
+    assert alone.render(camera, Pose.rest())[..., 3].max() < 1e-3
+
+
+def test_the_front_stays_whole_and_the_guessed_back_goes():
+    """The box is blue at the back alone; from behind, its front is seen from within."""
+    model = filmed_from_the_front()
+    front, back = (
+        [
+            m.render(orbit_camera((0.0, 0.8, 0.0), 3.0, azimuth, 0.0, 64, 64), Pose.rest()).copy()
+            for m in (filmed_only(model), model)
+        ]
+        for azimuth in (0.0, np.pi)
+    )
+    assert np.abs(front[0] - front[1]).mean() < 0.01
+    assert back[0][24:40, 30:34, 2].mean() < 0.05 < 0.9 < back[1][24:40, 30:34, 2].mean()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from db.models import ModelRow
+from renderer.splats.model import SplatModel
 from services.bootstrap import import_model
 from services.container import Services
 from tests.services import seeds
@@ -165,3 +166,19 @@ async def test_an_erased_model_is_gone_from_memory_too(client: httpx.AsyncClient
     assert (await _view(client, model)).status_code == 200
     assert (await client.delete(f"/v1/people/{model.person_id}")).json()["remaining"] == 0
     assert (await _view(client, model)).status_code == 404
+
+
+async def test_only_what_was_filmed_may_be_asked_for(
+    client: httpx.AsyncClient, services: Services, model: ModelRow
+):
+    loaded = services.models.load_row(model)
+    assert isinstance(loaded, SplatModel)
+    loaded.seen[loaded.parameters[:, 1] < 0.8] = False  # as if filmed sitting at a desk
+    whole = _pixels(await _view(client, model))[..., 3].astype(int)
+    alone = _pixels(await _view(client, model, hide_unseen=True))[..., 3].astype(int)
+    assert alone[100:].sum() < 0.05 * whole[100:].sum()
+    assert alone[:50].sum() > 0.98 * whole[:50].sum()
+    soft = (alone > 25) & (alone < 0.7 * whole)
+    assert soft[50:90].any(axis=1).sum() >= 3  # rows over which the body fades
+    refused = await _view(client, model, hide_unseen="some")
+    assert refused.status_code == 422

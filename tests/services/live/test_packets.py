@@ -35,13 +35,23 @@ def test_golden_bytes():
     assert len(encode_view(PACKET)) == VIEW_BYTES == 52
 
 
+def test_only_what_was_filmed_is_the_first_flag():
+    data = bytearray.fromhex(GOLDEN)
+    assert not decode_view(bytes(data)).hide_unseen
+    data[2] = 1
+    assert decode_view(bytes(data)).hide_unseen
+    data[2] = 0xFE  # flags of a later version
+    assert not decode_view(bytes(data)).hide_unseen
+
+
 @given(
     st.integers(0, 2**32 - 1),
     st.tuples(*[st.floats(-50, 50, width=32)] * 3),
     st.integers(0, 65535),
+    st.booleans(),
 )
-def test_round_trips(sequence, position, width):
-    packet = ViewPacket(sequence, 12.5, position, (0.5, 0.5, 0.5, 0.5), 0.75, width, 480)
+def test_round_trips(sequence, position, width, hide):
+    packet = ViewPacket(sequence, 12.5, position, (0.5, 0.5, 0.5, 0.5), 0.75, width, 480, hide)
     assert decode_view(encode_view(packet)) == packet
 
 

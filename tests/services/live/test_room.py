@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from renderer.splats.unseen import filmed_only
 from scene import Pose
 from services.live.room import (
     CastMember,
@@ -78,3 +80,14 @@ def test_the_first_view_sees_everybody():
 )  # fmt: skip
 def test_frame_sizes_are_whole_macroblocks_within_bounds(asked, given):
     assert frame_size(*asked) == given
+
+
+def test_a_viewer_may_see_only_what_was_filmed():
+    model = make_model(300)
+    model = replace(model, seen=model.parameters[:, 2] > 0.0)
+    room = Room("m", (CastMember("a", "Ada", model, make_motion(4), (0.0, 0.0, 0.0), 0.0),))
+    (whole,) = room.scene_at(0.0).performers
+    (alone,) = room.scene_at(0.0, hide_unseen=True).performers
+    assert whole.model is model
+    assert alone.model is filmed_only(model)
+    assert alone.model is not model
