@@ -21,7 +21,10 @@ from capture.fit_problem import Fit, Problem
 from capture.landmarks import LANDMARK_NAMES, Landmarks
 from scene.arrays import Array, Float
 
-__all__ = ["Fit", "fit_clip"]
+__all__ = ["STAGES", "Fit", "fit_clip"]
+
+STAGES = ("closed_form", "landmarks", "silhouette")
+"""What the fit does, in order."""
 
 _LANDMARK_STEPS, _SILHOUETTE_STEPS = 260, 240
 _NEAREST_EVERY = 8
@@ -36,11 +39,13 @@ def fit_clip(
     *,
     focal_px: float | None = None,
     on_progress: Callable[[float], None] = lambda _: None,
+    on_stage: Callable[[str, Fit], None] = lambda *_: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Fit:
     """Fit `model` to one person's landmarks and masks over a clip (None: lost frames, bridged).
 
-    `focal_px` is in pixels of the masks; None estimates it about that of usual cameras. Raises
+    `focal_px` is in pixels of the masks; None estimates it about that of usual cameras. `on_stage`
+    is shown what each of `STAGES` made of the clip, so that its worth can be measured. Raises
     NoPersonFound for a clip without a person, CaptureStopped when asked to stop. The same input
     gives the same result.
     """
@@ -55,9 +60,13 @@ def fit_clip(
         model,
         focal_px,
     )
+
+    def result() -> Fit:
+        return _with_lost_frames(problem.result(), np.array(found), times_s)
+
     with _one_thread():
-        _minimise(problem, on_progress, should_stop)
-    return _with_lost_frames(problem.result(), np.array(found), times_s)
+        _minimise(problem, on_progress, lambda stage: on_stage(stage, result()), should_stop)
+    return result()
 
 
 def _with_lost_frames(fit: Fit, found: Array, times_s: Array) -> Fit:
@@ -88,12 +97,19 @@ def _one_thread() -> Iterator[None]:
 
 
 def _minimise(
-    problem: Problem, on_progress: Callable[[float], None], should_stop: Callable[[], bool]
+    problem: Problem,
+    on_progress: Callable[[float], None],
+    on_stage: Callable[[str], None],
+    should_stop: Callable[[], bool],
 ) -> None:
     """First landmarks alone, then the silhouette too, each with a falling rate."""
     total = _LANDMARK_STEPS + _SILHOUETTE_STEPS
     done = 0
-    for steps, rate, edge in ((_LANDMARK_STEPS, 0.03, False), (_SILHOUETTE_STEPS, 0.012, True)):
+    on_stage(STAGES[0])
+    for stage, steps, rate in (
+        (STAGES[1], _LANDMARK_STEPS, 0.03), (STAGES[2], _SILHOUETTE_STEPS, 0.012),
+    ):  # fmt: skip
+        edge = stage == STAGES[2]
         optimiser = _optimiser(problem, rate)
         nearest = None
         for step in range(steps):
@@ -109,6 +125,7 @@ def _minimise(
             optimiser.step()
             done += 1
             on_progress(done / total)
+        on_stage(stage)
 
 
 def _optimiser(problem: Problem, rate: float) -> torch.optim.Adam:

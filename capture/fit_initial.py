@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from capture.fit_landmarks import load_landmark_model
+from capture.fit_terms import ELBOW_HINGE
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES
 from scene.arrays import Array, Float
 from scene.rotations import (
@@ -104,7 +105,7 @@ def _up_of_trunk(points: Array) -> Array:
 def _solve_arm(points: Array, seen: Array, world: Array, side: str, out: float) -> None:
     shoulder, elbow, wrist = (_L[f"{side}_{n}"] for n in ("shoulder", "elbow", "wrist"))
     along = np.array([out, 0.0, 0.0])
-    hinge = np.array([0.0, -out, 0.0])  # turns the forearm forwards
+    hinge = np.array(ELBOW_HINGE[side])
     chest = world[:, _J[f"{side}_collar"]]
     upper_arm = points[:, elbow] - points[:, shoulder]
     fore_arm = points[:, wrist] - points[:, elbow]

@@ -1,14 +1,17 @@
 """Where the estimator's 33 landmarks lie on the body model: rest points that move with a joint.
 
 Most landmarks are a joint, or a vertex found by its place in the T-pose. The estimator was taught
-by people who clicked on photographs, so its "hip" is not the model's hip joint: the fit learns one
-offset a landmark for the whole clip (mirrored between left and right).
+by people who clicked on photographs, so its "hip" is not the model's hip joint: an offset learnt
+from studio performers is added, and the fit finds what is left of it for the person at hand.
 """
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -31,6 +34,8 @@ _FACE_FROM_NOSE = {"left_eye_inner": (0.016, 0.036, -0.024), "left_eye": (0.031,
                    "left_eye_outer": (0.045, 0.036, -0.034), "left_ear": (0.072, 0.012, -0.105),
                    "mouth_left": (0.024, -0.036, -0.018)}  # fmt: skip
 """m; the right side is the mirror image."""
+
+OFFSETS_FILE = Path(__file__).parent / "assets" / "landmark_offsets.json"
 
 MIRROR: tuple[int, ...] = tuple(
     LANDMARK_NAMES.index(name.replace("left", "#").replace("right", "left").replace("#", "right"))
@@ -57,8 +62,14 @@ def load_landmark_model() -> LandmarkModel:
     return place_landmarks(load_body_model())
 
 
-def place_landmarks(model: BodyModel) -> LandmarkModel:
-    """Find each landmark's rest point on `model`."""
+def place_landmarks(
+    model: BodyModel, offsets: Mapping[str, Sequence[float]] | None = None
+) -> LandmarkModel:
+    """Find each landmark's rest point on `model`: by anatomy, then by `offsets` (m, a landmark).
+
+    Without `offsets`, those that `capture.build_landmarks` has learnt.
+    """
+    offsets = _learnt_offsets() if offsets is None else offsets
     rest = np.zeros((LANDMARK_COUNT, 3))
     directions = np.zeros((LANDMARK_COUNT, 3, model.shape_count))
     joints = np.zeros(LANDMARK_COUNT, dtype=np.int64)
@@ -75,9 +86,14 @@ def place_landmarks(model: BodyModel) -> LandmarkModel:
             offset = np.array(_FACE_FROM_NOSE.get(left, (0.0, 0.0, 0.0)))
             joint, moves = head, model.vertex_directions[nose]
             point = model.rest_vertices[nose] * [0.0, 1.0, 1.0] + offset * [side, 1.0, 1.0]
-        rest[index], directions[index] = point, moves
+        rest[index], directions[index] = point + offsets[name], moves
         joints[index] = JOINT_NAMES.index(_MOVES_WITH.get(name, JOINT_NAMES[joint]))
     return LandmarkModel(rest, directions, joints)
+
+
+@cache
+def _learnt_offsets() -> dict[str, list[float]]:
+    return json.loads(OFFSETS_FILE.read_text())
 
 
 def _limb_point(model: BodyModel, joint: int, part: str, side: float) -> tuple[Array, Array]:

@@ -29,6 +29,7 @@ from capture.fit_terms import (
     skinned_points,
     time_steps,
     unsteadiness,
+    very_robust,
 )
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
 from scene.arrays import Array, Float, Tensor
@@ -43,8 +44,12 @@ _SHAPE_DEVIATION = (0.06, 0.2, 0.2, 0.2, 0.2)
 _ACCELERATION_M_S2 = 12.0
 _WORLD_DEVIATION_M = 0.07
 _OFFSET_DEVIATION_M = 0.02
-_PIXEL_DEVIATION = 0.008
+_PIXEL_DEVIATION = 0.016
 """Of a landmark, in heights of the person."""
+_EDGE_DEVIATION = 0.008
+"""Of a silhouette, in the same."""
+_OUTLIER = 3.0
+_EDGE_WEIGHT = 6.0
 _FACE_DEPTH_TRUST = 0.3
 """Of the face's 3D landmarks, beside the others': the estimator pulls heads towards the camera."""
 _VERTEX_SPACING_M = 0.05
@@ -156,7 +161,8 @@ class Problem:
         off = (project(marks, self.focal(), self.centre) - self.seen_pixels) / (
             _PIXEL_DEVIATION * self.extent
         )
-        seen = (robust(off.square().sum(-1)) * self.seen_weights).sum(1).mean()
+        kernel = robust if nearest is None else lambda squared: very_robust(squared, _OUTLIER)
+        seen = (kernel(off.square().sum(-1)) * self.seen_weights).sum(1).mean()
         depth = self._world_energy(marks)
         steady = unsteadiness(placed, *self.steps, _ACCELERATION_M_S2).sum() / len(placed)
         total = (
@@ -169,9 +175,9 @@ class Problem:
                 self.surface_pixels(turned, placed, rest),
                 nearest,
                 self.shown,
-                _PIXEL_DEVIATION * self.extent,
+                _EDGE_DEVIATION * self.extent,
             )
-            total = total + 6.0 * edge.mean()
+            total = total + _EDGE_WEIGHT * edge.mean()
         return total
 
     def _world_energy(self, marks: Tensor) -> Tensor:

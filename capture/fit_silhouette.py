@@ -21,8 +21,10 @@ from scene.arrays import Array, Float, Tensor
 SIDE_PX = 256
 """Longest side of the pictures in which distances are measured."""
 CONTOUR_POINTS = 96
-_INWARDS = 6.0
+_INWARDS = 20.0
 """Most points lie inside whatever happens: the few that stick out must be heard."""
+_GIVES_UP = 20.0
+"""Deviations from which an outline point is taken for somebody else's."""
 _FAR = 0.15
 """Distances beyond this share of the picture's longest side count as that."""
 
@@ -105,7 +107,7 @@ def silhouette_energy(
     inwards = _INWARDS * (robust(outside.square()) * shown).mean(1)
     reached = torch.gather(pixels, 1, nearest[..., None].expand(-1, -1, 2))
     gap = (reached - silhouettes.contour) / deviation_px
-    reach = very_robust(gap.square().sum(-1), 6.0) * silhouettes.contour_weight
+    reach = very_robust(gap.square().sum(-1), _GIVES_UP) * silhouettes.contour_weight
     return inwards + reach.sum(1) / silhouettes.contour_weight.sum(1).clamp_min(1.0)
 
 

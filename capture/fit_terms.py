@@ -19,6 +19,9 @@ from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
 _HELD_RAD = 0.03
 """Deviation of a joint that nothing shows."""
 
+ELBOW_HINGE = {"left": (0.0, -0.866, 0.5), "right": (0.0, 0.866, -0.5)}
+"""About which the forearm bends, T-pose's axes: forwards and up, as in recorded motion."""
+
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 
 
@@ -117,7 +120,9 @@ class PosePrior:
 
     mean: Float[Tensor, "24 3"]
     deviation: Float[Tensor, "24 3"]
-    """rad, axis-angle components in the T-pose's axes."""
+    """rad, of the axis-angle's components along `axes`."""
+    axes: Float[Tensor, "24 3 3"]
+    """Rows: the directions along which each joint's spread is independent, T-pose's axes."""
 
     def energy(
         self, angles: Float[Tensor, "F 24 3"], hidden: Float[Tensor, "F 24"]
@@ -126,7 +131,8 @@ class PosePrior:
 
         `hidden` joints (1) are held at the mean: the silhouette alone would bend them at will.
         """
-        spread = ((angles - self.mean) / self.deviation).square().sum(2)[:, 1:]
+        along = torch.einsum("jka,fja->fjk", self.axes, angles - self.mean)
+        spread = (along / self.deviation).square().sum(2)[:, 1:]
         held = (angles - self.mean).square().sum(2)[:, 1:] / _HELD_RAD**2
         return torch.lerp(spread, held, hidden[:, 1:]).sum(1) + _hinge_walls(angles)
 
@@ -140,20 +146,24 @@ def pose_prior() -> PosePrior:
         part = name.split("_")[-1]
         if part in wide:
             deviation[index] = wide[part]
+    axes = torch.eye(3).repeat(JOINT_COUNT, 1, 1)
     for side, out in (("left", 1.0), ("right", -1.0)):
         mean[_J[f"{side}_shoulder"], 2] = -out * 1.0  # arms hang rather than stand out
-        deviation[_J[f"{side}_elbow"]] = torch.tensor([0.6, 1.5, 0.12])
+        hinge = torch.tensor(ELBOW_HINGE[side])
+        axes[_J[f"{side}_elbow"], 1] = hinge
+        axes[_J[f"{side}_elbow"], 2] = torch.linalg.cross(torch.tensor([1.0, 0.0, 0.0]), hinge)
+        deviation[_J[f"{side}_elbow"]] = torch.tensor([0.3, 1.5, 0.1])
         deviation[_J[f"{side}_knee"]] = torch.tensor([1.5, 0.15, 0.1])
         deviation[_J[f"{side}_hip"], 1] = 0.4
-    return PosePrior(mean, deviation)
+    return PosePrior(mean, deviation, axes)
 
 
 def _hinge_walls(angles: Tensor) -> Tensor:
     """Elbows and knees neither overstretch nor close beyond about 150 degrees."""
     bends = torch.stack(
         [
-            -angles[:, _J["left_elbow"], 1],
-            angles[:, _J["right_elbow"], 1],
+            angles[:, _J["left_elbow"]] @ torch.tensor(ELBOW_HINGE["left"]),
+            angles[:, _J["right_elbow"]] @ torch.tensor(ELBOW_HINGE["right"]),
             angles[:, _J["left_knee"], 0],
             angles[:, _J["right_knee"], 0],
         ],

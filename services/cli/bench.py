@@ -12,6 +12,8 @@ from scene.errors import InvalidInput
 
 app = typer.Typer(help="Measure what is claimed, on this machine.", no_args_is_help=True)
 
+MOTION = Path("../shared/data/mocap")
+"""Recorded motion beside the checkout; no part of this package."""
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the figures here.")]
 
 
@@ -65,3 +67,29 @@ def field(
     from benchmarks.field_speed import run
 
     run(json_file, preset, size, steps)
+
+
+@app.command("capture")
+def capture_command(
+    json_file: JsonFile = None,
+    motion: Annotated[Path, typer.Option(help="Folder of recorded motion (.bvh).")] = MOTION,
+    backbone: Annotated[Path | None, typer.Option(help="LPIPS backbone (.pth).")] = None,
+    clips: Annotated[int, typer.Option(help="How many of them, by name.", min=1)] = 10,
+    robustness: Annotated[
+        bool, typer.Option("--robustness", help="One clip, spoilt in many ways, instead.")
+    ] = False,
+) -> None:
+    """Captures of studio performers from pixels alone against the truth, stage by stage."""
+    if not any(motion.glob("*.bvh")):
+        raise InvalidInput(
+            f"motion must be a folder with .bvh files; got {motion}; see docs/data.md for clips"
+        )
+    from benchmarks import capture, capture_robustness
+    from capture.pose_model import pose_model_file
+    from services.settings import load_settings
+
+    model_file = pose_model_file(load_settings().pose_model_source())
+    if robustness:
+        capture_robustness.run(json_file, motion, model_file)
+    else:
+        capture.run(json_file, motion, model_file, backbone, clips)

@@ -11,6 +11,7 @@ import numpy as np
 from capture.body import load_body_model
 from capture.fit_initial import TO_Y_UP
 from capture.fit_landmarks import load_landmark_model
+from capture.fit_terms import ELBOW_HINGE
 from capture.landmarks import LANDMARK_NAMES, Landmarks
 from capture.overlay import project_surface
 from scene.arrays import Array
@@ -37,7 +38,8 @@ def standing(frames: int, *, turn_rad: float = 0.0, frames_per_second: float = 3
     swing = np.sin(2.0 * np.pi * share)
     for side, out in (("left", 1.0), ("right", -1.0)):
         angles[:, JOINT[f"{side}_shoulder"], 2] = -out * (0.9 + 0.2 * swing)
-        angles[:, JOINT[f"{side}_elbow"], 1] = -out * (0.6 + 0.4 * swing)
+        bend = (0.6 + 0.4 * swing)[:, None]
+        angles[:, JOINT[f"{side}_elbow"]] = bend * np.array(ELBOW_HINGE[side])
         angles[:, JOINT[f"{side}_hip"], 0] = -0.1
         angles[:, JOINT[f"{side}_knee"], 0] = 0.2
     times = np.arange(frames) / frames_per_second

@@ -49,7 +49,7 @@ def _fitted(fit: Fit) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def motion() -> Motion:
-    return standing(FRAMES, turn_rad=2.0)
+    return standing(FRAMES, turn_rad=1.0)  # four radians a second: a brisk turn
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,231 @@
+"""How exact a capture from pixels alone is, and what that costs the model trained on it.
+
+Studio performers move to real, recorded motion in a room, through a lens and a sensor; truth is
+known. One camera can't tell a small person nearby from a tall one further away: where figures say
+`one_scale`, one scale a clip was taken out, about the camera.
+"""
+
+from __future__ import annotations
+
+import resource
+import tempfile
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from benchmarks.pose_errors import (
+    Joints,
+    gauge_scale,
+    joint_turn_errors,
+    pose_errors,
+    seen_joints,
+)
+from benchmarks.report import write_report
+from capture.body import load_body_model
+from capture.fit import Fit
+from capture.fit_world import SEEN_TO_CAMERA
+from capture.pipeline import capture_clip
+from capture.store import open_sequence
+from capture.studio import make_sequence
+from capture.studio.footage import Footage
+from renderer.evaluation import evaluate
+from renderer.training import train
+from scene.arrays import Array, Float
+from scene.camera import Camera
+from scene.motion import Motion, Pose
+from scene.sequence import FrameSource, Sequence
+
+FRAMES, RATE, SIZE_PX = 90, 15.0, 512
+NOISE, BLUR_PX = 3.0, 0.6
+TRAINING_S = 20.0
+_SPLITS = ("novel_view", "unseen_pose")
+
+
+def run(
+    json_file: Path | None, motions: Path, pose_model: Path, backbone: Path | None, clips: int
+) -> None:
+    """Film, capture, train and judge `clips` performers; the report grows by a row a clip."""
+    files = sorted(motions.glob("*.bvh"))[:clips]
+    about = {"frames": FRAMES, "frames_per_second": RATE, "size": SIZE_PX, "noise": NOISE,
+             "blur_px": BLUR_PX, "background": "textured", "turn_deg": 360,
+             "focal_length": "known", "training_s": TRAINING_S, "region": "body crop"}  # fmt: skip
+    rows: list[dict[str, Any]] = []
+    for seed, motion in enumerate(files):
+        with tempfile.TemporaryDirectory() as folder:
+            rows.append(_row(Path(folder), motion, seed, pose_model, backbone))
+        print(rows[-1], flush=True)
+        report = {**about, "mean": mean_of(rows), "rows": rows}
+        write_report(json_file, "capture", report)
+
+
+def film(folder: Path, motion: Path, seed: int, rate: float = RATE, frames: int = FRAMES) -> None:
+    """Truth in `folder`/truth, footage in `folder`/raw.mp4."""
+    make_sequence(
+        folder / "truth", motion=motion, seed=seed, frames=frames, size=SIZE_PX,
+        frames_per_second=rate,
+        footage=Footage(folder / "raw.mp4", background="textured", noise=NOISE, blur_px=BLUR_PX),
+    )  # fmt: skip
+
+
+def truth_joints(truth: Sequence) -> Joints:
+    """The true joints, as the training camera sees them."""
+    extrinsics = truth.train.camera(0).world_to_camera
+    return seen_joints(truth.body.skeleton, truth.motion, extrinsics)
+
+
+def fit_joints(fit: Fit, times_s: Float[Array, "F"]) -> Joints:
+    """The fit's joints, as the camera sees them."""
+    skeleton = load_body_model().body(fit.shape).skeleton
+    root = fit.pelvis - skeleton.rest_joints[0]
+    trust = np.ones(fit.joint_angles.shape[:2])
+    motion = Motion(times_s, fit.joint_angles, root, trust)
+    return seen_joints(skeleton, motion, np.concatenate([SEEN_TO_CAMERA, np.zeros((3, 1))], axis=1))
+
+
+def mean_of(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Mean over clips of every number, however deep."""
+    first, mean = rows[0], {}
+    for key, value in first.items():
+        if isinstance(value, dict):
+            mean[key] = mean_of([row[key] for row in rows])
+        elif isinstance(value, int | float):
+            mean[key] = round(float(np.mean([row[key] for row in rows])), 3)
+    return mean
+
+
+def _row(
+    folder: Path, motion: Path, seed: int, pose_model: Path, backbone: Path | None
+) -> dict[str, Any]:
+    film(folder, motion, seed)
+    truth = open_sequence(folder / "truth")
+    watch = StageWatch(truth_joints(truth))
+    capture_clip(
+        folder / "raw.mp4", folder / "captured", person="captured", pose_model=pose_model,
+        focal_px=truth.train.camera(0).focal_px, on_progress=watch.progress, on_fit=watch.fitted,
+    )  # fmt: skip
+    captured = open_sequence(folder / "captured")
+    models = {"captured": captured, "exact": truth}
+    accuracy: dict[str, Any] = {}
+    for name, clip in models.items():
+        model = train(clip, preset="splats", budget_s=TRAINING_S, clock=time.perf_counter)
+        judged = in_scale_of(captured, truth, watch.scale) if name == "captured" else truth
+        for aligned in (False, True) if name == "captured" else (False,):
+            figures = evaluate(model, judged, lpips_backbone=backbone, aligned=aligned)
+            accuracy[f"{name}_aligned" if aligned else name] = {
+                f"{measure}_{split}": round(float(figures[measure][split]["body_crop"]), 3)
+                for measure in ("psnr", "ssim", "lpips") if figures.get(measure)
+                for split in _SPLITS if figures[measure][split]["body_crop"] is not None
+            }  # fmt: skip
+    return {
+        "clip": motion.stem,
+        "found": len(captured.train),
+        "mask_iou": round(_mask_iou(captured, truth), 4),
+        "stages": watch.stages,
+        "turn_deg": watch.turns,
+        "accuracy": accuracy,
+    }
+
+
+class StageWatch:
+    """What each stage of a capture took, and how far from the truth it left the motion."""
+
+    def __init__(self, truth: Joints) -> None:
+        self._truth = truth
+        self._began, self._message = time.perf_counter(), ""
+        self._times: dict[str, float] = {}
+        self.stages: dict[str, dict[str, float]] = {}
+        self.turns: dict[str, float] = {}
+        self.scale = 1.0
+
+    def progress(self, _: float, message: str) -> None:
+        """Note when a new stage begins."""
+        if message != self._message:
+            self._close(self._message)
+            self._message = message
+
+    def fitted(self, stage: str, fit: Fit) -> None:
+        """Judge what `stage` of the fit left."""
+        self._close(stage)
+        joints = fit_joints(fit, self._truth.times_s)
+        errors = pose_errors(joints, self._truth)
+        self.stages[stage].update({key: round(value, 3) for key, value in errors.items()})
+        turns = joint_turn_errors(joints, self._truth)
+        self.turns = {name: round(value, 2) for name, value in turns.items()}
+        self.scale = gauge_scale(joints.places, self._truth.places)
+        self._began = time.perf_counter()
+
+    def _close(self, stage: str) -> None:
+        if stage:
+            spent = round(time.perf_counter() - self._began, 2)
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+            self.stages[stage] = {"seconds": spent, "peak_memory_mib": round(peak, 1)}
+        self._began = time.perf_counter()
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """Frames of the truth in a world that is `scale` times as large, for a body of its own."""
+
+    source: FrameSource
+    scale: float
+    rest_shift: Float[Array, "3"]
+    """What the truth's rest pelvis, scaled, is above the other body's."""
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+    def camera(self, index: int) -> Camera:
+        view = self.source.camera(index)
+        extrinsics = view.world_to_camera.copy()
+        extrinsics[:, 3] *= self.scale
+        return replace(view, world_to_camera=extrinsics)
+
+    def pose(self, index: int) -> Pose:
+        pose = self.source.pose(index)
+        root = self.scale * pose.root_translation + self.rest_shift
+        return replace(pose, root_translation=root)
+
+    def image(self, index: int) -> Float[Array, "H W 3"]:
+        return self.source.image(index)
+
+    def mask(self, index: int) -> Float[Array, "H W"]:
+        return self.source.mask(index)
+
+
+def in_scale_of(captured: Sequence, truth: Sequence, scale: float) -> Sequence:
+    """The true poses and views, for a model of `captured`, whose world is the truth's / `scale`."""
+    rest = [s.body.skeleton.rest_joints[0] for s in (truth, captured)]
+    shift = rest[0] / scale - rest[1]
+
+    def scaled(source: FrameSource) -> FrameSource:
+        return _Scaled(source, 1.0 / scale, shift)
+
+    tests = {split: scaled(source) for split, source in truth.test.items()}
+    return replace(truth, body=captured.body, train=scaled(truth.train), test=tests)
+
+
+def _mask_iou(captured: Sequence, truth: Sequence) -> float:
+    """Mean overlap of the captured masks with the true ones, frames matched by time."""
+    return float(np.mean(list(_overlaps(captured, truth))))
+
+
+def _overlaps(captured: Sequence, truth: Sequence) -> Iterable[float]:
+    for index, time_s in enumerate(captured.motion.times_s):
+        frame = int(np.argmin(np.abs(truth.motion.times_s - time_s)))
+        window, mask = captured.train.camera(index), captured.train.mask(index)
+        view = truth.train.camera(frame)
+        zoom = window.focal_px / view.focal_px
+        x, y = (zoom * view.intrinsics[:2, 2] - window.intrinsics[:2, 2]).round().astype(int)
+        # the capture's crop, filled into the truth's picture
+        whole = np.zeros((round(zoom * view.height), round(zoom * view.width)), np.float32)
+        whole[y : y + mask.shape[0], x : x + mask.shape[1]] = mask[
+            : whole.shape[0] - y, : whole.shape[1] - x
+        ]
+        true = cv2.resize(truth.train.mask(frame), whole.shape[::-1], interpolation=cv2.INTER_AREA)
+        a, b = whole > 0.5, true > 0.5
+        yield float((a & b).sum() / max((a | b).sum(), 1))
