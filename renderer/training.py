@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from scene.sequence import Sequence
 REPORT_EVERY_S = 0.5
 """Time between reports of progress."""
 CHECKPOINT_EVERY_S = 10.0
+_STATE = "state."
+"""Before the names of what is the trainer's in a checkpoint: they are its own affair."""
 _ATTEMPTS = 3
 """How often a diverged run is rolled back before it fails."""
 _CHECK_EVERY_STEPS = 20
@@ -208,10 +210,14 @@ class _Run:
             return
         about = {**self._identity, "step": self.step, "elapsed_s": self.elapsed_s}
         part = path.with_name(path.name + ".part")
-        with part.open("wb") as file:
-            arrays: dict[str, Any] = self.trainer.state()
-            np.savez(file, about=np.array(json.dumps(about)), **arrays)
-        part.replace(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with part.open("wb") as file:
+                state = {_STATE + name: value for name, value in self.trainer.state().items()}
+                np.savez(file, about=np.array(json.dumps(about)), **cast(Any, state))
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
 
     def resume(self, path: Path | None) -> None:
         """Go on from a checkpoint of the same clip, preset and seed, if there is one."""
@@ -230,7 +236,7 @@ class _Run:
                 f"checkpoint must be of the same clip, preset and seed; got {about}; "
                 f"delete {path} to start anew"
             )
-        self.trainer.restore(arrays)
+        self.trainer.restore({name.removeprefix(_STATE): value for name, value in arrays.items()})
         self.step, self.elapsed_s = int(about["step"]), float(about["elapsed_s"])
 
     def _roll_back(self, good: deque[tuple[dict[str, Array], int]]) -> None:

@@ -60,6 +60,24 @@ def test_time_ends_the_budget():
     )
 
 
+def test_a_stopped_field_goes_on_too(tmp_path):
+    path, steps = tmp_path / "run.checkpoint", []
+
+    def fit(**options):
+        return train(
+            make_sequence(), preset="fast", iterations=60, checkpoint=path, clock=ticking(),
+            on_progress=lambda progress: steps.append(progress.step), **options,
+        )  # fmt: skip
+
+    with pytest.raises(TrainingStopped):
+        fit(should_stop=lambda: bool(steps))
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.checkpoint"]
+    stopped = steps[-1]
+    assert 0 < stopped < 60
+    assert fit().metrics["steps"] == 60
+    assert min(steps[steps.index(stopped) + 1 :]) >= stopped
+
+
 def test_stopping_leaves_a_checkpoint_that_goes_on(tmp_path):
     path, reports = tmp_path / "run.checkpoint", []
 
