@@ -24,6 +24,10 @@ _ATTEMPTS = 5
 _FIRST_PAUSE_S = 0.5
 
 
+class _Refused(UploadFailed):
+    """The service answered, and does not want it: sending again would not help."""
+
+
 def upload(
     source: Path,
     address: str,
@@ -49,11 +53,18 @@ def upload(
         if token is None:
             client.headers["Authorization"] = f"Bearer {_ask(client, 'POST', '/v1/guest')['token']}"
         file = _zipped(source, Path(folder)) if source.is_dir() else source
-        begun = _begin(client, file, _person_id(client, person))
-        if "sequence" in begun:
-            on_progress(1.0, "the service has it already")
-            return begun["sequence"]
-        return _send(client, file, begun, on_progress, should_stop, sleep)
+        known = _known_person(client, person)
+        person_id = known or _ask(client, "POST", "/v1/people", json={"name": person})["id"]
+        try:
+            begun = _begin(client, file, person_id)
+            if "sequence" in begun:
+                on_progress(1.0, "the service has it already")
+                return begun["sequence"]
+            return _send(client, file, begun, on_progress, should_stop, sleep)
+        except _Refused:
+            if known is None:  # who was made for this clip goes with it
+                client.delete(f"/v1/people/{person_id}")
+            raise
 
 
 def _begin(client: httpx.Client, file: Path, person_id: str) -> dict[str, Any]:
@@ -90,7 +101,7 @@ def _send(
                     on_progress(offset / size, f"{offset / 1e6:.1f} of {size / 1e6:.1f} MB")
                     continue
                 if answer.status_code not in (409, 429, 500, 502, 503, 504):
-                    raise UploadFailed(_problem(answer))
+                    raise _Refused(_problem(answer))
                 reason = _problem(answer)
             except httpx.TransportError as error:
                 reason = f"no answer from {client.base_url} ({error or type(error).__name__})"
@@ -110,12 +121,12 @@ def _offset(client: httpx.Client, path: str, known: int) -> int:
     return int(answer.headers.get("Upload-Offset", known)) if answer.is_success else known
 
 
-def _person_id(client: httpx.Client, person: str) -> str:
+def _known_person(client: httpx.Client, person: str) -> str | None:
     people = _ask(client, "GET", "/v1/people")["items"]
     for one in people:
         if person in (one["id"], one["name"]):
             return one["id"]
-    return _ask(client, "POST", "/v1/people", json={"name": person})["id"]
+    return None
 
 
 def _ask(client: httpx.Client, method: str, path: str, **options: Any) -> dict[str, Any]:
@@ -127,7 +138,7 @@ def _ask(client: httpx.Client, method: str, path: str, **options: Any) -> dict[s
             f"{client.base_url} ({error or type(error).__name__})"
         ) from error
     if not answer.is_success:
-        raise UploadFailed(_problem(answer))
+        raise _Refused(_problem(answer))
     return answer.json()
 
 

@@ -140,6 +140,8 @@ def increasing(times_s: list[float], frames_per_second: float) -> Float[Array, "
 
 @contextmanager
 def _opened(path: Path) -> Iterator[InputContainer]:
+    if not path.is_file():
+        raise UnreadableClip(f"the clip must be a file; got none at {path}; look at its name")
     try:
         container = av.open(str(path))
     except (FFmpegError, OSError, ValueError) as error:
@@ -168,8 +170,8 @@ def _decoded(container: InputContainer, path: Path) -> Iterator[VideoFrame]:
 
 
 def _no_video(path: Path, why: object) -> UnreadableClip:
-    size = path.stat().st_size if path.exists() else "no file"
     return UnreadableClip(
-        f"{path.name} must be a video that FFmpeg can read (mp4, mov, webm, mkv); got {size} bytes "
+        f"{path.name} must be a video that FFmpeg can read (mp4, mov, webm, mkv); got "
+        f"{path.stat().st_size} bytes "
         f"({why}); export it again as mp4"
     )

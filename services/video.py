@@ -67,13 +67,18 @@ def over_backdrop(
 def write_png(path: Path, picture: UInt8[Array, "H W 3"]) -> None:
     """Write one picture."""
     _, data = cv2.imencode(".png", picture[..., ::-1])
+    path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + ".part")
-    part.write_bytes(data.tobytes())
-    part.replace(path)
+    try:
+        part.write_bytes(data.tobytes())
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def write_mp4(path: Path, pictures: Iterable[UInt8[Array, "H W 3"]]) -> None:
     """Write an H.264 MP4 of 30 frames/s."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.stem}.part.mp4")
     try:
         write_video(pictures, part, FRAMES_PER_SECOND)

@@ -25,6 +25,25 @@ def main() -> None:
     """Run the command line; errors that we raise on purpose are told, not traced."""
     try:
         app()
-    except SceneError as error:
-        typer.secho(f"metanerf: {error}", fg=typer.colors.RED, err=True)
+    except Exception as error:
+        told = _told(error)
+        if told is None:
+            raise
+        typer.secho(f"metanerf: {told}", fg=typer.colors.RED, err=True)
         sys.exit(1)
+
+
+def _told(error: Exception) -> str | None:
+    """What to tell of `error`; None for one that nobody foresaw."""
+    from db.objects import no_space
+
+    if isinstance(error, SceneError):
+        return str(error)
+    if full := no_space(error):
+        return full
+    if isinstance(error, OSError) and error.filename:
+        return (
+            f"{error.filename} must be a place that can be read or written; "
+            f"got: {error.strerror}; choose another"
+        )
+    return None

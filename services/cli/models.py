@@ -12,7 +12,13 @@ import typer
 
 from scene.arrays import Array, UInt8
 from scene.errors import InvalidInput
-from services.cli.terminal import Report, progress_bar, seconds, stop_on_interrupt
+from services.cli.terminal import (
+    Report,
+    progress_bar,
+    require_writable,
+    seconds,
+    stop_on_interrupt,
+)
 
 app = typer.Typer()
 
@@ -46,6 +52,7 @@ def train(
     from renderer.training import Progress, TrainingStopped
     from renderer.training import train as train_model
 
+    require_writable(out)
     clip = open_folder(sequence)
     checkpoint = out.with_suffix(".checkpoint")
     with stop_on_interrupt() as should_stop, progress_bar(f"training {preset}") as report:
@@ -95,6 +102,7 @@ def render(
     from renderer.checkpoint import load_model
     from services.video import FRAMES_PER_SECOND, camera_path, write_mp4, write_png
 
+    require_writable(out)
     person = load_model(model)
     if motion is not None:
         from capture.keypoints import read_keypoints
@@ -136,16 +144,20 @@ def evaluate(
     from renderer.checkpoint import load_model
     from renderer.evaluation import evaluate as evaluate_model
 
+    if json_file is not None:
+        require_writable(json_file)
     figures = evaluate_model(
         load_model(model), open_folder(sequence), lpips_backbone=lpips_backbone
     )
     if json_file is not None:
+        json_file.parent.mkdir(parents=True, exist_ok=True)
         json_file.write_text(json.dumps(figures, indent=2) + "\n")
     for metric in ("psnr", "ssim", "lpips"):
         for split, regions in (figures.get(metric) or {}).items():
             known = {region: value for region, value in regions.items() if value is not None}
             shown = "  ".join(f"{region} {value:.4g}" for region, value in known.items())
-            typer.echo(f"{metric:5} {split:12} {shown}")
+            if known:
+                typer.echo(f"{metric:5} {split:13} {shown}")
 
 
 @app.command()

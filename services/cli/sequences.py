@@ -8,7 +8,13 @@ from typing import Annotated
 import typer
 
 from scene.errors import InvalidInput
-from services.cli.terminal import print_table, progress_bar, seconds, stop_on_interrupt
+from services.cli.terminal import (
+    print_table,
+    progress_bar,
+    require_writable,
+    seconds,
+    stop_on_interrupt,
+)
 
 app = typer.Typer()
 
@@ -30,6 +36,7 @@ def capture(
     ] = None,
 ) -> None:
     """Turn one clip of one person into a sequence: masks, camera, body and motion."""
+    from capture.keypoints import read_keypoints
     from capture.pipeline import capture_clip
     from capture.webcam import capture_webcam
     from services.settings import load_settings
@@ -37,6 +44,13 @@ def capture(
     if (source is None) == (webcam is None):
         given = "neither" if source is None else "both"
         raise InvalidInput(f"capture must be given a clip or --webcam; got {given}")
+    require_writable(out)
+    if source is not None and source.suffix.lower() == ".json":
+        read_keypoints(source)
+        raise InvalidInput(
+            f"a sequence must be made from pictures of the person; got {source.name}, keypoints "
+            "alone, which have no colours; they can drive a model (`metanerf render --motion`)"
+        )
     pose_model = load_settings().pose_model_source()
     with stop_on_interrupt() as should_stop, progress_bar("capturing") as report:
         if webcam is not None:
@@ -96,6 +110,7 @@ def studio(
             "background, noise, blur and shutter must come with --footage, whose pixels they "
             "change (a sequence stays clean); got no --footage"
         )
+    require_writable(out)
     with progress_bar("filming") as report:
         make_sequence(
             out,

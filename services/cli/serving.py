@@ -114,8 +114,8 @@ def _log(settings: Settings) -> None:
         format="%(asctime)s %(levelname)s %(name)s: %(message)s",
         stream=sys.stderr,
     )
-    # both tell of every packet or request at this level
-    for chatty in ("aioice", "aiortc", "httpx"):
+    # they tell of every packet, request or look at the schema at this level
+    for chatty in ("aioice", "aiortc", "alembic", "httpx"):
         logging.getLogger(chatty).setLevel(logging.WARNING)
 
 

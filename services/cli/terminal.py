@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
+
+from scene.errors import InvalidInput
 
 Report = Callable[[float, str], None]
 """Told the share that is done, and what is being done."""
@@ -25,6 +29,17 @@ def seconds(text: str) -> float:
     if match is None or float(match[1]) <= 0.0:
         raise typer.BadParameter(f"a duration must look like 20s, 1.5m or 2h; got {text!r}")
     return float(match[1]) * _SECONDS[match[2] or ""]
+
+
+def require_writable(out: Path) -> None:
+    """Before long work: `out`, or the nearest folder above it, is there to be written.
+
+    Raises InvalidInput; makes nothing.
+    """
+    folder = next(above for above in out.absolute().parents if above.exists())
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        what = "a folder that may not be written" if folder.is_dir() else "a file, no folder"
+        raise InvalidInput(f"{out} must be where it can be written; got {folder}: {what}")
 
 
 @contextmanager

@@ -30,6 +30,9 @@ class Service:
         if path == "/v1/people":
             self.people.append({"id": "p1", **json.loads(request.content)})
             return httpx.Response(201, json=self.people[-1])
+        if path == "/v1/people/p1" and request.method == "DELETE":
+            self.people.clear()
+            return httpx.Response(200, json={})
         if path == "/v1/people/p1/uploads":
             about = json.loads(request.content)
             if about["sha256"] == self.sha256 and len(self.data) == about["size"]:
@@ -103,6 +106,15 @@ def test_the_same_bytes_are_not_sent_again(clip):
 def test_a_refusal_is_told_in_the_services_words(clip):
     with pytest.raises(UploadFailed, match=r"Invalid input \(422\): a clip must be a video"):
         send(Service(refuse="a clip must be a video"), clip)
+
+
+@pytest.mark.parametrize("there_before", [False, True])
+def test_a_person_made_for_a_refused_clip_goes_with_it(clip, there_before):
+    service = Service(refuse="a clip must be a video")
+    service.people = [{"id": "p1", "name": "Ada"}] if there_before else []
+    with pytest.raises(UploadFailed):
+        send(service, clip)
+    assert bool(service.people) is there_before
 
 
 def test_a_dead_service_is_named(clip):

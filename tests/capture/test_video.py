@@ -59,7 +59,7 @@ def test_an_empty_and_an_absent_file_are_refused(tmp_path):
     empty.touch()
     with pytest.raises(UnreadableClip, match="got 0 bytes"):
         read_video(empty)
-    with pytest.raises(UnreadableClip, match="got no file"):
+    with pytest.raises(UnreadableClip, match="must be a file; got none at"):
         read_video(tmp_path / "absent.mp4")
 
 

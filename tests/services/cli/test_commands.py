@@ -100,7 +100,13 @@ def test_presets_are_listed():
         (["train", "nowhere", "--out", "m.safetensors"], "must be a sequence folder"),
         (["render", "nowhere", "--out", "x.png"], "must be a model file"),
         (["capture", "--out", "x.seq"], "must be given a clip or --webcam; got neither"),
+        (
+            ["capture", "gone.mp4", "--out", "x.seq"],
+            "the clip must be a file; got none at gone.mp4",
+        ),
         (["studio", "--out", "x.seq", "--look", "moonlit"], "look must be one of"),
+        (["studio", "--out", f"{__file__}/x.seq"], "test_commands.py: a file, no folder"),
+        (["train", "nowhere", "--out", f"{__file__}/m.safetensors"], "must be where it can be"),
         (["studio", "--out", "x.seq", "--noise", "2"], "must come with --footage"),
     ],
 )
@@ -114,6 +120,38 @@ def test_mistakes_are_told_in_one_line(arguments, words, monkeypatch, capsys, tm
     assert words in told
     assert "Traceback" not in told
     assert list(tmp_path.iterdir()) == []
+
+
+def test_keypoints_alone_make_no_sequence(monkeypatch, capsys, tmp_path):
+    frames = [{"joint_angles": [[0, 0, 0]] * 24}] * 2
+    keypoints = tmp_path / "wave.json"
+    keypoints.write_text(
+        json.dumps(
+            {"format": "metanerf-keypoints", "version": 1, "layout": "smpl24",
+             "frames_per_second": 30, "frames": frames}
+        )
+    )  # fmt: skip
+    monkeypatch.setattr(
+        "sys.argv", ["metanerf", "capture", str(keypoints), "--out", str(tmp_path / "x.seq")]
+    )
+    with pytest.raises(SystemExit):
+        main()
+    told = capsys.readouterr().err
+    assert "must be made from pictures of the person; got wave.json, keypoints alone" in told
+    assert "drive a model" in told
+    assert list(tmp_path.iterdir()) == [keypoints]
+
+
+def test_what_the_system_refuses_is_told_in_one_line(trained, monkeypatch, capsys, tmp_path):
+    (tmp_path / "taken.png").mkdir()
+    (tmp_path / "taken.png" / "inside").touch()
+    arguments = ["render", str(trained), "--camera", "front", "--size", "32"]
+    monkeypatch.setattr("sys.argv", ["metanerf", *arguments, "--out", str(tmp_path / "taken.png")])
+    with pytest.raises(SystemExit):
+        main()
+    told = capsys.readouterr().err
+    assert "taken.png.part must be a place that can be read or written; got: Is a directory" in told
+    assert [entry.name for entry in tmp_path.iterdir()] == ["taken.png"]
 
 
 def test_a_measurement_says_what_it_lacks_before_it_starts(monkeypatch, capsys):
