@@ -16,6 +16,7 @@ from services import metrics, page, problems
 from services.api import access, jobs, meetings, models, operation, people, sequences, uploads
 from services.container import Services, build_services
 from services.jobs.worker import Worker
+from services.limits import LimitBodies
 from services.live import whep
 from services.settings import Settings
 
@@ -63,6 +64,7 @@ def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
     app.state.services = made
     app.state.cast_listeners = []
     problems.install(app)
+    app.add_middleware(LimitBodies)
     app.add_middleware(metrics.CountRequests)
     if settings.allowed_origins:
         app.add_middleware(

@@ -39,7 +39,7 @@ class Problem(BaseModel):
     )
 
 
-class ProblemError(Exception):
+class ProblemError(HTTPException):
     """A problem on its way to the caller."""
 
     def __init__(
@@ -51,14 +51,16 @@ class ProblemError(Exception):
         title: str | None = None,
         headers: dict[str, str] | None = None,
     ) -> None:
-        super().__init__(detail)
+        super().__init__(status, detail, headers or {})
         self.problem = Problem(
             type=f"urn:metanerf:{kind}",
             title=title or kind.replace("-", " ").capitalize(),
             status=status,
             detail=detail,
         )
-        self.headers = headers or {}
+
+    def __str__(self) -> str:
+        return self.problem.detail
 
 
 _KINDS: tuple[tuple[type[SceneError], int, str], ...] = (
@@ -134,13 +136,17 @@ def _response(error: ProblemError) -> JSONResponse:
         error.problem.model_dump(),
         status_code=error.problem.status,
         media_type=MEDIA_TYPE,
-        headers=error.headers,
+        headers=dict(error.headers or {}),
     )
 
 
 def _faults(error: RequestValidationError) -> str:
     told = []
     for fault in error.errors()[:5]:
+        if fault["type"] == "json_invalid":
+            return f"the body must be JSON; got a fault at character {fault['loc'][-1]}: " + (
+                f"{fault['ctx']['error']}; quote names and strings"
+            )
         where = ".".join(str(part) for part in fault["loc"]) or "body"
         rule = str(fault["msg"]).removeprefix("Value error, ")
         value = repr(fault.get("input"))

@@ -18,6 +18,7 @@ from starlette.requests import ClientDisconnect
 
 from db.objects import naming_errors
 from services.jobs.scratch import scratch_folder
+from services.limits import has_own_limit
 from services.problems import ProblemError
 
 if TYPE_CHECKING:
@@ -95,6 +96,7 @@ async def receive_file(request: Request, into: Spool) -> None:
 
     Raises a 413 problem as soon as the limit is passed, 422 for another body.
     """
+    has_own_limit(request)
     boundary = _boundary(request)
     declared = request.headers.get("content-length", "")
     if declared.isdigit() and int(declared) > into.limit_bytes + _OVERHEAD_BYTES:
@@ -120,6 +122,7 @@ async def receive_file(request: Request, into: Spool) -> None:
 
 async def receive_raw(request: Request, into: Spool) -> bool:
     """Receive the body itself. False where the sender went away half-way: `into` has what came."""
+    has_own_limit(request)
     whole = True
     try:
         async for data in request.stream():

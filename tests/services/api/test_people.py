@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator
 from pathlib import Path
 
 import httpx
@@ -19,6 +20,30 @@ async def test_a_person_is_added_and_read(client: httpx.AsyncClient):
     person = (await client.get(f"/v1/people/{added.json()['id']}")).json()
     assert person == added.json() | {"sequences": [], "models": []}
     assert (await client.get("/v1/people")).json()["items"] == [added.json()]
+
+
+async def test_a_body_that_is_no_json_is_told_where(client: httpx.AsyncClient):
+    headers = {"Content-Type": "application/json"}
+    answer = await client.post("/v1/people", content=b"{oops", headers=headers)
+    assert answer.status_code == 422
+    assert "the body must be JSON; got a fault at character 1" in answer.json()["detail"]
+
+
+@pytest.mark.parametrize("kind", ["application/json", "multipart/form-data; boundary=x", ""])
+async def test_a_body_that_would_fill_the_memory_is_cut_off(client: httpx.AsyncClient, kind: str):
+    sent = 0
+
+    async def endless() -> AsyncIterator[bytes]:
+        nonlocal sent
+        while sent < 100_000_000:
+            sent += 100_000
+            yield b"1" * 100_000
+
+    answer = await client.post("/v1/people", content=endless(), headers={"Content-Type": kind})
+    assert answer.status_code == 413
+    assert answer.json()["type"] == "urn:metanerf:too-large"
+    assert "at most 1048576 bytes" in answer.json()["detail"]
+    assert sent < 3_000_000
 
 
 @pytest.mark.parametrize(
