@@ -93,3 +93,16 @@ def capture_command(
         capture_robustness.run(json_file, motion, model_file)
     else:
         capture.run(json_file, motion, model_file, backbone, clips)
+
+
+@app.command("live-capture")
+def live_capture(
+    json_file: JsonFile = None,
+    clip: Annotated[
+        Path | None, typer.Option(help="A video instead of studio footage; without truth.")
+    ] = None,
+) -> None:
+    """The live pose solver: ms a frame, and joints against the clip-wide fit and the truth."""
+    from benchmarks.live_capture import run
+
+    run(json_file, clip)

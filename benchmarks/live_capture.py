@@ -1,0 +1,154 @@
+"""The live solver against the clip-wide fit, and both against the studio's truth.
+
+Landmarks are MediaPipe's on raw footage: of a studio performer (a room, noise, a lens), or of a
+clip of one's own, for which no truth is known.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import milliseconds, write_report
+from capture.body import load_body_model
+from capture.errors import NoPersonFound
+from capture.fit import fit_clip
+from capture.fit_world import place_in_world
+from capture.landmarks import Landmarks, MediaPipeEstimator
+from capture.live import LiveSolver
+from capture.masks import refine_mask
+from capture.pose_model import pose_model_file
+from capture.store import open_sequence
+from capture.studio import Footage, make_sequence
+from capture.tracking import follow
+from capture.video import Clip, read_video
+from scene.arrays import Array, Float
+from scene.body import Body
+from scene.camera import Camera
+from scene.motion import Motion, Pose
+from scene.skeleton import JOINT_NAMES
+from services.settings import load_settings
+
+FRAMES, RATE, SIZE, TURN_DEG = 90, 30.0, 512, 120.0
+LATENCY_S = 0.06
+"""What a frame is late by: camera, estimator, network."""
+_ENDS = [i for i, name in enumerate(JOINT_NAMES) if name.endswith(("_hand", "_foot"))]
+_SETTLED = 5
+"""First frames that compile and settle; they are not judged."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """A body, a camera and a motion: the fit's or the truth."""
+
+    body: Body
+    camera: Camera
+    motion: Motion
+
+    def joints(self, pose: Pose) -> Float[Array, "J 3"]:
+        """Joints in the camera's axes, m, without hands and toes, which nothing shows."""
+        placed = self.body.skeleton.joint_transforms(pose.joint_angles, pose.root_translation)
+        return np.delete(placed[:, :3, 3], _ENDS, axis=0) @ self.camera.rotation.T
+
+
+def run(json_file: Path | None, clip: Path | None) -> None:
+    """Measure and report."""
+    with tempfile.TemporaryDirectory(prefix="metanerf-bench-") as folder:
+        truth = None
+        if clip is None:
+            truth, clip = _film(Path(folder))
+        figures = _measure(read_video(clip, max_frames=FRAMES), truth)
+    source = "studio" if truth is not None else clip.name
+    write_report(json_file, "live-capture", {"source": source, **figures})
+
+
+def _film(folder: Path) -> tuple[_Known, Path]:
+    raw = folder / "raw.mp4"
+    make_sequence(
+        folder / "truth", look="lit", frames=FRAMES, size=SIZE, test_cameras=1, seed=1,
+        turn_deg=TURN_DEG, frames_per_second=RATE,
+        footage=Footage(raw, background="textured", noise=3.0, blur_px=0.6),
+    )  # fmt: skip
+    sequence = open_sequence(folder / "truth")
+    return _Known(sequence.body, sequence.train.camera(0), sequence.motion), raw
+
+
+def _measure(clip: Clip, truth: _Known | None) -> dict[str, Any]:
+    with MediaPipeEstimator(pose_model_file(load_settings().pose_model_source())) as estimator:
+        track = follow(clip.images, estimator)
+    found = [(i, person) for i, person in enumerate(track.people) if person is not None]
+    if len(found) <= _SETTLED:
+        raise NoPersonFound(f"the person must be seen in over {_SETTLED} frames; got {len(found)}")
+    fitted = _fitted(clip, track.people, track.takes)
+    times = clip.times_s
+    solver = LiveSolver(fitted.body, fitted.camera)
+    poses, seconds, busy = _followed(solver, found, times)
+    ours = {"live": poses, "clip_fit": [fitted.motion.pose(i) for i, _ in found]}
+    raw, *_ = _followed(LiveSolver(fitted.body, fitted.camera, smoothing=None), found, times)
+    figures: dict[str, Any] = {
+        "frames": len(found),
+        "step": milliseconds(seconds[_SETTLED:]),
+        "step_of_processor": milliseconds(busy[_SETTLED:]),
+        "live_to_clip_fit": _apart(fitted, poses, fitted, ours["clip_fit"]),
+        "live_unsmoothed_to_clip_fit": _apart(fitted, raw, fitted, ours["clip_fit"]),
+    }
+    if truth is None:
+        return figures
+    true = [truth.motion.pose_at(float(times[i])) for i, _ in found]
+    figures |= {
+        f"{name}_to_truth": _apart(fitted, some, truth, true) for name, some in ours.items()
+    }
+    own, *_ = _followed(LiveSolver(truth.body, truth.camera), found, times)
+    figures["live_with_true_body_and_camera_to_truth"] = _apart(truth, own, truth, true)
+    # a pose that comes late is shown as it is, or moved on
+    later = [truth.motion.pose_at(float(times[i]) + LATENCY_S) for i, _ in found]
+    ahead, *_ = _followed(LiveSolver(truth.body, truth.camera, latency_s=LATENCY_S), found, times)
+    figures[f"late_by_{LATENCY_S * 1e3:.0f}_ms"] = {
+        "as_it_is": _apart(truth, own, truth, later),
+        "predicted": _apart(truth, ahead, truth, later),
+    }
+    return figures
+
+
+def _fitted(clip: Clip, people: tuple[Landmarks | None, ...], takes: tuple[int, ...]) -> _Known:
+    masks = [
+        None if person is None else refine_mask(image, person)
+        for image, person in zip(clip.images, people, strict=True)
+    ]
+    model = load_body_model()
+    fit = fit_clip(people, masks, clip.times_s, takes, model)
+    placed = place_in_world(fit, model.body(fit.shape), clip.times_s)
+    height, width = clip.images[0].shape[:2]
+    k = np.array([[fit.focal_px, 0.0, width / 2], [0.0, fit.focal_px, height / 2], [0.0, 0.0, 1.0]])
+    return _Known(placed.body, Camera(k, placed.world_to_camera, width, height), placed.motion)
+
+
+def _followed(
+    solver: LiveSolver, found: list[tuple[int, Landmarks]], times_s: Array
+) -> tuple[list[Pose], list[float], list[float]]:
+    """Poses, s that each took by the clock, and s of the processor: others may use it too."""
+    poses, seconds, busy = [], [], []
+    for index, person in found:
+        started, worked = time.perf_counter(), time.thread_time()
+        poses.append(solver.step(person, float(times_s[index])))
+        seconds.append(time.perf_counter() - started)
+        busy.append(time.thread_time() - worked)
+    return poses, seconds, busy
+
+
+def _apart(one: _Known, ours: list[Pose], other: _Known, theirs: list[Pose]) -> dict[str, float]:
+    """Distances of joints as seen from the pelvis, mm; jitter: of their second differences."""
+    a = np.stack([one.joints(pose) for pose in ours])[_SETTLED:]
+    b = np.stack([other.joints(pose) for pose in theirs])[_SETTLED:]
+    gaps = np.linalg.norm((a - a[:, :1]) - (b - b[:, :1]), axis=2)
+    shake = np.linalg.norm(np.diff(a, 2, axis=0) - np.diff(b, 2, axis=0), axis=2)
+    return {
+        "mean_mm": round(1e3 * float(gaps.mean()), 1),
+        "p95_mm": round(1e3 * float(np.percentile(gaps, 95)), 1),
+        "jitter_mm": round(1e3 * float(shake.mean()), 2),
+    }

@@ -1,0 +1,285 @@
+"""Pose from one frame's landmarks, as they come: for a person and a camera that are known.
+
+Two damped Gauss-Newton steps (Levenberg-Marquardt) bring a pose's landmarks onto the picture: the
+terms are those of the clip-wide fit (`capture.fit_problem`) without silhouette and future. They
+start from the last frame's pose; at first, after a gap, where that explains the frame badly and now
+and then anyway they start from the closed form too (`capture.fit_initial`), and the better one
+stays. A One-Euro filter smooths, and predicts by the latency. Nothing here sees a picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from capture.body import load_body_model
+from capture.fit_data import hidden_joints, landmark_arrays, person_height_px
+from capture.fit_initial import TO_Y_UP, solve_pose, solve_translation
+from capture.fit_landmarks import load_landmark_model
+from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
+from capture.live_filter import PoseFilter, Smoothing
+from scene.arrays import Array, Float
+from scene.body import Body
+from scene.camera import Camera
+from scene.errors import InvalidInput
+from scene.motion import Pose
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from scene.skeleton import JOINT_COUNT, PARENTS
+
+STEPS = 2
+STEPS_AT_FIRST = 6
+"""Of a pose that the last frame's does not lead to."""
+CLOSED_FORM_EVERY = 60
+"""Frames between looks at the closed form, which costs several times as much as both steps."""
+_GAP_S = 0.3
+"""After so long the last pose says little."""
+_TURNING_RAD_S, _MOVING_M_S = 3.0, 1.0
+"""Usual pace: what landmarks tell little of, such as depth, stays about where it was."""
+_BAD = 2.0
+"""Times the usual energy from which a frame is explained badly."""
+_PIXEL_DEVIATION = 0.016
+"""Of a landmark, in heights of the person."""
+_WORLD_DEVIATION_M = 0.07
+_FACE_DEPTH_TRUST = 0.3
+_HELD_RAD = 0.03
+"""Deviation of a joint that nothing shows."""
+_DAMPING = 1e-2
+"""Share of the diagonal that is added; ten times more after a step that made things worse."""
+_FLOOR = 1e-6
+_USUAL_SHARE = 0.1
+"""Of each frame in the usual energy."""
+_HIPS = np.array([LANDMARK_NAMES.index("left_hip"), LANDMARK_NAMES.index("right_hip")])
+_PARENTS = np.array(PARENTS)
+UNKNOWNS = 3 * JOINT_COUNT + 3
+"""A turn of each joint and the pelvis' shift."""
+
+
+@dataclass(eq=False)
+class _State:
+    """A pose on its way: local turns, the pelvis' place (m, world), what follows from them."""
+
+    local: Float[Array, "24 3 3"]
+    pelvis: Float[Array, "3"]
+    energy: float
+    normal: Float[Array, "75 75"]
+    right: Float[Array, "75"]
+    turned: Float[Array, "24 3 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """One frame's landmarks, ready for the equations."""
+
+    pixels: Float[Array, "33 2"]
+    trust: Float[Array, "33"]
+    world: Float[Array, "33 3"]
+    """m, from between the hips, world axes, sized as the body."""
+    per_pixel: float
+    stiffness: Float[Array, "24 3"]
+
+
+class LiveSolver:
+    """Follows one person with one still camera; belongs to one thread."""
+
+    def __init__(
+        self,
+        body: Body,
+        camera: Camera,
+        *,
+        latency_s: float = 0.0,
+        smoothing: Smoothing | None = Smoothing(),  # noqa: B008 (frozen)
+    ) -> None:
+        """For `body` seen by `camera`, whose pixels are the landmarks'.
+
+        Args:
+            latency_s: how far ahead of its landmarks a pose is predicted, at most 0.15 s.
+            smoothing: None gives each frame's own solution.
+
+        Raises InvalidInput for a negative latency.
+        """
+        from capture.fit_terms import pose_prior  # imports torch
+
+        if not 0.0 <= latency_s < 10.0:
+            raise InvalidInput(f"latency_s must be between 0 and 10; got {latency_s!r}")
+        self.latency_s = latency_s
+        self._camera, self._rest = camera, body.skeleton.rest_joints
+        self._marks, self._mark_joints = marks_on(body)
+        self._packed = _packed(camera)
+        self._to_world = camera.rotation.T @ np.diag(TO_Y_UP)
+        prior = pose_prior()
+        self._prior_mean = prior.mean.numpy().astype(np.float64)
+        self._prior_axes = prior.axes.numpy().astype(np.float64)
+        self._stiffness = prior.deviation.numpy().astype(np.float64) ** -2
+        self._depth_trust = np.ones(len(LANDMARK_NAMES))
+        self._depth_trust[:FACE_LANDMARKS] = _FACE_DEPTH_TRUST
+        self._filter = None if smoothing is None else PoseFilter(smoothing)
+        self._last: _State | None = None
+        self._time_s = -np.inf
+        self._usual, self._since = 0.0, 0
+
+    def step(self, landmarks: Landmarks, time_s: float) -> Pose:
+        """The pose at `time_s` + latency, from the landmarks of `time_s`.
+
+        Raises InvalidInput where time does not move on or nothing at all is seen.
+        """
+        if not time_s > self._time_s:
+            raise InvalidInput(f"time_s must be later than {self._time_s}; got {time_s!r}")
+        seen = self._prepared(landmarks)
+        state = self._solved(landmarks, seen, time_s - self._time_s)
+        self._last, self._time_s = state, time_s
+        root = state.pelvis - self._rest[0]
+        if self._filter is None:
+            return Pose(matrix_to_axis_angle(state.local), root, time_s)
+        self._filter.add(state.local, root, time_s)
+        return self._filter.pose(time_s + self.latency_s)
+
+    def predict(self, time_s: float) -> Pose:
+        """The pose at `time_s` without landmarks: a frame is lost, or the next is late."""
+        if self._filter is None:
+            raise InvalidInput("predict must have a smoothing, which knows the pace; got None")
+        return self._filter.pose(time_s + self.latency_s)
+
+    def _prepared(self, landmarks: Landmarks) -> _Seen:
+        camera = self._camera
+        pixels, world, trust = landmark_arrays([landmarks], camera.width, camera.height)
+        if not trust.any():
+            raise InvalidInput("landmarks must show something inside the picture; got nothing")
+        if camera.distortion is not None:
+            k, distortion = camera.intrinsics, np.asarray(camera.distortion, dtype=np.float64)
+            pixels = cv2.undistortPoints(pixels, k, distortion, P=k).reshape(pixels.shape)
+        hidden = hidden_joints(trust)[0][:, None]
+        return _Seen(
+            pixels[0],
+            trust[0],
+            (world[0] * TO_Y_UP) @ self._to_world.T,
+            1.0 / (_PIXEL_DEVIATION * person_height_px(pixels)),
+            (1.0 - hidden) * self._stiffness + hidden * _HELD_RAD**-2,
+        )
+
+    def _solved(self, landmarks: Landmarks, seen: _Seen, step_s: float) -> _State:
+        """The best pose for one frame, from the last one or from nothing."""
+        found: list[_State] = []
+        if self._last is not None and step_s < _GAP_S:
+            start = self._last
+            sized = self._sized(seen, start.local)
+            pull = np.full(UNKNOWNS, (_TURNING_RAD_S * step_s) ** -2)
+            pull[3 * JOINT_COUNT :] = (_MOVING_M_S * step_s) ** -2
+            found.append(self._refined(start.local, start.pelvis, sized, STEPS, pull))
+        lost = not found
+        self._since += 1
+        if lost or self._since >= CLOSED_FORM_EVERY or found[0].energy > _BAD * self._usual:
+            self._since = 0
+            local, pelvis = self._closed_form(landmarks, seen)
+            steps, free = STEPS_AT_FIRST if lost else STEPS, np.zeros(UNKNOWNS)
+            found.append(self._refined(local, pelvis, self._sized(seen, local), steps, free))
+        best = min(found, key=lambda one: one.energy)
+        self._usual += (1.0 if lost else _USUAL_SHARE) * (best.energy - self._usual)
+        return best
+
+    def _closed_form(
+        self, landmarks: Landmarks, seen: _Seen
+    ) -> tuple[Float[Array, "24 3 3"], Float[Array, "3"]]:
+        """Local turns from the 3D landmarks, and the pelvis' place from those on the picture."""
+        local = axis_angle_to_matrix(solve_pose(landmarks.world, seen.trust))
+        local[0] = self._to_world @ local[0]
+        points = self._points(local) @ self._camera.rotation.T
+        k = self._camera.intrinsics
+        shift = solve_translation(points[None], seen.pixels[None], seen.trust[None], k)[0]
+        return local, (shift - self._camera.translation) @ self._camera.rotation
+
+    def _sized(self, seen: _Seen, local: Float[Array, "24 3 3"]) -> _Seen:
+        """`seen` with its 3D landmarks as large as the body in about this pose."""
+        points = self._points(local)
+        ours, weight = points - points[_HIPS].mean(axis=0), seen.trust[:, None]
+        theirs = (weight * seen.world**2).sum()
+        return replace(seen, world=seen.world * ((weight * ours * seen.world).sum() / theirs))
+
+    def _refined(
+        self,
+        local: Float[Array, "24 3 3"],
+        pelvis: Float[Array, "3"],
+        seen: _Seen,
+        steps: int,
+        pull: Float[Array, "75"],
+    ) -> _State:
+        """Damped Gauss-Newton steps; `pull` (1 / deviation^2) holds each unknown at the start."""
+        from capture.live_kernels import damped_step
+
+        state, damping = self._state(local, pelvis, seen), _DAMPING
+        gone, cost = np.zeros(len(pull)), state.energy
+        for _ in range(steps):
+            step = np.empty(len(pull))
+            normal = state.normal + np.diag(0.5 * pull)
+            damped_step(normal, state.right - 0.5 * pull * gone, damping, _FLOOR, step)
+            moved = self._moved(state, step, seen)
+            further = gone + step
+            total = moved.energy + 0.5 * float(pull @ further**2)
+            if total < cost:
+                state, gone, cost, damping = moved, further, total, 0.1 * damping
+            else:
+                damping *= 10.0
+        return state
+
+    def _points(self, local: Float[Array, "24 3 3"]) -> Float[Array, "33 3"]:
+        """The landmarks of the body whose pelvis is at the origin."""
+        from capture.live_kernels import place_joints
+
+        turned, placed = np.empty((JOINT_COUNT, 3, 3)), np.empty((JOINT_COUNT, 3))
+        place_joints(local, np.zeros(3), self._rest, _PARENTS, turned, placed)
+        own = self._mark_joints
+        lever = (self._marks - self._rest[own])[..., None]
+        return placed[own] + (turned[own] @ lever)[..., 0]
+
+    def _state(
+        self, local: Float[Array, "24 3 3"], pelvis: Float[Array, "3"], seen: _Seen
+    ) -> _State:
+        from capture.live_kernels import (
+            landmark_equations,
+            place_joints,
+            prior_equations,
+        )
+
+        turned, placed = np.empty((JOINT_COUNT, 3, 3)), np.empty((JOINT_COUNT, 3))
+        place_joints(local, pelvis, self._rest, _PARENTS, turned, placed)
+        normal, right = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS)
+        energy = landmark_equations(
+            turned, placed, self._rest, _PARENTS, self._marks, self._mark_joints, seen.pixels,
+            seen.trust, self._depth_trust, seen.world, _HIPS, self._packed, seen.per_pixel,
+            1.0 / _WORLD_DEVIATION_M, normal, right,
+        ) + prior_equations(
+            turned, _PARENTS, matrix_to_axis_angle(local), self._prior_mean, self._prior_axes,
+            seen.stiffness, normal, right,
+        )  # fmt: skip
+        return _State(local, pelvis, float(energy), normal, right, turned)
+
+    def _moved(self, state: _State, step: Float[Array, "75"], seen: _Seen) -> _State:
+        turns = axis_angle_to_matrix(step[: 3 * JOINT_COUNT].reshape(JOINT_COUNT, 3))
+        above = np.concatenate([np.eye(3)[None], state.turned[_PARENTS[1:]]])
+        local = np.swapaxes(above, -1, -2) @ turns @ above @ state.local
+        return self._state(local, state.pelvis + step[3 * JOINT_COUNT :], seen)
+
+
+def marks_on(body: Body) -> tuple[Float[Array, "33 3"], Array]:
+    """Rest points of the landmarks on `body`, and the joint of each.
+
+    A body does not tell its shape numbers: those are found whose joints are nearest.
+    """
+    model, marks = load_body_model(), load_landmark_model()
+    own, mean = body.skeleton.rest_joints, model.rest_joints
+    design = (model.joint_directions - model.joint_directions[0]).reshape(-1, model.shape_count)
+    wanted = ((own - own[0]) - (mean - mean[0])).ravel()
+    shape = np.linalg.lstsq(design, wanted, rcond=None)[0]
+    joints = mean + model.joint_directions @ shape
+    # what joints are not explained by a shape still carry their landmarks along
+    points = marks.rest + marks.directions @ shape + (own - joints)[marks.joints]
+    return points, marks.joints
+
+
+def _packed(camera: Camera) -> Float[Array, "4 4"]:
+    packed = np.zeros((4, 4))
+    packed[:3] = camera.world_to_camera
+    k = camera.intrinsics
+    packed[3] = (k[0, 0], k[1, 1], k[0, 2], k[1, 2])
+    return packed
