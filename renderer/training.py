@@ -48,7 +48,7 @@ class Progress:
     @property
     def message(self) -> str:
         """What is going on in words, and the numbers for those who want them."""
-        return f"learning what the person looks like (step {self.step}, loss {self.loss:.4f})"
+        return f"learning the looks (step {self.step}, loss {self.loss:.4f})"
 
 
 @runtime_checkable

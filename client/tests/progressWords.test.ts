@@ -20,7 +20,7 @@ function words(part: Partial<EnrolState>): string {
 
 describe("progressInWords", () => {
   it.each([
-    ["no steps and losses of a training", { step: "train", message: "learning what the person looks like (step 5, loss 0.1)" }, "Learning what you look like · 40 %"],
+    ["no steps and losses of a training", { step: "train", message: "learning the looks (step 5, loss 0.1)" }, "Learning what you look like · 40 %"],
     ["the stages of a capture to whom they are about", { message: "finding the person" }, "Finding you · 40 %"],
     ["a stage that it has no words for as it came", { message: "drying the paint" }, "Drying the paint · 40 %"],
     ["how far the sending is", { step: "upload", job: null }, "40 %"],

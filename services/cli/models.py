@@ -55,7 +55,7 @@ def train(
     require_writable(out)
     clip = open_folder(sequence)
     checkpoint = out.with_suffix(".checkpoint")
-    with stop_on_interrupt() as should_stop, progress_bar(f"training {preset}") as report:
+    with stop_on_interrupt() as should_stop, progress_bar("training") as report:
 
         def on_progress(step: Progress) -> None:
             report(step.fraction, step.message)

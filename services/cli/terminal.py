@@ -12,7 +12,7 @@ from pathlib import Path
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from scene.errors import InvalidInput
@@ -20,6 +20,7 @@ from scene.errors import InvalidInput
 Report = Callable[[float, str], None]
 """Told the share that is done, and what is being done."""
 
+_BAR_COLUMNS = 18
 _SECONDS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
 
@@ -43,15 +44,17 @@ def require_writable(out: Path) -> None:
 
 
 @contextmanager
-def progress_bar(title: str) -> Iterator[Report]:
-    """A bar on the terminal; yields `report(fraction, message)`."""
+def progress_bar(title: str, console: Console | None = None) -> Iterator[Report]:
+    """A bar on the terminal (`console`: stderr); yields `report(fraction, message)`."""
     columns = (
         TextColumn("[bold]{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %  {task.fields[message]}"),
+        BarColumn(bar_width=_BAR_COLUMNS),
+        TextColumn("{task.percentage:>3.0f} %"),
+        # on a narrow terminal words give way, not the bar
+        TextColumn("{task.fields[message]}", table_column=Column(ratio=1, no_wrap=True)),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    with Progress(*columns, console=console or Console(stderr=True), expand=True) as progress:
         task = progress.add_task(title, total=1.0, message="")
 
         def report(fraction: float, message: str) -> None:

@@ -55,9 +55,7 @@ def test_time_ends_the_budget():
     assert seen[-1].fraction == 1.0
     assert seen[-1].preview is not None
     assert seen[-1].preview.shape == (384, 384, 3)
-    assert re.fullmatch(
-        r"learning what the person looks like \(step \d+, loss 0\.\d{4}\)", seen[-1].message
-    )
+    assert re.fullmatch(r"learning the looks \(step \d+, loss 0\.\d{4}\)", seen[-1].message)
 
 
 def test_a_stopped_field_goes_on_too(tmp_path):

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 import sys
 from pathlib import Path
 
 import av
 import cv2
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 from services.cli.app import app, main
-from services.cli.terminal import seconds
+from services.cli.terminal import progress_bar, seconds
 
 runner = CliRunner()
 
@@ -152,6 +155,16 @@ def test_what_the_system_refuses_is_told_in_one_line(trained, monkeypatch, capsy
     told = capsys.readouterr().err
     assert "taken.png.part must be a place that can be read or written; got: Is a directory" in told
     assert [entry.name for entry in tmp_path.iterdir()] == ["taken.png"]
+
+
+@pytest.mark.parametrize("columns", [60, 80, 120])
+def test_a_narrow_terminal_keeps_the_bar_the_share_and_the_time(columns):
+    out = io.StringIO()
+    with progress_bar("training", Console(file=out, width=columns, force_terminal=True)) as report:
+        report(0.5, "learning the looks (step 12345, loss 0.0039)")
+    last = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", out.getvalue()).strip().splitlines()[-1]
+    assert re.search(r"training ━+.* 50 % learning the.*\d:\d\d:\d\d", last)
+    assert ("loss 0.0039)" in last) is (columns == 120)
 
 
 def test_a_measurement_says_what_it_lacks_before_it_starts(monkeypatch, capsys):
