@@ -1,6 +1,7 @@
 """The door for estimators that give a pose, not landmarks: SPIN, 4D-Humans, any SMPL regressor.
 
-Our 24 joints are SMPL's, so its theta (24 axis-angles) and translation are a `Pose` as they are.
+Our 24 joints are SMPL's, so its theta (24 axis-angles) are a `Pose`'s `joint_angles` as they are;
+its root translation is where the network puts the pelvis, less the body's rest pelvis.
 `landmarks_of_pose` says where the 33 landmarks of that pose lie, which is what a `PoseEstimator`
 returns: the fit then treats them as any other estimator's.
 """
