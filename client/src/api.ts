@@ -56,6 +56,11 @@ export class Api {
     return this.json("POST", "/v1/people", { name } satisfies NewPerson);
   }
 
+  /** Every row and object of theirs. */
+  async erasePerson(id: string): Promise<void> {
+    await this.send("DELETE", `/v1/people/${id}`);
+  }
+
   /** Everybody of this account, the oldest first. */
   async people(): Promise<Person[]> {
     return (await this.json<People>("GET", "/v1/people")).items;

@@ -67,16 +67,22 @@ export class Enrolment {
     return this.attempt(async (signal) => {
       this.change({ name });
       const person = await this.api.createPerson(name);
-      signal.throwIfAborted();
-      const onProgress = (fraction: number): void => this.change({ fraction });
-      const sequence = await this.api.uploadSequence(
-        person.id,
-        clip.blob,
-        clip.fileName,
-        onProgress,
-        signal,
-      );
-      await this.continueFrom(sequence, signal);
+      try {
+        signal.throwIfAborted();
+        const onProgress = (fraction: number): void => this.change({ fraction });
+        const sequence = await this.api.uploadSequence(
+          person.id,
+          clip.blob,
+          clip.fileName,
+          onProgress,
+          signal,
+        );
+        await this.continueFrom(sequence, signal);
+        if (this.state.status === "stopped" && !this.canResume) this.dismiss(person.id);
+      } catch (error) {
+        if (this.cameToNothing(error, signal)) this.dismiss(person.id);
+        throw error;
+      }
     });
   }
 
@@ -143,6 +149,19 @@ export class Enrolment {
   /** Stop listening; the server's work goes on. */
   leave(): void {
     this.working.abort(new DOMException("left", "AbortError"));
+  }
+
+  /** A person without a clip would be a name that nobody bears. */
+  private dismiss(personId: string): void {
+    void this.api.erasePerson(personId).catch(() => undefined);
+  }
+
+  /** The server has refused the clip or given it up, or it was never sent. */
+  private cameToNothing(error: unknown, signal: AbortSignal): boolean {
+    const { step, sequence, job } = this.state;
+    if (step === "upload") return signal.aborted || !asProblem(error).offline;
+    if (signal.aborted || asProblem(error).offline) return false;
+    return sequence?.state !== "ready" && !job?.sequence_id;
   }
 
   private async continueFrom(sequence: Sequence, signal: AbortSignal): Promise<void> {

@@ -24,6 +24,9 @@ class FakeServer {
     this.calls.push(`person ${name}`);
     return { id: "p", name };
   }
+  async erasePerson(id: string): Promise<void> {
+    this.calls.push(`erase ${id}`);
+  }
   async uploadSequence(
     _person: string, _file: Blob, fileName: string,
     onProgress: (fraction: number) => void, signal: AbortSignal,
@@ -117,6 +120,7 @@ describe("Enrolment", () => {
     await running;
     expect(enrolment.state).toMatchObject({ status: "stopped", problem: null });
     expect(enrolment.canResume).toBe(false);
+    expect(server.calls.at(-1)).toBe("erase p");
   });
 
   it("stops a training and takes it up again", async () => {
@@ -162,6 +166,7 @@ describe("Enrolment", () => {
     });
     expect(enrolment.canResume).toBe(false);
     expect(bookmarks.at(-1)).toBeNull();
+    expect(server.calls.at(-1)).toBe("erase p");
   });
 
   it("goes on with a clip that the server kept although its capture failed", async () => {
@@ -176,6 +181,7 @@ describe("Enrolment", () => {
     await enrolment.resume();
     expect(server.calls).toContain("resume c");
     expect(enrolment.state).toMatchObject({ status: "ready", modelId: "m" });
+    expect(server.calls).not.toContain("erase p");
   });
 
   it("lets a failed training be tried again from where it was", async () => {
@@ -186,6 +192,7 @@ describe("Enrolment", () => {
     expect(enrolment.state.problem).toBeInstanceOf(Problem);
     expect(enrolment.canResume).toBe(true);
     expect(bookmarks.at(-1)).toMatchObject({ jobId: "j" });
+    expect(server.calls).not.toContain("erase p");
   });
 
   it("refuses movement alone as a person", async () => {
@@ -208,6 +215,7 @@ describe("Enrolment", () => {
     await enrolment.reconnect();
     expect(enrolment.state).toMatchObject({ status: "ready", problem: null });
     expect(server.calls.filter((call) => call.startsWith("upload"))).toHaveLength(1);
+    expect(server.calls).not.toContain("erase p");
   });
 
   it("says nothing more once it is left", async () => {

@@ -88,6 +88,7 @@ export function progressView(
       waysShown = actions.key;
       ways.replaceChildren(...present(actions.buttons));
       announce(title.textContent);
+      if (state.problem) ways.scrollIntoView({ block: "nearest" });
     }
   };
 
