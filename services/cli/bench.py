@@ -106,3 +106,19 @@ def live_capture(
     from benchmarks.live_capture import run
 
     run(json_file, clip)
+
+
+@app.command()
+def refinement(json_file: JsonFile = None) -> None:
+    """Noise on every joint, and what refining poses wins back: splats, and the paper's MLP."""
+    from benchmarks.refinement import run
+
+    run(json_file)
+
+
+@app.command()
+def masks(json_file: JsonFile = None) -> None:
+    """Captured masks and edge colours against the studio's exact ones, stage by stage."""
+    from benchmarks.masks import run
+
+    run(json_file)
