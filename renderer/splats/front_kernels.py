@@ -21,6 +21,8 @@ from renderer.splats.layout import (
 from scene.arrays import Array
 
 _F = np.float32
+_FARTHEST = math.log(FAINTEST)
+"""Exponent below which even an opaque splat is too faint."""
 
 
 @numba.njit(parallel=True, fastmath=True, nogil=True, cache=True)
@@ -45,6 +47,8 @@ def front_splats(
                         _F(-0.5) * (splat[CONIC_A] * dx * dx + splat[CONIC_C] * dy * dy)
                         - splat[CONIC_B] * dx * dy
                     )
+                    if power < _F(_FARTHEST):
+                        continue
                     alpha = min(splat[ALPHA] * math.exp(power), _F(MOST_OPAQUE))
                     if alpha < FAINTEST:
                         continue
