@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from renderer.model import PersonModel
-from renderer.splats.layout import COLOUR, OPACITY, POSITION
+from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION
 from renderer.splats.model import SplatModel
 from scene.arrays import Array, Bool, Float
 
@@ -20,6 +20,8 @@ _MIRROR_REACH_M = 0.03
 _KEPT_M, _GONE_M = 0.02, 0.1
 """Distance at rest from the nearest seen splat up to which an unseen one is whole, and from which
 it is gone: single ones among seen ones leave no hole, and an edge fades over a hand's breadth."""
+_WIDER = 0.3
+"""Added to the logarithm of the sizes."""
 _ROWS = 1024
 """Distances are taken in blocks of so many rows, to bound memory."""
 
@@ -51,6 +53,8 @@ def filmed_only(model: PersonModel) -> PersonModel:
         return model
     if model not in _FILMED_ONLY:
         parameters = model.parameters.copy()
+        # the far side, which closed what gaps there are between splats, is gone
+        parameters[:, LOG_SCALE : LOG_SCALE + 3] += _WIDER
         parameters[:, OPACITY] = _faded(parameters[:, OPACITY], _presence(model))
         _FILMED_ONLY[model] = replace(model, parameters=parameters)
     return _FILMED_ONLY[model]

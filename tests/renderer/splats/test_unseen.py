@@ -103,5 +103,5 @@ def test_the_front_stays_whole_and_the_guessed_back_goes():
         ]
         for azimuth in (0.0, np.pi)
     )
-    assert np.abs(front[0] - front[1]).mean() < 0.01
+    assert np.abs(front[0] - front[1]).mean() < 0.03
     assert back[0][24:40, 30:34, 2].mean() < 0.05 < 0.9 < back[1][24:40, 30:34, 2].mean()

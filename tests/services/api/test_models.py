@@ -179,6 +179,6 @@ async def test_only_what_was_filmed_may_be_asked_for(
     assert alone[100:].sum() < 0.05 * whole[100:].sum()
     assert alone[:50].sum() > 0.98 * whole[:50].sum()
     soft = (alone > 25) & (alone < 0.7 * whole)
-    assert soft[50:90].any(axis=1).sum() >= 3  # rows over which the body fades
+    assert soft[50:90].any(axis=1).sum() >= 2  # rows over which the body fades
     refused = await _view(client, model, hide_unseen="some")
     assert refused.status_code == 422
