@@ -34,6 +34,7 @@ from capture.fit_terms import (
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
 from scene.arrays import Array, Float, Tensor
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from scene.skeleton import JOINT_NAMES
 
 USUAL_FOCAL = 0.87
 """Focal length of phones and webcams, in longest sides of the picture (60 degrees)."""
@@ -41,6 +42,13 @@ _FOCAL_DEVIATION = 0.12
 """Of the logarithm of the focal length."""
 _SHAPE_DEVIATION = (0.06, 0.2, 0.2, 0.2, 0.2)
 """Of height (in 1.03 m), weight, gender, muscle, proportions."""
+_SHAPE_WEIGHT = 0.2
+_PLANTED_M_S = 0.2
+"""Speed of a foot that stands, with what the noise of its pose adds."""
+_SWINGS = 3.0
+"""In the same, from where a foot is let go."""
+_FEET = [JOINT_NAMES.index(f"{side}_{part}")
+         for side in ("left", "right") for part in ("ankle", "foot")]  # fmt: skip
 _ACCELERATION_M_S2 = 12.0
 _WORLD_DEVIATION_M = 0.07
 _OFFSET_DEVIATION_M = 0.02
@@ -91,6 +99,10 @@ class Problem:
         self.focal0 = focal_px or USUAL_FOCAL * max(self.width, self.height)
         self.pixels, self.world, self.weights = landmark_arrays(people, self.width, self.height)
         self.steps = time_steps(times_s, takes)
+        cut = np.diff(takes) != 0
+        self.within_takes = torch.tensor(
+            np.where(cut, np.inf, np.diff(times_s)), dtype=torch.float32
+        )
         self.extent = person_height_px(self.pixels)
         self._tensors(self.marks)
         self._start()
@@ -168,7 +180,7 @@ class Problem:
         total = (
             seen + 0.5 * depth + 0.5 * self.prior.energy(self.angles, self.hidden).mean() + steady
         )
-        total = total + self._once_a_clip()
+        total = total + self._once_a_clip() + self._feet_slide(placed)
         if nearest is not None:
             edge = silhouette_energy(
                 self.silhouettes,
@@ -179,6 +191,13 @@ class Problem:
             )
             total = total + _EDGE_WEIGHT * edge.mean()
         return total
+
+    def _feet_slide(self, placed: Tensor) -> Tensor:
+        """Slow feet are held where they stand, so that they neither slide nor let the body drift
+        in depth; fast ones swing."""
+        speed = (placed[1:, _FEET] - placed[:-1, _FEET]) / self.within_takes[:, None, None]
+        slid = very_robust((speed / _PLANTED_M_S).square().sum(-1), _SWINGS)
+        return slid.sum() / len(placed)
 
     def _world_energy(self, marks: Tensor) -> Tensor:
         """Against the estimator's 3D landmarks, whose size is its own guess: one scale a clip."""
@@ -192,7 +211,11 @@ class Problem:
     def _once_a_clip(self) -> Tensor:
         shape = (self.shape / torch.tensor(_SHAPE_DEVIATION)).square().sum()
         offsets = (self.offsets / _OFFSET_DEVIATION_M).square().sum()
-        return 2.0 * shape + 0.1 * offsets + 0.5 * (self.log_focal / _FOCAL_DEVIATION).square()
+        return (
+            _SHAPE_WEIGHT * shape
+            + 0.1 * offsets
+            + 0.5 * (self.log_focal / _FOCAL_DEVIATION).square()
+        )
 
     def result(self) -> Fit:
         with torch.no_grad():

@@ -201,3 +201,18 @@ def test_bridges_follow_the_shortest_turn():
     out, pelvis = bridged(found, angles, np.array([[0.0, 0, 0], [4.0, 0, 0]]), times)
     assert pelvis[:, 0] == pytest.approx(times)
     assert np.abs(out[2, 0, 1]) == pytest.approx(np.pi, abs=1e-6)
+
+
+def test_standing_feet_do_not_slide():
+    motion, rng = standing(16, frames_per_second=15.0), np.random.default_rng(0)
+    noisy = [
+        replace(
+            person,
+            pixels=person.pixels + rng.normal(0.0, 2.0, person.pixels.shape),
+            world=person.world + rng.normal(0.0, 0.02, person.world.shape),
+        )
+        for person in _people(motion)
+    ]
+    feet = _fitted(_fit(noisy, motion, focal_px=camera().focal_px))[:, [10, 11]]
+    speed = np.linalg.norm(np.diff(feet, axis=0), axis=2) * 15.0
+    assert speed.mean() < 0.1
