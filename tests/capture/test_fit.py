@@ -205,7 +205,7 @@ def test_bridges_follow_the_shortest_turn():
 
 def test_standing_feet_do_not_slide():
     motion, rng = standing(16, frames_per_second=15.0), np.random.default_rng(0)
-    noisy = [
+    noisy: list[Landmarks | None] = [
         replace(
             person,
             pixels=person.pixels + rng.normal(0.0, 2.0, person.pixels.shape),
