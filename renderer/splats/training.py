@@ -147,9 +147,9 @@ class SplatTrainer:
         return transforms
 
     def _pull_to_surface(self, moved: Bool[Array, "N"], fraction: float) -> None:
-        """Draw places and sizes of the splats just moved back towards where they began."""
+        """Draw places, sizes and turns of the splats just moved back towards how they began."""
         pull = np.float32(self._settings.shape_pull * (1.0 - fraction))
-        shape = slice(POSITION, LOG_SCALE + 3)
+        shape = slice(POSITION, ROTATION + 4)
         gap = self._first_splats.parameters[moved, shape] - self.parameters[moved, shape]
         self.parameters[moved, shape] += pull * gap
 

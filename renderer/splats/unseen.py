@@ -17,6 +17,8 @@ from scene.arrays import Array, Bool, Float
 
 _MIRROR_REACH_M = 0.03
 """How far from its mirror image a seen splat may be to stand for it."""
+_ROUND_M = 0.04
+"""Colours are borrowed from all that is seen within this: a single splat may be far off."""
 _KEPT_M, _GONE_M = 0.02, 0.1
 """Distance at rest from the nearest seen splat up to which an unseen one is whole, and from which
 it is gone: single ones among seen ones leave no hole, and an edge fades over a hand's breadth."""
@@ -40,8 +42,20 @@ def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Floa
     mirror_distance, mirror = _nearest(mirrored, rest[known])
     _, nearest = _nearest(rest[missing], rest[known])
     donor = known[np.where(mirror_distance < _MIRROR_REACH_M, mirror, nearest)]
-    filled[missing, colours] = parameters[donor, colours]
+    givers, place = np.unique(donor, return_inverse=True)
+    filled[missing, colours] = _about(rest[givers], rest[known], parameters[known, colours])[place]
     return filled
+
+
+def _about(
+    points: Float[Array, "M 3"], others: Float[Array, "K 3"], colours: Float[Array, "K 3"]
+) -> Float[Array, "M 3"]:
+    """Mean colour of the `others` round each of `points`, which is one of them."""
+    mean = np.empty_like(colours, shape=(len(points), 3))
+    for start in range(0, len(points), _ROWS):
+        near = _squared(points[start : start + _ROWS], others) < _ROUND_M**2
+        mean[start : start + _ROWS] = near @ colours / near.sum(axis=1, keepdims=True)
+    return mean
 
 
 def filmed_only(model: PersonModel) -> PersonModel:
@@ -84,13 +98,14 @@ def _faded(logits: Float[Array, "N"], presence: Float[Array, "N"]) -> Float[Arra
 def _nearest(points: Array, others: Array) -> tuple[Float[Array, "M"], Array]:
     """Distance to, and index of, the nearest of `others` for each of `points`."""
     distance, index = np.empty(len(points)), np.empty(len(points), np.int64)
-    squares = (others**2).sum(axis=1)
     for start in range(0, len(points), _ROWS):
-        block = points[start : start + _ROWS]
-        gaps = (block**2).sum(axis=1)[:, None] - 2.0 * block @ others.T + squares
-        best = gaps.argmin(axis=1)
-        index[start : start + _ROWS] = best
-        distance[start : start + _ROWS] = np.sqrt(
-            np.maximum(gaps[np.arange(len(block)), best], 0.0)
-        )
+        gaps = _squared(points[start : start + _ROWS], others)
+        index[start : start + _ROWS] = best = gaps.argmin(axis=1)
+        distance[start : start + _ROWS] = np.sqrt(gaps[np.arange(len(gaps)), best])
     return distance, index
+
+
+def _squared(points: Array, others: Array) -> Float[Array, "M K"]:
+    """Squared distances of each of `points` to each of `others`."""
+    gaps = (points**2).sum(axis=1)[:, None] - 2.0 * points @ others.T + (others**2).sum(axis=1)
+    return np.maximum(gaps, 0.0)

@@ -33,6 +33,15 @@ def test_without_a_mirror_image_the_nearest_gives():
     assert filled[0, COLOUR] == np.float32(0.9)
 
 
+def test_a_stray_colour_is_shared_out_among_its_neighbours():
+    first = splats(
+        (0.0, 1.0, -0.2, 0.5), (0.0, 1.0, 0.0, 0.9), (0.02, 1.0, 0.0, 0.1), (0.0, 1.03, 0.0, 0.2),
+        (0.0, 0.8, 0.0, 1.0),
+    )  # fmt: skip
+    filled = fill_unseen(first, np.array([False, True, True, True, True]))
+    np.testing.assert_allclose(filled[0, COLOUR], 0.4, rtol=1e-6)
+
+
 def test_shape_and_opacity_stay_and_so_do_the_seen():
     learnt = splats((0.9, 9.0, 9.0, 0.7), (0.01, 1.0, 0.0, 0.2))
     filled = fill_unseen(learnt, np.array([False, True]))
