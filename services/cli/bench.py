@@ -13,7 +13,8 @@ from scene.errors import InvalidInput
 app = typer.Typer(help="Measure what is claimed, on this machine.", no_args_is_help=True)
 
 MOTION = Path("../shared/data/mocap")
-"""Recorded motion beside the checkout; no part of this package."""
+TWO_CAMERAS = Path("../shared/data/real-two-cameras")
+"""Data beside the checkout; no part of this package."""
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the figures here.")]
 
 
@@ -122,3 +123,22 @@ def masks(json_file: JsonFile = None) -> None:
     from benchmarks.masks import run
 
     run(json_file)
+
+
+@app.command("two-cameras")
+def two_cameras_command(
+    json_file: JsonFile = None,
+    footage: Annotated[Path, typer.Option(help="Folder of the two films.")] = TWO_CAMERAS,
+    picture: Annotated[Path | None, typer.Option(help="Draw the comparison here.")] = None,
+) -> None:
+    """A capture of real footage, looked at from a second camera that it never saw."""
+    if not (footage / "cam02.mp4").exists():
+        raise InvalidInput(
+            f"footage must hold cam01.mp4, cam02.mp4 and Calib.qca.txt; got {footage}; they are "
+            "Demo_SinglePerson of Pose2Sim"
+        )
+    from benchmarks.two_cameras import run
+    from capture.pose_model import pose_model_file
+    from services.settings import load_settings
+
+    run(json_file, footage, pose_model_file(load_settings().pose_model_source()), picture)
