@@ -26,6 +26,7 @@ from scene.sequence import Sequence
 
 CLIP = "walk_veer_left_16_11"
 _FASTEST = 60.0
+_MOST_FRAMES = round(FRAMES * _FASTEST / RATE)
 _KEPT = ("joint_mm", "joint_one_scale_mm", "joint_procrustes_mm", "turn_deg", "root_one_scale_mm",
          "scale", "swapped_frames")  # fmt: skip
 _HOLES, _HOLE_SHARE = 4, 0.08
@@ -37,8 +38,7 @@ def run(json_file: Path | None, motions: Path, pose_model: Path) -> None:
     rows: dict[str, dict[str, float]] = {}
     with tempfile.TemporaryDirectory() as name, MediaPipeEstimator(pose_model) as estimator:
         folder = Path(name)
-        seconds = FRAMES / RATE
-        film(folder, motions / f"{CLIP}.bvh", 7, _FASTEST, round(_FASTEST * seconds))
+        film(folder, motions / f"{CLIP}.bvh", 7, _FASTEST, _MOST_FRAMES)
         for row, path, seen_by, focal_known, rate in _variants(folder, estimator):
             truth = open_sequence(folder / "truth")
             watch = StageWatch(_at_rate(truth, rate))
@@ -46,7 +46,7 @@ def run(json_file: Path | None, motions: Path, pose_model: Path) -> None:
             focal_px = truth.train.camera(0).focal_px * size / truth.train.camera(0).width
             capture_clip(
                 path, folder / f"{row}.seq", person=row, estimator=seen_by, on_fit=watch.fitted,
-                focal_px=focal_px if focal_known else None,
+                max_frames=_MOST_FRAMES, focal_px=focal_px if focal_known else None,
             )  # fmt: skip
             last = watch.stages[STAGES[-1]]
             rows[row] = {key: last[key] for key in _KEPT}
@@ -59,7 +59,7 @@ Variant = tuple[str, Path, PoseEstimator, bool, float]
 
 def _variants(folder: Path, estimator: PoseEstimator) -> Iterator[Variant]:
     """Name, clip, estimator, whether the focal length is told, frames a second."""
-    images = read_video(folder / "raw.mp4").images
+    images = read_video(folder / "raw.mp4", max_frames=_MOST_FRAMES).images
 
     def written(name: str, pictures: Iterator[UInt8[Array, "H W 3"]], rate: float) -> Path:
         path = folder / f"{name}.mp4"
