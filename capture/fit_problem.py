@@ -43,6 +43,7 @@ _FOCAL_DEVIATION = 0.12
 _SHAPE_DEVIATION = (0.06, 0.2, 0.2, 0.2, 0.2)
 """Of height (in 1.03 m), weight, gender, muscle, proportions."""
 _SHAPE_WEIGHT = 0.2
+"""Of the shape's prior, once a clip, beside the frames' mean energy."""
 _PLANTED_M_S = 0.2
 """Speed of a foot that stands, with what the noise of its pose adds."""
 _SWINGS = 3.0
@@ -57,7 +58,9 @@ _PIXEL_DEVIATION = 0.016
 _EDGE_DEVIATION = 0.008
 """Of a silhouette, in the same."""
 _OUTLIER = 3.0
+"""Deviations from which a landmark has no say, once the outline has one."""
 _EDGE_WEIGHT = 6.0
+"""Of the outline's mean energy, beside the landmarks' sum."""
 _FACE_DEPTH_TRUST = 0.3
 """Of the face's 3D landmarks, beside the others': the estimator pulls heads towards the camera."""
 _VERTEX_SPACING_M = 0.05
@@ -99,10 +102,6 @@ class Problem:
         self.focal0 = focal_px or USUAL_FOCAL * max(self.width, self.height)
         self.pixels, self.world, self.weights = landmark_arrays(people, self.width, self.height)
         self.steps = time_steps(times_s, takes)
-        cut = np.diff(takes) != 0
-        self.within_takes = torch.tensor(
-            np.where(cut, np.inf, np.diff(times_s)), dtype=torch.float32
-        )
         self.extent = person_height_px(self.pixels)
         self._tensors(self.marks)
         self._start()
@@ -195,7 +194,7 @@ class Problem:
     def _feet_slide(self, placed: Tensor) -> Tensor:
         """Slow feet are held where they stand, so that they neither slide nor let the body drift
         in depth; fast ones swing."""
-        speed = (placed[1:, _FEET] - placed[:-1, _FEET]) / self.within_takes[:, None, None]
+        speed = (placed[1:, _FEET] - placed[:-1, _FEET]) / self.steps[0][:, None, None]
         slid = very_robust((speed / _PLANTED_M_S).square().sum(-1), _SWINGS)
         return slid.sum() / len(placed)
 

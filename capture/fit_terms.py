@@ -193,4 +193,5 @@ def time_steps(times_s: Array, takes: Array) -> tuple[Tensor, Tensor]:
     middles = 0.5 * (steps[1:] + steps[:-1])
     cut = np.diff(takes) != 0
     middles = np.where(cut[1:] | cut[:-1], np.inf, middles)
+    steps = np.where(cut, np.inf, steps)
     return torch.tensor(steps, dtype=torch.float32), torch.tensor(middles, dtype=torch.float32)
