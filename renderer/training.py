@@ -23,8 +23,12 @@ from scene.arrays import Array, Float
 from scene.sequence import Sequence
 
 REPORT_EVERY_S = 0.5
-"""Time between reports of progress."""
+"""Least time between reports of progress."""
 CHECKPOINT_EVERY_S = 10.0
+"""Least time between checkpoints."""
+_REST = 15.0
+"""A report or a checkpoint is followed by at least so many times its own duration of training: a
+preview of the largest preset takes seconds, its state is 760 MB."""
 _STATE = "state."
 """Before the names of what is the trainer's in a checkpoint: they are its own affair."""
 _ATTEMPTS = 3
@@ -88,7 +92,7 @@ class Trainer(Protocol):
 def train(
     sequence: Sequence,
     *,
-    preset: str = "splats",
+    preset: str | Preset = "splats",
     budget_s: float | None = None,
     iterations: int | None = None,
     seed: int = 0,
@@ -101,6 +105,7 @@ def train(
     """Train a model of the person in `sequence`.
 
     Args:
+        preset: by name, or one with settings of its own.
         budget_s: training time (compilation and reading apart); schedules scale with it.
         iterations: a number of steps in its place: repeatable to the bit for one seed.
         lpips_backbone: weights for a perceptual loss, where the preset trains on patches.
@@ -113,7 +118,7 @@ def train(
         raise TrainingError(
             f"either budget_s or iterations must be given; got {budget_s} and {iterations}"
         )
-    chosen = find_preset(preset)
+    chosen = find_preset(preset) if isinstance(preset, str) else preset
     trainer = _make_trainer(chosen, sequence, seed, lpips_backbone)
     run = _Run(trainer, chosen.name, sequence.data_hash, seed)
     run.resume(checkpoint)
@@ -171,7 +176,8 @@ class _Run:
     ) -> None:
         """Step until the budget is used."""
         started = clock() - self.elapsed_s
-        reported = saved = self.elapsed_s
+        looked, report_due = self.elapsed_s, self.elapsed_s + REPORT_EVERY_S
+        save_due = self.elapsed_s + CHECKPOINT_EVERY_S
         # two, since the newest may already hold the step that went wrong
         good = deque([(self.trainer.state(), self.step)], maxlen=2)
         while True:
@@ -184,22 +190,25 @@ class _Run:
             if not np.isfinite(self.loss):
                 self._roll_back(good)
                 continue
-            if self.step % _CHECK_EVERY_STEPS and self.elapsed_s - reported < REPORT_EVERY_S:
+            look_due = min(looked + REPORT_EVERY_S, report_due)
+            if self.step % _CHECK_EVERY_STEPS and self.elapsed_s < look_due:
                 continue
+            looked = self.elapsed_s
             if should_stop():
                 self.save(checkpoint)
                 raise TrainingStopped(f"training was stopped at step {self.step}")
-            if self.elapsed_s - reported >= REPORT_EVERY_S:
+            if self.elapsed_s >= report_due:
                 state = self.trainer.state()
                 if not _is_finite(state):
                     self._roll_back(good)
                     continue
                 good.append((state, self.step))
-                reported = self.elapsed_s
                 on_progress(self._progress(fraction))
-            if self.elapsed_s - saved >= CHECKPOINT_EVERY_S:
+                report_due = _next(clock() - started, looked, REPORT_EVERY_S)
+            if self.elapsed_s >= save_due:
+                begun = clock() - started
                 self.save(checkpoint)
-                saved = self.elapsed_s
+                save_due = _next(clock() - started, begun, CHECKPOINT_EVERY_S)
         if not _is_finite(self.trainer.state()):
             self.trainer.restore(good[-1][0])
         on_progress(self._progress(1.0))
@@ -256,6 +265,11 @@ class _Run:
     def _progress(self, fraction: float) -> Progress:
         picture = self.trainer.preview()
         return Progress(self.step, min(1.0, fraction), self.elapsed_s, self.loss, picture)
+
+
+def _next(now_s: float, begun_s: float, least_s: float) -> float:
+    """When to do again what began at `begun_s` and has just ended."""
+    return now_s + max(least_s, _REST * (now_s - begun_s))
 
 
 def _is_finite(state: dict[str, Array]) -> bool:
