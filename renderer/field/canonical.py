@@ -13,6 +13,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
+from renderer.devices import on_device
 from renderer.field.encoding import encoded_size, positional_encoding
 from renderer.field.lookup import corners, to_grid, trilinear, weighted_rows
 from renderer.field.networks import Mlp
@@ -118,7 +119,7 @@ class CanonicalField(nn.Module):
         assert self.table is not None
         logit = np.clip(-signed_distance[shell.learnt] / _SOFTNESS_M, *_LOGIT_RANGE)
         with torch.no_grad():
-            self.table[_FIXED_ROWS:, 0] = torch.from_numpy(logit.astype(np.float32))
+            self.table[_FIXED_ROWS:, 0] = on_device(logit, self.table.device, torch.float32)
 
     def forward(
         self, points: Float[Tensor, "N 3"]
@@ -148,7 +149,7 @@ class CanonicalField(nn.Module):
     def may_hold(self, points: Float[Tensor, "N 3"]) -> Bool[Tensor, "N"]:
         """Whether anything learnt lies next to a point; True everywhere without a grid."""
         if self.table is None:
-            return torch.ones(len(points), dtype=torch.bool)
+            return torch.ones(len(points), dtype=torch.bool, device=points.device)
         at = to_grid(points, self.low, self.high, self._shape)
         index, _ = corners(at, self._shape)
         return (self.rows[index] >= _FIXED_ROWS).any(dim=1)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from renderer.devices import on_device, on_host
 from renderer.field.cells import LiveCells
 from renderer.field.field import PersonField
 from renderer.field.marching import (
@@ -24,6 +25,7 @@ from renderer.field.posed import (
     PosedGrid,
     Support,
     direct_canonical,
+    occupied_before_residual,
     occupied_cells,
     posed_grid,
     reached_cells,
@@ -57,12 +59,13 @@ class FieldRenderer:
                 volume = field.weight_volume()
                 prepared = volume, Support.of(volume)
         self.volume, self.support = prepared
+        self.device = self.volume.low.device
 
     @torch.no_grad()
     def render(self, camera: Camera, pose: Pose) -> Float[Array, "H W 4"]:
         """Premultiplied sRGB and alpha of `pose` seen by `camera`."""
-        angles = torch.from_numpy(pose.joint_angles).float()
-        root = torch.from_numpy(pose.root_translation).float()
+        angles = on_device(pose.joint_angles, self.device, torch.float32)
+        root = on_device(pose.root_translation, self.device, torch.float32)
         transforms = self.field.transforms(angles, root, refine=False)
         return self.render_posed(camera, transforms, angles)
 
@@ -76,32 +79,38 @@ class FieldRenderer:
         """The same from M_i (rest -> world)."""
         picture = np.zeros((camera.height, camera.width, 4), np.float32)
         low, high = self.support.bounds(transforms)
-        window = _window(camera, low.double().numpy(), high.double().numpy())
+        window = _window(camera, on_host(low.double()), on_host(high.double()))
         if window is None:
             return picture
         rows, columns = window
         size = (rows.stop - rows.start, columns.stop - columns.start)
         crop = camera.cropped(columns.start, rows.start, size[1], size[0])
-        directions = torch.from_numpy(crop.rays()[1]).float().view(-1, 3)
-        origin = torch.from_numpy(camera.position).float()[None]
-        cells = self._cells(transforms, joint_angles)
-        draw = _Draw(self, (low, high), cells, transforms, joint_angles)
+        directions = on_device(crop.rays()[1], self.device, torch.float32).view(-1, 3)
+        origin = on_device(camera.position, self.device, torch.float32)[None]
+        before = None
+        if self.field.sizes.occupancy:
+            before = occupied_before_residual(self.field, joint_angles)
+        cells = self._cells(transforms, joint_angles, before)
+        draw = _Draw(self, (low, high), cells, before, transforms, joint_angles)
         parts = [
             draw.rays(origin.expand(len(part), 3), part)
             for part in directions.split(self._rays_at_once(cells))
         ]
-        picture[rows, columns] = torch.cat(parts).view(*size, 4).numpy()
+        picture[rows, columns] = on_host(torch.cat(parts).view(*size, 4))
         return picture
 
     def _cells(
-        self, transforms: Float[Tensor, "K 3 4"], joint_angles: Float[Tensor, "K 3"]
+        self,
+        transforms: Float[Tensor, "K 3 4"],
+        joint_angles: Float[Tensor, "K 3"],
+        before: LiveCells | None,
     ) -> LiveCells | None:
         """What is known of this pose before any sample is asked."""
         field, volume, support = self.field, self.volume, self.support
         if field.sizes.posed_grid:
             return posed_grid(field, volume, support, transforms)
         if field.sizes.occupancy:
-            return occupied_cells(field, volume, support, transforms, joint_angles)
+            return occupied_cells(field, volume, support, transforms, joint_angles, before)
         return reached_cells(support, transforms) if field.sizes.cull else None
 
     def _rays_at_once(self, cells: LiveCells | None) -> int:
@@ -126,6 +135,9 @@ class _Draw:
     renderer: FieldRenderer
     box: tuple[Float[Tensor, "3"], Float[Tensor, "3"]]
     cells: LiveCells | None
+    """Where samples of this pose can hold anything; None: anywhere."""
+    before: LiveCells | None
+    """The same of canonical points before residual motion."""
     transforms: Float[Tensor, "K 3 4"]
     joint_angles: Float[Tensor, "K 3"]
 
@@ -134,7 +146,7 @@ class _Draw:
     ) -> Float[Tensor, "R 4"]:
         """Premultiplied RGBA of rays."""
         sizes = self.renderer.field.sizes
-        rgba = torch.zeros(len(directions), 4)
+        rgba = torch.zeros(len(directions), 4, device=directions.device)
         near, far = box_span(origins, directions, *self.box)
         hit = torch.nonzero(far > near)[:, 0]
         if len(hit) == 0:
@@ -148,7 +160,7 @@ class _Draw:
 
     def _in_waves(self, samples: Samples) -> Float[Tensor, "R 4"]:
         """Front to back, each ray as far as it can be seen into."""
-        rgba = torch.zeros(samples.rays, 4)
+        rgba = torch.zeros(samples.rays, 4, device=samples.t.device)
         for wave in samples.waves(_WAVE):
             through = 1.0 - rgba[:, 3:]
             visible = wave.kept(through[wave.ray, 0] > OPAQUE)
@@ -162,16 +174,14 @@ class _Draw:
         found, likelihood = self._canonical(samples)
         if self.cells is not None:
             keep = likelihood > LEAST_LIKELIHOOD
+            if self.before is not None:
+                keep &= self.before.holds(found)
             samples, found, likelihood = samples.kept(keep), found[keep], likelihood[keep]
         found = field.moved(found, self.joint_angles)
         occupied = field.occupied_at(found)
         if occupied is not None and field.sizes.occupancy:
-            samples, found, likelihood = (
-                samples.kept(occupied),
-                found[occupied],
-                likelihood[occupied],
-            )
-            occupied = None
+            samples, found = samples.kept(occupied), found[occupied]
+            likelihood, occupied = likelihood[occupied], None
         canonical = field.canonical
         place = canonical.located(found)
         if canonical.has_grid:

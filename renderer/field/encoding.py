@@ -26,19 +26,22 @@ def positional_encoding(
     window: Float[Tensor, "L"] | None = None,
 ) -> Float[Tensor, "N E"]:
     """[x,] then sin(2^l x), cos(2^l x) for l = 0 .. octaves-1, each octave scaled by `window`."""
-    parts = [points] if identity else []
-    for octave in range(octaves):
-        scaled = points * 2.0**octave
-        for wave in (torch.sin(scaled), torch.cos(scaled)):
-            parts.append(wave if window is None else wave * window[octave])
-    return torch.cat(parts, dim=1) if parts else points[:, :0]
+    scales = 2.0 ** torch.arange(octaves, dtype=points.dtype, device=points.device)
+    scaled = points[:, None] * scales[:, None]
+    waves = torch.stack([torch.sin(scaled), torch.cos(scaled)], dim=2)
+    if window is not None:
+        waves = waves * window[:, None, None]
+    encoded = waves.flatten(1)
+    return torch.cat([points, encoded], dim=1) if identity else encoded
 
 
-def hann_window(octaves: int, fraction: float) -> Float[Tensor, "L"]:
+def hann_window(
+    octaves: int, fraction: float, device: torch.device | None = None
+) -> Float[Tensor, "L"]:
     """Weight of each octave when `fraction` (0 .. 1) of the opening has passed.
 
     w_l = (1 - cos(pi clamp(a - l, 0, 1))) / 2 with a = octaves * fraction: low octaves open first.
     """
     opened = octaves * min(max(fraction, 0.0), 1.0)
-    share = (opened - torch.arange(octaves, dtype=torch.float32)).clamp(0.0, 1.0)
+    share = (opened - torch.arange(octaves, dtype=torch.float32, device=device)).clamp(0.0, 1.0)
     return 0.5 * (1.0 - torch.cos(math.pi * share))

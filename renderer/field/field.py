@@ -115,6 +115,4 @@ class PersonField(nn.Module):
 
     def occupied_at(self, canonical: Float[Tensor, "N 3"]) -> Bool[Tensor, "N"] | None:
         """Whether anything is at canonical points (after residual motion); None: not known."""
-        if self.occupied is None:
-            return None
-        return self.occupied.live[self.occupied.index_of(canonical).long()]
+        return None if self.occupied is None else self.occupied.holds(canonical)

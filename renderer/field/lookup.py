@@ -24,7 +24,8 @@ def to_grid(
     shape: tuple[int, int, int],
 ) -> Float[Tensor, "N 3"]:
     """Continuous grid coordinates (x, y, z) of points (m) in a grid of `shape` over a box."""
-    size = torch.tensor([shape[2] - 1, shape[1] - 1, shape[0] - 1], dtype=low.dtype)
+    last = [shape[2] - 1, shape[1] - 1, shape[0] - 1]
+    size = torch.tensor(last, dtype=low.dtype, device=low.device)
     return (points - low) * (size / (high - low))
 
 
@@ -36,7 +37,7 @@ def corners(
     Coordinates outside are moved to the border. Weights are differentiable in `at`.
     """
     depth, height, width = shape
-    top = torch.tensor([width - 1, height - 1, depth - 1], dtype=at.dtype)
+    top = torch.tensor([width - 1, height - 1, depth - 1], dtype=at.dtype, device=at.device)
     at = torch.minimum(at.clamp(min=0.0), top)
     cell = torch.minimum(at.detach().floor(), top - 1.0)
     share = at - cell
@@ -47,7 +48,7 @@ def corners(
     whole = cell.to(torch.int32)
     base = (whole[:, 2] * height + whole[:, 1]) * width + whole[:, 0]
     steps = [(dz * height + dy) * width + dx for dz, dy, dx in _CORNERS]
-    return base[:, None] + torch.tensor(steps, dtype=torch.int32), weights
+    return base[:, None] + torch.tensor(steps, dtype=torch.int32, device=at.device), weights
 
 
 class _WeightedRows(torch.autograd.Function):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 
@@ -51,9 +51,15 @@ class Samples:
 
     def waves(self, depth: int) -> Iterator[Samples]:
         """The samples front to back, `depth` slots at a time."""
-        for first in range(0, self.slots, depth):
-            wave = self.kept((self.slot >= first) & (self.slot < first + depth))
-            yield replace(wave, slot=wave.slot - first, slots=depth)
+        number = self.slot // depth
+        order = torch.argsort(number, stable=True)
+        sizes = torch.bincount(number).tolist()
+        for place, mine in enumerate(order.split(sizes)):
+            wave = Samples(
+                self.ray[mine], self.slot[mine] - place * depth, self.points[mine], self.t[mine],
+                self.step[mine], self.rays, depth,
+            )  # fmt: skip
+            yield wave
 
 
 def box_span(

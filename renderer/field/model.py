@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from renderer.devices import best_device, on_device, on_host
 from renderer.field.canonical import Shell
 from renderer.field.cells import LiveCells
 from renderer.field.drawing import FieldRenderer
@@ -60,17 +61,16 @@ class FieldModel:
         volume takes the prior's place, as it is.
         """
         field = self.field
-        stored = {_LEARNT + name: p.detach().numpy() for name, p in field.named_parameters()}
+        stored = {_LEARNT + name: on_host(p) for name, p in field.named_parameters()}
         table = _LEARNT + "canonical.table"
         if table in stored:
             stored[table] = stored[table].astype(np.float16)
-        box = torch.stack([field.low, field.high])
-        stored["box"] = box.numpy()
+        stored["box"] = on_host(torch.stack([field.low, field.high]))
         prior = field.motion.prior
         in_bytes = torch.round(prior * 255.0).to(torch.uint8)
-        stored["prior"] = (prior if field.sizes.baked else in_bytes).numpy()
+        stored["prior"] = on_host(prior if field.sizes.baked else in_bytes)
         if field.occupied is not None:
-            stored["occupied"] = np.packbits(field.occupied.live.numpy(), axis=None)
+            stored["occupied"] = np.packbits(on_host(field.occupied.live), axis=None)
         if field.shell is not None:
             stored["shell"] = np.packbits(field.shell.learnt, axis=None)
             stored["deep"] = np.packbits(field.shell.deep, axis=None)
@@ -83,7 +83,7 @@ class FieldModel:
             "sizes": self.field.sizes.to_json(),
             "grid_shape": shape,
             "residual_opened": self.field.residual_opened,
-            "occupied_side": None if self.field.occupied is None else self.field.occupied.side,
+            "occupied_shape": None if self.field.occupied is None else self.field.occupied.shape,
         }
 
     @classmethod
@@ -93,17 +93,18 @@ class FieldModel:
         """The model in a file. Raises KeyError, ValueError or RuntimeError for parts that are
         missing or do not fit."""
         sizes = FieldSizes.from_json(about["sizes"])
-        low, high = torch.from_numpy(tensors["box"].copy())
-        prior = torch.from_numpy(tensors["prior"].astype(np.float32))
+        device = best_device()
+        low, high = on_device(tensors["box"], device).unbind()
+        prior = on_device(tensors["prior"], device, torch.float32)
         if tensors["prior"].dtype == np.uint8:
             prior = prior / 255.0
         shell = None
         if about["grid_shape"] is not None:
             learnt, deep = (_unpacked(tensors[k], about["grid_shape"]) for k in ("shell", "deep"))
             shell = Shell(learnt, deep)
-        field = PersonField(sizes, skeleton, prior, low.clone(), high.clone(), shell)
+        field = PersonField(sizes, skeleton, prior, low, high, shell).to(device)
         learnt_state = {
-            name[len(_LEARNT) :]: torch.from_numpy(value.astype(np.float32))
+            name[len(_LEARNT) :]: on_device(value, device, torch.float32)
             for name, value in tensors.items()
             if name.startswith(_LEARNT)
         }
@@ -114,10 +115,10 @@ class FieldModel:
             )
         field.load_state_dict(learnt_state, strict=False)
         field.residual_opened = about["residual_opened"]
-        side = about.get("occupied_side")
-        if side is not None:
-            live = _unpacked(tensors["occupied"], [side**3])
-            field.occupied = LiveCells(field.low, field.high, side, torch.from_numpy(live))
+        shape = about["occupied_shape"]
+        if shape is not None:
+            live = on_device(_unpacked(tensors["occupied"], shape).reshape(-1), device)
+            field.occupied = LiveCells(field.low, field.high, tuple(shape), live)
         return cls(
             field,
             preset=about["preset"],

@@ -37,24 +37,26 @@ def parameter_count(module: nn.Module | None) -> int:
 
 
 class Mlp(nn.Module):
-    """Linear layers with ReLU between them; one may read the first `reread` inputs once more."""
+    """Linear layers with ReLU between them; one may read the inputs once more.
+
+    The first layer may also read `shared` numbers that are the same for all rows of a call.
+    """
 
     def __init__(
         self,
         inputs: int,
         outputs: int,
         size: MlpSize,
-        reread: int | None = None,
+        shared: int = 0,
         backend: str = "torch",
     ) -> None:
         """Raises InvalidInput for sizes that `backend` can't run."""
         super().__init__()
-        self._reread = inputs if reread is None else reread
         self._skip = size.skip
         layers: list[nn.Module] = []
         for place in range(1, size.depth + 1):
-            wide = inputs if place == 1 else size.width
-            wide += self._reread if place == size.skip else 0
+            wide = inputs + shared if place == 1 else size.width
+            wide += inputs if place == size.skip else 0
             layers.append(nn.Linear(wide, size.width, bias=size.bias))
         self.hidden = nn.ModuleList(layers)
         self.last = nn.Linear(size.width, outputs, bias=size.bias)
@@ -63,24 +65,30 @@ class Mlp(nn.Module):
             for weights, _ in self._calls():
                 require_fusible([tuple(w.shape) for w in weights], biased=size.bias)
 
-    def forward(self, inputs: Float[Tensor, "N I"]) -> Float[Tensor, "N O"]:
+    def forward(
+        self, inputs: Float[Tensor, "N I"], shared: Float[Tensor, "S"] | None = None
+    ) -> Float[Tensor, "N O"]:
         """Outputs without a final activation."""
         if self._fused and runs_on(inputs.device):
-            return self._forward_fused(inputs)
-        value = inputs
-        for place, layer in enumerate(self.hidden, start=1):
+            return self._forward_fused(inputs, shared)
+        first, *others = (cast(nn.Linear, layer) for layer in self.hidden)
+        value = functional.relu(_first_layer(first, inputs, shared), inplace=True)
+        for place, layer in enumerate(others, start=2):
             if place == self._skip:
-                value = torch.cat([value, inputs[:, : self._reread]], dim=1)
-            value = functional.relu(layer(value))
+                value = torch.cat([value, inputs], dim=1)
+            value = functional.relu(layer(value), inplace=True)
         return self.last(value)
 
-    def _forward_fused(self, inputs: Float[Tensor, "N I"]) -> Float[Tensor, "N O"]:
+    def _forward_fused(
+        self, inputs: Float[Tensor, "N I"], shared: Float[Tensor, "S"] | None
+    ) -> Float[Tensor, "N O"]:
+        value = inputs
+        if shared is not None:
+            value = torch.cat([inputs, shared.expand(len(inputs), -1)], dim=1)
         first, *then = self._calls()
-        value = fused_mlp(inputs, *first)
+        value = fused_mlp(value, *first)
         for weights, relu_last in then:
-            value = fused_mlp(
-                torch.cat([value, inputs[:, : self._reread]], dim=1), weights, relu_last
-            )
+            value = fused_mlp(torch.cat([value, inputs], dim=1), weights, relu_last)
         return value
 
     def _calls(self) -> list[tuple[list[Tensor], bool]]:
@@ -91,6 +99,17 @@ class Mlp(nn.Module):
             return [(weights, False)]
         cut = self._skip - 1
         return [(weights[:cut], True), (weights[cut:], False)]
+
+
+def _first_layer(
+    layer: nn.Linear, inputs: Float[Tensor, "N I"], shared: Float[Tensor, "S"] | None
+) -> Float[Tensor, "N W"]:
+    """What all rows share is a bias to each of them."""
+    if shared is None:
+        return layer(inputs)
+    own, common = layer.weight.split([inputs.shape[1], len(shared)], dim=1)
+    offset = common @ shared
+    return functional.linear(inputs, own, offset if layer.bias is None else offset + layer.bias)
 
 
 def _start_near_zero(layer: nn.Linear) -> None:
@@ -158,9 +177,7 @@ class ResidualMotion(nn.Module):
         assert sizes.residual is not None
         self._octaves = sizes.residual_octaves
         encoded = encoded_size(self._octaves, identity=False)
-        self.mlp = Mlp(
-            encoded + pose_numbers(joints), 3, sizes.residual, encoded, backend=sizes.backend
-        )
+        self.mlp = Mlp(encoded, 3, sizes.residual, pose_numbers(joints), backend=sizes.backend)
         _start_near_zero(self.mlp.last)
 
     def forward(
@@ -170,7 +187,6 @@ class ResidualMotion(nn.Module):
         opened: float,
     ) -> Float[Tensor, "N 3"]:
         """Offsets in canonical metres; `opened` is the Hann window's fraction, 0 .. 1."""
-        window = hann_window(self._octaves, opened).to(points)
+        window = hann_window(self._octaves, opened, points.device).to(points.dtype)
         encoded = positional_encoding(points, self._octaves, identity=False, window=window)
-        pose = joint_angles[1:].reshape(1, -1).expand(len(points), -1)
-        return self.mlp(torch.cat([encoded, pose], dim=1))
+        return self.mlp(encoded, joint_angles[1:].reshape(-1))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from renderer.field.cells import LiveCells, dilated
+from renderer.field.cells import LiveCells, cells_a_side, dilated
 from renderer.field.field import PersonField
 from renderer.field.lookup import corners, weighted_rows
 from renderer.field.skinning import (
@@ -26,10 +26,13 @@ LEAST_LIKELIHOOD = 1e-3
 """Samples less likely than this belong to nobody: alpha would be below it too."""
 _NIL_WEIGHT = 1e-5
 """Weight below which a joint has no say: all 24 together stay far below the likelihood above."""
-_REACHED_SIDE = 64
+_REACHED_CELL_M = 0.02
 _SUPPORT_LIKELIHOOD = 0.25
 _SUPPORT_POINTS = 6000
 _BOX_MARGIN_M = 0.03
+_RESIDUAL_SAMPLES = 4096
+_RESIDUAL_MARGIN = 1.5
+"""How much further the residual may reach between the places where it was asked."""
 _TORN_ROUNDS = 2
 _TORN_STRETCH = 1.5
 """A cell is torn when its corners' canonical points span this many of its own diagonals."""
@@ -53,18 +56,21 @@ class Support:
     def of(cls, volume: WeightVolume) -> Support:
         """Read off the weight volume."""
         depth, height, width = volume.shape
-        axes = [torch.linspace(0.0, 1.0, n) for n in (depth, height, width)]
+        device = volume.low.device
+        axes = [torch.linspace(0.0, 1.0, n, device=device) for n in (depth, height, width)]
         z, y, x = torch.meshgrid(*axes, indexing="ij")
         unit = torch.stack([x, y, z], dim=-1).view(-1, 3)
         places = volume.low + unit * (volume.high - volume.low)
         weights = volume.rows[:, :-1]
-        cell = (volume.high - volume.low) / torch.tensor([width - 1.0, height - 1.0, depth - 1.0])
+        sides = torch.tensor([width - 1.0, height - 1.0, depth - 1.0], device=device)
+        cell = (volume.high - volume.low) / sides
+        nowhere = torch.full((3,), torch.inf, device=device)
         lows, highs, centres = [], [], []
         for joint in range(weights.shape[1]):
             some = weights[:, joint] > _NIL_WEIGHT
             moved = places[some]
-            lows.append(moved.amin(0) - cell if len(moved) else torch.full((3,), torch.inf))
-            highs.append(moved.amax(0) + cell if len(moved) else torch.full((3,), -torch.inf))
+            lows.append(moved.amin(0) - cell if len(moved) else nowhere)
+            highs.append(moved.amax(0) + cell if len(moved) else -nowhere)
             live = _live_cells(some.float().view(volume.shape))
             centres.append(places[live] + 0.5 * cell)
         body = torch.nonzero(weights.sum(dim=1) > _SUPPORT_LIKELIHOOD)[:, 0]
@@ -93,33 +99,47 @@ def reached_cells(support: Support, transforms: Float[Tensor, "K 3 4"]) -> LiveC
     everywhere = torch.cat(centres)
     near = support.cell_radius_m
     inside = ((everywhere > box[0] - near) & (everywhere < box[1] + near)).all(dim=1)
-    return LiveCells.near(everywhere[inside], near, box, _REACHED_SIDE)
+    return LiveCells.near(everywhere[inside], near, box, cells_a_side(*box, _REACHED_CELL_M))
+
+
+@torch.no_grad()
+def occupied_before_residual(
+    field: PersonField, joint_angles: Float[Tensor, "K 3"]
+) -> LiveCells | None:
+    """Canonical cells out of which this pose's residual may carry a point into an occupied one;
+    None where occupation is not known."""
+    occupied = field.occupied
+    if occupied is None or field.residual is None or field.residual_opened is None:
+        return occupied
+    places = occupied.points_of_live()
+    places = places[:: max(1, len(places) // _RESIDUAL_SAMPLES)]
+    moved = (field.moved(places, joint_angles) - places).norm(dim=1)
+    return occupied.grown(_RESIDUAL_MARGIN * float(moved.max())) if len(moved) else occupied
 
 
 @torch.no_grad()
 def occupied_cells(
-    field: PersonField, volume: WeightVolume, support: Support,
-    transforms: Float[Tensor, "K 3 4"], joint_angles: Float[Tensor, "K 3"],
+    field: PersonField, volume: WeightVolume, support: Support, transforms: Float[Tensor, "K 3 4"],
+    joint_angles: Float[Tensor, "K 3"], before: LiveCells | None,
 ) -> LiveCells:  # fmt: skip
     """Cells of the posed body's box that the person fills, and those around them.
 
-    Grid points ask where they come from; the canonical space knows what is there. Its own border
-    and one cell of border here make up for what lies between grid points.
+    Grid points ask where they come from; the canonical space knows what is there: `before` (of
+    `occupied_before_residual`) roughly, then exactly. Its own border and one cell of border here
+    make up for what lies between grid points.
     """
     cells = reached_cells(support, transforms)
-    if field.occupied is None:
+    if before is None:
         return cells
-    side = cells.side
     asked = torch.nonzero(cells.live)[:, 0]
-    at = torch.stack([asked % side, asked // side % side, asked // (side * side)], dim=1)
-    points = cells.low + at * cells.cell_m
     rounds = field.sizes.inverse_rounds
-    found, likelihood = direct_canonical(points, transforms, volume, rounds, support)
-    likely = likelihood > LEAST_LIKELIHOOD
-    filled = torch.zeros(side**3)
+    found, likelihood = direct_canonical(cells.corner(asked), transforms, volume, rounds, support)
+    likely = (likelihood > LEAST_LIKELIHOOD) & before.holds(found)
+    filled = torch.zeros(len(cells.live), device=asked.device)
     there = field.occupied_at(field.moved(found[likely], joint_angles))
-    filled[asked[likely]] = torch.ones(int(likely.sum())) if there is None else there.float()
-    near = dilated(filled.view(side, side, side))
+    assert there is not None
+    filled[asked[likely]] = there.float()
+    near = dilated(filled.view(cells.shape))
     return replace(cells, live=_live_cells(near) & cells.live)
 
 
@@ -141,8 +161,7 @@ class PosedGrid(LiveCells):
         self, points: Float[Tensor, "N 3"]
     ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N"]]:
         """Canonical points and likelihoods, interpolated; in torn cells, solved for anew."""
-        shape = (self.side, self.side, self.side)
-        index, weights = corners(self.cell_coordinates(points), shape)
+        index, weights = corners(self.cell_coordinates(points), self.shape)
         rows = weighted_rows(self.rows, index, weights)
         likelihood = rows[:, 3]
         found = rows[:, :3] / likelihood.clamp(min=1e-6)[:, None]
@@ -155,7 +174,7 @@ class PosedGrid(LiveCells):
         """From the canonical point of the nearest corner that has one, by fixed-point rounds."""
         near = self.rows[index]
         best = (weights * (near[..., 3] > LEAST_LIKELIHOOD)).argmax(dim=1)
-        start = near[torch.arange(len(near)), best]
+        start = near[torch.arange(len(near), device=near.device), best]
         found = start[:, :3] / start[:, 3:].clamp(min=1e-6)
         for _ in range(_TORN_ROUNDS):
             found = blended_inverse(points, self.transforms, self.volume.at(found))
@@ -172,9 +191,10 @@ def posed_grid(
     """The grid of one pose. Each joint is asked only about the part of the grid it can reach."""
     side = field.sizes.posed_grid
     low, high = support.bounds(transforms)
-    axes = [torch.linspace(float(low[a]), float(high[a]), side) for a in range(3)]
-    total = torch.zeros(side, side, side)
-    moved = torch.zeros(side, side, side, 3)
+    device = low.device
+    axes = [torch.linspace(float(low[a]), float(high[a]), side, device=device) for a in range(3)]
+    total = torch.zeros(side, side, side, device=device)
+    moved = torch.zeros(side, side, side, 3, device=device)
     for joint in range(len(transforms)):
         window = _reached(support, joint, transforms[joint], axes)
         if window is None:
@@ -188,7 +208,7 @@ def posed_grid(
         )[:, 0]
         near = near[inside]
         weight = volume.of_joint(joint, near)
-        flat = torch.zeros(len(points), 4)
+        flat = torch.zeros(len(points), 4, device=device)
         flat[inside] = torch.cat([weight[:, None] * near, weight[:, None]], dim=1)
         block = flat.view(*x.shape, 4)
         moved[window] += block[..., :3]
@@ -201,14 +221,14 @@ def posed_grid(
     found = canonical[some]
     for _ in range(field.sizes.inverse_rounds):
         found = blended_inverse(world, transforms, volume.at(found))
-    rows = torch.zeros(side**3, 4)
+    rows = torch.zeros(side**3, 4, device=device)
     rows[some] = torch.cat([found, torch.ones_like(found[:, :1])], dim=1) * likelihood[some, None]
-    alive = torch.zeros(side**3)
+    alive = torch.zeros(side**3, device=device)
     alive[some] = field.canonical.may_hold(found).float()
     live = _live_cells(alive.view(side, side, side))
     stretch = _TORN_STRETCH * float((high - low).norm()) / (side - 1)
     torn = _torn_cells(some, found, side, stretch)
-    return PosedGrid(low, high, side, live, rows, torn & live, transforms, volume)
+    return PosedGrid(low, high, (side, side, side), live, rows, torn & live, transforms, volume)
 
 
 def _reached(
@@ -234,7 +254,7 @@ def _reached(
 
 def _live_cells(alive: Float[Tensor, "D H W"]) -> Bool[Tensor, "G"]:
     """Cells with any corner alive, at the index of their low corner."""
-    padded = torch.nn.functional.pad(alive[None, None], (0, 1, 0, 1, 0, 1))
+    padded = torch.nn.functional.pad(alive[None, None], (0, 1) * 3)
     return (torch.nn.functional.max_pool3d(padded, 2, stride=1) > 0.0).view(-1)
 
 
@@ -242,7 +262,7 @@ def _torn_cells(
     some: Int[Tensor, "P"], found: Float[Tensor, "P 3"], side: int, stretch_m: float
 ) -> Bool[Tensor, "G"]:
     """Cells whose corners' canonical points `found` (at grid points `some`) span too much."""
-    reach = torch.full((6, side**3), -1e3)
+    reach = torch.full((6, side**3), -1e3, device=found.device)
     reach[:, some] = torch.cat([found, -found], dim=1).T
     padded = torch.nn.functional.pad(reach.view(1, 6, side, side, side), (0, 1) * 3, value=-1e3)
     most = torch.nn.functional.max_pool3d(padded, 2, stride=1).view(6, -1)

@@ -6,17 +6,21 @@ person is the largest connected part.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch.nn import functional
 
 from renderer.field.canonical import CanonicalField
-from renderer.field.cells import LiveCells, dilated, largest_part
+from renderer.field.cells import LiveCells, cells_a_side, dilated, largest_part
 from renderer.field.skinning import WeightVolume
 from scene.arrays import Bool, Float, Tensor
 
 LEAST_DENSITY = 2.0
 """1/m: below, a centimetre hides 2 % of what is behind it."""
-_SIDE = 64
+_CELL_M = 0.012
+_COARSE = 3
+"""Cells that are asked first, in cells: finer ones only where those hold anything."""
 _POINTS_AT_ONCE = 65536
 _NIL = 1e-5
 _APART_M = 0.024
@@ -27,22 +31,46 @@ _APART_M = 0.024
 def occupied_cells(canonical: CanonicalField, volume: WeightVolume) -> LiveCells:
     """Cells of the canonical box that belong to the person, with a border of one cell.
 
-    Asks a field without a grid at the grid points where any bone has a say. All cells, where
-    nothing is found.
+    Asks a field without a grid at the grid points where any bone has a say, coarsely and then,
+    about what was found, finely. All cells, where nothing is found.
     """
-    axes = [torch.linspace(float(volume.low[a]), float(volume.high[a]), _SIDE) for a in range(3)]
-    z, y, x = torch.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
-    points = torch.stack([x, y, z], dim=-1).view(-1, 3)
-    asked = torch.nonzero(volume.at(points).sum(dim=1) > _NIL)[:, 0]
-    density = torch.zeros(len(points))
-    for part in asked.split(_POINTS_AT_ONCE):
-        density[part] = canonical(points[part])[1]
-    filled = (density > LEAST_DENSITY).view(_SIDE, _SIDE, _SIDE)
-    # a cell is live where any of its corners is, and so are those around it: one cell of border
-    live = dilated(largest_part(filled).float()) > 0.0
-    if not bool(live.any()):
-        live = torch.ones_like(live)
-    return LiveCells(volume.low, volume.high, _SIDE, live.view(-1))
+    low, high = volume.low, volume.high
+    few = cells_a_side(low, high, _COARSE * _CELL_M)
+    everywhere = torch.ones(few, dtype=torch.bool, device=low.device)
+    person = largest_part(
+        _filled(canonical, volume, LiveCells(low, high, few, everywhere.view(-1)))
+    )
+    if not bool(person.any()):
+        person = everywhere
+    near = _with_border(person)[:-1, :-1, :-1]
+    for axis in range(3):
+        near = near.repeat_interleave(_COARSE, dim=axis)
+    near = functional.pad(near, (0, 1) * 3)
+    many = (near.shape[0], near.shape[1], near.shape[2])
+    cells = LiveCells(low, high, many, near.reshape(-1))
+    filled = _filled(canonical, volume, cells)
+    return replace(cells, live=_with_border(filled).view(-1)) if bool(filled.any()) else cells
+
+
+def _filled(
+    canonical: CanonicalField, volume: WeightVolume, asked: LiveCells
+) -> Bool[Tensor, "D H W"]:
+    """Which low corners of the cells `asked` hold a density."""
+    index = torch.nonzero(asked.live)[:, 0]
+    points = asked.corner(index)
+    likely = volume.at(points).sum(dim=1) > _NIL
+    index, points = index[likely], points[likely]
+    density = torch.zeros(len(asked.live), device=points.device)
+    for part, places in zip(
+        index.split(_POINTS_AT_ONCE), points.split(_POINTS_AT_ONCE), strict=True
+    ):
+        density[part] = canonical(places)[1]
+    return (density > LEAST_DENSITY).view(asked.shape)
+
+
+def _with_border(filled: Bool[Tensor, "D H W"]) -> Bool[Tensor, "D H W"]:
+    """A cell is live where any of its corners is, and so are those around it."""
+    return dilated(filled.float()) > 0.0
 
 
 @torch.no_grad()

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import torch
 
 from renderer.field.lookup import corners, to_grid, trilinear, weighted_rows
-from scene.arrays import Float, Tensor
+from scene.arrays import Float, Int, Tensor
 
 _SMALL_ANGLE = 1e-4
 _LEAST_WEIGHT = 1e-4
@@ -49,10 +49,18 @@ class WeightVolume:
         inside = ((points >= self.low) & (points <= self.high)).all(dim=2)
         at = to_grid(points.reshape(-1, 3), self.low, self.high, self.shape)
         index, weights = corners(at, self.shape)
-        first = self.channels.shape[1] * torch.arange(points.shape[1], dtype=torch.int32)
-        index = index + first.repeat(len(points))[:, None]
+        joints = torch.arange(points.shape[1], dtype=torch.int32, device=points.device)
+        index = index + (self.channels.shape[1] * joints).repeat(len(points))[:, None]
         found = weighted_rows(self.channels.reshape(-1, 1), index, weights)
         return found.view(points.shape[:2]) * inside
+
+    def of_joints(
+        self, joints: Int[Tensor, "N"], points: Float[Tensor, "N 3"]
+    ) -> Float[Tensor, "N"]:
+        """Weight of one joint at each canonical point, all within the box."""
+        index, weights = corners(to_grid(points, self.low, self.high, self.shape), self.shape)
+        index = index + (self.channels.shape[1] * joints).to(torch.int32)[:, None]
+        return weighted_rows(self.channels.reshape(-1, 1), index, weights)[:, 0]
 
     def of_joint(self, joint: int, points: Float[Tensor, "N 3"]) -> Float[Tensor, "N"]:
         """Weight of one joint at canonical points within the box."""
@@ -121,18 +129,20 @@ def reached_skinning(
 ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N"]]:
     """The same, asking joint k only about points that it brings into its canonical box (low and
     high corners, m): outside, its weight must be nil."""
-    total = points.new_zeros(len(points))
-    moved = torch.zeros_like(points)
-    for joint, (low, high) in enumerate(zip(*boxes, strict=True)):
-        if bool((low > high).any()):
-            continue
-        low, high = torch.maximum(low, volume.low), torch.minimum(high, volume.high)
-        near = (points - transforms[joint, :, 3]) @ transforms[joint, :, :3]
-        inside = torch.nonzero(((near >= low) & (near <= high)).all(dim=1))[:, 0]
-        near = near[inside]
-        weight = volume.of_joint(joint, near)
-        total = total.index_add(0, inside, weight)
-        moved = moved.index_add(0, inside, weight[:, None] * near)
+    rotation, offset = transforms[..., :3], transforms[..., 3]
+    low = torch.maximum(boxes[0], volume.low)
+    high = torch.minimum(boxes[1], volume.high)
+    # all M_i^-1 x in one product: x [R_1 .. R_K] - [t_1 R_1 .. t_K R_K]
+    turned = rotation.permute(1, 0, 2).reshape(3, -1)
+    shifted = torch.einsum("kj,kji->ki", offset, rotation).reshape(-1)
+    near = torch.addmm(-shifted, points, turned).view(-1, 3)
+    candidates = near.view(len(points), -1, 3)
+    inside = ((candidates >= low) & (candidates <= high)).all(dim=2)
+    point, joint = torch.nonzero(inside, as_tuple=True)
+    near = near[point * len(transforms) + joint]
+    weight = volume.of_joints(joint, near)
+    total = points.new_zeros(len(points)).index_add(0, point, weight)
+    moved = torch.zeros_like(points).index_add(0, point, weight[:, None] * near)
     return moved / total.clamp(min=_LEAST_WEIGHT)[:, None], total.clamp(max=1.0)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from renderer.devices import best_device, on_device, on_host
 from renderer.field.drawing import FieldRenderer
 from renderer.field.field import PersonField
 from renderer.field.marching import (
@@ -69,15 +70,19 @@ class FieldTrainer:
         self._chance = torch.Generator().manual_seed(seed)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)  # layers draw their first weights from the global generator
-            self.field = PersonField.for_body(settings.sizes, sequence.body)
+            field = PersonField.for_body(settings.sizes, sequence.body)
+        self.device = best_device()
+        self.field = field.to(self.device)
         self._refines = self.field.refiner is not None and not sequence.exact_poses
         self._volume = self.field.weight_volume()
         with torch.no_grad():
             self._support = Support.of(self._volume)
-        self._views = read_views(sequence.train, settings.patch_px)
+        self._views = read_views(sequence.train, self.device, settings.patch_px)
         self._adam = torch.optim.Adam(self._groups(), betas=_BETAS, fused=True)
         self._base_rates = [float(group["lr"]) for group in self._adam.param_groups]
-        self._lpips = None if settings.lpips_backbone is None else Lpips(settings.lpips_backbone)
+        self._lpips = None
+        if settings.lpips_backbone is not None:
+            self._lpips = Lpips(settings.lpips_backbone).to(self.device)
         self._parameters = [p for group in self._adam.param_groups for p in group["params"]]
         self._pool = ThreadPoolExecutor(torch.get_num_threads(), initializer=_one_thread)
         self._slower = 1.0
@@ -108,7 +113,8 @@ class FieldTrainer:
                     parameter.grad = total
         if self._has_vanished(frames, shown, there):
             return float("inf")
-        if not all(p.grad is None or bool(p.grad.isfinite().all()) for p in self._parameters):
+        # a sum is finite where its terms are, and is had in one pass over 64 M of them
+        if not all(p.grad is None or bool(p.grad.sum().isfinite()) for p in self._parameters):
             return float("nan")
         self._adam.step()
         return loss
@@ -149,7 +155,7 @@ class FieldTrainer:
         """Difference over random backgrounds: what the field leaves open must let any through."""
         settings = self._settings
         patch = settings.patch_px**2 or 1
-        colours = torch.rand(len(made) // patch, 3, generator=chance)
+        colours = torch.rand(len(made) // patch, 3, generator=chance).to(self.device)
         background = colours.repeat_interleave(patch, dim=0)
         one, other = (rgba[:, :3] + (1.0 - rgba[:, 3:]) * background for rgba in (made, truth))
         difference = one - other
@@ -179,7 +185,7 @@ class FieldTrainer:
         transforms = field.transforms(view.joint_angles, view.root_translation, refine=refine)
         view.prepare(field, volume, self._support, transforms.detach())
         picked = self._picked(view, chance)
-        jitter = torch.rand(len(picked), generator=chance)
+        jitter = torch.rand(len(picked), generator=chance).to(self.device)
         sizes, cells = settings.sizes, view.cells
         *rays, span = view.rays(picked)
         steps = steps_of(span, sizes.step_m, sizes.samples_a_ray)
@@ -222,10 +228,10 @@ class FieldTrainer:
 
         Should that skin be carved away, the ray sees further and so ends further.
         """
-        last = torch.full((samples.rays,), -1.0)
+        last = torch.full((samples.rays,), -1.0, device=self.device)
         ray, distance = samples.ray[visible], samples.t[visible]
         last = last.scatter_reduce(0, ray, distance, "amax")
-        hidden = torch.zeros(samples.rays, dtype=torch.bool)
+        hidden = torch.zeros(samples.rays, dtype=torch.bool, device=self.device)
         hidden[samples.ray[~visible]] = True
         start = 0
         for bundle in bundles:
@@ -260,16 +266,16 @@ class FieldTrainer:
         """Go back to `state`."""
         with torch.no_grad():
             for name, parameter in self.field.named_parameters():
-                parameter.copy_(torch.from_numpy(state[f"field.{name}"]))
+                parameter.copy_(on_device(state[f"field.{name}"], self.device))
         self._adam.state.clear()
         for place, parameter in enumerate(self.field.parameters()):
             prefix = f"adam.{place}."
             stored = {k[len(prefix) :]: v for k, v in state.items() if k.startswith(prefix)}
             if stored:
                 self._adam.state[parameter] = {
-                    name: torch.from_numpy(value.copy()) for name, value in stored.items()
+                    name: on_device(value, self.device) for name, value in stored.items()
                 }
-        self._chance.set_state(torch.from_numpy(state["chance"].copy()))
+        self._chance.set_state(on_device(state["chance"], self._chance.device))
         about = json.loads(str(state["about"]))
         self._queue, self._slower = list(about["queue"]), float(about["slower"])
 
@@ -285,14 +291,18 @@ class FieldTrainer:
         if field.canonical.table is None:
             field.occupied = occupied_cells(field.canonical, field.weight_volume())
         elif field.shell is not None:
-            prune_grid(field.canonical, torch.from_numpy(field.shell.deep))
+            prune_grid(field.canonical, on_device(field.shell.deep, self.device))
             field.canonical.table.copy_(field.canonical.table.half().float())
         if field.sizes.baked:
             field.bake()
         published = self._settings.iterations
         if published is not None:
             scale = metrics["steps"] / published
-            metrics = {**metrics, "published_iterations": published, "schedule_scale": scale}
+            metrics = {
+                **metrics, "published_iterations": published, "schedule_scale": scale,
+                "rays_a_step": self._settings.rays_a_frame * self._settings.frames_a_step,
+                "samples_a_ray": self._settings.sizes.samples_a_ray,
+            }  # fmt: skip
         return FieldModel(
             field,
             preset=self._preset,
@@ -338,8 +348,8 @@ class FieldTrainer:
         motion = self._sequence.motion
         if not self._refines or self.field.refiner is None:
             return motion
-        given = torch.from_numpy(motion.joint_angles).float()
-        change = axis_angle_to_matrix(self.field.refiner(given).double().numpy())
+        given = on_device(motion.joint_angles, self.device, torch.float32)
+        change = axis_angle_to_matrix(on_host(self.field.refiner(given).double()))
         angles = matrix_to_axis_angle(axis_angle_to_matrix(motion.joint_angles) @ change)
         angles[:, 0] = motion.joint_angles[:, 0]
         return Motion(motion.times_s, angles, motion.root_translation, motion.confidence)
@@ -350,4 +360,4 @@ def _one_thread() -> None:
 
 
 def _copied(value: Tensor) -> Array:
-    return value.detach().numpy().copy()
+    return on_host(value).copy()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from renderer.devices import on_device
 from renderer.errors import TrainingError
 from renderer.field.cells import LiveCells
 from renderer.field.field import PersonField
@@ -27,19 +28,20 @@ class TrainingView:
     def __init__(
         self, rgba: Float[Array, "H W 4"], directions: Float[Array, "H W 3"],
         origin: Float[Array, "3"], joint_angles: Float[Array, "K 3"],
-        root_translation: Float[Array, "3"],
+        root_translation: Float[Array, "3"], device: torch.device,
     ) -> None:  # fmt: skip
         self.shape = rgba.shape[:2]
-        self._rgba = torch.from_numpy((rgba.reshape(-1, 4) * 255.0 + 0.5).astype(np.uint8))
-        self._directions = torch.from_numpy(directions.reshape(-1, 3).astype(np.float32))
-        self._origin = torch.from_numpy(origin.astype(np.float32))[None]
-        self.joint_angles = torch.from_numpy(joint_angles).float()
-        self.root_translation = torch.from_numpy(root_translation).float()
+        in_bytes = (rgba.reshape(-1, 4) * 255.0 + 0.5).astype(np.uint8)
+        self._rgba = on_device(in_bytes, device)
+        self._directions = on_device(directions.reshape(-1, 3), device, torch.float32)
+        self._origin = on_device(origin, device, torch.float32)[None]
+        self.joint_angles = on_device(joint_angles, device, torch.float32)
+        self.root_translation = on_device(root_translation, device, torch.float32)
         self.cells: LiveCells | None = None
         """Where samples of this pose can hold anything: its posed grid or its culled cells."""
         self._made_for: Tensor | None = None
-        self._on_body = self._beside = torch.arange(len(self._rgba))
-        self._near = self._far = self._furthest = torch.zeros(len(self._rgba))
+        self._on_body = self._beside = torch.arange(len(self._rgba), device=device)
+        self._near = self._far = self._furthest = torch.zeros(len(self._rgba), device=device)
 
     def prepare(
         self, field: PersonField, volume: WeightVolume, support: Support,
@@ -78,8 +80,9 @@ class TrainingView:
         span = near[hit], far[hit]
         samples = march(cells, origins, self._directions[hit], span, steps_of(span, 2.0 * step_m))
         along = ((samples.points - self._origin) * self._directions[hit][samples.ray]).sum(dim=1)
-        first = torch.full((len(hit),), torch.inf).scatter_reduce(0, samples.ray, along, "amin")
-        last = torch.full((len(hit),), -torch.inf).scatter_reduce(0, samples.ray, along, "amax")
+        nowhere = torch.full((len(hit),), torch.inf, device=near.device)
+        first = nowhere.scatter_reduce(0, samples.ray, along, "amin")
+        last = (-nowhere).scatter_reduce(0, samples.ray, along, "amax")
         start, stop = torch.zeros_like(near), torch.full_like(far, -1.0)
         start[hit], stop[hit] = first - 2.0 * step_m, last + 2.0 * step_m
         return start, stop
@@ -89,7 +92,7 @@ class TrainingView:
         there is only emptiness to learn."""
         off = round(count * beside) if len(self._on_body) else count
         parts = [
-            group[torch.randint(len(group), (number,), generator=chance)]
+            group[torch.randint(len(group), (number,), generator=chance).to(group.device)]
             for group, number in ((self._on_body, count - off), (self._beside, off))
             if len(group) and number
         ]
@@ -101,17 +104,17 @@ class TrainingView:
         """Pixels of `count` square patches, row by row; a share `on_body` of them is centred on
         the body, the others anywhere. All lie within the crop."""
         height, width = self.shape
-        pixels = []
-        for _ in range(count):
-            centre = torch.randint(height * width, (1,), generator=chance)
-            if len(self._on_body) and float(torch.rand(1, generator=chance)) < on_body:
-                place = torch.randint(len(self._on_body), (1,), generator=chance)
-                centre = self._on_body[place]
-            top = (centre // width - side // 2).clamp(0, height - side)
-            left = (centre % width - side // 2).clamp(0, width - side)
-            rows, columns = top + torch.arange(side), left + torch.arange(side)
-            pixels.append((rows[:, None] * width + columns).reshape(-1))
-        return torch.cat(pixels)
+        device = self._on_body.device
+        centre = torch.randint(height * width, (count,), generator=chance).to(device)
+        if len(self._on_body):
+            places = torch.randint(len(self._on_body), (count,), generator=chance).to(device)
+            hit = torch.rand(count, generator=chance).to(device) < on_body
+            centre = torch.where(hit, self._on_body[places], centre)
+        top = (centre // width - side // 2).clamp(0, height - side)
+        left = (centre % width - side // 2).clamp(0, width - side)
+        span = torch.arange(side, device=device)
+        rows, columns = top[:, None] + span, left[:, None] + span
+        return (rows[:, :, None] * width + columns[:, None, :]).reshape(-1)
 
     def rays(
         self, pixels: Int[Tensor, "R"]
@@ -129,15 +132,17 @@ class TrainingView:
         return self._rgba[pixels].float() / 255.0
 
 
-def read_views(source: FrameSource, least_px: int = 0) -> list[TrainingView]:
-    """All frames of `source`, cropped to the body, to `least_px` a side or more.
+def read_views(source: FrameSource, device: torch.device, least_px: int = 0) -> list[TrainingView]:
+    """All frames of `source` on `device`, cropped to the body, to `least_px` a side or more.
 
     Raises TrainingError for pictures smaller than that.
     """
-    return [_read_view(source, index, least_px) for index in range(len(source))]
+    return [_read_view(source, index, device, least_px) for index in range(len(source))]
 
 
-def _read_view(source: FrameSource, index: int, least_px: int) -> TrainingView:
+def _read_view(
+    source: FrameSource, index: int, device: torch.device, least_px: int
+) -> TrainingView:
     image, mask, camera = source.image(index), source.mask(index), source.camera(index)
     if min(mask.shape) < least_px:
         raise TrainingError(
@@ -149,7 +154,7 @@ def _read_view(source: FrameSource, index: int, least_px: int) -> TrainingView:
     window = camera.cropped(crop[1].start, crop[0].start, rgba.shape[1], rgba.shape[0])
     pose = source.pose(index)
     return TrainingView(
-        rgba, window.rays()[1], camera.position, pose.joint_angles, pose.root_translation
+        rgba, window.rays()[1], camera.position, pose.joint_angles, pose.root_translation, device
     )
 
 

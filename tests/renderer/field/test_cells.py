@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from renderer.field.cells import LiveCells, dilated, largest_part
+from renderer.field.cells import LiveCells, cells_a_side, dilated, largest_part
 
 LOW, HIGH = torch.tensor([0.0, 0.0, 0.0]), torch.tensor([1.0, 2.0, 0.5])
 
@@ -12,7 +12,7 @@ LOW, HIGH = torch.tensor([0.0, 0.0, 0.0]), torch.tensor([1.0, 2.0, 0.5])
 def test_every_point_in_reach_lies_in_a_live_cell():
     generator = torch.Generator().manual_seed(0)
     places = LOW + torch.rand(5, 3, generator=generator) * (HIGH - LOW)
-    cells = LiveCells.near(places, 0.07, (LOW, HIGH), 16)
+    cells = LiveCells.near(places, 0.07, (LOW, HIGH), (9, 30, 16))
     points = LOW + torch.rand(20_000, 3, generator=generator) * (HIGH - LOW)
     in_reach = torch.cdist(points, places).amin(dim=1) < 0.07
     live = cells.live[cells.index_of(points).long()]
@@ -22,11 +22,22 @@ def test_every_point_in_reach_lies_in_a_live_cell():
 
 
 def test_places_along_rays_agree_with_points():
-    cells = LiveCells(LOW, HIGH, 8, torch.zeros(512, dtype=torch.bool))
+    cells = LiveCells(LOW, HIGH, (6, 9, 8), torch.zeros(432, dtype=torch.bool))
     origins, directions = torch.tensor([[-0.2, 0.3, 0.1]]), torch.tensor([[0.8, 0.6, 0.1]])
     t = torch.linspace(0.0, 2.0, 33)[None]
     points = origins + t.view(-1, 1) * directions
     assert torch.equal(cells.index_along(origins, directions, t)[0], cells.index_of(points))
+
+
+def test_live_cells_lie_where_their_corners_say():
+    shape = cells_a_side(LOW, HIGH, 0.1)
+    assert shape == (7, 22, 12)
+    cells = LiveCells.near(torch.tensor([[0.52, 1.03, 0.21]]), 0.0, (LOW, HIGH), shape)
+    assert (cells.cell_m <= 0.1).all()
+    middles = cells.points_of_live() + 0.5 * cells.cell_m
+    assert cells.holds(middles).all()
+    assert len(middles) == 27  # its own cell and those around it
+    assert len(cells.grown(0.05).points_of_live()) == 7 * 7 * 6  # the box ends along z
 
 
 def test_dilation_takes_the_largest_neighbour():

@@ -82,7 +82,7 @@ def test_sizes_survive_json():
 
 
 def test_the_skip_reads_the_encoding_at_its_layer():
-    mlp = Mlp(5, 2, MlpSize(depth=4, width=7, skip=3), reread=3)
+    mlp = Mlp(3, 2, MlpSize(depth=4, width=7, skip=3), shared=2)
     widths = [layer.weight.shape[1] for layer in mlp.hidden]  # type: ignore[union-attr]
     assert widths == [5, 7, 10, 7]
 

@@ -179,11 +179,11 @@ def test_what_can_not_be_fused_is_refused(shapes, biased, words):
 def test_a_network_with_a_skip_runs_as_two_calls(skip):
     size = MlpSize(depth=5, width=16, skip=skip, bias=False)
     torch.manual_seed(0)
-    fused = Mlp(9, 4, size, reread=6, backend="fused").to(DEVICE)
-    plain = Mlp(9, 4, size, reread=6).to(DEVICE)
+    fused = Mlp(6, 4, size, shared=3, backend="fused").to(DEVICE)
+    plain = Mlp(6, 4, size, shared=3).to(DEVICE)
     plain.load_state_dict(fused.state_dict())
-    x = _inputs(30, 9)
-    made, expected = fused(x), plain(x)
+    x, pose = _inputs(30, 6), _inputs(1, 3)[0]
+    made, expected = fused(x, pose), plain(x, pose)
     assert (made - expected).abs().max() < 5e-3 * expected.abs().max()
     for network, out in ((fused, made), (plain, expected)):
         (out * out).sum().backward()
