@@ -149,3 +149,8 @@ def find_preset(name: str) -> Preset:
     if not set(added) <= set(SPEED_UPS):
         raise UnknownPreset(f"speed-ups must be among {', '.join(SPEED_UPS)}; got {name!r}")
     return _with(bases[first], tuple(added))
+
+
+def trains_on_patches(preset: Preset) -> bool:
+    """Whether `preset` can learn from a perceptual loss, which looks at patches."""
+    return isinstance(preset.settings, FieldSettings) and preset.settings.patch_px > 0

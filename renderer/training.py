@@ -18,7 +18,7 @@ import numpy as np
 
 from renderer.errors import TrainingError, TrainingStopped
 from renderer.model import PersonModel
-from renderer.presets import Preset, find_preset
+from renderer.presets import Preset, find_preset, trains_on_patches
 from scene.arrays import Array, Float
 from scene.sequence import Sequence
 
@@ -141,8 +141,7 @@ def _make_trainer(
     from renderer.field.settings import FieldSettings
 
     settings = preset.settings
-    on_patches = isinstance(settings, FieldSettings) and settings.patch_px > 0
-    if lpips_backbone is not None and not on_patches:
+    if lpips_backbone is not None and not trains_on_patches(preset):
         raise TrainingError(
             f"lpips_backbone must go with a preset that trains on patches, such as paper; "
             f"got {preset.name!r}; leave it out"

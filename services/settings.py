@@ -125,6 +125,11 @@ class Settings(BaseSettings):
         default=None, description="Where to fetch the landmark model."
     )
     pose_model_sha256: str | None = Field(default=None, description="Its sha256.")
+    lpips_backbone: Path | None = Field(
+        default=None,
+        description="Weights (.pth) behind LPIPS; VGG-16 is fetched once where none are named.",
+    )
+    lpips_backbone_url: str | None = Field(default=None, description="Where to fetch VGG-16.")
 
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         default="info", description="How much is logged."

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from scene.arrays import Array, UInt8
-from scene.errors import InvalidInput
+from scene.errors import InvalidInput, SceneError
 from services.cli.terminal import (
     Report,
     progress_bar,
@@ -43,17 +43,22 @@ def train(
     seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     lpips_backbone: Annotated[
         Path | None,
-        typer.Option(help="Backbone weights (.pth): `humannerf` and `paper` then add LPIPS."),
+        typer.Option(
+            help="Weights (.pth) of the LPIPS that `humannerf` and `paper` train on. [VGG-16]"
+        ),
     ] = None,
 ) -> None:
     """Train a person's model. Ctrl-C keeps a checkpoint: the same command then goes on from it."""
     from capture.readers import open_folder
     from renderer.checkpoint import save_model
+    from renderer.presets import find_preset, trains_on_patches
     from renderer.training import Progress, TrainingStopped
     from renderer.training import train as train_model
 
     require_writable(out)
     clip = open_folder(sequence)
+    if trains_on_patches(find_preset(preset)):
+        lpips_backbone = _backbone(lpips_backbone)
     checkpoint = out.with_suffix(".checkpoint")
     with stop_on_interrupt() as should_stop, progress_bar("training") as report:
 
@@ -135,29 +140,59 @@ def evaluate(
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write the figures here.")
     ] = None,
+    every: Annotated[
+        int, typer.Option(help="Judge one moment in so many; HumanNeRF's protocol: 30.", min=1)
+    ] = 1,
     lpips_backbone: Annotated[
-        Path | None, typer.Option(help="Backbone weights (.pth) for LPIPS; without, no LPIPS.")
+        Path | None, typer.Option(help="Weights (.pth) behind LPIPS. [VGG-16, fetched once]")
+    ] = None,
+    lpips: Annotated[bool, typer.Option(help="Whether LPIPS is measured.")] = True,
+    sheet: Annotated[
+        Path | None, typer.Option(help="Write a picture (.png): truth, model, error of each view.")
     ] = None,
 ) -> None:
     """Compare a model with the truth on unseen views and unseen poses: PSNR, SSIM, LPIPS."""
     from capture.readers import open_folder
     from renderer.checkpoint import load_model
+    from renderer.evaluation import JudgedView
     from renderer.evaluation import evaluate as evaluate_model
+    from services.figures import print_figures, write_sheet
 
-    if json_file is not None:
-        require_writable(json_file)
-    figures = evaluate_model(
-        load_model(model), open_folder(sequence), lpips_backbone=lpips_backbone
-    )
+    for out in (json_file, sheet):
+        if out is not None:
+            require_writable(out)
+    clip, person, views = open_folder(sequence), load_model(model), list[JudgedView]()
+    backbone = _backbone(lpips_backbone) if lpips else None
+
+    def on_view(view: JudgedView) -> None:
+        if sheet is not None:
+            views.append(view)
+
+    figures = evaluate_model(person, clip, backbone, every=every, on_view=on_view)
     if json_file is not None:
         json_file.parent.mkdir(parents=True, exist_ok=True)
         json_file.write_text(json.dumps(figures, indent=2) + "\n")
-    for metric in ("psnr", "ssim", "lpips"):
-        for split, regions in (figures.get(metric) or {}).items():
-            known = {region: value for region, value in regions.items() if value is not None}
-            shown = "  ".join(f"{region} {value:.4g}" for region, value in known.items())
-            if known:
-                typer.echo(f"{metric:5} {split:13} {shown}")
+    if sheet is not None:
+        write_sheet(sheet, views)
+    print_figures(figures)
+
+
+def _backbone(given: Path | None) -> Path | None:
+    """The file behind LPIPS: named here or in the settings, else VGG-16; None, said aloud, where
+    that can't be had."""
+    from services.lpips_backbone import vgg_file
+    from services.settings import load_settings
+
+    settings = load_settings()
+    named = given or settings.lpips_backbone
+    if named is not None:
+        return named
+    try:
+        with progress_bar("fetching") as report:
+            return vgg_file(settings.data_dir / "cache", report, settings.lpips_backbone_url)
+    except SceneError as error:
+        typer.secho(f"without LPIPS: {error}", err=True)
+        return None
 
 
 @app.command()

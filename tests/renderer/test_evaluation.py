@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderer.evaluation import evaluate, side_of_body
+from renderer.evaluation import JudgedView, evaluate, side_of_body
 from scene import NOVEL_VIEW, UNSEEN_POSE, Camera, Motion, Pose, Skeleton
 from tests.renderer.field.performer import Frames, body, paint, pose, sequence, view
 from tests.shared_data import shared_data
@@ -95,3 +95,33 @@ def test_a_clip_without_test_views_says_so():
 def test_the_side_is_measured_from_the_front_to_the_left(turn, azimuth, side):
     got = side_of_body(view(azimuth), pose(turn), body().skeleton)
     assert got == pytest.approx(side, abs=1e-6)
+
+
+def test_spread_and_moments_stand_beside_the_means():
+    result = evaluate(Painted(0.1), sequence())
+    views = [view["whole"]["psnr"] for view in result["per_view"]["novel_view"]]
+    assert result["spread"]["psnr"]["novel_view"]["whole"] == pytest.approx(np.std(views), abs=1e-4)
+    moments = result["per_frame"]["novel_view"]
+    assert sum(moment["views"] for moment in moments) == len(views)
+    weighted = sum(moment["views"] * moment["whole"]["psnr"] for moment in moments)
+    assert weighted / len(views) == pytest.approx(np.mean(views), abs=1e-3)
+
+
+def test_the_protocol_judges_one_moment_in_so_many_from_all_cameras():
+    clip = sequence()
+    times = [0.1 * moment for moment in (5, 20, 34, 35, 35, 65)]  # 10 frames/s, from the fifth
+    shots = Frames([paint(body(), view(), pose(0.0, time_s=t)) for t in times])
+    clip = replace(clip, test={NOVEL_VIEW: shots}, frames_per_second=10.0)
+    result = evaluate(Painted(), clip, every=30)
+    assert [v["index"] for v in result["per_view"][NOVEL_VIEW]] == [0, 3, 4, 5]
+    assert [v["index"] for v in result["per_view"]["training_view"]] == [0]
+    assert [m["views"] for m in result["per_frame"][NOVEL_VIEW]] == [1, 2, 1]
+    assert result["conditions"]["every"] == 30
+
+
+def test_every_picture_is_told_as_it_is_judged():
+    told: list[JudgedView] = []
+    evaluate(Painted(0.1), sequence(), on_view=told.append)
+    assert {v.split for v in told} == {"novel_view", "unseen_pose", "training_view"}
+    assert told[0].made.max() <= 1.0
+    assert np.abs(told[0].made - told[0].truth).mean() == pytest.approx(0.1, abs=0.01)

@@ -51,7 +51,9 @@ def test_a_folder_of_humannerfs_is_trained_on_as_it_is(tmp_path):
     done = runner.invoke(app, ["train", str(theirs), "--out", str(model), "--iterations", "150"])
     assert done.exit_code == 0, done.output
     figures = tmp_path / "figures.json"
-    done = runner.invoke(app, ["evaluate", str(model), str(theirs), "--json", str(figures)])
+    done = runner.invoke(
+        app, ["evaluate", str(model), str(theirs), "--json", str(figures), "--no-lpips"]
+    )
     assert done.exit_code == 0, done.output
     assert json.loads(figures.read_text())["psnr"]["training_view"]["body_crop"] > 18.0
 
@@ -81,14 +83,33 @@ def test_a_video_is_rendered(trained, tmp_path):
 
 
 def test_figures_are_written_for_both_splits_and_regions(trained, filmed, tmp_path):
-    out = tmp_path / "figures.json"
-    done = runner.invoke(app, ["evaluate", str(trained), str(filmed), "--json", str(out)])
+    out, sheet = tmp_path / "figures.json", tmp_path / "sheet.png"
+    done = runner.invoke(
+        app,
+        ["evaluate", str(trained), str(filmed), "--json", str(out), "--sheet", str(sheet),
+         "--no-lpips"],
+    )  # fmt: skip
     assert done.exit_code == 0, done.output
     figures = json.loads(out.read_text())
     for metric in ("psnr", "ssim"):
         for split in ("novel_view", "unseen_pose"):
             assert set(figures[metric][split]) >= {"body_crop", "whole"}
     assert figures["psnr"]["novel_view"]["whole"] > figures["psnr"]["novel_view"]["body_crop"] > 10
+    assert re.search(r"novel view \(\d+ of 64 x 64\) +body crop +\d\d\.\d\d ± ", done.output)
+    assert "splats: 150 steps" in done.output
+    picture = cv2.imread(str(sheet))
+    assert picture is not None
+    assert picture.max() > 200  # captions
+
+
+def test_without_a_backbone_at_hand_or_a_network_figures_come_without_lpips(
+    trained, filmed, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("METANERF_LPIPS_BACKBONE_URL", (tmp_path / "absent.pth").as_uri())
+    monkeypatch.setenv("METANERF_DATA_DIR", str(tmp_path))
+    done = runner.invoke(app, ["evaluate", str(trained), str(filmed)])
+    assert done.exit_code == 0, done.output
+    assert "without LPIPS: LPIPS' backbone must be fetched once" in done.output
 
 
 def test_presets_are_listed():

@@ -1,0 +1,66 @@
+"""An evaluation as people read it: a table of means and spreads, and its contact sheet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from renderer.contact_sheet import contact_sheet
+from renderer.evaluation import REGIONS, JudgedView
+from services.video import write_png
+
+_SHOWN = {"psnr": ("PSNR, dB", 1.0, 2), "ssim": ("SSIM", 1.0, 4), "lpips": ("LPIPS x1000", 1e3, 1)}
+"""Measure: its name, what it is multiplied with, decimals."""
+_INK = (235, 235, 235)
+
+
+def print_figures(figures: dict[str, Any]) -> None:
+    """Mean and spread over pictures, a row a split and region, and how they were measured."""
+    table = Table("views", "region", *(name for name, _, _ in _SHOWN.values()), box=None,
+                  padding=(0, 2, 0, 0))  # fmt: skip
+    for split, size in figures["conditions"]["resolution"].items():
+        for region in REGIONS:
+            shown = [_with_spread(figures, measure, split, region) for measure in _SHOWN]
+            if any(shown):
+                count = len(figures["per_view"][split])
+                what = f"{split.replace('_', ' ')} ({count} of {size[0]} x {size[1]})"
+                table.add_row(what, region.replace("_", " "), *shown)
+    console = Console()
+    console.print(table)
+    for line in _conditions(figures["conditions"]):
+        console.print(line, highlight=False, soft_wrap=True)
+
+
+def _with_spread(figures: dict[str, Any], measure: str, split: str, region: str) -> str:
+    mean, spread = figures[measure][split][region], figures["spread"][measure][split][region]
+    _, factor, digits = _SHOWN[measure]
+    return "" if mean is None else f"{factor * mean:.{digits}f} ± {factor * spread:.{digits}f}"
+
+
+def _conditions(about: dict[str, Any]) -> list[str]:
+    model, lpips = about["model"], about["lpips"]
+    lines = [
+        f"mean ± standard deviation over pictures; black background, {about['colour']}; "
+        f"one moment in {about['every']}; test poses {about['test_poses']}"
+    ]
+    if lpips is not None:
+        lines.append(f"LPIPS {lpips['linear_layers']} on {lpips['backbone']}, inputs in [-1, 1]")
+    steps = f"{model['preset']}: {model.get('steps', '?')} steps"
+    if "published_iterations" in model:
+        steps += f" of the {model['published_iterations']} published, all schedules scaled alike"
+    return [*lines, steps]
+
+
+def write_sheet(path: Path, views: list[JudgedView]) -> None:
+    """The contact sheet of `views` with its captions, as PNG."""
+    sheet, captions = contact_sheet(views)
+    picture = np.ascontiguousarray((255.0 * sheet + 0.5).astype(np.uint8))
+    for caption in captions:
+        cv2.putText(picture, caption.text, (caption.x, caption.y), cv2.FONT_HERSHEY_SIMPLEX, 0.45,
+                    _INK, 1, cv2.LINE_AA)  # fmt: skip
+    write_png(path, picture)
