@@ -1,8 +1,9 @@
 """The clip-wide fit: one body shape, one camera and a smooth motion that explain a whole clip.
 
-SPIN's idea (Kolotouros et al. 2019) of regression followed by optimisation: the estimator's 3D
-landmarks give each frame a start in closed form, then everything is refined together. Terms: seen
-landmarks (robust), 3D landmarks, pose prior and joint limits, accelerations, then the silhouette.
+SPIN's idea (Kolotouros et al. 2019) of regression followed by optimisation: a network lifts each
+frame's landmarks to a pose (`capture.lifter`), then everything is refined together. Terms: seen
+landmarks (robust), lifted poses, 3D landmarks, pose prior and joint limits, accelerations, feet
+that stand, then the silhouette.
 """
 
 from __future__ import annotations
@@ -19,11 +20,12 @@ from capture.errors import CaptureStopped, NoPersonFound
 from capture.fit_data import bridged
 from capture.fit_problem import Fit, Problem
 from capture.landmarks import LANDMARK_NAMES, Landmarks
+from capture.lifter import Lifter, closed_form
 from scene.arrays import Array, Float
 
 __all__ = ["STAGES", "Fit", "fit_clip"]
 
-STAGES = ("closed_form", "landmarks", "silhouette")
+STAGES = ("lifted", "landmarks", "silhouette")
 """What the fit does, in order."""
 
 _LANDMARK_STEPS, _SILHOUETTE_STEPS = 260, 240
@@ -38,13 +40,15 @@ def fit_clip(
     model: BodyModel,
     *,
     focal_px: float | None = None,
+    lifter: Lifter = closed_form,
     on_progress: Callable[[float], None] = lambda _: None,
     on_stage: Callable[[str, Fit], None] = lambda *_: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Fit:
     """Fit `model` to one person's landmarks and masks over a clip (None: lost frames, bridged).
 
-    `focal_px` is in pixels of the masks; None estimates it about that of usual cameras. `on_stage`
+    `focal_px` is in pixels of the masks; None estimates it about that of usual cameras. `lifter`
+    is what the landmarks' estimator is believed to mean by them, to start from. `on_stage`
     is shown what each of `STAGES` made of the clip, so that its worth can be measured. Raises
     NoPersonFound for a clip without a person, CaptureStopped when asked to stop. The same input
     gives the same result.
@@ -59,6 +63,7 @@ def fit_clip(
         np.asarray(takes)[found],
         model,
         focal_px,
+        lifter,
     )
 
     def result() -> Fit:

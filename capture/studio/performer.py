@@ -52,6 +52,7 @@ def film(
     camera: Camera,
     look: str,
     cloth: Float[Array, "C 3"] | None = None,
+    supersampling: int = SUPERSAMPLING,
 ) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
     """The picture (premultiplied over black, sRGB) and its alpha.
 
@@ -59,7 +60,7 @@ def film(
     """
     from capture.studio.mesh_kernels import box_filter, rasterise
 
-    fine = camera.resized(camera.width * SUPERSAMPLING, camera.height * SUPERSAMPLING)
+    fine = camera.resized(camera.width * supersampling, camera.height * supersampling)
     posed = performer.body.posed_vertices(pose)
     faces = performer.body.faces
     assert faces is not None
@@ -83,7 +84,7 @@ def film(
         )
     samples[..., 3] = triangle >= 0
     out = np.empty((camera.height, camera.width, 4), np.float32)
-    box_filter(samples, SUPERSAMPLING, out)
+    box_filter(samples, supersampling, out)
     return out[..., :3], out[..., 3]
 
 
