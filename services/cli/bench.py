@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from scene.errors import InvalidInput
+from services.cli.terminal import seconds
 
 app = typer.Typer(help="Measure what is claimed, on this machine.", no_args_is_help=True)
 
@@ -16,6 +17,23 @@ MOTION = Path("../shared/data/mocap")
 TWO_CAMERAS = Path("../shared/data/real-two-cameras")
 """Data beside the checkout; no part of this package."""
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the figures here.")]
+Backbone = Annotated[Path | None, typer.Option(help="LPIPS backbone (.pth).")]
+State = Annotated[
+    Path, typer.Option(help="Folder that keeps each finished measurement: a cut run goes on there.")
+]
+ClockName = Annotated[
+    Literal["wall", "processor"],
+    typer.Option(help="Seconds on all cores, or one thread's own where the machine is busy."),
+]
+Only = Annotated[str, typer.Option(help="Measure only what has this in its name; none: nothing.")]
+
+
+def require_motion(folder: Path) -> None:
+    """Raises InvalidInput where there is no recorded motion."""
+    if not any(folder.glob("*.bvh")):
+        raise InvalidInput(
+            f"motion must be a folder with .bvh files; got {folder}; see docs/data.md for clips"
+        )
 
 
 @app.command()
@@ -49,12 +67,51 @@ def views(
 @app.command()
 def training(
     json_file: JsonFile = None,
-    backbone: Annotated[Path | None, typer.Option(help="LPIPS backbone (.pth).")] = None,
+    backbone: Backbone = None,
 ) -> None:
     """Accuracy against training time of `splats` and `fast` on studio performers."""
     from benchmarks.training import run
 
     run(json_file, backbone)
+
+
+@app.command()
+def frontier(
+    state: State = Path("frontier"),
+    json_file: JsonFile = None,
+    page: Annotated[
+        Path | None, typer.Option(help="Markdown page whose tables are made anew.")
+    ] = None,
+    backbone: Backbone = None,
+    scaled: Annotated[
+        str, typer.Option(help="Time of one thread for each of the paper's presets' scaled runs.")
+    ] = "60m",
+    clock: ClockName = "wall",
+    only: Only = "",
+) -> None:
+    """Speed against accuracy of all presets on one sequence: charts, tables, the Pareto front."""
+    from benchmarks.frontier import run
+
+    run(json_file, page, state, backbone, seconds(scaled), clock, only)
+
+
+@app.command()
+def cast(
+    state: State = Path("cast"),
+    json_file: JsonFile = None,
+    page: Annotated[
+        Path | None, typer.Option(help="Markdown page whose table is made anew.")
+    ] = None,
+    motion: Annotated[Path, typer.Option(help="Folder of recorded motion (.bvh).")] = MOTION,
+    backbone: Backbone = None,
+    clock: ClockName = "wall",
+    only: Only = "",
+) -> None:
+    """Accuracy on the five studio performers in real motion, in every look."""
+    require_motion(motion)
+    from benchmarks.cast import run
+
+    run(json_file, page, state, motion, backbone, clock, only)
 
 
 @app.command()
@@ -70,21 +127,26 @@ def field(
     run(json_file, preset, size, steps)
 
 
+@app.command()
+def kernels(json_file: JsonFile = None) -> None:
+    """The fully fused MLP against plain PyTorch on a GPU, forward and backward, 2^20 samples."""
+    from benchmarks.kernels import run
+
+    run(json_file)
+
+
 @app.command("capture")
 def capture_command(
     json_file: JsonFile = None,
     motion: Annotated[Path, typer.Option(help="Folder of recorded motion (.bvh).")] = MOTION,
-    backbone: Annotated[Path | None, typer.Option(help="LPIPS backbone (.pth).")] = None,
+    backbone: Backbone = None,
     clips: Annotated[int, typer.Option(help="How many of them, by name.", min=1)] = 10,
     robustness: Annotated[
         bool, typer.Option("--robustness", help="One clip, spoilt in many ways, instead.")
     ] = False,
 ) -> None:
     """Captures of studio performers from pixels alone against the truth, stage by stage."""
-    if not any(motion.glob("*.bvh")):
-        raise InvalidInput(
-            f"motion must be a folder with .bvh files; got {motion}; see docs/data.md for clips"
-        )
+    require_motion(motion)
     from benchmarks import capture, capture_robustness
     from capture.pose_model import pose_model_file
     from services.settings import load_settings

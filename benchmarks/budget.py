@@ -1,0 +1,39 @@
+"""What a second is: on a quiet machine the clock on the wall, on a busy one a thread's own time.
+
+`wall` uses every core. `processor` uses one thread and counts the time it was running: what a
+neighbour does changes little, and a machine with more cores would be no slower.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How seconds are counted, and on how many threads."""
+
+    name: str
+    now: Callable[[], float]
+    threads: int
+
+    def about(self) -> dict[str, Any]:
+        """For the record."""
+        return {"clock": self.name, "threads": self.threads}
+
+
+def clock_named(name: str) -> Clock:
+    """The clock `wall` or `processor`; from now on this process computes on as many threads."""
+    import numba
+
+    one = name == "processor"
+    threads = 1 if one else len(os.sched_getaffinity(0))
+    torch.set_num_threads(threads)
+    numba.set_num_threads(threads)
+    return Clock(name, time.process_time if one else time.perf_counter, threads)

@@ -1,0 +1,106 @@
+"""The table of the README: five performers in real motion, three looks, `fast` and `splats`.
+
+60 frames of 256 x 256 from one camera, exact poses, body crop. Each cell is kept as soon as it is
+measured.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.budget import Clock, clock_named
+from benchmarks.frontier_training import figures_of
+from benchmarks.kept import Kept
+from benchmarks.pages import markdown_table, replace_between
+from benchmarks.report import write_report
+from capture.store import open_sequence
+from capture.studio import make_sequence
+from capture.studio.cast import CAST
+from capture.studio.sequence import LOOKS
+from renderer.evaluation import evaluate
+from renderer.training import train
+
+BUDGETS_S = {"fast": 90.0, "splats": 20.0}
+FRAMES, SIZE = 60, 256
+_MEASURES = (("psnr", 1.0, 1), ("ssim", 1.0, 3), ("lpips", 1e3, 1))
+"""Measure, what it is multiplied with in the table, decimals."""
+
+
+def run(
+    json_file: Path | None, page_file: Path | None, state: Path, motion: Path,
+    backbone: Path | None, clock_name: str, only: str,
+) -> None:  # fmt: skip
+    """Measure what is missing in `state`, report, and write the table."""
+    kept, clock = Kept(state, only), clock_named(clock_name)
+    rows = []
+    for look in LOOKS:
+        for performer in CAST:
+            for preset, budget_s in BUDGETS_S.items():
+                about = {"look": look, "performer": performer, "preset": preset,
+                         "budget_s": budget_s, **clock.about()}  # fmt: skip
+                lpips = None if backbone is None else backbone.name
+                row = kept.measured(
+                    f"{look}/{performer}/{preset}", {**about, "size": SIZE, "lpips": lpips},
+                    lambda a=about: _cell(a, motion, backbone, clock),
+                )  # fmt: skip
+                rows += [] if row is None else [{**about, **row}]
+    about = {"frames": FRAMES, "size": SIZE, "poses": "exact", "region": "body crop",
+             **clock.about()}  # fmt: skip
+    write_report(json_file, "cast", {**about, "means": means(rows), "rows": rows})
+    if page_file is not None:
+        replace_between(page_file, "cast", table(means(rows)))
+
+
+def _cell(
+    about: dict[str, Any], motion: Path, backbone: Path | None, clock: Clock
+) -> dict[str, Any]:
+    """One performer in one look, one preset trained and judged."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "sequence"
+        make_sequence(
+            path, performer=about["performer"], motion=motion, look=about["look"], frames=FRAMES,
+            size=SIZE,
+        )  # fmt: skip
+        clip = open_sequence(path)
+        model = train(clip, preset=about["preset"], budget_s=about["budget_s"], clock=clock.now)
+        return figures_of(model, evaluate(model, clip, backbone))
+
+
+def means(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Mean and standard deviation over the performers of each look and preset."""
+    made = []
+    for look, preset in dict.fromkeys((row["look"], row["preset"]) for row in rows):
+        mine = [row for row in rows if (row["look"], row["preset"]) == (look, preset)]
+        mean: dict[str, Any] = {
+            "look": look, "preset": preset, "budget_s": mine[0]["budget_s"],
+            "performers": len(mine),
+        }  # fmt: skip
+        for measure, _, _ in _MEASURES:
+            for split in ("novel_view", "unseen_pose"):
+                known = [row[f"{measure}_{split}_body_crop"] for row in mine]
+                known = [value for value in known if value is not None]
+                mean[f"{measure}_{split}"] = round(float(np.mean(known)), 4) if known else None
+                spread = round(float(np.std(known)), 4) if known else None
+                mean[f"{measure}_{split}_spread"] = spread
+        made.append(mean)
+    return made
+
+
+def table(means: list[dict[str, Any]]) -> str:
+    """Unseen views / unseen poses, in Markdown."""
+    rows = []
+    for mean in means:
+        cells = []
+        for measure, factor, digits in _MEASURES:
+            pair = [mean[f"{measure}_{split}"] for split in ("novel_view", "unseen_pose")]
+            cells.append(" / ".join("-" if v is None else f"{factor * v:.{digits}f}" for v in pair))
+        spread = mean["psnr_novel_view_spread"]
+        rows.append([
+            mean["look"], f"`{mean['preset']}`", f"{mean['budget_s']:g} s",
+            f"{cells[0]} (± {spread:.1f})", *cells[1:],
+        ])  # fmt: skip
+    return markdown_table(["look", "preset", "training", "PSNR, dB", "SSIM", "LPIPS"], rows)

@@ -1,0 +1,111 @@
+"""Milliseconds a frame of the frontier's presets: pose to pixels, batch 1, live transforms.
+
+The paper's two presets are timed with the same weights throughout: a field that fits the clip's own
+body takes the place of one that was trained for hours, since what a speed-up skips depends on the
+shape alone. Where a frame would take minutes, a smaller one is timed and its time multiplied with
+the ratio of the pixels, which is marked as an estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.budget import Clock
+from benchmarks.field_speed import SAME_WEIGHTS, fitted
+from benchmarks.report import milliseconds
+from renderer.catalogue import described
+from renderer.field.drawing import FieldRenderer
+from renderer.field.settings import FieldSettings
+from renderer.metrics import psnr
+from renderer.presets import EXACT, find_preset
+from scene.arrays import Array
+from scene.camera import Camera
+from scene.motion import Pose
+from scene.sequence import NOVEL_VIEW, Sequence
+
+SIZES = (512, 1024)
+BASES = ("humannerf", "paper")
+STEPS = tuple("+".join((base, *names))
+              for base in BASES
+              for names in ((), *((name,) for name in SAME_WEIGHTS), EXACT))  # fmt: skip
+"""Each base, each of its speed-ups alone, and all exact ones together."""
+_FIT_STEPS = 400
+_FRAMES = 20
+"""Frames of a measurement, where time allows."""
+_PATIENCE_S = 40.0
+"""About how long one size of one preset is timed."""
+_LEAST_PX, _LEAST_FRAMES = 64, 3
+_COMPARED_PX = 128
+
+Draw = Callable[[Camera, Pose], Array]
+
+
+@dataclass(frozen=True)
+class _View:
+    camera: Camera
+    pose: Pose
+
+
+def timed_steps(clip: Sequence, name: str, clock: Clock, fields: dict[str, Any]) -> dict[str, Any]:
+    """Times of the paper's preset `name`, perhaps with speed-ups, and its picture's distance from
+    the slow path's. `fields` keeps the fitted field of each base between calls."""
+    base = name.split("+")[0]
+    settings, plain = find_preset(name).settings, find_preset(base).settings
+    assert isinstance(settings, FieldSettings)
+    assert isinstance(plain, FieldSettings)
+    if base not in fields:
+        fields[base] = fitted(plain, clip.body, _FIT_STEPS)
+    field = fields[base]
+    field.sizes = plain.sizes
+    view = _views(clip, _COMPARED_PX)[0]
+    slow = FieldRenderer(field).render(view.camera, view.pose)
+    field.sizes = settings.sizes
+    renderer = FieldRenderer(field)
+    made = renderer.render(view.camera, view.pose)
+    return {
+        **timed(clip, renderer.render, clock),
+        "db_to_slow": round(min(psnr(made[..., :3], slow[..., :3]), 150.0), 1),
+        **weights_of(name),
+    }
+
+
+def timed(clip: Sequence, draw: Draw, clock: Clock) -> dict[str, Any]:
+    """{"512": {p50_ms, p95_ms, frames, measured_px}, ...} over the clip's unseen views."""
+    return {str(size): _timed_at(clip, draw, clock, size) for size in SIZES}
+
+
+def weights_of(name: str) -> dict[str, Any]:
+    """Parameters and megabytes of a preset."""
+    about = described(find_preset(name))
+    return {"parameters": sum(about["parameters"].values()), "megabytes": about["megabytes"]}
+
+
+def _timed_at(clip: Sequence, draw: Draw, clock: Clock, size: int) -> dict[str, Any]:
+    px = size
+    first_s = _seconds(clip, draw, clock, _LEAST_PX, 2)[-1]
+    while px > _LEAST_PX and first_s * (px / _LEAST_PX) ** 2 * (_LEAST_FRAMES + 1) > _PATIENCE_S:
+        px //= 2
+    expected_s = max(first_s * (px / _LEAST_PX) ** 2, 1e-4)
+    frames = int(np.clip(_PATIENCE_S / expected_s, _LEAST_FRAMES, _FRAMES))
+    seconds = _seconds(clip, draw, clock, px, frames + 1)[1:]  # the first one warms up
+    scaled = [(size / px) ** 2 * second for second in seconds]
+    return {**milliseconds(scaled), "frames": frames, "measured_px": px}
+
+
+def _seconds(clip: Sequence, draw: Draw, clock: Clock, px: int, frames: int) -> list[float]:
+    views, seconds = _views(clip, px), []
+    for number in range(frames):
+        view = views[number % len(views)]
+        started = clock.now()
+        draw(view.camera, view.pose)
+        seconds.append(clock.now() - started)
+    return seconds
+
+
+def _views(clip: Sequence, px: int) -> list[_View]:
+    source = clip.test[NOVEL_VIEW]
+    return [_View(source.camera(i).resized(px, px), source.pose(i)) for i in range(len(source))]

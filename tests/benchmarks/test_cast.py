@@ -1,0 +1,32 @@
+"""The README's table: means over performers, unseen views beside unseen poses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from benchmarks.cast import means, table
+
+
+def cell(look: str, performer: str, psnr: float, lpips: float | None) -> dict[str, Any]:
+    row: dict[str, Any] = {"look": look, "performer": performer, "preset": "fast", "budget_s": 90.0}
+    for split, less in (("novel_view", 0.0), ("unseen_pose", 1.0)):
+        row |= {f"psnr_{split}_body_crop": psnr - less, f"ssim_{split}_body_crop": 0.97,
+                f"lpips_{split}_body_crop": lpips}  # fmt: skip
+    return row
+
+
+def test_means_are_over_the_performers_of_one_look():
+    rows = [cell("plain", "amber", 30.0, 0.01), cell("plain", "basil", 34.0, 0.02),
+            cell("lit", "amber", 28.0, None)]  # fmt: skip
+    plain, lit = means(rows)
+    assert (plain["performers"], lit["performers"]) == (2, 1)
+    assert plain["psnr_novel_view"] == pytest.approx(32.0)
+    assert plain["psnr_novel_view_spread"] == pytest.approx(2.0)
+    assert plain["lpips_unseen_pose"] == pytest.approx(0.015)
+    assert lit["lpips_novel_view"] is None
+    assert table([plain, lit]).splitlines()[2:] == [
+        "| plain | `fast` | 90 s | 32.0 / 31.0 (± 2.0) | 0.970 / 0.970 | 15.0 / 15.0 |",
+        "| lit | `fast` | 90 s | 28.0 / 27.0 (± 0.0) | 0.970 / 0.970 | - / - |",
+    ]
