@@ -52,7 +52,7 @@ def run(
              **clock.about()}  # fmt: skip
     write_report(json_file, "cast", {**about, "means": means(rows), "rows": rows})
     if page_file is not None:
-        replace_between(page_file, "cast", table(means(rows)))
+        replace_between(page_file, "cast", words(clock, backbone) + "\n\n" + table(means(rows)))
 
 
 def _cell(
@@ -88,6 +88,21 @@ def means(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
                 mean[f"{measure}_{split}_spread"] = spread
         made.append(mean)
     return made
+
+
+def words(clock: Clock, backbone: Path | None) -> str:
+    """What the table shows, and what it was measured with."""
+    counted = (
+        "seconds of one thread's own time" if clock.name == "processor"
+        else f"wall clock on {clock.threads} cores"
+    )  # fmt: skip
+    lpips = "" if backbone is None else f"; LPIPS x1000 with {backbone.name}, inputs in [-1, 1]"
+    return (
+        f"Five studio performers ({', '.join(CAST)}) in recorded motion, {FRAMES} frames of "
+        f"{SIZE} x {SIZE} from one camera, exact poses, body crop, unseen views / unseen poses, "
+        f"mean over the performers (± standard deviation), training in {counted}{lpips} "
+        "(`metanerf bench cast`):"
+    )
 
 
 def table(means: list[dict[str, Any]]) -> str:

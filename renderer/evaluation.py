@@ -48,7 +48,7 @@ _TRAINING_VIEWS = 8
 _SMALLEST_CROP_PX = 32
 _MODEL_SAYS = (
     "steps", "train_seconds", "published_iterations", "schedule_scale", "rays_a_step",
-    "samples_a_ray", "scaled",
+    "samples_a_ray", "perceptual_loss", "scaled",
 )  # fmt: skip
 """What a model's training tells that its figures can't be read without."""
 

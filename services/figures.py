@@ -23,12 +23,11 @@ def print_figures(figures: dict[str, Any]) -> None:
     """Mean and spread over pictures, a row a split and region, and how they were measured."""
     table = Table("views", "region", *(name for name, _, _ in _SHOWN.values()), box=None,
                   padding=(0, 2, 0, 0))  # fmt: skip
-    for split, size in figures["conditions"]["resolution"].items():
+    for split, views in figures["per_view"].items():
         for region in REGIONS:
             shown = [_with_spread(figures, measure, split, region) for measure in _SHOWN]
             if any(shown):
-                count = len(figures["per_view"][split])
-                what = f"{split.replace('_', ' ')} ({count} of {size[0]} x {size[1]})"
+                what = f"{split.replace('_', ' ')} ({len(views)})"
                 table.add_row(what, region.replace("_", " "), *shown)
     console = Console()
     console.print(table)
@@ -44,8 +43,10 @@ def _with_spread(figures: dict[str, Any], measure: str, split: str, region: str)
 
 def _conditions(about: dict[str, Any]) -> list[str]:
     model, lpips = about["model"], about["lpips"]
+    sizes = {f"{width} x {height}" for width, height in about["resolution"].values()}
     lines = [
-        f"mean ± standard deviation over pictures; black background, {about['colour']}; "
+        f"mean ± standard deviation over (so many) pictures of {', '.join(sorted(sizes))}; "
+        f"black background, {about['colour']}; "
         f"one moment in {about['every']}; test poses {about['test_poses']}"
     ]
     if lpips is not None:

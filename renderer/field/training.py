@@ -302,6 +302,7 @@ class FieldTrainer:
                 **metrics, "published_iterations": published, "schedule_scale": scale,
                 "rays_a_step": self._settings.rays_a_frame * self._settings.frames_a_step,
                 "samples_a_ray": self._settings.sizes.samples_a_ray,
+                "perceptual_loss": None if self._lpips is None else self._lpips.backbone,
             }  # fmt: skip
         return FieldModel(
             field,
