@@ -74,7 +74,7 @@ class DatasetFrames:
         shot = self.shots[index]
         masks = [_read(path, shot.camera).max(axis=-1) for path in shot.masks]
         alpha = np.max(masks, axis=0)
-        if shot.labels:
+        if shot.labels or alpha.max() == 1:  # many tools write 1 for the person
             alpha = np.where(alpha > 0, np.uint8(255), np.uint8(0))
         alpha = self._straight(alpha, shot)
         return alpha.astype(np.float32) / np.float32(255.0)

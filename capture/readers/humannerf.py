@@ -41,6 +41,7 @@ from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.sequence import Sequence
 
 PICKLES = ("cameras.pkl", "mesh_infos.pkl", "canonical_joints.pkl")
+_PICTURES = (".png", ".jpg", ".jpeg")
 FRAMES_PER_SECOND = 30.0
 """The layout does not say; only the speed of playing depends on it."""
 
@@ -55,16 +56,17 @@ def open_humannerf(path: Path) -> Sequence:
     cameras, meshes, canonical = (load_pickle(path / name) for name in PICKLES)
     joints = numbers(table(canonical, PICKLES[2], "joints")["joints"], (24, 3), "joints")
     skeleton = rest_skeleton(joints)
-    names = sorted(file.stem for file in (path / "images").glob("*.png"))
+    files = [file for ending in _PICTURES for file in (path / "images").glob(f"*{ending}")]
+    names = sorted({file.stem for file in files})
     if not names:
-        raise BrokenDataset(f"{path / 'images'} must hold .png pictures; got none")
+        raise BrokenDataset(f"{path / 'images'} must hold .png or .jpg pictures; got none")
     table(cameras, PICKLES[0], *names)
     table(meshes, PICKLES[1], *names)
     poses = [_pose(meshes[name], name) for name in names]
     orient, pelvis, body_pose = (np.stack([pose[i] for pose in poses]) for i in range(3))
     times = np.arange(len(names)) / FRAMES_PER_SECOND
     motion, ours = upright_world(skeleton, orient, pelvis, body_pose, times)
-    size = picture_size(path / "images" / f"{names[0]}.png")
+    size = picture_size(_picture(path / "images", names[0]))
     shots = [_shot(path, name, cameras[name], size, ours) for name in names]
     files = [path / name for name in PICKLES]
     files += [file for shot in shots for file in (shot.picture, *shot.masks) if file.exists()]
@@ -128,8 +130,14 @@ def _shot(path: Path, name: str, held: Any, size: tuple[int, int], ours: Array) 
         distortion = numbers(held["distortions"], (5,), f"distortions of {name}")
         lens = (intrinsics, distortion) if distortion.any() else None
     seen = Camera(our_intrinsics(intrinsics), moved_camera(extrinsics[:3], ours), *size)
-    picture = path / "images" / f"{name}.png"
-    return Shot(picture, (path / "masks" / f"{name}.png",), seen, lens=lens)
+    picture, mask = (_picture(path / kind, name) for kind in ("images", "masks"))
+    return Shot(picture, (mask,), seen, lens=lens)
+
+
+def _picture(folder: Path, name: str) -> Path:
+    """The file of that name, whatever its format; the usual one where there is none."""
+    files = [folder / f"{name}{ending}" for ending in _PICTURES]
+    return next((file for file in files if file.exists()), files[0])
 
 
 def _camera_of(camera: Camera) -> dict[str, Array]:

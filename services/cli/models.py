@@ -48,7 +48,11 @@ def train(
         ),
     ] = None,
 ) -> None:
-    """Train a person's model. Ctrl-C keeps a checkpoint: the same command then goes on from it."""
+    """Train a person's model. Ctrl-C keeps a checkpoint: the same command then goes on from it.
+
+    First the poses are drawn over a few frames, in a .poses.png beside the model; a clip whose
+    joints miss the person is refused.
+    """
     from capture.readers import open_folder
     from renderer.checkpoint import save_model
     from renderer.presets import find_preset, trains_on_patches

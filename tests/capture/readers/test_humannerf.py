@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 
 from capture.errors import BrokenDataset, BrokenSequence
 from capture.readers import open_folder, open_humannerf, write_humannerf
+from capture.readers.humannerf import PICKLES
 from capture.store import open_sequence
 from capture.studio import make_sequence
 from scene import Sequence
@@ -147,6 +149,44 @@ def test_the_lens_is_undone(video, tmp_path):
         frames.image(0)[solid], straight[..., ::-1][solid] / 255.0, atol=1.01 / 255.0
     )
     assert frames.camera(0).distortion is None
+
+
+def _as_others_write(value: Any) -> Any:
+    """Double precision, column vectors, and nothing that need not be there."""
+    if isinstance(value, dict):
+        unneeded = ("joints", "distortions") if "Rh" in value or "intrinsics" in value else ()
+        return {k: _as_others_write(v) for k, v in value.items() if k not in unneeded}
+    wide = np.asarray(value, np.float64)
+    return wide[:, None] if wide.shape == (3,) else wide
+
+
+@pytest.mark.parametrize("protocol", [2, 5])
+@pytest.mark.parametrize("person", [1, 255])
+def test_what_others_write_otherwise_is_read_the_same(folder, tmp_path, protocol, person):
+    """Pickles of any protocol, JPEG, masks of one channel that hold 0 and 1 or 0 and 255."""
+    expected = open_humannerf(folder)
+    for name in PICKLES:
+        held = _as_others_write(pickle.loads((folder / name).read_bytes()))
+        (tmp_path / name).write_bytes(pickle.dumps(held, protocol=protocol))
+    for kind in ("images", "masks"):
+        (tmp_path / kind).mkdir()
+        for file in (folder / kind).iterdir():
+            pixels = cv2.imread(str(file))
+            if kind == "images":
+                cv2.imwrite(str(tmp_path / kind / f"{file.stem}.jpg"), pixels)
+            else:
+                sharp = (pixels[..., 0] > 127).astype(np.uint8) * person
+                cv2.imwrite(str(tmp_path / kind / file.name), sharp)
+    got = open_folder(tmp_path)
+    assert len(got.train) == len(expected.train)
+    for index in (0, len(got.train) - 1):
+        one, other = got.train.camera(index), expected.train.camera(index)
+        assert np.allclose(one.world_to_camera, other.world_to_camera, atol=1e-6)
+        assert np.allclose(one.intrinsics, other.intrinsics, atol=1e-4)
+        angles = (source.train.pose(index).joint_angles for source in (got, expected))
+        assert np.allclose(*angles, atol=1e-6)
+        assert np.array_equal(got.train.mask(index), expected.train.mask(index) > 127.5 / 255.0)
+        assert np.abs(got.train.image(index) - expected.train.image(index)).mean() < 0.02
 
 
 def test_data_hash_follows_what_training_reads(folder, tmp_path, studio):
