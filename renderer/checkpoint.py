@@ -7,6 +7,7 @@ Every file also holds the person's rest joints and the motion of their clip.
 from __future__ import annotations
 
 import json
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,7 @@ def load_model(path: Path) -> PersonModel:
         motion = Motion(**{k: tensors.pop(f"motion.{k}").astype(np.float64) for k in _MOTION})
         skeleton = Skeleton(tensors.pop("rest_joints").astype(np.float64))
         return _unpack(tensors, about, skeleton, motion)
-    except (SceneError, KeyError, ValueError, TypeError, RuntimeError) as error:
+    except (SceneError, KeyError, ValueError, TypeError, RuntimeError, zlib.error) as error:
         raise BrokenModel(f"{path.name} must hold a whole model; got {error!r}") from error
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from functools import cached_property
 from typing import Any
 
@@ -57,8 +58,9 @@ class FieldModel:
         """What a model file holds beside motion and skeleton; `from_tensors` takes it back.
 
         The grid's table is kept in half precision (far below a byte's step in colour), the prior in
-        bytes, which it was rounded to when it was made, and the shell in bits. A baked weight
-        volume takes the prior's place, as it is.
+        bytes, which it was rounded to when it was made, the shell in bits, and what is occupied in
+        bits that are packed again: most of it is empty. A baked weight volume takes the prior's
+        place, as it is.
         """
         field = self.field
         stored = {_LEARNT + name: on_host(p) for name, p in field.named_parameters()}
@@ -70,7 +72,8 @@ class FieldModel:
         in_bytes = torch.round(prior * 255.0).to(torch.uint8)
         stored["prior"] = on_host(prior if field.sizes.baked else in_bytes)
         if field.occupied is not None:
-            stored["occupied"] = np.packbits(on_host(field.occupied.live), axis=None)
+            bits = np.packbits(on_host(field.occupied.live), axis=None)
+            stored["occupied"] = np.frombuffer(zlib.compress(bits.tobytes()), np.uint8)
         if field.shell is not None:
             stored["shell"] = np.packbits(field.shell.learnt, axis=None)
             stored["deep"] = np.packbits(field.shell.deep, axis=None)
@@ -117,7 +120,8 @@ class FieldModel:
         field.residual_opened = about["residual_opened"]
         shape = about["occupied_shape"]
         if shape is not None:
-            live = on_device(_unpacked(tensors["occupied"], shape).reshape(-1), device)
+            bits = np.frombuffer(zlib.decompress(tensors["occupied"].tobytes()), np.uint8)
+            live = on_device(_unpacked(bits, shape).reshape(-1), device)
             field.occupied = LiveCells(field.low, field.high, tuple(shape), live)
         return cls(
             field,
