@@ -20,6 +20,7 @@ from capture.errors import NoPersonFound
 from capture.fit import fit_clip
 from capture.fit_world import place_in_world
 from capture.landmarks import Landmarks, MediaPipeEstimator
+from capture.lifter import lift
 from capture.live import LiveSolver
 from capture.masks import refine_mask
 from capture.pose_model import pose_model_file
@@ -86,10 +87,12 @@ def _measure(clip: Clip, truth: _Known | None) -> dict[str, Any]:
         raise NoPersonFound(f"the person must be seen in over {_SETTLED} frames; got {len(found)}")
     fitted = _fitted(clip, track.people, track.takes)
     times = clip.times_s
-    solver = LiveSolver(fitted.body, fitted.camera)
+    solver = LiveSolver(fitted.body, fitted.camera, lifter=lift)
     poses, seconds, busy = _followed(solver, found, times)
     ours = {"live": poses, "clip_fit": [fitted.motion.pose(i) for i, _ in found]}
-    raw, *_ = _followed(LiveSolver(fitted.body, fitted.camera, smoothing=None), found, times)
+    raw, *_ = _followed(
+        LiveSolver(fitted.body, fitted.camera, lifter=lift, smoothing=None), found, times
+    )
     figures: dict[str, Any] = {
         "frames": len(found),
         "step": milliseconds(seconds[_SETTLED:]),
@@ -103,11 +106,13 @@ def _measure(clip: Clip, truth: _Known | None) -> dict[str, Any]:
     figures |= {
         f"{name}_to_truth": _apart(fitted, some, truth, true) for name, some in ours.items()
     }
-    own, *_ = _followed(LiveSolver(truth.body, truth.camera), found, times)
+    own, *_ = _followed(LiveSolver(truth.body, truth.camera, lifter=lift), found, times)
     figures["live_with_true_body_and_camera_to_truth"] = _apart(truth, own, truth, true)
     # a pose that comes late is shown as it is, or moved on
     later = [truth.motion.pose_at(float(times[i]) + LATENCY_S) for i, _ in found]
-    ahead, *_ = _followed(LiveSolver(truth.body, truth.camera, latency_s=LATENCY_S), found, times)
+    ahead, *_ = _followed(
+        LiveSolver(truth.body, truth.camera, lifter=lift, latency_s=LATENCY_S), found, times
+    )
     figures[f"late_by_{LATENCY_S * 1e3:.0f}_ms"] = {
         "as_it_is": _apart(truth, own, truth, later),
         "predicted": _apart(truth, ahead, truth, later),
@@ -121,7 +126,7 @@ def _fitted(clip: Clip, people: tuple[Landmarks | None, ...], takes: tuple[int, 
         for image, person in zip(clip.images, people, strict=True)
     ]
     model = load_body_model()
-    fit = fit_clip(people, masks, clip.times_s, takes, model)
+    fit = fit_clip(people, masks, clip.times_s, takes, model, lifter=lift)
     placed = place_in_world(fit, model.body(fit.shape), clip.times_s)
     height, width = clip.images[0].shape[:2]
     k = np.array([[fit.focal_px, 0.0, width / 2], [0.0, fit.focal_px, height / 2], [0.0, 0.0, 1.0]])

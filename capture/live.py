@@ -3,8 +3,9 @@
 Two damped Gauss-Newton steps (Levenberg-Marquardt) bring a pose's landmarks onto the picture: the
 terms are those of the clip-wide fit (`capture.fit_problem`) without silhouette and future. They
 start from the last frame's pose; at first, after a gap, where that explains the frame badly and now
-and then anyway they start from the closed form too (`capture.fit_initial`), and the better one
-stays. A One-Euro filter smooths, and predicts by the latency. Nothing here sees a picture.
+and then anyway they start from what the frame says by itself too (`capture.lifter`), and the better
+one stays. What nothing shows stays where it was and drifts to rest. A One-Euro filter smooths, and
+predicts by the latency. Nothing here sees a picture.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ import cv2
 import numpy as np
 
 from capture.body import load_body_model
-from capture.fit_data import hidden_joints, landmark_arrays, person_height_px
-from capture.fit_initial import TO_Y_UP, solve_pose, solve_translation
+from capture.fit_data import landmark_arrays, person_height_px
+from capture.fit_initial import TO_Y_UP, solve_translation
 from capture.fit_landmarks import load_landmark_model
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
+from capture.lifter import Lifter, closed_form
 from capture.live_filter import PoseFilter, Smoothing
 from scene.arrays import Array, Float
 from scene.body import Body
@@ -31,8 +33,8 @@ from scene.skeleton import JOINT_COUNT, PARENTS
 STEPS = 2
 STEPS_AT_FIRST = 6
 """Of a pose that the last frame's does not lead to."""
-CLOSED_FORM_EVERY = 60
-"""Frames between looks at the closed form, which costs several times as much as both steps."""
+LIFTED_EVERY = 60
+"""Frames between looks at a frame by itself, which cost several times as much as both steps."""
 _GAP_S = 0.3
 """After so long the last pose says little."""
 _TURNING_RAD_S, _MOVING_M_S = 3.0, 1.0
@@ -43,8 +45,6 @@ _PIXEL_DEVIATION = 0.016
 """Of a landmark, in heights of the person."""
 _WORLD_DEVIATION_M = 0.07
 _FACE_DEPTH_TRUST = 0.3
-_HELD_RAD = 0.03
-"""Deviation of a joint that nothing shows."""
 _DAMPING = 1e-2
 """Share of the diagonal that is added; ten times more after a step that made things worse."""
 _FLOOR = 1e-6
@@ -77,7 +77,6 @@ class _Seen:
     world: Float[Array, "33 3"]
     """m, from between the hips, world axes, sized as the body."""
     per_pixel: float
-    stiffness: Float[Array, "24 3"]
 
 
 class LiveSolver:
@@ -89,12 +88,14 @@ class LiveSolver:
         camera: Camera,
         *,
         latency_s: float = 0.0,
+        lifter: Lifter = closed_form,
         smoothing: Smoothing | None = Smoothing(),  # noqa: B008 (frozen)
     ) -> None:
         """For `body` seen by `camera`, whose pixels are the landmarks'.
 
         Args:
             latency_s: how far ahead of its landmarks a pose is predicted, at most 0.15 s.
+            lifter: what a frame means by itself; `capture.lifter.lift` for MediaPipe's landmarks.
             smoothing: None gives each frame's own solution.
 
         Raises InvalidInput for a negative latency.
@@ -103,7 +104,7 @@ class LiveSolver:
 
         if not 0.0 <= latency_s < 10.0:
             raise InvalidInput(f"latency_s must be between 0 and 10; got {latency_s!r}")
-        self.latency_s = latency_s
+        self.latency_s, self._lifter = latency_s, lifter
         self._camera, self._rest = camera, body.skeleton.rest_joints
         self._marks, self._mark_joints = marks_on(body)
         self._packed = _packed(camera)
@@ -149,13 +150,11 @@ class LiveSolver:
         if camera.distortion is not None:
             k, distortion = camera.intrinsics, np.asarray(camera.distortion, dtype=np.float64)
             pixels = cv2.undistortPoints(pixels, k, distortion, P=k).reshape(pixels.shape)
-        hidden = hidden_joints(trust)[0][:, None]
         return _Seen(
             pixels[0],
             trust[0],
             (world[0] * TO_Y_UP) @ self._to_world.T,
             1.0 / (_PIXEL_DEVIATION * person_height_px(pixels)),
-            (1.0 - hidden) * self._stiffness + hidden * _HELD_RAD**-2,
         )
 
     def _solved(self, landmarks: Landmarks, seen: _Seen, step_s: float) -> _State:
@@ -169,23 +168,25 @@ class LiveSolver:
             found.append(self._refined(start.local, start.pelvis, sized, STEPS, pull))
         lost = not found
         self._since += 1
-        if lost or self._since >= CLOSED_FORM_EVERY or found[0].energy > _BAD * self._usual:
+        if lost or self._since >= LIFTED_EVERY or found[0].energy > _BAD * self._usual:
             self._since = 0
-            local, pelvis = self._closed_form(landmarks, seen)
+            local, pelvis = self._lifted(landmarks, seen)
             steps, free = STEPS_AT_FIRST if lost else STEPS, np.zeros(UNKNOWNS)
             found.append(self._refined(local, pelvis, self._sized(seen, local), steps, free))
         best = min(found, key=lambda one: one.energy)
         self._usual += (1.0 if lost else _USUAL_SHARE) * (best.energy - self._usual)
         return best
 
-    def _closed_form(
+    def _lifted(
         self, landmarks: Landmarks, seen: _Seen
     ) -> tuple[Float[Array, "24 3 3"], Float[Array, "3"]]:
-        """Local turns from the 3D landmarks, and the pelvis' place from those on the picture."""
-        local = axis_angle_to_matrix(solve_pose(landmarks.world, seen.trust))
+        """Local turns as the lifter has them, and the pelvis' place from the seen landmarks."""
+        k, world, visibility = self._camera.intrinsics, landmarks.world, landmarks.visibility
+        local = self._lifter(
+            seen.pixels[None], world[None], visibility[None], self._camera.focal_px, k[:2, 2]
+        ).rotations[0]
         local[0] = self._to_world @ local[0]
         points = self._points(local) @ self._camera.rotation.T
-        k = self._camera.intrinsics
         shift = solve_translation(points[None], seen.pixels[None], seen.trust[None], k)[0]
         return local, (shift - self._camera.translation) @ self._camera.rotation
 
@@ -250,7 +251,7 @@ class LiveSolver:
             1.0 / _WORLD_DEVIATION_M, normal, right,
         ) + prior_equations(
             turned, _PARENTS, matrix_to_axis_angle(local), self._prior_mean, self._prior_axes,
-            seen.stiffness, normal, right,
+            self._stiffness, normal, right,
         )  # fmt: skip
         return _State(local, pelvis, float(energy), normal, right, turned)
 

@@ -86,7 +86,7 @@ def test_any_camera_and_its_distortion_will_do(motion):
         assert error_m(found, pose) < 0.008
 
 
-def test_a_lost_pose_is_found_again_from_the_closed_form(motion, people):
+def test_a_lost_pose_is_found_again_from_the_frame_itself(motion, people):
     solver = LiveSolver(body(), camera(), smoothing=None)
     for index in range(6):
         solver.step(people[index], float(motion.times_s[index]))
