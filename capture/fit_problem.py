@@ -44,7 +44,7 @@ _FOCAL_DEVIATION = 0.12
 """Of the logarithm of the focal length."""
 _SHAPE_DEVIATION = (0.06, 0.2, 0.2, 0.2, 0.2)
 """Of height (in 1.03 m), weight, gender, muscle, proportions."""
-_SHAPE_WEIGHT = 0.05
+_SHAPE_WEIGHT = 0.1
 """Of the shape's prior, once a clip, beside the frames' mean energy."""
 _PLANTED_M_S = 0.2
 """Speed of a foot that stands, with what the noise of its pose adds."""

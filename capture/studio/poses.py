@@ -43,7 +43,8 @@ def random_pose(rng: np.random.Generator, skeleton: Skeleton) -> Pose:
         if rng.uniform() < _TOUCHES:
             _touch(rng, angles, side, out, skeleton)
     yaw = axis_angle_to_matrix(np.array([0.0, rng.uniform(-np.pi, np.pi), 0.0]))
-    angles[0] = matrix_to_axis_angle(yaw @ axis_angle_to_matrix(angles[0]))
+    lean = axis_angle_to_matrix(rng.normal(0.0, 0.35, 3) * [1.0, 0.0, 1.0] * (rng.uniform() < 0.3))
+    angles[0] = matrix_to_axis_angle(yaw @ lean @ axis_angle_to_matrix(angles[0]))
     heights = skeleton.joint_transforms(angles[None], np.zeros((1, 3)))[0, _FEET, 1, 3]
     lift = -(heights - skeleton.rest_joints[_FEET, 1]).min()
     return Pose(angles, np.array([0.0, lift, 0.0]))
@@ -51,7 +52,7 @@ def random_pose(rng: np.random.Generator, skeleton: Skeleton) -> Pose:
 
 def _trunk(rng: np.random.Generator, angles: Array) -> float:
     """Bends, leans, twists; returns how far the pelvis pitches forwards, rad."""
-    bend = rng.uniform(0.0, 2.0) if rng.uniform() < 0.25 else rng.normal(0.08, 0.15)
+    bend = rng.uniform(0.0, 2.2) if rng.uniform() < 0.3 else rng.normal(0.08, 0.15)
     pitch = bend * rng.uniform(0.2, 0.8)
     shares = rng.dirichlet([6.0, 2.0, 1.0])
     turn = np.array([bend - pitch, rng.normal(0.0, 0.3), rng.normal(0.0, 0.15)])
