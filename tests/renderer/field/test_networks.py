@@ -87,6 +87,61 @@ def test_the_skip_reads_the_encoding_at_its_layer():
     assert widths == [5, 7, 10, 7]
 
 
+def _plainly_filled(mlp: Mlp) -> Mlp:
+    """Weights that anyone can write down: no generator's numbers, and none alike."""
+    for parameter in mlp.parameters():
+        count = torch.arange(parameter.numel(), dtype=torch.float64).view(parameter.shape)
+        scale = 1.5 / parameter.shape[-1] ** 0.5
+        parameter.data = scale * torch.sin(1.0 + 0.7 * count)
+    return mlp.double()
+
+
+@pytest.mark.parametrize(
+    ("name", "golden"),
+    [
+        ("humannerf canonical", [1.33434, 0.258985, 1.16901]),
+        ("humannerf residual", [1.31892, 0.830307, -0.00153677]),
+        ("paper canonical", [0.00121906, 0.00158895, 0.000954302]),
+        ("paper residual", [0.0163737, 0.0259765, 0.0191569]),
+    ],
+)
+def test_golden_outputs_hold_the_place_of_every_skip(name, golden):
+    """Made anew by printing `out` below: after a change of the networks alone."""
+    preset, network = name.split()
+    sizes = {"humannerf": HUMANNERF, "paper": PAPER}[preset].sizes
+    size = sizes.colour if network == "canonical" else sizes.residual
+    assert size is not None
+    inputs, shared = (63, 0) if network == "canonical" else (36, 69)
+
+    def output(size: MlpSize) -> torch.Tensor:
+        mlp = _plainly_filled(Mlp(inputs, 3, size, shared))
+        row = torch.cos(torch.arange(inputs, dtype=torch.float64))[None]
+        pose = torch.sin(torch.arange(shared, dtype=torch.float64)) if shared else None
+        with torch.no_grad():
+            return mlp(row, pose)[0]
+
+    out = output(size)
+    assert out.tolist() == pytest.approx(golden, rel=1e-5)
+    assert size.skip is not None
+    for place in (size.skip - 1, size.skip + 1):
+        elsewhere = output(replace(size, skip=place))
+        assert elsewhere.tolist() != pytest.approx(golden, rel=2e-5), place
+
+
+@pytest.mark.parametrize("preset", [HUMANNERF, PAPER])
+def test_last_layers_of_refiner_and_residual_start_uniformly(preset):
+    """U(-1e-5, 1e-5): all of the range, nothing beyond it; biases, where there are any, at nil."""
+    assert preset.sizes.refiner is not None
+    torch.manual_seed(0)
+    for network in (PoseRefiner(preset.sizes.refiner, 24), ResidualMotion(preset.sizes, 24)):
+        weight = network.mlp.last.weight.detach()
+        assert weight.abs().max() <= 1.000001e-5
+        assert weight.max() > 0.9e-5
+        assert weight.min() < -0.9e-5
+        assert float(weight.abs().mean()) == pytest.approx(0.5e-5, rel=0.15)
+        assert network.mlp.last.bias is None or not network.mlp.last.bias.any()
+
+
 def test_refiner_and_residual_start_from_nothing():
     angles = torch.rand(2, 24, 3)
     refiner = PoseRefiner(MlpSize(depth=2, width=16), 24)
