@@ -6,13 +6,17 @@ mean of both pictures' gradients (Malis 2004, ESM): steps of second order at the
 first. Unlike a plain gradient, a step costs each joint what it moves on the picture: a wrist and a
 hip turn by what their pixels ask for.
 
-A pose moves by `FREE` = 75 numbers: turns of the 24 joints, each in its parent's frame (rad; the
-new local rotation is exp(turn) times the old one), then a shift of the root (m).
+A pose moves by `FREE` = 75 numbers: turns of the 24 joints, each in its own frame (rad; the new
+local rotation is the old one times exp(turn)), then a shift of the root (m, world). Own frames make
+the same turn in every frame of a clip what a body of another rest shape would look like: the gauge.
+
+What a whole clip shares moves by `SHARED` numbers: logarithms of bone lengths, left and right as
+one, then that of the focal length.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,9 +24,11 @@ from scene.arrays import Array, Bool, Float, Int
 from scene.camera import Camera
 from scene.motion import Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.skeleton import JOINT_COUNT, Skeleton
+from scene.skeleton import JOINT_COUNT, JOINT_NAMES, Skeleton
 
 FREE = 3 * JOINT_COUNT + 3
+_BONES = [name for name in JOINT_NAMES[1:] if not name.startswith("right_")]
+SHARED = len(_BONES) + 1
 _REACH_PX = 3
 """How far beyond the silhouette pixels still pull at it: what they would show is what lies next."""
 _OUTLIER = 0.15
@@ -41,17 +47,18 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """Sum of squared differences about the pose: cost - 2 b.d + d.H.d."""
+    """Sum of squared differences about the pose: cost - 2 b.d + d.H.d; D = 75, or with what the
+    clip shares 75 + SHARED."""
 
-    matrix: Float[Array, "75 75"]
-    vector: Float[Array, "75"]
+    matrix: Float[Array, "D D"]
+    vector: Float[Array, "D"]
     cost: float
 
 
 def moved_pose(pose: Pose, step: Float[Array, "75"]) -> Pose:
     """`pose` after `step`."""
     turns = axis_angle_to_matrix(step[:-3].reshape(JOINT_COUNT, 3))
-    angles = matrix_to_axis_angle(turns @ axis_angle_to_matrix(pose.joint_angles))
+    angles = matrix_to_axis_angle(axis_angle_to_matrix(pose.joint_angles) @ turns)
     return Pose(angles, pose.root_translation + step[-3:], pose.time_s)
 
 
@@ -63,8 +70,10 @@ def normal_equations(
     skeleton: Skeleton,
     camera: Camera,
     pose: Pose,
+    *,
+    shared: bool = False,
 ) -> NormalEquations:
-    """One Gauss-Newton step's equations for `pose`.
+    """One Gauss-Newton step's equations for `pose`, where asked with what the clip shares.
 
     Args:
         made, truth: premultiplied colour and alpha.
@@ -77,12 +86,12 @@ def normal_equations(
     weight = (1.0 + (r**2).mean(axis=1) / _OUTLIER**2) ** -0.5
     g = 0.5 * (_gradient(made) + _gradient(truth))[rows, columns]  # [P 4 2]
     shown = front[rows, columns]
-    jacobian = displacements(points, shown, skeleton, camera, pose)  # [P 2 75]
+    jacobian = displacements(points, shown, skeleton, camera, pose, shared=shared)  # [P 2 D]
+    free = jacobian.shape[2]
     weighted = np.swapaxes(g, 1, 2) * weight[:, None, None]
     tensor, pull = weighted @ g, weighted @ r[..., None]
-    flat = jacobian.reshape(-1, FREE)
-    root = _root(tensor) @ jacobian
-    root = root.reshape(-1, FREE)
+    flat = jacobian.reshape(-1, free)
+    root = (_root(tensor) @ jacobian).reshape(-1, free)
     return NormalEquations(
         (root.T @ root).astype(np.float64),
         (flat.T @ pull.reshape(-1)).astype(np.float64),
@@ -97,9 +106,16 @@ def robust_cost(difference: Float[Array, "H W 4"]) -> float:
 
 
 def displacements(
-    points: Points, shown: Int[Array, "P"], skeleton: Skeleton, camera: Camera, pose: Pose
-) -> Float[Array, "P 2 75"]:
-    """Pixels that the points `shown` move by a unit of each of the pose's numbers."""
+    points: Points,
+    shown: Int[Array, "P"],
+    skeleton: Skeleton,
+    camera: Camera,
+    pose: Pose,
+    *,
+    shared: bool = False,
+) -> Float[Array, "P 2 D"]:
+    """Pixels that the points `shown` move by a unit of each of the pose's numbers, then, where
+    asked, of those that the clip shares."""
     skinning = skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
     places = skeleton.joint_transforms(pose.joint_angles, pose.root_translation)
     joints, weights = points.joints[shown].astype(np.int64), points.weights[shown]
@@ -108,7 +124,7 @@ def displacements(
     by_world = _by_place(camera, world)  # [P 2 3]
     # a turn w of joint k about c moves x by w x (x - c): a.(w x (x - c)) = w.(x x a) - w.(c x a)
     about = np.cross(world[:, None], by_world)
-    frames = parent_frames(skeleton, places)
+    frames = places[:, :3, :3]
     lever = np.stack([_cross(places[k, :3, 3]).T @ frames[k] for k in range(JOINT_COUNT)])
     basis = np.concatenate([frames, -lever], axis=1)  # [K 6 3]
     basis = np.moveaxis(basis, 0, 1).reshape(6, -1)
@@ -117,7 +133,21 @@ def displacements(
     np.add.at(dense, (np.arange(len(shown))[:, None], joints), weights)
     share = dense @ descendants(skeleton).T.astype(np.float32)  # how much of it follows joint k
     turns = moved * np.repeat(share, 3, axis=1)[:, None]
-    return np.concatenate([turns, by_world.astype(np.float32)], axis=2)
+    parts = [turns, by_world.astype(np.float32)]
+    if shared:
+        bones = by_world.astype(np.float32) @ _bones(skeleton, places).T.astype(np.float32)
+        off = camera.project(world)[0] - camera.intrinsics[:2, 2]
+        parts += [(bones * share[:, None, 1:]) @ _PAIRED, off[:, :, None].astype(np.float32)]
+    return np.concatenate(parts, axis=2)
+
+
+def stretched(skeleton: Skeleton, step: Float[Array, "SHARED"]) -> Skeleton:
+    """`skeleton` with its bones longer by the `step` of what the clip shares."""
+    rest, longer = skeleton.rest_joints.copy(), np.exp(_PAIRED @ step[:-1])
+    for child, parent in enumerate(skeleton.parents[1:], 1):
+        bone = skeleton.rest_joints[child] - skeleton.rest_joints[parent]
+        rest[child] = rest[parent] + longer[child - 1] * bone
+    return replace(skeleton, rest_joints=rest)
 
 
 def descendants(skeleton: Skeleton) -> Float[Array, "K K"]:
@@ -128,11 +158,19 @@ def descendants(skeleton: Skeleton) -> Float[Array, "K K"]:
     return below
 
 
-def parent_frames(skeleton: Skeleton, places: Float[Array, "K 4 4"]) -> Float[Array, "K 3 3"]:
-    """World rotation of each joint's parent; the world's own for the root."""
-    frames = places[[max(parent, 0) for parent in skeleton.parents], :3, :3].copy()
-    frames[0] = np.eye(3)
-    return frames
+def _bones(skeleton: Skeleton, places: Float[Array, "K 4 4"]) -> Float[Array, "N 3"]:
+    """From each joint's parent to the joint, in the world, m; the root has none."""
+    above = places[list(skeleton.parents[1:]), :3, 3]
+    return places[1:, :3, 3] - above
+
+
+def _paired() -> Float[Array, "N B"]:
+    """Which of the shared lengths is each joint's bone's: left and right have one."""
+    names = [name.replace("right_", "left_") for name in JOINT_NAMES[1:]]
+    return np.array([[float(name == bone) for bone in _BONES] for name in names], np.float32)
+
+
+_PAIRED = _paired()
 
 
 def _by_place(camera: Camera, world: Float[Array, "P 3"]) -> Float[Array, "P 2 3"]:

@@ -39,7 +39,3 @@ class SplatSettings:
     """
     first_blur_px2: float = 4.0
     """Dilation at the start where poses are estimated; gone by half time."""
-    pose_rate_rad: float = 6e-3
-    """Rate of the refinement of estimated poses, rad (and m for the root)."""
-    pose_pull: float = 2e-3
-    """Share of a pose's correction taken back at each of its steps: the prior of the estimate."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from renderer.splats.compose import SplatRenderer, Workspace, pack_camera
+from renderer.photometry import Points
+from renderer.splats.compose import SplatRenderer, Workspace
 from renderer.splats.initialise import first_splats
 from renderer.splats.layout import (
     ALPHA,
@@ -27,14 +27,15 @@ from renderer.splats.layout import (
     ROTATION,
 )
 from renderer.splats.model import SplatModel
+from renderer.splats.passes import Passes
 from renderer.splats.poses import PoseRefinement
 from renderer.splats.settings import SplatSettings
 from renderer.splats.unseen import fill_unseen
-from scene.arrays import Array, Bool, Float, UInt8
-from scene.sequence import FrameSource, Sequence, body_crop
+from renderer.splats.views import read_views
+from scene.arrays import Array, Bool, Float
+from scene.sequence import Sequence
+from scene.skeleton import Skeleton
 
-_CROP_MARGIN = 0.12
-"""Share of the body's box kept round it: room where splats that stray are still punished."""
 _VISIBLE = 0.05
 """Share of its own light that must reach the camera in some frame for a splat to count as seen;
 neighbours overlap, so that even at the front it is a tenth to a half, and behind a thousandth."""
@@ -48,14 +49,6 @@ _LEAST_CONTRIBUTION = 0.02
 _PREVIEW_PX = 384
 
 
-@dataclass(frozen=True, eq=False)
-class _View:
-    """One training frame, cropped to the body."""
-
-    rgba: UInt8[Array, "H W 4"]
-    camera: Float[Array, "4 4"]
-
-
 class SplatTrainer:
     """Trains one `SplatModel` (a `Trainer`)."""
 
@@ -64,13 +57,15 @@ class SplatTrainer:
 
         self._sequence, self._settings = sequence, settings
         self._rng = np.random.default_rng(seed)
-        self._views = _read_views(sequence.train)
+        self._views = read_views(sequence.train)
         self._first_splats = first = first_splats(sequence, settings, self._rng)
         self.parameters, self._joints, self._weights = (
             first.parameters.copy(), first.joints, first.weights
         )  # fmt: skip
         count = len(self.parameters)
-        self._poses = PoseRefinement(sequence, settings)
+        self._poses = PoseRefinement(sequence)
+        self._passes = Passes(self._views) if self._poses.active else None
+        self._surface = first.parameters
         self._first = np.zeros_like(self.parameters)
         self._second = np.zeros_like(self.parameters)
         self._steps = np.zeros(count, np.int32)
@@ -98,6 +93,8 @@ class SplatTrainer:
         from renderer.splats.adam_kernels import adam_step
         from renderer.splats.project_kernels import chain_rule
 
+        if self._passes is not None and self._passes.due(fraction):
+            self._refine_poses(self._passes, fraction)
         if not self._queue:
             self._queue = self._rng.permutation(len(self._views)).tolist()
         frame = self._queue.pop()
@@ -119,7 +116,6 @@ class SplatTrainer:
         )  # fmt: skip
         if self._poses.active:
             self._pull_to_surface(contribution > _LEAST_CONTRIBUTION, fraction)
-        self._poses.step(frame, self._by_transform.sum(axis=0), fraction, float(self._slower[0]))
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
 
     def _draw(
@@ -146,11 +142,36 @@ class SplatTrainer:
         sum_threads(self._thread_gradients, self._by_projected)
         return transforms
 
+    def _refine_poses(self, passes: Passes, fraction: float) -> None:
+        """One pass over the clip; what is bound to bones that get longer moves with them."""
+        points = Points(
+            self.parameters[:, POSITION : POSITION + 3], self._joints, self._weights
+        )  # fmt: skip
+        before = self._poses.skeleton
+        self._poses.move(
+            passes.equations(
+                points, self.parameters, self._poses, fraction, self._dilation(fraction)
+            )
+        )
+        self.parameters = self._moved_with_bones(self.parameters, before)
+        self._surface = self._moved_with_bones(
+            self._first_splats.parameters, self._sequence.body.skeleton
+        )
+
+    def _moved_with_bones(
+        self, parameters: Float[Array, "N P"], before: Skeleton
+    ) -> Float[Array, "N P"]:
+        """`parameters` of splats on the skeleton `before`, on the one that is now."""
+        moved, longer = parameters.copy(), self._poses.skeleton.rest_joints - before.rest_joints
+        shift = np.einsum("ns,nsx->nx", self._weights, longer[self._joints])
+        moved[:, POSITION : POSITION + 3] += shift.astype(np.float32)
+        return moved
+
     def _pull_to_surface(self, moved: Bool[Array, "N"], fraction: float) -> None:
         """Draw places, sizes and turns of the splats just moved back towards how they began."""
         pull = np.float32(self._settings.shape_pull * (1.0 - fraction))
         shape = slice(POSITION, ROTATION + 4)
-        gap = self._first_splats.parameters[moved, shape] - self.parameters[moved, shape]
+        gap = self._surface[moved, shape] - self.parameters[moved, shape]
         self.parameters[moved, shape] += pull * gap
 
     def preview(self) -> Float[Array, "H W 3"]:
@@ -173,6 +194,7 @@ class SplatTrainer:
             "slower": self._slower.copy(),
             "chance": np.array(chance),
             **self._poses.state(),
+            **(self._passes.state() if self._passes else {}),
         }
 
     def restore(self, state: dict[str, Array]) -> None:
@@ -184,6 +206,11 @@ class SplatTrainer:
         self._rng.bit_generator.state, self._queue = chance["rng"], list(chance["queue"])
         self._thread_gradients[:] = 0.0
         self._poses.restore(state)
+        self._surface = self._moved_with_bones(
+            self._first_splats.parameters, self._sequence.body.skeleton
+        )
+        if self._passes is not None:
+            self._passes.restore(state)
 
     def slow_down(self) -> None:
         """Halve all rates."""
@@ -206,7 +233,7 @@ class SplatTrainer:
             self._joints.astype(np.uint8),
             self._weights,
             seen,
-            self._sequence.body.skeleton,
+            self._poses.skeleton,
             self._poses.motion(),
             self._sequence.data_hash,
             metrics=metrics,
@@ -259,15 +286,3 @@ class SplatTrainer:
         rates[COLOUR : COLOUR + 3] = s.colour_rate
         rates[OPACITY] = s.opacity_rate
         return rates * self._slower[0] * (1.0 - (1.0 - s.last_rate_share) * fraction)
-
-
-def _read_views(source: FrameSource) -> list[_View]:
-    return [_read_view(source, index) for index in range(len(source))]
-
-
-def _read_view(source: FrameSource, index: int) -> _View:
-    image, mask, camera = source.image(index), source.mask(index), source.camera(index)
-    crop = body_crop(mask, _CROP_MARGIN) or (slice(0, mask.shape[0]), slice(0, mask.shape[1]))
-    rgba = np.concatenate([image[crop], mask[crop][..., None]], axis=2)
-    window = camera.cropped(crop[1].start, crop[0].start, rgba.shape[1], rgba.shape[0])
-    return _View(np.ascontiguousarray((rgba * 255.0 + 0.5).astype(np.uint8)), pack_camera(window))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from renderer.photometry import FREE, Points, displacements, moved_pose
-from scene import Camera, Pose
+from renderer.photometry import FREE, SHARED, Points, displacements, moved_pose, stretched
+from scene import Camera, Pose, Skeleton
 from tests.renderer.field.performer import body, pose, view
 
 CAMERA = view(0.6)
@@ -22,10 +24,16 @@ def rigid_points() -> Points:
     return Points(person.rest_vertices[picked].astype(np.float32), joints, weights)
 
 
-def pixels(points: Points, camera: Camera, moment: Pose) -> np.ndarray:
-    transforms = body().skeleton.skinning_transforms(moment.joint_angles, moment.root_translation)
-    own = transforms[points.joints[:, 0]]
-    return camera.project((own[:, :3, :3] @ points.rest[:, :, None])[..., 0] + own[:, :3, 3])[0]
+def pixels(
+    points: Points, camera: Camera, moment: Pose, skeleton: Skeleton | None = None
+) -> np.ndarray:
+    """Where the points are seen; they stay where they are on the bones of `skeleton`."""
+    given = body().skeleton
+    bones = skeleton or given
+    transforms = bones.skinning_transforms(moment.joint_angles, moment.root_translation)
+    own, joint = transforms[points.joints[:, 0]], points.joints[:, 0]
+    rest = points.rest + (bones.rest_joints - given.rest_joints)[joint]
+    return camera.project((own[:, :3, :3] @ rest[:, :, None])[..., 0] + own[:, :3, 3])[0]
 
 
 def test_displacements_match_finite_differences():
@@ -37,3 +45,27 @@ def test_displacements_match_finite_differences():
         step[number] = 1e-5
         up, down = (pixels(points, CAMERA, moved_pose(moment, s)) for s in (step, -step))
         np.testing.assert_allclose(jacobian[:, :, number], (up - down) / 2e-5, atol=2e-3)
+
+
+def test_what_the_clip_shares_moves_pixels_as_finite_differences_say():
+    points, moment = rigid_points(), pose(0.4, 0.8)
+    shown = np.arange(len(points.rest))
+    jacobian = displacements(points, shown, body().skeleton, CAMERA, moment, shared=True)
+    assert jacobian.shape[2] == FREE + SHARED
+    for number in range(SHARED):
+        step = np.zeros(SHARED)
+        step[number] = 1e-5
+        up, down = (
+            pixels(points, longer_lens(CAMERA, s[-1]), moment, stretched(body().skeleton, s))
+            for s in (step, -step)
+        )
+        expected = (up - down) / 2e-5
+        assert number == 7 or np.abs(expected).max() > 1.0
+        np.testing.assert_allclose(jacobian[:, :, FREE + number], expected, atol=2e-3, rtol=1e-4)
+
+
+def longer_lens(camera: Camera, step: float) -> Camera:
+    """`camera` with the logarithm of its focal length changed by `step`."""
+    intrinsics = camera.intrinsics.copy()
+    intrinsics[[0, 1], [0, 1]] *= np.exp(step)
+    return replace(camera, intrinsics=intrinsics)

@@ -1,4 +1,4 @@
-"""The gradient by joint turns against finite differences; exact poses are left alone."""
+"""Poses move to where pixels and priors agree; exact ones are left alone."""
 
 from __future__ import annotations
 
@@ -6,52 +6,79 @@ from dataclasses import replace
 
 import numpy as np
 
+from renderer.photometry import FREE, SHARED
+from renderer.splats.clip_wide import ClipEquations
 from renderer.splats.poses import PoseRefinement
-from renderer.splats.settings import SplatSettings
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from tests.renderer.studio import make_motion, make_sequence
+
+FRAMES = 6
 
 
 def make_refinement() -> PoseRefinement:
-    motion = make_motion(3)
-    angles = motion.joint_angles + 0.3 * np.random.default_rng(0).normal(size=(3, 24, 3))
-    return PoseRefinement(
-        make_sequence(exact=False, motion=replace(motion, joint_angles=angles), frames=3),
-        SplatSettings(),
+    motion = make_motion(FRAMES)
+    angles = motion.joint_angles + 0.3 * np.random.default_rng(0).normal(size=(24, 3))
+    claimed = replace(motion, joint_angles=angles)
+    return PoseRefinement(make_sequence(exact=False, motion=claimed, frames=FRAMES))
+
+
+def asking_for(steps: np.ndarray) -> ClipEquations:
+    """Pixels that are sure of `steps` [F 75] and know nothing of bones."""
+    size = FREE + SHARED
+    matrices, vectors = np.zeros((FRAMES, size, size)), np.zeros((FRAMES, size))
+    matrices[:, np.arange(FREE), np.arange(FREE)] = 1e4
+    vectors[:, :FREE] = 1e4 * steps
+    return ClipEquations(matrices, vectors, 1e-3)
+
+
+def test_poses_go_where_sure_pixels_say():
+    refinement, wanted = make_refinement(), np.zeros((FRAMES, FREE))
+    before = refinement.motion()
+    wanted[:, 3 * 16 + 1] = 0.05 * np.array([1.0, -1.0, 0.5, -0.5, 1.0, -1.0])  # no mean
+    refinement.move(asking_for(wanted))
+    turns = axis_angle_to_matrix(wanted[:, :-3].reshape(FRAMES, 24, 3))
+    expected = matrix_to_axis_angle(axis_angle_to_matrix(before.joint_angles) @ turns)
+    np.testing.assert_allclose(refinement.motion().joint_angles, expected, atol=2e-3)
+    np.testing.assert_allclose(
+        refinement.motion().root_translation, before.root_translation, atol=2e-3
     )
 
 
-def test_gradient_matches_finite_differences():
-    refinement, rng = make_refinement(), np.random.default_rng(1)
-    wanted = rng.normal(size=(24, 3, 4))
+def test_what_all_frames_ask_for_is_the_gauges_and_stays():
+    refinement, wanted = make_refinement(), np.zeros((FRAMES, FREE))
+    wanted[:, 3 * 16 + 1] = 0.05
+    before = axis_angle_to_matrix(refinement.motion().joint_angles)
+    refinement.move(asking_for(wanted))
+    after = axis_angle_to_matrix(refinement.motion().joint_angles)
+    assert np.abs(after - before).max() < 5e-3
 
-    def loss() -> float:
-        angles, root = refinement._pose(1)
-        moved = refinement._skeleton.skinning_transforms(angles, root)
-        return float((wanted * moved[:, :3]).sum())
 
-    gradient = refinement._gradient(1, wanted)
-    step = 1e-6
-    for row in (0, 1, 4, 9, 16, 20, 24):  # the last row is the root's shift
-        for axis in range(3):
-            refinement._correction[1, row, axis] = step
-            up = loss()
-            refinement._correction[1, row, axis] = -step
-            down = loss()
-            refinement._correction[1, row, axis] = 0.0
-            np.testing.assert_allclose(gradient[row, axis], (up - down) / (2 * step), atol=1e-4)
+def test_longer_bones_reach_the_skeleton():
+    refinement = make_refinement()
+    equations = asking_for(np.zeros((FRAMES, FREE)))
+    femur = FREE + 2
+    equations.matrices[:, femur, femur] = 1e6
+    equations.vectors[:, femur] = 0.02 * 1e6
+    before = refinement.skeleton.rest_joints
+    refinement.move(equations)
+    longer = refinement.skeleton.rest_joints - before
+    # the shin's and the foot's joints follow the knee; nothing else moves
+    np.testing.assert_allclose(longer[4], 0.0202 * (before[4] - before[1]), rtol=0.1)
+    np.testing.assert_allclose(longer[[7, 10]], longer[[4, 4]], atol=1e-12)
+    np.testing.assert_allclose(longer[[0, 1, 2, 3, 9]], 0.0, atol=1e-12)
 
 
 def test_exact_poses_stay():
     sequence = make_sequence(exact=True)
-    refinement = PoseRefinement(sequence, SplatSettings())
-    refinement.step(0, np.ones((24, 3, 4), np.float32), 0.5, 1.0)
+    refinement = PoseRefinement(sequence)
+    assert not refinement.active
     assert refinement.motion() is sequence.motion
 
 
 def test_state_is_restored():
     refinement = make_refinement()
-    before = refinement.state()
-    refinement.step(1, np.ones((24, 3, 4), np.float32), 0.5, 1.0)
-    moved = refinement.transforms(1)
+    before, stood = refinement.state(), refinement.transforms(1).copy()
+    refinement.move(asking_for(0.05 * np.random.default_rng(0).normal(size=(FRAMES, FREE))))
+    assert np.abs(stood - refinement.transforms(1)).max() > 1e-3
     refinement.restore(before)
-    assert np.abs(moved - refinement.transforms(1)).max() > 1e-4
+    np.testing.assert_array_equal(stood, refinement.transforms(1))

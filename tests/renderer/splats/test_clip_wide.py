@@ -1,0 +1,93 @@
+"""The step is the one that the energy's derivatives ask for; trust is read off the clip."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.photometry import FREE, SHARED
+from renderer.splats import clip_wide
+from renderer.splats.clip_wide import ClipEquations, ClipState, solve
+from scene.rotations import axis_angle_to_matrix
+from scene.temporal import Accelerations
+
+FRAMES, SIZE = 5, FREE + SHARED
+
+
+def random_clip(strength: float = 1.0) -> tuple[ClipEquations, ClipState, Accelerations]:
+    rng = np.random.default_rng(0)
+    half = strength * rng.normal(size=(FRAMES, SIZE, 40))
+    state = ClipState(
+        0.02 * rng.normal(size=(FRAMES, FREE)),
+        0.01 * rng.normal(size=SHARED),
+        rng.normal(size=(FRAMES, FREE)),
+        axis_angle_to_matrix(rng.normal(size=(FRAMES, 3))),
+        np.array([0.1, 0.05]),
+    )
+    equations = ClipEquations(
+        half @ np.swapaxes(half, 1, 2), 0.3 * rng.normal(size=(FRAMES, SIZE)), 0.05
+    )
+    return equations, state, Accelerations.of(np.arange(FRAMES) / 10.0)
+
+
+def test_the_matrix_is_the_second_derivative_of_the_priors_and_pixels():
+    equations, state, operator = random_clip()
+    system = clip_wide._System(equations, state, operator)
+    trust = 1.0 / (clip_wide._ALIKE_PX * equations.difference + 1e-9)
+    robust = system._steady
+
+    def energy(d: np.ndarray, s: np.ndarray) -> float:
+        """Half the squares over variances, as the module tells them."""
+        world = np.concatenate(
+            [d[:, :-3], np.einsum("fij,fj->fi", state.facing, d[:, -3:])], axis=1
+        )
+        pixels = np.concatenate([world, np.tile(s, (FRAMES, 1))], axis=1)
+        total = trust * (
+            np.einsum("fi,fij,fj", pixels, equations.matrices, pixels)
+            - 2.0 * (equations.vectors * pixels).sum()
+        )
+        gone = state.correction + d
+        total += (gone[:, :-3] ** 2).sum() / state.spreads[0] ** 2
+        total += (gone[:, -3:] ** 2).sum() / state.spreads[1] ** 2
+        mean = gone.mean(axis=0)
+        shift = np.einsum("fij,fj->fi", state.facing, gone[:, -3:]).mean(axis=0)
+        total += ((mean**2).sum() + (shift**2).sum()) / clip_wide._GAUGE**2
+        total += (robust * (state.accelerations + operator(d)) ** 2).sum()
+        total += FRAMES * ((state.shared + s) ** 2).sum() / clip_wide._SHARED**2
+        return 0.5 * total
+
+    rng = np.random.default_rng(1)
+    d, s = 0.1 * rng.normal(size=(FRAMES, FREE)), 0.1 * rng.normal(size=SHARED)
+    moved, shared = system.apply(d, s)
+    gradient, by_shared = moved - system.right, shared - system.right_shared
+    for _ in range(8):
+        along, along_shared = rng.normal(size=d.shape), rng.normal(size=SHARED)
+        up = energy(d + 1e-4 * along, s + 1e-4 * along_shared)
+        down = energy(d - 1e-4 * along, s - 1e-4 * along_shared)
+        expected = (gradient * along).sum() + by_shared @ along_shared
+        np.testing.assert_allclose((up - down) / 2e-4, expected, rtol=1e-6)
+
+
+def test_the_step_solves_the_system():
+    equations, state, operator = random_clip()
+    system = clip_wide._System(equations, state, operator)
+    d, s = clip_wide._conjugate_gradients(system)
+    moved, shared = system.apply(d, s)
+    left = np.abs(system.right - moved).max()
+    assert left < 0.05 * np.abs(system.right).max()
+    assert np.abs(system.right_shared - shared).max() < 0.05 * np.abs(system.right_shared).max()
+
+
+def test_corrections_that_pixels_do_not_ask_for_make_the_estimate_trusted():
+    equations, state, operator = random_clip()
+    quiet = ClipState(
+        np.zeros((FRAMES, FREE)), np.zeros(SHARED), np.zeros((FRAMES, FREE)), state.facing,
+        state.spreads,
+    )  # fmt: skip
+    calm = ClipEquations(equations.matrices, 0.0 * equations.vectors, equations.difference)
+    assert (solve(calm, quiet, operator).spreads < 0.1 * state.spreads).all()
+    own = equations.matrices[:, :FREE, :FREE]
+    wanted = 0.2 * np.random.default_rng(2).normal(size=(FRAMES, FREE))
+    loud = np.zeros((FRAMES, SIZE))
+    loud[:, :FREE] = np.einsum("fij,fj->fi", own, wanted)
+    asked = ClipEquations(equations.matrices, loud, equations.difference)
+    assert (solve(asked, quiet, operator).spreads[0]) > 0.1
