@@ -95,7 +95,7 @@ def _frontier(figures: dict[str, Any], points: list[dict[str, Any]]) -> Figure:
         axes.set(xscale="log", xlabel=f"ms a frame at {size} x {size}, p50", title=f"{size} px")
         axes.margins(x=0.18, y=0.18)
         axes.grid(alpha=0.25, which="major")
-        _label(axes, [(xy, _words(p, size)) for p, xy in zip(shown, places, strict=True)])
+        _label(chart, axes, [(xy, _words(p, size)) for p, xy in zip(shown, places, strict=True)])
         axes.annotate(
             " 30 frames/s", (1000.0 / 30.0, 0.0), xycoords=("data", "axes fraction"), fontsize=7,
             va="bottom", color="#888888",
@@ -117,11 +117,10 @@ def _words(point: dict[str, Any], size: str) -> str:
     )
 
 
-def _label(axes: Axes, labels: list[tuple[tuple[float, float], str]]) -> None:
+def _label(chart: Figure, axes: Axes, labels: list[tuple[tuple[float, float], str]]) -> None:
     """Words beside their points, each at the first place where they cover nothing."""
-    figure = axes.figure
-    figure.draw_without_rendering()
-    renderer = figure.canvas.get_renderer()  # pyright: ignore[reportAttributeAccessIssue]
+    chart.draw_without_rendering()
+    renderer = chart.canvas.get_renderer()  # pyright: ignore[reportAttributeAccessIssue]
     radius = 6.0
     taken = []
     for (x, y), _ in labels:

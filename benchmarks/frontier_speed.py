@@ -36,7 +36,7 @@ STEPS = tuple("+".join((base, *names))
 _FIT_STEPS = 400
 _FRAMES = 20
 """Frames of a measurement, where time allows."""
-_PATIENCE_S = 40.0
+_PATIENCE_S = 20.0
 """About how long one size of one preset is timed."""
 _LEAST_PX, _LEAST_FRAMES = 64, 3
 _COMPARED_PX = 128
@@ -75,25 +75,31 @@ def timed_steps(clip: Sequence, name: str, clock: Clock, fields: dict[str, Any])
 
 def timed(clip: Sequence, draw: Draw, clock: Clock) -> dict[str, Any]:
     """{"512": {p50_ms, p95_ms, frames, measured_px}, ...} over the clip's unseen views."""
-    return {str(size): _timed_at(clip, draw, clock, size) for size in SIZES}
+    _seconds(clip, draw, clock, _LEAST_PX, 1)  # warms up
+    least_s = _seconds(clip, draw, clock, _LEAST_PX, 1)[0]
+    taken: dict[int, list[float]] = {}
+    rows = {}
+    for size in SIZES:
+        px = size
+        while px > _LEAST_PX and _LEAST_FRAMES * _expected_s(least_s, px) > _PATIENCE_S:
+            px //= 2
+        if px not in taken:  # two sizes may be estimated from the same one
+            most = _PATIENCE_S / max(_expected_s(least_s, px), 1e-4)
+            frames = int(np.clip(most, _LEAST_FRAMES, _FRAMES))
+            taken[px] = _seconds(clip, draw, clock, px, frames)
+        scaled = [(size / px) ** 2 * second for second in taken[px]]
+        rows[str(size)] = {**milliseconds(scaled), "frames": len(scaled), "measured_px": px}
+    return rows
+
+
+def _expected_s(least_s: float, px: int) -> float:
+    return least_s * (px / _LEAST_PX) ** 2
 
 
 def weights_of(name: str) -> dict[str, Any]:
     """Parameters and megabytes of a preset."""
     about = described(find_preset(name))
     return {"parameters": sum(about["parameters"].values()), "megabytes": about["megabytes"]}
-
-
-def _timed_at(clip: Sequence, draw: Draw, clock: Clock, size: int) -> dict[str, Any]:
-    px = size
-    first_s = _seconds(clip, draw, clock, _LEAST_PX, 2)[-1]
-    while px > _LEAST_PX and first_s * (px / _LEAST_PX) ** 2 * (_LEAST_FRAMES + 1) > _PATIENCE_S:
-        px //= 2
-    expected_s = max(first_s * (px / _LEAST_PX) ** 2, 1e-4)
-    frames = int(np.clip(_PATIENCE_S / expected_s, _LEAST_FRAMES, _FRAMES))
-    seconds = _seconds(clip, draw, clock, px, frames + 1)[1:]  # the first one warms up
-    scaled = [(size / px) ** 2 * second for second in seconds]
-    return {**milliseconds(scaled), "frames": frames, "measured_px": px}
 
 
 def _seconds(clip: Sequence, draw: Draw, clock: Clock, px: int, frames: int) -> list[float]:
