@@ -53,6 +53,7 @@ def train(
     First the poses are drawn over a few frames, in a .poses.png beside the model; a clip whose
     joints miss the person is refused.
     """
+    from capture.pose_check import require_poses_on_mask
     from capture.readers import open_folder
     from renderer.checkpoint import save_model
     from renderer.presets import find_preset, trains_on_patches
@@ -61,6 +62,8 @@ def train(
 
     require_writable(out)
     clip = open_folder(sequence)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    require_poses_on_mask(clip, out.with_suffix(".poses.png"))
     if trains_on_patches(find_preset(preset)):
         lpips_backbone = _backbone(lpips_backbone)
     checkpoint = out.with_suffix(".checkpoint")
