@@ -29,7 +29,7 @@ _SPREADS = (1e-3, 0.3)
 _SHARED = 0.005
 """Deviation of the logarithms of what the clip shares, in each frame: splats err alike in all of
 them, so that many frames know no more of a bone's length than one."""
-_GAUGE = 1e-3
+_GAUGE = 3e-5
 """Deviation of the clip's mean correction, rad and m."""
 _ALIKE_PX = 4.0
 """Neighbouring pixels that are wrong alike: so many count as one."""
