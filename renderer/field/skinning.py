@@ -136,7 +136,7 @@ def reached_skinning(
     turned = rotation.permute(1, 0, 2).reshape(3, -1)
     shifted = torch.einsum("kj,kji->ki", offset, rotation).reshape(-1)
     near = torch.addmm(-shifted, points, turned).view(-1, 3)
-    candidates = near.view(len(points), -1, 3)
+    candidates = near.view(len(points), len(transforms), 3)
     inside = ((candidates >= low) & (candidates <= high)).all(dim=2)
     point, joint = torch.nonzero(inside, as_tuple=True)
     near = near[point * len(transforms) + joint]

@@ -11,6 +11,7 @@ from renderer.field.skinning import (
     WeightVolume,
     blended_inverse,
     inverse_skinning,
+    reached_skinning,
     rotations,
     skinning_transforms,
 )
@@ -125,3 +126,10 @@ def test_known_weights_invert_to_rounding():
 def test_places_without_weight_stay():
     points = _points(3)
     assert torch.equal(blended_inverse(points, _transforms(), torch.zeros(3, 24).double()), points)
+
+
+def test_rays_that_meet_nothing_ask_nothing(smooth):
+    boxes = smooth[1].expand(24, 3), smooth[2].expand(24, 3)
+    points = torch.zeros(0, 3).double()
+    found, likelihood = reached_skinning(points, _transforms(), WeightVolume.of(*smooth), boxes)
+    assert (found.shape, likelihood.shape) == ((0, 3), (0,))
