@@ -36,7 +36,7 @@ from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
 from capture.lifter import Lifted, Lifter
 from scene.arrays import Array, Float, Tensor
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.skeleton import JOINT_NAMES
+from scene.skeleton import JOINT_COUNT, JOINT_NAMES
 
 USUAL_FOCAL = 0.87
 """Focal length of phones and webcams, in longest sides of the picture (60 degrees)."""
@@ -44,6 +44,9 @@ _FOCAL_DEVIATION = 0.12
 """Of the logarithm of the focal length."""
 _SHAPE_DEVIATION = (0.06, 0.2, 0.2, 0.2, 0.2)
 """Of height (in 1.03 m), weight, gender, muscle, proportions."""
+_HABIT_RAD, _HABIT_WEIGHT = 0.25, 0.05
+"""How far somebody's way of holding a joint lies from what the network takes for usual; the weight
+is once a clip, beside the frames' mean energy."""
 _SHAPE_WEIGHT = 0.1
 """Of the shape's prior, once a clip, beside the frames' mean energy."""
 _PLANTED_M_S = 0.2
@@ -61,7 +64,7 @@ _EDGE_DEVIATION = 0.008
 """Of a silhouette, in the same."""
 _OUTLIER = 3.0
 """Deviations from which a landmark has no say, once the outline has one."""
-_LIFTED_WEIGHT, _WORLD_WEIGHT, _PRIOR_WEIGHT = 2.0, 0.2, 0.1
+_LIFTED_WEIGHT, _WORLD_WEIGHT, _PRIOR_WEIGHT = 3.0, 0.2, 0.1
 """Of the network's poses, the 3D landmarks and the prior, beside the seen landmarks' sum."""
 _EDGE_WEIGHT = 6.0
 """Of the outline's mean energy, beside the landmarks' sum."""
@@ -151,6 +154,7 @@ class Problem:
         self.shape = torch.zeros(self.model.shape_count, requires_grad=True)
         self.log_focal = torch.zeros((), requires_grad=True)
         self.log_scale = torch.zeros((), requires_grad=True)
+        self.habits = torch.zeros(JOINT_COUNT, 3, requires_grad=True)
         self.offsets = torch.zeros(len(LANDMARK_NAMES), 3, requires_grad=True)
 
     def rotations(self) -> Tensor:
@@ -209,9 +213,14 @@ class Problem:
         return total
 
     def _lifted_energy(self) -> Tensor:
-        """Away from the poses that the network believes, in its own usual errors [F]."""
+        """Away from the poses that the network believes, in its own usual errors [F].
+
+        Frame by frame it draws everybody towards the usual; how somebody holds their head all
+        along shows in the whole clip only, so the same turn in all frames costs next to nothing.
+        """
         # |R - S|^2 = 8 sin^2(angle / 2), twice the squared angle where that is small
-        off = 0.5 * (self.rotations() - self.lifted_turns).square().sum((-1, -2))
+        believed = self.lifted_turns @ rotation_matrices(self.habits)
+        off = 0.5 * (self.rotations() - believed).square().sum((-1, -2))
         return (robust(off / self.lifted_spread.square()) * (1.0 - self.hidden)).sum(1)
 
     def _feet_slide(self, placed: Tensor) -> Tensor:
@@ -234,7 +243,8 @@ class Problem:
         shape = (self.shape / torch.tensor(_SHAPE_DEVIATION)).square().sum()
         offsets = (self.offsets / _OFFSET_DEVIATION_M).square().sum()
         return (
-            _SHAPE_WEIGHT * shape
+            _HABIT_WEIGHT * (self.habits / _HABIT_RAD).square().sum()
+            + _SHAPE_WEIGHT * shape
             + 0.1 * offsets
             + 0.5 * (self.log_focal / _FOCAL_DEVIATION).square()
         )
