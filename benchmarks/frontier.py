@@ -7,6 +7,7 @@ with the same weights.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,10 @@ def run(
     if json_file is not None:
         draw_charts(figures, points(figures), json_file)
     if page_file is not None:
-        replace_between(page_file, "frontier", page(figures, points(figures)))
+        charts = None
+        if json_file is not None:
+            charts = os.path.relpath(json_file.with_suffix(""), page_file.parent)
+        replace_between(page_file, "frontier", page(figures, points(figures), charts))
 
 
 def _sequence(state: Path) -> Sequence:

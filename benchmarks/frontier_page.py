@@ -10,9 +10,18 @@ from benchmarks.pages import markdown_table
 from benchmarks.pareto import pareto_front
 from renderer.presets import EXACT
 
+_CHARTS = (
+    ("", "Milliseconds a frame against PSNR of unseen views"),
+    ("-training", "PSNR of unseen views against training time"),
+    ("-steps", "What each speed-up is worth"),
+)
 
-def page(figures: dict[str, Any], points: list[dict[str, Any]]) -> str:
-    """All tables, each under what it was measured with."""
+
+def page(figures: dict[str, Any], points: list[dict[str, Any]], charts: str | None) -> str:
+    """All charts and tables, under what they were measured with.
+
+    `charts`: address of the drawn charts as the page sees it, without `.png`; None: not drawn.
+    """
     lpips = next((row["conditions"]["lpips"] for row in figures["accuracy"]), None)
     backbone = "not measured" if lpips is None else f"x1000, {lpips['backbone']} backbone"
     counted_as = "seconds of one thread's own time" if figures["clock"] == "processor" else (
@@ -20,6 +29,7 @@ def page(figures: dict[str, Any], points: list[dict[str, Any]]) -> str:
     parts = [
         f"Times: {counted_as}. PSNR, SSIM and LPIPS ({backbone}, inputs in [-1, 1]): body crop, "
         "black background, 256 x 256, unseen views / unseen poses.",
+        *(f"![{words}]({charts}{part}.png)" for part, words in _CHARTS if charts is not None),
         "### The frontier",
         _frontier(points),
         "`*` estimated: a smaller frame was timed and its time multiplied with the ratio of the "

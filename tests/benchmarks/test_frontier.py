@@ -75,7 +75,9 @@ def test_a_point_joins_the_longest_budget_with_the_time_of_its_preset():
 
 
 def test_the_page_marks_what_is_scaled_estimated_and_on_the_front():
-    text = page(figures(), points(figures()))
+    text = page(figures(), points(figures()), "figures/frontier")
+    assert "](figures/frontier-steps.png)" in text
+    assert ".png" not in page(figures(), points(figures()), None)
     assert (
         "| **splats** | 6.0 (7.2) | 6.0 (7.2) | 33.0 / 33.0 | 0.900 / 0.900 | 12.3 / 12.3 |" in text
     )
