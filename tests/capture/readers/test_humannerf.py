@@ -172,6 +172,7 @@ def test_what_others_write_otherwise_is_read_the_same(folder, tmp_path, protocol
         (tmp_path / kind).mkdir()
         for file in (folder / kind).iterdir():
             pixels = cv2.imread(str(file))
+            assert pixels is not None
             if kind == "images":
                 cv2.imwrite(str(tmp_path / kind / f"{file.stem}.jpg"), pixels)
             else:
