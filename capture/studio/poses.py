@@ -1,8 +1,8 @@
 """Poses at random: what people do in front of a camera, wider than any recorded motion.
 
 Standing, walking, crouching, kicking, sitting, bending; arms that hang, gesture, reach, or touch
-the body. Each joint's spread is anatomy's; nothing here was taken from recorded motion, so that
-what learns from these poses can be judged by recorded ones.
+the body. No pose was taken from recorded motion, so that what learns from these can be judged by
+it; only how far joints usually turn, some ten numbers, was set after a look at it as a whole.
 """
 
 from __future__ import annotations
