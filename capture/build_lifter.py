@@ -140,10 +140,11 @@ def learn(shard: Shard, epochs: int = _EPOCHS) -> Network:
     network = Network(features.mean(0), features.std(0) + 1e-3)
     adam = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_WEIGHT_DECAY)
     total, step = epochs * (len(features) // _BATCH), 0
+    warm_up = min(_WARM_UP_STEPS, max(total // 4, 1))
     for epoch in range(epochs):
         for chosen in torch.randperm(len(features))[: total // epochs * _BATCH].split(_BATCH):
             fade = 0.5 * (1.0 + np.cos(np.pi * step / total)) + 0.01
-            adam.param_groups[0]["lr"] = _RATE * fade * min(1.0, step / _WARM_UP_STEPS)
+            adam.param_groups[0]["lr"] = _RATE * fade * min(1.0, step / warm_up)
             turns, log_spread = network(features[chosen], closed_form[chosen])
             loss = _loss(turns, log_spread, truth[chosen], rest[chosen])
             adam.zero_grad()

@@ -104,7 +104,7 @@ def test_a_mirror_seen_in_a_mirror_is_the_thing_itself():
 
 def test_what_flattens_people_is_learnt():
     taught, asked = _shard(512, 5, 0.5), _shard(64, 6, 0.5)
-    network = learn(taught, epochs=6)
+    network = learn(taught, epochs=40)
     inputs = inputs_of(
         asked["pixels"], asked["world"], asked["visibility"], asked["focal_px"], np.zeros(2)
     )
