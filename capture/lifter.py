@@ -42,7 +42,7 @@ class Lifted:
     rotations: Float[Array, "F 24 3 3"]
     """Local; joint 0 turns the body in the frame y up, z towards the camera."""
     spread_rad: Float[Array, "F 24"]
-    """Usual error of each joint's rotation, a coordinate."""
+    """Usual angle (root mean square) by which each joint's rotation is off."""
 
 
 @dataclass(frozen=True, eq=False)
