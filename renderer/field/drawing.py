@@ -22,14 +22,13 @@ from renderer.field.marching import (
 )
 from renderer.field.posed import (
     LEAST_LIKELIHOOD,
-    PosedGrid,
     Support,
     direct_canonical,
     occupied_before_residual,
     occupied_cells,
-    posed_grid,
     reached_cells,
 )
+from renderer.field.posed_grid import PosedGrid, posed_grid
 from renderer.field.skinning import WeightVolume
 from scene.arrays import Array, Float, Tensor
 from scene.camera import Camera

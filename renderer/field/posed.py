@@ -1,26 +1,26 @@
 """A body in one pose, ready to be asked "which canonical point is here?".
 
 The paper's way costs 24 look-ups a sample. `reached_cells` says, exactly, where all of them would
-find nothing. A `PosedGrid` caches them once a pose: canonical point and likelihood on a grid over
-the body's box, interpolated, plus one bit a cell that says whether anything is there at all.
+find nothing. `renderer.field.posed_grid` caches them once a pose.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 
 from renderer.field.cells import LiveCells, cells_a_side, dilated
+from renderer.field.depths import Depths
 from renderer.field.field import PersonField
-from renderer.field.lookup import corners, weighted_rows
 from renderer.field.skinning import (
     WeightVolume,
     blended_inverse,
     inverse_skinning,
     reached_skinning,
 )
-from scene.arrays import Bool, Float, Int, Tensor
+from scene.arrays import Bool, Float, Tensor
 
 LEAST_LIKELIHOOD = 1e-3
 """Samples less likely than this belong to nobody: alpha would be below it too."""
@@ -33,9 +33,6 @@ _BOX_MARGIN_M = 0.03
 _RESIDUAL_SAMPLES = 4096
 _RESIDUAL_MARGIN = 1.5
 """How much further the residual may reach between the places where it was asked."""
-_TORN_ROUNDS = 2
-_TORN_STRETCH = 1.5
-"""A cell is torn when its corners' canonical points span this many of its own diagonals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +48,12 @@ class Support:
     """Centres of the canonical cells in which joint k moves anything, m."""
     cell_radius_m: float
     """From a canonical cell's centre to its corners."""
+    volume: WeightVolume
+
+    @cached_property
+    def depths(self) -> Depths:
+        """How deep in the body places lie."""
+        return Depths.of(self.volume)
 
     @classmethod
     def of(cls, volume: WeightVolume) -> Support:
@@ -71,14 +74,14 @@ class Support:
             moved = places[some]
             lows.append(moved.amin(0) - cell if len(moved) else nowhere)
             highs.append(moved.amax(0) + cell if len(moved) else -nowhere)
-            live = _live_cells(some.float().view(volume.shape))
+            live = live_cells(some.float().view(volume.shape))
             centres.append(places[live] + 0.5 * cell)
         body = torch.nonzero(weights.sum(dim=1) > _SUPPORT_LIKELIHOOD)[:, 0]
         picked = body[:: max(1, len(body) // _SUPPORT_POINTS)]
         share = weights[picked] / weights[picked].sum(dim=1, keepdim=True)
         box = torch.stack(lows), torch.stack(highs)
         radius = 0.5 * float(cell.norm())
-        return cls(places[picked], share, *box, tuple(centres), radius)
+        return cls(places[picked], share, *box, tuple(centres), radius, volume)
 
     def bounds(
         self, transforms: Float[Tensor, "K 3 4"]
@@ -140,133 +143,13 @@ def occupied_cells(
     assert there is not None
     filled[asked[likely]] = there.float()
     near = dilated(filled.view(cells.shape))
-    return replace(cells, live=_live_cells(near) & cells.live)
+    return replace(cells, live=live_cells(near) & cells.live)
 
 
-@dataclass(frozen=True, eq=False)
-class PosedGrid(LiveCells):
-    """Canonical point and likelihood over the posed body's box; grid points span corner to
-    corner."""
-
-    rows: Float[Tensor, "G 4"]
-    """Canonical point times likelihood, then likelihood: so that places without a canonical point
-    do not pull their neighbours when rows are interpolated."""
-    torn: Bool[Tensor, "G"]
-    """Whether that cell's corners belong to places far apart in the canonical body, as between an
-    arm and the side it rests on: nothing in between means anything there."""
-    transforms: Float[Tensor, "K 3 4"]
-    volume: WeightVolume
-
-    def canonical(
-        self, points: Float[Tensor, "N 3"]
-    ) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N"]]:
-        """Canonical points and likelihoods, interpolated; in torn cells, solved for anew."""
-        index, weights = corners(self.cell_coordinates(points), self.shape)
-        rows = weighted_rows(self.rows, index, weights)
-        likelihood = rows[:, 3]
-        found = rows[:, :3] / likelihood.clamp(min=1e-6)[:, None]
-        torn = torch.nonzero(self.torn[index[:, 0]])[:, 0]
-        if len(torn):
-            found[torn] = self._solved(points[torn], index[torn], weights[torn])
-        return found, likelihood
-
-    def _solved(self, points: Tensor, index: Tensor, weights: Tensor) -> Float[Tensor, "N 3"]:
-        """From the canonical point of the nearest corner that has one, by fixed-point rounds."""
-        near = self.rows[index]
-        best = (weights * (near[..., 3] > LEAST_LIKELIHOOD)).argmax(dim=1)
-        start = near[torch.arange(len(near), device=near.device), best]
-        found = start[:, :3] / start[:, 3:].clamp(min=1e-6)
-        for _ in range(_TORN_ROUNDS):
-            found = blended_inverse(points, self.transforms, self.volume.at(found))
-        return found
-
-
-@torch.no_grad()
-def posed_grid(
-    field: PersonField,
-    volume: WeightVolume,
-    support: Support,
-    transforms: Float[Tensor, "K 3 4"],
-) -> PosedGrid:
-    """The grid of one pose. Each joint is asked only about the part of the grid it can reach."""
-    side = field.sizes.posed_grid
-    low, high = support.bounds(transforms)
-    device = low.device
-    axes = [torch.linspace(float(low[a]), float(high[a]), side, device=device) for a in range(3)]
-    total = torch.zeros(side, side, side, device=device)
-    moved = torch.zeros(side, side, side, 3, device=device)
-    for joint in range(len(transforms)):
-        window = _reached(support, joint, transforms[joint], axes)
-        if window is None:
-            continue
-        z, y, x = torch.meshgrid(*(axes[a][window[2 - a]] for a in (2, 1, 0)), indexing="ij")
-        points = torch.stack([x, y, z], dim=-1).view(-1, 3)
-        rotation, offset = transforms[joint, :, :3], transforms[joint, :, 3]
-        near = (points - offset) @ rotation
-        inside = torch.nonzero(
-            ((near >= support.bone_low[joint]) & (near <= support.bone_high[joint])).all(dim=1)
-        )[:, 0]
-        near = near[inside]
-        weight = volume.of_joint(joint, near)
-        flat = torch.zeros(len(points), 4, device=device)
-        flat[inside] = torch.cat([weight[:, None] * near, weight[:, None]], dim=1)
-        block = flat.view(*x.shape, 4)
-        moved[window] += block[..., :3]
-        total[window] += block[..., 3]
-    likelihood = total.view(-1).clamp(max=1.0)
-    canonical = moved.view(-1, 3) / total.view(-1, 1).clamp(min=1e-4)
-    some = torch.nonzero(likelihood > LEAST_LIKELIHOOD)[:, 0]
-    z, y, x = some // (side * side), some // side % side, some % side
-    world = torch.stack([axes[0][x], axes[1][y], axes[2][z]], dim=1)
-    found = canonical[some]
-    for _ in range(field.sizes.inverse_rounds):
-        found = blended_inverse(world, transforms, volume.at(found))
-    rows = torch.zeros(side**3, 4, device=device)
-    rows[some] = torch.cat([found, torch.ones_like(found[:, :1])], dim=1) * likelihood[some, None]
-    alive = torch.zeros(side**3, device=device)
-    alive[some] = field.canonical.may_hold(found).float()
-    live = _live_cells(alive.view(side, side, side))
-    stretch = _TORN_STRETCH * float((high - low).norm()) / (side - 1)
-    torn = _torn_cells(some, found, side, stretch)
-    return PosedGrid(low, high, (side, side, side), live, rows, torn & live, transforms, volume)
-
-
-def _reached(
-    support: Support, joint: int, transform: Float[Tensor, "3 4"], axes: list[Tensor]
-) -> tuple[slice, slice, slice] | None:
-    """The block of the grid (z, y, x) that the joint's canonical box can fall on."""
-    low, high = support.bone_low[joint], support.bone_high[joint]
-    if bool((low > high).any()):
-        return None
-    half, middle = 0.5 * (high - low), 0.5 * (high + low)
-    centre = transform[:, :3] @ middle + transform[:, 3]
-    reach = transform[:, :3].abs() @ half
-    spans = []
-    for axis in (2, 1, 0):
-        ticks = axes[axis]
-        start = int(torch.searchsorted(ticks, centre[axis] - reach[axis]))
-        stop = int(torch.searchsorted(ticks, centre[axis] + reach[axis], right=True))
-        if stop <= start:
-            return None
-        spans.append(slice(start, stop))
-    return spans[0], spans[1], spans[2]
-
-
-def _live_cells(alive: Float[Tensor, "D H W"]) -> Bool[Tensor, "G"]:
+def live_cells(alive: Float[Tensor, "D H W"]) -> Bool[Tensor, "G"]:
     """Cells with any corner alive, at the index of their low corner."""
     padded = torch.nn.functional.pad(alive[None, None], (0, 1) * 3)
     return (torch.nn.functional.max_pool3d(padded, 2, stride=1) > 0.0).view(-1)
-
-
-def _torn_cells(
-    some: Int[Tensor, "P"], found: Float[Tensor, "P 3"], side: int, stretch_m: float
-) -> Bool[Tensor, "G"]:
-    """Cells whose corners' canonical points `found` (at grid points `some`) span too much."""
-    reach = torch.full((6, side**3), -1e3, device=found.device)
-    reach[:, some] = torch.cat([found, -found], dim=1).T
-    padded = torch.nn.functional.pad(reach.view(1, 6, side, side, side), (0, 1) * 3, value=-1e3)
-    most = torch.nn.functional.max_pool3d(padded, 2, stride=1).view(6, -1)
-    return (most[:3] + most[3:]).amax(dim=0) > stretch_m
 
 
 def direct_canonical(

@@ -156,9 +156,7 @@ def blended_inverse(
     One fixed-point round of x = sum_k w_k(p) M_k p, solved for p with the weights of the last p.
     Differentiable in points and transforms. Places without weight stay where they are.
     """
-    total = weights.sum(dim=1, keepdim=True)
-    share = weights / total.clamp(min=_LEAST_WEIGHT)
-    blend = (share @ transforms.reshape(len(transforms), 12)).view(-1, 3, 4)
+    blend = _blend(transforms, weights)
     a, b, c = blend[:, :, 0], blend[:, :, 1], blend[:, :, 2]
     # rows of the inverse of [a b c] by cross products; its determinant is near 1 but where bones
     # fold onto each other
@@ -173,4 +171,22 @@ def blended_inverse(
         ],
         dim=1,
     )
-    return torch.where(total > _LEAST_WEIGHT, solved / safe, points)
+    some = weights.sum(dim=1, keepdim=True) > _LEAST_WEIGHT
+    return torch.where(some, solved / safe, points)
+
+
+def blended(
+    canonical: Float[Tensor, "N 3"],
+    transforms: Float[Tensor, "K 3 4"],
+    weights: Float[Tensor, "N K"],
+) -> Float[Tensor, "N 3"]:
+    """sum_k w_k M_k p: linear blend skinning, with weights brought to a sum of one."""
+    blend = _blend(transforms, weights)
+    return (blend[:, :, :3] @ canonical[:, :, None])[..., 0] + blend[:, :, 3]
+
+
+def _blend(
+    transforms: Float[Tensor, "K 3 4"], weights: Float[Tensor, "N K"]
+) -> Float[Tensor, "N 3 4"]:
+    share = weights / weights.sum(dim=1, keepdim=True).clamp(min=_LEAST_WEIGHT)
+    return (share @ transforms.reshape(len(transforms), 12)).view(-1, 3, 4)

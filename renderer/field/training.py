@@ -23,7 +23,8 @@ from renderer.field.marching import (
     steps_of,
 )
 from renderer.field.model import FieldModel
-from renderer.field.posed import LEAST_LIKELIHOOD, PosedGrid, Support, direct_canonical
+from renderer.field.posed import LEAST_LIKELIHOOD, Support, direct_canonical
+from renderer.field.posed_grid import PosedGrid
 from renderer.field.pruning import occupied_cells, prune_grid
 from renderer.field.settings import FieldSettings
 from renderer.field.skinning import WeightVolume, blended_inverse

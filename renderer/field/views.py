@@ -10,7 +10,8 @@ from renderer.errors import TrainingError
 from renderer.field.cells import LiveCells
 from renderer.field.field import PersonField
 from renderer.field.marching import box_span, march, steps_of
-from renderer.field.posed import Support, posed_grid, reached_cells
+from renderer.field.posed import Support, reached_cells
+from renderer.field.posed_grid import posed_grid
 from renderer.field.skinning import WeightVolume
 from renderer.metrics import over_black
 from scene.arrays import Array, Float, Int, Tensor

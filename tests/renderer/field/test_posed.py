@@ -10,7 +10,8 @@ import torch
 
 from renderer.field.drawing import FieldRenderer
 from renderer.field.field import PersonField
-from renderer.field.posed import direct_canonical, posed_grid
+from renderer.field.posed import direct_canonical
+from renderer.field.posed_grid import posed_grid
 from renderer.metrics import psnr
 from tests.renderer.field.performer import TINY, body, pose, view
 
