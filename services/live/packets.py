@@ -4,6 +4,9 @@ Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time
 Flags of a view, bit 0: show only what was filmed of a person. Unknown bits are left alone.
 View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
 f32 vertical field of view (rad), u16 width, u16 height (px).
+Keypoints, 367 bytes: u16 width, u16 height (px of the picture), then of MediaPipe's 33 landmarks
+i16 xy (1/8192 of the picture's sides), i16 xyz (1/8192 m, as `capture.landmarks.Landmarks.world`)
+and u8 visibility (1/255).
 
 Channels are unordered and unreliable, so the newest sequence wins and late packets are dropped;
 sequences wrap and are compared as serial numbers (RFC 1982).
@@ -18,6 +21,7 @@ from enum import IntEnum
 
 import numpy as np
 
+from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.rotations import quaternion_to_matrix
@@ -26,6 +30,15 @@ VERSION = 1
 _HEADER = struct.Struct("<BBHId")
 _VIEW = struct.Struct("<3f4ffHH")
 VIEW_BYTES = _HEADER.size + _VIEW.size
+_SIZE = struct.Struct("<HH")
+LANDMARK_COUNT = 33
+_KEYPOINTS = np.dtype(
+    [("xy", "<i2", (LANDMARK_COUNT, 2)), ("world", "<i2", (LANDMARK_COUNT, 3)),
+     ("visibility", "u1", LANDMARK_COUNT)]
+)  # fmt: skip
+KEYPOINTS_BYTES = _HEADER.size + _SIZE.size + _KEYPOINTS.itemsize
+_KEYPOINT_STEPS = 8192
+"""To a metre, or to a side of the picture: a range of four either way."""
 _HALF_RANGE = 1 << 31
 _HIDE_UNSEEN = 1
 
@@ -40,6 +53,23 @@ class Kind(IntEnum):
 
 class PacketError(SceneError):
     """Bytes that are not a packet of ours."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeypointsPacket:
+    """What a webcam shows of one person: landmarks, and no picture."""
+
+    sequence: int
+    capture_time_ms: float
+    width: int
+    height: int
+    """px, of the picture."""
+    xy: Float[Array, "33 2"]
+    """Where each landmark is seen, as shares of width and height; outside 0 to 1 it is guessed."""
+    world: Float[Array, "33 3"]
+    """m, origin between the hips, axes of the camera: x right, y down, z away from it."""
+    visibility: Float[Array, "33"]
+    """0 (hidden or outside) to 1 (seen)."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +128,42 @@ def decode_view(data: bytes) -> ViewPacket:
     return ViewPacket(
         sequence, capture_time_ms, (x, y, z), tuple(wxyz), fov_y_rad, width, height,
         bool(flags & _HIDE_UNSEEN),
+    )  # fmt: skip
+
+
+def encode_keypoints(packet: KeypointsPacket) -> bytes:
+    """The bytes of `packet`; what is out of range is moved to the range's end."""
+    header = _HEADER.pack(VERSION, Kind.KEYPOINTS, 0, packet.sequence, packet.capture_time_ms)
+    payload = np.zeros((), _KEYPOINTS)
+    for name, values in (("xy", packet.xy), ("world", packet.world)):
+        payload[name] = np.clip(np.rint(values * _KEYPOINT_STEPS), -32768, 32767)
+    payload["visibility"] = np.rint(255.0 * np.clip(packet.visibility, 0.0, 1.0))
+    return header + _SIZE.pack(packet.width, packet.height) + payload.tobytes()
+
+
+def decode_keypoints(data: bytes) -> KeypointsPacket:
+    """Read a keypoints packet. Raises PacketError with the rule that `data` breaks."""
+    if len(data) != KEYPOINTS_BYTES:
+        raise PacketError(
+            f"a keypoints packet must be {KEYPOINTS_BYTES} bytes long; got {len(data)}"
+        )
+    version, kind, _, sequence, capture_time_ms = _HEADER.unpack_from(data)
+    if version != VERSION or kind != Kind.KEYPOINTS:
+        raise PacketError(
+            f"a keypoints packet must be version {VERSION}, kind {int(Kind.KEYPOINTS)}; "
+            f"got version {version}, kind {kind}"
+        )
+    width, height = _SIZE.unpack_from(data, _HEADER.size)
+    if not math.isfinite(capture_time_ms) or not (width and height):
+        raise PacketError(
+            "a keypoints packet must have a finite capture time and a picture of some size; "
+            f"got {capture_time_ms}, {width} x {height}"
+        )
+    payload = np.frombuffer(data, _KEYPOINTS, 1, _HEADER.size + _SIZE.size)[0]
+    return KeypointsPacket(
+        sequence, capture_time_ms, width, height,
+        payload["xy"] / _KEYPOINT_STEPS, payload["world"] / _KEYPOINT_STEPS,
+        payload["visibility"] / 255.0,
     )  # fmt: skip
 
 
