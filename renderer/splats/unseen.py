@@ -69,7 +69,7 @@ def filmed_only(model: PersonModel) -> PersonModel:
         parameters = model.parameters.copy()
         # the far side, which closed what gaps there are between splats, is gone
         parameters[:, LOG_SCALE : LOG_SCALE + 3] += _WIDER
-        parameters[:, OPACITY] = _faded(parameters[:, OPACITY], _presence(model))
+        parameters[:, OPACITY] = _faded(parameters[:, OPACITY], presence(model))
         _FILMED_ONLY[model] = replace(model, parameters=parameters)
     return _FILMED_ONLY[model]
 
@@ -77,16 +77,16 @@ def filmed_only(model: PersonModel) -> PersonModel:
 _FILMED_ONLY: WeakKeyDictionary[SplatModel, SplatModel] = WeakKeyDictionary()
 
 
-def _presence(model: SplatModel) -> Float[Array, "N"]:
+def presence(model: SplatModel) -> Float[Array, "N"]:
     """1 where the person was filmed, falling smoothly to 0 where they were not."""
     rest = model.parameters[:, POSITION : POSITION + 3]
-    presence = np.where(model.seen, 1.0, 0.0)
+    present = np.where(model.seen, 1.0, 0.0)
     if model.seen.any():
         missing = np.flatnonzero(~model.seen)
         distance, _ = _nearest(rest[missing], rest[model.seen])
         near = np.clip((_GONE_M - distance) / (_GONE_M - _KEPT_M), 0.0, 1.0)
-        presence[missing] = near**2 * (3.0 - 2.0 * near)
-    return presence
+        present[missing] = near**2 * (3.0 - 2.0 * near)
+    return present
 
 
 def _faded(logits: Float[Array, "N"], presence: Float[Array, "N"]) -> Float[Array, "N"]:

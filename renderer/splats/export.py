@@ -1,0 +1,86 @@
+"""The file from which a viewer's own device draws a person: 26 bytes a splat, little endian.
+
+Layout, also in docs/splats.md:
+
+    char[4] "MNSP", u16 version (1), u16 joints K, u32 splats N
+    f32[3] lowest and f32[3] highest position (m), f32 lowest and f32 highest log scale (log m)
+    f32[K 3] joints at rest (m), i16[K] parents (-1: none)
+    N records: u16[3] position, u8[3] log scale, u8 presence, u32 rotation, u8[3] colour,
+               u8 opacity, u8[4] joints, u8[4] blend weights
+
+Positions and log scales run linearly from lowest to highest; colour (sRGB), opacity and presence
+from 0 to 1; weights sum to 255; the rotation is packed by `scene.smallest_three` in 10 bits a
+component. Presence says how much of a splat was filmed (`renderer.splats.unseen`). Records come in
+order of importance: the first n alone are a model, once their scales are multiplied by (N / n)^1/4.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from renderer.splats.export_order import importance_order
+from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION, ROTATION
+from renderer.splats.model import SplatModel
+from renderer.splats.unseen import presence
+from scene.arrays import Array, Float, UInt8
+from scene.smallest_three import pack_quaternions
+
+MAGIC, VERSION = b"MNSP", 1
+ROTATION_BITS = 10
+HEAD = struct.Struct("<4sHHI8f")
+RECORD = np.dtype(
+    [("position", "<u2", 3), ("log_scale", "u1", 3), ("presence", "u1"), ("rotation", "<u4"),
+     ("colour", "u1", 3), ("opacity", "u1"), ("joints", "u1", 4), ("weights", "u1", 4)]
+)  # fmt: skip
+
+
+def write_viewer_file(model: SplatModel, path: Path) -> None:
+    """Write `model` to `path`, whole or not at all."""
+    part = path.with_name(path.name + ".part")
+    part.write_bytes(encode(model))
+    part.replace(path)
+
+
+def encode(model: SplatModel) -> bytes:
+    """The bytes of the file; the same for the same model."""
+    p = model.parameters.astype(np.float64)
+    position, log_scale = p[:, POSITION : POSITION + 3], p[:, LOG_SCALE : LOG_SCALE + 3]
+    low, high = position.min(axis=0), position.max(axis=0)
+    thin, wide = float(log_scale.min()), float(log_scale.max())
+    records = np.zeros(len(model), RECORD)
+    records["position"] = _levels(position, low, high, 65535)
+    records["log_scale"] = _levels(log_scale, thin, wide, 255)
+    records["presence"] = _levels(presence(model), 0.0, 1.0, 255)
+    records["rotation"] = pack_quaternions(p[:, ROTATION : ROTATION + 4], ROTATION_BITS)
+    records["colour"] = _levels(p[:, COLOUR : COLOUR + 3], 0.0, 1.0, 255)
+    records["opacity"] = _levels(1.0 / (1.0 + np.exp(-p[:, OPACITY])), 0.0, 1.0, 255)
+    records["joints"], records["weights"] = model.joints, _whole_weights(model.weights)
+    skeleton = model.skeleton
+    head = HEAD.pack(
+        MAGIC, VERSION, len(skeleton.names), len(model), *low, *high, thin, wide
+    )  # fmt: skip
+    return b"".join(
+        [
+            head,
+            skeleton.rest_joints.astype("<f4").tobytes(),
+            np.array(skeleton.parents, "<i2").tobytes(),
+            records[importance_order(model)].tobytes(),
+        ]
+    )
+
+
+def _levels(values: Array, low: Array | float, high: Array | float, steps: int) -> Array:
+    """`values` from `low` to `high` as whole numbers from 0 to `steps`."""
+    span = np.maximum(np.subtract(high, low), 1e-9)
+    return np.rint((values - low) / span * steps).clip(0, steps)
+
+
+def _whole_weights(weights: Float[Array, "N 4"]) -> UInt8[Array, "N 4"]:
+    """Weights in 255ths whose rows sum to 255: what rounding left over goes to the largest."""
+    levels = np.rint(weights * 255.0).astype(np.int64)
+    rows = np.arange(len(levels))
+    levels[rows, levels.argmax(axis=1)] += 255 - levels.sum(axis=1)
+    return levels.astype(np.uint8)

@@ -1,0 +1,85 @@
+"""The viewer's file: small, the same picture, any beginning of it a model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from renderer.splats.export import RECORD, encode, write_viewer_file
+from renderer.splats.export_order import importance_order
+from renderer.splats.layout import LOG_SCALE
+from renderer.splats.unseen import presence
+from tests.renderer.splats.viewer_file import decode, demo_model, pictures, psnr_on_body
+from tests.renderer.studio import make_model
+
+
+@pytest.fixture(scope="module")
+def demo():
+    return demo_model()
+
+
+@pytest.fixture(scope="module")
+def encoded(demo) -> bytes:
+    return encode(demo)
+
+
+@pytest.fixture(scope="module")
+def truth(demo) -> np.ndarray:
+    return pictures(demo)
+
+
+def test_twenty_thousand_splats_fit_ten_times_into_what_a_client_may_be_sent(demo, encoded):
+    assert RECORD.itemsize == 26
+    head = 44 + 14 * 24
+    assert len(encoded) == head + 26 * len(demo)
+    assert head + 26 * 20_000 < 5e6 / 9.5
+
+
+def test_the_picture_does_not_suffer(demo, encoded, truth):
+    """53.6 dB on the body, 20 more than any model is off its person."""
+    assert psnr_on_body(pictures(decode(encoded, demo)), truth) > 53.0
+
+
+@pytest.mark.parametrize(("share", "least_db"), [(0.75, 31.0), (0.5, 25.5), (0.25, 21.0)])
+def test_any_beginning_is_a_model(demo, encoded, truth, share, least_db):
+    part = pictures(decode(encoded, demo, share))
+    assert psnr_on_body(part, truth) > least_db
+    # no holes: what the whole covers, the part covers
+    whole = truth[..., 3] > 0.95
+    assert part[..., 3][whole].mean() > 0.9
+
+
+def test_importance_beats_chance(demo, truth):
+    order = importance_order(demo)
+    assert sorted(order) == list(range(len(demo)))
+    rows = order[: len(order) // 2], np.random.default_rng(1).permutation(order)[: len(order) // 2]
+    figures = []
+    for kept in rows:
+        half = decode(encode(demo), demo, 0.5)
+        half.parameters[:] = demo.parameters[kept]
+        half.parameters[:, LOG_SCALE : LOG_SCALE + 3] += 0.25 * np.log(2.0)
+        half.joints[:], half.weights[:] = demo.joints[kept], demo.weights[kept]
+        figures.append(psnr_on_body(pictures(half), truth))
+    assert figures[0] > figures[1] + 1.5
+
+
+def test_what_was_not_filmed_is_told(demo, encoded):
+    stored = np.frombuffer(encoded, RECORD, offset=44 + 14 * 24)["presence"]
+    wanted = np.rint(255 * presence(demo)[importance_order(demo)])
+    np.testing.assert_array_equal(stored, wanted)
+    assert (stored < 255).any()
+
+
+def test_weights_sum_to_one_exactly(encoded):
+    stored = np.frombuffer(encoded, RECORD, offset=44 + 14 * 24)["weights"]
+    assert (stored.sum(axis=1, dtype=int) == 255).all()
+
+
+def test_the_same_model_gives_the_same_file(tmp_path):
+    for name in ("a", "b"):
+        write_viewer_file(make_model(80), tmp_path / name)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "b"]
+    back = decode((tmp_path / "a").read_bytes(), make_model(80))
+    assert back.skeleton.parents == make_model().skeleton.parents
+    np.testing.assert_allclose(back.skeleton.rest_joints, make_model().skeleton.rest_joints, 1e-6)

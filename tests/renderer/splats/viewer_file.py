@@ -1,0 +1,71 @@
+"""A reader of viewer files by their documented layout, and pictures to compare."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from renderer.checkpoint import load_model
+from renderer.splats.compose import SplatRenderer
+from renderer.splats.layout import LOG_SCALE, PARAMETERS
+from renderer.splats.model import SplatModel
+from scene import Skeleton, orbit_camera
+from scene.smallest_three import unpack_quaternions
+
+DEMO = Path(__file__).parents[3] / "services" / "assets" / "demo.safetensors"
+
+
+def demo_model() -> SplatModel:
+    """The demo's performer: a real training's 10,000 splats."""
+    model = load_model(DEMO)
+    assert isinstance(model, SplatModel)
+    return model
+
+
+def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
+    """The first `share` of the splats in `data`; motion and the like are those of `like`."""
+    magic, version, joints, count, *bounds = struct.unpack_from("<4sHHI8f", data)
+    assert (magic, version) == (b"MNSP", 1)
+    low, high, (thin, wide) = np.array(bounds[:3]), np.array(bounds[3:6]), bounds[6:]
+    rest = np.frombuffer(data, "<f4", 3 * joints, 44).reshape(joints, 3)
+    parents = tuple(np.frombuffer(data, "<i2", joints, 44 + 12 * joints).tolist())
+    rows = np.frombuffer(data, np.uint8, offset=44 + 14 * joints).reshape(count, 26)
+    rows = rows[: round(share * count)]
+    p = np.empty((len(rows), PARAMETERS))
+    p[:, :3] = low + np.ascontiguousarray(rows[:, :6]).view("<u2") / 65535 * (high - low)
+    p[:, 3:6] = thin + rows[:, 6:9] / 255 * (wide - thin)
+    p[:, LOG_SCALE : LOG_SCALE + 3] += 0.25 * np.log(count / len(rows))
+    rotation = np.ascontiguousarray(rows[:, 10:14]).view("<u4")[:, 0].astype(np.int64)
+    p[:, 6:10] = unpack_quaternions(rotation, 10)
+    p[:, 10:13] = rows[:, 14:17] / 255
+    opacity = np.clip(rows[:, 17] / 255, 1e-6, 1 - 1e-6)
+    p[:, 13] = np.log(opacity / (1 - opacity))
+    return SplatModel(
+        p.astype(np.float32),
+        rows[:, 18:22].copy(),
+        (rows[:, 22:26] / 255).astype(np.float32),
+        rows[:, 9] == 255,
+        Skeleton(rest, like.skeleton.names, parents),
+        like.motion,
+        like.data_hash,
+    )
+
+
+def pictures(model: SplatModel, views: int = 6, size: int = 256) -> np.ndarray:
+    """The model from all sides in poses of its motion, [views size size 4]."""
+    renderer, drawn = SplatRenderer((model,)), []
+    for view in range(views):
+        pose = model.motion.pose(view * len(model.motion) // views)
+        upright = pose.root_translation * [0.0, 1.0, 0.0]
+        transforms = model.skeleton.skinning_transforms(pose.joint_angles, upright)
+        camera = orbit_camera((0, 0.9, 0), 3.2, 2 * np.pi * view / views, 0.1, size, size)
+        drawn.append(renderer.render(camera, [transforms]).copy())
+    return np.array(drawn)
+
+
+def psnr_on_body(made: np.ndarray, truth: np.ndarray) -> float:
+    """dB over the pixels on which `truth` shows anything."""
+    body = truth[..., 3] > 0
+    return float(-10 * np.log10(((made - truth)[..., :3][body] ** 2).mean()))
