@@ -4,6 +4,7 @@ from scene.body import Body
 from scene.camera import Camera, look_at, orbit_camera
 from scene.environment import Environment, Performer, Scene, placement
 from scene.errors import InvalidInput, SceneError
+from scene.lighting import Lighting, lighting_of
 from scene.motion import Motion, Pose
 from scene.sequence import (
     NOVEL_VIEW,
@@ -28,6 +29,7 @@ __all__ = [
     "Frame",
     "FrameSource",
     "InvalidInput",
+    "Lighting",
     "Motion",
     "Performer",
     "Pose",
@@ -36,6 +38,7 @@ __all__ = [
     "Sequence",
     "Skeleton",
     "body_crop",
+    "lighting_of",
     "look_at",
     "orbit_camera",
     "placement",

@@ -8,14 +8,19 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from scene.arrays import Array, Float
+from scene.lighting import LUMINANCE, Lighting, lighting_of, panorama_directions
 from scene.motion import Pose
 
 Model = TypeVar("Model", covariant=True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Environment:
-    """Backdrop of a meeting room: a floor at y = 0 under a sky, linear gradients in sRGB."""
+    """What surrounds the performers: a panorama and its light, or a plain studio.
+
+    The studio is a floor at y = 0 under a sky, linear gradients in sRGB, and leaves the light on
+    everybody as it was filmed.
+    """
 
     name: str = "studio"
     horizon: tuple[float, float, float] = (0.86, 0.88, 0.91)
@@ -23,6 +28,31 @@ class Environment:
     floor: tuple[float, float, float] = (0.62, 0.60, 0.58)
     shadow_strength: float = 0.45
     """Darkness of the contact shadow under a performer, 0 to 1."""
+    panorama: Float[Array, "H W 3"] | None = None
+    """Linear radiance all round, exposed: 1 is white; see `scene.lighting` for its axes."""
+    lighting: Lighting | None = None
+    """The light that falls on performers; None leaves them as they were filmed."""
+
+    @classmethod
+    def of_panorama(
+        cls, name: str, panorama: Float[Array, "H W 3"], turn_rad: float = 0.0
+    ) -> Environment:
+        """The place that `panorama` (any unit of radiance) shows, turned about +y, and its light.
+
+        Exposed so that a white surface just reaches 1 where the light falls on it most. Raises
+        InvalidInput for a panorama that is none.
+        """
+        width = panorama.shape[1]
+        turned = np.roll(panorama, -round(turn_rad / (2.0 * np.pi) * width), axis=1)
+        lighting = lighting_of(turned)
+        gain = exposure(lighting)
+        return cls(name, panorama=turned * gain, lighting=lighting.scaled(gain))
+
+
+def exposure(lighting: Lighting) -> float:
+    """The gain with which the side of a white body that gets most light shows a luminance of 1."""
+    normals = panorama_directions(32, 64).reshape(-1, 3)
+    return 1.0 / float((lighting.shading(normals) @ LUMINANCE).max())
 
 
 @dataclass(frozen=True, eq=False)

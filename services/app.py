@@ -13,7 +13,17 @@ from fastapi.middleware.cors import CORSMiddleware
 
 from db.models import JobKind
 from services import metrics, page, problems
-from services.api import access, jobs, meetings, models, operation, people, sequences, uploads
+from services.api import (
+    access,
+    environments,
+    jobs,
+    meetings,
+    models,
+    operation,
+    people,
+    sequences,
+    uploads,
+)
 from services.container import Services, build_services
 from services.jobs.worker import Worker
 from services.limits import LimitBodies
@@ -29,6 +39,7 @@ ROUTERS = (
     sequences.router,
     jobs.router,
     models.router,
+    environments.router,
     meetings.router,
     operation.router,
 )
@@ -40,6 +51,7 @@ _TAGS = [
     {"name": "sequences", "description": "Clips: upload, capture, train from them."},
     {"name": "jobs", "description": "Long work: follow, cancel, resume."},
     {"name": "models", "description": "Trained models: files and views."},
+    {"name": "environments", "description": "Places to meet in, and their light."},
     {"name": "meetings", "description": "Rooms: open, join, who stands where."},
     {"name": "operation", "description": "Health, readiness, figures."},
 ]

@@ -8,6 +8,22 @@ export interface DemoMeeting {
   meeting_id: string;
 }
 
+/** A place to meet in. */
+export interface Environment {
+  name: string;
+  /** For people to read. */
+  title: string;
+  /** Equirectangular JPEG, its middle towards +x; empty: the plain studio. */
+  picture_url: string | null;
+  /** Empty: everybody keeps the light they were filmed in. */
+  light: Light | null;
+}
+
+/** The library. */
+export interface Environments {
+  items: Environment[];
+}
+
 /** The proof that a person is gone. */
 export interface Erased {
   /** By table. */
@@ -53,12 +69,23 @@ export interface Known {
   sequence: Sequence;
 }
 
+/** What falls on performers, linear RGB; 1 is what makes a white surface white. */
+export interface Light {
+  /** Irradiance over pi: coefficients of the 9 real spherical harmonics to order 2. */
+  harmonics: (readonly [number, number, number])[];
+  /** Unit, towards the light; world. */
+  key_direction: readonly [number, number, number];
+  key_colour: readonly [number, number, number];
+}
+
 /** A room and who stands in it. */
 export interface Meeting {
   id: string;
   name: string;
   join_url: string;
   performers: Performer[];
+  /** Whoever comes waits until the host lets them in. */
+  lobby: boolean;
 }
 
 /** A trained model. */
@@ -92,6 +119,8 @@ export interface Models {
 export interface NewMeeting {
   name: string;
   model_ids?: string[];
+  /** Whoever comes waits until the host lets them in. */
+  lobby?: boolean;
 }
 
 /** What to train. */
@@ -138,6 +167,18 @@ export interface NewView {
   /** Show only what was filmed: the rest, filled in by guess, fades away. */
   hide_unseen?: boolean;
   format?: "png" | "jpeg" | "webp";
+}
+
+/** A new room, for whoever opened it. */
+export interface OpenedMeeting {
+  id: string;
+  name: string;
+  join_url: string;
+  performers: Performer[];
+  /** Whoever comes waits until the host lets them in. */
+  lobby: boolean;
+  /** Join with it to be the host; keep it to yourself. */
+  host_token: string;
 }
 
 /** A camera on a sphere round the person. */
@@ -200,13 +241,21 @@ export interface Readiness {
   checks: Record<string, string>;
 }
 
+/** What somebody may do in a meeting. */
+export type Role = "host" | "speaker" | "viewer";
+
 /** A place in a meeting. */
 export interface Seat {
-  /** Opens this meeting's view. */
+  /** Opens this meeting's view and control channel, again after a reload as well. */
   token: string;
+  participant_id: string;
   seat: number;
+  role: Role;
+  /** Whether the host has let you in; no view before that. */
+  standing: Standing;
   ice_servers: string[];
   whep_url: string;
+  control_url: string;
   /** False while the renderer compiles, on its first start on a machine. */
   ready: boolean;
   performers: Performer[];
@@ -236,6 +285,9 @@ export type SequenceKind = "video" | "frames" | "keypoints";
 
 /** How far a sequence has come. */
 export type SequenceState = "uploaded" | "capturing" | "ready";
+
+/** Whether somebody is let in. */
+export type Standing = "waiting" | "admitted" | "denied" | "removed" | "ended";
 
 /** A file on its way. */
 export interface Upload {
