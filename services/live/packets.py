@@ -1,12 +1,17 @@
 """Packets of the data channels: little endian, versioned, sequence and capture time first.
 
 Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
-Flags of a view, bit 0: show only what was filmed of a person. Unknown bits are left alone.
+Flags of a view, bit 0: show only what was filmed of a person; bit 1: the viewer draws the room, so
+send poses in place of pictures. Unknown bits are left alone.
 View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
 f32 vertical field of view (rad), u16 width, u16 height (px).
 Keypoints, 367 bytes: u16 width, u16 height (px of the picture), then of MediaPipe's 33 landmarks
 i16 xy (1/8192 of the picture's sides), i16 xyz (1/8192 m, as `capture.landmarks.Landmarks.world`)
 and u8 visibility (1/255).
+Pose, 160 bytes: u8 index of the performer in the cast, u8 size of the cast, u16 low bits of the
+CRC-32 of the performer's id (a viewer whose list differs reads it anew), f32 pelvis[3] (room, m),
+then 24 turns of 6 bytes as `scene.smallest_three` packs them in 15 bits a component: of the pelvis
+in the room, of every other joint relative to its parent.
 
 Channels are unordered and unreliable, so the newest sequence wins and late packets are dropped;
 sequences wrap and are compared as serial numbers (RFC 1982).
@@ -16,6 +21,7 @@ from __future__ import annotations
 
 import math
 import struct
+import zlib
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -25,6 +31,8 @@ from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.rotations import quaternion_to_matrix
+from scene.skeleton import JOINT_COUNT
+from scene.smallest_three import pack_quaternions, unpack_quaternions
 
 VERSION = 1
 _HEADER = struct.Struct("<BBHId")
@@ -40,7 +48,10 @@ KEYPOINTS_BYTES = _HEADER.size + _SIZE.size + _KEYPOINTS.itemsize
 _KEYPOINT_STEPS = 8192
 """To a metre, or to a side of the picture: a range of four either way."""
 _HALF_RANGE = 1 << 31
-_HIDE_UNSEEN = 1
+_HIDE_UNSEEN, _DRAWS_ITSELF = 1, 2
+_POSE = struct.Struct("<BBH3f")
+_TURN_BITS, _TURN_BYTES = 15, 6
+POSE_BYTES = _HEADER.size + _POSE.size + JOINT_COUNT * _TURN_BYTES
 
 
 class Kind(IntEnum):
@@ -87,6 +98,8 @@ class ViewPacket:
     height: int
     hide_unseen: bool = False
     """Whether what was never filmed of a person, and is a guess, fades away."""
+    draws_itself: bool = False
+    """Whether the viewer draws the room, needs poses and no pictures."""
 
     def camera(self, width: int, height: int) -> Camera:
         """The viewer's camera at `width` x `height` px.
@@ -99,9 +112,33 @@ class ViewPacket:
         return Camera.from_field_of_view(world_to_camera, width, height, self.fov_y_rad)
 
 
+@dataclass(frozen=True, eq=False)
+class PosePacket:
+    """How one performer stands in the room now."""
+
+    sequence: int
+    capture_time_ms: float
+    """Of the pose, on the server's clock."""
+    index: int
+    """Place in the cast."""
+    count: int
+    """Size of the cast."""
+    check: int
+    """Of the performer's id; see `performer_check`."""
+    pelvis: Float[Array, "3"]
+    """Room, m."""
+    turns: Float[Array, "24 4"]
+    """Quaternions wxyz: of the pelvis in the room, of every other joint relative to its parent."""
+
+
+def performer_check(performer_id: str) -> int:
+    """16 bits by which a viewer tells that an index means the performer it thinks of."""
+    return zlib.crc32(performer_id.encode()) & 0xFFFF
+
+
 def encode_view(packet: ViewPacket) -> bytes:
     """The bytes of `packet`."""
-    flags = _HIDE_UNSEEN if packet.hide_unseen else 0
+    flags = _HIDE_UNSEEN * packet.hide_unseen | _DRAWS_ITSELF * packet.draws_itself
     header = _HEADER.pack(VERSION, Kind.VIEW, flags, packet.sequence, packet.capture_time_ms)
     payload = _VIEW.pack(
         *packet.position, *packet.wxyz, packet.fov_y_rad, packet.width, packet.height
@@ -127,7 +164,7 @@ def decode_view(data: bytes) -> ViewPacket:
         raise PacketError(f"quaternion must have about unit length; got {length:.3g}")
     return ViewPacket(
         sequence, capture_time_ms, (x, y, z), tuple(wxyz), fov_y_rad, width, height,
-        bool(flags & _HIDE_UNSEEN),
+        bool(flags & _HIDE_UNSEEN), bool(flags & _DRAWS_ITSELF),
     )  # fmt: skip
 
 
@@ -165,6 +202,36 @@ def decode_keypoints(data: bytes) -> KeypointsPacket:
         payload["xy"] / _KEYPOINT_STEPS, payload["world"] / _KEYPOINT_STEPS,
         payload["visibility"] / 255.0,
     )  # fmt: skip
+
+
+def encode_pose(packet: PosePacket) -> bytes:
+    """The bytes of `packet`."""
+    header = _HEADER.pack(VERSION, Kind.POSE, 0, packet.sequence, packet.capture_time_ms)
+    place = _POSE.pack(packet.index, packet.count, packet.check, *packet.pelvis)
+    turns = pack_quaternions(packet.turns, _TURN_BITS).astype("<u8").view(np.uint8)
+    return header + place + turns.reshape(JOINT_COUNT, 8)[:, :_TURN_BYTES].tobytes()
+
+
+def decode_pose(data: bytes) -> PosePacket:
+    """Read a pose packet. Raises PacketError with the rule that `data` breaks."""
+    if len(data) != POSE_BYTES:
+        raise PacketError(f"a pose packet must be {POSE_BYTES} bytes long; got {len(data)}")
+    version, kind, _, sequence, capture_time_ms = _HEADER.unpack_from(data)
+    if version != VERSION or kind != Kind.POSE:
+        raise PacketError(
+            f"a pose packet must be version {VERSION}, kind {int(Kind.POSE)}; "
+            f"got version {version}, kind {kind}"
+        )
+    index, count, check, *pelvis = _POSE.unpack_from(data, _HEADER.size)
+    if not all(math.isfinite(v) for v in (capture_time_ms, *pelvis)):
+        raise PacketError(f"a pose packet must hold finite numbers; got {pelvis}")
+    packed = np.zeros((JOINT_COUNT, 8), np.uint8)
+    offset = _HEADER.size + _POSE.size
+    packed[:, :_TURN_BYTES] = np.frombuffer(data, np.uint8, offset=offset).reshape(
+        JOINT_COUNT, _TURN_BYTES
+    )
+    turns = unpack_quaternions(packed.view("<u8")[:, 0].astype(np.int64), _TURN_BITS)
+    return PosePacket(sequence, capture_time_ms, index, count, check, np.array(pelvis), turns)
 
 
 def is_newer(sequence: int, than: int) -> bool:

@@ -22,7 +22,9 @@ from aiortc.codecs import vpx
 
 from renderer.stage import Stage, warm_up
 from scene.errors import SceneError
+from services.live.keypoints import Drivers
 from services.live.packets import NewestView, PacketError, decode_view
+from services.live.poses import PoseFeed
 from services.live.room import CastMember, Room
 from services.live.track import ViewTrack
 from services.seats import BEAT_S
@@ -69,6 +71,8 @@ class _Session:
     opened_s: float
     participant_id: str | None
     """The seat that is looked from; none for who came without one."""
+    account: str | None
+    """Whose performers may be driven from here."""
     heard_s: float | None = None
     """When the last viewpoint came."""
 
@@ -96,6 +100,8 @@ class ViewSessions:
         self._max_viewers = max_viewers
         self._rooms: dict[str, Room] = {}
         self._sessions: dict[str, _Session] = {}
+        self._poses = PoseFeed(clock)
+        self._drivers = Drivers(clock)
         # one thread renders for all: a picture already uses every core
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="render")
         self._warming: Future[None] | None = None
@@ -123,11 +129,15 @@ class ViewSessions:
         ]
 
     async def open(
-        self, meeting_id: str, sdp_offer: str, participant_id: str | None = None
+        self,
+        meeting_id: str,
+        sdp_offer: str,
+        participant_id: str | None = None,
+        account: str | None = None,
     ) -> tuple[str, str]:
         """Answer a viewer's offer. Returns the session's id and the SDP answer.
 
-        The seat of `participant_id` is given back when the session ends, however it ends.
+        Performers of `account` may be driven by a `keypoints` channel of this connection. The seat of `participant_id` is given back when the session ends, however it ends.
         Raises NoRoom when the server is full, OfferRefused for an SDP that can't be answered.
         """
         self._require_room()
@@ -136,10 +146,10 @@ class ViewSessions:
         connection = RTCPeerConnection(RTCConfiguration(iceServers=self._ice))
         view = NewestView()
         track = ViewTrack(room, view, Stage(), self._executor, self._clock)
-        session = _Session(meeting_id, connection, track, self._clock(), participant_id)
+        session = _Session(meeting_id, connection, track, self._clock(), participant_id, account)
         session_id = secrets.token_urlsafe(12)
         self._sessions[session_id] = session
-        self._listen(session_id, session, view)
+        self._listen(session_id, session, room, view)
         try:
             answer = await _answer(connection, track, sdp_offer)
         except Exception as error:
@@ -167,6 +177,16 @@ class ViewSessions:
             self._rooms.pop(session.meeting_id, None)
         return True
 
+    def looked_into(self, meeting_id: str) -> bool:
+        """Whether anybody looks into a meeting."""
+        return any(session.meeting_id == meeting_id for session in self._sessions.values())
+
+    async def keep_only(self, meeting_id: str, may_look: Callable[[str | None], bool]) -> None:
+        """End the sessions in a meeting of those who may look no more; asked with their seat."""
+        for session_id, session in list(self._sessions.items()):
+            if session.meeting_id == meeting_id and not may_look(session.participant_id):
+                await self.close(session_id)
+
     async def refresh(self, meeting_id: str) -> None:
         """Show a change of the cast to everyone who looks."""
         if meeting_id in self._rooms:
@@ -178,6 +198,7 @@ class ViewSessions:
             self._watch.cancel()
         await asyncio.gather(*(self.close(session_id) for session_id in list(self._sessions)))
         self._executor.shutdown(wait=False)
+        self._drivers.close()
 
     async def _room(self, meeting_id: str) -> Room:
         if meeting_id not in self._rooms:
@@ -196,11 +217,15 @@ class ViewSessions:
         seats = (session.participant_id for session in self._sessions.values())
         return {seat for seat in seats if seat is not None}
 
-    def _listen(self, session_id: str, session: _Session, view: NewestView) -> None:
+    def _listen(self, session_id: str, session: _Session, room: Room, view: NewestView) -> None:
         connection = session.connection
 
         @connection.on("datachannel")
         def on_channel(channel: RTCDataChannel) -> None:
+            if channel.label == "pose":
+                self._poses.add(room, view, channel)
+            if channel.label == "keypoints":
+                self._drivers.add(room, session.account, channel)
             if channel.label != "view":
                 return
 

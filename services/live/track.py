@@ -50,7 +50,12 @@ class ViewTrack(MediaStreamTrack):
         self._start_s = clock()
 
     async def recv(self) -> VideoFrame:
-        """The next picture, rendered when it is due (30 a second) from the newest state."""
+        """The next picture, rendered when it is due (30 a second) from the newest state.
+
+        None comes while the viewer draws the room: nothing is rendered, encoded or sent then.
+        """
+        while self._view.packet is not None and self._view.packet.draws_itself:
+            await asyncio.sleep(1.0 / FRAMES_PER_SECOND)
         now = self._clock()
         due = now if self._due_s is None else self._due_s
         if due > now:

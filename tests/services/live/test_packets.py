@@ -40,7 +40,7 @@ def test_only_what_was_filmed_is_the_first_flag():
     assert not decode_view(bytes(data)).hide_unseen
     data[2] = 1
     assert decode_view(bytes(data)).hide_unseen
-    data[2] = 0xFE  # flags of a later version
+    data[2] = 0xFC  # flags of a later version
     assert not decode_view(bytes(data)).hide_unseen
 
 
@@ -107,3 +107,12 @@ def test_late_and_doubled_packets_change_nothing():
     assert not newest.offer(PACKET)
     assert not newest.offer(late)
     assert newest.packet is PACKET
+
+
+def test_drawing_for_oneself_is_the_second_flag():
+    data = bytearray.fromhex(GOLDEN)
+    data[2] = 2
+    packet = decode_view(bytes(data))
+    assert packet.draws_itself
+    assert not packet.hide_unseen
+    assert encode_view(packet) == bytes(data)

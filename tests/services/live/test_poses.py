@@ -1,0 +1,154 @@
+"""Pose packets and their feed: golden bytes, bounded error, the right place, nothing unasked."""
+
+from __future__ import annotations
+
+import asyncio
+import struct
+from dataclasses import dataclass, field
+from typing import cast
+
+import numpy as np
+import pytest
+from aiortc import RTCDataChannel
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scene.rotations import matrix_to_axis_angle, quaternion_to_matrix
+from services.live.packets import (
+    POSE_BYTES,
+    NewestView,
+    PacketError,
+    PosePacket,
+    ViewPacket,
+    decode_pose,
+    encode_pose,
+    performer_check,
+)
+from services.live.poses import PoseFeed, packets_of
+from services.live.room import CastMember, Room
+from tests.renderer.studio import make_model, make_motion
+
+GOLDEN = (
+    "01020000" "07000000" "0000000000709740"  # version 1, kind 2, no flags, sequence, 1500.0
+    "01036887" "0000003f" "0000803f" "000000c0"  # second of three, check, pelvis
+    "b6b6ed6d5b6b"  # one turn, z left out
+    + 23 * "004000200010"  # nothing turned
+)  # fmt: skip
+
+
+def test_golden_bytes():
+    """The page's tests read the same bytes."""
+    assert encode_pose(golden_packet()).hex() == GOLDEN
+
+
+def golden_packet() -> PosePacket:
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (24, 1))
+    turns[0] = [0.1, -0.3, 0.2, -0.9]  # of any length, the largest negative
+    return PosePacket(7, 1500.0, 1, 3, performer_check("ada"), np.array([0.5, 1.0, -2.0]), turns)
+
+
+turns = (
+    st.lists(st.tuples(*[st.floats(-1, 1)] * 4), min_size=24, max_size=24)
+    .map(np.array)
+    .filter(lambda q: (np.linalg.norm(q, axis=1) > 1e-2).all())
+)
+places = st.tuples(*[st.floats(-20, 20, width=32)] * 3).map(np.array)
+
+
+@given(turns, places, st.integers(0, 2**32 - 1))
+def test_every_turn_survives_within_a_hundredth_of_a_degree(turns, place, sequence):
+    data = encode_pose(PosePacket(sequence, 12.5, 4, 9, 0xABCD, place, turns))
+    assert len(data) == POSE_BYTES == 176
+    back = decode_pose(data)
+    assert (back.sequence, back.capture_time_ms) == (sequence, 12.5)
+    assert (back.index, back.count, back.check) == (4, 9, 0xABCD)
+    np.testing.assert_array_equal(back.pelvis, place)
+    gap = quaternion_to_matrix(turns).transpose(0, 2, 1) @ quaternion_to_matrix(back.turns)
+    angles = np.linalg.norm(matrix_to_axis_angle(gap), axis=1)
+    assert np.degrees(angles.max()) < 0.01
+
+
+def test_every_truncation_is_refused():
+    data = encode_pose(golden_packet())
+    for length in range(len(data)):
+        with pytest.raises(PacketError, match=f"must be 176 bytes long; got {length}"):
+            decode_pose(data[:length])
+
+
+def test_other_kinds_and_infinite_places_are_refused():
+    data = bytearray(encode_pose(golden_packet()))
+    struct.pack_into("<f", data, 20, float("inf"))
+    with pytest.raises(PacketError, match="finite numbers; got \\[inf"):
+        decode_pose(bytes(data))
+    data[1] = 3
+    with pytest.raises(PacketError, match="version 1, kind 2; got version 1, kind 3"):
+        decode_pose(bytes(data))
+
+
+def make_room() -> Room:
+    model = make_model(20)
+    members = [
+        CastMember("a", "Ada", model, make_motion(4), (1.0, 0.0, -0.5), 0.7),
+        CastMember("b", "Bo", model, make_motion(3), (-1.0, 0.0, 0.0), -2.0),
+    ]
+    return Room("m", tuple(members))
+
+
+def test_packets_put_everybody_where_the_renderer_does():
+    """Forward kinematics from a packet alone gives the transforms that the server's views use."""
+    room = make_room()
+    for data, performer in zip(
+        packets_of(room, 0.13, 1), room.scene_at(0.13).performers, strict=True
+    ):
+        packet, skeleton = decode_pose(data), performer.model.skeleton
+        wanted = performer.placement @ skeleton.skinning_transforms(
+            performer.pose.joint_angles, performer.pose.root_translation
+        )
+        made = skeleton.skinning_transforms(
+            matrix_to_axis_angle(quaternion_to_matrix(packet.turns)),
+            packet.pelvis - skeleton.rest_joints[0],
+        )
+        np.testing.assert_allclose(made, wanted, atol=6e-4)
+        assert packet.count == 2
+
+
+@dataclass(eq=False)
+class Channel:
+    """What the feed needs of a data channel."""
+
+    readyState: str = "open"  # noqa: N815
+    bufferedAmount: int = 0  # noqa: N815
+    sent: list[bytes] = field(default_factory=list)
+
+    def send(self, data: bytes) -> None:
+        self.sent.append(data)
+
+
+def looking(draws_itself: bool) -> NewestView:
+    view = NewestView()
+    view.offer(ViewPacket(1, 0.0, (0, 0, 0), (1, 0, 0, 0), 0.6, 64, 64, draws_itself=draws_itself))
+    return view
+
+
+async def test_only_who_draws_is_sent_poses_and_only_while_they_can_take_them():
+    feed, room = PoseFeed(lambda: 1.0), make_room()
+    drawing, watching, clogged, silent, gone = (Channel() for _ in range(5))
+    clogged.bufferedAmount = 10_000
+    gone.readyState = "closed"
+    views = [looking(True), looking(False), looking(True), NewestView(), looking(True)]
+    channels = [drawing, watching, clogged, silent, gone]
+    for view, channel in zip(views, channels, strict=True):
+        feed.add(room, view, cast(RTCDataChannel, channel))
+    feed.send_newest()
+    feed.send_newest()
+    assert [len(channel.sent) for channel in channels] == [4, 0, 0, 0, 0]
+    packets = [decode_pose(data) for data in drawing.sent]
+    assert [(p.sequence, p.index) for p in packets] == [(1, 0), (1, 1), (2, 0), (2, 1)]
+    assert [p.check for p in packets[:2]] == [performer_check("a"), performer_check("b")]
+    assert len(feed) == 4
+    for channel in channels:
+        channel.readyState = "closed"
+    for _ in range(3):
+        await asyncio.sleep(0)
+    feed.send_newest()
+    assert len(feed) == 0
