@@ -7,88 +7,26 @@ so in its `info`, from which the sweeper and the eraser learn what is in use.
 
 from __future__ import annotations
 
-import uuid
-from datetime import UTC, datetime
+from datetime import datetime
 from enum import StrEnum
-from typing import Any, ClassVar
+from typing import Any
 
-from sqlalchemy import (
-    JSON,
-    BigInteger,
-    CheckConstraint,
-    DateTime,
-    Dialect,
-    Enum,
-    ForeignKey,
-    Index,
-    LargeBinary,
-    MetaData,
-    String,
-    TypeDecorator,
-    UniqueConstraint,
-)
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
+from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, String, UniqueConstraint
+from sqlalchemy.orm import Mapped, mapped_column, relationship
+
+from db.base import Base as Base
+from db.base import Id, Sha256, words
+from db.base import new_id as new_id
+from db.meeting_rows import MeetingRow as MeetingRow
+from db.meeting_rows import MessageKind as MessageKind
+from db.meeting_rows import MessageRow as MessageRow
+from db.meeting_rows import ParticipantRow as ParticipantRow
+from db.meeting_rows import PerformerRow as PerformerRow
+from db.meeting_rows import Role as Role
+from db.meeting_rows import Standing as Standing
 
 OBJECT = {"object": True}
 """`Column.info` of columns that hold the sha256 of an object of the row's person."""
-
-
-class UtcDateTime(TypeDecorator[datetime]):
-    """A moment with its time zone, also on SQLite, which stores none."""
-
-    impl = DateTime(timezone=True)
-    cache_ok = True
-
-    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
-        if value is None:
-            return None
-        if value.tzinfo is None:
-            raise ValueError(f"a stored moment must have a time zone; got {value!r}")
-        return value.astimezone(UTC)
-
-    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
-        if value is None:
-            return None
-        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
-
-
-def new_id() -> str:
-    """A random id: 32 hex digits that can't be guessed."""
-    return uuid.uuid4().hex
-
-
-class Base(DeclarativeBase):
-    """Root of the tables; names of constraints are fixed so that migrations can name them."""
-
-    metadata = MetaData(
-        naming_convention={
-            "ix": "ix_%(table_name)s_%(column_0_N_name)s",
-            "uq": "uq_%(table_name)s_%(column_0_N_name)s",
-            "ck": "ck_%(table_name)s_%(constraint_name)s",
-            "fk": "fk_%(table_name)s_%(column_0_name)s_%(referred_table_name)s",
-            "pk": "pk_%(table_name)s",
-        }
-    )
-    type_annotation_map: ClassVar[dict[Any, Any]] = {
-        datetime: UtcDateTime,
-        int: BigInteger,
-        dict[str, Any]: JSON(none_as_null=True),
-    }
-
-
-Id = String(32)
-Sha256 = String(64)
-
-
-def _words(kind: type[StrEnum]) -> Enum:
-    """The members of `kind` by value, as text: a new member needs no migration."""
-    return Enum(
-        kind,
-        native_enum=False,
-        create_constraint=False,
-        length=16,
-        values_callable=lambda members: [member.value for member in members],
-    )
 
 
 class SequenceKind(StrEnum):
@@ -187,8 +125,8 @@ class SequenceRow(Base):
 
     id: Mapped[str] = mapped_column(Id, primary_key=True, default=new_id)
     person_id: Mapped[str] = mapped_column(ForeignKey("person.id", ondelete="CASCADE"), index=True)
-    kind: Mapped[SequenceKind] = mapped_column(_words(SequenceKind))
-    state: Mapped[SequenceState] = mapped_column(_words(SequenceState))
+    kind: Mapped[SequenceKind] = mapped_column(words(SequenceKind))
+    state: Mapped[SequenceState] = mapped_column(words(SequenceState))
     created_at: Mapped[datetime]
     source_name: Mapped[str] = mapped_column(String(255))
     source_sha256: Mapped[str] = mapped_column(Sha256, info=OBJECT)
@@ -265,8 +203,8 @@ class JobRow(Base):
 
     id: Mapped[str] = mapped_column(Id, primary_key=True, default=new_id)
     person_id: Mapped[str] = mapped_column(ForeignKey("person.id", ondelete="CASCADE"), index=True)
-    kind: Mapped[JobKind] = mapped_column(_words(JobKind))
-    state: Mapped[JobState] = mapped_column(_words(JobState))
+    kind: Mapped[JobKind] = mapped_column(words(JobKind))
+    state: Mapped[JobState] = mapped_column(words(JobState))
     params: Mapped[dict[str, Any]]
     created_at: Mapped[datetime]
     sequence_id: Mapped[str | None] = mapped_column(
@@ -290,72 +228,6 @@ class JobRow(Base):
     finished_at: Mapped[datetime | None]
     cancel_requested: Mapped[bool] = mapped_column(default=False)
     checkpoint_sha256: Mapped[str | None] = mapped_column(Sha256, info=OBJECT)
-
-
-class MeetingRow(Base):
-    """A room with performers in it."""
-
-    __tablename__ = "meeting"
-
-    id: Mapped[str] = mapped_column(Id, primary_key=True, default=new_id)
-    account: Mapped[str] = mapped_column(String(120), index=True)
-    name: Mapped[str] = mapped_column(String(120))
-    label: Mapped[str | None] = mapped_column(String(32), unique=True)
-    """Set for a meeting that is found by name, such as the demo's."""
-    created_at: Mapped[datetime]
-    performers: Mapped[list[PerformerRow]] = relationship(
-        order_by="PerformerRow.place",
-        lazy="selectin",
-        cascade="all, delete-orphan",
-        passive_deletes=True,
-    )
-    participants: Mapped[list[ParticipantRow]] = relationship(
-        order_by="ParticipantRow.seat",
-        lazy="selectin",
-        cascade="all, delete-orphan",
-        passive_deletes=True,
-    )
-
-
-class PerformerRow(Base):
-    """A person's model standing in a meeting."""
-
-    __tablename__ = "performer"
-
-    id: Mapped[str] = mapped_column(Id, primary_key=True, default=new_id)
-    meeting_id: Mapped[str] = mapped_column(
-        ForeignKey("meeting.id", ondelete="CASCADE"), index=True
-    )
-    person_id: Mapped[str] = mapped_column(ForeignKey("person.id", ondelete="CASCADE"), index=True)
-    model_id: Mapped[str] = mapped_column(ForeignKey("model.id", ondelete="CASCADE"), index=True)
-    motion_sequence_id: Mapped[str | None] = mapped_column(
-        ForeignKey("sequence.id", ondelete="SET NULL"), index=True
-    )
-    """Whose motion they move by; empty: their model's own."""
-    name: Mapped[str] = mapped_column(String(120))
-    place: Mapped[int]
-    """Order of arrival, from 0."""
-    x_m: Mapped[float]
-    y_m: Mapped[float]
-    z_m: Mapped[float]
-    yaw_rad: Mapped[float]
-
-
-class ParticipantRow(Base):
-    """Somebody who looks on."""
-
-    __tablename__ = "participant"
-    __table_args__ = (UniqueConstraint("meeting_id", "seat"),)
-
-    id: Mapped[str] = mapped_column(Id, primary_key=True, default=new_id)
-    meeting_id: Mapped[str] = mapped_column(
-        ForeignKey("meeting.id", ondelete="CASCADE"), index=True
-    )
-    display_name: Mapped[str] = mapped_column(String(120))
-    seat: Mapped[int]
-    joined_at: Mapped[datetime]
-    seen_at: Mapped[datetime]
-    """When their view last gave a sign of life; at first, when they joined."""
 
 
 class AuditEventRow(Base):

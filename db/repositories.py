@@ -6,7 +6,7 @@ here commits: that is the unit of work's.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -16,6 +16,8 @@ from db.models import (
     JobKind,
     JobRow,
     MeetingRow,
+    MessageKind,
+    MessageRow,
     ModelRow,
     MotionRow,
     PersonRow,
@@ -145,8 +147,26 @@ class Meetings(Protocol):
         """Note a sign of life of participants; says which of them are still there."""
         ...
 
-    def drop_participants(self, participant_ids: Collection[str]) -> None:
-        """Give seats back; those that were given back already are no error."""
+    def heard(self, moments: Mapping[str, datetime]) -> None:
+        """Note when pages of participants last spoke, by the participant's id."""
+        ...
+
+    def drop_participants(
+        self, participant_ids: Collection[str], *, unless_heard_since: datetime | None = None
+    ) -> None:
+        """Give seats back, save those whose page has spoken since; gone already is no error."""
+        ...
+
+    def say(self, message: MessageRow) -> None:
+        """Add a message to a meeting that is locked; numbers it."""
+        ...
+
+    def said_since(self, meeting_id: str, number: int) -> list[MessageRow]:
+        """The messages after `number`, the oldest first; at most the newest few hundred."""
+        ...
+
+    def forget_said(self, meeting_id: str, kind: MessageKind, before: datetime) -> None:
+        """Delete the messages of one kind that are older than `before`."""
         ...
 
 

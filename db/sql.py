@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
 from typing import Any, TypeVar, cast
 
@@ -17,6 +17,8 @@ from db.models import (
     JobRow,
     JobState,
     MeetingRow,
+    MessageKind,
+    MessageRow,
     ModelRow,
     MotionRow,
     ParticipantRow,
@@ -27,6 +29,8 @@ from db.models import (
 )
 
 Row = TypeVar("Row", bound=Base)
+_MOST_MESSAGES = 300
+"""Of a meeting's messages handed out at once."""
 
 
 class _Repository:
@@ -236,8 +240,46 @@ class SqlMeetings(_Repository):
         self._session.execute(update(ParticipantRow).where(named).values(seen_at=now))
         return set(self._session.scalars(select(ParticipantRow.id).where(named)))
 
-    def drop_participants(self, participant_ids: Collection[str]) -> None:
-        self._session.execute(delete(ParticipantRow).where(ParticipantRow.id.in_(participant_ids)))
+    def heard(self, moments: Mapping[str, datetime]) -> None:
+        for participant_id, at in moments.items():
+            statement = update(ParticipantRow).where(ParticipantRow.id == participant_id)
+            self._session.execute(statement.values(heard_at=at, seen_at=at))
+
+    def drop_participants(
+        self, participant_ids: Collection[str], *, unless_heard_since: datetime | None = None
+    ) -> None:
+        dropped = delete(ParticipantRow).where(ParticipantRow.id.in_(participant_ids))
+        if unless_heard_since is not None:
+            silent = ParticipantRow.heard_at.is_(None) | (
+                ParticipantRow.heard_at < unless_heard_since
+            )
+            dropped = dropped.where(silent)
+        self._session.execute(dropped)
+
+    def say(self, message: MessageRow) -> None:
+        newest = select(func.max(MessageRow.number)).where(
+            MessageRow.meeting_id == message.meeting_id
+        )
+        message.number = (self._session.scalar(newest) or 0) + 1
+        self._session.add(message)
+
+    def said_since(self, meeting_id: str, number: int) -> list[MessageRow]:
+        query = (
+            select(MessageRow)
+            .where(MessageRow.meeting_id == meeting_id, MessageRow.number > number)
+            .order_by(MessageRow.number.desc())
+            .limit(_MOST_MESSAGES)
+        )
+        return list(self._session.scalars(query))[::-1]
+
+    def forget_said(self, meeting_id: str, kind: MessageKind, before: datetime) -> None:
+        self._session.execute(
+            delete(MessageRow).where(
+                MessageRow.meeting_id == meeting_id,
+                MessageRow.kind == kind,
+                MessageRow.at < before,
+            )
+        )
 
 
 class SqlAuditLog(_Repository):

@@ -25,6 +25,7 @@ from services.api import (
     uploads,
 )
 from services.container import Services, build_services
+from services.control import channel
 from services.jobs.worker import Worker
 from services.limits import LimitBodies
 from services.live import whep
@@ -88,7 +89,7 @@ def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
         )
     for router in ROUTERS:
         app.include_router(router)
-    whep.install(app, made)
+    channel.install(app, made, whep.install(app, made))
     page.install(app, settings.client_dir)
     return app
 
@@ -110,6 +111,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         yield
     finally:
         stop.set()
+        await app.state.hub.close()
         await app.state.views.close_all()
         if worker is not None:
             await run_in_threadpool(worker.join)

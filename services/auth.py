@@ -1,6 +1,7 @@
 """Bearer tokens (RFC 6750) as signed JWTs (RFC 7519, HS256), with scopes.
 
-`read` looks, `write` changes, `join` enters meetings; a token with a `meeting` enters only that.
+`read` looks, `write` changes, `join` enters meetings; a token with a `meeting` enters only that,
+and says as what: host, speaker or viewer.
 An account (the token's subject) sees its own people, models and meetings and nobody else's.
 """
 
@@ -15,6 +16,7 @@ import jwt
 from fastapi import Request, Security
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer, SecurityScopes
 
+from db.models import Role
 from services.problems import ProblemError
 
 _ALGORITHM = "HS256"
@@ -34,6 +36,8 @@ class Principal:
     """The only meeting this token opens, if it is bound to one."""
     participant_id: str | None = None
     """The seat in that meeting which it was given with, if it was given with one."""
+    role: Role | None = None
+    """What it may be in that meeting. Its host may have changed that since: the row decides."""
 
     def require_account(self, account: str) -> None:
         """Raise a 403 problem unless what `account` owns is this caller's."""
@@ -69,6 +73,7 @@ class Tokens:
         lifetime: timedelta,
         meeting_id: str | None = None,
         participant_id: str | None = None,
+        role: Role | None = None,
     ) -> tuple[str, datetime]:
         """A token and when it ends."""
         now = self._clock()
@@ -84,6 +89,8 @@ class Tokens:
             claims["meeting"] = meeting_id
         if participant_id is not None:
             claims["participant"] = participant_id
+        if role is not None:
+            claims["role"] = role.value
         return jwt.encode(claims, self._key, _ALGORITHM), expires
 
     def read(self, token: str) -> Principal:
@@ -110,6 +117,7 @@ class Tokens:
             frozenset(str(claims["scope"]).split()),
             claims.get("meeting"),
             claims.get("participant"),
+            Role(claims["role"]) if "role" in claims else None,
         )
 
 

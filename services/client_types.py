@@ -17,7 +17,8 @@ CLIENT_TYPES = Path(__file__).resolve().parents[1] / "client" / "src" / "types.t
 _HEAD = """\
 /**
  * What travels as JSON between server and page. Written from the server's OpenAPI document by
- * `python -m services.client_types`; change services/api/shapes.py and run that, never this file.
+ * `python -m services.client_types`; change services/api/shapes.py or services/control/messages.py
+ * and run that, never this file.
  */
 """
 _PLAIN = {
@@ -73,8 +74,8 @@ def _type(name: str, schema: Schema) -> str:
         return json.dumps(schema["const"])
     if "enum" in schema:
         return " | ".join(json.dumps(value) for value in schema["enum"])
-    if "anyOf" in schema:
-        return " | ".join(_type(name, part) for part in schema["anyOf"])
+    if choices := schema.get("anyOf", schema.get("oneOf")):
+        return " | ".join(_type(name, part) for part in choices)
     kind = schema.get("type")
     if kind == "array" and "prefixItems" in schema:
         return f"readonly [{', '.join(_type(name, part) for part in schema['prefixItems'])}]"

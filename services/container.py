@@ -73,7 +73,9 @@ def build_services(
         events=open_events(settings.redis_url),
         tokens=Tokens(settings.signing_key(), clock),
         models=ModelCache(database, store, settings.cached_models),
-        guest_limit=RateLimit("guest tokens", settings.guest_tokens_per_minute, clock),
+        guest_limit=RateLimit(
+            "guest tokens from one address", settings.guest_tokens_per_minute, clock
+        ),
         clock=clock,
     )
 

@@ -47,8 +47,8 @@ class RateLimit:
         raise ProblemError(
             429,
             "too-many-requests",
-            f"{self._what} must be at most {self._per_minute} a minute from one address; got one "
-            f"more; come back in {math.ceil(wait_s)} s",
+            f"{self._what} must be at most {self._per_minute} a minute; got one more; "
+            f"come back in {math.ceil(wait_s)} s",
             headers={"Retry-After": str(math.ceil(wait_s))},
         )
 

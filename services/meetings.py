@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import timedelta
 from urllib.parse import quote
 
-from db.models import MeetingRow, ModelRow, PerformerRow, new_id
+from db.models import MeetingRow, ModelRow, PerformerRow, Role, new_id
 from db.repositories import UnitOfWork
 from scene.motion import Motion
 from services.container import Services
@@ -26,10 +26,16 @@ def create_meeting(
     name: str,
     models: list[ModelRow],
     label: str | None = None,
+    lobby: bool = False,
 ) -> MeetingRow:
-    """A new meeting with `models` standing in it."""
+    """A new meeting with `models` standing in it; with `lobby`, who comes waits to be let in."""
     meeting = MeetingRow(
-        id=new_id(), account=account, name=name, label=label, created_at=services.clock()
+        id=new_id(),
+        account=account,
+        name=name,
+        label=label,
+        created_at=services.clock(),
+        lobby=lobby,
     )
     unit.meetings.add(meeting)
     unit.flush()
@@ -109,6 +115,18 @@ def join_url(services: Services, meeting: MeetingRow) -> str:
         "invited", frozenset({"join"}), _LINK_LIFETIME, meeting_id=meeting.id
     )
     return f"{url}#token={token}"
+
+
+def host_token(services: Services, meeting: MeetingRow) -> str:
+    """What whoever opened a meeting joins it with, to be its host."""
+    token, _ = services.tokens.issue(
+        meeting.account,
+        frozenset({"join"}),
+        _LINK_LIFETIME,
+        meeting_id=meeting.id,
+        role=Role.HOST,
+    )
+    return token
 
 
 def _add(

@@ -1,8 +1,11 @@
-"""Seats in meetings: taken by joining, kept by looking, given back by leaving.
+"""Seats in meetings: taken by joining, kept by looking or talking, given back by leaving.
 
 A seat is a row, so that every gateway counts the same. Whoever joins has `SEAT_LAPSES_S` to open a
-view; a view tells of its seat every `BEAT_S`, and gives it back when it ends. What a dead gateway
-or a guest who never came to look leaves behind lapses, and the next to join finds it free.
+view or the control channel (services.control). A view tells of its seat every `BEAT_S`, and gives
+it back when it ends unless the control channel holds it: then the seat outlives a reload of the
+page. What a dead gateway or a guest who never came leaves behind lapses, and the next to join finds
+it free. Where the meeting has its lobby on, a seat opens nothing until the host has let its owner
+in.
 """
 
 from __future__ import annotations
@@ -10,9 +13,9 @@ from __future__ import annotations
 from datetime import timedelta
 from itertools import count
 
-from db.models import MeetingRow, ParticipantRow, new_id
+from db.models import MeetingRow, ParticipantRow, Role, Standing, new_id
 from db.repositories import UnitOfWork
-from services.auth import Principal
+from services.auth import GUEST, Principal
 from services.container import Services
 from services.problems import ProblemError
 
@@ -22,6 +25,12 @@ SEAT_LAPSES_S = 30.0
 BEAT_S = 10.0
 _RETRY_AFTER_S = 15
 _TOKEN_LIFETIME = timedelta(hours=12)
+_REFUSALS = {
+    Standing.WAITING: ("not-let-in-yet", "one who waits for the host", "wait until you are let in"),
+    Standing.DENIED: ("not-let-in", "one whom the host has not let in", "ask the host"),
+    Standing.REMOVED: ("removed", "one whom the host has sent out", "ask the host"),
+    Standing.ENDED: ("meeting-over", "one of a meeting that is over", "open another meeting"),
+}
 
 
 def take_seat(
@@ -29,8 +38,10 @@ def take_seat(
 ) -> tuple[ParticipantRow, str]:
     """The first free seat of a meeting that is locked for it, and the token that opens its view.
 
-    Raises a 503 problem with `Retry-After` when every seat is taken.
+    The same token takes the seat up again after a reload or an outage. Raises a 410 problem for a
+    meeting that is over, a 503 problem with `Retry-After` when every seat is taken.
     """
+    require_open(meeting)
     now = services.clock()
     lapsed = now - timedelta(seconds=SEAT_LAPSES_S)
     for gone in [one for one in meeting.participants if one.seen_at < lapsed]:
@@ -45,18 +56,51 @@ def take_seat(
             "somebody has left",
             headers={"Retry-After": str(_RETRY_AFTER_S)},
         )
+    role = _role_for(meeting, caller)
+    let_in = role is Role.HOST or not meeting.lobby
     participant = ParticipantRow(
         id=new_id(),
         display_name=display_name,
         seat=next(seat for seat in count(1) if seat not in taken),
         joined_at=now,
         seen_at=now,
+        # a host's chair is taken on arrival (services.control), where nobody sits in it
+        role=Role.SPEAKER if role is Role.HOST else role,
+        standing=Standing.ADMITTED if let_in else Standing.WAITING,
     )
     meeting.participants.append(participant)
     token, _ = services.tokens.issue(
-        caller.account, frozenset({"join"}), _TOKEN_LIFETIME, meeting.id, participant.id
+        caller.account, frozenset({"join"}), _TOKEN_LIFETIME, meeting.id, participant.id, role
     )
     return participant, token
+
+
+def _role_for(meeting: MeetingRow, caller: Principal) -> Role:
+    """What somebody may be: whoever opened the meeting may host it.
+
+    The account that guests share opens nothing for one guest rather than another, but for the
+    demo's meeting, which belongs to whoever comes first. A seat's own token grants no second seat
+    more than any invitation does: its owner may have been sent out.
+    """
+    if caller.role is Role.VIEWER:
+        return Role.VIEWER
+    invited = caller.participant_id is None
+    if invited and caller.role is not None:
+        return caller.role
+    shared = caller.account == GUEST and meeting.label is None
+    owns = invited and caller.meeting_id is None and caller.account == meeting.account
+    return Role.HOST if owns and not shared else Role.SPEAKER
+
+
+def require_open(meeting: MeetingRow) -> None:
+    """Raise a 410 problem for a meeting that was ended."""
+    if meeting.ended_at is not None:
+        raise ProblemError(
+            410,
+            "meeting-over",
+            f"a meeting must not be over; got one that was ended at {meeting.ended_at:%H:%M} UTC; "
+            "open another",
+        )
 
 
 def keep_seats(services: Services, participant_ids: set[str]) -> set[str]:
@@ -67,19 +111,37 @@ def keep_seats(services: Services, participant_ids: set[str]) -> set[str]:
     return kept
 
 
-def require_seat(services: Services, participant_id: str) -> None:
-    """Raise a 403 problem where this seat was given back."""
-    if not keep_seats(services, {participant_id}):
+def require_admitted(meeting: MeetingRow, caller: Principal) -> None:
+    """Raise a 403 problem unless `caller` may see and hear this meeting now.
+
+    A caller without a seat, such as a foreign viewer, is let in only where nobody has to wait.
+    """
+    require_open(meeting)
+    if caller.participant_id is None:
+        if meeting.lobby:
+            raise ProblemError(
+                403,
+                "not-let-in-yet",
+                "the token must be of somebody whom the host has let in; got one without a seat; "
+                "join the meeting and wait",
+            )
+        return
+    found = next((one for one in meeting.participants if one.id == caller.participant_id), None)
+    if found is None:
         raise ProblemError(
             403,
             "seat-given-back",
             "the token must be of a seat that is taken; got one whose seat was given back; "
             "join the meeting again",
         )
+    if found.standing is not Standing.ADMITTED:
+        kind, got, mend = _REFUSALS[found.standing]
+        raise ProblemError(403, kind, f"the token must be of somebody let in; got {got}; {mend}")
 
 
 def give_back(services: Services, participant_ids: set[str]) -> None:
-    """Free these seats."""
+    """Free these seats, but for those that somebody may come back to (services.control)."""
+    lapsed = services.clock() - timedelta(seconds=SEAT_LAPSES_S)
     with services.unit_of_work() as unit:
-        unit.meetings.drop_participants(participant_ids)
+        unit.meetings.drop_participants(participant_ids, unless_heard_since=lapsed)
         unit.commit()

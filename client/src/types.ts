@@ -1,11 +1,34 @@
 /**
  * What travels as JSON between server and page. Written from the server's OpenAPI document by
- * `python -m services.client_types`; change services/api/shapes.py and run that, never this file.
+ * `python -m services.client_types`; change services/api/shapes.py or services/control/messages.py
+ * and run that, never this file.
  */
+
+/** The host lets in somebody who waits. */
+export interface Admit {
+  type: "admit";
+  participant_id: string;
+}
+
+/** A sign of life, each way, once a second. */
+export interface Beat {
+  type: "beat";
+}
 
 /** The demo's meeting. */
 export interface DemoMeeting {
   meeting_id: string;
+}
+
+/** The host does not let in somebody who waits. */
+export interface Deny {
+  type: "deny";
+  participant_id: string;
+}
+
+/** The host ends the meeting for everybody. */
+export interface EndMeeting {
+  type: "end";
 }
 
 /** A place to meet in. */
@@ -33,6 +56,16 @@ export interface Erased {
   remaining: number;
 }
 
+export type FromServer = Welcome | Beat | Roster | Said | Reacted | Refusal | Goodbye;
+
+/** The last message: why the channel ends. */
+export interface Goodbye {
+  type: "goodbye";
+  reason: "left" | "given-back" | "denied" | "removed" | "ended" | "replaced" | "silent" | "refused";
+  /** Where it was refused. */
+  problem: Problem | null;
+}
+
 /** A token for the page. */
 export interface Guest {
   token: string;
@@ -42,6 +75,16 @@ export interface Guest {
 /** The process lives. */
 export interface Health {
   status?: "ok";
+}
+
+/** The first message of a page: whose seat it is. The same again takes the seat up again. */
+export interface Hello {
+  type: "hello";
+  /** That of the seat. */
+  token: string;
+  name: string;
+  /** Number of the newest message received. */
+  after: number;
 }
 
 /** Long work and how far it is. */
@@ -69,6 +112,11 @@ export interface Known {
   sequence: Sequence;
 }
 
+/** Give the seat back. */
+export interface Leave {
+  type: "leave";
+}
+
 /** What falls on performers, linear RGB; 1 is what makes a white surface white. */
 export interface Light {
   /** Irradiance over pi: coefficients of the 9 real spherical harmonics to order 2. */
@@ -86,6 +134,18 @@ export interface Meeting {
   performers: Performer[];
   /** Whoever comes waits until the host lets them in. */
   lobby: boolean;
+}
+
+/** Somebody in the meeting, or waiting before it. */
+export interface Member {
+  id: string;
+  name: string;
+  role: Role;
+  standing: Standing;
+  /** False while their connection is lost. */
+  present: boolean;
+  /** Since when their hand is up. */
+  hand_at: string | null;
 }
 
 /** A trained model. */
@@ -235,14 +295,71 @@ export interface Problem {
   detail: string;
 }
 
+/** Ask to speak, or no longer. */
+export interface RaiseHand {
+  type: "hand";
+  raised: boolean;
+}
+
+/** A passing sign to all. */
+export interface React {
+  type: "react";
+  reaction: "applause" | "heart" | "laugh" | "surprise" | "agree" | "party";
+}
+
+/** Somebody gave a sign to all. */
+export interface Reacted {
+  type: "reacted";
+  number: number;
+  participant_id: string;
+  name: string;
+  reaction: "applause" | "heart" | "laugh" | "surprise" | "agree" | "party";
+}
+
 /** What the process needs, and whether it is there. */
 export interface Readiness {
   status: "ready" | "unready";
   checks: Record<string, string>;
 }
 
+/** What was asked for was not done. */
+export interface Refusal {
+  type: "refusal";
+  problem: Problem;
+}
+
+/** The host sends somebody out; from then on whoever comes has to wait. */
+export interface Remove {
+  type: "remove";
+  participant_id: string;
+}
+
 /** What somebody may do in a meeting. */
 export type Role = "host" | "speaker" | "viewer";
+
+/** Who is there, whenever that changes; whoever waits sees only themselves. */
+export interface Roster {
+  type: "roster";
+  /** Whoever comes waits until the host lets them in. */
+  lobby: boolean;
+  members: Member[];
+}
+
+/** Somebody wrote to all. */
+export interface Said {
+  type: "said";
+  number: number;
+  participant_id: string;
+  name: string;
+  text: string;
+  at: string;
+}
+
+/** Write to all. */
+export interface Say {
+  type: "say";
+  text: string;
+}
 
 /** A place in a meeting. */
 export interface Seat {
@@ -286,8 +403,23 @@ export type SequenceKind = "video" | "frames" | "keypoints";
 /** How far a sequence has come. */
 export type SequenceState = "uploaded" | "capturing" | "ready";
 
+/** The host has people wait, or lets everybody in. */
+export interface SetLobby {
+  type: "lobby";
+  on: boolean;
+}
+
+/** The host makes somebody speaker, viewer, or host in their own place. */
+export interface SetRole {
+  type: "role";
+  participant_id: string;
+  role: Role;
+}
+
 /** Whether somebody is let in. */
 export type Standing = "waiting" | "admitted" | "denied" | "removed" | "ended";
+
+export type ToServer = Hello | Beat | Say | React | RaiseHand | Admit | Deny | Remove | SetRole | SetLobby | Leave | EndMeeting;
 
 /** A file on its way. */
 export interface Upload {
@@ -318,4 +450,13 @@ export interface ViewPose {
 /** Who wants to look on. */
 export interface Visitor {
   display_name?: string;
+}
+
+/** The answer to `hello`. */
+export interface Welcome {
+  type: "welcome";
+  participant_id: string;
+  seat: number;
+  /** Either side silent for so long is gone, s. */
+  silence_s: number;
 }

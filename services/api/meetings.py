@@ -18,13 +18,18 @@ router = APIRouter(prefix="/v1", tags=["meetings"], responses=PROBLEMS)
 
 
 @router.post("/meetings", status_code=status.HTTP_201_CREATED, summary="Open a meeting")
-def open_meeting(body: shapes.NewMeeting, services: Provided, caller: Writer) -> shapes.Meeting:
+def open_meeting(
+    body: shapes.NewMeeting, services: Provided, caller: Writer
+) -> shapes.OpenedMeeting:
     """A room with the given models in it; send its `join_url` to whoever should come."""
     with services.unit_of_work() as unit:
         models = [model_of(unit, caller, model_id) for model_id in body.model_ids]
-        meeting = meetings.create_meeting(services, unit, caller.account, body.name, models)
+        meeting = meetings.create_meeting(
+            services, unit, caller.account, body.name, models, lobby=body.lobby
+        )
         unit.commit()
-    return shapes.Meeting.of(meeting, meetings.join_url(services, meeting))
+    opened = shapes.Meeting.of(meeting, meetings.join_url(services, meeting))
+    return shapes.OpenedMeeting(**dict(opened), host_token=meetings.host_token(services, meeting))
 
 
 @router.get("/meetings/{meeting_id}", summary="Read a meeting")
@@ -72,7 +77,11 @@ async def remove_performer(
 def join_meeting(
     meeting_id: str, body: shapes.Visitor, request: Request, services: Provided, caller: Joiner
 ) -> shapes.Seat:
-    """A seat, and the token with which `whep_url` shows the meeting."""
+    """A seat, and the token that opens `whep_url` to see and `control_url` to talk.
+
+    Where the host lets people in one by one, there is nothing to see until then: wait on
+    `control_url`.
+    """
     caller.require_meeting(meeting_id)
     with services.unit_of_work() as unit:
         meeting = unit.meetings.get_for_change(meeting_id)
@@ -80,9 +89,13 @@ def join_meeting(
         unit.commit()
     return shapes.Seat(
         token=token,
+        participant_id=seat.id,
         seat=seat.seat,
+        role=seat.role,
+        standing=seat.standing,
         ice_servers=services.settings.ice_servers,
         whep_url=f"/whep/{meeting_id}",
+        control_url=f"/v1/meetings/{meeting_id}/control",
         ready=request.app.state.views.ready,
         performers=[shapes.Performer.of(one) for one in meeting.performers],
     )

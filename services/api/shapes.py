@@ -15,9 +15,11 @@ from db.models import (
     ModelRow,
     PerformerRow,
     PersonRow,
+    Role,
     SequenceKind,
     SequenceRow,
     SequenceState,
+    Standing,
 )
 from services.problems import Problem
 
@@ -216,6 +218,9 @@ class NewMeeting(Body):
 
     name: Name = Field(examples=["Monday"])
     model_ids: list[str] = Field(default_factory=list, max_length=12)
+    lobby: bool = Field(
+        default=False, description="Whoever comes waits until the host lets them in."
+    )
 
 
 class NewPerformer(Body):
@@ -256,11 +261,20 @@ class Meeting(BaseModel):
     name: str
     join_url: str
     performers: list[Performer]
+    lobby: bool = Field(description="Whoever comes waits until the host lets them in.")
 
     @classmethod
     def of(cls, row: MeetingRow, join_url: str) -> Meeting:
         performers = [Performer.of(one) for one in row.performers]
-        return cls(id=row.id, name=row.name, join_url=join_url, performers=performers)
+        return cls(
+            id=row.id, name=row.name, join_url=join_url, performers=performers, lobby=row.lobby
+        )
+
+
+class OpenedMeeting(Meeting):
+    """A new room, for whoever opened it."""
+
+    host_token: str = Field(description="Join with it to be the host; keep it to yourself.")
 
 
 class Visitor(Body):
@@ -272,10 +286,16 @@ class Visitor(Body):
 class Seat(BaseModel):
     """A place in a meeting."""
 
-    token: str = Field(description="Opens this meeting's view.")
+    token: str = Field(
+        description="Opens this meeting's view and control channel, again after a reload as well."
+    )
+    participant_id: str
     seat: int
+    role: Role
+    standing: Standing = Field(description="Whether the host has let you in; no view before that.")
     ice_servers: list[str]
     whep_url: str
+    control_url: str
     ready: bool = Field(
         description="False while the renderer compiles, on its first start on a machine."
     )

@@ -104,6 +104,8 @@ async def look(
     except NoRoom as full:
         headers = {"Retry-After": str(_RETRY_AFTER_S)}
         raise ProblemError(503, "server-full", str(full), headers=headers) from full
+    # whoever is sent out from now on sees nothing more
+    request.app.state.hub.stir(meeting_id)
     headers = {"Location": f"/whep/{meeting_id}/{session_id}", "ETag": f'"{session_id}"'}
     return Response(sdp_answer, status.HTTP_201_CREATED, headers, media_type=SDP)
 
@@ -142,9 +144,10 @@ async def _read_offer(request: Request) -> str:
 
 def _require_place(services: Services, meeting_id: str, caller: Principal) -> None:
     with services.reading() as unit:
-        unit.meetings.get(meeting_id)
+        meeting = unit.meetings.get(meeting_id)
+    seats.require_admitted(meeting, caller)
     if caller.participant_id is not None:
-        seats.require_seat(services, caller.participant_id)
+        seats.keep_seats(services, {caller.participant_id})
 
 
 def cast_of(services: Services, meeting_id: str) -> tuple[CastMember, ...]:

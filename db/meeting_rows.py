@@ -1,0 +1,136 @@
+"""Tables of meetings: who stands in a room, who is there, what they said.
+
+Rows of a person hang on `person.id` as everywhere (db.models).
+"""
+
+from __future__ import annotations
+
+from datetime import datetime
+from enum import StrEnum
+
+from sqlalchemy import ForeignKey, String, UniqueConstraint
+from sqlalchemy.orm import Mapped, mapped_column, relationship
+
+from db.base import Base, Id, new_id, words
+
+
+class Role(StrEnum):
+    """What somebody may do in a meeting."""
+
+    HOST = "host"
+    """Lets people in, sends them out, ends it."""
+    SPEAKER = "speaker"
+    """Talks and writes."""
+    VIEWER = "viewer"
+    """Looks on, raises a hand, reacts."""
+
+
+class Standing(StrEnum):
+    """Whether somebody is let in."""
+
+    WAITING = "waiting"
+    ADMITTED = "admitted"
+    DENIED = "denied"
+    REMOVED = "removed"
+    ENDED = "ended"
+    """The meeting was ended for everybody."""
+
+
+class MessageKind(StrEnum):
+    """What was said."""
+
+    CHAT = "chat"
+    REACTION = "reaction"
+
+
+class MeetingRow(Base):
+    """A room with performers in it."""
+
+    __tablename__ = "meeting"
+
+    id: Mapped[str] = mapped_column(Id, primary_key=True, default=new_id)
+    account: Mapped[str] = mapped_column(String(120), index=True)
+    name: Mapped[str] = mapped_column(String(120))
+    label: Mapped[str | None] = mapped_column(String(32), unique=True)
+    """Set for a meeting that is found by name, such as the demo's."""
+    created_at: Mapped[datetime]
+    lobby: Mapped[bool] = mapped_column(default=False)
+    """Whoever comes waits until the host lets them in."""
+    ended_at: Mapped[datetime | None]
+    performers: Mapped[list[PerformerRow]] = relationship(
+        order_by="PerformerRow.place",
+        lazy="selectin",
+        cascade="all, delete-orphan",
+        passive_deletes=True,
+    )
+    participants: Mapped[list[ParticipantRow]] = relationship(
+        order_by="ParticipantRow.seat",
+        lazy="selectin",
+        cascade="all, delete-orphan",
+        passive_deletes=True,
+    )
+
+
+class PerformerRow(Base):
+    """A person's model standing in a meeting."""
+
+    __tablename__ = "performer"
+
+    id: Mapped[str] = mapped_column(Id, primary_key=True, default=new_id)
+    meeting_id: Mapped[str] = mapped_column(
+        ForeignKey("meeting.id", ondelete="CASCADE"), index=True
+    )
+    person_id: Mapped[str] = mapped_column(ForeignKey("person.id", ondelete="CASCADE"), index=True)
+    model_id: Mapped[str] = mapped_column(ForeignKey("model.id", ondelete="CASCADE"), index=True)
+    motion_sequence_id: Mapped[str | None] = mapped_column(
+        ForeignKey("sequence.id", ondelete="SET NULL"), index=True
+    )
+    """Whose motion they move by; empty: their model's own."""
+    name: Mapped[str] = mapped_column(String(120))
+    place: Mapped[int]
+    """Order of arrival, from 0."""
+    x_m: Mapped[float]
+    y_m: Mapped[float]
+    z_m: Mapped[float]
+    yaw_rad: Mapped[float]
+
+
+class ParticipantRow(Base):
+    """Somebody who is in a meeting, waits to be let in, or only looks on."""
+
+    __tablename__ = "participant"
+    __table_args__ = (UniqueConstraint("meeting_id", "seat"),)
+
+    id: Mapped[str] = mapped_column(Id, primary_key=True, default=new_id)
+    meeting_id: Mapped[str] = mapped_column(
+        ForeignKey("meeting.id", ondelete="CASCADE"), index=True
+    )
+    display_name: Mapped[str] = mapped_column(String(120))
+    seat: Mapped[int]
+    joined_at: Mapped[datetime]
+    seen_at: Mapped[datetime]
+    """When their view or page last gave a sign of life; at first, when they joined."""
+    role: Mapped[Role] = mapped_column(words(Role), default=Role.SPEAKER)
+    standing: Mapped[Standing] = mapped_column(words(Standing), default=Standing.ADMITTED)
+    heard_at: Mapped[datetime | None]
+    """When their page last spoke on the control channel; empty: it has not come yet."""
+    hand_at: Mapped[datetime | None]
+    """Since when their hand is up."""
+
+
+class MessageRow(Base):
+    """What somebody said to all: numbered, so that whoever was away can ask for the rest."""
+
+    __tablename__ = "meeting_message"
+
+    meeting_id: Mapped[str] = mapped_column(
+        ForeignKey("meeting.id", ondelete="CASCADE"), primary_key=True
+    )
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    """From 1."""
+    kind: Mapped[MessageKind] = mapped_column(words(MessageKind))
+    participant_id: Mapped[str] = mapped_column(Id)
+    """Who said it; the seat may have been given back since."""
+    name: Mapped[str] = mapped_column(String(120))
+    text: Mapped[str] = mapped_column(String(2000))
+    at: Mapped[datetime]

@@ -1,0 +1,1 @@
+"""The control channel of a meeting: who is there, who may come in, what they say."""

@@ -1,0 +1,195 @@
+"""`WS /v1/meetings/{id}/control`: says hello with a seat's token, then wishes and beats.
+
+Every message is a JSON object (services.control.messages). A page beats once a second and is
+beaten back; whoever hears nothing for five seconds takes the line as lost. The token of the seat
+takes it up again within 30 s of that: after a reload, an outage, or on another gateway.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from typing import Any
+
+from fastapi import APIRouter, FastAPI, WebSocket, WebSocketDisconnect
+from fastapi.concurrency import run_in_threadpool
+from prometheus_client import Gauge
+from pydantic import ValidationError
+from starlette.websockets import WebSocketDisconnected
+
+from services.container import Services
+from services.control import messages
+from services.control.hub import Hub, Line, Views, meeting_topic
+from services.control.messages import (
+    TO_SERVER,
+    Beat,
+    Goodbye,
+    Hello,
+    Reason,
+    Refusal,
+    Welcome,
+    Wish,
+)
+from services.control.roster import SILENCE_S
+from services.control.wishes import arrive, fulfil, read_caller
+from services.limits import RateLimit
+from services.problems import ProblemError, problem_of
+
+log = logging.getLogger(__name__)
+
+router = APIRouter(tags=["meetings"])
+
+PARTICIPANTS = Gauge("metanerf_participants", "Pages on the control channel now.")
+WISHES_PER_MINUTE = 120
+_CLOSE_S = 2.0
+_GONE = (WebSocketDisconnect, WebSocketDisconnected)
+_REASONS: dict[str, Reason] = {"urn:metanerf:seat-given-back": "given-back"}
+
+
+def install(app: FastAPI, services: Services, views: Views) -> Hub:
+    """Mount the channel on `app`, and describe its messages with the rest of the API."""
+    hub = Hub(services, views)
+    app.state.hub = hub
+    app.state.wish_limit = RateLimit("messages of one person", WISHES_PER_MINUTE, services.clock)
+    app.include_router(router)
+    PARTICIPANTS.set_function(lambda: len(hub))
+    describe = app.openapi
+
+    def with_messages() -> dict[str, Any]:
+        document = describe()
+        for name, schema in messages.schemas().items():
+            document["components"]["schemas"].setdefault(name, schema)
+        return document
+
+    app.openapi = with_messages
+    return hub
+
+
+@router.websocket("/v1/meetings/{meeting_id}/control")
+async def control(socket: WebSocket, meeting_id: str) -> None:
+    """The channel of one page, from hello to goodbye."""
+    await socket.accept()
+    services: Services = socket.app.state.services
+    hub: Hub = socket.app.state.hub
+    with contextlib.suppress(*_GONE, TimeoutError):
+        line = await _greet(socket, services, meeting_id)
+        if line is not None:
+            async with hub.attached(line):
+                await _talk(socket, services, hub, line)
+        async with asyncio.timeout(_CLOSE_S):
+            await socket.close()
+
+
+async def _greet(socket: WebSocket, services: Services, meeting_id: str) -> Line | None:
+    """Seat the page; None where it was told why not."""
+    try:
+        async with asyncio.timeout(SILENCE_S):
+            hello = _read(await _receive(socket))
+        if not isinstance(hello, Hello):
+            raise ProblemError(
+                422, "hello-first", f"the first message must be 'hello'; got {hello.type!r}"
+            )
+        caller = await run_in_threadpool(read_caller, services, meeting_id, hello)
+        me = await run_in_threadpool(arrive, services, meeting_id, caller, hello.name)
+    except (*_GONE, TimeoutError):
+        raise
+    except Exception as error:
+        problem = _told(error).problem
+        reason = _REASONS.get(problem.type, "refused")
+        await socket.send_text(Goodbye(reason=reason, problem=problem).model_dump_json())
+        return None
+    await run_in_threadpool(services.events.publish, meeting_topic(meeting_id))
+    line = Line(meeting_id, me.id, services.clock(), hello.after)
+    line.tell(Welcome(participant_id=me.id, seat=me.seat, silence_s=SILENCE_S))
+    return line
+
+
+async def _talk(socket: WebSocket, services: Services, hub: Hub, line: Line) -> None:
+    """Listen and send until either way ends."""
+    ways = (
+        asyncio.create_task(_listen(socket, services, hub, line)),
+        asyncio.create_task(_send(socket, line)),
+    )
+    try:
+        await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for way in ways:
+            way.cancel()
+        ended = await asyncio.gather(*ways, return_exceptions=True)
+    for fault in ended:
+        if isinstance(fault, Exception) and not isinstance(fault, _GONE):
+            raise fault
+
+
+async def _send(socket: WebSocket, line: Line) -> None:
+    while (message := await line.outbox.get()) is not None:
+        await socket.send_text(message.model_dump_json())
+
+
+async def _listen(socket: WebSocket, services: Services, hub: Hub, line: Line) -> None:
+    limit: RateLimit = socket.app.state.wish_limit
+    while True:
+        text = await _receive(socket)
+        line.heard_at = services.clock()
+        try:
+            message = _read(text)
+            if isinstance(message, Beat):
+                line.tell(message)
+            elif isinstance(message, Hello):
+                raise ProblemError(
+                    409,
+                    "greeted-already",
+                    "'hello' must come once; got it again; open a new channel",
+                )
+            else:
+                limit.take(line.participant_id)
+                await _grant(services, hub, line, message)
+        except Exception as error:
+            line.tell(Refusal(problem=_told(error).problem))
+
+
+async def _receive(socket: WebSocket) -> str:
+    message = await socket.receive()
+    if message["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect
+    # what comes as bytes is no message of ours, and is refused as such
+    return message.get("text") or ""
+
+
+async def _grant(services: Services, hub: Hub, line: Line, wish: Wish) -> None:
+    # a seat that was given back on purpose is none that was lost
+    line.leaving = isinstance(wish, messages.Leave)
+    await run_in_threadpool(fulfil, services, line.meeting_id, line.participant_id, wish)
+    if line.leaving:
+        line.end("left")
+    hub.stir(line.meeting_id)
+    await run_in_threadpool(services.events.publish, meeting_topic(line.meeting_id))
+
+
+def _read(text: str) -> Hello | Beat | Wish:
+    if len(text) > messages.LONGEST_MESSAGE_BYTES:
+        raise ProblemError(
+            413,
+            "too-large",
+            f"a message must have at most {messages.LONGEST_MESSAGE_BYTES} characters; got "
+            f"{len(text)}",
+        )
+    try:
+        return TO_SERVER.validate_json(text)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in fault["loc"]) or "the message"
+        raise ProblemError(
+            422,
+            "invalid-input",
+            f"a message must be one of the control channel's JSON objects; got a fault at {where}: "
+            f"{fault['msg']}; see ToServer in /openapi.json",
+        ) from error
+
+
+def _told(error: Exception) -> ProblemError:
+    problem = problem_of(error)
+    if problem.problem.status == 500:
+        log.exception("a control channel failed", exc_info=error)
+    return problem

@@ -1,0 +1,240 @@
+"""Keeps every page of this process told of its meeting: looks at the rows, pushes what is new.
+
+Rows hold the state, so that all gateways tell the same. A wish that is granted here is looked at
+once; one that another gateway granted comes as a wake-up (services.jobs.events), or is found by
+looking. Each page has an outbox of its own: one who reads slowly holds nobody else up.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from typing import Protocol
+
+from fastapi.concurrency import run_in_threadpool
+from pydantic import BaseModel
+
+from db.errors import DatabaseError
+from db.models import MeetingRow, MessageKind, MessageRow, Standing
+from services.container import Services
+from services.control.messages import Goodbye, Reacted, Reason, Roster, Said
+from services.control.roster import SILENCE_S, is_there, roster_for
+
+log = logging.getLogger(__name__)
+
+_BEAT_S = 1.0
+_LOOK_S = 1.0
+"""Between two looks at a meeting in which nothing happens."""
+_STALE_REACTION_S = 10.0
+_OUTBOX = 400
+"""Messages that may wait for one page; whose are more is cut off, and comes back for the rest."""
+_ENDS: Mapping[Standing, Reason] = {
+    Standing.DENIED: "denied",
+    Standing.REMOVED: "removed",
+    Standing.ENDED: "ended",
+}
+
+
+class Views(Protocol):
+    """The live pictures of this process; see services.live.sessions."""
+
+    def looked_into(self, meeting_id: str) -> bool:
+        """Whether anybody looks into a meeting."""
+        ...
+
+    async def keep_only(self, meeting_id: str, may_look: Callable[[str | None], bool]) -> None:
+        """End the pictures of all others; asked with the seat, None for who has none."""
+        ...
+
+
+@dataclass(eq=False)
+class Line:
+    """One page's channel, as the hub sees it."""
+
+    meeting_id: str
+    participant_id: str
+    heard_at: datetime
+    number: int
+    """Of the newest message that was told."""
+    outbox: asyncio.Queue[BaseModel | None] = field(
+        default_factory=lambda: asyncio.Queue(_OUTBOX + 2)
+    )
+    """What is to be sent; None ends the channel."""
+    leaving: bool = False
+    ended: bool = False
+    told: Roster | None = None
+    noted_at: datetime | None = None
+
+    def tell(self, message: BaseModel) -> None:
+        """Have `message` sent, unless the channel is ending."""
+        if self.ended:
+            return
+        if self.outbox.qsize() >= _OUTBOX:
+            self.end("silent")
+            return
+        self.outbox.put_nowait(message)
+
+    def end(self, reason: Reason) -> None:
+        """Have the channel ended with a goodbye."""
+        if not self.ended:
+            self.ended = True
+            self.outbox.put_nowait(Goodbye(reason=reason))
+            self.outbox.put_nowait(None)
+
+
+class Hub:
+    """All channels of this process. Every method runs on its event loop."""
+
+    def __init__(self, services: Services, views: Views) -> None:
+        self._services, self._views = services, views
+        self._lines: dict[str, set[Line]] = {}
+        """By meeting."""
+        self._watches: dict[str, tuple[asyncio.Task[None], asyncio.Event]] = {}
+
+    def __len__(self) -> int:
+        return sum(len(lines) for lines in self._lines.values())
+
+    @asynccontextmanager
+    async def attached(self, line: Line) -> AsyncIterator[None]:
+        """Keep `line` told; the page that had the same seat before is cut off."""
+        lines = self._lines.setdefault(line.meeting_id, set())
+        for other in lines:
+            if other.participant_id == line.participant_id:
+                other.end("replaced")
+        lines.add(line)
+        self.stir(line.meeting_id)
+        try:
+            yield
+        finally:
+            lines.discard(line)
+            if not lines and self._lines.get(line.meeting_id) is lines:
+                del self._lines[line.meeting_id]
+
+    def stir(self, meeting_id: str) -> None:
+        """Look at a meeting now, and go on as long as this process serves anybody in it."""
+        if meeting_id not in self._watches:
+            stirred = asyncio.Event()
+            task = asyncio.create_task(self._watch(meeting_id, stirred))
+            self._watches[meeting_id] = (task, stirred)
+        self._watches[meeting_id][1].set()
+
+    async def close(self) -> None:
+        """End everything, at shutdown; pages come back to the next process."""
+        tasks = [task for task, _ in self._watches.values()]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _watch(self, meeting_id: str, stirred: asyncio.Event) -> None:
+        async with self._services.events.listen(meeting_topic(meeting_id)) as listener:
+
+            async def relay() -> None:
+                while True:
+                    await listener.wait(_LOOK_S)
+                    stirred.set()
+
+            relaying = asyncio.create_task(relay())
+            try:
+                while meeting_id in self._lines or self._views.looked_into(meeting_id):
+                    await stirred.wait()
+                    stirred.clear()
+                    await self._look_calmly(meeting_id)
+            finally:
+                # from here on the next to come starts a watch of their own
+                del self._watches[meeting_id]
+                relaying.cancel()
+                await asyncio.gather(relaying, return_exceptions=True)
+
+    async def _look_calmly(self, meeting_id: str) -> None:
+        try:
+            await self._look(meeting_id)
+        except DatabaseError as error:
+            # live meetings go on without it; what is new is told when it is back
+            log.warning("meeting %s could not be looked at: %s", meeting_id, error)
+            await asyncio.sleep(_LOOK_S)
+        except Exception:
+            log.exception("looking at meeting %s failed", meeting_id)
+            await asyncio.sleep(_LOOK_S)
+
+    async def _look(self, meeting_id: str) -> None:
+        lines = [line for line in self._lines.get(meeting_id, ()) if not line.ended]
+        now = self._services.clock()
+        for line in lines:
+            if now - line.heard_at > timedelta(seconds=SILENCE_S):
+                line.end("silent")
+        lines = [line for line in lines if not line.ended and not line.leaving]
+        moments = {line.participant_id: line.heard_at for line in lines if _to_note(line)}
+        newest = min((line.number for line in lines), default=None)
+        meeting, said = await run_in_threadpool(_read, self._services, meeting_id, moments, newest)
+        for line in lines:
+            if line.leaving:
+                continue
+            line.noted_at = moments.get(line.participant_id, line.noted_at)
+            _tell(line, meeting, said, self._services.clock())
+        seats = {one.id: one.standing for one in meeting.participants}
+
+        def may_look(participant_id: str | None) -> bool:
+            if participant_id is None:
+                return not meeting.lobby and meeting.ended_at is None
+            return seats.get(participant_id) is Standing.ADMITTED
+
+        await self._views.keep_only(meeting_id, may_look)
+
+
+def meeting_topic(meeting_id: str) -> str:
+    """Topic: who is in this meeting, or what they said, has changed."""
+    return f"meeting:{meeting_id}"
+
+
+def _to_note(line: Line) -> bool:
+    return line.noted_at is None or line.heard_at - line.noted_at >= timedelta(seconds=_BEAT_S)
+
+
+def _read(
+    services: Services, meeting_id: str, moments: dict[str, datetime], newest: int | None
+) -> tuple[MeetingRow, list[MessageRow]]:
+    """The meeting and what was said after `newest`; notes signs of life on the way."""
+    with services.unit_of_work() if moments else services.reading() as unit:
+        if moments:
+            unit.meetings.heard(moments)
+        meeting = unit.meetings.get(meeting_id)
+        said = [] if newest is None else unit.meetings.said_since(meeting_id, newest)
+        if moments:
+            unit.commit()
+    return meeting, said
+
+
+def _tell(line: Line, meeting: MeetingRow, said: list[MessageRow], now: datetime) -> None:
+    me = next((one for one in meeting.participants if one.id == line.participant_id), None)
+    if me is None or not is_there(me, now):
+        line.end("given-back")
+        return
+    if reason := _ENDS.get(me.standing):
+        line.end(reason)
+        return
+    roster = roster_for(meeting, me.id, now)
+    if roster != line.told:
+        line.told = roster
+        line.tell(roster)
+    if me.standing is not Standing.ADMITTED:
+        return
+    for message in said:
+        if message.number > line.number:
+            line.number = message.number
+            _tell_message(line, message, now)
+
+
+def _tell_message(line: Line, message: MessageRow, now: datetime) -> None:
+    about = {
+        "number": message.number,
+        "participant_id": message.participant_id,
+        "name": message.name,
+    }
+    if message.kind is MessageKind.CHAT:
+        line.tell(Said(**about, text=message.text, at=message.at))
+    elif now - message.at <= timedelta(seconds=_STALE_REACTION_S):
+        line.tell(Reacted.model_validate(about | {"reaction": message.text}))

@@ -1,0 +1,204 @@
+"""What people in a meeting may ask for, done on its rows. Every refusal is a problem."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+from db.models import (
+    MeetingRow,
+    MessageKind,
+    MessageRow,
+    ParticipantRow,
+    Role,
+    Standing,
+)
+from db.repositories import UnitOfWork
+from services.auth import Principal
+from services.container import Services
+from services.control.messages import (
+    Admit,
+    Deny,
+    EndMeeting,
+    Hello,
+    Leave,
+    RaiseHand,
+    React,
+    Remove,
+    Say,
+    SetLobby,
+    SetRole,
+    Wish,
+)
+from services.control.roster import host_of
+from services.problems import ProblemError
+
+_REACTIONS_LAST_S = 60.0
+
+
+def read_caller(services: Services, meeting_id: str, hello: Hello) -> Principal:
+    """Whose seat a page takes up. Raises a 401 or 403 problem for a token of no seat in it."""
+    caller = services.tokens.read(hello.token)
+    caller.require_meeting(meeting_id)
+    if "join" not in caller.scopes or caller.participant_id is None:
+        raise ProblemError(
+            403,
+            "no-seat",
+            "the token must be one that joining gave; got one without a seat; join the meeting",
+        )
+    return caller
+
+
+def arrive(services: Services, meeting_id: str, caller: Principal, name: str) -> ParticipantRow:
+    """Take up a seat, at first or again.
+
+    Whoever may host is the host from now on where nobody else is. Raises a 403 problem where the
+    seat was given back.
+    """
+    assert caller.participant_id is not None
+    now = services.clock()
+    with services.unit_of_work() as unit:
+        meeting = unit.meetings.get_for_change(meeting_id)
+        me = _find(meeting, caller.participant_id)
+        me.display_name = name
+        me.heard_at = me.seen_at = now
+        if (
+            caller.role is Role.HOST
+            and me.standing is Standing.ADMITTED
+            and not host_of(meeting, now)
+        ):
+            me.role = Role.HOST
+        unit.commit()
+    return me
+
+
+def fulfil(services: Services, meeting_id: str, participant_id: str, wish: Wish) -> None:
+    """Do what a participant asks for. Raises a problem that says why not."""
+    with services.unit_of_work() as unit:
+        meeting = unit.meetings.get_for_change(meeting_id)
+        me = _find(meeting, participant_id)
+        if isinstance(wish, Leave):
+            meeting.participants.remove(me)
+        elif me.standing is not Standing.ADMITTED:
+            raise ProblemError(
+                403,
+                "not-let-in-yet",
+                f"a wish must come from somebody let in; got {wish.type!r} from one who is not; "
+                "wait for the host",
+            )
+        elif isinstance(wish, (Say, React, RaiseHand)):
+            _speak(services, unit, me, wish)
+        else:
+            _require_host(me, wish)
+            _host(services, meeting, me, wish)
+        unit.commit()
+
+
+def _speak(
+    services: Services, unit: UnitOfWork, me: ParticipantRow, wish: Say | React | RaiseHand
+) -> None:
+    now = services.clock()
+    match wish:
+        case Say(text=text):
+            if me.role is Role.VIEWER:
+                raise ProblemError(
+                    403,
+                    "viewers-look-on",
+                    "a message must come from the host or a speaker; got one from a viewer; "
+                    "raise a hand",
+                )
+            unit.meetings.say(_message(me, MessageKind.CHAT, text, services))
+        case React(reaction=reaction):
+            unit.meetings.say(_message(me, MessageKind.REACTION, reaction, services))
+            unit.flush()
+            passed = now - timedelta(seconds=_REACTIONS_LAST_S)
+            unit.meetings.forget_said(me.meeting_id, MessageKind.REACTION, passed)
+        case RaiseHand(raised=raised):
+            me.hand_at = (me.hand_at or now) if raised else None
+
+
+def _host(
+    services: Services,
+    meeting: MeetingRow,
+    me: ParticipantRow,
+    wish: Admit | Deny | Remove | SetRole | SetLobby | EndMeeting,
+) -> None:
+    match wish:
+        case Admit(participant_id=who):
+            _find(meeting, who, Standing.WAITING).standing = Standing.ADMITTED
+        case Deny(participant_id=who):
+            _find(meeting, who, Standing.WAITING).standing = Standing.DENIED
+        case Remove(participant_id=who):
+            _find_other(meeting, who, me).standing = Standing.REMOVED
+            # otherwise the same link would bring them back at once
+            _have_wait(meeting)
+        case SetRole(participant_id=who, role=role):
+            _find_other(meeting, who, me).role = role
+            if role is Role.HOST:
+                me.role = Role.SPEAKER
+        case SetLobby(on=True):
+            _have_wait(meeting)
+        case SetLobby():
+            meeting.lobby = False
+            for one in meeting.participants:
+                if one.standing is Standing.WAITING:
+                    one.standing = Standing.ADMITTED
+        case EndMeeting():
+            for one in meeting.participants:
+                one.standing = Standing.ENDED
+            # one that is found by name goes on for whoever comes next
+            if meeting.label is None:
+                meeting.ended_at = services.clock()
+
+
+def _have_wait(meeting: MeetingRow) -> None:
+    """Turn the lobby on; whoever only looked in so far has not come yet, and waits like others."""
+    meeting.lobby = True
+    for one in meeting.participants:
+        if one.heard_at is None and one.standing is Standing.ADMITTED:
+            one.standing = Standing.WAITING
+
+
+def _require_host(me: ParticipantRow, wish: Wish) -> None:
+    if me.role is not Role.HOST:
+        raise ProblemError(
+            403,
+            "host-only",
+            f"{wish.type!r} must come from the host; got it from a {me.role.value}; ask the host",
+        )
+
+
+def _find(
+    meeting: MeetingRow, participant_id: str, standing: Standing | None = None
+) -> ParticipantRow:
+    for one in meeting.participants:
+        if one.id == participant_id and standing in (None, one.standing):
+            return one
+    kind = "somebody in this meeting" if standing is None else f"somebody who is {standing.value}"
+    raise ProblemError(
+        403 if standing is None else 404,
+        "seat-given-back" if standing is None else "not-found",
+        f"participant_id must be that of {kind}; got {participant_id!r}; look at the roster, "
+        "or join again",
+    )
+
+
+def _find_other(meeting: MeetingRow, participant_id: str, me: ParticipantRow) -> ParticipantRow:
+    if participant_id == me.id:
+        raise ProblemError(
+            409,
+            "host-stays",
+            "this must be done to somebody else; got the host's own id; make another "
+            "the host first",
+        )
+    return _find(meeting, participant_id, Standing.ADMITTED)
+
+
+def _message(me: ParticipantRow, kind: MessageKind, text: str, services: Services) -> MessageRow:
+    return MessageRow(
+        meeting_id=me.meeting_id,
+        kind=kind,
+        participant_id=me.id,
+        name=me.display_name,
+        text=text,
+        at=services.clock(),
+    )

@@ -1,0 +1,71 @@
+"""A gateway on a real port of this event loop, whose clock the tests hold."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+
+import httpx
+import pytest
+import uvicorn
+from fastapi import FastAPI
+
+from services.app import create_app
+from services.container import Services
+from tests.fakes import Clock
+from tests.services.conftest import bearer
+
+
+@asynccontextmanager
+async def on_a_port(app: FastAPI, services: Services) -> AsyncIterator[httpx.AsyncClient]:
+    """A caller of account `house` of a server that is up."""
+    config = uvicorn.Config(app, port=0, log_level="warning", lifespan="off")
+    server = uvicorn.Server(config)
+    serving = asyncio.create_task(server.serve())
+    while not server.started:
+        assert not serving.done(), "the server did not start"
+        await asyncio.sleep(0.01)
+    port = server.servers[0].sockets[0].getsockname()[1]
+    try:
+        async with httpx.AsyncClient(
+            base_url=f"http://127.0.0.1:{port}", headers=bearer(services), timeout=60.0
+        ) as caller:
+            yield caller
+    finally:
+        server.should_exit = True
+        await serving
+        await app.state.hub.close()
+        await app.state.views.close_all()
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def timed(services: Services, clock: Clock) -> Services:
+    """The services, by the tests' clock: tokens too."""
+    from services.auth import Tokens
+
+    tokens = Tokens(services.settings.signing_key(), clock)
+    return replace(services, clock=clock, tokens=tokens)
+
+
+@pytest.fixture
+async def app(timed: Services) -> FastAPI:
+    return create_app(timed.settings, timed)
+
+
+@pytest.fixture
+async def caller(app: FastAPI, timed: Services) -> AsyncIterator[httpx.AsyncClient]:
+    async with on_a_port(app, timed) as client:
+        yield client
+
+
+@pytest.fixture
+async def meeting(caller: httpx.AsyncClient) -> dict:
+    """An empty meeting of account `house`."""
+    return (await caller.post("/v1/meetings", json={"name": "Monday"})).json()
