@@ -53,14 +53,29 @@ class _Body:
     ) -> Float[Tensor, "N 3"]:  # fmt: skip
         """Of the places that searches from `one` and `other` find, the deeper in the body."""
         found = [self.searched(points, start, rounds) for start in (one, other)]
-        depth = [self._depth(points, place) for place in found]
+        depth = [
+            torch.where(self.is_there(points, place), self.support.depths.at(place), -torch.inf)
+            for place in found
+        ]
         return torch.where((depth[1] > depth[0])[:, None], found[1], found[0])
 
-    def _depth(self, points: Tensor, found: Tensor) -> Float[Tensor, "N"]:
-        """Depth of `found`, m; below nil where it is not where `points` came from."""
-        off = (blended(found, self.transforms, self.volume.at(found)) - points).norm(dim=1)
-        depth = self.support.depths.at(found)
-        return torch.where(off < _FOUND_M, depth, -off)
+    def united(
+        self, points: Float[Tensor, "N 3"], first: Float[Tensor, "N 4"],
+        second: Float[Tensor, "N 4"], rounds: int,
+    ) -> Float[Tensor, "N 3"]:  # fmt: skip
+        """What searches from the first answers find, or from the second, where those have a say."""
+        found = self.searched(points, first[:, :3], rounds)
+        two = torch.nonzero(second[:, 3] > _LEAST_SAY)[:, 0]
+        found[two] = self.deeper(points[two], found[two], second[two, :3], rounds)
+        return found
+
+    def is_there(
+        self, points: Float[Tensor, "N 3"], found: Float[Tensor, "N 3"]
+    ) -> Bool[Tensor, "N"]:
+        """Whether canonical `found`, skinned forwards, comes back to world `points`. Outside a bent
+        hip is air that no place of the body moves to: searches there end anywhere."""
+        back = blended(found, self.transforms, self.volume.at(found))
+        return (back - points).square().sum(dim=1) < _FOUND_M**2
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +122,7 @@ class _Answers:
 
     def __init__(self, side: int, device: torch.device) -> None:
         self.total = torch.zeros(side, side, side, device=device)
+        self.sum = torch.zeros(side, side, side, 3, device=device)
         self.first = torch.zeros(side, side, side, 4, device=device)
         self.second = torch.zeros(side, side, side, 4, device=device)
 
@@ -120,6 +136,7 @@ class _Answers:
         self.second[window] = torch.where((more & apart)[..., None], first, second)
         self.first[window] = torch.where(more[..., None], answer, first)
         self.total[window] += answer[..., 3]
+        self.sum[window] += answer[..., 3:] * answer[..., :3]
 
 
 @torch.no_grad()
@@ -140,11 +157,12 @@ def posed_grid(
     z, y, x = some // (side * side), some // side % side, some % side
     world = torch.stack([axes[0][x], axes[1][y], axes[2][z]], dim=1)
     body = _Body(transforms, volume, support)
-    rounds = field.sizes.inverse_rounds
-    first, second = answers.first.view(-1, 4)[some], answers.second.view(-1, 4)[some]
-    found = body.searched(world, first[:, :3], rounds)
-    two = torch.nonzero(second[:, 3] > _LEAST_SAY)[:, 0]
-    found[two] = body.deeper(world[two], found[two], second[two, :3], rounds)
+    found = answers.sum.view(-1, 3)[some] / answers.total.view(-1, 1)[some]
+    if field.sizes.inverse_rounds:  # nil is the paper's way: the mean of all answers, as it is
+        first, second = answers.first.view(-1, 4)[some], answers.second.view(-1, 4)[some]
+        found = body.united(world, first, second, field.sizes.inverse_rounds)
+        there = body.is_there(world, found)
+        some, found = some[there], found[there]
     rows = torch.zeros(side**3, 4, device=device)
     rows[some] = torch.cat([found, torch.ones_like(found[:, :1])], dim=1) * likelihood[some, None]
     alive = torch.zeros(side**3, device=device)
