@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -28,6 +29,16 @@ class CastMember:
     motion: Motion
     position: tuple[float, float, float]
     yaw_rad: float
+    account: str = ""
+    """Whose person it is, who alone may drive them live; empty: nobody."""
+
+
+class MovesLive(Protocol):
+    """Somebody who is driven live; see services.live.motion."""
+
+    def pose_at(self, now_s: float) -> Pose | None:
+        """How they stand at `now_s`; None until that is known."""
+        ...
 
 
 @dataclass(eq=False)
@@ -37,9 +48,11 @@ class Room:
     meeting_id: str
     cast: tuple[CastMember, ...]
     environment: Environment = field(default_factory=Environment)
+    live: dict[str, MovesLive] = field(default_factory=dict)
+    """Performer id -> their own motion, for those who are driven live now."""
 
     def scene_at(self, now_s: float, *, hide_unseen: bool = False) -> Scene[PersonModel]:
-        """The scene at `now_s`; every performer plays their motion to and fro.
+        """The scene at `now_s`: performers as they are driven live, or by their motion to and fro.
 
         With `hide_unseen` what was never filmed of them fades away.
         """
@@ -49,11 +62,16 @@ class Room:
                 filmed_only(member.model) if hide_unseen else member.model,
                 np.array(member.position, dtype=np.float64),
                 member.yaw_rad,
-                grounded(to_and_fro(member.motion, now_s)),
+                self._pose(member, now_s),
             )
             for member in self.cast
         )
         return Scene(self.environment, performers)
+
+    def _pose(self, member: CastMember, now_s: float) -> Pose:
+        driven = self.live.get(member.performer_id)
+        pose = driven.pose_at(now_s) if driven is not None else None
+        return pose or grounded(to_and_fro(member.motion, now_s))
 
     def first_view(self, width: int, height: int) -> Camera:
         """Where a viewer stands before they have moved: in front of everybody, at eye level."""

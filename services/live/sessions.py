@@ -137,7 +137,8 @@ class ViewSessions:
     ) -> tuple[str, str]:
         """Answer a viewer's offer. Returns the session's id and the SDP answer.
 
-        Performers of `account` may be driven by a `keypoints` channel of this connection. The seat of `participant_id` is given back when the session ends, however it ends.
+        Performers of `account` may be driven by a `keypoints` channel of this connection. The seat
+        of `participant_id` is given back when the session ends, however it ends.
         Raises NoRoom when the server is full, OfferRefused for an SDP that can't be answered.
         """
         self._require_room()

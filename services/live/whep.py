@@ -1,8 +1,8 @@
 """WHEP (draft-ietf-wish-whep): a viewer posts an SDP offer, the answer brings their own view.
 
 `POST /whep/{meeting}` answers 201 with the SDP, `Location` and `ETag`; `DELETE` on the location
-ends the session. The view follows the data channel `view` that the viewer opens
-(services.live.packets).
+ends the session. The view follows the data channel `view` that the viewer opens; who opens `pose`
+as well may draw the room from poses (services.live.packets).
 """
 
 from __future__ import annotations
@@ -100,7 +100,9 @@ async def look(
     sdp_offer = await _read_offer(request)
     await run_in_threadpool(_require_place, services, meeting_id, caller)
     try:
-        session_id, sdp_answer = await views.open(meeting_id, sdp_offer, caller.participant_id)
+        session_id, sdp_answer = await views.open(
+            meeting_id, sdp_offer, caller.participant_id, caller.account
+        )
     except NoRoom as full:
         headers = {"Retry-After": str(_RETRY_AFTER_S)}
         raise ProblemError(503, "server-full", str(full), headers=headers) from full
@@ -156,6 +158,7 @@ def cast_of(services: Services, meeting_id: str) -> tuple[CastMember, ...]:
         performers = list(unit.meetings.get(meeting_id).performers)
         rows = [unit.models.get(performer.model_id) for performer in performers]
         motions = [performed_motion(services, unit, performer) for performer in performers]
+        accounts = [unit.people.get(performer.person_id).account for performer in performers]
     return tuple(
         CastMember(
             performer.id,
@@ -164,8 +167,9 @@ def cast_of(services: Services, meeting_id: str) -> tuple[CastMember, ...]:
             motion,
             (performer.x_m, performer.y_m, performer.z_m),
             performer.yaw_rad,
+            account,
         )
-        for performer, row, motion in zip(performers, rows, motions, strict=True)
+        for performer, row, motion, account in zip(performers, rows, motions, accounts, strict=True)
     )
 
 

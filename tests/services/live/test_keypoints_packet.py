@@ -52,7 +52,7 @@ def test_golden_bytes():
 def test_round_trips(sequence, size, places, seen):
     steps = np.array(places) / 8192.0
     xy, world = steps[:66].reshape(33, 2), steps[66:].reshape(33, 3)
-    one = KeypointsPacket(sequence, 12.5, *size, xy, world, np.array(seen) / 255.0)
+    one = KeypointsPacket(sequence, 12.5, size[0], size[1], xy, world, np.array(seen) / 255.0)
     back = decode_keypoints(encode_keypoints(one))
     assert (back.sequence, back.capture_time_ms, back.width, back.height) == (sequence, 12.5, *size)
     for name in ("xy", "world", "visibility"):

@@ -1,0 +1,172 @@
+"""How a performer moves by the keypoints of their webcam.
+
+Packets go through capture's live solver (which smooths by a One-Euro filter) and onto their feet;
+what comes out is where the body is, where it will be in 0.15 s at its pace, and how it rests. A
+pose is read between these: predicted over a short gap, eased to rest over a longer one, eased back
+when the person is seen again. Times are of the camera's clock, which is told from ours by the
+packets that came quickest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from capture.fit_data import landmark_arrays
+from capture.landmarks import LANDMARK_NAMES, Landmarks
+from capture.lifter import lift
+from capture.live import LiveSolver
+from capture.live_filter import AT_MOST_S
+from scene.arrays import Array, Float
+from scene.body import Body
+from scene.camera import Camera
+from scene.errors import InvalidInput
+from scene.motion import Pose
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, slerp
+from scene.skeleton import Skeleton
+from services.live.motion_feet import Standing
+from services.live.packets import KeypointsPacket
+
+EASE_S = 1.0
+"""From the last prediction to rest."""
+_BACK_S = 0.3
+"""From rest to where the person is seen again."""
+_FOCAL = 0.87
+"""Of usual cameras, in longer sides of the picture; as the clip-wide fit starts from."""
+_LEGS_SEEN = 0.3
+_LEGS = [
+    LANDMARK_NAMES.index(f"{s}_{part}") for s in ("left", "right") for part in ("knee", "ankle")
+]
+_CLOCK_DRIFT = 1e-3
+"""s a second by which what is believed of the camera's clock gives way."""
+_SMALLEST_PX = 40.0
+"""A smaller person tells no pose."""
+_SEEN_TO_CAMERA = np.diag([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Moment:
+    """What the newest packet came to. Poses stand at the performer's place, facing the front."""
+
+    time_s: float
+    """When it was seen, by the camera's clock."""
+    behind_s: float
+    """Our clock less the camera's."""
+    now: Pose
+    ahead: Pose
+    """Predicted for `AT_MOST_S` later."""
+    rest: Pose
+    back_s: float
+    """Since when the person is seen without a longer gap."""
+    back_share: float
+    """How far from rest they were shown then."""
+
+    def share(self, time_s: float) -> float:
+        """How much of what is seen is shown, and not rest: 0 to 1."""
+        seen_s = min(time_s, self.time_s + AT_MOST_S)
+        share = min(1.0, self.back_share + max(0.0, seen_s - self.back_s) / _BACK_S)
+        gone = float(np.clip((time_s - seen_s) / EASE_S, 0.0, 1.0))
+        return share * (1.0 - gone * gone * (3.0 - 2.0 * gone))
+
+    def pose(self, now_s: float) -> Pose:
+        """The pose at `now_s` of our clock."""
+        time_s = now_s - self.behind_s
+        ahead = float(np.clip((time_s - self.time_s) / AT_MOST_S, 0.0, 1.0))
+        return _between(self.rest, _between(self.now, self.ahead, ahead), self.share(time_s))
+
+
+class LiveMotion:
+    """One performer, driven live. One thread follows packets; any may read."""
+
+    def __init__(self, skeleton: Skeleton, yaw_rad: float = 0.0) -> None:
+        """For a body of `skeleton`; whoever faces their camera is turned by `yaw_rad` about +y."""
+        self._skeleton = skeleton
+        self._yaw = axis_angle_to_matrix(np.array([0.0, yaw_rad, 0.0]))
+        self._standing: Standing | None = None
+        self._solver: tuple[tuple[int, int], LiveSolver] | None = None
+        self._moment: _Moment | None = None
+
+    def pose_at(self, now_s: float) -> Pose | None:
+        """The pose at `now_s`; None until somebody has been seen. Reading changes nothing."""
+        moment = self._moment
+        if moment is None:
+            return None
+        pose = moment.pose(now_s)
+        local = self._yaw @ axis_angle_to_matrix(pose.joint_angles[0])
+        angles = pose.joint_angles.copy()
+        angles[0] = matrix_to_axis_angle(local)
+        rest = self._skeleton.rest_joints[0]
+        root = self._yaw @ (rest + pose.root_translation) - rest
+        return Pose(angles, root, now_s)
+
+    def follow(self, packet: KeypointsPacket, arrived_s: float) -> None:
+        """Move as `packet` says, which came at `arrived_s` of our clock. Takes about 2 ms.
+
+        Raises InvalidInput for a packet that tells no pose: older than the last one, or with too
+        little to be seen; the motion goes on as if it had not come.
+        """
+        time_s = packet.capture_time_ms / 1e3
+        person = _landmarks(packet)
+        last = self._moment
+        if last is not None and not last.time_s < time_s:
+            raise InvalidInput(f"capture time must be later than {last.time_s}; got {time_s}")
+        solver = self._solver_for(packet.width, packet.height)
+        try:
+            now, ahead = solver.step(person, time_s), solver.predict(time_s + AT_MOST_S)
+        except (InvalidInput, ArithmeticError, np.linalg.LinAlgError) as error:
+            self._solver = None  # what it believes may be spoilt
+            raise InvalidInput(f"landmarks must be of a person; got none: {error}") from error
+        self._moment = self._placed(now, ahead, arrived_s, legs_seen=_legs_seen(packet, person))
+
+    def _placed(self, now: Pose, ahead: Pose, arrived_s: float, *, legs_seen: bool) -> _Moment:
+        last, time_s = self._moment, now.time_s
+        standing = self._standing = self._standing or Standing(self._skeleton)
+        behind_s, back_s, back_share, step_s = arrived_s - time_s, time_s, 1.0, 1.0 / 30.0
+        if last is not None:
+            step_s = time_s - last.time_s
+            behind_s = min(behind_s, last.behind_s + _CLOCK_DRIFT * step_s)
+            back_s, back_share = last.back_s, last.back_share
+            if step_s > AT_MOST_S:
+                back_s, back_share = time_s, last.share(time_s)
+        placed = standing.follow(now, legs_seen=legs_seen, step_s=step_s)
+        return _Moment(
+            time_s, behind_s, placed, standing.ahead(ahead), standing.at_rest(time_s),
+            back_s, back_share,
+        )  # fmt: skip
+
+    def _solver_for(self, width: int, height: int) -> LiveSolver:
+        """The solver for pictures of this size; a turned phone needs another."""
+        if self._solver is None or self._solver[0] != (width, height):
+            focal = _FOCAL * max(width, height)
+            k = np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])
+            pose = np.concatenate([_SEEN_TO_CAMERA, np.zeros((3, 1))], axis=1)
+            camera = Camera(k, pose, width, height)
+            self._solver = (width, height), LiveSolver(Body(self._skeleton), camera, lifter=lift)
+        return self._solver[1]
+
+
+def _landmarks(packet: KeypointsPacket) -> Landmarks:
+    """The packet's landmarks in px. Raises InvalidInput for somebody too small."""
+    pixels = packet.xy * [packet.width, packet.height]
+    tall = float(np.ptp(pixels, axis=0).max())
+    if tall < _SMALLEST_PX:
+        raise InvalidInput(f"the person must be at least {_SMALLEST_PX:g} px large; got {tall:.0f}")
+    no_mask: Float[Array, "H W"] = np.zeros((0, 0), np.float32)
+    return Landmarks(pixels, packet.world, packet.visibility, no_mask)
+
+
+def _legs_seen(packet: KeypointsPacket, person: Landmarks) -> bool:
+    _, _, trust = landmark_arrays([person], packet.width, packet.height)
+    return bool(np.median(trust[0, _LEGS]) > _LEGS_SEEN)
+
+
+def _between(start: Pose, end: Pose, share: float) -> Pose:
+    """From `start` (0) to `end` (1), each joint on its shortest arc."""
+    if share <= 0.0 or share >= 1.0:
+        return end if share >= 1.0 else start
+    turns = slerp(
+        axis_angle_to_matrix(start.joint_angles), axis_angle_to_matrix(end.joint_angles), share
+    )
+    root = start.root_translation + share * (end.root_translation - start.root_translation)
+    return Pose(matrix_to_axis_angle(turns), root, end.time_s)

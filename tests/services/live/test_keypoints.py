@@ -1,0 +1,188 @@
+"""Keypoints over a real WebRTC connection: whose performer moves, and what is dropped."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from aiortc import RTCDataChannel
+from fastapi import FastAPI
+from prometheus_client import REGISTRY
+
+from services.app import create_app
+from services.bootstrap import import_model
+from services.container import Services
+from services.live.keypoints import Inbox
+from services.live.motion import LiveMotion
+from services.live.packets import KeypointsPacket, encode_keypoints
+from services.live.room import Room
+from services.live.sessions import ViewSessions
+from services.live.whep import cast_of
+from services.meetings import create_meeting
+from tests.capture.people import JOINT, body, standing
+from tests.services.live.people import seen
+from tests.services.live.viewer import Viewer
+
+PACE_S = 1.0 / 60.0
+
+
+def count(outcome: str) -> float:
+    """Packets that this became of, so far."""
+    return REGISTRY.get_sample_value("metanerf_keypoints_total", {"outcome": outcome}) or 0.0
+
+
+async def until(look: Callable[[], bool], what: str) -> None:
+    for _ in range(1200):
+        if look():
+            return
+        await asyncio.sleep(0.05)
+    raise AssertionError(f"{what} did not happen")
+
+
+@pytest.fixture
+async def app(services: Services) -> AsyncIterator[FastAPI]:
+    made = create_app(services.settings, services)
+    yield made
+    await made.state.views.close_all()
+
+
+@pytest.fixture
+def meeting_id(services: Services, model_file: Path) -> str:
+    """Ada of account `house` and Bo of `elsewhere` in one room."""
+    ada = import_model(services, model_file, "house", "Ada")
+    bo = import_model(services, model_file, "elsewhere", "Bo")
+    with services.unit_of_work() as unit:
+        meeting = create_meeting(services, unit, "house", "Monday", [ada, bo])
+        unit.commit()
+    return meeting.id
+
+
+@pytest.fixture
+def room(app: FastAPI, services: Services, meeting_id: str) -> Room:
+    """The room that every viewer of the meeting will look into."""
+    views: ViewSessions = app.state.views
+    return views._rooms.setdefault(meeting_id, Room(meeting_id, cast_of(services, meeting_id)))
+
+
+async def connected(app: FastAPI, meeting_id: str, account: str, performer_id: str):
+    """A viewer of `account` with a channel that would drive the performer."""
+    views: ViewSessions = app.state.views
+    viewer = Viewer()
+    channel = viewer.peer.createDataChannel(
+        "keypoints", ordered=False, maxRetransmits=0, protocol=performer_id
+    )
+    told: list[str] = []
+    channel.on("message", told.append)
+    _, answer = await views.open(meeting_id, await viewer.offer(), None, account)
+    await viewer.accept(answer)
+    return viewer, channel, told
+
+
+async def send(channel: RTCDataChannel, packets: list[KeypointsPacket]) -> None:
+    await until(lambda: channel.readyState == "open", "opening the channel")
+    for packet in packets:
+        channel.send(encode_keypoints(packet))
+        await asyncio.sleep(PACE_S)
+
+
+def member(room: Room, name: str):
+    return next(one for one in room.cast if one.name == name)
+
+
+def waving() -> list[KeypointsPacket]:
+    motion = standing(45)
+    return [seen(motion.pose(index), index) for index in range(45)]
+
+
+async def test_keypoints_move_the_performer_and_nobody_else(app, room, meeting_id):
+    ada, bo = member(room, "Ada"), member(room, "Bo")
+    viewer, channel, told = await connected(app, meeting_id, "house", ada.performer_id)
+    await until(lambda: ada.performer_id in room.live, "driving")
+    recorded = room.scene_at(0.0)
+    # the first packet may find kernels to compile; what comes meanwhile is replaced
+    solved = count("solved")
+    await send(channel, waving()[:1])
+    await until(lambda: count("solved") > solved, "the first pose")
+    await send(channel, waving()[1:])
+    driven = room.live[ada.performer_id]
+    assert isinstance(driven, LiveMotion)
+    last_s = waving()[-1].capture_time_ms / 1e3
+    await until(lambda: driven._moment is not None and driven._moment.time_s == last_s, "the last")
+    assert driven._moment is not None
+    now_s = last_s + driven._moment.behind_s
+    shown = room.scene_at(now_s).performers[room.cast.index(ada)].pose.joint_angles
+    truth = standing(45).pose(44).joint_angles
+    arms = [JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("shoulder", "elbow")]
+    assert np.abs(shown - truth)[arms].max() < 0.2
+    assert np.abs(recorded.performers[0].pose.joint_angles - truth)[arms].max() > 0.25
+    assert bo.performer_id not in room.live
+    malformed = count("malformed")
+    channel.send(b"no packet of ours")
+    channel.send("nor this")
+    await until(lambda: count("malformed") == malformed + 2, "counting nonsense")
+    assert told == []
+    await viewer.peer.close()
+    # whoever goes leaves their performer to the recorded motion
+    await until(lambda: room.live == {}, "letting go")
+    assert room.scene_at(0.0).performers[0].pose.joint_angles == pytest.approx(
+        recorded.performers[0].pose.joint_angles
+    )
+
+
+@pytest.mark.parametrize(
+    ("account", "who", "status", "words"),
+    [
+        ("house", "Bo", 403, "must be of the account whose person is driven; got one of 'house'"),
+        (None, "Ada", 403, "got one of None"),
+        ("house", None, 404, "must be the id of a performer of this meeting; got 'nobody'"),
+    ],
+)
+async def test_others_are_refused_in_words(app, room, meeting_id, account, who, status, words):
+    performer_id = member(room, who).performer_id if who else "nobody"
+    viewer, channel, told = await connected(app, meeting_id, account, performer_id)
+    await until(lambda: channel.readyState == "closed", "closing the channel")
+    problem = json.loads(told[0])
+    assert problem["status"] == status
+    assert words in problem["detail"]
+    assert room.live == {}
+    await viewer.peer.close()
+
+
+async def test_a_newer_channel_takes_over(app, room, meeting_id):
+    performer_id = member(room, "Ada").performer_id
+    first, before, told = await connected(app, meeting_id, "house", performer_id)
+    await until(lambda: performer_id in room.live, "driving")
+    motion = room.live[performer_id]
+    second, after, _ = await connected(app, meeting_id, "house", performer_id)
+    await until(lambda: before.readyState == "closed", "closing the older one")
+    assert json.loads(told[0])["status"] == 409
+    assert room.live[performer_id] is not motion
+    await until(lambda: after.readyState == "open", "opening the newer one")
+    await first.peer.close()
+    assert performer_id in room.live
+    await second.peer.close()
+    await until(lambda: room.live == {}, "letting go")
+
+
+def test_of_packets_that_wait_the_newest_wins():
+    motion, executor = LiveMotion(body().skeleton), ThreadPoolExecutor(1)
+    inbox = Inbox(motion, executor, lambda: 100.0)
+    busy = threading.Event()
+    executor.submit(busy.wait, 20.0)
+    packets = waving()[:6]
+    before = {name: count(name) for name in ("solved", "late", "replaced", "malformed")}
+    for packet in [packets[0], packets[3], packets[1], packets[5], packets[5]]:
+        inbox.offer(encode_keypoints(packet))
+    inbox.offer(encode_keypoints(packets[2])[:-1])
+    busy.set()
+    executor.shutdown(wait=True)
+    gained = {name: count(name) - before[name] for name in before}
+    assert gained == {"solved": 1.0, "late": 2.0, "replaced": 2.0, "malformed": 1.0}
+    assert motion._moment is not None
+    assert motion._moment.time_s == pytest.approx(packets[5].capture_time_ms / 1e3)
