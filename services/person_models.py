@@ -19,6 +19,8 @@ WEIGHTS = "model.safetensors"
 """The file of a model that every preset has."""
 SPLATS = "splats.ply"
 """The splats as other viewers open them, where the model is made of such."""
+VIEWER_FILE = "viewer.splats"
+"""The splats as our page draws them (`renderer.splats.export`), where the model is made of such."""
 
 
 @dataclass(eq=False)
@@ -84,14 +86,16 @@ class ModelCache:
 def write_files(model: PersonModel, folder: Path) -> list[Path]:
     """Write every file by which `model` is handed out."""
     from renderer.checkpoint import save_model
+    from renderer.splats.export import write_viewer_file
     from renderer.splats.files import write_ply
     from renderer.splats.model import SplatModel
 
     files = [folder / WEIGHTS]
     save_model(model, files[0])
     if isinstance(model, SplatModel):
-        files.append(folder / SPLATS)
+        files += [folder / SPLATS, folder / VIEWER_FILE]
         write_ply(model, files[1])
+        write_viewer_file(model, files[2])
     return files
 
 

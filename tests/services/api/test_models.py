@@ -45,8 +45,9 @@ async def test_a_model_is_read_and_listed(client: httpx.AsyncClient, model: Mode
     assert read["preset"] == "splats"
     assert read["metrics"]["steps"] == 5
     assert (await client.get("/v1/models")).json()["items"] == [read]
-    file, splats = read["files"]
-    assert splats["name"] == "splats.ply"
+    file, splats, drawn = read["files"]
+    assert (splats["name"], drawn["name"]) == ("splats.ply", "viewer.splats")
+    assert (await client.get(drawn["url"])).content.startswith(b"MNSP")
     assert (await client.get(splats["url"])).content.startswith(b"ply\nformat binary")
     fetched = await client.get(file["url"])
     assert hashlib.sha256(fetched.content).hexdigest() == read["sha256"]

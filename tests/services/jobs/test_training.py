@@ -84,8 +84,8 @@ def test_a_training_is_followed_to_its_model(working: Settings, sequence_id: str
         assert refused.status_code == 409
     left = {path.name for path in stored_files(working)}
     assert model["sha256"] in left
-    # clip, packed sequence, motion, weights, splats: no checkpoint, no scratch
-    assert len(left) == 5
+    # clip, packed sequence, motion, weights, splats twice: no checkpoint, no scratch
+    assert len(left) == 6
 
 
 def test_a_stopped_or_killed_training_goes_on_from_its_checkpoint(
