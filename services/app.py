@@ -17,6 +17,7 @@ from services.api import (
     access,
     environments,
     jobs,
+    landmarks,
     meetings,
     models,
     operation,
@@ -42,6 +43,7 @@ ROUTERS = (
     models.router,
     environments.router,
     meetings.router,
+    landmarks.router,
     operation.router,
 )
 """Every route of the gateway, in the order in which the API's description lists them."""

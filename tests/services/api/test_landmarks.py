@@ -1,0 +1,39 @@
+"""Pages get the very model file that capture uses, or are told why not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import httpx
+
+from services.app import create_app
+from services.container import Services
+
+
+async def asked(services: Services, **headers: str) -> httpx.Response:
+    transport = httpx.ASGITransport(create_app(services.settings, services))
+    async with httpx.AsyncClient(transport=transport, base_url="http://test") as page:
+        return await page.get("/v1/landmarks/model", headers=headers)
+
+
+async def test_the_checked_file_is_handed_out_and_kept(services: Services, tmp_path):
+    file = tmp_path / "pose.task"
+    file.write_bytes(b"a model" * 1000)
+    settings = services.settings.model_copy(update={"pose_model": file})
+    answer = await asked(replace(services, settings=settings))
+    assert answer.status_code == 200
+    assert answer.content == file.read_bytes()
+    assert "max-age" in answer.headers["cache-control"]
+    assert answer.headers["etag"]
+
+
+async def test_a_file_that_is_not_the_one_expected_is_not_handed_out(services: Services, tmp_path):
+    file = tmp_path / "pose.task"
+    file.write_bytes(b"something else")
+    changed = {"pose_model": file, "pose_model_sha256": "0" * 64}
+    settings = services.settings.model_copy(update=changed)
+    answer = await asked(replace(services, settings=settings))
+    assert answer.status_code == 503
+    assert int(answer.headers["retry-after"]) > 0
+    assert "landmark model must be on this server; got none" in answer.json()["detail"]
+    assert str(tmp_path) not in answer.text
