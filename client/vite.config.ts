@@ -5,8 +5,9 @@ const SERVER_PATHS = ["/v1", "/whep", "/healthz", "/readyz", "/docs", "/openapi.
 
 export default defineConfig({
   build: { target: "es2022", sourcemap: false },
+  worker: { format: "es" },
   server: {
     // `npm run dev` beside `metanerf demo --no-browser`: the page reloads itself while one works
-    proxy: Object.fromEntries(SERVER_PATHS.map((path) => [path, SERVER])),
+    proxy: Object.fromEntries(SERVER_PATHS.map((path) => [path, { target: SERVER, ws: true }])),
   },
 });

@@ -72,7 +72,7 @@ export class LiveView {
   private framing = 0;
 
   constructor(
-    private readonly api: Api,
+    readonly api: Api,
     readonly meeting: Meeting,
     private readonly options: LiveOptions,
   ) {
@@ -126,6 +126,11 @@ export class LiveView {
     this.measure();
     this.viewpoint.reset();
     this.play();
+  }
+
+  /** A channel that moves a performer of ours by keypoints; null while there is no connection. */
+  drive(performerId: string): RTCDataChannel | null {
+    return this.link.keypoints(performerId);
   }
 
   close(): void {

@@ -5,6 +5,7 @@ import "./style/base.css";
 import "./style/start.css";
 import "./style/progress.css";
 import "./style/stage.css";
+import "./style/self.css";
 import { Api, type TokenStore } from "./api";
 import { Enrolment, type Bookmark, type Clip } from "./enrol";
 import { everybody, meetMoving, type Somebody } from "./keypoints";

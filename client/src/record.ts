@@ -15,7 +15,7 @@ const TYPES = [
 const BITS_PER_SECOND = 6_000_000;
 
 /** Opens the camera; a refusal or a missing camera becomes a Problem that says what to do. */
-export async function openCamera(): Promise<MediaStream> {
+export async function openCamera(size = { width: 1280, height: 720 }): Promise<MediaStream> {
   const devices = globalThis.navigator?.mediaDevices;
   if (!devices?.getUserMedia) {
     throw new Problem(
@@ -23,7 +23,11 @@ export async function openCamera(): Promise<MediaStream> {
       "Browsers allow it only on secure addresses (https or localhost); upload a clip instead.",
     );
   }
-  const video = { width: { ideal: 1280 }, height: { ideal: 720 }, frameRate: { ideal: 30 } };
+  const video = {
+    width: { ideal: size.width },
+    height: { ideal: size.height },
+    frameRate: { ideal: 30 },
+  };
   try {
     return await devices.getUserMedia({ video: { ...video, facingMode: "user" }, audio: false });
   } catch (error) {

@@ -89,6 +89,13 @@ export class WhepLink {
     return true;
   }
 
+  /** A channel that moves a performer of ours by keypoints; null while there is no connection. */
+  keypoints(performerId: string): RTCDataChannel | null {
+    if (this.peer?.connectionState !== "connected") return null;
+    const newest = { ordered: false, maxRetransmits: 0, protocol: performerId };
+    return this.peer.createDataChannel("keypoints", newest);
+  }
+
   /** The pictures have stopped although the connection stands: make a new one. */
   restart(): void {
     this.cut?.();

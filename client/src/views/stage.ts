@@ -3,6 +3,7 @@
 import { steerWith } from "../controls";
 import type { LiveNumbers, LiveState, LiveView } from "../live";
 import type { Performer } from "../types";
+import { beSeenView } from "./beSeen";
 import { announce, h, usesTouch } from "./dom";
 import { mark } from "./icons";
 import { button, notice, type View } from "./shell";
@@ -41,6 +42,7 @@ export function stageView(live: LiveView, hooks: StageHooks): View {
     filmed.setAttribute("aria-pressed", String(on));
     live.showFilmedOnly(on);
   };
+  const self = beSeenView(live);
   const help = button("Controls", () => toggleHint(), { look: "glass", icon: "help" });
   help.setAttribute("aria-controls", hint.id);
 
@@ -68,11 +70,12 @@ export function stageView(live: LiveView, hooks: StageHooks): View {
     h(
       "div",
       { className: "stage-bottom" },
-      numbers,
+      h("div", { className: "stage-self" }, self.element, numbers),
       hint,
       h(
         "div",
         { className: "stage-ways" },
+        self.toggle,
         button("First view", () => live.viewpoint.reset(), { look: "glass", icon: "reset" }),
         filmed,
         help,
@@ -107,6 +110,7 @@ export function stageView(live: LiveView, hooks: StageHooks): View {
     element,
     close: () => {
       clearTimeout(hiding);
+      self.close();
       release();
     },
   };

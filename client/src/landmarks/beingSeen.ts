@@ -1,0 +1,113 @@
+/** From the camera to the meeting: pictures stay here, landmarks go out. */
+
+import { Problem } from "../problem";
+import { closeCamera, openCamera } from "../record";
+import { KeypointsChannel, type Channel } from "./channel";
+import { LandmarkFinder } from "./finder";
+import type { Landmarks } from "./packet";
+
+/** Landmarks need no more. */
+const CAMERA = { width: 640, height: 480 };
+/** Nobody in the picture for so long: say so, but not for a single picture. */
+const LOST_MS = 600;
+
+export type Tracking =
+  | "starting"
+  /** Nobody is in the picture. */
+  | "looking"
+  /** Somebody is, but the meeting can't be reached just now. */
+  | "waiting"
+  | "seen";
+
+export interface BeingSeenHooks {
+  onTracking(tracking: Tracking): void;
+  onLandmarks(seen: Landmarks | null): void;
+  /** It is over: the camera, the finder or the meeting refused. */
+  onProblem(problem: Problem): void;
+}
+
+export class BeingSeen {
+  readonly video = document.createElement("video");
+  tracking: Tracking = "starting";
+  private stream: MediaStream | null = null;
+  private finder: LandmarkFinder | null = null;
+  private readonly channel: KeypointsChannel;
+  private over = false;
+  private waiting = 0;
+  private timeMs = 0;
+  private foundMs = 0;
+
+  /** `open` gives a channel that drives our performer. */
+  constructor(
+    open: () => Channel | null,
+    private readonly hooks: BeingSeenHooks,
+  ) {
+    this.video.autoplay = this.video.muted = this.video.playsInline = true;
+    this.channel = new KeypointsChannel(open, (problem) => this.fail(problem));
+  }
+
+  async start(): Promise<void> {
+    this.hooks.onTracking(this.tracking);
+    try {
+      const stream = await openCamera(CAMERA);
+      if (this.over) return closeCamera(stream);
+      this.stream = stream;
+      stream.getVideoTracks()[0]?.addEventListener("ended", () => this.fail(CAMERA_GONE));
+      this.video.srcObject = stream;
+      await this.video.play();
+    } catch (error) {
+      return this.fail(error instanceof Problem ? error : CAMERA_GONE);
+    }
+    this.finder = new LandmarkFinder(() => createImageBitmap(this.video), {
+      onFound: (seen, timeMs) => this.found(seen, timeMs),
+      onFailed: (reason) => this.fail(new Problem("You can't be seen just now", reason)),
+    });
+    this.watch();
+  }
+
+  /** The camera goes off, and the performer is left to their recorded motion. */
+  close(): void {
+    this.over = true;
+    this.video.cancelVideoFrameCallback(this.waiting);
+    this.finder?.close();
+    this.channel.close();
+    closeCamera(this.stream);
+    this.video.srcObject = null;
+  }
+
+  private watch(): void {
+    this.waiting = this.video.requestVideoFrameCallback((nowMs, { captureTime = nowMs }) => {
+      // cameras do not always tell rising times, and the finder needs them
+      this.timeMs = Math.max(this.timeMs + 1, performance.timeOrigin + captureTime);
+      this.finder?.offer(this.timeMs);
+      this.watch();
+    });
+  }
+
+  private found(seen: Landmarks | null, timeMs: number): void {
+    this.hooks.onLandmarks(seen);
+    if (seen) this.foundMs = timeMs;
+    const sent = seen !== null && this.channel.send(seen, timeMs);
+    if (this.over) return;
+    if (sent) this.tell("seen");
+    else if (seen) this.tell("waiting");
+    else if (timeMs - this.foundMs > LOST_MS) this.tell("looking");
+  }
+
+  private tell(tracking: Tracking): void {
+    if (tracking === this.tracking) return;
+    this.tracking = tracking;
+    this.hooks.onTracking(tracking);
+  }
+
+  private fail(problem: Problem): void {
+    if (this.over) return;
+    this.close();
+    this.hooks.onProblem(problem);
+  }
+}
+
+const CAMERA_GONE = new Problem(
+  "The camera went off",
+  "Plug it in again, or close the program that took it, then try again.",
+);

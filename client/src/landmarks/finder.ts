@@ -1,0 +1,79 @@
+/** Hands the newest camera picture to the worker that finds landmarks; none ever waits in a queue. */
+
+import type { Landmarks } from "./packet";
+
+export interface Picture {
+  bitmap: ImageBitmap;
+  /** When the camera took it, ms; rises from picture to picture. */
+  timeMs: number;
+}
+
+export type Answer =
+  | { kind: "ready" }
+  | { kind: "found"; timeMs: number; seen: Landmarks | null }
+  | { kind: "failed"; reason: string };
+
+export interface FinderHooks {
+  /** Landmarks of the picture of `timeMs`; null where nobody is in it. */
+  onFound(seen: Landmarks | null, timeMs: number): void;
+  onFailed(reason: string): void;
+}
+
+/** As much of a worker as is needed. */
+export interface FinderWorker {
+  onmessage: ((event: MessageEvent<Answer>) => void) | null;
+  onerror: ((event: ErrorEvent) => void) | null;
+  postMessage(picture: Picture, transfer: Transferable[]): void;
+  terminate(): void;
+}
+
+export class LandmarkFinder {
+  /** The worker has a picture, or is not ready for one. */
+  private busy = true;
+  /** A picture came meanwhile. */
+  private missed: number | null = null;
+
+  constructor(
+    private readonly grab: () => Promise<ImageBitmap>,
+    private readonly hooks: FinderHooks,
+    private readonly worker: FinderWorker = new Worker(new URL("./worker.ts", import.meta.url), {
+      type: "module",
+    }),
+  ) {
+    worker.onmessage = ({ data }) => this.hear(data);
+    worker.onerror = (event) => hooks.onFailed(event.message);
+  }
+
+  /** The camera has a new picture, taken at `timeMs`. */
+  offer(timeMs: number): void {
+    if (this.busy) this.missed = timeMs;
+    else void this.look(timeMs);
+  }
+
+  close(): void {
+    this.worker.onmessage = this.worker.onerror = null;
+    this.busy = true;
+    this.worker.terminate();
+  }
+
+  private hear(answer: Answer): void {
+    if (answer.kind === "failed") return this.hooks.onFailed(answer.reason);
+    this.busy = false;
+    if (answer.kind === "found") this.hooks.onFound(answer.seen, answer.timeMs);
+    const { missed } = this;
+    // what the camera shows now is the newest, whichever picture was announced
+    if (missed !== null) void this.look(missed);
+  }
+
+  private async look(timeMs: number): Promise<void> {
+    this.busy = true;
+    this.missed = null;
+    try {
+      const bitmap = await this.grab();
+      this.worker.postMessage({ bitmap, timeMs }, [bitmap]);
+    } catch {
+      // the camera has no picture just now: the next one will do
+      this.busy = false;
+    }
+  }
+}
