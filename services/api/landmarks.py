@@ -1,4 +1,4 @@
-"""The landmark model, for pages that find their own landmarks: the checked file that capture uses."""
+"""The landmark model for pages that find their own landmarks: the checked file of capture."""
 
 from __future__ import annotations
 
