@@ -11,10 +11,13 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from fractions import Fraction
 
+import numpy as np
 from aiortc import MediaStreamTrack
 from av import VideoFrame
 
 from renderer.stage import Stage
+from renderer.yuv_kernels import to_yuv420
+from scene.arrays import Array, UInt8
 from scene.camera import Camera
 from services.live.packets import NewestView
 from services.live.room import Room
@@ -74,14 +77,28 @@ class ViewTrack(MediaStreamTrack):
         packet = self._view.packet
         hide_unseen = packet is not None and packet.hide_unseen
         scene = self._room.scene_at(now_s, hide_unseen=hide_unseen)
-        picture = self._stage.render(scene, self._camera())
-        return VideoFrame.from_ndarray(picture, format="rgb24")
+        return video_frame(self._stage.render(scene, self._camera()))
 
     def _camera(self) -> Camera:
         packet = self._view.packet
         if packet is None:
             return self._room.first_view(*_DEFAULT_SIZE)
         return packet.camera(*frame_size(packet.width, packet.height))
+
+
+def video_frame(picture: UInt8[Array, "H W 3"]) -> VideoFrame:
+    """`picture` (sRGB, even sides) as the encoder takes it: written once, straight into its planes.
+
+    Going through an RGB frame would copy it and have the encoder convert it on one core.
+    """
+    height, width = picture.shape[:2]
+    frame = VideoFrame(width, height, "yuv420p")
+    planes = [
+        np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)
+        for plane in frame.planes
+    ]
+    to_yuv420(picture, *planes)
+    return frame
 
 
 def frame_size(width: int, height: int) -> tuple[int, int]:
