@@ -94,6 +94,8 @@ def warm_up() -> None:
     """
     import torch
 
+    from renderer.yuv_kernels import to_yuv420
+
     torch.set_num_threads(1)
     row = np.zeros((1, PARAMETERS), np.float32)
     row[0, ROTATION] = 1.0
@@ -109,7 +111,9 @@ def warm_up() -> None:
     )
     somebody = Performer("", model, np.zeros(3), 0.0, rest)
     camera = orbit_camera((0.0, 0.0, 0.0), 2.0, 0.0, 0.1, 32, 32)
-    Stage().render(Scene(Environment(), (somebody,)), camera)
+    picture = Stage().render(Scene(Environment(), (somebody,)), camera)
+    luma, chroma = np.zeros((32, 32), np.uint8), np.zeros((2, 16, 16), np.uint8)
+    to_yuv420(picture, luma, *chroma)
 
 
 def contact_shadows(
