@@ -19,6 +19,7 @@ _FLAGS = [
     "--disable-background-networking", "--disable-component-update",
     "--autoplay-policy=no-user-gesture-required",
 ]  # fmt: skip
+_CAMERA_FLAGS = ["--use-fake-ui-for-media-stream", "--use-fake-device-for-media-stream"]
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -28,10 +29,16 @@ def chromium() -> str | None:
 
 
 @contextmanager
-def open_page(width: int = 1024, height: int = 768) -> Iterator[Page]:
-    """A page of a fresh browser; errors of its scripts are raised."""
+def open_page(width: int = 1024, height: int = 768, webcam: Path | None = None) -> Iterator[Page]:
+    """A page of a fresh browser; errors of its scripts are raised.
+
+    With `webcam`, a file of Motion JPEG, its camera is allowed and shows that, over and over.
+    """
+    camera = (
+        [] if webcam is None else [*_CAMERA_FLAGS, f"--use-file-for-fake-video-capture={webcam}"]
+    )
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium(), args=_FLAGS)
+        browser = playwright.chromium.launch(executable_path=chromium(), args=[*_FLAGS, *camera])
         page = browser.new_page(viewport={"width": width, "height": height})
         faults: list[str] = []
         page.on("pageerror", lambda error: faults.append(str(error)))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,9 @@ from scene.body import Body
 from scene.camera import Camera
 from scene.motion import Motion, Pose
 from scene.skeleton import JOINT_NAMES
+from services.live.keypoints import Inbox
+from services.live.motion import LiveMotion
+from services.live.packets import KEYPOINTS_BYTES, KeypointsPacket, encode_keypoints
 from services.settings import load_settings
 
 FRAMES, RATE, SIZE, TURN_DEG = 90, 30.0, 512, 120.0
@@ -99,6 +103,7 @@ def _measure(clip: Clip, truth: _Known | None) -> dict[str, Any]:
         "step_of_processor": milliseconds(busy[_SETTLED:]),
         "live_to_clip_fit": _apart(fitted, poses, fitted, ours["clip_fit"]),
         "live_unsmoothed_to_clip_fit": _apart(fitted, raw, fitted, ours["clip_fit"]),
+        "in_a_meeting": _in_a_meeting(fitted, found, times),
     }
     if truth is None:
         return figures
@@ -118,6 +123,38 @@ def _measure(clip: Clip, truth: _Known | None) -> dict[str, Any]:
         "predicted": _apart(truth, ahead, truth, later),
     }
     return figures
+
+
+def _in_a_meeting(
+    known: _Known, found: list[tuple[int, Landmarks]], times_s: Array
+) -> dict[str, Any]:
+    """What keypoints cost on their way: bytes, and time from a packet's coming to its pose."""
+    width, height = known.camera.width, known.camera.height
+    motion, seconds, busy, reading = LiveMotion(known.body.skeleton), [], [], []
+    with ThreadPoolExecutor(1) as executor:
+        inbox = Inbox(motion, executor, time.perf_counter)
+        for number, (index, seen) in enumerate(found):
+            data = encode_keypoints(
+                KeypointsPacket(
+                    number, 1e3 * float(times_s[index]), width, height,
+                    seen.pixels / [width, height], seen.world, seen.visibility,
+                )
+            )  # fmt: skip
+            worked = executor.submit(time.thread_time).result()
+            started = time.perf_counter()
+            inbox.offer(data)
+            busy.append(executor.submit(time.thread_time).result() - worked)
+            seconds.append(time.perf_counter() - started)
+            started = time.perf_counter()
+            motion.pose_at(started)
+            reading.append(time.perf_counter() - started)
+    return {
+        "packet_bytes": KEYPOINTS_BYTES,
+        "kbit_s": round(8e-3 * KEYPOINTS_BYTES * RATE, 1),
+        "packet_to_pose": milliseconds(seconds[_SETTLED:]),
+        "packet_to_pose_of_processor": milliseconds(busy[_SETTLED:]),
+        "reading_a_pose": milliseconds(reading[_SETTLED:]),
+    }
 
 
 def _fitted(clip: Clip, people: tuple[Landmarks | None, ...], takes: tuple[int, ...]) -> _Known:

@@ -1,0 +1,179 @@
+"""A browser with a webcam: it finds landmarks, its performer moves, and no picture leaves it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import av
+import numpy as np
+import pytest
+import uvicorn
+from playwright.sync_api import Page, Request, WebSocket, expect
+
+from benchmarks.browser import open_page
+from services.app import create_app
+from services.auth import GUEST
+from services.bootstrap import import_model
+from services.build_demo import DEMO_MODEL
+from services.container import build_services
+from services.live.motion import LiveMotion
+from services.live.packets import KEYPOINTS_BYTES
+from services.live.room import Room
+from services.meetings import create_meeting
+from services.settings import load_settings
+from tests.capture.people import JOINT
+from tests.services.jobs.waiting import until
+from tests.shared_data import shared_data
+
+pytestmark = pytest.mark.e2e
+MINUTES = 60_000
+LARGEST_BODY = 64 * 1024
+"""Of a request: an SDP offer is the largest."""
+LARGEST_FRAME = 16 * 1024
+"""Of a WebSocket."""
+FIRST, LAST = 70, 250
+"""Frames of the clip in which she signs twice."""
+
+WATCH = """
+window.peers = []; window.sent = {};
+const Peer = RTCPeerConnection;
+RTCPeerConnection = class extends Peer { constructor(...all) { super(...all); peers.push(this); } };
+const send = RTCDataChannel.prototype.send;
+RTCDataChannel.prototype.send = function (data) {
+  (sent[this.label] ??= new Set()).add(data.byteLength ?? data.length);
+  return send.call(this, data);
+};
+"""
+OUTGOING = """async () => {
+  const kinds = [];
+  for (const peer of peers) {
+    for (const { track } of peer.getSenders()) if (track) kinds.push(track.kind);
+    const report = await peer.getStats();
+    report.forEach(({ type, kind }) => type === "outbound-rtp" && kinds.push(kind));
+  }
+  return kinds;
+}"""
+SENT = "() => Object.fromEntries(Object.entries(sent).map(([label, sizes]) => [label, [...sizes]]))"
+
+
+def webcam(source: Path, out: Path) -> Path:
+    """Some frames of a clip as the Motion JPEG that Chromium takes for a camera."""
+    with av.open(str(source)) as clip, av.open(str(out), "w", format="mjpeg") as film:
+        stream = film.add_stream("mjpeg", rate=30)
+        stream.width, stream.height, stream.pix_fmt = 640, 480, "yuvj420p"
+        for number, frame in enumerate(clip.decode(video=0)):
+            if FIRST <= number < LAST:
+                frame.pts, frame.time_base = number - FIRST, Fraction(1, 30)
+                film.mux(stream.encode(frame))
+        film.mux(stream.encode())
+    return out
+
+
+@contextmanager
+def meeting_with_ada(data_dir: Path) -> Iterator[tuple[str, dict[str, Room]]]:
+    """A server with Ada in a meeting: the page's address, and the rooms that are looked into."""
+    pose_model = shared_data("models/pose_landmarker_full.task")
+    settings = load_settings(
+        data_dir=data_dir, open_access=True, embedded_worker=False, pose_model=pose_model
+    )
+    services = build_services(settings)
+    services.database.migrate()
+    ada = import_model(services, DEMO_MODEL, GUEST, "Ada")
+    with services.unit_of_work() as unit:
+        meeting = create_meeting(services, unit, GUEST, "Monday", [ada])
+        unit.commit()
+    app = create_app(settings, services)
+    config = uvicorn.Config(app, port=0, log_level="warning", timeout_graceful_shutdown=3)
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    until(lambda: server.started, "starting the server")
+    port = server.servers[0].sockets[0].getsockname()[1]
+    try:
+        yield f"http://127.0.0.1:{port}/?meeting={meeting.id}&size=128", app.state.views._rooms
+    finally:
+        server.should_exit = True
+        thread.join(30.0)
+
+
+class Wire:
+    """Everything that a page sends."""
+
+    def __init__(self, page: Page) -> None:
+        self.requests: list[Request] = []
+        self.frames: list[bytes | str] = []
+        page.add_init_script(WATCH)
+        page.on("request", lambda request: self.requests.append(request))
+        page.on("websocket", self._listen)
+
+    def _listen(self, socket: WebSocket) -> None:
+        socket.on("framesent", lambda payload: self.frames.append(payload))
+
+    def assert_no_picture(self, page: Page, address: str) -> None:
+        """No body of a picture's size or type, no other server, no outgoing media."""
+        home = urlsplit(address).netloc
+        for request in self.requests:
+            assert (
+                request.url.startswith(("data:", "blob:")) or urlsplit(request.url).netloc == home
+            )
+            assert len(request.post_data_buffer or b"") <= LARGEST_BODY
+            kind = request.headers.get("content-type", "")
+            assert not kind.startswith(("image/", "video/", "multipart/", "application/octet"))
+        assert all(len(frame) <= LARGEST_FRAME for frame in self.frames)
+        assert "video" not in page.evaluate(OUTGOING)
+        sizes = page.evaluate(SENT)
+        assert sizes["keypoints"] == [KEYPOINTS_BYTES]
+        assert max(max(one) for one in sizes.values()) <= 1100
+        # what the worker asks for is heard here too
+        assert any(request.url.endswith("/v1/landmarks/model") for request in self.requests)
+
+
+def joints(room: Room) -> np.ndarray:
+    """Places of Ada's joints now, m."""
+    (performer,) = room.scene_at(time.monotonic()).performers
+    pose = performer.pose
+    skeleton = performer.model.skeleton
+    return skeleton.joint_transforms(pose.joint_angles, pose.root_translation)[:, :3, 3]
+
+
+def test_who_is_seen_by_their_webcam_moves_in_the_meeting_and_no_picture_leaves(tmp_path):
+    clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
+    film = webcam(clip, tmp_path / "webcam.mjpeg")
+    with meeting_with_ada(tmp_path / "data") as (address, rooms), open_page(webcam=film) as page:
+        wire = Wire(page)
+        page.goto(address)
+        page.get_by_test_id("start-join").click()
+        self = page.get_by_test_id("self")
+        expect(self).to_be_hidden()
+        page.get_by_test_id("be-seen").click()
+        expect(self).to_contain_text("Only your movements leave this device", timeout=MINUTES)
+        expect(self).to_have_attribute("data-tracking", "seen", timeout=2 * MINUTES)
+        expect(self).to_contain_text("You move in the meeting")
+        (room,) = rooms.values()
+        until(lambda: list(room.live.values()) != [], "driving Ada")
+        (driven,) = room.live.values()
+        assert isinstance(driven, LiveMotion)
+        until(lambda: driven.pose_at(time.monotonic()) is not None, "the first pose")
+        shown = [joints(room)]
+
+        def moved() -> bool:
+            page.wait_for_timeout(100)
+            shown.append(joints(room))
+            wrists = np.array(shown)[:, [JOINT["left_wrist"], JOINT["right_wrist"]]]
+            return bool(np.ptp(wrists, axis=0).max() > 0.15)
+
+        until(moved, "moving as she signs")
+        # an upper body alone stands on its feet
+        feet = np.array(shown)[:, [JOINT["left_ankle"], JOINT["right_ankle"]]]
+        assert np.ptp(feet, axis=0).max() < 0.02
+        wire.assert_no_picture(page, address)
+        page.get_by_test_id("be-seen").click()
+        expect(self).to_be_hidden()
+        until(lambda: room.live == {}, "letting go of Ada")
+        assert page.evaluate("document.querySelector('.self video') === null")
