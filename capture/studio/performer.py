@@ -8,6 +8,7 @@ import numpy as np
 
 from capture.body import load_body_model
 from capture.studio.garments import Garment, make_garments
+from capture.studio.light import SurroundingLight
 from capture.studio.wardrobe import Outfit, albedo, cloth_albedo, make_outfit
 from scene.arrays import Array, Float
 from scene.body import Body
@@ -53,10 +54,12 @@ def film(
     look: str,
     cloth: Float[Array, "C 3"] | None = None,
     supersampling: int = SUPERSAMPLING,
+    light: SurroundingLight | None = None,
 ) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
     """The picture (premultiplied over black, sRGB) and its alpha.
 
-    `cloth` is where the vertices of the performer's garments hang; None wears none.
+    `cloth` is where the vertices of the performer's garments hang; None wears none. In the look
+    `lit`, `light` takes the place of the studio's own.
     """
     from capture.studio.mesh_kernels import box_filter, rasterise
 
@@ -76,7 +79,7 @@ def film(
     samples = np.zeros((*size, 4), np.float32)
     skin, worn = (triangle >= 0) & (triangle < len(faces)), triangle >= len(faces)
     samples[skin, :3] = _shade(
-        performer, posed, faces[triangle[skin]], barycentric[skin].astype(np.float64), look
+        performer, posed, faces[triangle[skin]], barycentric[skin].astype(np.float64), look, light
     )
     if cloth is not None:
         samples[worn, :3] = _shade_cloth(
@@ -99,7 +102,7 @@ def vertex_normals(vertices: Float[Array, "V 3"], faces: Array) -> Float[Array, 
 
 
 def _shade(performer: StudioPerformer, posed: Array, corners: Array, weights: Array,
-           look: str) -> Float[Array, "N 3"]:  # fmt: skip
+           look: str, light: SurroundingLight | None) -> Float[Array, "N 3"]:  # fmt: skip
     rest_vertices = performer.body.rest_vertices
     assert rest_vertices is not None
     assert performer.body.faces is not None
@@ -112,8 +115,10 @@ def _shade(performer: StudioPerformer, posed: Array, corners: Array, weights: Ar
         return colour
     turned = vertex_normals(posed, performer.body.faces)
     normal = np.einsum("nc,ncx->nx", weights, turned[corners])
-    light = _KEY_LIGHT / np.linalg.norm(_KEY_LIGHT)
-    facing = np.maximum(normal @ light, 0.0)
+    if light is not None:
+        return light.lit(colour, normal).astype(np.float32)
+    key = _KEY_LIGHT / np.linalg.norm(_KEY_LIGHT)
+    facing = np.maximum(normal @ key, 0.0)
     sky = 0.5 + 0.5 * normal[:, 1]
     return colour * (0.72 + 0.08 * sky + 0.2 * facing)[:, None].astype(np.float32)
 

@@ -15,10 +15,12 @@ from capture.store import write_sequence
 from capture.studio.cast import clip_of, seed_of
 from capture.studio.footage import Footage, FootageWriter
 from capture.studio.garments import Drape, drape
+from capture.studio.light import SurroundingLight
 from capture.studio.moves import gestures, turned, turning
 from capture.studio.performer import StudioPerformer, film, make_performer
 from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
+from scene.environment import Environment
 from scene.motion import Motion, Pose
 from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Frame
 from scene.skeleton import Skeleton
@@ -43,17 +45,24 @@ class _Take:
     motion: Motion
     look: str
     cloth: Drape | None
+    light: SurroundingLight | None
 
     @classmethod
-    def of(cls, performer: StudioPerformer, motion: Motion, look: str) -> _Take:
+    def of(
+        cls,
+        performer: StudioPerformer,
+        motion: Motion,
+        look: str,
+        light: SurroundingLight | None = None,
+    ) -> _Take:
         loose = look == "loose"
         cloth = drape(performer.garments, performer.body, motion) if loose else None
-        return cls(performer, motion, look, cloth)
+        return cls(performer, motion, look, cloth, light)
 
     def film(self, pose: Pose, camera: Camera) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
         """What `camera` sees at the moment of `pose`."""
         cloth = None if self.cloth is None else self.cloth.at(pose.time_s)
-        return film(self.performer, pose, camera, self.look, cloth)
+        return film(self.performer, pose, camera, self.look, cloth, light=self.light)
 
     def exposed(
         self, time_s: float, camera: Camera, open_s: float
@@ -80,6 +89,7 @@ def make_sequence(
     turn_deg: float = 360.0,
     frames_per_second: float = FRAMES_PER_SECOND,
     footage: Footage | None = None,
+    environment: Environment | None = None,
     on_progress: Callable[[float, str], None] | None = None,
 ) -> None:
     """Write a sequence of the performer `seed`, or of the `performer` of the cast, to `out`.
@@ -97,10 +107,14 @@ def make_sequence(
             footage=Footage(Path("raw.mp4"), background="textured", noise=2.0, blur_px=0.6),
         )
 
+    In the look `lit`, an `environment` with a panorama lights the performer; none: the studio's own
+    light, sRGB values dimmed by a key light and a sky.
+
     Raises CaptureError for senseless numbers or an unknown look, BrokenMotionCapture for an
     unreadable file.
     """
     _check(look, frames, size, test_cameras, turn_deg, frames_per_second)
+    light = _light(look, environment)
     seed = seed if performer is None else seed_of(performer)
     motion = None if motion is None else clip_of(motion, performer)
     actor = make_performer(seed)
@@ -131,7 +145,7 @@ def make_sequence(
                 on_progress(done / total, f"frame {done} of {total}")
             yield Frame(image, mask, view, pose)
 
-    trained, tested = (_Take.of(actor, moves, look) for moves in (seen, unseen))
+    trained, tested = (_Take.of(actor, moves, look, light) for moves in (seen, unseen))
 
     def training_shots(writer: FootageWriter | None) -> Iterator[Frame]:
         for frame in shots(trained, np.arange(frames), [camera]):
@@ -159,7 +173,8 @@ def make_sequence(
                 NOVEL_VIEW: shots(trained, novel, ring),
                 UNSEEN_POSE: shots(tested, others, ring),
             },
-            source=f"studio look={look} seed={seed} turn={turn_deg:g}",
+            source=f"studio look={look} seed={seed} turn={turn_deg:g}"
+            + (f" environment={environment.name}" if environment else ""),
             exact_poses=True,
         )
 
@@ -180,6 +195,17 @@ def _check(
         raise CaptureError(f"turn_deg must be finite; got {turn_deg}")
     if not 0.0 < rate <= 240.0:
         raise CaptureError(f"frames_per_second must be above 0 and at most 240; got {rate}")
+
+
+def _light(look: str, environment: Environment | None) -> SurroundingLight | None:
+    if environment is None:
+        return None
+    if look != "lit" or environment.panorama is None:
+        raise CaptureError(
+            "environment must have a panorama and go with the look lit; got look "
+            f"{look!r} and environment {environment.name!r}"
+        )
+    return SurroundingLight(environment.panorama)
 
 
 def _motions(
