@@ -57,7 +57,7 @@ def take_seat(
             headers={"Retry-After": str(_RETRY_AFTER_S)},
         )
     role = _role_for(meeting, caller)
-    let_in = role is Role.HOST or not meeting.lobby
+    let_in = not meeting.lobby or (role is Role.HOST and not _has_host(meeting))
     participant = ParticipantRow(
         id=new_id(),
         display_name=display_name,
@@ -73,6 +73,12 @@ def take_seat(
         caller.account, frozenset({"join"}), _TOKEN_LIFETIME, meeting.id, participant.id, role
     )
     return participant, token
+
+
+def _has_host(meeting: MeetingRow) -> bool:
+    return any(
+        one.role is Role.HOST and one.standing is Standing.ADMITTED for one in meeting.participants
+    )
 
 
 def _role_for(meeting: MeetingRow, caller: Principal) -> Role:

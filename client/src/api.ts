@@ -13,6 +13,7 @@ import type {
   NewModel,
   NewPerformer,
   NewPerson,
+  OpenedMeeting,
   People,
   Performer,
   Person,
@@ -25,6 +26,9 @@ import type {
 export interface TokenStore {
   get(): string | null;
   set(token: string | null): void;
+  /** What makes us the host of a meeting that we opened. */
+  getHost(meetingId: string): string | null;
+  setHost(meetingId: string, token: string): void;
 }
 
 const FINAL: ReadonlySet<Job["state"]> = new Set(["succeeded", "failed", "cancelled"]);
@@ -100,8 +104,11 @@ export class Api {
     return this.json("GET", `/v1/meetings/${id}`);
   }
 
-  createMeeting(name: string, modelIds: string[]): Promise<Meeting> {
-    return this.json("POST", "/v1/meetings", { name, model_ids: modelIds } satisfies NewMeeting);
+  async createMeeting(name: string, modelIds: string[]): Promise<Meeting> {
+    const body = { name, model_ids: modelIds } satisfies NewMeeting;
+    const { host_token, ...meeting } = await this.json<OpenedMeeting>("POST", "/v1/meetings", body);
+    this.tokens.setHost(meeting.id, host_token);
+    return meeting;
   }
 
   /** Stand a model in a meeting; it moves by a sequence's motion, or as it was filmed. */
@@ -114,8 +121,16 @@ export class Api {
     return this.json("POST", `/v1/meetings/${meetingId}/performers`, body);
   }
 
-  join(meetingId: string, displayName: string): Promise<Seat> {
-    return this.json("POST", `/v1/meetings/${meetingId}/join`, { display_name: displayName } satisfies Visitor);
+  /** A seat; as its host in a meeting that we opened. */
+  async join(meetingId: string, displayName: string): Promise<Seat> {
+    const path = `/v1/meetings/${meetingId}/join`;
+    const body = { display_name: displayName } satisfies Visitor;
+    const host = this.tokens.getHost(meetingId);
+    if (host === null) return this.json("POST", path, body);
+    const response = await this.attempt("POST", path, host, body);
+    // a host's token that has run out is no worse than none
+    if (response.status === 401) return this.json("POST", path, body);
+    return (await checked(response)).json() as Promise<Seat>;
   }
 
   /** Upload a clip; `onProgress` gets 0 to 1. XMLHttpRequest, since fetch can't tell how far it is. */
@@ -197,10 +212,7 @@ export class Api {
       this.tokens.set(null);
       response = await this.attempt(method, path, await this.token(), body, signal);
     }
-    if (!response.ok) {
-      throw problemOf(response.status, await response.text(), response.headers.get("Retry-After"));
-    }
-    return response;
+    return checked(response);
   }
 
   private async attempt(
@@ -249,6 +261,12 @@ export class Api {
 }
 
 const LONGEST_SILENCE = 8;
+
+/** The response, or the problem that it tells. */
+async function checked(response: Response): Promise<Response> {
+  if (response.ok) return response;
+  throw problemOf(response.status, await response.text(), response.headers.get("Retry-After"));
+}
 
 /** The response, or NO_SERVER where none came. */
 async function reached(response: Promise<Response>, signal?: AbortSignal): Promise<Response> {

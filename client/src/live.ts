@@ -16,7 +16,8 @@ export interface LiveNumbers {
 }
 
 export interface LiveOptions {
-  displayName: string;
+  /** A seat in the meeting; `stale` when the last one is no longer accepted. */
+  seat(stale: boolean): Promise<Seat>;
   inertia: boolean;
   /** A fixed square size, px, in place of the adaptive one: for measuring. */
   pinned: number | null;
@@ -80,7 +81,7 @@ export class LiveView {
     this.video.autoplay = this.video.muted = this.video.playsInline = true;
     this.video.disablePictureInPicture = true;
     this.link = new WhepLink({
-      seat: () => this.seat(),
+      seat: (stale) => this.seat(stale),
       onState: (state) => {
         // a new connection knows nothing of the viewpoint yet
         this.resent = true;
@@ -152,8 +153,8 @@ export class LiveView {
     this.onState(state);
   }
 
-  private async seat(): Promise<Seat> {
-    const seat = await this.api.join(this.meeting.id, this.options.displayName);
+  private async seat(stale: boolean): Promise<Seat> {
+    const seat = await this.options.seat(stale);
     this.firstStart = !seat.ready;
     this.showPerformers(seat.performers);
     return seat;

@@ -5,14 +5,20 @@ import "./style/base.css";
 import "./style/start.css";
 import "./style/progress.css";
 import "./style/stage.css";
+import "./style/meeting.css";
 import "./style/self.css";
 import { Api, type TokenStore } from "./api";
 import { Enrolment, type Bookmark, type Clip } from "./enrol";
 import { everybody, meetMoving, type Somebody } from "./keypoints";
 import { LiveView } from "./live";
+import { Attendance, type Ticket, type TicketStore } from "./meeting/attendance";
+import type { LineState } from "./meeting/line";
+import { myself } from "./meeting/state";
 import { Problem, asProblem } from "./problem";
 import type { Meeting } from "./types";
 import { h, prefersStillness } from "./views/dom";
+import { goodbyeView, lobbyView } from "./views/lobby";
+import { meetingTools } from "./views/meetingTools";
 import { progressView, type ProgressView } from "./views/progress";
 import { button, header, notice, type View } from "./views/shell";
 import { stageView } from "./views/stage";
@@ -20,12 +26,21 @@ import { startView } from "./views/start";
 
 const TOKEN_KEY = "metanerf.token";
 const BOOKMARK_KEY = "metanerf.enrolment";
+const HOST_KEY = "metanerf.host.";
+const TICKET_KEY = "metanerf.seat";
+const NAME_KEY = "metanerf.name";
 const GUEST = "Guest";
 
 const tokens: TokenStore = {
   get: () => sessionStorage.getItem(TOKEN_KEY),
   set: (token) =>
     token === null ? sessionStorage.removeItem(TOKEN_KEY) : sessionStorage.setItem(TOKEN_KEY, token),
+  getHost: (meetingId) => sessionStorage.getItem(HOST_KEY + meetingId),
+  setHost: (meetingId, token) => sessionStorage.setItem(HOST_KEY + meetingId, token),
+};
+const tickets: TicketStore = {
+  get: () => readStored<Ticket>(TICKET_KEY),
+  set: (ticket) => writeStored(TICKET_KEY, ticket),
 };
 const query = new URLSearchParams(location.search);
 const api = new Api(tokens);
@@ -33,11 +48,12 @@ const page = document.getElementById("page") as HTMLElement;
 
 let shown: View | null = null;
 let live: LiveView | null = null;
+let attendance: Attendance | null = null;
 let underWay: ProgressView | null = null;
 
 takeTokenFromAddress();
 addEventListener("hashchange", () => takeTokenFromAddress() && location.reload());
-const bookmark = readBookmark();
+const bookmark = readStored<Bookmark>(BOOKMARK_KEY);
 if (bookmark) watch(null, (enrolment) => enrolment.revisit(bookmark));
 else void start();
 
@@ -47,12 +63,17 @@ async function start(): Promise<void> {
   show({ element: h("main", { className: "opening" }, h("span", { className: "spinner" })), close: nothing });
   try {
     const meeting = await meetingToJoin();
-    if (meeting) {
-      live = look(meeting, GUEST);
+    const ticket = tickets.get();
+    // after a reload we sit where we sat
+    if (meeting && ticket?.meetingId === meeting.id) return come(meeting, ticket.name, ticket);
+    if (meeting) attendance = new Attendance(api, meeting, tickets);
+    if (attendance && !meeting?.lobby) {
+      live = look(attendance);
       live.swaying = true;
     }
-    const hooks = { onJoin: join, onEnrol: enrol, everybody: () => everybody(api), onMove: move };
-    show(startView(live, hooks));
+    const name = localStorage.getItem(NAME_KEY) ?? "";
+    const hooks = { name, onJoin: join, onEnrol: enrol, everybody: () => everybody(api), onMove: move };
+    show(startView(meeting, live, hooks));
     live?.start();
   } catch (error) {
     showProblem(asProblem(error));
@@ -65,25 +86,86 @@ async function meetingToJoin(): Promise<Meeting | null> {
   return id === null ? null : api.meeting(id);
 }
 
-function look(meeting: Meeting, displayName: string): LiveView {
+function look(there: Attendance): LiveView {
   const size = Number(query.get("size"));
   const pinned = Number.isInteger(size) && size >= 128 && size <= 1024 ? size : null;
-  return new LiveView(api, meeting, { displayName, pinned, inertia: !prefersStillness() });
+  // once we are in, the line to the others is what renews a seat
+  const seat = (stale: boolean): ReturnType<Attendance["getSeat"]> =>
+    there.getSeat(stale && !there.entered);
+  return new LiveView(api, there.meeting, { seat, pinned, inertia: !prefersStillness() });
 }
 
-/** From the first look into the meeting itself: same connection, larger picture. */
-function join(): void {
-  const seated = live;
-  if (!seated) return;
-  show(stageView(seated, { onLeave: () => void start(), onRetry: () => void rejoin(seated.meeting) }));
-  seated.takeOver();
+/** From the first look into the meeting itself: same seat, same connection, larger picture. */
+function join(name: string): void {
+  if (name !== "") localStorage.setItem(NAME_KEY, name);
+  if (!attendance) return;
+  attendance.enter(name || GUEST);
+  attend(attendance);
 }
 
-async function rejoin(meeting: Meeting, displayName = GUEST): Promise<void> {
+function come(meeting: Meeting, name: string, ticket: Ticket | null = null): void {
   leaveMeeting();
-  live = look(meeting, displayName);
-  join();
-  live.start();
+  attendance = new Attendance(api, meeting, tickets);
+  attendance.enter(name, ticket);
+  attend(attendance);
+}
+
+/** Show where we are: before the door, waiting behind it, inside, or out again. */
+function attend(there: Attendance): void {
+  let place: "door" | "lobby" | "inside" = "door";
+  const go = (next: "lobby" | "inside"): void => {
+    if (place === next) return;
+    place = next;
+    if (next === "inside") goInside(there);
+    else waitBefore(there);
+  };
+  // who has had a look already need not wait for the line
+  if (live) go("inside");
+  there.watch(() => {
+    if (attendance !== there) return;
+    if (there.line.kind === "over") sayGoodbye(there, there.line);
+    else if (there.admitted) go("inside");
+    else if (myself(there.state)) go("lobby");
+  });
+}
+
+function goInside(there: Attendance): void {
+  const looking = live ?? look(there);
+  const isNew = looking !== live;
+  live = looking;
+  const again = (): void => (giveUpSeat(), come(there.meeting, localStorage.getItem(NAME_KEY) || GUEST));
+  show(stageView(looking, meetingTools(there), { onLeave: goOut, onRetry: again }));
+  looking.takeOver();
+  if (isNew) looking.start();
+}
+
+function waitBefore(there: Attendance): void {
+  live?.close();
+  live = null;
+  show(lobbyView(there, goOut));
+}
+
+function sayGoodbye(there: Attendance, { reason, problem }: Extract<LineState, { kind: "over" }>): void {
+  leaveMeeting();
+  const ticket = tickets.get();
+  const onHere = (): void => come(there.meeting, ticket?.name ?? GUEST, ticket);
+  const onBack = (): void => {
+    tickets.set(null);
+    // to what is over nobody comes back
+    if (reason === "ended") setMeeting(null);
+    void start();
+  };
+  show(goodbyeView(reason, problem, { onBack, onHere }));
+}
+
+function goOut(): void {
+  giveUpSeat();
+  void start();
+}
+
+function giveUpSeat(): void {
+  attendance?.leave();
+  leaveMeeting();
 }
 
 function enrol(name: string, clip: Clip): void {
@@ -94,19 +176,21 @@ function enrol(name: string, clip: Clip): void {
 async function move(somebody: Somebody, file: File): Promise<void> {
   const meeting = await meetMoving(api, somebody, file, new AbortController().signal);
   setMeeting(meeting.id);
-  await rejoin(meeting);
+  come(meeting, GUEST);
 }
 
 /** Show the progress of an enrolment that `begin` sets going. */
 function watch(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>): void {
   // the server needs its strength for the new person, not for a picture that nobody sees
   leaveMeeting();
-  const enrolment = new Enrolment(api, (state) => view.show(state), writeBookmark);
+  const enrolment = new Enrolment(api, (state) => view.show(state), (mark) =>
+    writeStored(BOOKMARK_KEY, mark),
+  );
   const view = progressView(api, enrolment, clip, {
     onMeet: (modelId) => void meet(modelId, enrolment.state.name),
     onAgain: () => {
       enrolment.leave();
-      writeBookmark(null);
+      writeStored(BOOKMARK_KEY, null);
       void start();
     },
   });
@@ -120,9 +204,9 @@ function watch(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>
 async function meet(modelId: string, name: string): Promise<void> {
   try {
     const meeting = (await addToMeeting(modelId)) ?? (await api.createMeeting(`${name}’s meeting`, [modelId]));
-    writeBookmark(null);
+    writeStored(BOOKMARK_KEY, null);
     setMeeting(meeting.id);
-    await rejoin(meeting, name);
+    come(meeting, name);
   } catch (error) {
     showProblem(asProblem(error), () => void meet(modelId, name));
   }
@@ -145,7 +229,8 @@ async function addToMeeting(modelId: string): Promise<Meeting | null> {
 
 function leaveMeeting(): void {
   live?.close();
-  live = null;
+  attendance?.close();
+  live = attendance = null;
 }
 
 function show(view: View): void {
@@ -162,7 +247,7 @@ function show(view: View): void {
 
 function home(): void {
   if (underWay?.busy()) return;
-  writeBookmark(null);
+  writeStored(BOOKMARK_KEY, null);
   void start();
 }
 
@@ -195,14 +280,14 @@ function takeTokenFromAddress(): boolean {
   return true;
 }
 
-function readBookmark(): Bookmark | null {
-  const text = sessionStorage.getItem(BOOKMARK_KEY);
-  return text === null ? null : (JSON.parse(text) as Bookmark);
+function readStored<T>(key: string): T | null {
+  const text = sessionStorage.getItem(key);
+  return text === null ? null : (JSON.parse(text) as T);
 }
 
-function writeBookmark(mark: Bookmark | null): void {
-  if (mark === null) sessionStorage.removeItem(BOOKMARK_KEY);
-  else sessionStorage.setItem(BOOKMARK_KEY, JSON.stringify(mark));
+function writeStored(key: string, value: unknown): void {
+  if (value === null) sessionStorage.removeItem(key);
+  else sessionStorage.setItem(key, JSON.stringify(value));
 }
 
 function nothing(): void {

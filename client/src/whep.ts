@@ -15,8 +15,8 @@ export type LinkState =
   | { kind: "refused"; problem: Problem };
 
 export interface LinkHooks {
-  /** A seat in the meeting; asked for each session, and again when it is no longer accepted. */
-  seat(): Promise<Seat>;
+  /** A seat in the meeting; asked for each session, and with `stale` when it is no longer accepted. */
+  seat(stale: boolean): Promise<Seat>;
   onState(state: LinkState): void;
   onStream(stream: MediaStream): void;
 }
@@ -38,6 +38,7 @@ export function backoffMs(attempt: number, random: number): number {
 export class WhepLink {
   private readonly closing = new AbortController();
   private seat: Seat | null = null;
+  private stale = false;
   private peer: RTCPeerConnection | null = null;
   private channel: RTCDataChannel | null = null;
   private resource: string | null = null;
@@ -68,8 +69,8 @@ export class WhepLink {
       }
       this.drop();
       if (this.closing.signal.aborted) return;
-      const stale = problem !== null && [401, 403].includes(problem.status) && refusals++ === 0;
-      if (stale) this.seat = null;
+      this.stale = problem !== null && [401, 403].includes(problem.status) && refusals++ === 0;
+      if (this.stale) this.seat = null;
       else if (problem && isFinal(problem)) {
         this.hooks.onState({ kind: "refused", problem });
         return;
@@ -125,7 +126,7 @@ export class WhepLink {
   }
 
   private async connect(): Promise<void> {
-    const seat = (this.seat ??= await this.hooks.seat());
+    const seat = (this.seat ??= await this.hooks.seat(this.stale));
     this.closing.signal.throwIfAborted();
     const iceServers = seat.ice_servers.map((urls) => ({ urls }));
     const peer = this.makePeer({ iceServers, bundlePolicy: "max-bundle" });

@@ -1,14 +1,17 @@
 /** Stand-ins for what only a browser or a server has. */
 
 import type { TokenStore } from "../src/api";
-import type { Job, Sequence } from "../src/types";
+import type { Job, Member, Sequence } from "../src/types";
 
 export function tokenStore(token: string | null): TokenStore {
+  const hosts = new Map<string, string>();
   return {
     get: () => token,
     set: (next) => {
       token = next;
     },
+    getHost: (id) => hosts.get(id) ?? null,
+    setHost: (id, host) => void hosts.set(id, host),
   };
 }
 
@@ -53,6 +56,10 @@ export function sequence(part: Partial<Sequence> = {}): Sequence {
     job_id: null,
     ...part,
   };
+}
+
+export function member(part: Partial<Member> & { id: string }): Member {
+  return { name: part.id, role: "speaker", standing: "admitted", present: true, hand_at: null, ...part };
 }
 
 export interface Call {

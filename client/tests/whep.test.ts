@@ -59,7 +59,11 @@ class FakePeer extends EventTarget {
 
 const SEAT: Seat = {
   token: "seat",
+  participant_id: "me",
   seat: 1,
+  role: "speaker",
+  standing: "admitted",
+  control_url: "/v1/meetings/m/control",
   ready: true,
   ice_servers: ["stun:s"],
   whep_url: "/whep/m",

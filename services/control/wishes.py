@@ -61,12 +61,9 @@ def arrive(services: Services, meeting_id: str, caller: Principal, name: str) ->
         me = _find(meeting, caller.participant_id)
         me.display_name = name
         me.heard_at = me.seen_at = now
-        if (
-            caller.role is Role.HOST
-            and me.standing is Standing.ADMITTED
-            and not host_of(meeting, now)
-        ):
-            me.role = Role.HOST
+        let_in = me.standing in (Standing.ADMITTED, Standing.WAITING)
+        if caller.role is Role.HOST and let_in and not host_of(meeting, now):
+            me.role, me.standing = Role.HOST, Standing.ADMITTED
         unit.commit()
     return me
 

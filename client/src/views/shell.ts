@@ -17,7 +17,7 @@ export function header(onHome: () => void): HTMLElement {
 }
 
 interface ButtonOptions {
-  look?: "primary" | "quiet" | "glass";
+  look?: "primary" | "quiet" | "glass" | "danger";
   large?: boolean;
   icon?: IconName;
   testId?: string;

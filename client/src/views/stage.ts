@@ -6,6 +6,7 @@ import type { Performer } from "../types";
 import { beSeenView } from "./beSeen";
 import { announce, h, usesTouch } from "./dom";
 import { mark } from "./icons";
+import type { MeetingTools } from "./meetingTools";
 import { button, notice, type View } from "./shell";
 import { waitingNote } from "./waitingNote";
 
@@ -19,7 +20,7 @@ const HINT_MS = 6000;
 const COPIED_MS = 2000;
 const CHEST_M = 0.95;
 
-export function stageView(live: LiveView, hooks: StageHooks): View {
+export function stageView(live: LiveView, tools: MeetingTools, hooks: StageHooks): View {
   live.video.dataset["testid"] = "stage-video";
   live.video.setAttribute("aria-label", `Live picture of ${live.meeting.name || "the meeting"}`);
 
@@ -35,6 +36,8 @@ export function stageView(live: LiveView, hooks: StageHooks): View {
     icon: "filmed",
     testId: "filmed-only",
   });
+  const first = button("First view", () => live.viewpoint.reset(), { look: "glass", icon: "reset" });
+  first.title = "First view";
   filmed.title = "Show only what was filmed: parts that no camera saw fade away";
   filmed.setAttribute("aria-pressed", "false");
   const toggleFilmed = (): void => {
@@ -44,6 +47,7 @@ export function stageView(live: LiveView, hooks: StageHooks): View {
   };
   const self = beSeenView(live);
   const help = button("Controls", () => toggleHint(), { look: "glass", icon: "help" });
+  help.title = "Controls";
   help.setAttribute("aria-controls", hint.id);
 
   const element = h(
@@ -72,15 +76,18 @@ export function stageView(live: LiveView, hooks: StageHooks): View {
       { className: "stage-bottom" },
       h("div", { className: "stage-self" }, self.element, numbers),
       hint,
+      tools.dock,
       h(
         "div",
         { className: "stage-ways" },
         self.toggle,
-        button("First view", () => live.viewpoint.reset(), { look: "glass", icon: "reset" }),
+        first,
         filmed,
         help,
       ),
     ),
+    tools.notes,
+    tools.panel,
   );
   element.addEventListener("dragstart", (event) => event.preventDefault());
 
@@ -111,6 +118,7 @@ export function stageView(live: LiveView, hooks: StageHooks): View {
     close: () => {
       clearTimeout(hiding);
       self.close();
+      tools.close();
       release();
     },
   };

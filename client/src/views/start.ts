@@ -3,28 +3,34 @@
 import type { LiveView } from "../live";
 import { enrolForm, type EnrolHooks } from "./enrolForm";
 import { h } from "./dom";
-import { turningFigure } from "./icons";
+import type { Meeting } from "../types";
+import { mark, turningFigure } from "./icons";
 import { button, type View } from "./shell";
 import { waitingNote } from "./waitingNote";
 
 interface StartHooks extends EnrolHooks {
-  onJoin(): void;
+  /** Come in by this name. */
+  onJoin(name: string): void;
+  /** The name of last time. */
+  name: string;
 }
 
-/** `live` is a first look into the meeting; null where there is none to join. */
-export function startView(live: LiveView | null, hooks: StartHooks): View {
+const LONGEST_NAME = 60;
+
+/** `live` is a first look into `meeting`; null where the host lets people in one by one. */
+export function startView(meeting: Meeting | null, live: LiveView | null, hooks: StartHooks): View {
   const form = enrolForm(hooks);
   const element = h(
     "main",
     { className: "start" },
-    live ? meetingHero(live, hooks.onJoin) : plainHero(),
+    meeting ? meetingHero(meeting, live, hooks) : plainHero(),
     h(
       "section",
       { className: "enrol", id: "bring", attributes: { "aria-labelledby": "bring-title" } },
       h(
         "div",
         { className: "enrol-words" },
-        h("h2", { id: "bring-title" }, live ? "Bring yourself in" : "Start with yourself"),
+        h("h2", { id: "bring-title" }, meeting ? "Bring yourself in" : "Start with yourself"),
         h(
           "p",
           { className: "lead" },
@@ -45,7 +51,67 @@ export function startView(live: LiveView | null, hooks: StartHooks): View {
   return { element, close: () => form.close() };
 }
 
-function meetingHero(live: LiveView, onJoin: () => void): HTMLElement {
+function meetingHero(meeting: Meeting, live: LiveView | null, hooks: StartHooks): HTMLElement {
+  return h(
+    "section",
+    { className: "hero", attributes: { "aria-labelledby": "hero-title" } },
+    h(
+      "div",
+      { className: "hero-words" },
+      h("h1", { id: "hero-title" }, "A meeting you can walk around in"),
+      h(
+        "p",
+        { className: "lead" },
+        "Everyone is there in full, not in a tile. Step closer, go round, look from wherever you like.",
+      ),
+      joinForm(meeting, hooks),
+      h("p", { className: "small" }, h("a", { href: "#bring", onclick: toForm }, "Bring yourself in")),
+    ),
+    live ? liveWindow(live) : shutWindow(meeting),
+  );
+}
+
+function joinForm(meeting: Meeting, hooks: StartHooks): HTMLElement {
+  const name = h("input", {
+    className: "field",
+    id: "join-name",
+    value: hooks.name,
+    maxLength: LONGEST_NAME,
+    placeholder: "Guest",
+    autocomplete: "name",
+    testId: "join-name",
+  });
+  const form = h(
+    "form",
+    { className: "join" },
+    h("label", { className: "label", attributes: { for: name.id } }, "Your name"),
+    h(
+      "div",
+      { className: "ways" },
+      name,
+      button(meeting.lobby ? "Ask to join" : "Join the meeting", () => undefined, {
+        look: "primary",
+        large: true,
+        icon: "arrow",
+        submit: true,
+        testId: "start-join",
+      }),
+    ),
+  );
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    hooks.onJoin(name.value.trim());
+  });
+  return form;
+}
+
+/** Where the host lets people in, there is nothing to see before. */
+function shutWindow(meeting: Meeting): HTMLElement {
+  const words = h("p", {}, h("strong", {}, meeting.name), h("br"), "The host lets people in one by one.");
+  return h("div", { className: "window shut" }, mark(), words);
+}
+
+function liveWindow(live: LiveView): HTMLElement {
   const who = h("p", { className: "who" });
   const name = (): void => {
     const names = live.meeting.performers.map((performer) => performer.name);
@@ -61,32 +127,7 @@ function meetingHero(live: LiveView, onJoin: () => void): HTMLElement {
     middle.replaceChildren(...(waits ? [waitingNote(state)] : []));
   };
   live.onState(live.state);
-  return h(
-    "section",
-    { className: "hero", attributes: { "aria-labelledby": "hero-title" } },
-    h(
-      "div",
-      { className: "hero-words" },
-      h("h1", { id: "hero-title" }, "A meeting you can walk around in"),
-      h(
-        "p",
-        { className: "lead" },
-        "Everyone is there in full, not in a tile. Step closer, go round, look from wherever you like.",
-      ),
-      h(
-        "div",
-        { className: "ways" },
-        button("Join the meeting", onJoin, {
-          look: "primary",
-          large: true,
-          icon: "arrow",
-          testId: "start-join",
-        }),
-        h("a", { className: "button quiet large", href: "#bring", onclick: toForm }, "Bring yourself in"),
-      ),
-    ),
-    window_,
-  );
+  return window_;
 }
 
 function plainHero(): HTMLElement {

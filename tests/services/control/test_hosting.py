@@ -177,10 +177,23 @@ async def test_the_demo_is_hosted_by_who_comes_first_and_never_ends(caller, time
         async with await join(caller, meeting_id, "Bo", headers=guest) as bo:
             members = await bo.roster(lambda who: len(who) == 2)
             assert members["Bo"]["role"] == "speaker"
+            await ada.say(type="lobby", on=True)
+            await ada.hear_that("roster", lambda roster: roster["lobby"])
+            di = await join(caller, meeting_id, "Di", headers=guest)
+            async with di:
+                await di.roster(lambda who: who["Di"]["standing"] == "waiting")
             await ada.say(type="end")
             assert (await bo.gone())["reason"] == "ended"
     async with await join(caller, meeting_id, "Cy", headers=guest) as cy:
         await cy.roster(lambda who: who["Cy"]["role"] == "host")
+        ed = await join(caller, meeting_id, "Ed", headers=guest)
+        async with ed:
+            await ed.roster(lambda who: who["Ed"]["standing"] == "waiting")
+            await cy.say(type="leave")
+            await cy.gone()
+        # nobody is left to let him in: who may host needs no one
+        async with Page(ed.url, ed.token, "Ed") as back:
+            await back.roster(lambda who: who["Ed"]["role"] == "host")
     # a meeting that a guest opened is not every guest's to host
     opened = (await caller.post("/v1/meetings", json={"name": "x"}, headers=guest)).json()
     async with await join(caller, opened["id"], "Bo", headers=guest) as bo:

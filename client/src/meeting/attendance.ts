@@ -1,0 +1,131 @@
+/** Our own part in a meeting: the seat, the name on it, the line to the others, what came by it. */
+
+import type { Api } from "../api";
+import type { FromServer, Meeting, Reacted, Refusal, Seat, ToServer } from "../types";
+import { Line, type LineState } from "./line";
+import { NOBODY_YET, heard, myself, newsOf, type MeetingState } from "./state";
+
+/** What a reload needs to take the same seat up again. */
+export interface Ticket {
+  meetingId: string;
+  name: string;
+  seat: Seat;
+}
+
+export interface TicketStore {
+  get(): Ticket | null;
+  set(ticket: Ticket | null): void;
+}
+
+type Listener = () => void;
+
+export class Attendance {
+  state: MeetingState = NOBODY_YET;
+  line: LineState = { kind: "connecting" };
+  onNews: (words: string) => void = () => undefined;
+  onReaction: (reacted: Reacted) => void = () => undefined;
+  onRefusal: (refusal: Refusal) => void = () => undefined;
+  private seat: Seat | null = null;
+  private name = "Guest";
+  private channel: Line | null = null;
+  private readonly listeners = new Set<Listener>();
+
+  constructor(
+    private readonly api: Api,
+    readonly meeting: Meeting,
+    private readonly tickets: TicketStore,
+    private readonly makeLine: (...hooks: ConstructorParameters<typeof Line>) => Line = (...hooks) =>
+      new Line(...hooks),
+  ) {}
+
+  /** The seat, for the live picture too; a new one where there is none or it was given back. */
+  async getSeat(stale = false): Promise<Seat> {
+    if (stale || !this.seat) {
+      const asked = await this.api.join(this.meeting.id, this.name);
+      this.seat = asked;
+      this.keep();
+    }
+    return this.seat as Seat;
+  }
+
+  /** Come in by `name`, or wait to be let in; on the seat of `ticket` if there is one. */
+  enter(name: string, ticket: Ticket | null = null): void {
+    this.name = name;
+    this.seat = ticket?.seat ?? this.seat;
+    this.channel = this.makeLine({
+      greeting: async (stale) => {
+        const { token, control_url } = await this.getSeat(stale);
+        this.keep();
+        return { address: socketAddress(control_url), token, name, after: this.state.number };
+      },
+      onMessage: (message) => this.hear(message),
+      onState: (state) => {
+        this.line = state;
+        // another tab of ours that goes on leaves this one a way back
+        if (state.kind === "over" && state.reason !== "replaced") this.tickets.set(null);
+        this.changed();
+      },
+    });
+    void this.channel.run();
+  }
+
+  get entered(): boolean {
+    return this.channel !== null;
+  }
+
+  /** Whether there is anything to see for us. */
+  get admitted(): boolean {
+    return myself(this.state)?.standing === "admitted";
+  }
+
+  /** Ask the server for something; false where the line is down. */
+  wish(message: ToServer): boolean {
+    return this.channel?.send(message) ?? false;
+  }
+
+  /** Called at each change, until the returned function is. */
+  watch(listener: Listener): () => void {
+    this.listeners.add(listener);
+    listener();
+    return () => this.listeners.delete(listener);
+  }
+
+  /** Give the seat back. */
+  leave(): void {
+    this.wish({ type: "leave" });
+    this.tickets.set(null);
+    this.close();
+  }
+
+  /** Let go of the line; the seat waits a while for us to come back. */
+  close(): void {
+    this.channel?.close();
+    this.listeners.clear();
+  }
+
+  private hear(message: FromServer): void {
+    if (message.type === "reacted") this.onReaction(message);
+    if (message.type === "refusal") this.onRefusal(message);
+    const before = this.state;
+    this.state = heard(before, message);
+    const news = newsOf(before, this.state);
+    if (news.length > 0) this.onNews(news.join(". "));
+    this.changed();
+  }
+
+  private keep(): void {
+    const { seat, name } = this;
+    if (seat && this.entered) this.tickets.set({ meetingId: this.meeting.id, name, seat });
+  }
+
+  private changed(): void {
+    for (const listener of [...this.listeners]) listener();
+  }
+}
+
+/** The WebSocket's address beside the page's own. */
+export function socketAddress(path: string, page: string = location.href): string {
+  const address = new URL(path, page);
+  address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
+  return address.href;
+}

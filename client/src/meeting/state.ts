@@ -1,0 +1,92 @@
+/** What this page knows of its meeting: a value that each message from the server makes anew. */
+
+import type { FromServer, Member, Reacted, Said } from "../types";
+
+export type Reaction = Reacted["reaction"];
+
+export interface MeetingState {
+  /** Our own id; null until the server has greeted us. */
+  me: string | null;
+  /** Whoever comes waits until the host lets them in. */
+  lobby: boolean;
+  members: readonly Member[];
+  said: readonly Said[];
+  /** Of the newest message; what comes after it is still to be told. */
+  number: number;
+}
+
+export const NOBODY_YET: MeetingState = { me: null, lobby: false, members: [], said: [], number: 0 };
+
+const MOST_SAID = 500;
+
+export function heard(state: MeetingState, message: FromServer): MeetingState {
+  switch (message.type) {
+    case "welcome":
+      return { ...state, me: message.participant_id };
+    case "roster":
+      return { ...state, lobby: message.lobby, members: message.members };
+    case "said":
+      if (message.number <= state.number) return state;
+      return { ...state, said: [...state.said, message].slice(-MOST_SAID), number: message.number };
+    case "reacted":
+      return { ...state, number: Math.max(state.number, message.number) };
+    default:
+      return state;
+  }
+}
+
+export function myself(state: MeetingState): Member | null {
+  return state.members.find(({ id }) => id === state.me) ?? null;
+}
+
+export function isHost(state: MeetingState): boolean {
+  return myself(state)?.role === "host";
+}
+
+/** Those who are in the meeting, the longest raised hands first. */
+export function inside(state: MeetingState): Member[] {
+  const members = state.members.filter(({ standing }) => standing === "admitted");
+  const since = ({ hand_at }: Member): number => (hand_at === null ? Infinity : Date.parse(hand_at));
+  return members
+    .map((member, place) => ({ member, place }))
+    .sort((a, b) => (since(a.member) === since(b.member) ? a.place - b.place : since(a.member) - since(b.member)))
+    .map(({ member }) => member);
+}
+
+/** Those who wait to be let in; only the host is told of them. */
+export function waiting(state: MeetingState): Member[] {
+  return state.members.filter(({ standing, id }) => standing === "waiting" && id !== state.me);
+}
+
+/** What is worth telling of a change, in words; nothing of oneself coming in. */
+export function newsOf(before: MeetingState, after: MeetingState): string[] {
+  // whoever is not in yet sees nobody else: that all are there then is no news
+  if (myself(before)?.standing !== "admitted" || before.members === after.members) return [];
+  const was = new Map(before.members.map((member) => [member.id, member]));
+  const is = new Map(after.members.map((member) => [member.id, member]));
+  const news: string[] = [];
+  for (const member of after.members) {
+    news.push(...newsOfMember(was.get(member.id), member, member.id === after.me));
+  }
+  for (const { id, name, standing } of before.members) {
+    if (!is.has(id) && standing === "admitted") news.push(`${name} left`);
+  }
+  return news;
+}
+
+function newsOfMember(was: Member | undefined, is: Member, mine: boolean): string[] {
+  if (mine) return was && was.role !== is.role ? [MY_ROLE[is.role]] : [];
+  if (!was) return [is.standing === "waiting" ? `${is.name} wants to come in` : `${is.name} is here`];
+  const news: string[] = [];
+  if (was.standing === "waiting" && is.standing === "admitted") news.push(`${is.name} is here`);
+  if (was.hand_at === null && is.hand_at !== null) news.push(`${is.name} raised a hand`);
+  if (was.present && !is.present) news.push(`${is.name} lost the connection`);
+  if (!was.present && is.present) news.push(`${is.name} is back`);
+  return news;
+}
+
+const MY_ROLE: Record<Member["role"], string> = {
+  host: "You are the host now",
+  speaker: "You may speak and write now",
+  viewer: "You are looking on now",
+};

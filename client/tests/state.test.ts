@@ -1,0 +1,73 @@
+import { describe, expect, it } from "vitest";
+import { NOBODY_YET, heard, inside, isHost, newsOf, waiting, type MeetingState } from "../src/meeting/state";
+import type { FromServer, Member } from "../src/types";
+import { member } from "./fakes";
+
+function told(...messages: FromServer[]): MeetingState {
+  return messages.reduce(heard, NOBODY_YET);
+}
+
+const welcome: FromServer = { type: "welcome", participant_id: "me", seat: 1, silence_s: 5 };
+const roster = (...members: Member[]): FromServer => ({ type: "roster", lobby: true, members });
+const said = (number: number, text = "x"): FromServer => ({
+  type: "said", number, participant_id: "bo", name: "Bo", text, at: "2026-01-01T10:00:00Z",
+});
+
+describe("what the page knows of its meeting", () => {
+  it("puts raised hands first, the longest raised before others", () => {
+    const state = told(
+      welcome,
+      roster(
+        member({ id: "me", role: "host" }),
+        member({ id: "late", hand_at: "2026-01-01T10:00:09Z" }),
+        member({ id: "early", hand_at: "2026-01-01T10:00:01Z" }),
+        member({ id: "door", standing: "waiting" }),
+      ),
+    );
+    expect(inside(state).map(({ id }) => id)).toEqual(["early", "late", "me"]);
+    expect(waiting(state).map(({ id }) => id)).toEqual(["door"]);
+    expect(isHost(state)).toBe(true);
+  });
+
+  it("takes a message that comes twice, as after a cut, once", () => {
+    const state = told(welcome, said(1), said(2), said(2), said(1));
+    expect(state.said.map(({ number }) => number)).toEqual([1, 2]);
+    const after = heard(state, { type: "reacted", number: 5, participant_id: "bo", name: "Bo", reaction: "heart" });
+    expect(after.number).toBe(5);
+    expect(after.said).toBe(state.said);
+  });
+
+  it("tells who comes, goes, knocks, raises a hand, is lost and is back", () => {
+    const before = told(welcome, roster(
+      member({ id: "me" }),
+      member({ id: "Bo" }),
+      member({ id: "Cy" }),
+      member({ id: "Di", present: false }),
+      member({ id: "Ed" }),
+    ));
+    const after = heard(before, roster(
+      member({ id: "me", role: "host" }),
+      member({ id: "Bo", hand_at: "2026-01-01T10:00:01Z" }),
+      member({ id: "Di" }),
+      member({ id: "Ed", present: false }),
+      member({ id: "Fay", standing: "waiting" }),
+      member({ id: "Gus" }),
+    ));
+    expect(newsOf(before, after)).toEqual([
+      "You are the host now",
+      "Bo raised a hand",
+      "Di is back",
+      "Ed lost the connection",
+      "Fay wants to come in",
+      "Gus is here",
+      "Cy left",
+    ]);
+  });
+
+  it("makes no news of those who were there when we came in", () => {
+    const outside = told(welcome, roster(member({ id: "me", standing: "waiting" })));
+    const in_ = heard(outside, roster(member({ id: "me" }), member({ id: "Bo" })));
+    expect(newsOf(outside, in_)).toEqual([]);
+    expect(newsOf(NOBODY_YET, in_)).toEqual([]);
+  });
+});

@@ -1,0 +1,139 @@
+"""Two real pages in one meeting: one is let in, they talk, one is sent out; axe looks on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from benchmarks.browser import open_page, running_demo
+
+pytestmark = pytest.mark.e2e
+MINUTE = 60_000
+AXE = Path(__file__).resolve().parents[2] / "client/node_modules/axe-core/axe.min.js"
+_SERIOUS = """async () => (await axe.run()).violations
+    .filter(({impact}) => impact === 'serious' || impact === 'critical')
+    .map(({id, nodes}) => `${id}: ${nodes.map(({html}) => html.slice(0, 120)).join(' | ')}`)"""
+
+
+@contextmanager
+def beside(page: Page, **look) -> Iterator[Page]:
+    """A page of somebody else, in the same browser; errors of its scripts are raised."""
+    browser = page.context.browser
+    assert browser is not None
+    context = browser.new_context(**look)
+    other = context.new_page()
+    faults: list[str] = []
+    other.on("pageerror", lambda error: faults.append(str(error)))
+    yield other
+    context.close()
+    assert faults == []
+
+
+def serious_faults(page: Page) -> list[str]:
+    """What axe finds on the page that keeps people out."""
+    if not page.evaluate("'axe' in window"):
+        page.add_script_tag(path=AXE)
+    return page.evaluate(_SERIOUS)
+
+
+def come(page: Page, address: str, name: str) -> None:
+    page.goto(f"{address}?size=128")
+    page.get_by_test_id("join-name").fill(name)
+    page.get_by_test_id("start-join").click()
+
+
+def test_a_meeting_of_two_from_the_lobby_to_being_sent_out(tmp_path):
+    phone = {"viewport": {"width": 390, "height": 844}, "color_scheme": "dark"}
+    with (
+        running_demo(tmp_path / "data") as address,
+        open_page() as ada,
+        beside(ada, **phone) as bo,
+    ):
+        ada.goto(f"{address}?size=128")
+        assert serious_faults(ada) == []
+        come(ada, address, "Ada")
+        ada.get_by_test_id("open-people").click()
+        expect(ada.get_by_test_id("members")).to_contain_text("Ada (you)", timeout=MINUTE)
+        ada.get_by_role("switch", name="Let people in one by one").check()
+        expect(ada.get_by_role("switch")).to_be_checked()
+
+        come(bo, address, "Bo")
+        expect(bo.get_by_test_id("lobby-waiting")).to_be_visible()
+        assert bo.locator("video").count() == 0
+        assert serious_faults(bo) == []
+        expect(ada.get_by_test_id("waiting-people")).to_contain_text("Bo")
+        assert serious_faults(ada) == []
+        ada.get_by_test_id("admit").click()
+        expect(bo.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
+        expect(ada.locator("#announcer")).to_have_text("Bo is here")
+
+        bo.get_by_test_id("hand").click()
+        expect(bo.get_by_test_id("hand")).to_have_attribute("aria-pressed", "true")
+        expect(ada.get_by_test_id("members")).to_contain_text("Hand raised")
+        bo.get_by_test_id("react").click()
+        bo.get_by_test_id("react-heart").click()
+        expect(ada.locator(".float")).to_contain_text("Bo")
+        assert serious_faults(ada) == []
+
+        ada.get_by_test_id("open-chat").click()
+        ada.get_by_test_id("chat-text").fill("<b>Hello</b> Bo")
+        ada.keyboard.press("Enter")
+        bo.get_by_test_id("open-chat").click()
+        expect(bo.get_by_test_id("said")).to_contain_text("<b>Hello</b> Bo")
+        bo.get_by_test_id("chat-text").fill("Hello Ada")
+        bo.get_by_test_id("chat-send").click()
+        expect(ada.get_by_test_id("said")).to_contain_text("Hello Ada")
+        assert serious_faults(bo) == []
+
+        # the same seat after a reload: the hand is still up, what was said is still there
+        bo.reload()
+        expect(bo.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
+        expect(bo.get_by_test_id("hand")).to_have_attribute("aria-pressed", "true")
+        bo.get_by_test_id("open-chat").click()
+        expect(bo.get_by_test_id("said")).to_contain_text("Hello Ada")
+        ada.get_by_test_id("open-people").click()
+        expect(ada.get_by_test_id("members").get_by_role("listitem")).to_have_count(2)
+
+        ada.get_by_role("button", name="More about Bo").click()
+        ada.get_by_role("button", name="Send out: Bo").click()
+        expect(bo.get_by_test_id("goodbye-removed")).to_be_visible()
+        assert bo.locator("video").count() == 0
+        assert serious_faults(bo) == []
+        expect(ada.get_by_test_id("members").get_by_role("listitem")).to_have_count(1)
+
+
+def test_everything_is_reached_by_keyboard_in_a_sensible_order(tmp_path):
+    with running_demo(tmp_path / "data") as address, open_page() as page:
+        page.goto(f"{address}?size=128")
+        page.get_by_test_id("join-name").focus()
+        page.keyboard.type("Ada")
+        page.keyboard.press("Enter")
+        expect(page.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
+        focused = "() => document.activeElement.dataset.testid ?? ''"
+        met = []
+        for _ in range(20):
+            page.keyboard.press("Tab")
+            met.append(page.evaluate(focused))
+            if met[-1] == "react":
+                break
+        ways = ["leave", "open-people", "open-chat", "hand", "react"]
+        assert [one for one in met if one in ways] == ways
+        page.keyboard.press("Shift+Tab")
+        page.keyboard.press("Shift+Tab")
+        page.keyboard.press("Enter")
+        assert page.evaluate(focused) == "chat-text"
+        page.keyboard.type("was dead")
+        page.keyboard.press("Enter")
+        expect(page.get_by_test_id("said")).to_contain_text("was dead")
+        page.keyboard.press("Escape")
+        expect(page.get_by_test_id("panel")).to_be_hidden()
+        assert page.evaluate(focused) == "open-chat"
+        page.get_by_test_id("open-people").press("Enter")
+        page.get_by_test_id("end").press("Enter")
+        assert page.evaluate(focused) == "end-sure"
+        page.keyboard.press("Enter")
+        expect(page.get_by_test_id("goodbye-ended")).to_be_visible()
