@@ -165,7 +165,10 @@ class Standing:
         self._known_s += step_s
         _, placed = self._joints(local, pelvis)
         share = 1.0 if self._home is None else step_s / np.clip(self._known_s, _FIRST_S, _UPRIGHT_S)
-        self._up = self._up + min(1.0, float(share)) * (upward(placed[None], legs_seen) - self._up)
+        # whoever shows no legs stands or sits: in the mean their trunk is upright
+        trunk = placed[_J["neck"]] - placed[0]
+        up = upward(placed[None], True) if legs_seen else trunk / np.linalg.norm(trunk)
+        self._up = self._up + min(1.0, float(share)) * (up - self._up)
 
     def _upright(self, local: Array, pelvis: Array) -> tuple[Array, Array]:
         """The same with the vertical where it is."""
