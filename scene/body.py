@@ -66,3 +66,13 @@ class Body:
         blended = np.tensordot(self.blend_weights, skinning[:, :3, :], axes=1)
         turned = np.einsum("vij,vj->vi", blended[:, :, :3], self.rest_vertices)
         return turned + blended[:, :, 3]
+
+
+def vertex_normals(vertices: Float[Array, "V 3"], faces: Int[Array, "T 3"]) -> Float[Array, "V 3"]:
+    """Unit normals, each the area-weighted mean of its triangles'."""
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    flat = np.cross(b - a, c - a)
+    normals = np.zeros_like(vertices)
+    for i in range(3):
+        np.add.at(normals, faces[:, i], flat)
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)

@@ -11,7 +11,7 @@ from capture.studio.garments import Garment, make_garments
 from capture.studio.light import SurroundingLight
 from capture.studio.wardrobe import Outfit, albedo, cloth_albedo, make_outfit
 from scene.arrays import Array, Float
-from scene.body import Body
+from scene.body import Body, vertex_normals
 from scene.camera import Camera
 from scene.motion import Pose
 
@@ -89,16 +89,6 @@ def film(
     out = np.empty((camera.height, camera.width, 4), np.float32)
     box_filter(samples, supersampling, out)
     return out[..., :3], out[..., 3]
-
-
-def vertex_normals(vertices: Float[Array, "V 3"], faces: Array) -> Float[Array, "V 3"]:
-    """Unit normals, each the area-weighted mean of its triangles'."""
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    flat = np.cross(b - a, c - a)
-    normals = np.zeros_like(vertices)
-    for i in range(3):
-        np.add.at(normals, faces[:, i], flat)
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
 
 def _shade(performer: StudioPerformer, posed: Array, corners: Array, weights: Array,

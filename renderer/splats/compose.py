@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence as Many
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
 from renderer.splats.layout import BOX_FILTER_PX2, PROJECTED, TILE
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
+from scene.lighting import Lighting
 from scene.skeleton import Skeleton
+
+if TYPE_CHECKING:
+    from renderer.relight import Relighting
 
 _ENTRIES_AT_FIRST = 1 << 16
 
@@ -27,6 +31,10 @@ class SkinnedSplats(Protocol):
     def weights(self) -> Float[Array, "N 4"]: ...
     @property
     def skeleton(self) -> Skeleton: ...
+    @property
+    def albedo(self) -> Float[Array, "N 3"] | None: ...
+    @property
+    def normals(self) -> Float[Array, "N 3"] | None: ...
 
 
 class Workspace:
@@ -82,17 +90,24 @@ class SplatRenderer:
         self._joints = np.concatenate(
             [m.joints.astype(np.uint16) + o for m, o in zip(models, offsets, strict=False)]
         ).astype(np.uint16)
+        self._models = tuple(models)
+        self._relighting: Relighting | None = None
+        self._lit = self._parameters
         self._workspace = Workspace(len(self._parameters))
         self._out = np.zeros((0, 0, 4), np.float32)
 
     def render(
-        self, camera: Camera, transforms: Many[Float[Array, "K 4 4"]]
+        self,
+        camera: Camera,
+        transforms: Many[Float[Array, "K 4 4"]],
+        lighting: Lighting | None = None,
     ) -> Float[Array, "H W 4"]:
         """Premultiplied sRGB and alpha.
 
         Args:
             camera: its distortion, if any, is not drawn.
             transforms: per model, skinning transforms (rest -> world) with its placement.
+            lighting: what falls on everybody; None leaves them as they were filmed.
         Returns:
             float32 buffer that the next call overwrites.
         """
@@ -102,11 +117,12 @@ class SplatRenderer:
 
         if self._out.shape[:2] != (camera.height, camera.width):
             self._out = np.zeros((camera.height, camera.width, 4), np.float32)
+        moved = np.concatenate(list(transforms)).astype(np.float32)
         self._workspace.arrange(
-            self._parameters,
+            self._parameters if lighting is None else self._shaded(moved, lighting),
             self._joints,
             self._weights,
-            np.concatenate(list(transforms)).astype(np.float32),
+            moved,
             pack_camera(camera),
             camera.width,
             camera.height,
@@ -115,6 +131,16 @@ class SplatRenderer:
         work = self._workspace
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), self._out)
         return self._out
+
+    def _shaded(self, transforms: Float[Array, "K 4 4"], lighting: Lighting) -> Float[Array, "N P"]:
+        """The parameters with colours as they are in `lighting`."""
+        if self._relighting is None:
+            from renderer.relight import Relighting
+
+            self._relighting = Relighting(self._models)
+            self._lit = self._parameters.copy()
+        self._relighting.shade(self._lit, self._joints, self._weights, transforms, lighting)
+        return self._lit
 
 
 def pack_camera(camera: Camera) -> Float[Array, "4 4"]:

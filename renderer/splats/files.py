@@ -19,10 +19,15 @@ from scene.skeleton import Skeleton
 _SH_C0 = 0.28209479177387814
 """Band-0 spherical harmonic: .ply files of splats store colour as its coefficient."""
 
+_SURFACE = ("albedo", "normals")
+"""Tensors of models whose light is known."""
+
 
 def pack(model: SplatModel) -> dict[str, Array]:
     """Tensors of `model`."""
+    surface = {name: getattr(model, name) for name in _SURFACE}
     return {
+        **{name: of.astype(np.float16) for name, of in surface.items() if of is not None},
         "positions": model.parameters[:, POSITION : POSITION + 3].astype(np.float32),
         "appearance": model.parameters[:, LOG_SCALE:].astype(np.float16),
         "joints": model.joints,
@@ -50,6 +55,7 @@ def unpack(
         about["data_hash"],
         about["preset"],
         about["metrics"],
+        **{name: tensors[name].astype(np.float32) for name in _SURFACE if name in tensors},
     )
 
 

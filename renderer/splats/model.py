@@ -30,12 +30,19 @@ class SplatModel:
     data_hash: str
     preset: str = "splats"
     metrics: dict[str, Any] = field(default_factory=dict)
+    albedo: Float[Array, "N 3"] | None = None
+    """Linear colour without the light it was filmed in; None where that was not looked for."""
+    normals: Float[Array, "N 3"] | None = None
+    """Of the surface at rest, outwards, unit length; known where the albedo is."""
 
     def __post_init__(self) -> None:
         require_shape("parameters", self.parameters, (None, PARAMETERS))
         require_shape("joints", self.joints, (len(self.parameters), 4))
         require_shape("weights", self.weights, (len(self.parameters), 4))
         require_finite("parameters", self.parameters)
+        for name in ("albedo", "normals"):
+            if (known := getattr(self, name)) is not None:
+                require_shape(name, known, (len(self.parameters), 3))
 
     def __len__(self) -> int:
         return len(self.parameters)

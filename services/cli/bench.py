@@ -15,6 +15,7 @@ app = typer.Typer(help="Measure what is claimed, on this machine.", no_args_is_h
 
 MOTION = Path("../shared/data/mocap")
 TWO_CAMERAS = Path("../shared/data/real-two-cameras")
+PANORAMAS = Path("../shared/data/environments")
 """Data beside the checkout; no part of this package."""
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the figures here.")]
 Backbone = Annotated[Path | None, typer.Option(help="LPIPS backbone (.pth).")]
@@ -177,6 +178,21 @@ def refinement(json_file: JsonFile = None) -> None:
     from benchmarks.refinement import run
 
     run(json_file)
+
+
+@app.command()
+def relight(
+    json_file: JsonFile = None,
+    panoramas: Annotated[
+        Path, typer.Option(help="Folder of Radiance .hdr files of rooms.")
+    ] = PANORAMAS,
+    picture: Annotated[Path | None, typer.Option(help="Draw the comparison here.")] = None,
+    clock: ClockName = "wall",
+) -> None:
+    """Performers filmed in one light and shown in another, against the truth: unlit and relit."""
+    from benchmarks.relight import run
+
+    run(json_file, panoramas, picture, clock)
 
 
 @app.command()

@@ -22,6 +22,7 @@ def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path)
 
     A checkpoint that an earlier attempt left in the store is gone on from.
     """
+    from renderer.relight_fit import with_albedo
     from renderer.training import Progress, train
 
     _fetch_sequence(services, job, folder / "sequence")
@@ -33,9 +34,10 @@ def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path)
     def on_progress(step: Progress) -> None:
         reporter.progress(step.fraction, step.message, step.preview)
 
+    clip = open_sequence(folder / "sequence")
     try:
         model = train(
-            open_sequence(folder / "sequence"),
+            clip,
             preset=str(job.params["preset"]),
             budget_s=float(job.params["budget_s"]),
             seed=int(job.params["seed"]),
@@ -47,6 +49,7 @@ def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path)
     except TrainingStopped as stopped:
         reporter.save_checkpoint()
         raise JobStopped from stopped
+    model = with_albedo(model, clip)
     (folder / "files").mkdir()
     files = write_files(model, folder / "files")
     with Results(services, job) as results:

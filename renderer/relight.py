@@ -1,0 +1,108 @@
+"""Puts people into another light: what they were filmed in is divided out, the room's is put on.
+
+Every splat has an albedo and a normal, which `renderer.relight_fit` finds when a model is trained.
+Without, the shortest axis of a flat splat stands in for the normal: training begins with it along
+the surface's and lets it sway; the mean over neighbours is steadier. In each picture normals turn
+with the body, and the room's light falls on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Many
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from renderer.splats.compose import SkinnedSplats
+from renderer.splats.layout import COLOUR, POSITION, ROTATION
+from scene.arrays import Array, Float, Int
+from scene.colour import to_linear, to_srgb
+from scene.lighting import Lighting
+
+_NEIGHBOURS = 16
+"""Splats whose normals make up one; at 10,000 a person they lie within 3 cm."""
+_ALIKE = 0.3
+"""Cosine from which a neighbour lies on the same side: a finger's back is not its front."""
+_ROWS = 1024
+"""Distances are taken in blocks of so many rows, to bound memory."""
+_TABLE_STEPS = 1024
+
+
+class Relighting:
+    """Colours of one cast of models in any light; keep it as long as the cast stays."""
+
+    def __init__(self, models: Many[SkinnedSplats]) -> None:
+        self._albedo = np.concatenate([albedo_of(m) for m in models]).astype(np.float32)
+        self._normals = np.concatenate([normals_of(m) for m in models]).astype(np.float32)
+        # against the root of the light sRGB is nearly straight
+        roots = np.linspace(0.0, 1.0, _TABLE_STEPS + 1)
+        self._encoded = to_srgb(roots**2).astype(np.float32)
+
+    def shade(
+        self,
+        parameters: Float[Array, "N P"],
+        joints: Array,
+        weights: Float[Array, "N 4"],
+        transforms: Float[Array, "K 4 4"],
+        lighting: Lighting,
+    ) -> None:
+        """Write every splat's colour in `lighting`, posed by `transforms`, into `parameters`."""
+        from renderer.relight_kernels import shade
+
+        shade(
+            self._albedo, self._normals, joints, weights, transforms,
+            lighting.harmonics.astype(np.float32), lighting.key_direction.astype(np.float32),
+            lighting.key_colour.astype(np.float32), self._encoded, parameters,
+        )  # fmt: skip
+
+
+def albedo_of(model: SkinnedSplats) -> Float[Array, "N 3"]:
+    """Linear albedo; of a model that knows none, its colours as if filmed in white, even light."""
+    if model.albedo is not None:
+        return model.albedo
+    return to_linear(np.clip(model.parameters[:, COLOUR : COLOUR + 3], 0.0, 1.0))
+
+
+def normals_of(model: SkinnedSplats) -> Float[Array, "N 3"]:
+    """Outward unit normals at rest: the surface's, or those that its splats have by themselves.
+
+    These are worked out once and kept as long as `model` lives.
+    """
+    if model.normals is not None:
+        return model.normals
+    if model not in _NORMALS:
+        rest = model.parameters[:, POSITION : POSITION + 3]
+        near, _ = neighbours(rest, rest, _NEIGHBOURS)
+        _NORMALS[model] = smooth_normals(model.parameters, near)
+    return _NORMALS[model]
+
+
+_NORMALS: WeakKeyDictionary[SkinnedSplats, Float[Array, "N 3"]] = WeakKeyDictionary()
+
+
+def smooth_normals(parameters: Float[Array, "N P"], near: Int[Array, "N M"]) -> Float[Array, "N 3"]:
+    """Mean of the splats' third axes over the rows `near` that lie on the same side."""
+    turns = parameters[:, ROTATION : ROTATION + 4]
+    w, x, y, z = (turns / np.linalg.norm(turns, axis=1, keepdims=True)).T
+    axis = np.stack([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)], 1)
+    around = axis[near]
+    alike = (around * axis[:, None]).sum(axis=2, keepdims=True) > _ALIKE
+    mean = (around * alike).sum(axis=1) + 1e-6 * axis
+    return (mean / np.linalg.norm(mean, axis=1, keepdims=True)).astype(np.float32)
+
+
+def neighbours(
+    points: Float[Array, "N 3"], among: Float[Array, "V 3"], count: int
+) -> tuple[Int[Array, "N M"], Float[Array, "N M"]]:
+    """The `count` rows of `among` nearest to each point, and their distances, the nearest first."""
+    import torch
+
+    places, others = (
+        torch.from_numpy(np.ascontiguousarray(rows, np.float32)) for rows in (points, among)
+    )
+    found = [
+        torch.topk(torch.cdist(block, others), min(count, len(among)), largest=False)
+        for block in places.split(_ROWS)
+    ]
+    distance = torch.cat([one.values for one in found]).numpy()
+    return torch.cat([one.indices for one in found]).numpy(), distance

@@ -1,0 +1,59 @@
+"""Light on every splat of a picture: normals turned by the skinning, harmonics, the key light.
+
+The plain twin is `renderer/reference/relight.py`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from renderer.splats.layout import COLOUR
+from scene.arrays import Array
+
+_F = np.float32
+
+
+@numba.njit(parallel=True, fastmath=True, nogil=True, cache=True)
+def shade(
+    albedo: Array,  # [N 3] float32, linear
+    normals: Array,  # [N 3] float32, at rest
+    joints: Array,  # [N 4] integers
+    weights: Array,  # [N 4] float32
+    transforms: Array,  # [K 4 4] float32, rest -> world
+    harmonics: Array,  # [9 3] float32
+    key_direction: Array,  # [3] float32, unit
+    key_colour: Array,  # [3] float32
+    encoded: Array,  # [S + 1] float32: sRGB by the root of linear light
+    parameters: Array,  # [N P] float32; its colours are written
+) -> None:
+    """Fill the colour columns of `parameters`."""
+    steps = encoded.shape[0] - 1
+    for i in numba.prange(albedo.shape[0]):
+        x, y, z = _F(0.0), _F(0.0), _F(0.0)
+        a, b, c = normals[i, 0], normals[i, 1], normals[i, 2]
+        for k in range(4):
+            share, turn = weights[i, k], transforms[joints[i, k]]
+            x += share * (turn[0, 0] * a + turn[0, 1] * b + turn[0, 2] * c)
+            y += share * (turn[1, 0] * a + turn[1, 1] * b + turn[1, 2] * c)
+            z += share * (turn[2, 0] * a + turn[2, 1] * b + turn[2, 2] * c)
+        length = _F(1.0) / math.sqrt(max(x * x + y * y + z * z, _F(1e-12)))
+        x, y, z = x * length, y * length, z * length
+        towards = x * key_direction[0] + y * key_direction[1] + z * key_direction[2]
+        facing = max(towards, _F(0.0))
+        for j in range(3):
+            smooth = (
+                _F(0.282095) * harmonics[0, j]
+                + _F(0.488603) * (y * harmonics[1, j] + z * harmonics[2, j] + x * harmonics[3, j])
+                + _F(1.092548)
+                * (x * y * harmonics[4, j] + y * z * harmonics[5, j] + x * z * harmonics[7, j])
+                + _F(0.315392) * (_F(3.0) * z * z - _F(1.0)) * harmonics[6, j]
+                + _F(0.546274) * (x * x - y * y) * harmonics[8, j]
+            )
+            light = albedo[i, j] * (max(smooth, _F(0.0)) + facing * key_colour[j])
+            place = math.sqrt(min(max(light, _F(0.0)), _F(1.0))) * steps
+            step = min(int(place), steps - 1)
+            part = place - step
+            parameters[i, COLOUR + j] = (_F(1.0) - part) * encoded[step] + part * encoded[step + 1]

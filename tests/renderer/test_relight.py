@@ -1,0 +1,200 @@
+"""Relighting: the kernel against its twin, normals, and the light that somebody was filmed in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderer.reference import relight as twin
+from renderer.relight import Relighting, albedo_of, neighbours, normals_of
+from renderer.relight_fit import with_albedo
+from renderer.splats.compose import SplatRenderer
+from renderer.splats.initialise import first_splats
+from renderer.splats.layout import COLOUR, OPACITY, ROTATION
+from renderer.splats.model import SplatModel
+from renderer.splats.settings import SplatSettings
+from scene import Lighting, Motion, Pose, Sequence, Skeleton, orbit_camera
+from scene.body import Body
+from scene.colour import to_srgb
+from scene.rotations import axis_angle_to_matrix
+from scene.skeleton import JOINT_COUNT
+from tests.renderer.studio import make_model, make_sequence
+
+FRAMES, SIZE = 16, 96
+FILMED_IN = Lighting(
+    np.concatenate([[[1.6, 1.6, 1.6], [0.35, 0.3, 0.25], [0.0, 0.1, 0.2], [0.5, 0.3, 0.1]],
+                    np.zeros((5, 3))]),
+    np.array([0.0, 1.0, 0.0]), np.zeros(3),
+)  # fmt: skip
+"""From +x and above, warmer from +x, bluer from +z."""
+
+
+def pillar(sides: int = 24, rings: int = 12) -> Body:
+    """A barrel that one joint moves: its normals point every way but straight up and down."""
+    turn = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
+    heights = np.linspace(0.05, 1.55, rings)
+    radii = 0.12 + 0.2 * np.sin(np.pi * heights / 1.6)
+    ring = np.stack([np.sin(turn), np.zeros(sides), np.cos(turn)], axis=1)
+    vertices = np.concatenate(
+        [r * ring + [0.0, h, 0.0] for r, h in zip(radii, heights, strict=True)]
+    )
+    at = np.arange((rings - 1) * sides).reshape(-1, sides)
+    right = np.roll(at, -1, axis=1)
+    quads = np.stack([at, right, right + sides, at + sides], axis=-1).reshape(-1, 4)
+    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    joints = np.zeros((JOINT_COUNT, 3))
+    joints[:, 1] = np.linspace(0.5, 1.4, JOINT_COUNT)
+    weights = np.zeros((len(vertices), JOINT_COUNT))
+    weights[:, 0] = 1.0
+    return Body(Skeleton(joints), vertices, faces, weights)
+
+
+class LitFrames:
+    """A `FrameSource`: splats of known albedo in a known light, turning before one camera."""
+
+    def __init__(self, model: SplatModel, albedo: np.ndarray, lighting: Lighting) -> None:
+        self._motion, self._pictures = model.motion, []
+        self._camera = orbit_camera((0.0, 0.8, 0.0), 3.0, 0.0, 0.1, SIZE, SIZE)
+        for frame in range(len(model.motion)):
+            pose = model.motion.pose(frame)
+            transforms = model.skeleton.skinning_transforms(
+                pose.joint_angles, pose.root_translation
+            )
+            lit = model.parameters.copy()
+            lit[:, COLOUR : COLOUR + 3] = twin.shade(
+                albedo, normals_of(model), model.joints, model.weights, transforms, lighting
+            )
+            seen = SplatRenderer((replace(model, parameters=lit),)).render(
+                self._camera, [transforms]
+            )
+            self._pictures.append(seen.copy())
+
+    def __len__(self) -> int:
+        return len(self._pictures)
+
+    def camera(self, index: int):
+        return self._camera
+
+    def pose(self, index: int) -> Pose:
+        return self._motion.pose(index)
+
+    def image(self, index: int):
+        return np.clip(self._pictures[index][..., :3], 0.0, 1.0)
+
+    def mask(self, index: int):
+        return self._pictures[index][..., 3].round(2)
+
+
+@pytest.fixture(scope="module")
+def filmed() -> tuple[SplatModel, np.ndarray, Sequence]:
+    """A turning pillar in stripes, the albedo of its splats, and its frames."""
+    body, poses = pillar(), []
+    for frame in range(FRAMES):
+        angles = np.zeros((JOINT_COUNT, 3))
+        angles[0, 1] = 2.0 * np.pi * frame / FRAMES
+        poses.append(Pose(angles, np.zeros(3), frame / 10.0))
+    motion = Motion.from_poses(poses)
+    sequence = make_sequence()
+    settings = SplatSettings(count=2500)
+    first = first_splats(replace(sequence, body=body), settings, np.random.default_rng(0))
+    parameters = first.parameters.copy()
+    parameters[:, OPACITY] = 4.0
+    bands = (np.floor(parameters[:, 1] * 4.0) % 2).astype(int)
+    albedo = np.array([[0.5, 0.3, 0.2], [0.2, 0.3, 0.6]])[bands]
+    parameters[:, COLOUR : COLOUR + 3] = to_srgb(albedo)
+    model = SplatModel(
+        parameters, first.joints.astype(np.uint8), first.weights, np.ones(2500, bool),
+        body.skeleton, motion, "of a test",
+    )  # fmt: skip
+    frames = LitFrames(model, albedo, FILMED_IN)
+    return model, albedo, replace(sequence, body=body, train=frames, motion=motion)
+
+
+def albedo_found(model: SplatModel, sequence: Sequence) -> np.ndarray:
+    found = with_albedo(model, sequence)
+    assert isinstance(found, SplatModel)
+    assert found.albedo is not None
+    return found.albedo
+
+
+def test_the_light_that_somebody_was_filmed_in_is_divided_out(filmed):
+    model, albedo, sequence = filmed
+    found = albedo_found(model, sequence)
+    ratio = found / albedo
+    assert np.median(np.abs(ratio / np.median(ratio, axis=0) - 1.0)) < 0.06
+    # as filmed, light alone makes more of a difference
+    lit = FILMED_IN.shading(normals_of(model))
+    assert np.median(np.abs(lit / np.median(lit, axis=0) - 1.0)) > 0.15
+
+
+def test_colours_of_clothes_are_not_taken_for_light(filmed):
+    model, albedo, sequence = filmed
+    found = albedo_found(model, sequence)
+    blue = albedo[:, 2] > 0.5
+    for channel in range(3):
+        between = np.median(found[blue, channel]) / np.median(found[~blue, channel])
+        truth = albedo[blue][0, channel] / albedo[~blue][0, channel]
+        assert between == pytest.approx(truth, rel=0.12)
+
+
+def test_a_model_whose_frames_show_nothing_keeps_its_colours(filmed):
+    model, _, sequence = filmed
+    black = LitFrames(model, np.zeros((len(model), 3)), FILMED_IN)
+    assert with_albedo(model, replace(sequence, train=black)) is model
+
+
+def test_normals_point_outwards(filmed):
+    model, _, _ = filmed
+    swaying = model.parameters.copy()
+    noise = np.random.default_rng(1).normal(0.0, 0.15, (len(model), 4))
+    swaying[:, ROTATION : ROTATION + 4] += noise
+    normals = normals_of(replace(model, parameters=swaying))
+    outwards = model.parameters[:, :3] * [1.0, 0.0, 1.0]
+    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
+    cosine = (normals * outwards).sum(axis=1)
+    assert np.percentile(cosine, 5) > 0.75
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, rtol=1e-5)
+
+
+def test_neighbours_match_brute_force():
+    points = np.random.default_rng(2).normal(size=(300, 3)).astype(np.float32)
+    near, distance = neighbours(points, points, 5)
+    gaps = np.linalg.norm(points[:, None] - points, axis=2)
+    np.testing.assert_array_equal(near, np.argsort(gaps, axis=1)[:, :5])
+    np.testing.assert_allclose(distance, np.sort(gaps, axis=1)[:, :5], atol=2e-3)
+
+
+def test_the_kernel_matches_its_twin():
+    model, rng = make_model(), np.random.default_rng(3)
+    lighting = Lighting(
+        rng.normal(0.3, 0.3, (9, 3)), np.array([0.6, 0.0, 0.8]), rng.uniform(size=3)
+    )
+    angles = rng.normal(0.0, 0.4, (JOINT_COUNT, 3))
+    transforms = model.skeleton.skinning_transforms(angles, np.zeros(3)).astype(np.float32)
+    parameters = model.parameters.copy()
+    joints = model.joints.astype(np.uint16)
+    Relighting((model,)).shade(parameters, joints, model.weights, transforms, lighting)
+    slow = twin.shade(
+        albedo_of(model), normals_of(model), model.joints, model.weights, transforms, lighting
+    )
+    np.testing.assert_allclose(parameters[:, COLOUR : COLOUR + 3], slow, atol=2e-3)
+    untouched = np.delete(np.arange(parameters.shape[1]), np.arange(COLOUR, COLOUR + 3))
+    np.testing.assert_array_equal(parameters[:, untouched], model.parameters[:, untouched])
+
+
+def test_light_stays_in_the_room_while_a_person_turns(filmed):
+    model = replace(filmed[0], albedo=np.full((len(filmed[0]), 3), 0.4, np.float32))
+    from_x = Lighting(np.zeros((9, 3)), np.array([1.0, 0.0, 0.0]), np.ones(3))
+    camera = orbit_camera((0.0, 0.8, 0.0), 3.0, 0.0, 0.0, 64, 64)
+    renderer, rest = SplatRenderer((model,)), np.zeros((JOINT_COUNT, 3))
+    for yaw in (0.0, 0.5 * np.pi, np.pi):
+        turn = np.eye(4)
+        turn[:3, :3] = axis_angle_to_matrix(np.array([0.0, yaw, 0.0]))
+        moved = turn @ model.skeleton.skinning_transforms(rest, np.zeros(3))
+        red = renderer.render(camera, [moved], from_x)[..., 0]
+        # +x is on the right of what a camera at +z sees
+        assert red[:, 34:].sum() > 10.0 * red[:, :30].sum() > 0.0
+    blue = renderer.render(camera, [moved])[..., 2]  # as they were filmed
+    assert blue[:, :32].sum() == pytest.approx(blue[:, 32:].sum(), rel=0.1)
