@@ -198,6 +198,7 @@ export class LiveView {
       wxyz,
       fovYRad: FOV_Y_RAD,
       hideUnseen: this.filmedOnly,
+      drawsItself: false,
       ...this.size,
     });
     // what could not be sent is still news at the next tick

@@ -1,18 +1,29 @@
 /**
- * The `view` packet of the live connection: little endian, 52 bytes.
+ * Packets of the live connection: `view` goes up, 52 bytes; `pose` comes down, 176 bytes. Little endian.
  *
  * Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
- * Flags, bit 0: show only what was filmed of a person.
- * Payload: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV camera axes),
+ * Flags of a view, bit 0: show only what was filmed of a person; bit 1: this page draws the room, so
+ * poses are wanted in place of pictures.
+ * A view's payload: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV camera axes),
  * f32 vertical field of view (rad), u16 width, u16 height (px).
+ * A pose's payload: u8 index of the performer, u8 how many there are, u16 check of the performer's id,
+ * f32 pelvis[3] (room, m), then 24 turns of 6 bytes: three components of 15 bits, two bits that say
+ * which one was left out.
  */
 
 import type { Quaternion, Vec3 } from "./geometry";
+import { smallestThree } from "./splats/file";
 
 export const VIEW_BYTES = 52;
 const VERSION = 1;
+const KIND_POSE = 2;
 const KIND_VIEW = 3;
 const HIDE_UNSEEN = 1;
+const DRAWS_ITSELF = 2;
+export const POSE_BYTES = 176;
+const JOINTS = 24;
+const TURNS_AT = 32;
+const TURN_STEPS = 32767;
 
 export interface ViewPacket {
   /** Counts up; wraps at 2^32. The newest one wins. */
@@ -25,6 +36,24 @@ export interface ViewPacket {
   height: number;
   /** What was never filmed of a person, and is a guess, fades away. */
   hideUnseen: boolean;
+  /** The page draws the room: poses are wanted, and no pictures. */
+  drawsItself: boolean;
+}
+
+/** How one performer stands in the room. */
+export interface PosePacket {
+  sequence: number;
+  /** Of the pose, on the server's clock. */
+  captureTimeMs: number;
+  /** Place in the cast, and the cast's size. */
+  index: number;
+  count: number;
+  /** `performerCheck` of whom the server means. */
+  check: number;
+  /** Room, m. */
+  pelvis: Vec3;
+  /** 24 quaternions wxyz: of the pelvis in the room, of every other joint relative to its parent. */
+  turns: Float32Array;
 }
 
 export function encodeView(packet: ViewPacket): ArrayBuffer {
@@ -32,7 +61,7 @@ export function encodeView(packet: ViewPacket): ArrayBuffer {
   const data = new DataView(bytes);
   data.setUint8(0, VERSION);
   data.setUint8(1, KIND_VIEW);
-  data.setUint16(2, packet.hideUnseen ? HIDE_UNSEEN : 0, true);
+  data.setUint16(2, (packet.hideUnseen ? HIDE_UNSEEN : 0) | (packet.drawsItself ? DRAWS_ITSELF : 0), true);
   data.setUint32(4, packet.sequence, true);
   data.setFloat64(8, packet.captureTimeMs, true);
   const floats = [...packet.position, ...packet.wxyz, packet.fovYRad];
@@ -40,6 +69,46 @@ export function encodeView(packet: ViewPacket): ArrayBuffer {
   data.setUint16(48, packet.width, true);
   data.setUint16(50, packet.height, true);
   return bytes;
+}
+
+/** The pose in `bytes`, or null for what is no pose packet of this version. */
+export function decodePose(bytes: ArrayBuffer): PosePacket | null {
+  const data = new DataView(bytes);
+  if (bytes.byteLength !== POSE_BYTES || data.getUint8(0) !== VERSION || data.getUint8(1) !== KIND_POSE) {
+    return null;
+  }
+  const turns = new Float32Array(4 * JOINTS);
+  for (let joint = 0; joint < JOINTS; joint++) {
+    const low = data.getUint32(TURNS_AT + 6 * joint, true);
+    const high = data.getUint16(TURNS_AT + 6 * joint + 4, true);
+    const three = [low & 0x7fff, (low >>> 15) & 0x7fff, (low >>> 30) | ((high & 0x1fff) << 2)];
+    turns.set(smallestThree(three, (high >>> 13) & 3, TURN_STEPS), 4 * joint);
+  }
+  return {
+    sequence: data.getUint32(4, true),
+    captureTimeMs: data.getFloat64(8, true),
+    index: data.getUint8(16),
+    count: data.getUint8(17),
+    check: data.getUint16(18, true),
+    pelvis: [data.getFloat32(20, true), data.getFloat32(24, true), data.getFloat32(28, true)],
+    turns,
+  };
+}
+
+/** The low 16 bits of the CRC-32 of a performer's id, by which poses say whom they mean. */
+export function performerCheck(id: string): number {
+  let crc = 0xffffffff;
+  for (const byte of new TextEncoder().encode(id)) {
+    crc ^= byte;
+    for (let bit = 0; bit < 8; bit++) crc = (crc >>> 1) ^ (crc & 1 ? 0xedb88320 : 0);
+  }
+  return ~crc & 0xffff;
+}
+
+/** Whether `sequence` comes after `than`, across the wrap at 2^32 (RFC 1982). */
+export function isNewer(sequence: number, than: number): boolean {
+  const ahead = (sequence - than) >>> 0;
+  return ahead > 0 && ahead < 2 ** 31;
 }
 
 /**

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { Pacer, VIEW_BYTES, encodeView } from "../src/packets";
+import { Pacer, VIEW_BYTES, decodePose, encodeView, isNewer, performerCheck } from "../src/packets";
 
 describe("encodeView", () => {
   it("writes the very bytes that the server's own encoder writes", () => {
@@ -12,6 +12,7 @@ describe("encodeView", () => {
       width: 1024,
       height: 576,
       hideUnseen: false,
+      drawsItself: false,
     });
     expect(bytes.byteLength).toBe(VIEW_BYTES);
     const hex = [...new Uint8Array(bytes)].map((byte) => byte.toString(16).padStart(2, "0"));
@@ -28,8 +29,49 @@ describe("encodeView", () => {
 
   it("asks for what was filmed alone by the first bit of the flags", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: true });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: true, drawsItself: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 1, 0]);
+  });
+
+  it("asks for poses in place of pictures by the second", () => {
+    const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, drawsItself: true });
+    expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 2, 0]);
+  });
+});
+
+describe("decodePose", () => {
+  // tests/services/live/test_poses.py holds the server to the same bytes
+  const golden =
+    "01020000" + "07000000" + "0000000000709740" + "01036887" + "0000003f" + "0000803f" + "000000c0" +
+    "b6b6ed6d5b6b" + "004000200010".repeat(23);
+  const bytes = (hex: string): ArrayBuffer =>
+    Uint8Array.from(hex.match(/../g) ?? [], (pair) => parseInt(pair, 16)).buffer;
+
+  it("reads the very bytes that the server writes", () => {
+    const pose = decodePose(bytes(golden));
+    expect(pose).toMatchObject({ sequence: 7, captureTimeMs: 1500, index: 1, count: 3, pelvis: [0.5, 1, -2] });
+    expect(pose?.check).toBe(performerCheck("ada"));
+    const turns = pose?.turns ?? [];
+    const length = Math.hypot(0.1, 0.3, 0.2, 0.9);
+    // of the same turn's two quaternions the one whose largest component is positive
+    [-0.1, 0.3, -0.2, 0.9].forEach((value, i) => expect(turns[i]).toBeCloseTo(value / length, 4));
+    [1, 0, 0, 0].forEach((value, i) => expect(turns[4 + i]).toBeCloseTo(value, 4));
+  });
+
+  it("takes nothing else for a pose", () => {
+    expect(decodePose(bytes(golden.slice(2)))).toBeNull();
+    expect(decodePose(bytes("0103" + golden.slice(4)))).toBeNull();
+    expect(decodePose(new ArrayBuffer(0))).toBeNull();
+  });
+});
+
+describe("isNewer", () => {
+  it("holds across the wrap", () => {
+    expect(isNewer(1, 0)).toBe(true);
+    expect(isNewer(0, 0xffffffff)).toBe(true);
+    expect(isNewer(0xffffffff, 0)).toBe(false);
+    expect(isNewer(5, 5)).toBe(false);
   });
 });
 

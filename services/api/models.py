@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Response
 from fastapi.responses import StreamingResponse
 
 from db.errors import NotFound
+from db.models import ModelRow
+from db.repositories import UnitOfWork
 from services.access import model_of, sequence_of
 from services.api import shapes
-from services.auth import Reader
-from services.container import Provided
+from services.auth import Joiner, Principal, Reader
+from services.container import Provided, Services
 from services.motions import motion_of
+from services.person_models import VIEWER_FILE
 from services.problems import PROBLEMS, ProblemError
+from services.seats import require_admitted
 from services.views import MEDIA_TYPES, render_view
 
 router = APIRouter(prefix="/v1/models", tags=["models"], responses=PROBLEMS)
@@ -34,39 +38,46 @@ def read_model(model_id: str, services: Provided, caller: Reader) -> shapes.Mode
         return shapes.Model.of(model_of(unit, caller, model_id))
 
 
+_FILE_RESPONSES: dict[int | str, dict[str, Any]] = {
+    200: {"content": {"application/octet-stream": {}}},
+    304: {"description": "Kept."},
+}
+IfNoneMatch = Annotated[str | None, Header()]
+
+
+@router.get(
+    f"/{{model_id}}/files/{VIEWER_FILE}",
+    summary="Download what a viewer draws",
+    response_class=StreamingResponse,
+    responses=_FILE_RESPONSES,
+)
+def read_viewer_file(
+    model_id: str, services: Provided, caller: Joiner, if_none_match: IfNoneMatch = None
+) -> Response:
+    """The splats that a page draws by itself, once for good: to the owner, and to whoever is in a
+    meeting in which the model stands. Its ETag is its sha256, and it never changes."""
+    with services.reading() as unit:
+        model = _shown_to(unit, caller, model_id)
+    return _file(services, model, VIEWER_FILE, if_none_match)
+
+
 @router.get(
     "/{model_id}/files/{name}",
     summary="Download a file",
     response_class=StreamingResponse,
-    responses={200: {"content": {"application/octet-stream": {}}}, 304: {"description": "Kept."}},
+    responses=_FILE_RESPONSES,
 )
 def read_file(
     model_id: str,
     name: str,
     services: Provided,
     caller: Reader,
-    if_none_match: Annotated[str | None, Header()] = None,
+    if_none_match: IfNoneMatch = None,
 ) -> Response:
     """A file of the model, streamed; its ETag is its sha256, and it never changes."""
     with services.reading() as unit:
         model = model_of(unit, caller, model_id)
-    found = [file for file in model.files if file.name == name]
-    if not found:
-        names = ", ".join(file.name for file in model.files)
-        raise NotFound(f"name must be one of {names}; got {name!r}")
-    (file,) = found
-    headers = {"ETag": f'"{file.sha256}"', "Cache-Control": "private, max-age=31536000, immutable"}
-    if if_none_match is not None and file.sha256 in if_none_match:
-        return Response(status_code=304, headers=headers)
-    return StreamingResponse(
-        services.objects.stream(model.person_id, file.sha256),
-        media_type="application/octet-stream",
-        headers=headers
-        | {
-            "Content-Length": str(file.bytes),
-            "Content-Disposition": f'attachment; filename="{file.name}"',
-        },
-    )
+    return _file(services, model, name, if_none_match)
 
 
 @router.post(
@@ -94,3 +105,39 @@ def make_view(model_id: str, body: shapes.NewView, services: Provided, caller: R
     model = services.models.load_row(row)
     picture = render_view(model, motion or model.motion, body)
     return Response(picture, media_type=MEDIA_TYPES[body.format])
+
+
+def _shown_to(unit: UnitOfWork, caller: Principal, model_id: str) -> ModelRow:
+    """The model, if it is the caller's or stands in the meeting that they are in."""
+    if caller.meeting_id is None:
+        return model_of(unit, caller, model_id)
+    meeting = unit.meetings.get(caller.meeting_id)
+    require_admitted(meeting, caller)
+    if all(performer.model_id != model_id for performer in meeting.performers):
+        raise ProblemError(
+            403,
+            "not-in-meeting",
+            f"the model must stand in the meeting that the token is for; got {model_id!r}, which "
+            "does not; read the meeting to see who does",
+        )
+    return unit.models.get(model_id)
+
+
+def _file(services: Services, model: ModelRow, name: str, if_none_match: str | None) -> Response:
+    found = [file for file in model.files if file.name == name]
+    if not found:
+        names = ", ".join(file.name for file in model.files)
+        raise NotFound(f"name must be one of {names}; got {name!r}")
+    (file,) = found
+    headers = {"ETag": f'"{file.sha256}"', "Cache-Control": "private, max-age=31536000, immutable"}
+    if if_none_match is not None and file.sha256 in if_none_match:
+        return Response(status_code=304, headers=headers)
+    return StreamingResponse(
+        services.objects.stream(model.person_id, file.sha256),
+        media_type="application/octet-stream",
+        headers=headers
+        | {
+            "Content-Length": str(file.bytes),
+            "Content-Disposition": f'attachment; filename="{file.name}"',
+        },
+    )

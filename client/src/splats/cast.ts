@@ -1,0 +1,63 @@
+/** Several people's splats as one: what the shader reads, and what sorting reads. */
+
+import type { SplatFile } from "./file";
+import type { Bound } from "./sort";
+
+/** Splats drawn at once; beyond, everybody gives the least important of theirs. */
+export const MOST_SPLATS = 60_000;
+/** Numbers a splat in the shader's table: four texels of four. */
+export const SPLAT_NUMBERS = 16;
+
+export interface Cast {
+  people: readonly SplatFile[];
+  count: number;
+  /** Rows of the table of transforms: joints of all. */
+  joints: number;
+  bound: Bound;
+  /** Four texels a splat: place, joints | xx xy xz yy | yz zz, weights, presence | colour, opacity. */
+  table: Uint32Array;
+}
+
+/** Which share of their splats everybody gives so that all stay within the budget. */
+export function shareWithin(counts: readonly number[], most = MOST_SPLATS): number {
+  return Math.min(1, most / Math.max(1, counts.reduce((sum, count) => sum + count, 0)));
+}
+
+export function castOf(people: readonly SplatFile[]): Cast {
+  const count = people.reduce((sum, person) => sum + person.count, 0);
+  const bound: Bound = {
+    positions: new Float32Array(3 * count),
+    joints: new Uint16Array(4 * count),
+    weights: new Uint8Array(4 * count),
+  };
+  const table = new Uint32Array(SPLAT_NUMBERS * count);
+  let first = 0;
+  let joints = 0;
+  for (const person of people) {
+    bound.positions.set(person.positions, 3 * first);
+    bound.weights.set(person.weights, 4 * first);
+    for (let k = 0; k < 4 * person.count; k++) bound.joints[4 * first + k] = joints + person.joints[k]!;
+    fillTable(person, bound.joints.subarray(4 * first), table.subarray(SPLAT_NUMBERS * first));
+    first += person.count;
+    joints += person.parents.length;
+  }
+  return { people, count, joints, bound, table };
+}
+
+function fillTable(person: SplatFile, joints: Uint16Array, table: Uint32Array): void {
+  const floats = new Float32Array(table.buffer, table.byteOffset, table.length);
+  for (let i = 0; i < person.count; i++) {
+    const at = SPLAT_NUMBERS * i;
+    floats.set(person.positions.subarray(3 * i, 3 * i + 3), at);
+    floats.set(person.covariances.subarray(6 * i, 6 * i + 6), at + 4);
+    // two joints of up to 4096 and the presence share a number each with what is left of 32 bits
+    const [a, b, c, d] = [joints[4 * i]!, joints[4 * i + 1]!, joints[4 * i + 2]!, joints[4 * i + 3]!];
+    table[at + 3] = a | (b << 16);
+    table[at + 10] = c | (d << 16);
+    const [p, q, r, s] = person.weights.subarray(4 * i, 4 * i + 4);
+    table[at + 11] = p! | (q! << 8) | (r! << 16) | (s! << 24);
+    floats.set(person.colours.subarray(3 * i, 3 * i + 3), at + 12);
+    // opacity in 16 bits, presence above
+    table[at + 15] = Math.round(person.opacities[i]! * 255) | (person.presence[i]! << 8);
+  }
+}

@@ -1,0 +1,139 @@
+/**
+ * A person's splats as the server hands them out (docs/splats.md tells the layout).
+ *
+ * 26 bytes a splat, the most important first: the first n alone are a model, once their scales are
+ * multiplied by (N / n)^1/4.
+ */
+
+const MAGIC = "MNSP";
+const VERSION = 1;
+const HEAD_BYTES = 44;
+const RECORD_BYTES = 26;
+const ROTATION_STEPS = 1023;
+
+/** The splats of one person at rest. */
+export interface SplatFile {
+  count: number;
+  /** x, y, z of each, m. */
+  positions: Float32Array;
+  /** xx, xy, xz, yy, yz, zz of each one's covariance, m^2. */
+  covariances: Float32Array;
+  /** sRGB of each, 0 to 1. */
+  colours: Float32Array;
+  opacities: Float32Array;
+  /** How much of each was filmed, 0 to 255. */
+  presence: Uint8Array;
+  /** Four joints of each, and their weights, which sum to 255. */
+  joints: Uint8Array;
+  weights: Uint8Array;
+  /** x, y, z of each joint, m. */
+  restJoints: Float32Array;
+  /** Of each joint; -1: none. A parent comes before its children. */
+  parents: Int16Array;
+}
+
+/** The first `share` of the splats in `bytes`. Throws for what is no such file. */
+export function readSplats(bytes: ArrayBuffer, share = 1): SplatFile {
+  const data = new DataView(bytes);
+  const magic = bytes.byteLength < HEAD_BYTES ? "" : String.fromCharCode(...new Uint8Array(bytes, 0, 4));
+  if (magic !== MAGIC || data.getUint16(4, true) !== VERSION) {
+    throw new Error(`a file of splats must begin with ${MAGIC}, version ${VERSION}; got ${magic || "less"}`);
+  }
+  const joints = data.getUint16(6, true);
+  const whole = data.getUint32(8, true);
+  const start = HEAD_BYTES + 14 * joints;
+  if (bytes.byteLength !== start + whole * RECORD_BYTES) {
+    throw new Error(
+      `a file of ${whole} splats must have ${start + whole * RECORD_BYTES} bytes; got ${bytes.byteLength}`,
+    );
+  }
+  const bounds = Array.from({ length: 8 }, (_, i) => data.getFloat32(12 + 4 * i, true));
+  const file = emptyFile(Math.round(whole * share), joints);
+  file.restJoints.forEach((_, i) => {
+    file.restJoints[i] = data.getFloat32(HEAD_BYTES + 4 * i, true);
+  });
+  file.parents.forEach((_, i) => {
+    file.parents[i] = data.getInt16(HEAD_BYTES + 12 * joints + 2 * i, true);
+  });
+  const growth = Math.sqrt(whole / Math.max(file.count, 1));
+  for (let i = 0; i < file.count; i++) {
+    readRecord(data, start + i * RECORD_BYTES, i, bounds, growth, file);
+  }
+  return file;
+}
+
+function emptyFile(count: number, joints: number): SplatFile {
+  return {
+    count,
+    positions: new Float32Array(3 * count),
+    covariances: new Float32Array(6 * count),
+    colours: new Float32Array(3 * count),
+    opacities: new Float32Array(count),
+    presence: new Uint8Array(count),
+    joints: new Uint8Array(4 * count),
+    weights: new Uint8Array(4 * count),
+    restJoints: new Float32Array(3 * joints),
+    parents: new Int16Array(joints),
+  };
+}
+
+function readRecord(
+  data: DataView,
+  at: number,
+  i: number,
+  bounds: readonly number[],
+  growth: number,
+  file: SplatFile,
+): void {
+  const variances = [0, 0, 0];
+  const [thin = 0, wide = 0] = [bounds[6], bounds[7]];
+  for (let axis = 0; axis < 3; axis++) {
+    const [low = 0, high = 0] = [bounds[axis], bounds[axis + 3]];
+    file.positions[3 * i + axis] = low + (data.getUint16(at + 2 * axis, true) / 65535) * (high - low);
+    const logScale = thin + (data.getUint8(at + 6 + axis) / 255) * (wide - thin);
+    variances[axis] = growth * Math.exp(2 * logScale);
+    file.colours[3 * i + axis] = data.getUint8(at + 14 + axis) / 255;
+  }
+  file.presence[i] = data.getUint8(at + 9);
+  file.opacities[i] = data.getUint8(at + 17) / 255;
+  const rotation = rotationOf(data.getUint32(at + 10, true));
+  let place = 6 * i;
+  for (let r = 0; r < 3; r++) {
+    for (let c = r; c < 3; c++) {
+      let sum = 0;
+      for (let k = 0; k < 3; k++) {
+        sum += (rotation[3 * r + k] ?? 0) * (variances[k] ?? 0) * (rotation[3 * c + k] ?? 0);
+      }
+      file.covariances[place++] = sum;
+    }
+  }
+  for (let k = 0; k < 4; k++) {
+    file.joints[4 * i + k] = data.getUint8(at + 18 + k);
+    file.weights[4 * i + k] = data.getUint8(at + 22 + k);
+  }
+}
+
+function rotationOf(packed: number): number[] {
+  const three = [packed & 1023, (packed >>> 10) & 1023, (packed >>> 20) & 1023];
+  return matrixOf(smallestThree(three, packed >>> 30, ROTATION_STEPS));
+}
+
+/**
+ * The unit quaternion wxyz of which component `largest` was left out; the other three, in their
+ * order, are given in `steps` from -1/sqrt(2) to 1/sqrt(2).
+ */
+export function smallestThree(three: readonly number[], largest: number, steps: number): number[] {
+  const others = three.map((level) => ((2 * level) / steps - 1) * Math.SQRT1_2);
+  const rest = Math.max(0, 1 - others.reduce((sum, value) => sum + value * value, 0));
+  others.splice(largest, 0, Math.sqrt(rest));
+  return others;
+}
+
+/** The rotation matrix, row by row, of a unit quaternion wxyz. */
+export function matrixOf([w = 1, x = 0, y = 0, z = 0]: readonly number[]): number[] {
+  return [
+    1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+    2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+    2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+  ];
+}

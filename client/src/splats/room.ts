@@ -1,0 +1,29 @@
+/** The room round the people as the server draws it: its colours, and shadows where people stand. */
+
+import { moved, TRANSFORM, type Bones } from "./skeleton";
+
+/** sRGB of `scene.environment.Environment`. */
+export const STUDIO = {
+  horizon: [0.86, 0.88, 0.91],
+  zenith: [0.55, 0.62, 0.72],
+  floor: [0.62, 0.6, 0.58],
+  shadowStrength: 0.45,
+} as const;
+
+const ANKLES = [7, 8];
+const SHADOW_RADIUS_M = 0.22;
+/** Height of an ankle above the floor at which its shadow has vanished. */
+const FOOT_CLEARANCE_M = 0.35;
+
+/** x, z, radius (m) and strength of a soft shadow on the floor. */
+export type Shadow = readonly [number, number, number, number];
+
+/** The shadows under somebody whose transforms begin at `at`. */
+export function contactShadows(bones: Bones, transforms: Float32Array, at: number): Shadow[] {
+  return ANKLES.map((ankle) => {
+    const [x, y, z] = moved(transforms, at + TRANSFORM * ankle, bones.restJoints, ankle);
+    const lifted = Math.max(0, y - (bones.restJoints[3 * ankle + 1] ?? 0)) / FOOT_CLEARANCE_M;
+    const strength = STUDIO.shadowStrength * Math.max(0, 1 - lifted);
+    return [x, z, SHADOW_RADIUS_M * (1 + lifted), strength];
+  });
+}

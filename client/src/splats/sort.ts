@@ -1,0 +1,77 @@
+/** Splats by rising depth: a counting sort, as on the server. No DOM in here: it runs in a worker. */
+
+import { TRANSFORM } from "./skeleton";
+
+/** Splats nearer to the camera than this are not drawn, m. */
+export const NEAR_M = 0.05;
+/** Steps of depth that are told apart: under a millimetre over a body's depth. */
+const BINS = 4096;
+
+/** Splats a row of the order's texture. */
+export const ORDER_COLUMNS = 1024;
+
+/** Room for the order of `count` splats: whole rows. */
+export function emptyOrder(count: number): Uint32Array<ArrayBuffer> {
+  return new Uint32Array(ORDER_COLUMNS * Math.max(1, Math.ceil(count / ORDER_COLUMNS)));
+}
+
+/** What of the splats their depth depends on. */
+export interface Bound {
+  /** x, y, z of each at rest, m. */
+  positions: Float32Array;
+  /** Four rows of the table of transforms each, and their weights, which sum to 255. */
+  joints: Uint16Array;
+  weights: Uint8Array;
+}
+
+/** Depth (m along the camera's z) as a linear function of places at rest: four numbers a joint. */
+export function depthRows(transforms: Float32Array, camera: ArrayLike<number>): Float32Array {
+  const joints = transforms.length / TRANSFORM;
+  const rows = new Float32Array(4 * joints);
+  const [a = 0, b = 0, c = 0, shift = 0] = [camera[8], camera[9], camera[10], camera[11]];
+  for (let joint = 0; joint < joints; joint++) {
+    for (let i = 0; i < 4; i++) {
+      const at = TRANSFORM * joint + i;
+      const sum = a * (transforms[at] ?? 0) + b * (transforms[at + 4] ?? 0) + c * (transforms[at + 8] ?? 0);
+      rows[4 * joint + i] = i === 3 ? sum + shift : sum;
+    }
+  }
+  return rows;
+}
+
+/** The depth of every splat, m. */
+export function depths({ positions, joints, weights }: Bound, rows: Float32Array, out: Float32Array): void {
+  for (let i = 0; i < out.length; i++) {
+    const [x, y, z] = [positions[3 * i]!, positions[3 * i + 1]!, positions[3 * i + 2]!];
+    let depth = 0;
+    for (let k = 4 * i; k < 4 * i + 4; k++) {
+      const weight = weights[k]!;
+      if (weight === 0) continue;
+      const row = 4 * joints[k]!;
+      depth += weight * (rows[row]! * x + rows[row + 1]! * y + rows[row + 2]! * z + rows[row + 3]!);
+    }
+    out[i] = depth / 255;
+  }
+}
+
+/** Writes the indices of what is in front of the camera by rising depth into `order`; says how many. */
+export function depthOrder(depth: Float32Array, order: Uint32Array): number {
+  let low = Infinity;
+  let high = -Infinity;
+  for (const z of depth) {
+    if (z <= NEAR_M) continue;
+    if (z < low) low = z;
+    if (z > high) high = z;
+  }
+  if (high < low) return 0;
+  const scale = (BINS - 1) / Math.max(high - low, 1e-6);
+  const starts = new Uint32Array(BINS + 1);
+  for (const z of depth) if (z > NEAR_M) starts[Math.floor((z - low) * scale) + 1]! += 1;
+  for (let bin = 0; bin < BINS; bin++) starts[bin + 1]! += starts[bin]!;
+  const total = starts[BINS]!;
+  for (let i = 0; i < depth.length; i++) {
+    if (depth[i]! <= NEAR_M) continue;
+    order[starts[Math.floor((depth[i]! - low) * scale)]!++] = i;
+  }
+  return total;
+}

@@ -1,0 +1,83 @@
+"""The file that a viewer's page draws: who gets it, once for good, and who does not."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import httpx
+import pytest
+
+from db.models import ModelRow
+from services.bootstrap import import_model
+from services.container import Services
+from tests.services.conftest import bearer
+
+
+@pytest.fixture
+def model(services: Services, model_file: Path) -> ModelRow:
+    return import_model(services, model_file, "house", "Ada")
+
+
+def url(model: ModelRow) -> str:
+    return f"/v1/models/{model.id}/files/viewer.splats"
+
+
+async def join(client: httpx.AsyncClient, *models: ModelRow) -> dict[str, str]:
+    """The header of a viewer from elsewhere who sits in a meeting with `models`."""
+    asked = {"name": "Monday", "model_ids": [model.id for model in models]}
+    meeting = (await client.post("/v1/meetings", json=asked)).json()
+    seat = await client.post(f"/v1/meetings/{meeting['id']}/join", json={"display_name": "Bo"})
+    return {"Authorization": f"Bearer {seat.json()['token']}"}
+
+
+async def test_whoever_sits_in_the_meeting_gets_it_once_for_good(
+    client: httpx.AsyncClient, model: ModelRow
+):
+    seat = await join(client, model)
+    first = await client.get(url(model), headers=seat)
+    assert first.status_code == 200
+    assert first.headers["etag"] == f'"{hashlib.sha256(first.content).hexdigest()}"'
+    assert first.headers["cache-control"] == "private, max-age=31536000, immutable"
+    assert int(first.headers["content-length"]) == len(first.content) < 5_000_000
+    again = await client.get(url(model), headers=seat | {"If-None-Match": first.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+    assert again.headers["etag"] == first.headers["etag"]
+
+
+async def test_a_seat_opens_no_other_file_and_no_other_model(
+    client: httpx.AsyncClient, services: Services, model: ModelRow, model_file: Path
+):
+    other = import_model(services, model_file, "house", "Bo")
+    seat = await join(client, model)
+    absent = await client.get(url(other), headers=seat)
+    assert absent.status_code == 403
+    assert "must stand in the meeting" in absent.json()["detail"]
+    for name in ("model.safetensors", "splats.ply"):
+        refused = await client.get(f"/v1/models/{model.id}/files/{name}", headers=seat)
+        assert refused.status_code == 403
+
+
+async def test_who_was_sent_out_of_the_cast_is_handed_out_no_longer(
+    client: httpx.AsyncClient, model: ModelRow
+):
+    asked = {"name": "Monday", "model_ids": [model.id]}
+    meeting = (await client.post("/v1/meetings", json=asked)).json()
+    seated = await client.post(f"/v1/meetings/{meeting['id']}/join", json={"display_name": "Bo"})
+    seat = {"Authorization": f"Bearer {seated.json()['token']}"}
+    assert (await client.get(url(model), headers=seat)).status_code == 200
+    (performer,) = meeting["performers"]
+    path = f"/v1/meetings/{meeting['id']}/performers/{performer['id']}"
+    assert (await client.delete(path)).status_code == 204
+    assert (await client.get(url(model), headers=seat)).status_code == 403
+
+
+async def test_strangers_and_other_accounts_get_nothing(
+    client: httpx.AsyncClient, services: Services, model: ModelRow
+):
+    neighbour = await client.get(url(model), headers=bearer(services, account="neighbours"))
+    assert neighbour.status_code == 403
+    client.headers.pop("Authorization")
+    nobody = await client.get(url(model))
+    assert nobody.status_code == 401
+    assert nobody.headers["content-type"] == "application/problem+json"
