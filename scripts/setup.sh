@@ -54,10 +54,11 @@ build_client() {
 # so that the first meeting is alive at once; where it is not done, the page says what it waits for
 compile_renderer() {
   local stamp=.venv/.compiled wanted
-  wanted=$(find renderer -name '*kernels.py' -print0 | sort -z | xargs -0 cat requirements.lock | sha256sum)
+  wanted=$(find renderer capture -name '*kernels.py' -print0 | sort -z | xargs -0 cat requirements.lock | sha256sum)
   [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
   echo "setup: compiling the renderer (half a minute)"
   .venv/bin/python -c "from renderer.stage import warm_up; warm_up()"
+  .venv/bin/python -c "from services.live.motion import warm_up; warm_up()"
   echo "$wanted" > "$stamp"
 }
 

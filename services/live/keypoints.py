@@ -18,7 +18,7 @@ from aiortc import RTCDataChannel
 from prometheus_client import Counter, Gauge, Histogram
 
 from scene.errors import InvalidInput
-from services.live.motion import LiveMotion
+from services.live.motion import LiveMotion, warm_up
 from services.live.packets import KeypointsPacket, PacketError, decode_keypoints, is_newer
 from services.live.room import CastMember, Room, facing_yaw
 from services.problems import ProblemError
@@ -66,6 +66,10 @@ class Drivers:
         DRIVEN.set(len(self._channels))
         channel.on("message", inbox.offer)
         channel.on("close", lambda: self._drop(key, channel))
+
+    def warm_up(self) -> None:
+        """Have the solver ready before the first packet comes; returns at once."""
+        self._executor.submit(warm_up)
 
     def close(self) -> None:
         """Let go of the thread."""

@@ -9,11 +9,15 @@ packets that came quickest.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from capture.body import load_body_model
 from capture.fit_data import landmark_arrays
+from capture.fit_landmarks import load_landmark_model
 from capture.landmarks import LANDMARK_NAMES, Landmarks
 from capture.lifter import lift
 from capture.live import LiveSolver
@@ -25,7 +29,7 @@ from scene.errors import InvalidInput
 from scene.motion import Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, slerp
 from scene.skeleton import Skeleton
-from services.live.motion_feet import Standing
+from services.live.motion_feet import Stance, Standing
 from services.live.packets import KeypointsPacket
 
 EASE_S = 1.0
@@ -35,9 +39,8 @@ _BACK_S = 0.3
 _FOCAL = 0.87
 """Of usual cameras, in longer sides of the picture; as the clip-wide fit starts from."""
 _LEGS_SEEN = 0.3
-_LEGS = [
-    LANDMARK_NAMES.index(f"{s}_{part}") for s in ("left", "right") for part in ("knee", "ankle")
-]
+_SIDES = ("left", "right")
+_LEGS = [LANDMARK_NAMES.index(f"{s}_{part}") for s in _SIDES for part in ("knee", "ankle")]
 _CLOCK_DRIFT = 1e-3
 """s a second by which what is believed of the camera's clock gives way."""
 _SMALLEST_PX = 40.0
@@ -53,14 +56,21 @@ class _Moment:
     """When it was seen, by the camera's clock."""
     behind_s: float
     """Our clock less the camera's."""
-    now: Pose
-    ahead: Pose
-    """Predicted for `AT_MOST_S` later."""
-    rest: Pose
+    now: Stance
+    ahead: Float[Array, "24 3"]
+    """Turns (rad) of the joints in `AT_MOST_S` from then, as predicted."""
+    ahead_m: Float[Array, "3"]
+    """Shift of the root in that time."""
+    at_rest: Callable[[], Stance]
     back_s: float
     """Since when the person is seen without a longer gap."""
     back_share: float
     """How far from rest they were shown then."""
+
+    @cached_property
+    def rest(self) -> Stance:
+        """How they stand when nobody is seen."""
+        return self.at_rest()
 
     def share(self, time_s: float) -> float:
         """How much of what is seen is shown, and not rest: 0 to 1."""
@@ -73,7 +83,12 @@ class _Moment:
         """The pose at `now_s` of our clock."""
         time_s = now_s - self.behind_s
         ahead = float(np.clip((time_s - self.time_s) / AT_MOST_S, 0.0, 1.0))
-        return _between(self.rest, _between(self.now, self.ahead, ahead), self.share(time_s))
+        local = self.now.local @ axis_angle_to_matrix(ahead * self.ahead)
+        root, share = self.now.root + ahead * self.ahead_m, self.share(time_s)
+        if share < 1.0:
+            local = slerp(self.rest.local, local, share)
+            root = self.rest.root + share * (root - self.rest.root)
+        return Pose(matrix_to_axis_angle(local), root, now_s)
 
 
 class LiveMotion:
@@ -81,8 +96,7 @@ class LiveMotion:
 
     def __init__(self, skeleton: Skeleton, yaw_rad: float = 0.0) -> None:
         """For a body of `skeleton`; whoever faces their camera is turned by `yaw_rad` about +y."""
-        self._skeleton = skeleton
-        self._yaw = axis_angle_to_matrix(np.array([0.0, yaw_rad, 0.0]))
+        self._skeleton, self._yaw_rad = skeleton, yaw_rad
         self._standing: Standing | None = None
         self._solver: tuple[tuple[int, int], LiveSolver] | None = None
         self._moment: _Moment | None = None
@@ -90,15 +104,7 @@ class LiveMotion:
     def pose_at(self, now_s: float) -> Pose | None:
         """The pose at `now_s`; None until somebody has been seen. Reading changes nothing."""
         moment = self._moment
-        if moment is None:
-            return None
-        pose = moment.pose(now_s)
-        local = self._yaw @ axis_angle_to_matrix(pose.joint_angles[0])
-        angles = pose.joint_angles.copy()
-        angles[0] = matrix_to_axis_angle(local)
-        rest = self._skeleton.rest_joints[0]
-        root = self._yaw @ (rest + pose.root_translation) - rest
-        return Pose(angles, root, now_s)
+        return None if moment is None else moment.pose(now_s)
 
     def follow(self, packet: KeypointsPacket, arrived_s: float) -> None:
         """Move as `packet` says, which came at `arrived_s` of our clock. Takes about 2 ms.
@@ -121,7 +127,7 @@ class LiveMotion:
 
     def _placed(self, now: Pose, ahead: Pose, arrived_s: float, *, legs_seen: bool) -> _Moment:
         last, time_s = self._moment, now.time_s
-        standing = self._standing = self._standing or Standing(self._skeleton)
+        standing = self._standing = self._standing or Standing(self._skeleton, self._yaw_rad)
         behind_s, back_s, back_share, step_s = arrived_s - time_s, time_s, 1.0, 1.0 / 30.0
         if last is not None:
             step_s = time_s - last.time_s
@@ -130,8 +136,10 @@ class LiveMotion:
             if step_s > AT_MOST_S:
                 back_s, back_share = time_s, last.share(time_s)
         placed = standing.follow(now, legs_seen=legs_seen, step_s=step_s)
+        later = standing.ahead(ahead)
+        turns = matrix_to_axis_angle(np.swapaxes(placed.local, 1, 2) @ later.local)
         return _Moment(
-            time_s, behind_s, placed, standing.ahead(ahead), standing.at_rest(time_s),
+            time_s, behind_s, placed, turns, later.root - placed.root, standing.at_rest(),
             back_s, back_share,
         )  # fmt: skip
 
@@ -144,6 +152,15 @@ class LiveMotion:
             camera = Camera(k, pose, width, height)
             self._solver = (width, height), LiveSolver(Body(self._skeleton), camera, lifter=lift)
         return self._solver[1]
+
+
+def warm_up() -> None:
+    """Load (or, the first time on a machine, compile) what a pose needs, by one of a T-pose."""
+    marks, hips = load_landmark_model().rest, [LANDMARK_NAMES.index(f"{s}_hip") for s in _SIDES]
+    flat = np.array([0.5, 0.5]) + (marks[:, :2] - marks[:, :2].mean(axis=0)) * [0.25, -0.25]
+    world = (marks - marks[hips].mean(axis=0)) * np.diag(_SEEN_TO_CAMERA)
+    packet = KeypointsPacket(0, 0.0, 512, 512, flat, world, np.ones(len(marks)))
+    LiveMotion(Skeleton(load_body_model().rest_joints)).follow(packet, 0.0)
 
 
 def _landmarks(packet: KeypointsPacket) -> Landmarks:
@@ -159,14 +176,3 @@ def _landmarks(packet: KeypointsPacket) -> Landmarks:
 def _legs_seen(packet: KeypointsPacket, person: Landmarks) -> bool:
     _, _, trust = landmark_arrays([person], packet.width, packet.height)
     return bool(np.median(trust[0, _LEGS]) > _LEGS_SEEN)
-
-
-def _between(start: Pose, end: Pose, share: float) -> Pose:
-    """From `start` (0) to `end` (1), each joint on its shortest arc."""
-    if share <= 0.0 or share >= 1.0:
-        return end if share >= 1.0 else start
-    turns = slerp(
-        axis_angle_to_matrix(start.joint_angles), axis_angle_to_matrix(end.joint_angles), share
-    )
-    root = start.root_translation + share * (end.root_translation - start.root_translation)
-    return Pose(matrix_to_axis_angle(turns), root, end.time_s)

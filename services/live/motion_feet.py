@@ -8,18 +8,15 @@ too far from it, it takes a step. Letters: W world turn of a joint, p its place;
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from scene.arrays import Array, Float
 from scene.motion import Pose
-from scene.rotations import (
-    axis_angle_to_matrix,
-    matrix_to_axis_angle,
-    rotation_between,
-    slerp,
-)
+from scene.rotations import axis_angle_to_matrix, rotation_between, slerp
 from scene.skeleton import JOINT_NAMES, PARENTS, Skeleton
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
@@ -89,14 +86,24 @@ class _Foot:
         return self.place, self.turn
 
 
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """A pose as it is computed with."""
+
+    local: Float[Array, "24 3 3"]
+    """Turns of joints relative to their parents."""
+    root: Float[Array, "3"]
+    """Added to the pelvis' rest position, m."""
+
+
 class Standing:
     """One performer's feet; belongs to one thread.
 
     Poses come in with axes y up and z towards the camera, which may be tilted; they come out
-    upright, at x = z = 0 or about.
+    upright, at x = z = 0 or about, and turned by `yaw_rad` about +y.
     """
 
-    def __init__(self, skeleton: Skeleton) -> None:
+    def __init__(self, skeleton: Skeleton, yaw_rad: float = 0.0) -> None:
         from capture.fit_terms import ELBOW_HINGE  # imports torch
 
         self._rest = skeleton.rest_joints
@@ -105,16 +112,18 @@ class Standing:
         self._home: Array | None = None
         self._legs = 0.0
         """How far legs count as seen, 0 to 1."""
-        self._feet: list[_Foot] | None = None
+        self._feet: list[_Foot] = []
         self._away = np.zeros(3)
+        self._yaw = axis_angle_to_matrix(np.array([0.0, yaw_rad, 0.0]))
         self._hanging = np.tile(np.eye(3), (len(self._rest), 1, 1))
+        self._hanging[0] = self._yaw
         for side, out in (("left", 1.0), ("right", -1.0)):
             drop = np.array([0.0, 0.0, -out * _HANGING_RAD])
             self._hanging[_J[f"{side}_shoulder"]] = axis_angle_to_matrix(drop)
             bend = _ELBOW_RAD * np.array(ELBOW_HINGE[side])
             self._hanging[_J[f"{side}_elbow"]] = axis_angle_to_matrix(bend)
 
-    def follow(self, pose: Pose, *, legs_seen: bool, step_s: float) -> Pose:
+    def follow(self, pose: Pose, *, legs_seen: bool, step_s: float) -> Stance:
         """The newest `pose` on its feet, `step_s` after the one before."""
         goal = 1.0 if legs_seen else 0.0
         if self._home is None:
@@ -130,30 +139,35 @@ class Standing:
         self._away = pelvis * [1.0, 0.0, 1.0]
         turned, placed = self._joints(local, pelvis)
         wanted = [(placed[leg[2]], turned[leg[2]]) for leg in _LEGS]
-        if self._feet is None:
+        if not self._feet:
             self._feet = [_Foot(*one) for one in wanted]
         self._feet = [
             foot.moved_on(*one, float(self._rest[leg[2], 1]), step_s)
             for foot, one, leg in zip(self._feet, wanted, _LEGS, strict=True)
         ]
         shown = [(foot.place, foot.turn) for foot in self._feet]
-        return self._reaching(local, pelvis, shown, pose.time_s)
+        return self._reaching(local, pelvis, shown)
 
-    def ahead(self, pose: Pose) -> Pose:
+    def ahead(self, pose: Pose) -> Stance:
         """A pose predicted from the newest one, on the same feet."""
-        return self._held(*self._standing(*self._upright(*self._seen(pose))), pose.time_s)
+        standing = self._standing(*self._upright(*self._seen(pose)))
+        return self._held(*standing, self._feet)
 
-    def at_rest(self, time_s: float) -> Pose:
-        """Standing quietly where the newest pose stood, arms hanging, facing the front."""
+    def at_rest(self) -> Callable[[], Stance]:
+        """Standing quietly where the newest pose stood, arms hanging, facing the front.
+
+        Worked out when it is asked for, on any thread, however far the feet have gone by then.
+        """
         pelvis = np.array([self._away[0], self._rest[0, 1], self._away[2]])
-        return self._held(self._hanging, pelvis, time_s)
+        return partial(self._held, self._hanging, pelvis, self._feet)
 
-    def _held(self, local: Array, pelvis: Array, time_s: float) -> Pose:
+    def _held(self, local: Array, pelvis: Array, feet: list[_Foot]) -> Stance:
         turned, placed = self._joints(local, pelvis)
-        wanted = [(placed[leg[2]], turned[leg[2]]) for leg in _LEGS]
-        feet = self._feet or [_Foot(*one) for one in wanted]
-        shown = [foot.shown(*one) for foot, one in zip(feet, wanted, strict=True)]
-        return self._reaching(local, pelvis, shown, time_s)
+        shown = [
+            foot.shown(placed[leg[2]], turned[leg[2]])
+            for foot, leg in zip(feet, _LEGS, strict=True)
+        ]
+        return self._reaching(local, pelvis, shown)
 
     def _seen(self, pose: Pose) -> tuple[Array, Array]:
         """Local turns and the pelvis' place."""
@@ -172,7 +186,7 @@ class Standing:
 
     def _upright(self, local: Array, pelvis: Array) -> tuple[Array, Array]:
         """The same with the vertical where it is."""
-        turn = rotation_between(self._up, np.array([0.0, 1.0, 0.0]))
+        turn = self._yaw @ rotation_between(self._up, np.array([0.0, 1.0, 0.0]))
         return np.concatenate([(turn @ local[0])[None], local[1:]]), turn @ pelvis
 
     def _standing(self, local: Array, pelvis: Array) -> tuple[Array, Array]:
@@ -192,9 +206,7 @@ class Standing:
         away[1] = float((self._rest[feet, 1] - placed[feet, 1]).max())
         return local, away
 
-    def _reaching(
-        self, local: Array, pelvis: Array, feet: list[tuple[Array, Array]], time_s: float
-    ) -> Pose:
+    def _reaching(self, local: Array, pelvis: Array, feet: list[tuple[Array, Array]]) -> Stance:
         """The pose whose ankles are at `feet`; the pelvis sinks where a leg is too short."""
         ankles, turns = np.array([place for place, _ in feet]), np.array([turn for _, turn in feet])
         turned, placed = self._joints(local, pelvis)
@@ -208,7 +220,7 @@ class Standing:
         local[_HIP] = turned[0].T @ thigh
         local[_KNEE] = np.swapaxes(thigh, 1, 2) @ shin
         local[_ANKLE] = np.swapaxes(shin, 1, 2) @ turns
-        return Pose(matrix_to_axis_angle(local), pelvis + drop - self._rest[0], time_s)
+        return Stance(local, pelvis + drop - self._rest[0])
 
     def _joints(self, local: Array, pelvis: Array) -> tuple[Array, Array]:
         from capture.live_kernels import place_joints

@@ -116,6 +116,7 @@ class ViewSessions:
         """Have the renderer ready before the first viewer comes; returns at once."""
         self._warming = self._executor.submit(warm_up)
         self._warming.add_done_callback(_tell_failure)
+        self._drivers.warm_up()
 
     @property
     def ready(self) -> bool:
