@@ -116,6 +116,8 @@ class ParticipantRow(Base):
     """When their page last spoke on the control channel; empty: it has not come yet."""
     hand_at: Mapped[datetime | None]
     """Since when their hand is up."""
+    microphone: Mapped[bool] = mapped_column(default=False)
+    """Whether they are to be heard."""
 
 
 class MessageRow(Base):

@@ -114,6 +114,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     finally:
         stop.set()
         await app.state.hub.close()
+        await app.state.voices.close_all()
         await app.state.views.close_all()
         if worker is not None:
             await run_in_threadpool(worker.join)

@@ -56,7 +56,7 @@ export interface Erased {
   remaining: number;
 }
 
-export type FromServer = Welcome | Beat | Roster | Said | Reacted | Refusal | Goodbye;
+export type FromServer = Welcome | Beat | Roster | Said | Reacted | Speaking | Refusal | Goodbye;
 
 /** The last message: why the channel ends. */
 export interface Goodbye {
@@ -146,6 +146,14 @@ export interface Member {
   present: boolean;
   /** Since when their hand is up. */
   hand_at: string | null;
+  /** Whether they are to be heard. */
+  microphone: boolean;
+}
+
+/** Be heard, or no longer. */
+export interface Microphone {
+  type: "microphone";
+  on: boolean;
 }
 
 /** A trained model. */
@@ -173,6 +181,12 @@ export interface ModelFile {
 /** A list of models. */
 export interface Models {
   items: Model[];
+}
+
+/** The host switches off somebody's microphone; they may switch it on again. */
+export interface Mute {
+  type: "mute";
+  participant_id: string;
 }
 
 /** A room to open. */
@@ -416,10 +430,16 @@ export interface SetRole {
   role: Role;
 }
 
+/** Who speaks now, whenever that changes. */
+export interface Speaking {
+  type: "speaking";
+  participant_ids: string[];
+}
+
 /** Whether somebody is let in. */
 export type Standing = "waiting" | "admitted" | "denied" | "removed" | "ended";
 
-export type ToServer = Hello | Beat | Say | React | RaiseHand | Admit | Deny | Remove | SetRole | SetLobby | Leave | EndMeeting;
+export type ToServer = Hello | Beat | Say | React | RaiseHand | Microphone | Admit | Deny | Remove | Mute | SetRole | SetLobby | EndMeeting | Leave;
 
 /** A file on its way. */
 export interface Upload {

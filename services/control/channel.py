@@ -34,6 +34,8 @@ from services.control.messages import (
 from services.control.roster import SILENCE_S
 from services.control.wishes import arrive, fulfil, read_caller
 from services.limits import RateLimit
+from services.live.voices import VoiceSessions
+from services.live.voices import router as voice_router
 from services.problems import ProblemError, problem_of
 
 log = logging.getLogger(__name__)
@@ -48,9 +50,14 @@ _REASONS: dict[str, Reason] = {"urn:metanerf:seat-given-back": "given-back"}
 
 
 def install(app: FastAPI, services: Services, views: Views) -> Hub:
-    """Mount the channel on `app`, and describe its messages with the rest of the API."""
-    hub = Hub(services, views)
-    app.state.hub = hub
+    """Mount the channel and the voices on `app`, and describe their messages with the API."""
+    voices = VoiceSessions(
+        lambda meeting_id, speaking: hub.tell_speaking(meeting_id, speaking),
+        ice_servers=services.settings.ice_servers,
+    )
+    hub = Hub(services, views, voices)
+    app.state.hub, app.state.voices = hub, voices
+    app.include_router(voice_router)
     app.state.wish_limit = RateLimit("messages of one person", WISHES_PER_MINUTE, services.clock)
     app.include_router(router)
     PARTICIPANTS.set_function(lambda: len(hub))

@@ -21,7 +21,7 @@ from pydantic import BaseModel
 from db.errors import DatabaseError
 from db.models import MeetingRow, MessageKind, MessageRow, Standing
 from services.container import Services
-from services.control.messages import Goodbye, Reacted, Reason, Roster, Said
+from services.control.messages import Goodbye, Reacted, Reason, Roster, Said, Speaking
 from services.control.roster import SILENCE_S, is_there, roster_for
 
 log = logging.getLogger(__name__)
@@ -51,6 +51,18 @@ class Views(Protocol):
         ...
 
 
+class Voices(Protocol):
+    """The voices of this process; see services.live.voices."""
+
+    def talked_in(self, meeting_id: str) -> bool:
+        """Whether anybody is connected in a meeting."""
+        ...
+
+    async def allow(self, meeting_id: str, hear: set[str], speak: set[str]) -> None:
+        """Who may hear, and whose microphone is on; the others are cut off."""
+        ...
+
+
 @dataclass(eq=False)
 class Line:
     """One page's channel, as the hub sees it."""
@@ -64,6 +76,7 @@ class Line:
         default_factory=lambda: asyncio.Queue(_OUTBOX + 2)
     )
     """What is to be sent; None ends the channel."""
+    admitted: bool = False
     leaving: bool = False
     ended: bool = False
     told: Roster | None = None
@@ -89,8 +102,8 @@ class Line:
 class Hub:
     """All channels of this process. Every method runs on its event loop."""
 
-    def __init__(self, services: Services, views: Views) -> None:
-        self._services, self._views = services, views
+    def __init__(self, services: Services, views: Views, voices: Voices) -> None:
+        self._services, self._views, self._voices = services, views, voices
         self._lines: dict[str, set[Line]] = {}
         """By meeting."""
         self._watches: dict[str, tuple[asyncio.Task[None], asyncio.Event]] = {}
@@ -129,6 +142,20 @@ class Hub:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
+    def tell_speaking(self, meeting_id: str, participant_ids: frozenset[str]) -> None:
+        """Tell everybody who was let in who speaks now."""
+        speaking = Speaking(participant_ids=sorted(participant_ids))
+        for line in self._lines.get(meeting_id, ()):
+            if line.admitted:
+                line.tell(speaking)
+
+    def _serves(self, meeting_id: str) -> bool:
+        return (
+            meeting_id in self._lines
+            or self._views.looked_into(meeting_id)
+            or self._voices.talked_in(meeting_id)
+        )
+
     async def _watch(self, meeting_id: str, stirred: asyncio.Event) -> None:
         async with self._services.events.listen(meeting_topic(meeting_id)) as listener:
 
@@ -139,7 +166,7 @@ class Hub:
 
             relaying = asyncio.create_task(relay())
             try:
-                while meeting_id in self._lines or self._views.looked_into(meeting_id):
+                while self._serves(meeting_id):
                     await stirred.wait()
                     stirred.clear()
                     await self._look_calmly(meeting_id)
@@ -183,6 +210,9 @@ class Hub:
             return seats.get(participant_id) is Standing.ADMITTED
 
         await self._views.keep_only(meeting_id, may_look)
+        admitted = {one for one, standing in seats.items() if standing is Standing.ADMITTED}
+        speakers = {one.id for one in meeting.participants if one.microphone}
+        await self._voices.allow(meeting_id, admitted, speakers)
 
 
 def meeting_topic(meeting_id: str) -> str:
@@ -220,7 +250,8 @@ def _tell(line: Line, meeting: MeetingRow, said: list[MessageRow], now: datetime
     if roster != line.told:
         line.told = roster
         line.tell(roster)
-    if me.standing is not Standing.ADMITTED:
+    line.admitted = me.standing is Standing.ADMITTED
+    if not line.admitted:
         return
     for message in said:
         if message.number > line.number:

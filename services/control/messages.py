@@ -63,6 +63,20 @@ class RaiseHand(_Message):
     raised: bool
 
 
+class Microphone(_Message):
+    """Be heard, or no longer."""
+
+    type: Literal["microphone"] = "microphone"
+    on: bool
+
+
+class Mute(_Message):
+    """The host switches off somebody's microphone; they may switch it on again."""
+
+    type: Literal["mute"] = "mute"
+    participant_id: str
+
+
 class Admit(_Message):
     """The host lets in somebody who waits."""
 
@@ -129,6 +143,7 @@ class Member(_Message):
     standing: Standing
     present: bool = Field(description="False while their connection is lost.")
     hand_at: datetime | None = Field(description="Since when their hand is up.")
+    microphone: bool = Field(description="Whether they are to be heard.")
 
 
 class Roster(_Message):
@@ -160,6 +175,13 @@ class Reacted(_Message):
     reaction: Reaction
 
 
+class Speaking(_Message):
+    """Who speaks now, whenever that changes."""
+
+    type: Literal["speaking"] = "speaking"
+    participant_ids: list[str]
+
+
 class Refusal(_Message):
     """What was asked for was not done."""
 
@@ -175,11 +197,15 @@ class Goodbye(_Message):
     problem: Problem | None = Field(default=None, description="Where it was refused.")
 
 
-Wish = Say | React | RaiseHand | Admit | Deny | Remove | SetRole | SetLobby | Leave | EndMeeting
+Speech = Say | React | RaiseHand | Microphone
+"""What everybody may ask for who is let in."""
+Hosting = Admit | Deny | Remove | Mute | SetRole | SetLobby | EndMeeting
+Wish = Speech | Hosting | Leave
 """What somebody who is greeted may ask for."""
 ToServer = Annotated[Hello | Beat | Wish, Field(discriminator="type")]
 FromServer = Annotated[
-    Welcome | Beat | Roster | Said | Reacted | Refusal | Goodbye, Field(discriminator="type")
+    Welcome | Beat | Roster | Said | Reacted | Speaking | Refusal | Goodbye,
+    Field(discriminator="type"),
 ]
 TO_SERVER: TypeAdapter[Hello | Beat | Wish] = TypeAdapter(ToServer)
 FROM_SERVER: TypeAdapter[Any] = TypeAdapter(FromServer)

@@ -47,4 +47,5 @@ def _member(one: ParticipantRow, now: datetime) -> Member:
         standing=one.standing,
         present=now - one.heard_at <= timedelta(seconds=SILENCE_S),
         hand_at=one.hand_at,
+        microphone=one.microphone,
     )

@@ -20,13 +20,17 @@ from services.control.messages import (
     Deny,
     EndMeeting,
     Hello,
+    Hosting,
     Leave,
+    Microphone,
+    Mute,
     RaiseHand,
     React,
     Remove,
     Say,
     SetLobby,
     SetRole,
+    Speech,
     Wish,
 )
 from services.control.roster import host_of
@@ -61,6 +65,8 @@ def arrive(services: Services, meeting_id: str, caller: Principal, name: str) ->
         me = _find(meeting, caller.participant_id)
         me.display_name = name
         me.heard_at = me.seen_at = now
+        # a page that comes, or comes again, says itself when it wants to be heard
+        me.microphone = False
         let_in = me.standing in (Standing.ADMITTED, Standing.WAITING)
         if caller.role is Role.HOST and let_in and not host_of(meeting, now):
             me.role, me.standing = Role.HOST, Standing.ADMITTED
@@ -82,7 +88,7 @@ def fulfil(services: Services, meeting_id: str, participant_id: str, wish: Wish)
                 f"a wish must come from somebody let in; got {wish.type!r} from one who is not; "
                 "wait for the host",
             )
-        elif isinstance(wish, (Say, React, RaiseHand)):
+        elif isinstance(wish, Speech):
             _speak(services, unit, me, wish)
         else:
             _require_host(me, wish)
@@ -90,19 +96,11 @@ def fulfil(services: Services, meeting_id: str, participant_id: str, wish: Wish)
         unit.commit()
 
 
-def _speak(
-    services: Services, unit: UnitOfWork, me: ParticipantRow, wish: Say | React | RaiseHand
-) -> None:
+def _speak(services: Services, unit: UnitOfWork, me: ParticipantRow, wish: Speech) -> None:
     now = services.clock()
     match wish:
         case Say(text=text):
-            if me.role is Role.VIEWER:
-                raise ProblemError(
-                    403,
-                    "viewers-look-on",
-                    "a message must come from the host or a speaker; got one from a viewer; "
-                    "raise a hand",
-                )
+            _require_speaker(me)
             unit.meetings.say(_message(me, MessageKind.CHAT, text, services))
         case React(reaction=reaction):
             unit.meetings.say(_message(me, MessageKind.REACTION, reaction, services))
@@ -111,13 +109,17 @@ def _speak(
             unit.meetings.forget_said(me.meeting_id, MessageKind.REACTION, passed)
         case RaiseHand(raised=raised):
             me.hand_at = (me.hand_at or now) if raised else None
+        case Microphone(on=on):
+            if on:
+                _require_speaker(me)
+            me.microphone = on
 
 
 def _host(
     services: Services,
     meeting: MeetingRow,
     me: ParticipantRow,
-    wish: Admit | Deny | Remove | SetRole | SetLobby | EndMeeting,
+    wish: Hosting,
 ) -> None:
     match wish:
         case Admit(participant_id=who):
@@ -128,8 +130,12 @@ def _host(
             _find_other(meeting, who, me).standing = Standing.REMOVED
             # otherwise the same link would bring them back at once
             _have_wait(meeting)
+        case Mute(participant_id=who):
+            _find_other(meeting, who, me).microphone = False
         case SetRole(participant_id=who, role=role):
-            _find_other(meeting, who, me).role = role
+            other = _find_other(meeting, who, me)
+            other.role = role
+            other.microphone = other.microphone and role is not Role.VIEWER
             if role is Role.HOST:
                 me.role = Role.SPEAKER
         case SetLobby(on=True):
@@ -153,6 +159,15 @@ def _have_wait(meeting: MeetingRow) -> None:
     for one in meeting.participants:
         if one.heard_at is None and one.standing is Standing.ADMITTED:
             one.standing = Standing.WAITING
+
+
+def _require_speaker(me: ParticipantRow) -> None:
+    if me.role is Role.VIEWER:
+        raise ProblemError(
+            403,
+            "viewers-look-on",
+            "whoever talks or writes must be the host or a speaker; got a viewer; raise a hand",
+        )
 
 
 def _require_host(me: ParticipantRow, wish: Wish) -> None:

@@ -97,7 +97,7 @@ async def look(
 ) -> Response:
     """One rendered view; the viewer chooses where to stand by the data channel `view`."""
     caller.require_meeting(meeting_id)
-    sdp_offer = await _read_offer(request)
+    sdp_offer = await read_offer(request)
     await run_in_threadpool(_require_place, services, meeting_id, caller)
     try:
         session_id, sdp_answer = await views.open(
@@ -125,7 +125,8 @@ async def look_away(meeting_id: str, session_id: str, views: Views, caller: Join
     return Response(status_code=status.HTTP_200_OK)
 
 
-async def _read_offer(request: Request) -> str:
+async def read_offer(request: Request) -> str:
+    """The SDP that a request brings. Raises a 413, 415 or 422 problem."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip()
     if kind != SDP:
         raise ProblemError(

@@ -29,6 +29,9 @@ def upgrade() -> None:
         )
         table.add_column(sa.Column("heard_at", sa.DateTime(timezone=True), nullable=True))
         table.add_column(sa.Column("hand_at", sa.DateTime(timezone=True), nullable=True))
+        table.add_column(
+            sa.Column("microphone", sa.Boolean(), nullable=False, server_default=sa.false())
+        )
     op.create_table(
         "meeting_message",
         sa.Column("meeting_id", sa.String(length=32), nullable=False),
@@ -51,7 +54,7 @@ def upgrade() -> None:
 def downgrade() -> None:
     op.drop_table("meeting_message")
     with op.batch_alter_table("participant") as table:
-        for column in ("hand_at", "heard_at", "standing", "role"):
+        for column in ("microphone", "hand_at", "heard_at", "standing", "role"):
             table.drop_column(column)
     with op.batch_alter_table("meeting") as table:
         table.drop_column("ended_at")

@@ -37,6 +37,7 @@ async def on_a_port(app: FastAPI, services: Services) -> AsyncIterator[httpx.Asy
         server.should_exit = True
         await serving
         await app.state.hub.close()
+        await app.state.voices.close_all()
         await app.state.views.close_all()
 
 
