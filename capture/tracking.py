@@ -7,6 +7,7 @@ were, so that they fill the estimator's small input, and somebody else becomes n
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -27,6 +28,11 @@ MIN_SIDE_PX = 40
 """A smaller person teaches nothing."""
 _GONE_AFTER = 3
 """Frames without the person after which the whole picture is searched again."""
+_REMEMBERED = 9
+"""Frames back that tell how tall the person usually is."""
+_SHRUNK = 0.85
+"""Share of that height below which a frame is looked at again."""
+_OTHER_GROWS = (0.15, 0.7)
 _CUT_CHANGE = 0.03
 _CUT_RATIO = 5.0
 
@@ -128,19 +134,43 @@ def _choose(images: Sequence[Array], estimator: PoseEstimator) -> tuple[int, Lan
 def _walk(
     images: Sequence[Array], estimator: PoseEstimator, order: Iterable[int], first: Landmarks
 ) -> Iterable[tuple[int, Landmarks | None]]:
-    box, missed = first.box, 0
+    boxes, missed = deque([first.box], maxlen=_REMEMBERED), 0
     for index in order:
-        person = _look(images[index], estimator, box, whole=missed >= _GONE_AFTER)
+        person = _look(images[index], estimator, boxes[-1], whole=missed >= _GONE_AFTER)
+        usual = float(np.median([_larger_side(box) for box in boxes]))
+        if person is not None and _larger_side(person.box) < _SHRUNK * usual:
+            person = _looked_again(images[index], estimator, boxes, person)
         if person is None:
             missed += 1
         else:
-            box, missed = person.box, 0
+            boxes.append(person.box)
+            missed = 0
         yield index, person
 
 
-def _look(image: Array, estimator: PoseEstimator, box: Array, *, whole: bool) -> Landmarks | None:
+def _looked_again(
+    image: Array, estimator: PoseEstimator, boxes: Iterable[Array], person: Landmarks
+) -> Landmarks:
+    """The person once more, through other windows round where they lately were; the tallest counts.
+
+    Now and then an estimator puts a whole body into half of it, though a window a little larger or
+    smaller shows it the truth; and the next window, cut round half a body, would make it worse.
+    """
+    lately = np.stack(list(boxes))
+    everywhere = np.concatenate([lately[:, :2].min(axis=0), lately[:, 2:].max(axis=0)])
+    others = (_look(image, estimator, everywhere, whole=False, grow=grow) for grow in _OTHER_GROWS)
+    return max((person, *(o for o in others if o)), key=lambda p: _larger_side(p.box))
+
+
+def _larger_side(box: Float[Array, "4"]) -> float:
+    return float((box[2:] - box[:2]).max())
+
+
+def _look(
+    image: Array, estimator: PoseEstimator, box: Array, *, whole: bool, grow: float = WINDOW_GROW
+) -> Landmarks | None:
     height, width = image.shape[:2]
-    x0, y0, x1, y1 = (0, 0, width, height) if whole else window(box, width, height)
+    x0, y0, x1, y1 = (0, 0, width, height) if whole else window(box, width, height, grow)
     if x1 - x0 < MIN_SIDE_PX or y1 - y0 < MIN_SIDE_PX:
         return None
     found = estimator.detect(image[y0:y1, x0:x1])

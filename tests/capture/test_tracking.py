@@ -70,6 +70,33 @@ def test_a_lost_person_is_marked_and_found_again_not_replaced(subject):
     assert track.found.tolist() == [True] * 3 + [False] * 2 + [True] * 3
 
 
+class _Stumbling:
+    """Finds the person, but sees half of them in place of all the first time that frame comes."""
+
+    def __init__(self, inner: FakeEstimator, stumbles_at: int) -> None:
+        self._inner, self._looks_left = inner, stumbles_at
+
+    def detect(self, image: np.ndarray) -> list[Landmarks]:
+        found = self._inner.detect(image)
+        self._looks_left -= 1
+        if self._looks_left != 0:
+            return found
+        top = [person.pixels[:, 1].min() for person in found]
+        return [
+            replace(person, pixels=person.pixels * [1.0, 0.5] + [0.0, 0.5 * y])
+            for person, y in zip(found, top, strict=True)
+        ]
+
+
+def test_whom_the_estimator_halves_is_looked_at_again(subject):
+    looks_to_choose = len(subject)
+    estimator = _Stumbling(FakeEstimator({SUBJECT: subject}), looks_to_choose + 3)
+    track = follow(_film(subject), estimator)
+    for person, truth in zip(track.people, subject, strict=True):
+        assert person is not None
+        assert person.box == pytest.approx(truth.box, abs=6)
+
+
 def test_frames_are_looked_at_in_a_window(subject):
     small = [_beside(person, 0) for person in subject]
     estimator = FakeEstimator({SUBJECT: small})
