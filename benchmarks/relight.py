@@ -71,7 +71,7 @@ def run(json_file: Path | None, panoramas: Path, picture: Path | None, clock_nam
                     rows.append({**about, **compared.figures})
                     strips.append(compared.strip)
                     print(rows[-1], flush=True)
-                    seconds = {"fit_s": round(fit_s, 2), **_cost(model, shown, clock)}
+                    seconds = {"fit_s": round(fit_s, 2), **_cost(model, shown)}
     figures = {
         "region": "body crop, black background, sRGB", "views": _VIEWS, "size": _SIZE,
         "splats": 10_000, "training_s": BUDGET_S, **clock.about(), "rows": rows,
@@ -142,17 +142,17 @@ def _compare(
     )
 
 
-def _cost(model: SplatModel, shown: Environment, clock: Clock) -> dict[str, float]:
+def _cost(model: SplatModel, shown: Environment) -> dict[str, float]:
     """Time of the light alone, all splats, a picture's worth."""
     assert shown.lighting is not None
     relighting, parameters = Relighting((model,)), model.parameters.copy()
-    joints, seconds = model.joints.astype(np.uint16), []
+    joints, seconds, eye = model.joints.astype(np.uint16), [], np.array([0.0, 1.0, 3.0])
     for frame in range(-10, _TIMED):
         pose = model.motion.pose(frame % len(model.motion))
         moved = model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
         transforms = moved.astype(np.float32)
         started = time.perf_counter()
-        relighting.shade(parameters, joints, model.weights, transforms, shown.lighting)
+        relighting.shade(parameters, joints, model.weights, transforms, eye, shown.lighting)
         if frame >= 0:
             seconds.append(time.perf_counter() - started)
     return milliseconds(seconds)

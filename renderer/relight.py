@@ -44,14 +44,17 @@ class Relighting:
         joints: Array,
         weights: Float[Array, "N 4"],
         transforms: Float[Array, "K 4 4"],
+        eye: Float[Array, "3"],
         lighting: Lighting,
     ) -> None:
-        """Write every splat's colour in `lighting`, posed by `transforms`, into `parameters`."""
+        """Write every splat's colour in `lighting`, posed by `transforms` and seen from `eye` (m,
+        world), into `parameters`."""
         from renderer.relight_kernels import shade
 
         shade(
             self._albedo, self._normals, joints, weights, transforms,
-            lighting.harmonics.astype(np.float32), lighting.key_direction.astype(np.float32),
+            eye.astype(np.float32), lighting.harmonics.astype(np.float32),
+            lighting.key_direction.astype(np.float32),
             lighting.key_colour.astype(np.float32), self._encoded, parameters,
         )  # fmt: skip
 
@@ -85,9 +88,16 @@ def smooth_normals(parameters: Float[Array, "N P"], near: Int[Array, "N M"]) -> 
     turns = parameters[:, ROTATION : ROTATION + 4]
     w, x, y, z = (turns / np.linalg.norm(turns, axis=1, keepdims=True)).T
     axis = np.stack([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)], 1)
-    around = axis[near]
-    alike = (around * axis[:, None]).sum(axis=2, keepdims=True) > _ALIKE
-    mean = (around * alike).sum(axis=1) + 1e-6 * axis
+    return mean_of_alike(axis, axis[near])
+
+
+def mean_of_alike(
+    normals: Float[Array, "N 3"], around: Float[Array, "N M 3"]
+) -> Float[Array, "N 3"]:
+    """Unit mean of those `around` each of unit `normals` that lie on the same side; itself, where
+    none does."""
+    alike = (around * normals[:, None]).sum(axis=2, keepdims=True) > _ALIKE
+    mean = (around * alike).sum(axis=1) + 1e-6 * normals
     return (mean / np.linalg.norm(mean, axis=1, keepdims=True)).astype(np.float32)
 
 

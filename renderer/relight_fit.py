@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from renderer.model import PersonModel
-from renderer.relight import neighbours, normals_of
+from renderer.relight import mean_of_alike, neighbours, normals_of
 from renderer.splats.compose import Workspace, pack_camera
 from renderer.splats.layout import BOX_FILTER_PX2, COLOUR, POSITION
 from renderer.splats.model import SplatModel
@@ -44,7 +44,7 @@ _CLIPPED, _BLACK = 0.98, 0.02
 """sRGB values from which a channel, and up to which every channel, tells nothing of the light."""
 _NEAR = (16, 24, 32, 40, 48)
 """Which of a splat's nearest others it is paired with: near enough to wear the same."""
-_VERTICES = 4
+_VERTICES = 8
 """Of the surface, nearest to a splat, whose normals make up its own."""
 _ROUNDS = 8
 _RELATIVE, _LOG_RATIO = 0.2, 0.1
@@ -98,13 +98,14 @@ def with_albedo(model: PersonModel, sequence: Sequence) -> PersonModel:
 
 
 def _normals(model: SplatModel, body: Body) -> Float[Array, "N 3"]:
-    """Of the body's surface where it is nearest, else the splats' own."""
+    """The splats' own, made exact by the body's surface where that lies on the same side: in the
+    head, another one does not."""
+    own = normals_of(model)
     if body.rest_vertices is None or body.faces is None:
-        return normals_of(model)
+        return own
     rest = model.parameters[:, POSITION : POSITION + 3]
     near, _ = neighbours(rest, body.rest_vertices, _VERTICES)
-    mean = vertex_normals(body.rest_vertices, body.faces)[near].sum(axis=1)
-    return (mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-9)).astype(np.float32)
+    return mean_of_alike(own, vertex_normals(body.rest_vertices, body.faces)[near])
 
 
 def _observe(

@@ -10,7 +10,7 @@ import math
 import numba
 import numpy as np
 
-from renderer.splats.layout import COLOUR
+from renderer.splats.layout import COLOUR, POSITION
 from scene.arrays import Array
 
 _F = np.float32
@@ -23,6 +23,7 @@ def shade(
     joints: Array,  # [N 4] integers
     weights: Array,  # [N 4] float32
     transforms: Array,  # [K 4 4] float32, rest -> world
+    eye: Array,  # [3] float32, m
     harmonics: Array,  # [9 3] float32
     key_direction: Array,  # [3] float32, unit
     key_colour: Array,  # [3] float32
@@ -33,14 +34,25 @@ def shade(
     steps = encoded.shape[0] - 1
     for i in numba.prange(albedo.shape[0]):
         x, y, z = _F(0.0), _F(0.0), _F(0.0)
+        vx, vy, vz = eye[0], eye[1], eye[2]
         a, b, c = normals[i, 0], normals[i, 1], normals[i, 2]
+        px, py = parameters[i, POSITION], parameters[i, POSITION + 1]
+        pz = parameters[i, POSITION + 2]
         for k in range(4):
             share, turn = weights[i, k], transforms[joints[i, k]]
             x += share * (turn[0, 0] * a + turn[0, 1] * b + turn[0, 2] * c)
             y += share * (turn[1, 0] * a + turn[1, 1] * b + turn[1, 2] * c)
             z += share * (turn[2, 0] * a + turn[2, 1] * b + turn[2, 2] * c)
+            vx -= share * (turn[0, 0] * px + turn[0, 1] * py + turn[0, 2] * pz + turn[0, 3])
+            vy -= share * (turn[1, 0] * px + turn[1, 1] * py + turn[1, 2] * pz + turn[1, 3])
+            vz -= share * (turn[2, 0] * px + turn[2, 1] * py + turn[2, 2] * pz + turn[2, 3])
         length = _F(1.0) / math.sqrt(max(x * x + y * y + z * z, _F(1e-12)))
         x, y, z = x * length, y * length, z * length
+        # what shines through from the far side stands for what lies before it
+        away = x * vx + y * vy + z * vz
+        if away < _F(0.0):
+            twice = _F(2.0) * away / max(vx * vx + vy * vy + vz * vz, _F(1e-12))
+            x, y, z = x - twice * vx, y - twice * vy, z - twice * vz
         towards = x * key_direction[0] + y * key_direction[1] + z * key_direction[2]
         facing = max(towards, _F(0.0))
         for j in range(3):

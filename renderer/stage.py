@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence as Many
 from dataclasses import replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from renderer.splats.layout import PARAMETERS, ROTATION
 from renderer.splats.model import SplatModel
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera, orbit_camera
+from scene.colour import to_srgb
 from scene.environment import Environment, Performer, Scene
+from scene.lighting import HARMONICS, Lighting
 from scene.motion import Motion, Pose
 from scene.skeleton import JOINT_COUNT, Skeleton
 
@@ -40,35 +43,23 @@ class Stage:
 
     def render(self, scene: Scene[PersonModel], camera: Camera) -> UInt8[Array, "H W 3"]:
         """sRGB bytes of `scene` seen by `camera`; the buffer is reused by the next call."""
-        from renderer.backdrop_kernels import compose
-
         size = (camera.height, camera.width)
         if self._picture.shape[:2] != size:
             self._picture = np.zeros((*size, 3), np.uint8)
             self._blank = np.zeros((*size, 4), np.float32)
-        environment = scene.environment
-        colours = np.array([environment.horizon, environment.zenith, environment.floor], np.float32)
-        compose(
-            self._picture,
-            self._layers(scene.performers, camera),
-            camera.intrinsics,
-            camera.rotation,
-            camera.position,
-            colours,
-            contact_shadows(environment, scene.performers),
-        )
+        layers = self._layers(scene, camera)
+        _put_behind(self._picture, layers, camera, scene)
         return self._picture
 
-    def _layers(
-        self, performers: Many[Performer[PersonModel]], camera: Camera
-    ) -> Float[Array, "H W 4"]:
+    def _layers(self, scene: Scene[PersonModel], camera: Camera) -> Float[Array, "H W 4"]:
         """All performers, premultiplied, nothing behind them."""
+        performers, lighting = scene.performers, scene.environment.lighting
         splats = [p for p in performers if isinstance(p.model, SplatModel)]
         fields = [p for p in performers if not isinstance(p.model, SplatModel)]
         layers = [(_distance(p, camera), _field_layer(p, camera)) for p in fields]
         if splats:
             nearest = min(_distance(p, camera) for p in splats)
-            layers.append((nearest, self._splat_layer(splats, camera)))
+            layers.append((nearest, self._splat_layer(splats, camera, lighting)))
         if len(layers) == 1:
             return layers[0][1]
         blended = self._blank.copy()
@@ -77,13 +68,16 @@ class Stage:
         return blended
 
     def _splat_layer(
-        self, performers: Many[Performer[PersonModel]], camera: Camera
+        self,
+        performers: Many[Performer[PersonModel]],
+        camera: Camera,
+        lighting: Lighting | None,
     ) -> Float[Array, "H W 4"]:
         models = tuple(p.model for p in performers if isinstance(p.model, SplatModel))
         if self._splats is None or models != self._models:
             self._models, self._splats = models, SplatRenderer(models)
         transforms = [p.placement @ _skinning(p) for p in performers]
-        return self._splats.render(camera, transforms)
+        return self._splats.render(camera, transforms, lighting)
 
 
 def warm_up() -> None:
@@ -111,9 +105,44 @@ def warm_up() -> None:
     )
     somebody = Performer("", model, np.zeros(3), 0.0, rest)
     camera = orbit_camera((0.0, 0.0, 0.0), 2.0, 0.0, 0.1, 32, 32)
+    dark = Lighting(np.zeros((HARMONICS, 3)), np.array([0.0, 1.0, 0.0]), np.zeros(3))
+    place = Environment(panorama=np.zeros((8, 16, 3), np.float32), lighting=dark)
+    Stage().render(Scene(place, (somebody,)), camera)
     picture = Stage().render(Scene(Environment(), (somebody,)), camera)
     luma, chroma = np.zeros((32, 32), np.uint8), np.zeros((2, 16, 16), np.uint8)
     to_yuv420(picture, luma, *chroma)
+
+
+def _put_behind(
+    out: UInt8[Array, "H W 3"],
+    layers: Float[Array, "H W 4"],
+    camera: Camera,
+    scene: Scene[PersonModel],
+) -> None:
+    """Write the performers over the room that they are in."""
+    environment, shadows = scene.environment, contact_shadows(scene.environment, scene.performers)
+    view = (camera.intrinsics, camera.rotation, camera.position)
+    if environment.panorama is None:
+        from renderer.backdrop_kernels import compose
+
+        colours = np.array([environment.horizon, environment.zenith, environment.floor], np.float32)
+        compose(out, layers, *view, colours, shadows)
+    else:
+        from renderer.panorama_kernels import compose_panorama
+
+        compose_panorama(out, layers, *view, panorama_picture(environment), shadows)
+
+
+def panorama_picture(environment: Environment) -> Float[Array, "h _ 3"]:
+    """The environment's panorama in sRGB, its first column once more at the end; made once."""
+    if environment not in _PICTURES:
+        assert environment.panorama is not None
+        shown = to_srgb(environment.panorama).astype(np.float32)
+        _PICTURES[environment] = np.concatenate([shown, shown[:, :1]], axis=1)
+    return _PICTURES[environment]
+
+
+_PICTURES: WeakKeyDictionary[Environment, Float[Array, "h w 3"]] = WeakKeyDictionary()
 
 
 def contact_shadows(

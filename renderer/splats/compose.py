@@ -119,7 +119,7 @@ class SplatRenderer:
             self._out = np.zeros((camera.height, camera.width, 4), np.float32)
         moved = np.concatenate(list(transforms)).astype(np.float32)
         self._workspace.arrange(
-            self._parameters if lighting is None else self._shaded(moved, lighting),
+            self._parameters if lighting is None else self._shaded(moved, camera, lighting),
             self._joints,
             self._weights,
             moved,
@@ -132,14 +132,18 @@ class SplatRenderer:
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), self._out)
         return self._out
 
-    def _shaded(self, transforms: Float[Array, "K 4 4"], lighting: Lighting) -> Float[Array, "N P"]:
+    def _shaded(
+        self, transforms: Float[Array, "K 4 4"], camera: Camera, lighting: Lighting
+    ) -> Float[Array, "N P"]:
         """The parameters with colours as they are in `lighting`."""
         if self._relighting is None:
             from renderer.relight import Relighting
 
             self._relighting = Relighting(self._models)
             self._lit = self._parameters.copy()
-        self._relighting.shade(self._lit, self._joints, self._weights, transforms, lighting)
+        self._relighting.shade(
+            self._lit, self._joints, self._weights, transforms, camera.position, lighting
+        )
         return self._lit
 
 

@@ -64,8 +64,9 @@ class LitFrames:
             )
             lit = model.parameters.copy()
             lit[:, COLOUR : COLOUR + 3] = twin.shade(
-                albedo, normals_of(model), model.joints, model.weights, transforms, lighting
-            )
+                albedo, model.parameters[:, :3], normals_of(model), model.joints, model.weights,
+                transforms, self._camera.position, lighting,
+            )  # fmt: skip
             seen = SplatRenderer((replace(model, parameters=lit),)).render(
                 self._camera, [transforms]
             )
@@ -175,10 +176,12 @@ def test_the_kernel_matches_its_twin():
     transforms = model.skeleton.skinning_transforms(angles, np.zeros(3)).astype(np.float32)
     parameters = model.parameters.copy()
     joints = model.joints.astype(np.uint16)
-    Relighting((model,)).shade(parameters, joints, model.weights, transforms, lighting)
+    eye = np.array([0.5, 1.0, 3.0])
+    Relighting((model,)).shade(parameters, joints, model.weights, transforms, eye, lighting)
     slow = twin.shade(
-        albedo_of(model), normals_of(model), model.joints, model.weights, transforms, lighting
-    )
+        albedo_of(model), model.parameters[:, :3], normals_of(model), model.joints, model.weights,
+        transforms, eye, lighting,
+    )  # fmt: skip
     np.testing.assert_allclose(parameters[:, COLOUR : COLOUR + 3], slow, atol=2e-3)
     untouched = np.delete(np.arange(parameters.shape[1]), np.arange(COLOUR, COLOUR + 3))
     np.testing.assert_array_equal(parameters[:, untouched], model.parameters[:, untouched])
