@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import resource
 import tempfile
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +17,8 @@ from typing import Any
 import cv2
 import numpy as np
 
+from benchmarks.budget import Clock, clock_named
+from benchmarks.kept import Kept
 from benchmarks.pose_errors import (
     Joints,
     gauge_scale,
@@ -47,20 +48,25 @@ _SPLITS = ("novel_view", "unseen_pose")
 
 
 def run(
-    json_file: Path | None, motions: Path, pose_model: Path, backbone: Path | None, clips: int
-) -> None:
-    """Film, capture, train and judge `clips` performers; the report grows by a row a clip."""
-    files = sorted(motions.glob("*.bvh"))[:clips]
+    json_file: Path | None, motions: Path, pose_model: Path, backbone: Path | None, clips: int,
+    state: Path, clock_name: str, only: str,
+) -> None:  # fmt: skip
+    """Film, capture, train and judge the performers that `state` does not hold yet, and report."""
+    kept, clock = Kept(state, only), clock_named(clock_name)
     about = {"frames": FRAMES, "frames_per_second": RATE, "size": SIZE_PX, "noise": NOISE,
              "blur_px": BLUR_PX, "background": "textured", "turn_deg": 360,
-             "focal_length": "known", "training_s": TRAINING_S, "region": "body crop"}  # fmt: skip
+             "focal_length": "known", "training_s": TRAINING_S, "region": "body crop",
+             **clock.about()}  # fmt: skip
+    lpips = None if backbone is None else backbone.name
     rows: list[dict[str, Any]] = []
-    for seed, motion in enumerate(files):
-        with tempfile.TemporaryDirectory() as folder:
-            rows.append(_row(Path(folder), motion, seed, pose_model, backbone))
-        print(rows[-1], flush=True)
-        report = {**about, "mean": mean_of(rows), "rows": rows}
-        write_report(json_file, "capture", report)
+    for seed, motion in enumerate(sorted(motions.glob("*.bvh"))[:clips]):
+        row = kept.measured(
+            motion.stem, {**about, "seed": seed, "lpips": lpips},
+            lambda m=motion, s=seed: _row(m, s, pose_model, backbone, clock),
+        )  # fmt: skip
+        rows += [] if row is None else [row]
+    if rows:
+        write_report(json_file, "capture", {**about, "mean": mean_of(rows), "rows": rows})
 
 
 def film(folder: Path, motion: Path, seed: int, rate: float = RATE, frames: int = FRAMES) -> None:
@@ -99,11 +105,18 @@ def mean_of(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _row(
-    folder: Path, motion: Path, seed: int, pose_model: Path, backbone: Path | None
+    motion: Path, seed: int, pose_model: Path, backbone: Path | None, clock: Clock
 ) -> dict[str, Any]:
-    film(folder, motion, seed)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        film(folder, motion, seed)
+        return {"clip": motion.stem, **_judged(folder, pose_model, backbone, clock)}
+
+
+def _judged(folder: Path, pose_model: Path, backbone: Path | None, clock: Clock) -> dict[str, Any]:
+    """Capture what was filmed into `folder`, train on that and on the truth, judge both."""
     truth = open_sequence(folder / "truth")
-    watch = StageWatch(truth_joints(truth))
+    watch = StageWatch(truth_joints(truth), clock)
     capture_clip(
         folder / "raw.mp4", folder / "captured", person="captured", pose_model=pose_model,
         focal_px=truth.train.camera(0).focal_px, on_progress=watch.progress, on_fit=watch.fitted,
@@ -112,7 +125,7 @@ def _row(
     models = {"captured": captured, "exact": truth}
     accuracy: dict[str, Any] = {}
     for name, clip in models.items():
-        model = train(clip, preset="splats", budget_s=TRAINING_S, clock=time.perf_counter)
+        model = train(clip, preset="splats", budget_s=TRAINING_S, clock=clock.now)
         judged = in_scale_of(captured, truth, watch.scale) if name == "captured" else truth
         for aligned in (False, True) if name == "captured" else (False,):
             figures = evaluate(model, judged, lpips_backbone=backbone, aligned=aligned)
@@ -122,7 +135,6 @@ def _row(
                 for split in _SPLITS if figures[measure][split]["body_crop"] is not None
             }  # fmt: skip
     return {
-        "clip": motion.stem,
         "found": len(captured.train),
         "mask_iou": round(_mask_iou(captured, truth), 4),
         "stages": watch.stages,
@@ -134,9 +146,9 @@ def _row(
 class StageWatch:
     """What each stage of a capture took, and how far from the truth it left the motion."""
 
-    def __init__(self, truth: Joints) -> None:
-        self._truth = truth
-        self._began, self._message = time.perf_counter(), ""
+    def __init__(self, truth: Joints, clock: Clock) -> None:
+        self._truth, self._clock = truth, clock
+        self._began, self._message = clock.now(), ""
         self._times: dict[str, float] = {}
         self.stages: dict[str, dict[str, float]] = {}
         self.turns: dict[str, float] = {}
@@ -157,14 +169,14 @@ class StageWatch:
         turns = joint_turn_errors(joints, self._truth)
         self.turns = {name: round(value, 2) for name, value in turns.items()}
         self.scale = gauge_scale(joints.places, self._truth.places)
-        self._began = time.perf_counter()
+        self._began = self._clock.now()
 
     def _close(self, stage: str) -> None:
         if stage:
-            spent = round(time.perf_counter() - self._began, 2)
+            spent = round(self._clock.now() - self._began, 2)
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
             self.stages[stage] = {"seconds": spent, "peak_memory_mib": round(peak, 1)}
-        self._began = time.perf_counter()
+        self._began = self._clock.now()
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks.budget import clock_named
 from benchmarks.capture import FRAMES, RATE, StageWatch, film, truth_joints
 from benchmarks.pose_errors import Joints
 from benchmarks.report import write_report
@@ -42,7 +43,7 @@ def run(json_file: Path | None, motions: Path, pose_model: Path) -> None:
         film(folder, motions / f"{CLIP}.bvh", 7, _FASTEST, _MOST_FRAMES)
         for row, path, seen_by, focal_known, rate in _variants(folder, estimator):
             truth = open_sequence(folder / "truth")
-            watch = StageWatch(_at_rate(truth, rate))
+            watch = StageWatch(_at_rate(truth, rate), clock_named("wall"))
             size = read_video(path, max_frames=2).images[0].shape[1]
             focal_px = truth.train.camera(0).focal_px * size / truth.train.camera(0).width
             capture_clip(

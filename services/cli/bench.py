@@ -145,6 +145,9 @@ def capture_command(
     robustness: Annotated[
         bool, typer.Option("--robustness", help="One clip, spoilt in many ways, instead.")
     ] = False,
+    state: State = Path("captures"),
+    clock: ClockName = "wall",
+    only: Only = "",
 ) -> None:
     """Captures of studio performers from pixels alone against the truth, stage by stage."""
     require_motion(motion)
@@ -156,7 +159,7 @@ def capture_command(
     if robustness:
         capture_robustness.run(json_file, motion, model_file)
     else:
-        capture.run(json_file, motion, model_file, backbone, clips)
+        capture.run(json_file, motion, model_file, backbone, clips, state, clock, only)
 
 
 @app.command("live-capture")
