@@ -1,8 +1,11 @@
 /** A look into a meeting: connection, viewpoint and picture size, kept in step with the screen. */
 
 import type { Api } from "./api";
-import { SizeLadder, fittingSize, highestStep, type Size } from "./framing";
+import { SIDES, SizeLadder, fittingSize, highestStep, type Size } from "./framing";
 import { Pacer, encodeView } from "./packets";
+import { loadSplats } from "./splats/load";
+import { LocalRoom } from "./splats/localRoom";
+import { WayChooser, type Choice, type Way } from "./splats/way";
 import type { Meeting, Performer, Seat } from "./types";
 import { FOV_Y_RAD, Viewpoint, homeOrbit } from "./viewpoint";
 import { WhepLink, type LinkState } from "./whep";
@@ -23,6 +26,13 @@ export interface LiveOptions {
   pinned: number | null;
 }
 
+/** Who draws: what the viewer chose, who does, and why this device can't, if so. */
+export interface Drawing {
+  choice: Choice;
+  way: Way;
+  obstacle: string | null;
+}
+
 /** As the viewer sees it: connected is not enough, a picture must be there. */
 export type LiveState = LinkState | { kind: "preparing"; firstStart: boolean };
 
@@ -38,20 +48,26 @@ const ROSTER_S = 10;
 const SWAY_RAD = 0.45;
 const SWAY_S = 18;
 const RESIZE_MS = 250;
+/** Who is here is asked at most so often when the server speaks of people we don't know. */
+const STRANGERS_MS = 1000;
 
 export class LiveView {
   readonly video = document.createElement("video");
+  /** Lies over the video while this device draws. */
+  readonly canvas = document.createElement("canvas");
   readonly viewpoint: Viewpoint;
   onState: (state: LiveState) => void = () => undefined;
   onNumbers: (numbers: LiveNumbers) => void = () => undefined;
   onPerformers: (performers: readonly Performer[]) => void = () => undefined;
+  onDrawing: (drawing: Drawing) => void = () => undefined;
   /** Drift gently to and fro, for a picture that nobody steers. */
   swaying = false;
   state: LiveState = { kind: "connecting" };
   private filmedOnly = false;
 
   private readonly link: WhepLink;
-  private readonly ladder = new SizeLadder();
+  private ladder = new SizeLadder();
+  private readonly chooser = new WayChooser();
   private readonly pacer = new Pacer();
   private readonly timers: ReturnType<typeof setInterval>[] = [];
   private readonly resizes = new ResizeObserver(() => this.resized());
@@ -71,6 +87,13 @@ export class LiveView {
   private swayS = 0;
   private tick = 0;
   private framing = 0;
+  /** The local picture is the one that is seen. */
+  private drawing = false;
+  /** The room as this device draws it; made when a viewer takes the picture over. */
+  private local: LocalRoom | null = null;
+  private drawn = 0;
+  private token = "";
+  private askedRosterMs = -Infinity;
 
   constructor(
     readonly api: Api,
@@ -93,6 +116,7 @@ export class LiveView {
         this.video.srcObject = stream;
         this.play();
       },
+      onPose: (packet) => this.local?.accept(packet),
     });
   }
 
@@ -127,6 +151,62 @@ export class LiveView {
     this.measure();
     this.viewpoint.reset();
     this.play();
+    if (!this.local) this.drawLocally();
+  }
+
+  /** Who draws from now on; at once where everything is here that it takes. */
+  choose(choice: Choice): void {
+    this.chooser.choose(choice);
+    this.switchWay();
+    void this.fetchPeople();
+  }
+
+  private drawLocally(): void {
+    const local = new LocalRoom(this.canvas, (modelId) => loadSplats(modelId, this.token));
+    local.onStrangers = () => {
+      const nowMs = performance.now();
+      if (nowMs - this.askedRosterMs < STRANGERS_MS) return;
+      this.askedRosterMs = nowMs;
+      void this.roster();
+    };
+    local.onLoaded = () => {
+      this.chooser.tried(local.trialFps(this.viewpoint.camera, FOV_Y_RAD, this.size));
+      this.switchWay();
+    };
+    this.local = local;
+    void this.fetchPeople();
+  }
+
+  /** Fetch whom the roster names, where this device may come to draw them. */
+  private async fetchPeople(): Promise<void> {
+    if (this.chooser.choice === "server" || this.token === "") return;
+    // who can't be had now is asked for again with the next roster
+    await this.local?.setPerformers(this.meeting.performers).catch(() => undefined);
+    this.switchWay();
+  }
+
+  /** This device has what it takes, and is to draw. */
+  private get drawsItself(): boolean {
+    return this.local?.loaded === true && this.chooser.way === "local";
+  }
+
+  /** Tell the server, and whoever watches the switch; pictures follow as they come. */
+  private switchWay(): void {
+    this.resent = true;
+    this.still = 0;
+    const way = this.drawing ? "local" : "server";
+    this.onDrawing({ choice: this.chooser.choice, way, obstacle: this.local?.obstacle ?? null });
+  }
+
+  private see(local: boolean): void {
+    if (this.drawing === local) return;
+    this.drawing = local;
+    this.canvas.classList.toggle("seen", local);
+    // what is measured from now on is another thing
+    this.ladder = new SizeLadder();
+    this.ladder.settle();
+    this.fit();
+    this.switchWay();
   }
 
   /** A channel that moves a performer of ours by keypoints; null while there is no connection. */
@@ -142,6 +222,7 @@ export class LiveView {
     this.resizes.disconnect();
     clearTimeout(this.resizing);
     this.timers.forEach(clearInterval);
+    this.local?.close();
     this.video.srcObject = null;
     this.video.remove();
   }
@@ -156,6 +237,7 @@ export class LiveView {
   private async seat(stale: boolean): Promise<Seat> {
     const seat = await this.options.seat(stale);
     this.firstStart = !seat.ready;
+    this.token = seat.token;
     this.showPerformers(seat.performers);
     return seat;
   }
@@ -164,6 +246,7 @@ export class LiveView {
     this.viewpoint.rehome(homeOrbit(performers, this.box.width / this.box.height));
     this.meeting.performers = [...performers];
     this.onPerformers(performers);
+    void this.fetchPeople();
   }
 
   private async roster(): Promise<void> {
@@ -179,6 +262,12 @@ export class LiveView {
     this.lastTickMs = nowMs;
     if (this.swaying && this.options.inertia) this.sway(Math.min(seconds, 0.1));
     this.send(this.viewpoint.step(seconds));
+    if (this.drawsItself && this.local?.draw(this.viewpoint.camera, FOV_Y_RAD, this.size, this.filmedOnly)) {
+      this.drawn += 1;
+      this.shown += 1;
+      this.see(true);
+      this.alive();
+    }
   }
 
   private sway(seconds: number): void {
@@ -198,7 +287,7 @@ export class LiveView {
       wxyz,
       fovYRad: FOV_Y_RAD,
       hideUnseen: this.filmedOnly,
-      drawsItself: false,
+      drawsItself: this.drawsItself,
       ...this.size,
     });
     // what could not be sent is still news at the next tick
@@ -229,13 +318,18 @@ export class LiveView {
 
   private pictureShown(): void {
     if (this.video.videoWidth >= SMALLEST_PX) {
-      this.shown += 1;
-      if (this.connected && this.state.kind !== "live") {
-        this.ladder.settle();
-        this.tell({ kind: "live" });
-      }
+      // a last picture that was on its way when this device took over is not shown any more
+      if (!this.drawing) this.shown += 1;
+      if (!this.drawsItself || this.local?.standing === false) this.see(false);
+      this.alive();
     }
     this.framing = this.video.requestVideoFrameCallback(() => this.pictureShown());
+  }
+
+  private alive(): void {
+    if (!this.connected || this.state.kind === "live") return;
+    this.ladder.settle();
+    this.tell({ kind: "live" });
   }
 
   private get patienceS(): number {
@@ -247,9 +341,10 @@ export class LiveView {
     const fps = this.shown;
     this.shown = 0;
     const { framesDecoded, roundTripMs } = await this.link.numbers();
-    const { videoWidth: width, videoHeight: height } = this.video;
+    const { videoWidth, videoHeight } = this.video;
+    const { width, height } = this.drawing ? this.size : { width: videoWidth, height: videoHeight };
     if (width >= SMALLEST_PX) {
-      this.onNumbers({ fps, framesDecoded, width, height, roundTripMs });
+      this.onNumbers({ fps, framesDecoded: framesDecoded + this.drawn, width, height, roundTripMs });
     }
     // hidden pages show no pictures, and that is no fault
     this.still = fps > 0 || document.hidden ? 0 : this.still + 1;
@@ -259,6 +354,10 @@ export class LiveView {
       this.link.restart();
     }
     if (this.state.kind !== "live") return;
+    if (this.drawing) {
+      this.chooser.observe(fps, this.options.pinned !== null || this.ladder.side === SIDES[0]);
+      if (!this.drawsItself) this.switchWay();
+    }
     if (this.options.pinned) return;
     const { width: wide, height: high } = this.box;
     const highest = highestStep(wide * devicePixelRatio, high * devicePixelRatio);

@@ -1,5 +1,6 @@
 /**
- * One rendered view by WebRTC: video down, viewpoints up (WHEP with a data channel `view`).
+ * One rendered view by WebRTC: video down, viewpoints up (WHEP with a data channel `view`), and poses
+ * down (`pose`) in place of the video while the page draws by itself.
  *
  * A connection that fails is replaced by a new one, after a growing pause, until `close`.
  */
@@ -19,6 +20,8 @@ export interface LinkHooks {
   seat(stale: boolean): Promise<Seat>;
   onState(state: LinkState): void;
   onStream(stream: MediaStream): void;
+  /** A packet of the channel `pose`. */
+  onPose(packet: ArrayBuffer): void;
 }
 
 export interface LinkNumbers {
@@ -133,6 +136,9 @@ export class WhepLink {
     this.peer = peer;
     // before the offer, so that the channel is part of it
     this.channel = peer.createDataChannel("view", { ordered: false, maxRetransmits: 0 });
+    const poses = peer.createDataChannel("pose", { ordered: false, maxRetransmits: 0 });
+    poses.binaryType = "arraybuffer";
+    poses.addEventListener("message", ({ data }) => this.hooks.onPose(data as ArrayBuffer));
     const { receiver } = peer.addTransceiver("video", { direction: "recvonly" });
     // show each picture as it comes: nobody is talking in it that it would have to wait for
     if ("jitterBufferTarget" in receiver) receiver.jitterBufferTarget = 0;

@@ -24,10 +24,14 @@ class FakePeer extends EventTarget {
   localDescription = { sdp: "offer" };
   steps: string[] = [];
   channel: FakeChannel | null = null;
+  poses: FakeChannel | null = null;
   closed = false;
   createDataChannel(label: string, options: RTCDataChannelInit): FakeChannel {
-    this.steps.push("channel");
-    return (this.channel = new FakeChannel(label, options));
+    this.steps.push(label);
+    const made = new FakeChannel(label, options);
+    if (label === "view") this.channel = made;
+    else this.poses = made;
+    return made;
   }
   addTransceiver(kind: string, { direction }: RTCRtpTransceiverInit): object {
     this.steps.push(`${kind} ${direction}`);
@@ -73,6 +77,7 @@ const SEAT: Seat = {
 function setUp(answer: (call: Call, attempt: number) => Response) {
   const peers: FakePeer[] = [];
   const states: LinkState[] = [];
+  const heard: ArrayBuffer[] = [];
   let attempt = 0;
   let seats = 0;
   const { request, calls } = fakeFetch((call) =>
@@ -82,6 +87,7 @@ function setUp(answer: (call: Call, attempt: number) => Response) {
     seat: async () => ({ ...SEAT, token: `seat${++seats}` }),
     onState: (state: LinkState) => states.push(state),
     onStream: () => undefined,
+    onPose: (packet: ArrayBuffer) => heard.push(packet),
   };
   const link = new WhepLink(hooks, request, () => {
     const peer = new FakePeer();
@@ -89,7 +95,7 @@ function setUp(answer: (call: Call, attempt: number) => Response) {
     return peer as unknown as RTCPeerConnection;
   });
   const kinds = (): string[] => states.map(({ kind }) => kind);
-  return { link, calls, peers, states, kinds };
+  return { link, calls, peers, states, kinds, heard };
 }
 
 const accepted = (): Response =>
@@ -103,17 +109,28 @@ afterEach(() => {
 });
 
 describe("WhepLink", () => {
-  it("offers one video to receive and the channel for viewpoints", async () => {
+  it("offers one video to receive, and channels for viewpoints and poses", async () => {
     const { link, calls, peers, kinds } = setUp(accepted);
     void link.run();
     await vi.advanceTimersByTimeAsync(10);
     const peer = peers[0];
-    expect(peer?.steps).toEqual(["channel", "video recvonly", "offer", "answer"]);
+    expect(peer?.steps).toEqual(["view", "pose", "video recvonly", "offer", "answer"]);
     expect(peer?.channel?.label).toBe("view");
     expect(peer?.channel?.options).toEqual({ ordered: false, maxRetransmits: 0 });
     expect(calls[0]).toMatchObject({ method: "POST", path: "/whep/m", token: "Bearer seat1" });
     expect(calls[0]?.body).toBe("offer");
     expect(kinds()).toEqual(["connecting", "live"]);
+    link.close();
+  });
+
+  it("hands on what comes down the channel for poses", async () => {
+    const { link, peers, heard } = setUp(accepted);
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    const data = new ArrayBuffer(176);
+    expect(peers[0]?.poses?.label).toBe("pose");
+    peers[0]?.poses?.dispatchEvent(new MessageEvent("message", { data }));
+    expect(heard).toEqual([data]);
     link.close();
   });
 

@@ -65,8 +65,8 @@ class PoseFeed:
         self._sequence = (self._sequence + 1) % (1 << 32)
         encoded: dict[Room, list[bytes]] = {}
         for listener in self._listeners.values():
-            packet, channel = listener.view.packet, listener.channel
-            if packet is None or not packet.draws_itself or channel.readyState != "open":
+            channel = listener.channel
+            if not left_to_viewer(listener.room, listener.view) or channel.readyState != "open":
                 continue
             if channel.bufferedAmount > _MOST_WAITING_BYTES:
                 continue
@@ -85,6 +85,16 @@ class PoseFeed:
                 await asyncio.sleep(due_s - now_s)
         finally:
             self._task = None  # the next to listen starts it anew
+
+
+def left_to_viewer(room: Room, view: NewestView) -> bool:
+    """Whether the viewer draws `room`: they want to, and it is a room as their page draws it.
+
+    A page draws the plain studio; a panorama and its light on people take the server.
+    """
+    environment = room.environment
+    plain = environment.panorama is None and environment.lighting is None
+    return plain and view.packet is not None and view.packet.draws_itself
 
 
 def packets_of(room: Room, now_s: float, sequence: int) -> list[bytes]:

@@ -20,6 +20,7 @@ from renderer.yuv_kernels import to_yuv420
 from scene.arrays import Array, UInt8
 from scene.camera import Camera
 from services.live.packets import NewestView
+from services.live.poses import left_to_viewer
 from services.live.room import Room
 
 FRAMES_PER_SECOND = 30
@@ -57,7 +58,7 @@ class ViewTrack(MediaStreamTrack):
 
         None comes while the viewer draws the room: nothing is rendered, encoded or sent then.
         """
-        while self._view.packet is not None and self._view.packet.draws_itself:
+        while left_to_viewer(self._room, self._view):
             await asyncio.sleep(1.0 / FRAMES_PER_SECOND)
         now = self._clock()
         due = now if self._due_s is None else self._due_s

@@ -3,11 +3,11 @@
 import { depthOrder, depths, type Bound } from "./sort";
 
 /** What the page tells: a new cast, or where everybody is now as `depthRows` gives it. */
-export type SortTask = { cast: number; bound: Bound } | { cast: number; rows: Float32Array; order: Uint32Array };
+export type SortTask = { cast: number; bound: Bound } | { cast: number; rows: Float32Array; order: Uint32Array<ArrayBuffer> };
 /** The order of the splats of a cast, and how many of them are in front of the camera. */
 export interface Sorted {
   cast: number;
-  order: Uint32Array;
+  order: Uint32Array<ArrayBuffer>;
   count: number;
 }
 

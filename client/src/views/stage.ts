@@ -1,11 +1,12 @@
 /** The meeting: the live picture, filling the window, and the little that lies on it. */
 
 import { steerWith } from "../controls";
-import type { LiveNumbers, LiveState, LiveView } from "../live";
+import type { Drawing, LiveNumbers, LiveState, LiveView } from "../live";
+import type { Choice } from "../splats/way";
 import type { Performer } from "../types";
 import { beSeenView } from "./beSeen";
 import { announce, h, usesTouch } from "./dom";
-import { mark } from "./icons";
+import { icon, mark } from "./icons";
 import type { MeetingTools } from "./meetingTools";
 import { button, notice, type View } from "./shell";
 import { waitingNote } from "./waitingNote";
@@ -45,6 +46,7 @@ export function stageView(live: LiveView, tools: MeetingTools, hooks: StageHooks
     filmed.setAttribute("aria-pressed", String(on));
     live.showFilmedOnly(on);
   };
+  const way = waySwitch((choice) => live.choose(choice));
   const self = beSeenView(live);
   const help = button("Controls", () => toggleHint(), { look: "glass", icon: "help" });
   help.title = "Controls";
@@ -58,6 +60,7 @@ export function stageView(live: LiveView, tools: MeetingTools, hooks: StageHooks
       attributes: { "aria-describedby": hint.id, "aria-label": "The meeting" },
     },
     live.video,
+    live.canvas,
     middle,
     h(
       "div",
@@ -83,6 +86,7 @@ export function stageView(live: LiveView, tools: MeetingTools, hooks: StageHooks
         self.toggle,
         first,
         filmed,
+        way.element,
         help,
       ),
     ),
@@ -110,6 +114,7 @@ export function stageView(live: LiveView, tools: MeetingTools, hooks: StageHooks
   live.onNumbers = (news) => showNumbers(fps, numbers, news);
   live.onState = (state) => middle.replaceChildren(...stateInWords(state, hooks));
   live.onPerformers = (performers) => showPeople(people, performers, live);
+  live.onDrawing = (drawing) => way.show(drawing);
   live.onState(live.state);
   showPeople(people, live.meeting.performers, live);
 
@@ -120,6 +125,35 @@ export function stageView(live: LiveView, tools: MeetingTools, hooks: StageHooks
       self.close();
       tools.close();
       release();
+    },
+  };
+}
+
+const CHOICES: readonly [Choice, string][] = [
+  ["automatic", "Automatic"],
+  ["local", "This device"],
+  ["server", "Server"],
+];
+
+/** Who draws the picture: shows who does, and lets the viewer choose. */
+function waySwitch(onChoice: (choice: Choice) => void): {
+  element: HTMLElement;
+  show(drawing: Drawing): void;
+} {
+  const options = CHOICES.map(([value, words]) => h("option", { value }, words));
+  const select = h("select", { testId: "way" }, ...options);
+  select.setAttribute("aria-label", "Who draws the picture");
+  select.addEventListener("change", () => onChoice(select.value as Choice));
+  const words = h("span", {}, "Drawn by the server");
+  const element = h("label", { className: "button glass way" }, icon("screen"), words, select);
+  return {
+    element,
+    show: ({ choice, way, obstacle }) => {
+      select.value = choice;
+      select.dataset["way"] = way;
+      element.title = obstacle ?? "Who draws the picture: whichever does it better, this device, or the server";
+      options.forEach((option, index) => (option.disabled = CHOICES[index]?.[0] === "local" && obstacle !== null));
+      words.textContent = way === "local" ? "Drawn here" : "Drawn by the server";
     },
   };
 }

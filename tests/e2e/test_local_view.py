@@ -1,0 +1,86 @@
+"""A meeting drawn by the viewer's own device: switched live, the server resting, nothing twice."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from benchmarks.browser import open_page, running_demo
+from tests.e2e.test_meeting import MINUTES, watch
+
+pytestmark = pytest.mark.e2e
+
+_FILE = "/files/viewer.splats"
+
+
+def decoded(page: Page) -> int:
+    """Pictures of the server's that the browser has decoded."""
+    return page.evaluate(
+        "() => document.querySelector('[data-testid=stage-video]')"
+        ".getVideoPlaybackQuality().totalVideoFrames"
+    )
+
+
+def fetched(page: Page) -> list[tuple[int, int]]:
+    """Bytes over the network and bytes in all, of each file of splats that the page asked for."""
+    return page.evaluate(
+        "name => performance.getEntriesByType('resource').filter(e => e.name.endsWith(name))"
+        ".map(e => [e.transferSize, e.decodedBodySize])",
+        _FILE,
+    )
+
+
+def seen(page: Page) -> np.ndarray:
+    """What the middle of the stage shows."""
+    box = {"x": 312, "y": 150, "width": 400, "height": 400}
+    png = np.frombuffer(page.screenshot(clip=box), np.uint8)
+    picture = cv2.imdecode(png, cv2.IMREAD_COLOR)
+    assert picture is not None
+    return picture.astype(float)
+
+
+def draw_here(page: Page) -> None:
+    watch(page, 5)
+    page.get_by_test_id("way").select_option("local")
+    expect(page.locator(".stage > canvas.seen")).to_be_visible(timeout=MINUTES)
+    expect(page.get_by_test_id("way")).to_have_attribute("data-way", "local")
+
+
+def test_a_viewer_draws_for_themselves_and_lets_the_server_draw_again(tmp_path):
+    with running_demo(tmp_path / "data") as address, open_page() as page:
+        page.goto(f"{address}?size=256")
+        page.get_by_test_id("start-join").click()
+        draw_here(page)
+        watch(page, 5)  # pictures that were on their way have come
+        before = decoded(page)
+        watch(page, 15)
+        assert decoded(page) == before
+        still = seen(page)
+        page.mouse.move(512, 384)
+        page.mouse.wheel(0, -600)
+        watch(page, 15)
+        assert np.abs(seen(page) - still).mean() > 5.0
+        page.get_by_test_id("filmed-only").click()
+        watch(page, 5)
+
+        page.get_by_test_id("way").select_option("server")
+        expect(page.locator(".stage > canvas.seen")).to_have_count(0, timeout=MINUTES)
+        before = decoded(page)
+        watch(page, 15)
+        assert decoded(page) > before
+        page.get_by_test_id("way").select_option("local")
+        expect(page.locator(".stage > canvas.seen")).to_be_visible(timeout=MINUTES)
+
+
+def test_whoever_comes_back_downloads_nobody_again(tmp_path):
+    with running_demo(tmp_path / "data") as address, open_page() as page:
+        page.goto(f"{address}?size=256")
+        page.get_by_test_id("start-join").click()
+        draw_here(page)
+        ((sent, whole),) = fetched(page)
+        assert sent > whole > 100_000
+        page.reload()  # the seat is kept, and the meeting goes on
+        draw_here(page)
+        assert fetched(page) == [[0, whole]]
