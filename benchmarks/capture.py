@@ -66,7 +66,8 @@ def run(
         )  # fmt: skip
         rows += [] if row is None else [row]
     if rows:
-        write_report(json_file, "capture", {**about, "mean": mean_of(rows), "rows": rows})
+        figures = [{key: row[key] for key in row.keys() - {"machine"}} for row in rows]
+        write_report(json_file, "capture", {**about, "mean": mean_of(figures), "rows": rows})
 
 
 def film(folder: Path, motion: Path, seed: int, rate: float = RATE, frames: int = FRAMES) -> None:

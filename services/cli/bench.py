@@ -38,31 +38,16 @@ def require_motion(folder: Path) -> None:
 
 
 @app.command()
-def live(
-    json_file: JsonFile = None,
-    size: Annotated[int, typer.Option(help="Pixels a side of the view.", min=128, max=1024)] = 512,
-    seconds: Annotated[float, typer.Option(help="How long to watch.", min=2.0)] = 10.0,
-) -> None:
-    """Frames a second that a browser decodes from a meeting, and what they cost."""
+def serve(json_file: JsonFile = None) -> None:
+    """A live view: ms from pose to picture, then frames a second in a browser, and the cost."""
     if find_spec("playwright") is None:  # only tests and this need a browser
         raise InvalidInput(
             "a browser must be at hand to watch the meeting; got no package playwright; "
             "run `make setup-test`"
         )
-    from benchmarks.live import run
+    from benchmarks.serve import run
 
-    run(json_file, size, seconds)
-
-
-@app.command()
-def views(
-    json_file: JsonFile = None,
-    count: Annotated[int, typer.Option(help="Splats.", min=100)] = 10_000,
-) -> None:
-    """Pose and camera to picture, ms at p50 and p95, at 256, 512 and 1024 pixels."""
-    from benchmarks.views import run
-
-    run(json_file, count)
+    run(json_file)
 
 
 @app.command()
