@@ -168,5 +168,6 @@ def _own_member(room: Room, account: str | None, performer_id: str) -> CastMembe
 
 
 def _refuse(channel: RTCDataChannel, refusal: ProblemError) -> None:
-    channel.send(refusal.problem.model_dump_json())
-    channel.close()
+    if channel.readyState == "open":  # one that is closing has nobody to tell
+        channel.send(refusal.problem.model_dump_json())
+        channel.close()
