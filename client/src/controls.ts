@@ -64,7 +64,7 @@ function pointers(stage: HTMLElement, view: Viewpoint, onUse: () => void, signal
   stage.addEventListener(
     "pointerdown",
     (event) => {
-      if ((event.target as Element).closest("button, a")) return;
+      if ((event.target as Element).closest("button, a, label")) return;
       stage.setPointerCapture(event.pointerId);
       fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
       speed = { x: 0, y: 0, atMs: 0 };

@@ -48,6 +48,8 @@ const ROSTER_S = 10;
 const SWAY_RAD = 0.45;
 const SWAY_S = 18;
 const RESIZE_MS = 250;
+/** From then on a server that sends pictures in place of poses will not do otherwise. */
+const UNANSWERED_S = 4;
 /** Who is here is asked at most so often when the server speaks of people we don't know. */
 const STRANGERS_MS = 1000;
 
@@ -93,6 +95,8 @@ export class LiveView {
   private local: LocalRoom | null = null;
   private drawn = 0;
   private token = "";
+  /** Seconds in which poses were asked for and pictures came. */
+  private unanswered = 0;
   private askedRosterMs = -Infinity;
 
   constructor(
@@ -110,6 +114,7 @@ export class LiveView {
         this.resent = true;
         this.connected = state.kind === "live";
         this.still = 0;
+        this.local?.forgetPoses();
         this.tell(this.connected ? { kind: "preparing", firstStart: this.firstStart } : state);
       },
       onStream: (stream) => {
@@ -195,7 +200,8 @@ export class LiveView {
     this.resent = true;
     this.still = 0;
     const way = this.drawing ? "local" : "server";
-    this.onDrawing({ choice: this.chooser.choice, way, obstacle: this.local?.obstacle ?? null });
+    const refused = this.unanswered >= UNANSWERED_S ? "This room is drawn by the server alone" : null;
+    this.onDrawing({ choice: this.chooser.choice, way, obstacle: this.local?.obstacle ?? refused });
   }
 
   private see(local: boolean): void {
@@ -354,6 +360,9 @@ export class LiveView {
       this.link.restart();
     }
     if (this.state.kind !== "live") return;
+    const asking = this.drawsItself && !this.drawing && fps > 0;
+    this.unanswered = asking ? this.unanswered + 1 : 0;
+    if (this.unanswered === UNANSWERED_S) this.switchWay();
     if (this.drawing) {
       this.chooser.observe(fps, this.options.pinned !== null || this.ladder.side === SIDES[0]);
       if (!this.drawsItself) this.switchWay();

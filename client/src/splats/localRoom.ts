@@ -75,6 +75,11 @@ export class LocalRoom {
     if (this.performers === performers) this.assemble(files);
   }
 
+  /** Another connection: what it sends has nothing to do with the numbers of the last one. */
+  forgetPoses(): void {
+    this.poses = [];
+  }
+
   /** A pose from the server; old ones change nothing. */
   accept(bytes: ArrayBuffer): void {
     const pose = decodePose(bytes);
