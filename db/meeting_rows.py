@@ -56,6 +56,8 @@ class MeetingRow(Base):
     created_at: Mapped[datetime]
     lobby: Mapped[bool] = mapped_column(default=False)
     """Whoever comes waits until the host lets them in."""
+    environment: Mapped[str] = mapped_column(String(32), default="studio")
+    """Name of the theme that it is held in; see services.environments."""
     ended_at: Mapped[datetime | None]
     performers: Mapped[list[PerformerRow]] = relationship(
         order_by="PerformerRow.place",

@@ -131,6 +131,8 @@ export interface Meeting {
   id: string;
   name: string;
   join_url: string;
+  /** Name of the place it is held in. */
+  environment: string;
   performers: Performer[];
   /** Whoever comes waits until the host lets them in. */
   lobby: boolean;
@@ -248,6 +250,8 @@ export interface OpenedMeeting {
   id: string;
   name: string;
   join_url: string;
+  /** Name of the place it is held in. */
+  environment: string;
   performers: Performer[];
   /** Whoever comes waits until the host lets them in. */
   lobby: boolean;
@@ -295,6 +299,11 @@ export interface PersonInFull {
   created_at: string;
   sequences: Sequence[];
   models: Model[];
+}
+
+/** Where a meeting is held. */
+export interface Place {
+  name: string;
 }
 
 /** What went wrong, for people and programs. */

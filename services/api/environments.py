@@ -5,10 +5,15 @@ from __future__ import annotations
 import hashlib
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Response
+from fastapi import APIRouter, Header, Request, Response
+from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, Field
 
-from services.auth import Joiner
+from db.models import MeetingRow, Role, Standing
+from services.api.cast import tell_cast_changed
+from services.api.shapes import Body
+from services.auth import Joiner, Principal
+from services.container import Provided, Services
 from services.environments import Theme, find_theme, themes
 from services.problems import PROBLEMS, ProblemError
 
@@ -54,6 +59,12 @@ class Environments(BaseModel):
     items: list[Environment]
 
 
+class Place(Body):
+    """Where a meeting is held."""
+
+    name: str = Field(max_length=32, examples=["apartment"])
+
+
 @router.get("/environments", summary="List environments")
 def list_environments(caller: Joiner) -> Environments:
     """Every place that a meeting can be held in, the plain studio first."""
@@ -79,3 +90,43 @@ def read_picture(name: str, if_none_match: Annotated[str | None, Header()] = Non
     if if_none_match is not None and tag in if_none_match:
         return Response(status_code=304, headers=headers)
     return Response(data, media_type="image/jpeg", headers=headers)
+
+
+@router.put("/meetings/{meeting_id}/environment", summary="Choose where a meeting is held")
+async def choose_environment(
+    meeting_id: str, body: Place, request: Request, services: Provided, caller: Joiner
+) -> Environment:
+    """Move a meeting to another place, at once for everybody who looks. The host may."""
+    caller.require_meeting(meeting_id)
+    theme = find_theme(body.name)
+    await run_in_threadpool(_choose, services, caller, meeting_id, theme)
+    await tell_cast_changed(request, meeting_id)
+    return Environment.of(theme)
+
+
+def _choose(services: Services, caller: Principal, meeting_id: str, theme: Theme) -> None:
+    with services.unit_of_work() as unit:
+        meeting = unit.meetings.get_for_change(meeting_id)
+        _require_host(meeting, caller)
+        meeting.environment = theme.name
+        unit.commit()
+
+
+def _require_host(meeting: MeetingRow, caller: Principal) -> None:
+    """Raise a 403 problem unless the caller sits as its host, or opened the meeting."""
+    if caller.participant_id is None:
+        caller.require_account(meeting.account)
+        may = "write" in caller.scopes
+    else:
+        may = any(
+            one.id == caller.participant_id
+            and one.role is Role.HOST
+            and one.standing is Standing.ADMITTED
+            for one in meeting.participants
+        )
+    if not may:
+        raise ProblemError(
+            403,
+            "not-host",
+            "the token must be of the meeting's host; got one of somebody else; ask the host",
+        )

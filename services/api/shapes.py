@@ -260,6 +260,7 @@ class Meeting(BaseModel):
     id: str
     name: str
     join_url: str
+    environment: str = Field(description="Name of the place it is held in.")
     performers: list[Performer]
     lobby: bool = Field(description="Whoever comes waits until the host lets them in.")
 
@@ -267,7 +268,12 @@ class Meeting(BaseModel):
     def of(cls, row: MeetingRow, join_url: str) -> Meeting:
         performers = [Performer.of(one) for one in row.performers]
         return cls(
-            id=row.id, name=row.name, join_url=join_url, performers=performers, lobby=row.lobby
+            id=row.id,
+            name=row.name,
+            join_url=join_url,
+            environment=row.environment,
+            performers=performers,
+            lobby=row.lobby,
         )
 
 

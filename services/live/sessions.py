@@ -21,6 +21,7 @@ from aiortc import (
 from aiortc.codecs import vpx
 
 from renderer.stage import Stage, warm_up
+from scene.environment import Environment
 from scene.errors import SceneError
 from services.live.keypoints import Drivers
 from services.live.packets import NewestView, PacketError, decode_view
@@ -41,6 +42,8 @@ _START_BITRATE, _LOWEST_BITRATE, _HIGHEST_BITRATE = 2_000_000, 500_000, 6_000_00
 Clock = Callable[[], float]
 LoadCast = Callable[[str], Awaitable[tuple[CastMember, ...]]]
 """Meeting id -> its performers."""
+LoadEnvironment = Callable[[str], Awaitable[Environment]]
+"""Meeting id -> the place it is held in."""
 
 
 class Seats(Protocol):
@@ -89,6 +92,7 @@ class ViewSessions:
     def __init__(
         self,
         load_cast: LoadCast,
+        load_environment: LoadEnvironment,
         seats: Seats,
         clock: Clock,
         *,
@@ -96,6 +100,7 @@ class ViewSessions:
         max_viewers: int,
     ) -> None:
         self._load_cast, self._seats, self._clock = load_cast, seats, clock
+        self._load_environment = load_environment
         self._ice = [RTCIceServer(urls=url) for url in ice_servers]
         self._max_viewers = max_viewers
         self._rooms: dict[str, Room] = {}
@@ -190,9 +195,11 @@ class ViewSessions:
                 await self.close(session_id)
 
     async def refresh(self, meeting_id: str) -> None:
-        """Show a change of the cast to everyone who looks."""
+        """Show a change of the cast or of the place to everyone who looks."""
         if meeting_id in self._rooms:
-            self._rooms[meeting_id].cast = await self._load_cast(meeting_id)
+            room = self._rooms[meeting_id]
+            room.cast = await self._load_cast(meeting_id)
+            room.environment = await self._load_environment(meeting_id)
 
     async def close_all(self) -> None:
         """End every session, at shutdown."""
@@ -205,8 +212,9 @@ class ViewSessions:
     async def _room(self, meeting_id: str) -> Room:
         if meeting_id not in self._rooms:
             cast = await self._load_cast(meeting_id)
+            environment = await self._load_environment(meeting_id)
             # of two who come at once, both look into one room
-            self._rooms.setdefault(meeting_id, Room(meeting_id, cast))
+            self._rooms.setdefault(meeting_id, Room(meeting_id, cast, environment))
         return self._rooms[meeting_id]
 
     def _require_room(self) -> None:

@@ -17,9 +17,11 @@ from fastapi.concurrency import run_in_threadpool
 from prometheus_client import Gauge
 
 from db.errors import DatabaseError
+from scene.environment import Environment
 from services import seats
 from services.auth import Joiner, Principal
 from services.container import Provided, Services
+from services.environments import STUDIO, environment, themes
 from services.live.room import CastMember
 from services.live.sessions import NoRoom, ViewSessions
 from services.meetings import performed_motion
@@ -42,8 +44,12 @@ def install(app: FastAPI, services: Services) -> ViewSessions:
     async def load_cast(meeting_id: str) -> tuple[CastMember, ...]:
         return await run_in_threadpool(cast_of, services, meeting_id)
 
+    async def load_environment(meeting_id: str) -> Environment:
+        return await run_in_threadpool(environment_of, services, meeting_id)
+
     sessions = ViewSessions(
         load_cast,
+        load_environment,
         _StoredSeats(services),
         time.monotonic,
         ice_servers=services.settings.ice_servers,
@@ -172,6 +178,14 @@ def cast_of(services: Services, meeting_id: str) -> tuple[CastMember, ...]:
         )
         for performer, row, motion, account in zip(performers, rows, motions, accounts, strict=True)
     )
+
+
+def environment_of(services: Services, meeting_id: str) -> Environment:
+    """The place that a meeting is held in. Raises NotFound."""
+    with services.reading() as unit:
+        name = unit.meetings.get(meeting_id).environment
+    # a theme that an older release had: the plain room
+    return environment(name if name in themes() else STUDIO)
 
 
 def _median(values: list[float]) -> float:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from db.models import Role
 from scene.lighting import LUMINANCE, panorama_directions
 from services.environments import environment, themes
+from tests.services.conftest import bearer
 
 
 async def test_the_library_lists_places_and_their_light(client):
@@ -41,3 +43,41 @@ def test_every_theme_is_exposed_for_people():
         lighting = environment(name).lighting
         if lighting is not None:
             assert 0.95 < (lighting.shading(normals) @ LUMINANCE).max() < 1.05
+
+
+async def test_the_owner_chooses_a_place_and_the_meeting_keeps_it(client):
+    meeting = (await client.post("/v1/meetings", json={"name": "Monday"})).json()
+    assert meeting["environment"] == "studio"
+    path = f"/v1/meetings/{meeting['id']}"
+    chosen = await client.put(f"{path}/environment", json={"name": "lobby"})
+    assert chosen.status_code == 200
+    assert chosen.json()["light"] is not None
+    assert (await client.get(path)).json()["environment"] == "lobby"
+    unknown = await client.put(f"{path}/environment", json={"name": "moon"})
+    assert unknown.status_code == 404
+    assert (await client.get(path)).json()["environment"] == "lobby"
+
+
+async def test_only_the_host_chooses(client, services):
+    meeting = (await client.post("/v1/meetings", json={"name": "Monday"})).json()
+    path = f"/v1/meetings/{meeting['id']}"
+    seats = [
+        (await client.post(f"{path}/join", json={"display_name": name})).json()
+        for name in ("Ada", "Bo")
+    ]
+    with services.unit_of_work() as unit:
+        unit.meetings.get_for_change(meeting["id"]).participants[0].role = Role.HOST
+        unit.commit()
+    statuses = []
+    for seat in seats:
+        header = {"Authorization": f"Bearer {seat['token']}"}
+        answer = await client.put(f"{path}/environment", json={"name": "park"}, headers=header)
+        statuses.append(answer.status_code)
+    assert statuses == [200, 403]
+    assert "of the meeting's host" in answer.json()["detail"]
+    stranger = bearer(services, "another")
+    answer = await client.put(f"{path}/environment", json={"name": "park"}, headers=stranger)
+    assert answer.status_code == 403
+    reader = bearer(services, scopes=frozenset({"join"}))
+    answer = await client.put(f"{path}/environment", json={"name": "park"}, headers=reader)
+    assert answer.status_code == 403

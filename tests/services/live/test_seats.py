@@ -12,6 +12,7 @@ import pytest
 from fastapi import FastAPI
 
 from db.models import ModelRow
+from scene import Environment
 from services import seats
 from services.app import create_app
 from services.bootstrap import import_model
@@ -155,10 +156,14 @@ async def _nobody(meeting_id: str) -> tuple:
     return ()
 
 
+async def _studio(meeting_id: str) -> Environment:
+    return Environment()
+
+
 @pytest.fixture
 async def watched() -> AsyncIterator[tuple[ViewSessions, Seconds, NotedSeats]]:
     clock, noted = Seconds(), NotedSeats()
-    views = ViewSessions(_nobody, noted, clock, ice_servers=[], max_viewers=2)
+    views = ViewSessions(_nobody, _studio, noted, clock, ice_servers=[], max_viewers=2)
     yield views, clock, noted
     await views.close_all()
 
