@@ -5,7 +5,7 @@ import type { Line, LineHooks } from "../src/meeting/line";
 import type { Meeting, Seat, ToServer } from "../src/types";
 import { fakeFetch, json, member, tokenStore } from "./fakes";
 
-const MEETING: Meeting = { id: "m", name: "Monday", join_url: "/", performers: [], lobby: false };
+const MEETING = { id: "m", name: "Monday", join_url: "/", performers: [], lobby: false } as unknown as Meeting;
 
 function setUp(tokens = tokenStore("guest")) {
   let seats = 0;
@@ -44,6 +44,13 @@ describe("our part in a meeting", () => {
     expect(await hooks().greeting(true)).toMatchObject({ token: "seat2" });
     expect((await attendance.getSeat()).token).toBe("seat2");
     expect(calls.filter(({ path }) => path.endsWith("/join"))).toHaveLength(2);
+  });
+
+  it("sits on one seat, however many ask for it at once", async () => {
+    const { attendance, calls } = setUp();
+    const asked = await Promise.all([attendance.getSeat(), attendance.getSeat(), attendance.getSeat(true)]);
+    expect(asked.map(({ token }) => token)).toEqual(["seat1", "seat1", "seat1"]);
+    expect(calls.filter(({ path }) => path.endsWith("/join"))).toHaveLength(1);
   });
 
   it("goes on from the ticket of an earlier load", async () => {

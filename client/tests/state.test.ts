@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { NOBODY_YET, heard, inside, isHost, newsOf, waiting, type MeetingState } from "../src/meeting/state";
+import { NOBODY_YET, heard, inside, isHost, newsOf, speakers, waiting, type MeetingState } from "../src/meeting/state";
 import type { FromServer, Member } from "../src/types";
 import { member } from "./fakes";
 
@@ -35,6 +35,12 @@ describe("what the page knows of its meeting", () => {
     const after = heard(state, { type: "reacted", number: 5, participant_id: "bo", name: "Bo", reaction: "heart" });
     expect(after.number).toBe(5);
     expect(after.said).toBe(state.said);
+  });
+
+  it("names the others who speak", () => {
+    const here = told(welcome, roster(member({ id: "me" }), member({ id: "Bo" })));
+    const state = heard(here, { type: "speaking", participant_ids: ["Bo", "me", "gone"] });
+    expect(speakers(state)).toEqual(["Bo"]);
   });
 
   it("tells who comes, goes, knocks, raises a hand, is lost and is back", () => {

@@ -137,3 +137,52 @@ def test_everything_is_reached_by_keyboard_in_a_sensible_order(tmp_path):
         assert page.evaluate(focused) == "end-sure"
         page.keyboard.press("Enter")
         expect(page.get_by_test_id("goodbye-ended")).to_be_visible()
+
+
+# a microphone that hums: the machine that tests has none
+_HUM = """navigator.mediaDevices.getUserMedia = async () => {
+    const context = new AudioContext(), tone = context.createOscillator();
+    const out = context.createMediaStreamDestination();
+    tone.connect(out);
+    tone.start();
+    return out.stream;
+}"""
+_LOUDNESS = """() => {
+    const audio = document.querySelector('[data-testid=others]');
+    if (!audio.srcObject) return 0;
+    if (!window.meter) {
+        const context = new AudioContext();
+        window.meter = context.createAnalyser();
+        context.createMediaStreamSource(audio.srcObject).connect(window.meter);
+    }
+    const samples = new Float32Array(window.meter.fftSize);
+    window.meter.getFloatTimeDomainData(samples);
+    return Math.max(...samples.map(Math.abs));
+}"""
+
+
+def test_a_voice_is_heard_until_the_host_mutes_it(tmp_path):
+    with running_demo(tmp_path / "data") as address, open_page() as ada, beside(ada) as bo:
+        bo.add_init_script(_HUM)
+        come(ada, address, "Ada")
+        expect(ada.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
+        come(bo, address, "Bo")
+        expect(bo.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
+        ada.wait_for_function(f"({_LOUDNESS})() === 0")
+        bo.get_by_test_id("microphone").click()
+        expect(bo.get_by_test_id("microphone")).to_have_attribute("aria-pressed", "true")
+        expect(ada.get_by_test_id("talking")).to_have_text("Bo", timeout=MINUTE)
+        ada.wait_for_function(f"({_LOUDNESS})() > 0.05", timeout=MINUTE)
+        ada.get_by_test_id("open-people").click()
+        ada.get_by_role("button", name="More about Bo").click()
+        ada.get_by_role("button", name="Mute: Bo").click()
+        expect(bo.get_by_test_id("microphone")).to_have_attribute("aria-pressed", "false")
+        expect(bo.locator("#announcer")).to_have_text("The host switched your microphone off")
+        expect(ada.get_by_test_id("talking")).to_be_hidden()
+        # held down for a moment, the space bar opens it again
+        bo.get_by_role("main").focus()
+        bo.keyboard.down("Space")
+        expect(ada.get_by_test_id("talking")).to_have_text("Bo")
+        bo.keyboard.up("Space")
+        expect(bo.get_by_test_id("microphone")).to_have_attribute("aria-pressed", "false")
+        expect(ada.get_by_test_id("talking")).to_be_hidden()

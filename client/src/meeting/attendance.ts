@@ -26,6 +26,7 @@ export class Attendance {
   onReaction: (reacted: Reacted) => void = () => undefined;
   onRefusal: (refusal: Refusal) => void = () => undefined;
   private seat: Seat | null = null;
+  private joining: Promise<Seat> | null = null;
   private name = "Guest";
   private channel: Line | null = null;
   private readonly listeners = new Set<Listener>();
@@ -40,12 +41,15 @@ export class Attendance {
 
   /** The seat, for the live picture too; a new one where there is none or it was given back. */
   async getSeat(stale = false): Promise<Seat> {
-    if (stale || !this.seat) {
-      const asked = await this.api.join(this.meeting.id, this.name);
-      this.seat = asked;
-      this.keep();
-    }
-    return this.seat as Seat;
+    if (stale) this.seat = null;
+    if (this.seat) return this.seat;
+    // picture, voice and line that ask at once sit on one seat
+    this.joining ??= this.api.join(this.meeting.id, this.name).finally(() => {
+      this.joining = null;
+    });
+    this.seat = await this.joining;
+    this.keep();
+    return this.seat;
   }
 
   /** Come in by `name`, or wait to be let in; on the seat of `ticket` if there is one. */
@@ -61,6 +65,8 @@ export class Attendance {
       onMessage: (message) => this.hear(message),
       onState: (state) => {
         this.line = state;
+        // who spoke when the line was cut is not who speaks now
+        if (state.kind !== "open") this.state = { ...this.state, speaking: [] };
         // another tab of ours that goes on leaves this one a way back
         if (state.kind === "over" && state.reason !== "replaced") this.tickets.set(null);
         this.changed();

@@ -11,11 +11,13 @@ export interface MeetingState {
   lobby: boolean;
   members: readonly Member[];
   said: readonly Said[];
+  /** Ids of those who speak now. */
+  speaking: readonly string[];
   /** Of the newest message; what comes after it is still to be told. */
   number: number;
 }
 
-export const NOBODY_YET: MeetingState = { me: null, lobby: false, members: [], said: [], number: 0 };
+export const NOBODY_YET: MeetingState = { me: null, lobby: false, members: [], said: [], speaking: [], number: 0 };
 
 const MOST_SAID = 500;
 
@@ -30,9 +32,17 @@ export function heard(state: MeetingState, message: FromServer): MeetingState {
       return { ...state, said: [...state.said, message].slice(-MOST_SAID), number: message.number };
     case "reacted":
       return { ...state, number: Math.max(state.number, message.number) };
+    case "speaking":
+      return { ...state, speaking: message.participant_ids };
     default:
       return state;
   }
+}
+
+/** Names of the others who speak now. */
+export function speakers(state: MeetingState): string[] {
+  const { members, speaking, me } = state;
+  return members.filter(({ id }) => id !== me && speaking.includes(id)).map(({ name }) => name);
 }
 
 export function myself(state: MeetingState): Member | null {

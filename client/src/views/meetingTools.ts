@@ -1,13 +1,14 @@
 /** What a meeting has beside the picture: people, chat, a raised hand, reactions, who knocks. */
 
 import type { Attendance } from "../meeting/attendance";
-import { inside, myself, waiting, type Reaction } from "../meeting/state";
+import { inside, myself, speakers, waiting, type Reaction } from "../meeting/state";
 import type { Member, Reacted, Said } from "../types";
 import { chatPanel } from "./chatPanel";
 import { announce, h } from "./dom";
 import { icon } from "./icons";
 import { peoplePanel } from "./peoplePanel";
 import { button } from "./shell";
+import { voiceControls } from "./voiceControls";
 
 export interface MeetingTools {
   /** Along the lower edge. */
@@ -54,8 +55,9 @@ export function meetingTools(attendance: Attendance): MeetingTools {
   const hand = handButton(attendance);
   const reactions = reactionButton(attendance);
   const dock = h("div", { className: "dock glass", attributes: { role: "toolbar", "aria-label": "Meeting" } });
-  dock.append(buttons.people, buttons.chat, hand.element, reactions.element);
   const notes = notesOn(attendance);
+  const voice = voiceControls(attendance, (words) => notes.complain(words));
+  dock.append(buttons.people, buttons.chat, voice.element, hand.element, reactions.element, voice.player);
   let which: Which | null = null;
   let read = attendance.state.number;
 
@@ -85,6 +87,7 @@ export function meetingTools(attendance: Attendance): MeetingTools {
     people.update();
     chat.update();
     hand.update();
+    voice.update();
     if (which === "chat") read = state.number;
     const unread = state.said.filter((one) => one.number > read && one.participant_id !== state.me);
     const knocking = waiting(state).length;
@@ -97,7 +100,7 @@ export function meetingTools(attendance: Attendance): MeetingTools {
   attendance.onRefusal = ({ problem }) => notes.complain(problem.detail);
   const release = attendance.watch(update);
   for (const element of [panel, dock, notes.element]) keepFromStage(element);
-  return { dock, panel, notes: notes.element, close: () => (release(), notes.close()) };
+  return { dock, panel, notes: notes.element, close: () => (release(), notes.close(), voice.close()) };
 }
 
 function dockButton(name: Which, label: string, onClick: () => void): HTMLButtonElement {
@@ -165,11 +168,12 @@ interface Notes {
 }
 
 function notesOn(attendance: Attendance): Notes {
+  const talking = h("p", { className: "note glass talking", testId: "talking", attributes: { "aria-hidden": "true" } });
   const lost = h("p", { className: "note glass", testId: "line-lost" }, h("span", { className: "spinner" }), "Connection lost. Coming back");
   const knocks = h("div", { className: "knocks" });
   const previews = h("div", { className: "previews", attributes: { "aria-hidden": "true" } });
   const floats = h("div", { className: "floats", attributes: { "aria-hidden": "true" } });
-  const element = h("div", { className: "notes" }, lost, knocks, previews, floats);
+  const element = h("div", { className: "notes" }, lost, talking, knocks, previews, floats);
   const timers = new Set<ReturnType<typeof setTimeout>>();
   const knocking = new Map<string, HTMLElement>();
   let previewed = attendance.state.number;
@@ -184,6 +188,9 @@ function notesOn(attendance: Attendance): Notes {
     update: (unread, withKnocks) => {
       knocks.hidden = !withKnocks;
       lost.hidden = attendance.line.kind !== "lost";
+      const names = speakers(attendance.state);
+      talking.hidden = names.length === 0;
+      if (names.length > 0) talking.replaceChildren(icon("mic"), names.join(", "));
       showKnocks(attendance, knocks, knocking);
       if (unread.length === 0) previews.replaceChildren();
       for (const { number, name, text } of unread) {

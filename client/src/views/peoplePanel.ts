@@ -92,7 +92,8 @@ function memberRow(attendance: Attendance): Row {
   more.classList.add("bare");
   show(false);
   const words = h("span", { className: "member-words" }, name, what);
-  const element = h("li", { className: "member" }, face, words, hand, more, ways.element);
+  const heard = h("span", { className: "member-heard" }, icon("mic"), h("span", { className: "unseen" }, "Microphone on"));
+  const element = h("li", { className: "member" }, face, words, hand, heard, more, ways.element);
   return {
     element,
     update: (member) => {
@@ -102,6 +103,8 @@ function memberRow(attendance: Attendance): Row {
       name.textContent = mine ? `${member.name} (you)` : member.name;
       what.textContent = inWords(member);
       hand.hidden = member.hand_at === null;
+      heard.hidden = !member.microphone;
+      element.classList.toggle("speaking", attendance.state.speaking.includes(member.id));
       more.hidden = mine || !isHost(attendance.state);
       more.setAttribute("aria-label", `More about ${member.name}`);
       if (more.hidden) show(false);
@@ -124,8 +127,12 @@ function hostWays(attendance: Attendance): Row {
   const remove = (): void => {
     if (shown) attendance.wish({ type: "remove", participant_id: shown.id });
   };
+  const mute = button("Mute", () => shown && attendance.wish({ type: "mute", participant_id: shown.id }), {
+    testId: "mute",
+  });
   const look = button("Only look on", () => to(shown?.role === "viewer" ? "speaker" : "viewer")());
   const ways: [HTMLButtonElement, string][] = [
+    [mute, "Mute"],
     [button("Make host", to("host"), { testId: "make-host" }), "Make host"],
     [look, "Only look on"],
     [button("Send out", remove, { testId: "remove" }), "Send out"],
@@ -135,6 +142,7 @@ function hostWays(attendance: Attendance): Row {
     element,
     update: (member) => {
       shown = member;
+      mute.hidden = !member.microphone;
       const words = member.role === "viewer" ? "Let speak" : "Only look on";
       look.replaceChildren(h("span", {}, words));
       ways.forEach(([way, label]) => {
