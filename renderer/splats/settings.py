@@ -10,7 +10,9 @@ class SplatSettings:
     """How many splats, and how they are trained."""
 
     count: int = 10_000
-    """Splats; 5k lose 0.5 dB, 15k gain 0.4 dB in poses never seen, on frames of 256 px."""
+    """Splats; 5k lose 0.5 dB, 15k gain 0.4 dB in poses never seen, on frames of 256 px. Splitting
+    those that the pictures pull at most (30 % at a fifth of the time, or twice 25 %) loses 0.2 to
+    0.6 dB in new views: the training frames alone gain."""
     scale_share: float = 0.6
     """First standard deviation, as a share of the spacing on the surface."""
     thickness: float = 0.2
