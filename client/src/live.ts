@@ -207,6 +207,7 @@ export class LiveView {
   private see(local: boolean): void {
     if (this.drawing === local) return;
     this.drawing = local;
+    this.unanswered = 0;
     this.canvas.classList.toggle("seen", local);
     // what is measured from now on is another thing
     this.ladder = new SizeLadder();
