@@ -8,7 +8,6 @@ room they are shown in keeps its tint. Neither side knows of shadows that a body
 from __future__ import annotations
 
 import tempfile
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,8 +39,8 @@ PERFORMERS = ("amber", "basil")
 FILMED_IN, SHOWN_IN = ("apartment", "park"), ("apartment", "lobby", "park")
 BUDGET_S = 10.0
 _SIZE, _VIEWS = 256, 8
-_SHOWN_PX = 200
-"""Height of a body in the comparison."""
+_CELL_PX = (200, 120)
+"""Height and width of a body in the comparison."""
 _TIMED = 200
 
 
@@ -71,7 +70,7 @@ def run(json_file: Path | None, panoramas: Path, picture: Path | None, clock_nam
                     rows.append({**about, **compared.figures})
                     strips.append(compared.strip)
                     print(rows[-1], flush=True)
-                    seconds = {"fit_s": round(fit_s, 2), **_cost(model, shown)}
+                    seconds = {"fit_s": round(fit_s, 2), **_cost(model, shown, clock)}
     figures = {
         "region": "body crop, black background, sRGB", "views": _VIEWS, "size": _SIZE,
         "splats": 10_000, "training_s": BUDGET_S, **clock.about(), "rows": rows,
@@ -116,7 +115,7 @@ def _compare(
     assert shown.panorama is not None
     light, source = SurroundingLight(shown.panorama), clip.test[NOVEL_VIEW]
     renderer, figures = SplatRenderer((model,)), []
-    strip = np.zeros((_SHOWN_PX, 1, 3))
+    strip = np.zeros((*_CELL_PX, 3))
     for index in np.linspace(0, len(source) - 1, _VIEWS).round().astype(int).tolist():
         camera, pose = source.camera(index), source.pose(index)
         truth, alpha = film(performer, pose, camera, "lit", light=light)
@@ -142,7 +141,7 @@ def _compare(
     )
 
 
-def _cost(model: SplatModel, shown: Environment) -> dict[str, float]:
+def _cost(model: SplatModel, shown: Environment, clock: Clock) -> dict[str, float]:
     """Time of the light alone, all splats, a picture's worth."""
     assert shown.lighting is not None
     relighting, parameters = Relighting((model,)), model.parameters.copy()
@@ -151,18 +150,19 @@ def _cost(model: SplatModel, shown: Environment) -> dict[str, float]:
         pose = model.motion.pose(frame % len(model.motion))
         moved = model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
         transforms = moved.astype(np.float32)
-        started = time.perf_counter()
+        started = clock.now()
         relighting.shade(parameters, joints, model.weights, transforms, eye, shown.lighting)
         if frame >= 0:
-            seconds.append(time.perf_counter() - started)
+            seconds.append(clock.now() - started)
     return milliseconds(seconds)
 
 
 def _fitted(cell: Float[Array, "H W 3"]) -> Float[Array, "h w 3"]:
-    scale = _SHOWN_PX / max(cell.shape[:2])
-    size = tuple(max(1, round(side * scale)) for side in cell.shape[1::-1])
-    small = cv2.resize(cell.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    square = np.zeros((_SHOWN_PX, _SHOWN_PX, 3))
-    left, top = (_SHOWN_PX - size[0]) // 2, (_SHOWN_PX - size[1]) // 2
-    square[top : top + size[1], left : left + size[0]] = small
-    return square
+    """In the middle of a cell, as large as fits."""
+    room = np.zeros((*_CELL_PX, 3))
+    scale = min(whole / side for whole, side in zip(_CELL_PX, cell.shape[:2], strict=True))
+    high, wide = (max(1, round(side * scale)) for side in cell.shape[:2])
+    small = cv2.resize(cell.astype(np.float32), (wide, high), interpolation=cv2.INTER_AREA)
+    top, left = (_CELL_PX[0] - high) // 2, (_CELL_PX[1] - wide) // 2
+    room[top : top + high, left : left + wide] = small
+    return room
