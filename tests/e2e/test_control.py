@@ -120,10 +120,10 @@ def test_everything_is_reached_by_keyboard_in_a_sensible_order(tmp_path):
             met.append(page.evaluate(focused))
             if met[-1] == "react":
                 break
-        ways = ["leave", "open-people", "open-chat", "hand", "react"]
+        ways = ["leave", "open-people", "open-chat", "microphone", "hand", "react"]
         assert [one for one in met if one in ways] == ways
-        page.keyboard.press("Shift+Tab")
-        page.keyboard.press("Shift+Tab")
+        for _ in range(3):
+            page.keyboard.press("Shift+Tab")
         page.keyboard.press("Enter")
         assert page.evaluate(focused) == "chat-text"
         page.keyboard.type("was dead")
