@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from capture.fit_landmarks import load_landmark_model
-from capture.fit_terms import ELBOW_HINGE
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES
 from scene.arrays import Array, Float
+from scene.limits import ELBOW_HINGE
 from scene.rotations import (
     axis_angle_to_matrix,
     matrix_to_axis_angle,

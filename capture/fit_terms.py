@@ -14,13 +14,11 @@ import numpy as np
 import torch
 
 from scene.arrays import Array, Float, Tensor
+from scene.limits import ELBOW_HINGE, FARTHEST_BEND_RAD
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
 
 _HELD_RAD = 0.03
 """Deviation of a joint that nothing shows."""
-
-ELBOW_HINGE = {"left": (0.0, -0.866, 0.5), "right": (0.0, 0.866, -0.5)}
-"""About which the forearm bends, T-pose's axes: forwards and up, as in recorded motion."""
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 
@@ -159,7 +157,7 @@ def pose_prior() -> PosePrior:
 
 
 def _hinge_walls(angles: Tensor) -> Tensor:
-    """Elbows and knees neither overstretch nor close beyond about 150 degrees."""
+    """Elbows and knees neither overstretch nor close further than they can."""
     bends = torch.stack(
         [
             angles[:, _J["left_elbow"]] @ torch.tensor(ELBOW_HINGE["left"]),
@@ -169,7 +167,7 @@ def _hinge_walls(angles: Tensor) -> Tensor:
         ],
         1,
     )
-    over = torch.relu(-bends) + torch.relu(bends - 2.6)
+    over = torch.relu(-bends) + torch.relu(bends - FARTHEST_BEND_RAD)
     return (over / 0.05).square().sum(1)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from scene.arrays import Array, Float
+from scene.limits import ELBOW_HINGE
 from scene.motion import Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, rotation_between
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES, Skeleton
@@ -116,7 +117,7 @@ def _set_arm(angles: Array, side: str, out: float, arm: Array) -> None:
     hang = axis_angle_to_matrix(np.array([0.0, 0.0, -_HANGING_RAD]))
     swing = rotation_between(hang @ np.array([1.0, 0.0, 0.0]), along)
     shoulder = swing @ hang @ axis_angle_to_matrix(np.array([arm[3], 0.0, 0.0]))
-    hinge = np.array([0.0, -0.866, 0.5])
+    hinge = np.array(ELBOW_HINGE["left"])
     pronation = axis_angle_to_matrix(np.array([arm[5], 0.0, 0.0]))
     elbow = axis_angle_to_matrix(abs(arm[4]) * hinge) @ pronation
     mirror = np.array([1.0, out, out])  # of an axis-angle about the plane x = 0

@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from scene.arrays import Array, Float
+from scene.limits import ELBOW_HINGE
 from scene.motion import Pose
 from scene.rotations import axis_angle_to_matrix, rotation_between, slerp
 from scene.skeleton import JOINT_NAMES, PARENTS, Skeleton
@@ -104,8 +105,6 @@ class Standing:
     """
 
     def __init__(self, skeleton: Skeleton, yaw_rad: float = 0.0) -> None:
-        from capture.fit_terms import ELBOW_HINGE  # imports torch
-
         self._rest = skeleton.rest_joints
         self._up = np.array([0.0, 1.0, 0.0])
         self._known_s = 0.0

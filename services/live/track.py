@@ -16,7 +16,6 @@ from aiortc import MediaStreamTrack
 from av import VideoFrame
 
 from renderer.stage import Stage
-from renderer.yuv_kernels import to_yuv420
 from scene.arrays import Array, UInt8
 from scene.camera import Camera
 from services.live.packets import NewestView
@@ -92,6 +91,8 @@ def video_frame(picture: UInt8[Array, "H W 3"]) -> VideoFrame:
 
     Going through an RGB frame would copy it and have the encoder convert it on one core.
     """
+    from renderer.yuv_kernels import to_yuv420  # numba takes a second
+
     height, width = picture.shape[:2]
     frame = VideoFrame(width, height, "yuv420p")
     planes = [

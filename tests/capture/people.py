@@ -11,12 +11,12 @@ import numpy as np
 from capture.body import load_body_model
 from capture.fit_initial import TO_Y_UP
 from capture.fit_landmarks import load_landmark_model
-from capture.fit_terms import ELBOW_HINGE
 from capture.landmarks import LANDMARK_NAMES, Landmarks
 from capture.overlay import project_surface
 from scene.arrays import Array
 from scene.body import Body
 from scene.camera import Camera, orbit_camera
+from scene.limits import ELBOW_HINGE
 from scene.motion import Motion, Pose
 from scene.skeleton import JOINT_NAMES
 
