@@ -96,7 +96,7 @@ def psnr(a: np.ndarray, b: np.ndarray) -> float:
 def test_the_page_draws_what_the_server_draws(
     page: Page, demo: SplatModel, people: int, azimuth_rad: float, size: int, filmed_only: bool
 ):
-    """52, 49 and 50 dB: blending in eight bits takes 6 dB, the fewer bits of the file the rest."""
+    """51, 50 and 49 dB: blending in eight bits takes 6 dB, the fewer bits of the file the rest."""
     room, now_s = room_of(demo, people), 0.4
     distance_m = 3.2 if people == 1 else 4.7
     camera = orbit_camera((0.0, 0.9, 0.0), distance_m, azimuth_rad, 0.1, size, size)
