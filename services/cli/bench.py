@@ -51,17 +51,6 @@ def serve(json_file: JsonFile = None) -> None:
 
 
 @app.command()
-def training(
-    json_file: JsonFile = None,
-    backbone: Backbone = None,
-) -> None:
-    """Accuracy against training time of `splats` and `fast` on studio performers."""
-    from benchmarks.training import run
-
-    run(json_file, backbone)
-
-
-@app.command()
 def frontier(
     state: State = Path("frontier"),
     json_file: JsonFile = None,

@@ -10,10 +10,12 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor
 from fractions import Fraction
+from typing import cast
 
 import numpy as np
 from aiortc import MediaStreamTrack
 from av import VideoFrame
+from av.video.plane import VideoPlane
 
 from renderer.stage import Stage
 from scene.arrays import Array, UInt8
@@ -95,12 +97,14 @@ def video_frame(picture: UInt8[Array, "H W 3"]) -> VideoFrame:
 
     height, width = picture.shape[:2]
     frame = VideoFrame(width, height, "yuv420p")
-    planes = [
-        np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)
-        for plane in frame.planes
-    ]
-    to_yuv420(picture, *planes)
+    to_yuv420(picture, *(_rows(plane) for plane in frame.planes))
     return frame
+
+
+def _rows(plane: VideoPlane) -> UInt8[Array, "H S"]:
+    """The plane's own bytes, to be written."""
+    memory = cast(memoryview, plane)  # PyAV's types do not say that planes are buffers
+    return np.frombuffer(memory, np.uint8).reshape(plane.height, plane.line_size)
 
 
 def frame_size(width: int, height: int) -> tuple[int, int]:
