@@ -13,8 +13,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from renderer.splats.compose import SkinnedSplats
 from renderer.splats.layout import COLOUR, POSITION, ROTATION
+from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Float, Int
 from scene.colour import to_linear, to_srgb
 from scene.lighting import Lighting

@@ -3,38 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence as Many
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
+from renderer.relight import Relighting
 from renderer.splats.layout import BOX_FILTER_PX2, PROJECTED, TILE
-from scene.arrays import Array, Float, UInt8
+from renderer.splats.skinned import SkinnedSplats
+from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.lighting import Lighting
-from scene.skeleton import Skeleton
-
-if TYPE_CHECKING:
-    from renderer.relight import Relighting
 
 _ENTRIES_AT_FIRST = 1 << 16
-
-
-@runtime_checkable
-class SkinnedSplats(Protocol):
-    """What is drawn of a `SplatModel`; meanings and units are told there."""
-
-    @property
-    def parameters(self) -> Float[Array, "N 14"]: ...
-    @property
-    def joints(self) -> UInt8[Array, "N 4"]: ...
-    @property
-    def weights(self) -> Float[Array, "N 4"]: ...
-    @property
-    def skeleton(self) -> Skeleton: ...
-    @property
-    def albedo(self) -> Float[Array, "N 3"] | None: ...
-    @property
-    def normals(self) -> Float[Array, "N 3"] | None: ...
 
 
 class Workspace:
@@ -137,8 +116,6 @@ class SplatRenderer:
     ) -> Float[Array, "N P"]:
         """The parameters with colours as they are in `lighting`."""
         if self._relighting is None:
-            from renderer.relight import Relighting
-
             self._relighting = Relighting(self._models)
             self._lit = self._parameters.copy()
         self._relighting.shade(

@@ -1,0 +1,26 @@
+"""What drawing and lighting need of a model of splats."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from scene.arrays import Array, Float, UInt8
+from scene.skeleton import Skeleton
+
+
+@runtime_checkable
+class SkinnedSplats(Protocol):
+    """What is drawn of a `SplatModel`; meanings and units are told there."""
+
+    @property
+    def parameters(self) -> Float[Array, "N 14"]: ...
+    @property
+    def joints(self) -> UInt8[Array, "N 4"]: ...
+    @property
+    def weights(self) -> Float[Array, "N 4"]: ...
+    @property
+    def skeleton(self) -> Skeleton: ...
+    @property
+    def albedo(self) -> Float[Array, "N 3"] | None: ...
+    @property
+    def normals(self) -> Float[Array, "N 3"] | None: ...
