@@ -150,11 +150,11 @@ def live_capture(
 
 
 @app.command()
-def refinement(json_file: JsonFile = None) -> None:
+def refinement(json_file: JsonFile = None, clock: ClockName = "wall") -> None:
     """Noise on every joint, and what refining poses wins back: splats, and the paper's MLP."""
     from benchmarks.refinement import run
 
-    run(json_file)
+    run(json_file, clock)
 
 
 @app.command()
