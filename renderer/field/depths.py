@@ -35,13 +35,17 @@ class Depths(LiveCells):
         are tried one by one as far as `_REACH`."""
         depth, height, width = volume.shape
         shape = (_FINER * depth - 1, _FINER * height - 1, _FINER * width - 1)
-        axes = [torch.linspace(0.0, n - 1.0, m) for n, m in zip(volume.shape, shape, strict=True)]
+        device = volume.low.device
+        axes = [
+            torch.linspace(0.0, n - 1.0, m, device=device)
+            for n, m in zip(volume.shape, shape, strict=True)
+        ]
         z, y, x = torch.meshgrid(*axes, indexing="ij")
-        at = torch.stack([x, y, z], dim=-1).view(-1, 3).to(volume.low.device)
+        at = torch.stack([x, y, z], dim=-1).view(-1, 3)
         likely = trilinear(volume.rows[:, :-1].sum(1, keepdim=True), at, volume.shape)
         inside = likely.view(shape) > _EDGE
         sides = (volume.high - volume.low) / torch.tensor(
-            [shape[2] - 1.0, shape[1] - 1.0, shape[0] - 1.0], device=volume.low.device
+            [shape[2] - 1.0, shape[1] - 1.0, shape[0] - 1.0], device=device
         )
         farthest = _REACH * float(sides.min())
         squared = inside.float() * farthest**2

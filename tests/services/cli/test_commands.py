@@ -191,7 +191,7 @@ def test_a_narrow_terminal_keeps_the_bar_the_share_and_the_time(columns):
 
 def test_a_measurement_says_what_it_lacks_before_it_starts(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "playwright", None)
-    monkeypatch.setattr("sys.argv", ["metanerf", "bench", "live"])
+    monkeypatch.setattr("sys.argv", ["metanerf", "bench", "serve"])
     with pytest.raises(SystemExit):
         main()
     assert "got no package playwright; run `make setup-test`" in capsys.readouterr().err
