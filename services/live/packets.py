@@ -136,6 +136,23 @@ def performer_check(performer_id: str) -> int:
     return zlib.crc32(performer_id.encode()) & 0xFFFF
 
 
+def _header_of(data: bytes, wanted: Kind, size: int) -> tuple[int, int, float]:
+    """Flags, sequence and capture time (ms) of a packet of `size` bytes and the kind `wanted`.
+
+    Raises PacketError where it is another.
+    """
+    name = f"a {wanted.name.lower()} packet"
+    if len(data) != size:
+        raise PacketError(f"{name} must be {size} bytes long; got {len(data)}")
+    version, kind, flags, sequence, capture_time_ms = _HEADER.unpack_from(data)
+    if version != VERSION or kind != wanted:
+        raise PacketError(
+            f"{name} must be version {VERSION}, kind {int(wanted)}; "
+            f"got version {version}, kind {kind}"
+        )
+    return flags, sequence, capture_time_ms
+
+
 def encode_view(packet: ViewPacket) -> bytes:
     """The bytes of `packet`."""
     flags = _HIDE_UNSEEN * packet.hide_unseen | _DRAWS_ITSELF * packet.draws_itself
@@ -148,14 +165,7 @@ def encode_view(packet: ViewPacket) -> bytes:
 
 def decode_view(data: bytes) -> ViewPacket:
     """Read a view packet. Raises PacketError with the rule that `data` breaks."""
-    if len(data) != VIEW_BYTES:
-        raise PacketError(f"a view packet must be {VIEW_BYTES} bytes long; got {len(data)}")
-    version, kind, flags, sequence, capture_time_ms = _HEADER.unpack_from(data)
-    if version != VERSION or kind != Kind.VIEW:
-        raise PacketError(
-            f"a view packet must be version {VERSION}, kind {int(Kind.VIEW)}; "
-            f"got version {version}, kind {kind}"
-        )
+    flags, sequence, capture_time_ms = _header_of(data, Kind.VIEW, VIEW_BYTES)
     x, y, z, *wxyz, fov_y_rad, width, height = _VIEW.unpack_from(data, _HEADER.size)
     if not all(math.isfinite(v) for v in (x, y, z, *wxyz, fov_y_rad, capture_time_ms)):
         raise PacketError(f"a view packet must hold finite numbers; got {(x, y, z, *wxyz)}")
@@ -180,16 +190,7 @@ def encode_keypoints(packet: KeypointsPacket) -> bytes:
 
 def decode_keypoints(data: bytes) -> KeypointsPacket:
     """Read a keypoints packet. Raises PacketError with the rule that `data` breaks."""
-    if len(data) != KEYPOINTS_BYTES:
-        raise PacketError(
-            f"a keypoints packet must be {KEYPOINTS_BYTES} bytes long; got {len(data)}"
-        )
-    version, kind, _, sequence, capture_time_ms = _HEADER.unpack_from(data)
-    if version != VERSION or kind != Kind.KEYPOINTS:
-        raise PacketError(
-            f"a keypoints packet must be version {VERSION}, kind {int(Kind.KEYPOINTS)}; "
-            f"got version {version}, kind {kind}"
-        )
+    _, sequence, capture_time_ms = _header_of(data, Kind.KEYPOINTS, KEYPOINTS_BYTES)
     width, height = _SIZE.unpack_from(data, _HEADER.size)
     if not math.isfinite(capture_time_ms) or not (width and height):
         raise PacketError(
@@ -214,14 +215,7 @@ def encode_pose(packet: PosePacket) -> bytes:
 
 def decode_pose(data: bytes) -> PosePacket:
     """Read a pose packet. Raises PacketError with the rule that `data` breaks."""
-    if len(data) != POSE_BYTES:
-        raise PacketError(f"a pose packet must be {POSE_BYTES} bytes long; got {len(data)}")
-    version, kind, _, sequence, capture_time_ms = _HEADER.unpack_from(data)
-    if version != VERSION or kind != Kind.POSE:
-        raise PacketError(
-            f"a pose packet must be version {VERSION}, kind {int(Kind.POSE)}; "
-            f"got version {version}, kind {kind}"
-        )
+    _, sequence, capture_time_ms = _header_of(data, Kind.POSE, POSE_BYTES)
     index, count, check, *pelvis = _POSE.unpack_from(data, _HEADER.size)
     if not all(math.isfinite(v) for v in (capture_time_ms, *pelvis)):
         raise PacketError(f"a pose packet must hold finite numbers; got {pelvis}")
