@@ -157,12 +157,14 @@ def posed_grid(
     z, y, x = some // (side * side), some // side % side, some % side
     world = torch.stack([axes[0][x], axes[1][y], axes[2][z]], dim=1)
     body = _Body(transforms, volume, support)
-    found = answers.sum.view(-1, 3)[some] / answers.total.view(-1, 1)[some]
-    if field.sizes.inverse_rounds:  # nil is the paper's way: the mean of all answers, as it is
+    rounds = field.sizes.inverse_rounds
+    if rounds:
         first, second = answers.first.view(-1, 4)[some], answers.second.view(-1, 4)[some]
-        found = body.united(world, first, second, field.sizes.inverse_rounds)
+        found = body.united(world, first, second, rounds)
         there = body.is_there(world, found)
         some, found = some[there], found[there]
+    else:  # the paper's way: the mean of all answers, as it is
+        found = answers.sum.view(-1, 3)[some] / answers.total.view(-1, 1)[some]
     rows = torch.zeros(side**3, 4, device=device)
     rows[some] = torch.cat([found, torch.ones_like(found[:, :1])], dim=1) * likelihood[some, None]
     alive = torch.zeros(side**3, device=device)
