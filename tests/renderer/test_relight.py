@@ -20,7 +20,7 @@ from scene.body import Body
 from scene.colour import to_srgb
 from scene.rotations import axis_angle_to_matrix
 from scene.skeleton import JOINT_COUNT
-from tests.renderer.studio import make_model, make_sequence
+from tests.renderer.studio import DrawnFrames, make_model, make_sequence
 
 FRAMES, SIZE = 16, 96
 FILMED_IN = Lighting(
@@ -51,7 +51,7 @@ def pillar(sides: int = 24, rings: int = 12) -> Body:
     return Body(Skeleton(joints), vertices, faces, weights)
 
 
-class LitFrames:
+class LitFrames(DrawnFrames):
     """A `FrameSource`: splats of known albedo in a known light, turning before one camera."""
 
     def __init__(self, model: SplatModel, albedo: np.ndarray, lighting: Lighting) -> None:
@@ -72,20 +72,8 @@ class LitFrames:
             )
             self._pictures.append(seen.copy())
 
-    def __len__(self) -> int:
-        return len(self._pictures)
-
-    def camera(self, index: int):
-        return self._camera
-
-    def pose(self, index: int) -> Pose:
-        return self._motion.pose(index)
-
-    def image(self, index: int):
-        return np.clip(self._pictures[index][..., :3], 0.0, 1.0)
-
     def mask(self, index: int):
-        return self._pictures[index][..., 3].round(2)
+        return super().mask(index).round(2)
 
 
 @pytest.fixture(scope="module")
