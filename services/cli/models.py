@@ -64,8 +64,9 @@ def train(
     require_writable(out)
     clip = open_folder(sequence)
     out.parent.mkdir(parents=True, exist_ok=True)
+    on_patches = trains_on_patches(find_preset(preset))
     require_poses_on_mask(clip, out.with_suffix(".poses.png"))
-    if trains_on_patches(find_preset(preset)):
+    if on_patches:
         lpips_backbone = _backbone(lpips_backbone)
     checkpoint = out.with_suffix(".checkpoint")
     with stop_on_interrupt() as should_stop, progress_bar("training") as report:
