@@ -7,11 +7,15 @@ from __future__ import annotations
 
 from datetime import datetime
 from enum import StrEnum
+from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import ForeignKey, String, UniqueConstraint
+from sqlalchemy import ForeignKey, LargeBinary, String, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column, relationship
 
 from db.base import Base, Id, new_id, words
+
+if TYPE_CHECKING:
+    from db.models import PersonRow
 
 
 class Role(StrEnum):
@@ -41,6 +45,16 @@ class MessageKind(StrEnum):
 
     CHAT = "chat"
     REACTION = "reaction"
+    CAPTION = "caption"
+    """What somebody spoke, in writing."""
+
+
+class Connection(StrEnum):
+    """How well somebody's network carries the meeting."""
+
+    GOOD = "good"
+    FAIR = "fair"
+    POOR = "poor"
 
 
 class MeetingRow(Base):
@@ -57,7 +71,11 @@ class MeetingRow(Base):
     lobby: Mapped[bool] = mapped_column(default=False)
     """Whoever comes waits until the host lets them in."""
     environment: Mapped[str] = mapped_column(String(32), default="studio")
-    """Name of the theme that it is held in; see services.environments."""
+    """Name of the place that it is held in; see services.environments."""
+    presenter_id: Mapped[str | None] = mapped_column(Id)
+    """The participant who may share a screen; it counts while they are there."""
+    presenter_asks_id: Mapped[str | None] = mapped_column(Id)
+    """The participant who asks to share in that one's place."""
     ended_at: Mapped[datetime | None]
     performers: Mapped[list[PerformerRow]] = relationship(
         order_by="PerformerRow.place",
@@ -71,6 +89,21 @@ class MeetingRow(Base):
         cascade="all, delete-orphan",
         passive_deletes=True,
     )
+    bans: Mapped[list[BanRow]] = relationship(
+        lazy="selectin", cascade="all, delete-orphan", passive_deletes=True
+    )
+
+
+class BanRow(Base):
+    """An account whose owner was sent out of a meeting, and may not come back to it."""
+
+    __tablename__ = "meeting_ban"
+
+    meeting_id: Mapped[str] = mapped_column(
+        ForeignKey("meeting.id", ondelete="CASCADE"), primary_key=True
+    )
+    account: Mapped[str] = mapped_column(String(120), primary_key=True)
+    at: Mapped[datetime]
 
 
 class PerformerRow(Base):
@@ -95,6 +128,12 @@ class PerformerRow(Base):
     y_m: Mapped[float]
     z_m: Mapped[float]
     yaw_rad: Mapped[float]
+    person: Mapped[PersonRow] = relationship(lazy="joined", viewonly=True)
+
+    @property
+    def account(self) -> str:
+        """Whose person stands there."""
+        return self.person.account
 
 
 class ParticipantRow(Base):
@@ -107,6 +146,8 @@ class ParticipantRow(Base):
     meeting_id: Mapped[str] = mapped_column(
         ForeignKey("meeting.id", ondelete="CASCADE"), index=True
     )
+    account: Mapped[str] = mapped_column(String(120), default="")
+    """Who sits here, by their token; empty for seats that an older release gave."""
     display_name: Mapped[str] = mapped_column(String(120))
     seat: Mapped[int]
     joined_at: Mapped[datetime]
@@ -120,6 +161,8 @@ class ParticipantRow(Base):
     """Since when their hand is up."""
     microphone: Mapped[bool] = mapped_column(default=False)
     """Whether they are to be heard."""
+    connection: Mapped[Connection | None] = mapped_column(words(Connection))
+    """As their page last said; empty: it has not yet."""
 
 
 class MessageRow(Base):
@@ -138,3 +181,19 @@ class MessageRow(Base):
     name: Mapped[str] = mapped_column(String(120))
     text: Mapped[str] = mapped_column(String(2000))
     at: Mapped[datetime]
+
+
+class PanoramaRow(Base):
+    """The place that a meeting's host brought along; the newest alone."""
+
+    __tablename__ = "meeting_panorama"
+
+    meeting_id: Mapped[str] = mapped_column(
+        ForeignKey("meeting.id", ondelete="CASCADE"), primary_key=True
+    )
+    name: Mapped[str] = mapped_column(String(32))
+    """As `MeetingRow.environment` says it while the meeting is held there."""
+    picture: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    """Equirectangular JPEG, at most some hundreds of kilobytes."""
+    light: Mapped[dict[str, Any]]
+    """Fields of `scene.lighting.Lighting`."""

@@ -17,13 +17,21 @@ from sqlalchemy.orm import Mapped, mapped_column, relationship
 from db.base import Base as Base
 from db.base import Id, Sha256, words
 from db.base import new_id as new_id
+from db.meeting_rows import BanRow as BanRow
+from db.meeting_rows import Connection as Connection
 from db.meeting_rows import MeetingRow as MeetingRow
 from db.meeting_rows import MessageKind as MessageKind
 from db.meeting_rows import MessageRow as MessageRow
+from db.meeting_rows import PanoramaRow as PanoramaRow
 from db.meeting_rows import ParticipantRow as ParticipantRow
 from db.meeting_rows import PerformerRow as PerformerRow
 from db.meeting_rows import Role as Role
 from db.meeting_rows import Standing as Standing
+from db.recording_rows import RecordingChunkRow as RecordingChunkRow
+from db.recording_rows import RecordingExportRow as RecordingExportRow
+from db.recording_rows import RecordingMemberRow as RecordingMemberRow
+from db.recording_rows import RecordingRow as RecordingRow
+from db.recording_rows import RecordingState as RecordingState
 
 OBJECT = {"object": True}
 """`Column.info` of columns that hold the sha256 of an object of the row's person."""
@@ -43,6 +51,8 @@ class SequenceState(StrEnum):
     UPLOADED = "uploaded"
     CAPTURING = "capturing"
     READY = "ready"
+    FORGOTTEN = "forgotten"
+    """Its clip and frames went once a model was trained, as whoever enrolled wished."""
 
 
 class JobKind(StrEnum):
@@ -50,6 +60,8 @@ class JobKind(StrEnum):
 
     CAPTURE = "capture"
     TRAIN = "train"
+    EXPORT = "export"
+    """Makes a video of a recording."""
 
 
 class JobState(StrEnum):
@@ -138,6 +150,8 @@ class SequenceRow(Base):
     frames_per_second: Mapped[float | None]
     duration_s: Mapped[float | None]
     quality: Mapped[dict[str, Any] | None]
+    model_only: Mapped[bool] = mapped_column(default=False)
+    """Whether the clip, its frames and its thumbnail go once a model was trained from them."""
 
 
 class MotionRow(Base):
@@ -168,6 +182,8 @@ class ModelRow(Base):
     )
     preset: Mapped[str] = mapped_column(String(64))
     created_at: Mapped[datetime]
+    superseded_at: Mapped[datetime | None]
+    """When a better one took its place; it is kept a while for those who still look at it."""
     data_hash: Mapped[str] = mapped_column(String(128))
     metrics: Mapped[dict[str, Any]]
     files: Mapped[list[ModelFileRow]] = relationship(

@@ -20,7 +20,11 @@ from db.models import (
     MessageRow,
     ModelRow,
     MotionRow,
+    PanoramaRow,
     PersonRow,
+    RecordingChunkRow,
+    RecordingExportRow,
+    RecordingRow,
     SequenceRow,
     UploadRow,
 )
@@ -93,9 +97,21 @@ class Models(Protocol):
 
     def get(self, model_id: str) -> ModelRow: ...
 
-    def of_person(self, person_id: str) -> list[ModelRow]: ...
+    def of_person(self, person_id: str) -> list[ModelRow]:
+        """The models of a person whose place no better one has taken; so `of_account`."""
+        ...
 
     def of_account(self, account: str) -> list[ModelRow]: ...
+
+    def supersede(self, model_id: str, better: ModelRow, now: datetime) -> list[str]:
+        """Let `better` stand wherever the model of that id did; says in which meetings."""
+        ...
+
+    def superseded_before(self, moment: datetime) -> list[ModelRow]:
+        """Models whose place a better one took before `moment`, and which stand nowhere."""
+        ...
+
+    def remove(self, model: ModelRow) -> None: ...
 
 
 class Jobs(Protocol):
@@ -119,6 +135,8 @@ class Jobs(Protocol):
 
     def latest(self, sequence_id: str, kind: JobKind) -> JobRow | None: ...
 
+    def of_sequence(self, sequence_id: str) -> list[JobRow]: ...
+
     def preview(self, job_id: str) -> bytes | None: ...
 
     def count(self) -> dict[tuple[str, str], int]:
@@ -139,6 +157,10 @@ class Meetings(Protocol):
 
     def with_label(self, label: str) -> MeetingRow | None: ...
 
+    def moved_by(self, sequence_id: str) -> list[str]:
+        """Meetings in which somebody moves by the motion of a sequence."""
+        ...
+
     def where_performs(self, person_id: str) -> list[str]:
         """Ids of the meetings in which a person stands, or moves somebody else."""
         ...
@@ -157,6 +179,18 @@ class Meetings(Protocol):
         """Give seats back, save those whose page has spoken since; gone already is no error."""
         ...
 
+    def panorama(self, meeting_id: str) -> PanoramaRow | None:
+        """The place that the host brought along, without its picture."""
+        ...
+
+    def panorama_picture(self, meeting_id: str) -> bytes | None:
+        """JPEG."""
+        ...
+
+    def set_panorama(self, panorama: PanoramaRow) -> None:
+        """In place of the one that the meeting had."""
+        ...
+
     def say(self, message: MessageRow) -> None:
         """Add a message to a meeting that is locked; numbers it."""
         ...
@@ -168,6 +202,54 @@ class Meetings(Protocol):
     def forget_said(self, meeting_id: str, kind: MessageKind, before: datetime) -> None:
         """Delete the messages of one kind that are older than `before`."""
         ...
+
+
+class Recordings(Protocol):
+    """Recordings of meetings."""
+
+    def add(self, recording: RecordingRow) -> None: ...
+
+    def get(self, recording_id: str) -> RecordingRow: ...
+
+    def get_for_change(self, recording_id: str) -> RecordingRow:
+        """The same, locked until the transaction ends."""
+        ...
+
+    def of_meeting(self, meeting_id: str) -> list[RecordingRow]:
+        """The newest first."""
+        ...
+
+    def of_account(self, account: str) -> list[RecordingRow]:
+        """Those that somebody asked for, or agreed to; the newest first."""
+        ...
+
+    def under_way(self, meeting_id: str) -> RecordingRow | None:
+        """The one of a meeting that has not ended."""
+        ...
+
+    def with_person(self, person_id: str) -> list[str]:
+        """Ids of those in which a person moves or speaks."""
+        ...
+
+    def add_chunk(self, chunk: RecordingChunkRow) -> None: ...
+
+    def chunks(self, recording_id: str, track: str | None = None) -> list[RecordingChunkRow]:
+        """By track and number."""
+        ...
+
+    def drop_chunks(self, recording_id: str, account: str) -> list[RecordingChunkRow]:
+        """Take out what an account's owner moved and said; says what it was."""
+        ...
+
+    def add_export(self, export: RecordingExportRow) -> None: ...
+
+    def exports(self, recording_ids: Collection[str]) -> list[RecordingExportRow]: ...
+
+    def drop_exports(self, recording_ids: Collection[str]) -> list[RecordingExportRow]:
+        """Delete videos that were made; says which."""
+        ...
+
+    def remove(self, recording: RecordingRow) -> None: ...
 
 
 class AuditLog(Protocol):
@@ -200,6 +282,7 @@ class UnitOfWork(Protocol):
     models: Models
     jobs: Jobs
     meetings: Meetings
+    recordings: Recordings
     audit: AuditLog
     references: References
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
 from typing import Any, TypeVar, cast
 
-from sqlalchemy import CursorResult, Table, delete, func, select, update
+from sqlalchemy import CursorResult, Select, Table, delete, func, select, update
 from sqlalchemy.orm import Session
 
 from db.errors import NotFound
@@ -21,9 +21,11 @@ from db.models import (
     MessageRow,
     ModelRow,
     MotionRow,
+    PanoramaRow,
     ParticipantRow,
     PerformerRow,
     PersonRow,
+    RecordingChunkRow,
     SequenceRow,
     UploadRow,
 )
@@ -147,11 +149,36 @@ class SqlModels(_Repository):
 
     def of_person(self, person_id: str) -> list[ModelRow]:
         query = select(ModelRow).where(ModelRow.person_id == person_id)
-        return list(self._session.scalars(query.order_by(ModelRow.created_at)))
+        return self._best(query)
 
     def of_account(self, account: str) -> list[ModelRow]:
         query = select(ModelRow).join(PersonRow).where(PersonRow.account == account)
-        return list(self._session.scalars(query.order_by(ModelRow.created_at)))
+        return self._best(query)
+
+    def supersede(self, model_id: str, better: ModelRow, now: datetime) -> list[str]:
+        worse = self._session.get(ModelRow, model_id)
+        if worse is None:  # erased meanwhile
+            return []
+        worse.superseded_at = now
+        query = select(PerformerRow).where(PerformerRow.model_id == model_id)
+        performers = list(self._session.scalars(query))
+        for performer in performers:
+            performer.model_id = better.id
+        return sorted({performer.meeting_id for performer in performers})
+
+    def superseded_before(self, moment: datetime) -> list[ModelRow]:
+        standing = select(PerformerRow.model_id)
+        query = select(ModelRow).where(
+            ModelRow.superseded_at < moment, ModelRow.id.not_in(standing)
+        )
+        return list(self._session.scalars(query))
+
+    def remove(self, model: ModelRow) -> None:
+        self._session.delete(model)
+
+    def _best(self, query: Select[ModelRow]) -> list[ModelRow]:
+        query = query.where(ModelRow.superseded_at.is_(None)).order_by(ModelRow.created_at)
+        return list(self._session.scalars(query))
 
 
 class SqlJobs(_Repository):
@@ -202,6 +229,9 @@ class SqlJobs(_Repository):
         query = select(JobRow).where(JobRow.sequence_id == sequence_id, JobRow.kind == kind)
         return self._session.scalars(query.order_by(JobRow.created_at.desc()).limit(1)).first()
 
+    def of_sequence(self, sequence_id: str) -> list[JobRow]:
+        return list(self._session.scalars(select(JobRow).where(JobRow.sequence_id == sequence_id)))
+
     def preview(self, job_id: str) -> bytes | None:
         return self._session.scalar(select(JobRow.preview).where(JobRow.id == job_id))
 
@@ -227,6 +257,11 @@ class SqlMeetings(_Repository):
         return self._session.scalars(
             select(MeetingRow).where(MeetingRow.label == label)
         ).one_or_none()
+
+    def moved_by(self, sequence_id: str) -> list[str]:
+        query = select(PerformerRow.meeting_id)
+        query = query.where(PerformerRow.motion_sequence_id == sequence_id)
+        return list(self._session.scalars(query.distinct()))
 
     def where_performs(self, person_id: str) -> list[str]:
         theirs = select(SequenceRow.id).where(SequenceRow.person_id == person_id)
@@ -255,6 +290,16 @@ class SqlMeetings(_Repository):
             )
             dropped = dropped.where(silent)
         self._session.execute(dropped)
+
+    def panorama(self, meeting_id: str) -> PanoramaRow | None:
+        return self._session.get(PanoramaRow, meeting_id)
+
+    def panorama_picture(self, meeting_id: str) -> bytes | None:
+        query = select(PanoramaRow.picture).where(PanoramaRow.meeting_id == meeting_id)
+        return self._session.scalar(query)
+
+    def set_panorama(self, panorama: PanoramaRow) -> None:
+        self._session.merge(panorama)
 
     def say(self, message: MessageRow) -> None:
         newest = select(func.max(MessageRow.number)).where(
@@ -303,6 +348,8 @@ class SqlReferences(_Repository):
                 if column.info.get("object"):
                     query = select(column).where(table.c.person_id == owner, column.is_not(None))
                     found.update(self._session.scalars(query))
+        kept = select(RecordingChunkRow.sha256).where(RecordingChunkRow.owner == owner)
+        found.update(self._session.scalars(kept))
         return found
 
     def owners(self, among: Iterable[str]) -> set[str]:

@@ -1,4 +1,5 @@
-"""Removes what nobody points at: objects without rows, chunks of dead writers, stale uploads.
+"""Removes what nobody points at: objects without rows, chunks of dead writers, stale uploads,
+models whose place a better one has taken.
 
 An object is young until `grace` has passed, since its row is written after it.
 """
@@ -40,6 +41,8 @@ def sweep(
         stale = unit.uploads.started_before(now - upload_lifetime)
         for upload in stale:
             unit.uploads.remove(upload)
+        for model in unit.models.superseded_before(now - grace):
+            unit.models.remove(model)
         unit.commit()
     removed = 0
     for owner in objects.owners():

@@ -15,6 +15,11 @@ from db.models import (
     MotionRow,
     PerformerRow,
     PersonRow,
+    RecordingChunkRow,
+    RecordingExportRow,
+    RecordingMemberRow,
+    RecordingRow,
+    RecordingState,
     SequenceKind,
     SequenceRow,
     SequenceState,
@@ -58,8 +63,8 @@ def job(person_id: str, kind: JobKind = JobKind.TRAIN, created_at: datetime = NO
 def full_life(database: Database, objects: Objects, name: str = "Ada") -> str:
     """A person with a row in every table and the objects that those name; their id."""
     someone = person(name)
-    stored = [objects.put(someone.id, [f"{name} {i}".encode()]).sha256 for i in range(7)]
-    source, packed, thumbnail, motion, weights, chunk, checkpoint = stored
+    stored = [objects.put(someone.id, [f"{name} {i}".encode()]).sha256 for i in range(9)]
+    source, packed, thumbnail, motion, weights, chunk, checkpoint, moved, video = stored
     clip = sequence(someone.id, source)
     clip.packed_sha256, clip.thumbnail_sha256 = packed, thumbnail
     model = ModelRow(
@@ -108,6 +113,47 @@ def full_life(database: Database, objects: Objects, name: str = "Ada") -> str:
             )
         ]
         unit.meetings.add(meeting)
+        unit.flush()
+        recording = RecordingRow(
+            id=new_id(),
+            meeting_id=meeting.id,
+            account="house",
+            name="Monday",
+            state=RecordingState.ENDED,
+            asked_at=NOW,
+        )
+        recording.members = [
+            RecordingMemberRow(
+                participant_id=new_id(),
+                account="house",
+                name=name,
+                agreed=True,
+                person_id=someone.id,
+            )
+        ]
+        unit.recordings.add(recording)
+        unit.flush()
+        unit.recordings.add_chunk(
+            RecordingChunkRow(
+                recording_id=recording.id,
+                track="motion:x",
+                number=0,
+                person_id=someone.id,
+                account="house",
+                owner=someone.id,
+                bytes=5,
+                sha256=moved,
+            )
+        )
+        unit.recordings.add_export(
+            RecordingExportRow(
+                recording_id=recording.id,
+                job_id=new_id(),
+                person_id=someone.id,
+                bytes=5,
+                sha256=video,
+            )
+        )
         unit.audit.add(
             AuditEventRow(
                 person_id=someone.id, at=NOW, account="house", action="person.created", details={}

@@ -127,7 +127,7 @@ def test_sweeping_takes_old_orphans_and_nothing_else(
     old = sweep(database.unit_of_work, objects, later, upload_lifetime=timedelta(days=9999))
     assert (old.objects, old.incoming, old.uploads) == (2, 1, 0)
     kept = {info.sha256 for info in objects.list(ada)}
-    assert len(kept) == 7
+    assert len(kept) == 9
     assert orphan.sha256 not in kept
     assert list(objects.list("1" * 32)) == []
     assert stranger.bytes > 0
@@ -139,4 +139,4 @@ def test_an_upload_that_nobody_goes_on_with_is_swept(database: Database, objects
     much_later = datetime.now(UTC) + timedelta(days=3)
     swept = sweep(database.unit_of_work, objects, much_later)
     assert (swept.uploads, swept.objects) == (1, 1)
-    assert len(list(objects.list(ada))) == 6
+    assert len(list(objects.list(ada))) == 8

@@ -11,8 +11,9 @@ from sqlalchemy import text
 
 from db.erase import erase_person
 from db.errors import Conflict, DatabaseAway, NotFound
-from db.models import JobKind, JobState
+from db.models import JobKind, JobState, ModelRow, new_id
 from db.objects import ObstoreObjects
+from db.sweep import sweep
 from db.unit_of_work import Database
 from tests.db.rows import NOW, full_life, job, person, sequence
 
@@ -155,7 +156,7 @@ def test_erasing_a_person_leaves_nothing_of_theirs_and_all_of_the_others(
     ada, bob = full_life(database, objects, "Ada"), full_life(database, objects, "Bob")
     erased = erase_person(database.unit_of_work, objects, ada, "house", NOW)
     assert erased.remaining == 0
-    assert erased.deleted_objects == 7
+    assert erased.deleted_objects == 9
     assert erased.deleted_rows == dict.fromkeys(
         (
             "audit_event",
@@ -165,6 +166,9 @@ def test_erasing_a_person_leaves_nothing_of_theirs_and_all_of_the_others(
             "motion",
             "performer",
             "person",
+            "recording_chunk",
+            "recording_export",
+            "recording_member",
             "sequence",
             "upload",
             "upload_chunk",
@@ -172,13 +176,39 @@ def test_erasing_a_person_leaves_nothing_of_theirs_and_all_of_the_others(
         1,
     )
     with database.reading() as unit:
-        assert unit.people.count_rows(bob) == 10
+        assert unit.people.count_rows(bob) == 13
         (left,) = [e for e in unit.audit.of_account("house") if e.action == "person.erased"]
         assert ada not in str(left.details)
-    assert len(list(objects.list(bob))) == 7
+    assert len(list(objects.list(bob))) == 9
     with database.engine.connect() as connection:
         names = connection.execute(text("SELECT name FROM performer")).scalars().all()
     assert names == ["Bob"]
+
+
+def test_a_better_model_takes_the_place_of_another_which_goes_once_nobody_needs_it(
+    database: Database, objects: ObstoreObjects
+):
+    ada = full_life(database, objects)
+    with database.unit_of_work() as unit:
+        (worse,) = unit.models.of_person(ada)
+        better = ModelRow(
+            id=new_id(), person_id=ada, preset="splats", created_at=NOW, data_hash="", metrics={}
+        )
+        unit.models.add(better)
+        unit.flush()
+        (meeting_id,) = unit.models.supersede(worse.id, better, NOW)
+        assert unit.models.supersede(new_id(), better, NOW) == []
+        unit.commit()
+    with database.reading() as unit:
+        assert [one.model_id for one in unit.meetings.get(meeting_id).performers] == [better.id]
+        assert [one.id for one in unit.models.of_person(ada)] == [better.id]
+        assert unit.models.get(worse.id).superseded_at == NOW
+    sweep(database.unit_of_work, objects, NOW + timedelta(hours=5))
+    with database.reading() as unit:
+        assert unit.models.get(worse.id).superseded_at == NOW
+    sweep(database.unit_of_work, objects, NOW + timedelta(hours=7))
+    with database.reading() as unit, pytest.raises(NotFound):
+        unit.models.get(worse.id)
 
 
 def test_erasing_nobody_is_told(database: Database, objects: ObstoreObjects):

@@ -1,0 +1,98 @@
+"""The repository of recordings on SQLAlchemy; see `db.repositories.Recordings`."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from sqlalchemy import delete, select
+from sqlalchemy.orm import Session
+
+from db.errors import NotFound
+from db.models import (
+    RecordingChunkRow,
+    RecordingExportRow,
+    RecordingMemberRow,
+    RecordingRow,
+    RecordingState,
+)
+
+
+class SqlRecordings:
+    """Recordings of meetings."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def add(self, recording: RecordingRow) -> None:
+        self._session.add(recording)
+
+    def get(self, recording_id: str) -> RecordingRow:
+        return self._found(self._session.get(RecordingRow, recording_id), recording_id)
+
+    def get_for_change(self, recording_id: str) -> RecordingRow:
+        row = self._session.get(RecordingRow, recording_id, with_for_update=True)
+        return self._found(row, recording_id)
+
+    def of_meeting(self, meeting_id: str) -> list[RecordingRow]:
+        query = select(RecordingRow).where(RecordingRow.meeting_id == meeting_id)
+        return list(self._session.scalars(query.order_by(RecordingRow.asked_at.desc())))
+
+    def of_account(self, account: str) -> list[RecordingRow]:
+        agreed = select(RecordingMemberRow.recording_id).where(
+            RecordingMemberRow.account == account, RecordingMemberRow.agreed
+        )
+        query = select(RecordingRow).where(
+            (RecordingRow.account == account) | RecordingRow.id.in_(agreed)
+        )
+        return list(self._session.scalars(query.order_by(RecordingRow.asked_at.desc())))
+
+    def under_way(self, meeting_id: str) -> RecordingRow | None:
+        query = select(RecordingRow).where(
+            RecordingRow.meeting_id == meeting_id, RecordingRow.state != RecordingState.ENDED
+        )
+        return self._session.scalars(query.limit(1)).first()
+
+    def with_person(self, person_id: str) -> list[str]:
+        query = select(RecordingChunkRow.recording_id).where(
+            RecordingChunkRow.person_id == person_id
+        )
+        return list(self._session.scalars(query.distinct()))
+
+    def add_chunk(self, chunk: RecordingChunkRow) -> None:
+        self._session.add(chunk)
+
+    def chunks(self, recording_id: str, track: str | None = None) -> list[RecordingChunkRow]:
+        query = select(RecordingChunkRow).where(RecordingChunkRow.recording_id == recording_id)
+        if track is not None:
+            query = query.where(RecordingChunkRow.track == track)
+        ordered = query.order_by(RecordingChunkRow.track, RecordingChunkRow.number)
+        return list(self._session.scalars(ordered))
+
+    def drop_chunks(self, recording_id: str, account: str) -> list[RecordingChunkRow]:
+        theirs = [one for one in self.chunks(recording_id) if one.account == account]
+        for chunk in theirs:
+            self._session.delete(chunk)
+        return theirs
+
+    def add_export(self, export: RecordingExportRow) -> None:
+        self._session.add(export)
+
+    def exports(self, recording_ids: Collection[str]) -> list[RecordingExportRow]:
+        named = RecordingExportRow.recording_id.in_(recording_ids)
+        return list(self._session.scalars(select(RecordingExportRow).where(named)))
+
+    def drop_exports(self, recording_ids: Collection[str]) -> list[RecordingExportRow]:
+        found = self.exports(recording_ids)
+        named = RecordingExportRow.recording_id.in_(recording_ids)
+        self._session.execute(delete(RecordingExportRow).where(named))
+        return found
+
+    def remove(self, recording: RecordingRow) -> None:
+        self._session.delete(recording)
+
+    def _found(self, row: RecordingRow | None, recording_id: str) -> RecordingRow:
+        if row is None:
+            raise NotFound(
+                f"id must be that of a recording; got {recording_id!r}; list them to see which are"
+            )
+        return row
