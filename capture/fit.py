@@ -25,10 +25,12 @@ from scene.arrays import Array, Float
 
 __all__ = ["STAGES", "Fit", "fit_clip"]
 
-STAGES = ("lifted", "landmarks", "silhouette")
-"""What the fit does, in order."""
+STAGES = ("lifted", "landmarks", "silhouette", "second look")
+"""What the fit does, in order. Before each look at the silhouettes, frames in which the person
+lies far off theirs are let go and begun anew from their neighbours."""
 
-_LANDMARK_STEPS, _SILHOUETTE_STEPS = 260, 240
+_LANDMARK_STEPS, _LANDMARK_RATE = 260, 0.03
+_SILHOUETTE_STEPS, _SILHOUETTE_RATE = 240, 0.012
 _NEAREST_EVERY = 8
 
 
@@ -107,14 +109,17 @@ def _minimise(
     on_stage: Callable[[str], None],
     should_stop: Callable[[], bool],
 ) -> None:
-    """First landmarks alone, then the silhouette too, each with a falling rate."""
-    total = _LANDMARK_STEPS + _SILHOUETTE_STEPS
+    """First landmarks alone, then the silhouette too, twice, each with a falling rate."""
+    total = _LANDMARK_STEPS + 2 * _SILHOUETTE_STEPS
     done = 0
     on_stage(STAGES[0])
-    for stage, steps, rate in (
-        (STAGES[1], _LANDMARK_STEPS, 0.03), (STAGES[2], _SILHOUETTE_STEPS, 0.012),
-    ):  # fmt: skip
-        edge = stage == STAGES[2]
+    for stage in STAGES[1:]:
+        edge = stage != STAGES[1]
+        steps, rate = (
+            (_SILHOUETTE_STEPS, _SILHOUETTE_RATE) if edge else (_LANDMARK_STEPS, _LANDMARK_RATE)
+        )
+        if edge:
+            problem.let_go(problem.doubted())
         optimiser = _optimiser(problem, rate)
         nearest = None
         for step in range(steps):

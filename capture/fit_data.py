@@ -73,7 +73,12 @@ def person_height_px(pixels: Float[Array, "F 33 2"]) -> float:
     hips = [LANDMARK_NAMES.index(n) for n in ("left_hip", "right_hip")]
     shoulders = 0.5 * (pixels[:, left] + pixels[:, right])
     trunk = np.linalg.norm(shoulders - pixels[:, hips].mean(1), axis=1)
-    return float(max(3.4 * np.percentile(trunk, 75), 20.0))
+    return height_of_trunk(float(np.percentile(trunk, 75)))
+
+
+def height_of_trunk(trunk_px: float) -> float:
+    """About the standing person's height in px, whose trunk is so long."""
+    return max(3.4 * trunk_px, 20.0)
 
 
 def sampled_vertices(vertices: Float[Array, "V 3"], spacing_m: float) -> Array:

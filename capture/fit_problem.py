@@ -11,6 +11,7 @@ import torch
 from capture.body import BodyModel
 from capture.fit_data import (
     beyond_hidden,
+    bridged,
     hardly_shown,
     hidden_joints,
     landmark_arrays,
@@ -34,7 +35,7 @@ from capture.fit_terms import (
 )
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
 from capture.lifter import Lifted, Lifter
-from scene.arrays import Array, Float, Tensor
+from scene.arrays import Array, Bool, Float, Tensor
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES
 
@@ -70,6 +71,11 @@ _EDGE_WEIGHT = 6.0
 """Of the outline's mean energy, beside the landmarks' sum."""
 _FACE_DEPTH_TRUST = 0.3
 """Of the face's 3D landmarks, beside the others': the estimator pulls heads towards the camera."""
+_FAR_OFF = 4.0
+"""Median energies of an outline from which a frame's landmarks are taken for something else's: the
+estimator puts crouching people into half of themselves, and backs before fronts."""
+_DOUBTED = 0.1
+"""Weight of what the estimator says of such a frame."""
 _VERTEX_SPACING_M = 0.05
 
 
@@ -110,7 +116,9 @@ class Problem:
         self.focal0 = focal_px or USUAL_FOCAL * max(self.width, self.height)
         self.pixels, self.world, self.weights = landmark_arrays(people, self.width, self.height)
         self.lifted = self._lift(people, lifter)
+        self.times_s, self.takes = times_s, np.asarray(takes)
         self.steps = time_steps(times_s, takes)
+        self.belief = torch.ones(len(people))
         self.extent = person_height_px(self.pixels)
         self._tensors(self.marks)
         self._start()
@@ -157,6 +165,36 @@ class Problem:
         self.habits = torch.zeros(JOINT_COUNT, 3, requires_grad=True)
         self.offsets = torch.zeros(len(LANDMARK_NAMES), 3, requires_grad=True)
 
+    def doubted(self) -> Bool[Array, "F"]:
+        """Frames whose outline lies far off the mask's, beside the others' of the clip."""
+        edges = self.edges()
+        return edges > _FAR_OFF * np.median(edges)
+
+    @torch.no_grad()
+    def edges(self) -> Float[Array, "F"]:
+        """Energy of each frame's outline (`silhouette_energy`)."""
+        pixels = self.surface_pixels(*self.posed())
+        nearest = self.silhouettes.nearest(pixels)
+        return self._edge_energy(pixels, nearest).numpy()
+
+    @torch.no_grad()
+    def let_go(self, frames: Bool[Array, "F"]) -> None:
+        """Take the poses of `frames` from their neighbours in the same take, and hardly believe
+        any more what the estimator says of them."""
+        turned = matrix_to_axis_angle(self.rotations().numpy().astype(np.float64))
+        for take in np.unique(self.takes[frames]):
+            here = np.flatnonzero(self.takes == take)
+            kept, doubted = here[~frames[here]], here[frames[here]]
+            if not len(kept):
+                continue
+            angles, pelvis = bridged(kept, turned[kept], self.pelvis.numpy()[kept], self.times_s)
+            body = torch.tensor(angles[doubted], dtype=torch.float32)
+            self.root0[doubted] = rotation_matrices(body[:, 0])
+            body[:, 0] = 0.0
+            self.angles[doubted] = body
+            self.pelvis[doubted] = torch.tensor(pelvis[doubted], dtype=torch.float32)
+            self.belief[doubted] = _DOUBTED
+
     def rotations(self) -> Tensor:
         """Local rotations [F 24 3 3]; the root's is the start's, turned by the first angle."""
         local = rotation_matrices(self.angles)
@@ -190,27 +228,24 @@ class Problem:
             _PIXEL_DEVIATION * self.extent
         )
         kernel = robust if nearest is None else lambda squared: very_robust(squared, _OUTLIER)
-        seen = (kernel(off.square().sum(-1)) * self.seen_weights).sum(1).mean()
+        seen = (kernel(off.square().sum(-1)) * self.seen_weights).sum(1)
         depth = self._world_energy(marks)
         steady = unsteadiness(placed, *self.steps, _ACCELERATION_M_S2).sum() / len(placed)
         total = (
-            seen
-            + _WORLD_WEIGHT * depth
+            (self.belief * (seen + _WORLD_WEIGHT * depth)).mean()
             + _PRIOR_WEIGHT * self.prior.energy(self.angles, self.hidden).mean()
-            + _LIFTED_WEIGHT * self._lifted_energy().mean()
+            + _LIFTED_WEIGHT * (self.belief * self._lifted_energy()).mean()
             + steady
         )
         total = total + self._once_a_clip() + self._feet_slide(placed)
         if nearest is not None:
-            edge = silhouette_energy(
-                self.silhouettes,
-                self.surface_pixels(turned, placed, rest),
-                nearest,
-                self.shown,
-                _EDGE_DEVIATION * self.extent,
-            )
+            edge = self._edge_energy(self.surface_pixels(turned, placed, rest), nearest)
             total = total + _EDGE_WEIGHT * edge.mean()
         return total
+
+    def _edge_energy(self, pixels: Tensor, nearest: Tensor) -> Tensor:
+        deviation = _EDGE_DEVIATION * self.extent
+        return silhouette_energy(self.silhouettes, pixels, nearest, self.shown, deviation)
 
     def _lifted_energy(self) -> Tensor:
         """Away from the poses that the network believes, in its own usual errors [F].
@@ -231,13 +266,13 @@ class Problem:
         return slid.sum() / len(placed)
 
     def _world_energy(self, marks: Tensor) -> Tensor:
-        """Against the estimator's 3D landmarks, whose size is its own guess: one scale a clip."""
+        """Off the estimator's 3D landmarks [F], whose size is its own guess: one scale a clip."""
         weight = (self.seen_weights * self.depth_trust)[..., None]
         total = weight.sum(1, keepdim=True).clamp_min(1e-6)
         ours = marks - (marks * weight).sum(1, keepdim=True) / total
         theirs = self.seen_world - (self.seen_world * weight).sum(1, keepdim=True) / total
         off = (ours - theirs * torch.exp(self.log_scale)) / _WORLD_DEVIATION_M
-        return (robust(off.square().sum(-1)) * weight[..., 0]).sum(1).mean()
+        return (robust(off.square().sum(-1)) * weight[..., 0]).sum(1)
 
     def _once_a_clip(self) -> Tensor:
         shape = (self.shape / torch.tensor(_SHAPE_DEVIATION)).square().sum()

@@ -10,13 +10,15 @@ predicts by the latency. Nothing here sees a picture.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from capture.body import load_body_model
-from capture.fit_data import landmark_arrays, person_height_px
+from capture.fit_data import height_of_trunk, landmark_arrays
 from capture.fit_initial import TO_Y_UP, solve_translation
 from capture.fit_landmarks import load_landmark_model
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
@@ -27,8 +29,11 @@ from scene.body import Body
 from scene.camera import Camera
 from scene.errors import InvalidInput
 from scene.motion import Pose
-from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from scene.rotations import matrix_to_axis_angle
 from scene.skeleton import JOINT_COUNT, PARENTS
+
+if TYPE_CHECKING:
+    from capture.live_kernels import Known, Seen
 
 STEPS = 2
 STEPS_AT_FIRST = 6
@@ -51,32 +56,18 @@ _FLOOR = 1e-6
 _USUAL_SHARE = 0.1
 """Of each frame in the usual energy."""
 _HIPS = np.array([LANDMARK_NAMES.index("left_hip"), LANDMARK_NAMES.index("right_hip")])
-_PARENTS = np.array(PARENTS)
+_SHOULDERS = [LANDMARK_NAMES.index("left_shoulder"), LANDMARK_NAMES.index("right_shoulder")]
 UNKNOWNS = 3 * JOINT_COUNT + 3
 """A turn of each joint and the pelvis' shift."""
 
 
 @dataclass(eq=False)
 class _State:
-    """A pose on its way: local turns, the pelvis' place (m, world), what follows from them."""
+    """A pose that was found: local turns, the pelvis' place (m, world), how badly it explains."""
 
     local: Float[Array, "24 3 3"]
     pelvis: Float[Array, "3"]
     energy: float
-    normal: Float[Array, "75 75"]
-    right: Float[Array, "75"]
-    turned: Float[Array, "24 3 3"]
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """One frame's landmarks, ready for the equations."""
-
-    pixels: Float[Array, "33 2"]
-    trust: Float[Array, "33"]
-    world: Float[Array, "33 3"]
-    """m, from between the hips, world axes, sized as the body."""
-    per_pixel: float
 
 
 class LiveSolver:
@@ -100,25 +91,18 @@ class LiveSolver:
 
         Raises InvalidInput for a negative latency.
         """
-        from capture.fit_terms import pose_prior  # imports torch
-
         if not 0.0 <= latency_s < 10.0:
             raise InvalidInput(f"latency_s must be between 0 and 10; got {latency_s!r}")
         self.latency_s, self._lifter = latency_s, lifter
         self._camera, self._rest = camera, body.skeleton.rest_joints
-        self._marks, self._mark_joints = marks_on(body)
-        self._packed = _packed(camera)
         self._to_world = camera.rotation.T @ np.diag(TO_Y_UP)
-        prior = pose_prior()
-        self._prior_mean = prior.mean.numpy().astype(np.float64)
-        self._prior_axes = prior.axes.numpy().astype(np.float64)
-        self._stiffness = prior.deviation.numpy().astype(np.float64) ** -2
-        self._depth_trust = np.ones(len(LANDMARK_NAMES))
-        self._depth_trust[:FACE_LANDMARKS] = _FACE_DEPTH_TRUST
+        self._known = _known(body, camera)
         self._filter = None if smoothing is None else PoseFilter(smoothing)
         self._last: _State | None = None
         self._time_s = -np.inf
         self._usual, self._since = 0.0, 0
+        self.trust: Float[Array, "33"] = np.zeros(len(LANDMARK_NAMES))
+        """In each landmark of the newest frame, 0 to 1."""
 
     def step(self, landmarks: Landmarks, time_s: float) -> Pose:
         """The pose at `time_s` + latency, from the landmarks of `time_s`.
@@ -129,7 +113,7 @@ class LiveSolver:
             raise InvalidInput(f"time_s must be later than {self._time_s}; got {time_s!r}")
         seen = self._prepared(landmarks)
         state = self._solved(landmarks, seen, time_s - self._time_s)
-        self._last, self._time_s = state, time_s
+        self._last, self._time_s, self.trust = state, time_s, seen.trust
         root = state.pelvis - self._rest[0]
         if self._filter is None:
             return Pose(matrix_to_axis_angle(state.local), root, time_s)
@@ -142,124 +126,91 @@ class LiveSolver:
             raise InvalidInput("predict must have a smoothing, which knows the pace; got None")
         return self._filter.pose(time_s + self.latency_s)
 
-    def _prepared(self, landmarks: Landmarks) -> _Seen:
+    def _prepared(self, landmarks: Landmarks) -> Seen:
+        from capture.live_kernels import Seen
+
         camera = self._camera
-        pixels, world, trust = landmark_arrays([landmarks], camera.width, camera.height)
+        all_pixels, all_world, all_trust = landmark_arrays([landmarks], camera.width, camera.height)
+        pixels, world, trust = all_pixels[0], all_world[0], all_trust[0]
         if not trust.any():
             raise InvalidInput("landmarks must show something inside the picture; got nothing")
         if camera.distortion is not None:
             k, distortion = camera.intrinsics, np.asarray(camera.distortion, dtype=np.float64)
             pixels = cv2.undistortPoints(pixels, k, distortion, P=k).reshape(pixels.shape)
-        return _Seen(
-            pixels[0],
-            trust[0],
-            (world[0] * TO_Y_UP) @ self._to_world.T,
-            1.0 / (_PIXEL_DEVIATION * person_height_px(pixels)),
-        )
+        across, down = 0.5 * (pixels[_SHOULDERS] - pixels[_HIPS]).sum(axis=0)
+        height_px = height_of_trunk(math.hypot(across, down))
+        seen = np.ascontiguousarray((world * TO_Y_UP) @ self._to_world.T)
+        return Seen(np.ascontiguousarray(pixels), trust, seen, 1.0 / (_PIXEL_DEVIATION * height_px))
 
-    def _solved(self, landmarks: Landmarks, seen: _Seen, step_s: float) -> _State:
+    def _solved(self, landmarks: Landmarks, seen: Seen, step_s: float) -> _State:
         """The best pose for one frame, from the last one or from nothing."""
         found: list[_State] = []
         if self._last is not None and step_s < _GAP_S:
             start = self._last
-            sized = self._sized(seen, start.local)
             pull = np.full(UNKNOWNS, (_TURNING_RAD_S * step_s) ** -2)
             pull[3 * JOINT_COUNT :] = (_MOVING_M_S * step_s) ** -2
-            found.append(self._refined(start.local, start.pelvis, sized, STEPS, pull))
+            found.append(self._refined(start.local, start.pelvis, seen, STEPS, pull))
         lost = not found
         self._since += 1
         if lost or self._since >= LIFTED_EVERY or found[0].energy > _BAD * self._usual:
             self._since = 0
             local, pelvis = self._lifted(landmarks, seen)
             steps, free = STEPS_AT_FIRST if lost else STEPS, np.zeros(UNKNOWNS)
-            found.append(self._refined(local, pelvis, self._sized(seen, local), steps, free))
+            found.append(self._refined(local, pelvis, seen, steps, free))
         best = min(found, key=lambda one: one.energy)
         self._usual += (1.0 if lost else _USUAL_SHARE) * (best.energy - self._usual)
         return best
 
     def _lifted(
-        self, landmarks: Landmarks, seen: _Seen
+        self, landmarks: Landmarks, seen: Seen
     ) -> tuple[Float[Array, "24 3 3"], Float[Array, "3"]]:
         """Local turns as the lifter has them, and the pelvis' place from the seen landmarks."""
+        from capture.live_kernels import body_points
+
         k, world, visibility = self._camera.intrinsics, landmarks.world, landmarks.visibility
         local = self._lifter(
             seen.pixels[None], world[None], visibility[None], self._camera.focal_px, k[:2, 2]
         ).rotations[0]
         local[0] = self._to_world @ local[0]
-        points = self._points(local) @ self._camera.rotation.T
+        points = body_points(local, self._known) @ self._camera.rotation.T
         shift = solve_translation(points[None], seen.pixels[None], seen.trust[None], k)[0]
         return local, (shift - self._camera.translation) @ self._camera.rotation
-
-    def _sized(self, seen: _Seen, local: Float[Array, "24 3 3"]) -> _Seen:
-        """`seen` with its 3D landmarks as large as the body in about this pose."""
-        points = self._points(local)
-        ours, weight = points - points[_HIPS].mean(axis=0), seen.trust[:, None]
-        theirs = (weight * seen.world**2).sum()
-        return replace(seen, world=seen.world * ((weight * ours * seen.world).sum() / theirs))
 
     def _refined(
         self,
         local: Float[Array, "24 3 3"],
         pelvis: Float[Array, "3"],
-        seen: _Seen,
+        seen: Seen,
         steps: int,
         pull: Float[Array, "75"],
     ) -> _State:
         """Damped Gauss-Newton steps; `pull` (1 / deviation^2) holds each unknown at the start."""
-        from capture.live_kernels import damped_step
+        from capture.live_kernels import refined
 
-        state, damping = self._state(local, pelvis, seen), _DAMPING
-        gone, cost = np.zeros(len(pull)), state.energy
-        for _ in range(steps):
-            step = np.empty(len(pull))
-            normal = state.normal + np.diag(0.5 * pull)
-            damped_step(normal, state.right - 0.5 * pull * gone, damping, _FLOOR, step)
-            moved = self._moved(state, step, seen)
-            further = gone + step
-            total = moved.energy + 0.5 * float(pull @ further**2)
-            if total < cost:
-                state, gone, cost, damping = moved, further, total, 0.1 * damping
-            else:
-                damping *= 10.0
-        return state
+        return _State(*refined(local, pelvis, self._known, seen, steps, pull, _DAMPING, _FLOOR))
 
-    def _points(self, local: Float[Array, "24 3 3"]) -> Float[Array, "33 3"]:
-        """The landmarks of the body whose pelvis is at the origin."""
-        from capture.live_kernels import place_joints
 
-        turned, placed = np.empty((JOINT_COUNT, 3, 3)), np.empty((JOINT_COUNT, 3))
-        place_joints(local, np.zeros(3), self._rest, _PARENTS, turned, placed)
-        own = self._mark_joints
-        lever = (self._marks - self._rest[own])[..., None]
-        return placed[own] + (turned[own] @ lever)[..., 0]
+def _known(body: Body, camera: Camera) -> Known:
+    """What the kernels are told of a body, its camera and the prior of poses."""
+    from capture.fit_terms import pose_prior  # imports torch
+    from capture.live_kernels import Known
 
-    def _state(
-        self, local: Float[Array, "24 3 3"], pelvis: Float[Array, "3"], seen: _Seen
-    ) -> _State:
-        from capture.live_kernels import (
-            landmark_equations,
-            place_joints,
-            prior_equations,
-        )
-
-        turned, placed = np.empty((JOINT_COUNT, 3, 3)), np.empty((JOINT_COUNT, 3))
-        place_joints(local, pelvis, self._rest, _PARENTS, turned, placed)
-        normal, right = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS)
-        energy = landmark_equations(
-            turned, placed, self._rest, _PARENTS, self._marks, self._mark_joints, seen.pixels,
-            seen.trust, self._depth_trust, seen.world, _HIPS, self._packed, seen.per_pixel,
-            1.0 / _WORLD_DEVIATION_M, normal, right,
-        ) + prior_equations(
-            turned, _PARENTS, matrix_to_axis_angle(local), self._prior_mean, self._prior_axes,
-            self._stiffness, normal, right,
-        )  # fmt: skip
-        return _State(local, pelvis, float(energy), normal, right, turned)
-
-    def _moved(self, state: _State, step: Float[Array, "75"], seen: _Seen) -> _State:
-        turns = axis_angle_to_matrix(step[: 3 * JOINT_COUNT].reshape(JOINT_COUNT, 3))
-        above = np.concatenate([np.eye(3)[None], state.turned[_PARENTS[1:]]])
-        local = np.swapaxes(above, -1, -2) @ turns @ above @ state.local
-        return self._state(local, state.pelvis + step[3 * JOINT_COUNT :], seen)
+    marks, joints = marks_on(body)
+    prior, depth_trust = pose_prior(), np.ones(len(LANDMARK_NAMES))
+    depth_trust[:FACE_LANDMARKS] = _FACE_DEPTH_TRUST
+    return Known(
+        rest=np.array(body.skeleton.rest_joints),
+        parents=np.array(PARENTS),
+        marks=marks,
+        joints=joints,
+        hips=_HIPS,
+        depth_trust=depth_trust,
+        camera=_packed(camera),
+        per_metre=1.0 / _WORLD_DEVIATION_M,
+        mean=prior.mean.numpy().astype(np.float64),
+        axes=prior.axes.numpy().astype(np.float64),
+        stiffness=prior.deviation.numpy().astype(np.float64) ** -2,
+    )
 
 
 def marks_on(body: Body) -> tuple[Float[Array, "33 3"], Array]:

@@ -7,13 +7,13 @@ share of the way, log(F^T R), from where it was to where it is seen.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from scene.arrays import Array, Float
 from scene.motion import Pose
-from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 
 AT_MOST_S = 0.15
 """A longer prediction is worse than standing still."""
@@ -51,37 +51,31 @@ class PoseFilter:
             self._turns, self._root, self._time_s = turns.copy(), root.copy(), time_s
             self._seen = turns, root
             return
-        step_s = time_s - self._time_s
-        turning = _between(self._seen[0], turns) / step_s
-        moving = (root - self._seen[1]) / step_s
-        self._turning += _share(_SPEED_CUTOFF_HZ, step_s) * (turning - self._turning)
-        self._moving += _share(_SPEED_CUTOFF_HZ, step_s) * (moving - self._moving)
-        self._follow(turns, root, step_s)
-        self._time_s, self._seen = time_s, (turns, root)
+        from capture.live_kernels import follow_turns
 
-    def _follow(self, turns: Array, root: Array, step_s: float) -> None:
-        s = self._smoothing
-        pace = np.linalg.norm(self._turning, axis=1)[:, None]
-        share = _share(s.cutoff_hz + s.per_turn * pace, step_s)
-        self._turns = self._turns @ axis_angle_to_matrix(share * _between(self._turns, turns))
-        speed = float(np.linalg.norm(self._moving))
-        share = _share(s.cutoff_hz + s.per_metre * speed, step_s)
-        self._root = self._root + share * (root - self._root)
+        step_s, s = time_s - self._time_s, self._smoothing
+        before, root_before = self._seen
+        follow_turns(
+            self._turns, self._turning, before, turns, step_s,
+            _SPEED_CUTOFF_HZ, s.cutoff_hz, s.per_turn,
+        )  # fmt: skip
+        moving = (root - root_before) / step_s
+        self._moving += _share(_SPEED_CUTOFF_HZ, step_s) * (moving - self._moving)
+        cutoff_hz = s.cutoff_hz + s.per_metre * math.sqrt(float(self._moving @ self._moving))
+        self._root = self._root + _share(cutoff_hz, step_s) * (root - self._root)
+        self._time_s, self._seen = time_s, (turns, root)
 
     def pose(self, time_s: float) -> Pose:
         """The pose at `time_s`, moved on at its pace if that is later than the last one seen."""
         if self._time_s is None:
             return Pose.rest(time_s)
-        ahead_s = float(np.clip(time_s - self._time_s, 0.0, AT_MOST_S))
-        turns = self._turns @ axis_angle_to_matrix(ahead_s * self._turning)
-        return Pose(matrix_to_axis_angle(turns), self._root + ahead_s * self._moving, time_s)
+        from scene.kinematics_kernels import moved_on
+
+        ahead_s = min(max(time_s - self._time_s, 0.0), AT_MOST_S)
+        angles = moved_on(self._turns, self._turning, ahead_s)
+        return Pose(angles, self._root + ahead_s * self._moving, time_s)
 
 
-def _between(start: Array, end: Array) -> Array:
-    """The turn from `start` to `end`, axis-angle, rad."""
-    return matrix_to_axis_angle(np.swapaxes(start, -1, -2) @ end)
-
-
-def _share(cutoff_hz: Array | float, step_s: float) -> Array | float:
+def _share(cutoff_hz: float, step_s: float) -> float:
     """How far a low pass goes in one step."""
-    return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff_hz * step_s))
+    return 1.0 / (1.0 + 1.0 / (2.0 * math.pi * cutoff_hz * step_s))
