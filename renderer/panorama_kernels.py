@@ -13,6 +13,7 @@ import math
 import numba
 import numpy as np
 
+from renderer.backdrop_kernels import BLOCK
 from scene.arrays import Array
 
 TAKEN_AT_M = 1.6
@@ -46,6 +47,7 @@ def compose_panorama(
     eye: Array,  # [3] m
     picture: Array,  # [h w+1 3] float32, sRGB; the last column is the first again
     shadows: Array,  # [S 4] float32: x, z, radius (m), strength
+    drawn: Array,  # [H/16 W/16, rounded up] bool: the blocks to write; others stay as they are
 ) -> None:
     """Write sRGB bytes of `rgba` over the place seen by the camera."""
     height, width = out.shape[0], out.shape[1]
@@ -60,6 +62,8 @@ def compose_panorama(
     for row in numba.prange(height):
         y_plane = (_F(row) + _F(0.5) - cy) * inverse_fy
         for column in range(width):
+            if not drawn[row // BLOCK, column // BLOCK]:
+                continue
             alpha = rgba[row, column, 3]
             r, g, b = _F(0.0), _F(0.0), _F(0.0)
             if alpha < _F(0.999):

@@ -150,6 +150,16 @@ def stretched(skeleton: Skeleton, step: Float[Array, "SHARED"]) -> Skeleton:
     return replace(skeleton, rest_joints=rest)
 
 
+def stretch_between(first: Skeleton, now: Skeleton) -> Float[Array, "SHARED"]:
+    """What `stretched` makes `now` of `first` by."""
+    lengths = [
+        np.linalg.norm(s.rest_joints[1:] - s.rest_joints[list(s.parents[1:])], axis=1)
+        for s in (first, now)
+    ]
+    longer = np.log(np.maximum(lengths[1], 1e-9) / np.maximum(lengths[0], 1e-9))
+    return np.append(longer @ _PAIRED / _PAIRED.sum(axis=0), 0.0)
+
+
 def descendants(skeleton: Skeleton) -> Float[Array, "K K"]:
     """Row k is 1 for k itself and every joint below it."""
     below = np.eye(len(skeleton.parents))

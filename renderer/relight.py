@@ -9,6 +9,7 @@ with the body, and the room's light falls on them.
 from __future__ import annotations
 
 from collections.abc import Sequence as Many
+from functools import cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -34,9 +35,6 @@ class Relighting:
     def __init__(self, models: Many[SkinnedSplats]) -> None:
         self._albedo = np.concatenate([albedo_of(m) for m in models]).astype(np.float32)
         self._normals = np.concatenate([normals_of(m) for m in models]).astype(np.float32)
-        # against the root of the light sRGB is nearly straight
-        roots = np.linspace(0.0, 1.0, _TABLE_STEPS + 1)
-        self._encoded = to_srgb(roots**2).astype(np.float32)
 
     def shade(
         self,
@@ -55,8 +53,15 @@ class Relighting:
             self._albedo, self._normals, joints, weights, transforms,
             eye.astype(np.float32), lighting.harmonics.astype(np.float32),
             lighting.key_direction.astype(np.float32),
-            lighting.key_colour.astype(np.float32), self._encoded, parameters,
+            lighting.key_colour.astype(np.float32), light_table(), parameters,
         )  # fmt: skip
+
+
+@cache
+def light_table() -> Float[Array, "S"]:
+    """sRGB by the root of linear light, from 0 to 1: nearly straight."""
+    roots = np.linspace(0.0, 1.0, _TABLE_STEPS + 1)
+    return to_srgb(roots**2).astype(np.float32)
 
 
 def albedo_of(model: SkinnedSplats) -> Float[Array, "N 3"]:

@@ -1,4 +1,4 @@
-"""The light that somebody was filmed in, from the frames, and their albedo without it.
+"""The light that somebody was filmed in, from the frames.
 
 Whoever moves shows each place of their skin to the light from many sides: where one splat is seen
 brighter and darker in turn, its albedo is one and the light is what differs. Letters: a splat i
@@ -19,14 +19,14 @@ balance it, and so strong that the side that gets most of it shows white as whit
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.model import PersonModel
 from renderer.relight import mean_of_alike, neighbours, normals_of
 from renderer.splats.compose import Workspace, pack_camera
-from renderer.splats.layout import BOX_FILTER_PX2, COLOUR, POSITION
+from renderer.splats.filmed_light import FilmedLight
+from renderer.splats.layout import BOX_FILTER_PX2, POSITION
 from renderer.splats.model import SplatModel
 from scene.arrays import Array, Float, Int
 from scene.body import Body, vertex_normals
@@ -71,30 +71,20 @@ class _Seen:
     """Y of the normals."""
 
 
-def with_albedo(model: PersonModel, sequence: Sequence) -> PersonModel:
-    """`model` with its albedo, as the frames of `sequence` that it was trained on tell it.
-
-    What no frame showed has its colour divided by the light that the rest was seen in on average.
-    A field is given back as it is.
-    """
-    if not isinstance(model, SplatModel):
-        return model
+def filmed_light(model: SplatModel, sequence: Sequence) -> FilmedLight | None:
+    """The light of `sequence`, from which `model` was learnt; None where no frame tells of it."""
     rest = model.parameters[:, POSITION : POSITION + 3]
     near, _ = neighbours(rest, rest, _NEAR[-1] + 1)
     normals = _normals(model, sequence.body)
     seen, mean_basis = _observe(model, sequence, normals)
     if not len(seen.splat):
-        return model
+        return None
     harmonics, albedo, known = _fit(seen, near, len(model))
     light = Lighting(harmonics, np.array([0.0, 1.0, 0.0]), np.zeros(3))
     brightest = float(np.percentile((albedo @ LUMINANCE)[known], 99.0))
-    level = max(exposure(light), brightest / _MOST_ALBEDO)
-    # training leaves a splat the colour of the light it was last seen in; the fit means over all
-    baked = np.maximum(mean_basis @ (harmonics * level), _LEAST_LIGHT)
-    colours = to_linear(np.clip(model.parameters[:, COLOUR : COLOUR + 3], 0.0, 1.0))
-    found = np.where(known[:, None], albedo / level, colours / baked)
-    albedo = np.clip(found, 0.0, 1.0).astype(np.float32)
-    return replace(model, albedo=albedo, normals=normals)
+    harmonics = harmonics * max(exposure(light), brightest / _MOST_ALBEDO)
+    mean = np.maximum(mean_basis @ harmonics, _LEAST_LIGHT).astype(np.float32)
+    return FilmedLight(harmonics, normals, mean)
 
 
 def _normals(model: SplatModel, body: Body) -> Float[Array, "N 3"]:

@@ -1,5 +1,8 @@
 """A scene to a picture: all splat performers in one pass, fields at preview size, the room behind.
 
+While the camera rests, only those blocks of 16 x 16 px are drawn anew in which somebody or a shadow
+is or was: what lies beside them is still in the buffer.
+
 Splats hide each other rightly, sample by sample. A field performer is a layer of its own, sorted by
 the distance of its pelvis: right unless people embrace.
 """
@@ -13,13 +16,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from renderer.model import PersonModel
-from renderer.splats.compose import SplatRenderer
-from renderer.splats.layout import PARAMETERS, ROTATION
+from renderer.splats.compose import Geometry, SplatRenderer
+from renderer.splats.layout import NEAR_M, PARAMETERS, ROTATION, TILE
 from renderer.splats.model import SplatModel
-from scene.arrays import Array, Float, UInt8
+from scene.arrays import Array, Bool, Float, UInt8
 from scene.camera import Camera, orbit_camera
 from scene.colour import to_srgb
 from scene.environment import Environment, Performer, Scene
+from scene.errors import InvalidInput
 from scene.lighting import HARMONICS, Lighting
 from scene.motion import Motion, Pose
 from scene.skeleton import JOINT_COUNT, Skeleton
@@ -30,6 +34,8 @@ _ANKLES = (7, 8)
 _SHADOW_RADIUS_M = 0.22
 _FOOT_CLEARANCE_M = 0.35
 """Height of an ankle above the floor at which its contact shadow has vanished."""
+_FAINTEST_SHADOW = 1.0 / 1024.0
+"""Darkness that changes no byte."""
 
 
 class Stage:
@@ -40,6 +46,12 @@ class Stage:
         self._splats: SplatRenderer | None = None
         self._blank = np.zeros((0, 0, 4), np.float32)
         self._picture = np.zeros((0, 0, 3), np.uint8)
+        self._behind: tuple[Environment, Camera] | None = None
+        """The room as the picture shows it, and from where."""
+        self._busy = np.zeros((0, 0), bool)
+        """Blocks of the last picture in which there is more than the room."""
+        self.changed: Bool[Array, "bH bW"] = self._busy
+        """Blocks of 16 x 16 px in which the last picture may differ from the one before."""
 
     def render(self, scene: Scene[PersonModel], camera: Camera) -> UInt8[Array, "H W 3"]:
         """sRGB bytes of `scene` seen by `camera`; the buffer is reused by the next call."""
@@ -47,15 +59,57 @@ class Stage:
         if self._picture.shape[:2] != size:
             self._picture = np.zeros((*size, 3), np.uint8)
             self._blank = np.zeros((*size, 4), np.float32)
+            self._behind = None
         layers = self._layers(scene, camera)
-        _put_behind(self._picture, layers, camera, scene)
+        shadows = contact_shadows(scene.environment, scene.performers)
+        busy = self._blocks(scene, camera) | shadow_blocks(shadows, camera)
+        self.changed = busy | self._busy if self._shows(scene, camera) else np.ones_like(busy)
+        _put_behind(self._picture, layers, camera, scene.environment, shadows, self.changed)
+        self._behind, self._busy = (scene.environment, camera), busy
         return self._picture
+
+    def geometry(self, scene: Scene[PersonModel], camera: Camera) -> Geometry:
+        """How far away the performers of `scene` are and how their surfaces lie, seen by `camera`.
+
+        Raises InvalidInput for performers who are fields: these are pictures alone.
+        """
+        if fields := [p.name for p in scene.performers if not isinstance(p.model, SplatModel)]:
+            raise InvalidInput(
+                f"geometry must be asked of performers who are splats; got {fields[0]!r}, who is a "
+                "field; train them with a preset of splats"
+            )
+        if not scene.performers:
+            size = (camera.height, camera.width)
+            return Geometry(np.zeros(size), np.zeros((*size, 3)), np.zeros(size))
+        self._splat_layer(scene.performers, camera, None)
+        assert self._splats is not None
+        return self._splats.geometry([_moved(p) for p in scene.performers])
+
+    def _shows(self, scene: Scene[PersonModel], camera: Camera) -> bool:
+        """Whether the picture's buffer holds the room that is asked for, seen from there."""
+        if self._behind is None:
+            return False
+        environment, before = self._behind
+        return environment is scene.environment and (
+            np.array_equal(before.world_to_camera, camera.world_to_camera)
+            and np.array_equal(before.intrinsics, camera.intrinsics)
+        )
+
+    def _blocks(self, scene: Scene[PersonModel], camera: Camera) -> Bool[Array, "bH bW"]:
+        """Blocks that performers may be in; a field tells nothing of where it is."""
+        blocks = np.zeros((-(-camera.height // TILE), -(-camera.width // TILE)), bool)
+        for performer in scene.performers:
+            if not isinstance(performer.model, SplatModel):
+                return np.ones_like(blocks)
+        return self._splats.tiles if self._splats and scene.performers else blocks
 
     def _layers(self, scene: Scene[PersonModel], camera: Camera) -> Float[Array, "H W 4"]:
         """All performers, premultiplied, nothing behind them."""
         performers, lighting = scene.performers, scene.environment.lighting
         splats = [p for p in performers if isinstance(p.model, SplatModel)]
         fields = [p for p in performers if not isinstance(p.model, SplatModel)]
+        if splats and not fields:
+            return self._splat_layer(splats, camera, lighting)
         layers = [(_distance(p, camera), _field_layer(p, camera)) for p in fields]
         if splats:
             nearest = min(_distance(p, camera) for p in splats)
@@ -76,8 +130,7 @@ class Stage:
         models = tuple(p.model for p in performers if isinstance(p.model, SplatModel))
         if self._splats is None or models != self._models:
             self._models, self._splats = models, SplatRenderer(models)
-        transforms = [p.placement @ _skinning(p) for p in performers]
-        return self._splats.render(camera, transforms, lighting)
+        return self._splats.render(camera, [_moved(p) for p in performers], lighting)
 
 
 def warm_up() -> None:
@@ -108,29 +161,31 @@ def warm_up() -> None:
     dark = Lighting(np.zeros((HARMONICS, 3)), np.array([0.0, 1.0, 0.0]), np.zeros(3))
     place = Environment(panorama=np.zeros((8, 16, 3), np.float32), lighting=dark)
     Stage().render(Scene(place, (somebody,)), camera)
-    picture = Stage().render(Scene(Environment(), (somebody,)), camera)
+    stage = Stage()
+    picture = stage.render(Scene(Environment(), (somebody,)), camera)
     luma, chroma = np.zeros((32, 32), np.uint8), np.zeros((2, 16, 16), np.uint8)
-    to_yuv420(picture, luma, *chroma)
+    to_yuv420(picture, stage.changed, luma, *chroma)
 
 
 def _put_behind(
     out: UInt8[Array, "H W 3"],
     layers: Float[Array, "H W 4"],
     camera: Camera,
-    scene: Scene[PersonModel],
+    environment: Environment,
+    shadows: Float[Array, "S 4"],
+    drawn: Bool[Array, "bH bW"],
 ) -> None:
-    """Write the performers over the room that they are in."""
-    environment, shadows = scene.environment, contact_shadows(scene.environment, scene.performers)
+    """Write the performers over the room that they are in, in the blocks `drawn`."""
     view = (camera.intrinsics, camera.rotation, camera.position)
     if environment.panorama is None:
         from renderer.backdrop_kernels import compose
 
         colours = np.array([environment.horizon, environment.zenith, environment.floor], np.float32)
-        compose(out, layers, *view, colours, shadows)
+        compose(out, layers, *view, colours, shadows, drawn)
     else:
         from renderer.panorama_kernels import compose_panorama
 
-        compose_panorama(out, layers, *view, panorama_picture(environment), shadows)
+        compose_panorama(out, layers, *view, panorama_picture(environment), shadows, drawn)
 
 
 def panorama_picture(environment: Environment) -> Float[Array, "h _ 3"]:
@@ -151,29 +206,62 @@ def contact_shadows(
     """x, z, radius (m) and strength of the soft shadow under each ankle."""
     rows = []
     for performer in performers:
-        skeleton = performer.model.skeleton
-        ankles = (performer.placement @ _joints(performer))[list(_ANKLES), :3, 3]
-        rest_height = skeleton.rest_joints[list(_ANKLES), 1]
-        for ankle, rest in zip(ankles, rest_height, strict=True):
+        for joint in _ANKLES:
+            ankle = _place(performer, joint)
+            rest = performer.model.skeleton.rest_joints[joint, 1]
             lifted = max(0.0, float(ankle[1] - rest)) / _FOOT_CLEARANCE_M
             strength = environment.shadow_strength * max(0.0, 1.0 - lifted)
             rows.append((ankle[0], ankle[2], _SHADOW_RADIUS_M * (1.0 + lifted), strength))
     return np.array(rows, np.float32).reshape(-1, 4)
 
 
-def _joints(performer: Performer[PersonModel]) -> Float[Array, "K 4 4"]:
-    pose = performer.pose
-    return performer.model.skeleton.joint_transforms(pose.joint_angles, pose.root_translation)
+def shadow_blocks(shadows: Float[Array, "S 4"], camera: Camera) -> Bool[Array, "bH bW"]:
+    """Blocks of 16 x 16 px in which a shadow changes a byte: those round the square it lies in."""
+    blocks = np.zeros((-(-camera.height // TILE), -(-camera.width // TILE)), bool)
+    for x, z, radius, strength in shadows:
+        if strength < _FAINTEST_SHADOW:
+            continue
+        reach = radius * np.sqrt(np.log(strength / _FAINTEST_SHADOW))
+        corners = np.array([(x + a, 0.0, z + b) for a in (-reach, reach) for b in (-reach, reach)])
+        seen = corners @ camera.rotation.T + camera.world_to_camera[:, 3]
+        if seen[:, 2].max() < NEAR_M:
+            continue
+        if seen[:, 2].min() < NEAR_M:
+            return np.ones_like(blocks)
+        points = seen @ camera.intrinsics.T
+        tiles = points[:, :2] / (points[:, 2:] * TILE)
+        left, top = np.maximum(tiles.min(axis=0), 0.0).astype(int)
+        right, bottom = np.maximum(tiles.max(axis=0) + 1.0, 0.0).astype(int)
+        blocks[top:bottom, left:right] = True
+    return blocks
 
 
-def _skinning(performer: Performer[PersonModel]) -> Float[Array, "K 4 4"]:
-    pose = performer.pose
-    return performer.model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
+def _moved(performer: Performer[PersonModel]) -> Float[Array, "K 4 4"]:
+    """Skinning transforms, rest -> room; worked out once for all who look at this moment."""
+    from scene.kinematics_kernels import skinning
+
+    if performer not in _MOVED:
+        skeleton, pose = performer.model.skeleton, performer.pose
+        # copies: what was loaded or sliced is of another kind, for which kernels compile anew
+        rest, angles = np.array(skeleton.rest_joints), np.array(pose.joint_angles)
+        _MOVED[performer] = skinning(
+            angles, rest[0] + pose.root_translation, rest, np.array(skeleton.parents),
+            performer.placement,
+        )  # fmt: skip
+    return _MOVED[performer]
+
+
+_MOVED: WeakKeyDictionary[Performer[PersonModel], Float[Array, "K 4 4"]] = WeakKeyDictionary()
+
+
+def _place(performer: Performer[PersonModel], joint: int) -> Float[Array, "3"]:
+    """Where a joint is in the room, m."""
+    moved = _moved(performer)[joint]
+    return moved[:3, :3] @ performer.model.skeleton.rest_joints[joint] + moved[:3, 3]
 
 
 def _distance(performer: Performer[PersonModel], camera: Camera) -> float:
-    pelvis = (performer.placement @ _joints(performer)[0])[:3, 3]
-    return float(np.linalg.norm(pelvis - camera.position))
+    return float(np.linalg.norm(_place(performer, 0) - camera.position))
 
 
 def _field_layer(performer: Performer[PersonModel], camera: Camera) -> Float[Array, "H W 4"]:

@@ -63,6 +63,10 @@ class Trainer(Protocol):
         """Compile whatever is compiled on first use; changes nothing else."""
         ...
 
+    def between(self, fraction: float) -> None:
+        """What is due before the step at `fraction` and is no training: its time is not counted."""
+        ...
+
     def step(self, fraction: float) -> float:
         """One step at `fraction` of the schedule; returns the loss. One that is not finite says
         that training has diverged, or that nobody is left in the picture."""
@@ -97,6 +101,8 @@ def train(
     iterations: int | None = None,
     seed: int = 0,
     lpips_backbone: Path | None = None,
+    start: PersonModel | None = None,
+    find_light: bool = False,
     on_progress: Callable[[Progress], None] = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
     checkpoint: Path | None = None,
@@ -106,9 +112,12 @@ def train(
 
     Args:
         preset: by name, or one with settings of its own.
-        budget_s: training time (compilation and reading apart); schedules scale with it.
+        budget_s: training time (compilation, reading and looking for the light apart); schedules
+            scale with it.
         iterations: a number of steps in its place: repeatable to the bit for one seed.
         lpips_backbone: weights for a perceptual loss, where the preset trains on patches.
+        start: an earlier model of the person, of this clip or another, to go on from (splats).
+        find_light: learn albedos, by the light that the clip was filmed in (splats); seconds more.
         checkpoint: where a stopped run is kept, and where this one goes on from if it is there.
         clock: monotonic seconds.
     Raises:
@@ -119,7 +128,7 @@ def train(
             f"either budget_s or iterations must be given; got {budget_s} and {iterations}"
         )
     chosen = find_preset(preset) if isinstance(preset, str) else preset
-    trainer = _make_trainer(chosen, sequence, seed, lpips_backbone)
+    trainer = _make_trainer(chosen, sequence, seed, lpips_backbone, start, find_light=find_light)
     run = _Run(trainer, chosen.name, sequence.data_hash, seed)
     run.resume(checkpoint)
     run.trainer.warm_up()
@@ -136,15 +145,29 @@ def train(
 
 
 def _make_trainer(
-    preset: Preset, sequence: Sequence, seed: int, lpips_backbone: Path | None
+    preset: Preset,
+    sequence: Sequence,
+    seed: int,
+    lpips_backbone: Path | None,
+    start: PersonModel | None,
+    *,
+    find_light: bool,
 ) -> Trainer:
     from renderer.field.settings import FieldSettings
+    from renderer.splats.model import SplatModel
 
     settings = preset.settings
     if lpips_backbone is not None and not trains_on_patches(preset):
         raise TrainingError(
             f"lpips_backbone must go with a preset that trains on patches, such as paper; "
             f"got {preset.name!r}; leave it out"
+        )
+    if start is not None and (
+        isinstance(settings, FieldSettings) or not isinstance(start, SplatModel)
+    ):
+        raise TrainingError(
+            f"start must be a model of splats and go with the preset splats; got one of "
+            f"{start.preset!r} and the preset {preset.name!r}; leave it out"
         )
     if isinstance(settings, FieldSettings):
         from renderer.field.training import FieldTrainer
@@ -153,7 +176,7 @@ def _make_trainer(
         return FieldTrainer(sequence, preset.name, settings, seed)
     from renderer.splats.training import SplatTrainer
 
-    return SplatTrainer(sequence, settings, seed)
+    return SplatTrainer(sequence, settings, seed, start, find_light=find_light)
 
 
 class _Run:
@@ -183,6 +206,9 @@ class _Run:
             fraction = self.elapsed_s / budget_s if budget_s else self.step / (iterations or 1)
             if fraction >= 1.0:
                 break
+            begun = clock()
+            self.trainer.between(fraction)
+            started += clock() - begun
             self.loss = self.trainer.step(fraction)
             self.step += 1
             self.elapsed_s = clock() - started

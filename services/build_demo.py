@@ -19,7 +19,6 @@ from capture.bvh import read_bvh
 from capture.store import open_sequence
 from capture.studio import make_sequence
 from renderer.checkpoint import save_model
-from renderer.relight_fit import with_albedo
 from renderer.splats.model import SplatModel
 from renderer.training import train
 from scene.motion import Motion
@@ -42,10 +41,10 @@ def build(
         )  # fmt: skip
         clip = open_sequence(clip_folder)
         model = train(
-            clip, preset="splats", iterations=_ITERATIONS, seed=_SEED, clock=time.perf_counter,
+            clip, preset="splats", iterations=_ITERATIONS, seed=_SEED, find_light=True,
+            clock=time.perf_counter,
             on_progress=lambda step: report(0.3 + 0.7 * step.fraction, step.message),
         )  # fmt: skip
-        model = with_albedo(model, clip)
     assert isinstance(model, SplatModel)
     recorded = _on_the_spot(read_bvh(motion, clip.body.skeleton))
     save_model(replace(model, motion=recorded), out)

@@ -94,6 +94,9 @@ class FieldTrainer:
     def warm_up(self) -> None:
         """Nothing is compiled."""
 
+    def between(self, fraction: float) -> None:
+        """Nothing: a field keeps the colours that it was filmed in."""
+
     def step(self, fraction: float) -> float:
         """One step at `fraction` of the schedule; returns the loss: NaN where its gradients are not
         finite (nothing is then learnt), infinite where the person has vanished from the picture."""

@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence as Many
+from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.relight import Relighting
-from renderer.splats.layout import BOX_FILTER_PX2, PROJECTED, TILE
+from renderer.relight import Relighting, normals_of
+from renderer.splats.layout import BLUE, BOX_FILTER_PX2, PROJECTED, RED, TILE
 from renderer.splats.skinned import SkinnedSplats
-from scene.arrays import Array, Float
+from scene.arrays import Array, Bool, Float
 from scene.camera import Camera
 from scene.lighting import Lighting
 
 _ENTRIES_AT_FIRST = 1 << 16
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Where the people of a picture are; all premultiplied: divided by `alpha` it is the mean of
+    what shows in a pixel, each splat counted as much as its colour is."""
+
+    depth: Float[Array, "H W"]
+    """Along the camera's axis, m."""
+    normal: Float[Array, "H W 3"]
+    """Outwards, world; between nil and unit length before it is premultiplied."""
+    alpha: Float[Array, "H W"]
 
 
 class Workspace:
@@ -110,6 +123,35 @@ class SplatRenderer:
         work = self._workspace
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), self._out)
         return self._out
+
+    def geometry(self, transforms: Many[Float[Array, "K 4 4"]]) -> Geometry:
+        """Of the picture that was rendered last, by the same `transforms`."""
+        work = self._workspace
+        depth = self._blend(np.broadcast_to(work.depth[:, None], (len(work.depth), 3)))
+        turns = np.concatenate(list(transforms))[self._joints, :3, :3]
+        rest = np.concatenate([normals_of(model) for model in self._models])
+        normals = np.einsum("nk,nkij,nj->ni", self._weights, turns, rest)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
+        shown = self._blend(normals)
+        return Geometry(depth[..., 0], shown[..., :3], shown[..., 3])
+
+    def _blend(self, values: Float[Array, "N 3"]) -> Float[Array, "H W 4"]:
+        """A picture of `values` in place of colours, and alpha."""
+        import numba
+
+        from renderer.splats.tile_kernels import draw
+
+        work, out = self._workspace, np.empty_like(self._out)
+        projected = work.projected.copy()
+        projected[:, RED : BLUE + 1] = values
+        draw(projected, work.starts, work.entries, numba.get_num_threads(), out)
+        return out
+
+    @property
+    def tiles(self) -> Bool[Array, "tH tW"]:
+        """Which tiles of the last picture anybody is in."""
+        height, width = self._out.shape[:2]
+        return (np.diff(self._workspace.starts) > 0).reshape(-(-height // TILE), -(-width // TILE))
 
     def _shaded(
         self, transforms: Float[Array, "K 4 4"], camera: Camera, lighting: Lighting

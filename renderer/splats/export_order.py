@@ -2,8 +2,8 @@
 
 Splats are drawn by lot, one after the other, each with a chance in proportion to the light it
 blends into pictures from all round (Efraimidis and Spirakis 2006): a beginning then keeps what is
-seen most, and some of everything. By light alone, half of the splats come 0.5 dB worse and a
-quarter 1.1 dB worse; by plain lot 2.2 and 1.5 dB.
+seen most, and some of everything. Of the demo's performer three quarters, half and a quarter of
+the splats come 0.8, 0.5 and 0.4 dB worse by plain lot.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def _light(model: SplatModel) -> Float[Array, "N"]:
     size = (_SIZE_PX, _SIZE_PX)
     work, threads = Workspace(len(model)), numba.get_num_threads()
     nothing = np.zeros((*size, 4), np.uint8)
-    summed = np.zeros((threads, len(model), PROJECTED + 1), np.float32)
+    summed = np.zeros((threads, len(model), PROJECTED), np.float32)
     height_m = model.skeleton.height_m
     for view in range(_VIEWS):
         pose = model.motion.pose(view * len(model.motion) // _VIEWS)
@@ -56,7 +56,7 @@ def _light(model: SplatModel) -> Float[Array, "N"]:
             pack_camera(camera), *size, BOX_FILTER_PX2,
         )  # fmt: skip
         draw_and_differentiate(
-            work.projected, work.starts, work.entries, nothing, np.zeros(3, np.float32),
+            work.projected, work.starts, work.entries, nothing, np.zeros(3, np.float32), 1.0,
             summed, np.zeros(threads),
         )  # fmt: skip
     return summed[:, :, CONTRIBUTION].sum(axis=0)

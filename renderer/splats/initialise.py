@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, POSITION, ROTATION
+from renderer.splats.model import SplatModel
+from renderer.splats.nearest import nearest_points
 from renderer.splats.settings import SplatSettings
 from scene.arrays import Array, Float
 from scene.body import Body
@@ -62,6 +64,26 @@ def first_splats(
     return FirstSplats(
         parameters, strongest.astype(np.uint16), top.astype(np.float32), normals.astype(np.float32)
     )
+
+
+def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -> FirstSplats:
+    """The splats of an earlier `model` on `skeleton`; their normals are those of `first`."""
+    joints = model.joints.astype(np.uint16)
+    parameters = moved_with_bones(model.parameters, joints, model.weights, model.skeleton, skeleton)
+    place = slice(POSITION, POSITION + 3)
+    _, nearest = nearest_points(parameters[:, place], first.parameters[:, place])
+    return FirstSplats(parameters, joints, model.weights, first.normals[nearest])
+
+
+def moved_with_bones(
+    parameters: Float[Array, "N P"], joints: Array, weights: Float[Array, "N 4"],
+    before: Skeleton, after: Skeleton,
+) -> Float[Array, "N P"]:  # fmt: skip
+    """`parameters` of splats on the skeleton `before`, on the one of other bone lengths `after`."""
+    moved, longer = parameters.copy(), after.rest_joints - before.rest_joints
+    shift = np.einsum("ns,nsx->nx", weights, longer[joints])
+    moved[:, POSITION : POSITION + 3] += shift.astype(np.float32)
+    return moved
 
 
 def _from_z_axis(directions: Float[Array, "N 3"]) -> Float[Array, "N 4"]:

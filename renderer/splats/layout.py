@@ -1,6 +1,6 @@
 """How a splat's 14 parameters lie in one row of memory, shared by the kernels and the model.
 
-Letters: N splats, P = 14 parameters, Q = 9 numbers of a projected splat.
+Letters: N splats, P = 14 parameters, Q = 10 numbers of a projected splat.
 """
 
 from __future__ import annotations
@@ -9,11 +9,12 @@ POSITION, LOG_SCALE, ROTATION, COLOUR, OPACITY = 0, 3, 6, 10, 13
 """First columns: rest position (m), log axis lengths (m), quaternion wxyz, sRGB, opacity logit."""
 PARAMETERS = 14
 
-MEAN_X, MEAN_Y, CONIC_A, CONIC_B, CONIC_C, ALPHA, RED, GREEN, BLUE = range(9)
-"""A splat on the picture: centre (px), inverse covariance (1/px^2), opacity, colour."""
-PROJECTED = 9
-CONTRIBUTION = 9
-"""Column of the summed blending weight; gradient buffers have PROJECTED + 1 columns."""
+MEAN_X, MEAN_Y, CONIC_A, CONIC_B, CONIC_C, ALPHA, RED, GREEN, BLUE, HALF_HEIGHT = range(10)
+"""A splat on the picture: centre (px), inverse covariance (1/px^2), opacity, colour, and how far
+(px) above and below its centre it can be seen."""
+PROJECTED = 10
+CONTRIBUTION = HALF_HEIGHT
+"""Column of the summed blending weight in gradients, which have no half height."""
 
 BOX_FILTER_PX2 = 1.0 / 12.0
 """Variance of a pixel's box filter: what a camera adds to every splat's covariance, px^2."""

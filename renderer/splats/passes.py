@@ -31,10 +31,10 @@ that are still on their way would take poses with them. Short trainings so have 
 
 
 class Passes:
-    """The passes of one training."""
+    """The passes of one training; where the person's looks are `known` they begin at once."""
 
-    def __init__(self, views: list[View]) -> None:
-        self._views = views
+    def __init__(self, views: list[View], *, known: bool = False) -> None:
+        self._views, self._known = views, known
         self._steps = self._done = 0
         tall = [np.flatnonzero((view.rgba[..., 3] > 127).any(axis=1)).size for view in views]
         shares = [max(1, round(float(np.median(tall)) / height)) for height in _HEIGHTS_PX]
@@ -44,8 +44,9 @@ class Passes:
     def due(self, fraction: float) -> bool:
         """Whether a pass is to be made now; asked once a step."""
         self._steps += 1
-        rounds = _ROUNDS if self._done else _FIRST_ROUNDS
-        planned = _FIRST + (_LAST - _FIRST) * self._done / _MOST
+        rounds = _ROUNDS if self._done or self._known else _FIRST_ROUNDS
+        first = 0.0 if self._known else _FIRST
+        planned = first + (_LAST - first) * self._done / _MOST
         due = planned <= fraction < _LAST and self._steps >= rounds * len(self._views)
         if due:
             self._steps, self._done = 0, self._done + 1

@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.photometry import SHARED, stretched
+from renderer.model import PersonModel
+from renderer.photometry import SHARED, stretch_between, stretched
 from renderer.splats.clip_wide import FIRST_SPREADS, ClipEquations, ClipState, solve
 from scene.arrays import Array, Float
 from scene.motion import Motion, Pose
@@ -20,16 +21,21 @@ from scene.temporal import Accelerations
 
 
 class PoseRefinement:
-    """Poses of all training frames: fixed where they are exact, else refined."""
+    """Poses of all training frames: fixed where they are exact, else refined.
 
-    def __init__(self, sequence: Sequence) -> None:
+    What `start`, an earlier model, has refined of the same clip is gone on from.
+    """
+
+    def __init__(self, sequence: Sequence, start: PersonModel | None = None) -> None:
         self.active = not sequence.exact_poses
         self._first_skeleton = self.skeleton = sequence.body.skeleton
-        self._estimate = sequence.motion
+        self._estimate = now = sequence.motion
         self._operator = Accelerations.of(self._estimate.times_s)
-        self._angles = self._estimate.joint_angles.copy()
-        self._root = self._estimate.root_translation.copy()
         self._shared = np.zeros(SHARED)
+        if start is not None and start.data_hash == sequence.data_hash:
+            now, self.skeleton = start.motion, start.skeleton
+            self._shared = stretch_between(self._first_skeleton, self.skeleton)
+        self._angles, self._root = now.joint_angles.copy(), now.root_translation.copy()
         self._spreads = np.array(FIRST_SPREADS)
         self._transforms = self._all_transforms()
 

@@ -23,6 +23,7 @@ from renderer.splats.layout import (
     EMPTY_BOX,
     FAINTEST,
     GREEN,
+    HALF_HEIGHT,
     LOG_SCALE,
     MEAN_X,
     MEAN_Y,
@@ -164,6 +165,7 @@ def project(
         projected[i, MEAN_X], projected[i, MEAN_Y] = mean_x, mean_y
         projected[i, CONIC_A], projected[i, CONIC_B] = yy * inverse, -xy * inverse
         projected[i, CONIC_C], projected[i, ALPHA] = xx * inverse, alpha
+        projected[i, HALF_HEIGHT] = half_y
         projected[i, RED] = parameters[i, COLOUR]
         projected[i, GREEN] = parameters[i, COLOUR + 1]
         projected[i, BLUE] = parameters[i, COLOUR + 2]
@@ -184,7 +186,7 @@ def _chain_rule_range(
     boxes: Array,  # [N 4] int32
     start: int,
     stop: int,
-    on_picture: Array,  # [N Q+1] float32: gradient by what was projected; last: contribution
+    on_picture: Array,  # [N Q] float32: gradient by what was projected; last: contribution
     gradient: Array,  # [N P] float32, written
     by_transform: Array,  # [K 3 4] float32, added to
 ) -> None:
@@ -295,7 +297,7 @@ def chain_rule(
     camera: Array,  # [4 4] float32
     projected: Array,  # [N Q] float32
     boxes: Array,  # [N 4] int32
-    on_picture: Array,  # [N Q+1] float32: gradient by what was projected; last: contribution
+    on_picture: Array,  # [N Q] float32: gradient by what was projected; last: contribution
     gradient: Array,  # [N P] float32, written
     by_transform: Array,  # [threads K 3 4] float32, added to
 ) -> None:

@@ -29,6 +29,11 @@ class SplatSettings:
     rotation_rate: float = 4e-3
     colour_rate: float = 2e-2
     opacity_rate: float = 3e-2
+    linear_from: float = 0.2
+    """Difference in colour from which a pixel pulls no stronger: 0.2 to 0.3 dB above the same pull
+    by all."""
+    uncertain_linear_from: float = 0.02
+    """The same where poses are estimated and pixels show another place: 0.2 loses 0.5 dB."""
     last_rate_share: float = 0.05
     """Every rate falls linearly to this share."""
     beta1: float = 0.9

@@ -1,18 +1,17 @@
 """Sort splats by depth, hand them to 16x16 tiles, blend front to back; and the way back.
 
 A tile's row of 16 pixels is the innermost loop, written so that it becomes vector code: no branch,
-contiguous float32, a fixed count. Forward, loss and backward of a tile follow one another while it
-is in cache. Each thread has its own gradient buffer, so no atomics are needed and sums are
-repeatable for a given number of threads.
+contiguous float32, a fixed count; one float64 or int64 in it halves the speed. Forward, loss and
+backward of a tile follow one another while it is in cache. Each thread has its own gradient buffer,
+so no atomics are needed and sums are repeatable for a given number of threads.
 """
 
 from __future__ import annotations
 
-import math
-
 import numba
 import numpy as np
 
+from renderer.exp_kernels import exp_falling
 from renderer.splats.layout import (
     ALPHA,
     BLUE,
@@ -21,8 +20,8 @@ from renderer.splats.layout import (
     CONIC_C,
     CONTRIBUTION,
     EMPTY_BOX,
-    FAINTEST,
     GREEN,
+    HALF_HEIGHT,
     MEAN_X,
     MEAN_Y,
     MOST_OPAQUE,
@@ -32,23 +31,12 @@ from renderer.splats.layout import (
 from scene.arrays import Array
 
 _F = np.float32
+_U = np.uint64
+"""An index that can't be negative: loads and stores stay in vectors."""
 _DEPTH_BINS = 4096
 """Steps of depth that the counting sort tells apart: under a millimetre over a body's depth."""
 _OPAQUE = 1.0 / 512.0
 """A tile whose every pixel lets less through is finished."""
-
-
-@numba.njit(inline="always", fastmath=True)
-def _exp(x):
-    """e^x for x <= 0, relative error under 4e-5: 2^n by exponent bits times a polynomial."""
-    y = max(x, _F(-80.0)) * _F(1.4426950408889634)
-    whole = math.floor(y)
-    f = y - whole
-    p = _F(1.0) + f * (
-        _F(0.69314718)
-        + f * (_F(0.24022651) + f * (_F(0.0555041) + f * (_F(0.00961813) + f * _F(0.00133336))))
-    )
-    return p * np.int32((np.int32(whole) + np.int32(127)) << np.int32(23)).view(np.float32)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -106,57 +94,62 @@ def fill_entries(
 
 
 @numba.njit(inline="always", fastmath=True)
-def _alphas(splat, left, dy, alphas):
-    """Opacities of one row of 16 pixels; returns False where none of them can be seen."""
-    a, b, c, opacity = splat[CONIC_A], splat[CONIC_B], splat[CONIC_C], splat[ALPHA]
-    # the row's peak of -0.5 d^T C d lies where a dx + b dy = 0
-    peak = _F(-0.5) * (c - b * b / a) * dy * dy
-    if opacity * math.exp(peak) < FAINTEST:
-        return False
-    base = left + _F(0.5) - splat[MEAN_X]
-    half_c = _F(-0.5) * c * dy * dy
-    slope = -b * dy
-    for x in range(TILE):
-        dx = base + _F(x)
-        power = half_c + dx * (slope - _F(0.5) * a * dx)
-        alphas[x] = min(opacity * _exp(min(power, _F(0.0))), _F(MOST_OPAQUE))
-    return True
-
-
-@numba.njit(inline="always", fastmath=True)
 def _row_span(splat, top):
-    """First and past-last row of the tile that the splat can touch."""
-    a, b, c = splat[CONIC_A], splat[CONIC_B], splat[CONIC_C]
-    determinant = max(a * c - b * b, _F(1e-20))
-    half = math.sqrt(_F(2.0) * math.log(splat[ALPHA] / _F(FAINTEST)) * a / determinant)
-    first = max(0, math.floor(splat[MEAN_Y] - half - top - _F(0.5)))
-    last = min(TILE, math.ceil(splat[MEAN_Y] + half - top + _F(0.5)))
-    return first, last
+    """First and past-last row of the tile that has a pixel the splat can be seen in."""
+    middle, half = splat[MEAN_Y] - top + _F(0.5), splat[HALF_HEIGHT]
+    first = min(max(middle - half, _F(0.0)), _F(TILE))
+    last = min(max(middle + half, _F(0.0)), _F(TILE))
+    return np.int32(first), np.int32(last)
 
 
 @numba.njit(inline="always", fastmath=True)
-def _blend_tile(projected, entries, start, stop, left, top, through, colour, alphas):
-    """Front to back over one tile: fills transmittance [16 16] and colour [3 16 16]."""
-    through[:] = 1.0
-    colour[:] = 0.0
+def _blend_tile(projected, entries, start, stop, left, top, sums, open_rows):
+    """Front to back over one tile: fills `sums`; returns where in the list it was finished.
+
+    A row of `sums` [16 64] is a row of the tile: 16 transmittances, then red, green and blue. They
+    lie in one line so that the compiler sees that they don't overlap and keeps vectors.
+    """
+    sums[:, :TILE] = 1.0
+    sums[:, TILE:] = 0.0
+    open_rows[:] = True
     for e in range(start, stop):
         splat = projected[entries[e]]
         red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
+        b, opacity = splat[CONIC_B], splat[ALPHA]
+        half_a, half_c = _F(-0.5) * splat[CONIC_A], _F(-0.5) * splat[CONIC_C]
+        base = left + _F(0.5) - splat[MEAN_X]
         first, last = _row_span(splat, top)
         for row in range(first, last):
-            dy = top + _F(row) + _F(0.5) - splat[MEAN_Y]
-            if not _alphas(splat, left, dy, alphas):
+            if not open_rows[row]:
                 continue
-            t, r, g, b = through[row], colour[0, row], colour[1, row], colour[2, row]
+            dy = top + _F(row) + _F(0.5) - splat[MEAN_Y]
+            fall, slope = half_c * dy * dy, -b * dy
+            line = sums[row]
             for x in range(TILE):
-                weight = alphas[x] * t[x]
-                r[x] += weight * red
-                g[x] += weight * green
-                b[x] += weight * blue
-                t[x] -= weight
-        if (e - start) & 15 == 15 and through.max() < _OPAQUE:
+                dx = base + _F(x)
+                power = min(fall + dx * (slope + half_a * dx), _F(0.0))
+                alpha = min(opacity * exp_falling(power), _F(MOST_OPAQUE))
+                weight = alpha * line[_U(x)]
+                line[_U(x)] -= weight
+                line[_U(x + TILE)] += weight * red
+                line[_U(x + 2 * TILE)] += weight * green
+                line[_U(x + 3 * TILE)] += weight * blue
+        if (e - start) & 15 == 15 and not _look_again(sums, open_rows):
             return e + 1
     return stop
+
+
+@numba.njit(inline="always", fastmath=True)
+def _look_again(sums, open_rows):
+    """Note which rows still let light through; returns whether any does."""
+    some = False
+    for row in range(TILE):
+        most = _F(0.0)
+        for x in range(TILE):
+            most = max(most, sums[row, _U(x)])
+        open_rows[row] = most >= _F(_OPAQUE)
+        some |= open_rows[row]
+    return some
 
 
 @numba.njit(parallel=True, fastmath=True, nogil=True, cache=True)
@@ -172,9 +165,8 @@ def draw(
     tiles_x = (width + TILE - 1) // TILE
     tiles = starts.shape[0] - 1
     for thread in numba.prange(threads):
-        through = np.empty((TILE, TILE), np.float32)
-        colour = np.empty((3, TILE, TILE), np.float32)
-        alphas = np.empty(TILE, np.float32)
+        sums = np.empty((TILE, 4 * TILE), np.float32)
+        open_rows = np.empty(TILE, np.bool_)
         for tile in range(thread, tiles, threads):
             x0, y0 = (tile % tiles_x) * TILE, (tile // tiles_x) * TILE
             rows, columns = min(TILE, height - y0), min(TILE, width - x0)
@@ -182,16 +174,15 @@ def draw(
                 out[y0 : y0 + rows, x0 : x0 + columns] = 0.0
                 continue
             _blend_tile(
-                projected, entries, starts[tile], starts[tile + 1], _F(x0), _F(y0),
-                through, colour, alphas,
-            )  # fmt: skip
+                projected, entries, starts[tile], starts[tile + 1], _F(x0), _F(y0), sums, open_rows
+            )
             for row in range(rows):
                 line = out[y0 + row]
                 for x in range(columns):
-                    line[x0 + x, 0] = colour[0, row, x]
-                    line[x0 + x, 1] = colour[1, row, x]
-                    line[x0 + x, 2] = colour[2, row, x]
-                    line[x0 + x, 3] = _F(1.0) - through[row, x]
+                    line[x0 + x, 0] = sums[row, x + TILE]
+                    line[x0 + x, 1] = sums[row, x + 2 * TILE]
+                    line[x0 + x, 2] = sums[row, x + 3 * TILE]
+                    line[x0 + x, 3] = _F(1.0) - sums[row, x]
 
 
 @numba.njit(parallel=True, fastmath=True, nogil=True, cache=True)
@@ -201,42 +192,47 @@ def draw_and_differentiate(
     entries: Array,  # [lists] int32
     target: Array,  # [H W 4] uint8: premultiplied sRGB and alpha
     background: Array,  # [3] float32
-    gradients: Array,  # [threads N Q+1] float32, must be nil; added to
-    losses: Array,  # [threads] float64, written: summed absolute difference
+    linear_from: float,
+    gradients: Array,  # [threads N Q] float32, must be nil; added to
+    losses: Array,  # [threads] float64, written: summed over channels and pixels
 ) -> None:
-    """L1 loss of the splats over `background` against the target over it, and its gradient."""
+    """Loss of the splats over `background` against the target over it, and its gradient.
+
+    Huber's, of each channel's difference d (Huber 1964): d^2 / 2w up to w = `linear_from`, then
+    |d| - w / 2.
+    """
+    width_of_square = _F(linear_from)
     threads = gradients.shape[0]
     width = target.shape[1]
     tiles_x = (width + TILE - 1) // TILE
     tiles = starts.shape[0] - 1
     for thread in numba.prange(threads):
+        sums = np.empty((TILE, 4 * TILE), np.float32)
+        open_rows = np.empty(TILE, np.bool_)
         through = np.empty((TILE, TILE), np.float32)
-        colour = np.empty((3, TILE, TILE), np.float32)
-        sign = np.empty((3, TILE, TILE), np.float32)
+        slopes = np.empty((3, TILE, TILE), np.float32)
         behind = np.empty((TILE, TILE), np.float32)
         alphas = np.empty(TILE, np.float32)
         loss = 0.0
         for tile in range(thread, tiles, threads):
             x0, y0 = (tile % tiles_x) * TILE, (tile // tiles_x) * TILE
             begin, end = starts[tile], starts[tile + 1]
-            end = _blend_tile(
-                projected, entries, begin, end, _F(x0), _F(y0), through, colour, alphas
-            )
-            loss += _compare(target, background, x0, y0, through, colour, sign, behind)
+            end = _blend_tile(projected, entries, begin, end, _F(x0), _F(y0), sums, open_rows)
+            loss += _compare(target, background, width_of_square, x0, y0, sums, slopes, behind)
             if end > begin:
                 _differentiate_tile(
                     projected, entries, begin, end, _F(x0), _F(y0),
-                    through, sign, behind, alphas, gradients[thread],
+                    through, slopes, behind, alphas, gradients[thread],
                 )  # fmt: skip
         losses[thread] = loss
 
 
 @numba.njit(inline="always", fastmath=True)
-def _compare(target, background, x0, y0, through, colour, sign, behind):
-    """L1 of one tile; fills its gradient's sign and, a pixel, sum of sign * all colour behind."""
+def _compare(target, background, width_of_square, x0, y0, sums, slopes, behind):
+    """Loss of one tile; fills its slopes by colour and, a pixel, their sum over all behind."""
     height, width = target.shape[0], target.shape[1]
     loss = _F(0.0)
-    sign[:] = 0.0
+    slopes[:] = 0.0
     behind[:] = 0.0
     for row in range(min(TILE, height - y0)):
         for x in range(min(TILE, width - x0)):
@@ -245,17 +241,17 @@ def _compare(target, background, x0, y0, through, colour, sign, behind):
                 wanted = (
                     _F(target[y0 + row, x0 + x, k]) * _F(1.0 / 255.0) + uncovered * background[k]
                 )
-                shown = colour[k, row, x] + through[row, x] * background[k]
+                shown = sums[row, x + (k + 1) * TILE] + sums[row, x] * background[k]
                 difference = shown - wanted
-                loss += abs(difference)
-                s = _F(1.0) if difference > 0 else (_F(-1.0) if difference < 0 else _F(0.0))
-                sign[k, row, x] = s
+                s = max(_F(-1.0), min(difference / width_of_square, _F(1.0)))
+                loss += s * (difference - _F(0.5) * s * width_of_square)
+                slopes[k, row, x] = s
                 behind[row, x] += s * shown
     return loss
 
 
 @numba.njit(inline="always", fastmath=True)
-def _differentiate_tile(projected, entries, begin, end, left, top, through, sign, behind,
+def _differentiate_tile(projected, entries, begin, end, left, top, through, slopes, behind,
                         alphas, gradient):  # fmt: skip
     """Front to back again: what lies behind a splat is the total less what has been passed."""
     through[:] = 1.0
@@ -271,10 +267,13 @@ def _differentiate_tile(projected, entries, begin, end, left, top, through, sign
         first, last = _row_span(splat, top)
         for row in range(first, last):
             dy = top + _F(row) + _F(0.5) - splat[MEAN_Y]
-            if not _alphas(splat, left, dy, alphas):
-                continue
+            fall, slope = _F(-0.5) * c * dy * dy, -b * dy
+            for x in range(TILE):
+                dx = base + _F(x)
+                power = min(fall + dx * (slope - _F(0.5) * a * dx), _F(0.0))
+                alphas[x] = min(opacity * exp_falling(power), _F(MOST_OPAQUE))
             t, rest = through[row], behind[row]
-            g_r, g_g, g_b = sign[0, row], sign[1, row], sign[2, row]
+            g_r, g_g, g_b = slopes[0, row], slopes[1, row], slopes[2, row]
             row_p, row_px, row_pxx = _F(0.0), _F(0.0), _F(0.0)
             for x in range(TILE):
                 alpha = alphas[x]
@@ -283,15 +282,15 @@ def _differentiate_tile(projected, entries, begin, end, left, top, through, sign
                 rest[x] -= weight * light
                 by_alpha = t[x] * light - rest[x] / (_F(1.0) - alpha)
                 # a clamped opacity does not move with the splat
-                power = by_alpha * alpha if alpha < _F(MOST_OPAQUE) else _F(0.0)
+                by_power = by_alpha * alpha if alpha < _F(MOST_OPAQUE) else _F(0.0)
                 s_r += weight * g_r[x]
                 s_g += weight * g_g[x]
                 s_b += weight * g_b[x]
                 s_w += weight
                 dx = base + _F(x)
-                row_p += power
-                row_px += power * dx
-                row_pxx += power * dx * dx
+                row_p += by_power
+                row_px += by_power * dx
+                row_pxx += by_power * dx * dx
                 t[x] -= weight
             s_o += row_p
             s_x += a * row_px + b * dy * row_p

@@ -1,4 +1,8 @@
-"""Splats straight from the frames: one frame a step, L1 over a random background, Adam."""
+"""Splats straight from the frames: one frame a step over a random background, Huber's loss, Adam.
+
+Learnt from a trained field's pictures they come within 0.3 dB of the field, 1.4 dB below those
+learnt from the frames for as long; from both, 0.7 dB below (`metanerf bench distil`).
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,8 @@ import numpy as np
 
 from renderer.photometry import Points
 from renderer.splats.compose import SplatRenderer, Workspace
-from renderer.splats.initialise import first_splats
+from renderer.splats.filmed_light import FilmedLight
+from renderer.splats.initialise import first_splats, moved_with_bones, splats_of_model
 from renderer.splats.layout import (
     ALPHA,
     BOX_FILTER_PX2,
@@ -46,25 +51,40 @@ _VISIBILITY_FRAMES = 40
 """Frames looked at to find out which splats were seen."""
 _LEAST_CONTRIBUTION = 0.02
 """Summed blending weight, in pixels, from which a step moves a splat."""
+_LIGHT_FROM = 0.3
+"""Share of the training after which the light is looked for."""
 _PREVIEW_PX = 384
 
 
 class SplatTrainer:
     """Trains one `SplatModel` (a `Trainer`)."""
 
-    def __init__(self, sequence: Sequence, settings: SplatSettings, seed: int) -> None:
+    def __init__(
+        self,
+        sequence: Sequence,
+        settings: SplatSettings,
+        seed: int,
+        start: SplatModel | None = None,
+        *,
+        find_light: bool = False,
+    ) -> None:
         import numba
 
-        self._sequence, self._settings = sequence, settings
+        self._sequence, self._settings, self._warm = sequence, settings, start is not None
+        self._find_light = find_light
+        self._light: FilmedLight | None = None
         self._rng = np.random.default_rng(seed)
         self._views = read_views(sequence.train)
-        self._first_splats = first = first_splats(sequence, settings, self._rng)
+        first = first_splats(sequence, settings, self._rng)
+        self._poses = PoseRefinement(sequence, start)
+        if start is not None:
+            first = splats_of_model(start, first, self._poses.skeleton)
+        self._first_splats, self._first_skeleton = first, self._poses.skeleton
         self.parameters, self._joints, self._weights = (
             first.parameters.copy(), first.joints, first.weights
         )  # fmt: skip
         count = len(self.parameters)
-        self._poses = PoseRefinement(sequence)
-        self._passes = Passes(self._views) if self._poses.active else None
+        self._passes = Passes(self._views, known=self._warm) if self._poses.active else None
         self._surface = first.parameters
         self._first = np.zeros_like(self.parameters)
         self._second = np.zeros_like(self.parameters)
@@ -73,13 +93,16 @@ class SplatTrainer:
         self._queue: list[int] = []
         threads = numba.get_num_threads()
         self._work = Workspace(count)
-        self._thread_gradients = np.zeros((threads, count, PROJECTED + 1), np.float32)
-        self._by_projected = np.zeros((count, PROJECTED + 1), np.float32)
+        self._thread_gradients = np.zeros((threads, count, PROJECTED), np.float32)
+        self._by_projected = np.zeros((count, PROJECTED), np.float32)
         self._by_parameter = np.zeros((count, PARAMETERS), np.float32)
         self._by_transform = np.zeros(
             (threads, len(sequence.body.skeleton.names), 3, 4), np.float32
         )
         self._losses = np.zeros(threads)
+        self._linear_from = (
+            settings.linear_from if sequence.exact_poses else settings.uncertain_linear_from
+        )
 
     def warm_up(self) -> None:
         """Compile the kernels by one step whose effect is undone."""
@@ -88,8 +111,20 @@ class SplatTrainer:
         self.preview()
         self.restore(before)
 
+    def between(self, fraction: float) -> None:
+        """Find the light, once the splats have the person's colours."""
+        if not self._find_light or self._light is not None or fraction < _LIGHT_FROM:
+            return
+        from renderer.relight_fit import filmed_light
+
+        whole = np.ones(len(self.parameters), bool)
+        self._light = filmed_light(self._model(self.parameters, whole, {}), self._sequence)
+        self._find_light = self._light is not None
+        if self._light is not None:
+            self.parameters = self._light.unbaked(self.parameters)
+
     def step(self, fraction: float) -> float:
-        """Draw one frame, compare, move what it showed; returns mean absolute difference."""
+        """Draw one frame, compare, move what it showed; returns the mean loss of a channel."""
         from renderer.splats.adam_kernels import adam_step
         from renderer.splats.project_kernels import chain_rule
 
@@ -98,7 +133,7 @@ class SplatTrainer:
         if not self._queue:
             self._queue = self._rng.permutation(len(self._views)).tolist()
         frame = self._queue.pop()
-        transforms = self._draw(
+        transforms, shown = self._draw(
             frame, self._dilation(fraction), self._rng.uniform(size=3).astype(np.float32)
         )
         view, work = self._views[frame], self._work
@@ -107,6 +142,8 @@ class SplatTrainer:
             self.parameters, self._joints, self._weights, transforms, view.camera,
             work.projected, work.boxes, self._by_projected, self._by_parameter, self._by_transform,
         )  # fmt: skip
+        if self._light is not None:
+            self._light.pull_albedo(self._by_parameter, self.parameters, shown)
         contribution = self._by_projected[:, CONTRIBUTION]
         rates = self._rates(fraction)
         adam_step(
@@ -120,10 +157,10 @@ class SplatTrainer:
 
     def _draw(
         self, frame: int, dilation: float, background: Float[Array, "3"]
-    ) -> Float[Array, "K 4 4"]:
+    ) -> tuple[Float[Array, "K 4 4"], Float[Array, "N P"]]:
         """Draw `frame` and compare: fills the gradient by what was projected, and the losses.
 
-        Returns the transforms that it was drawn with.
+        Returns the transforms and the parameters that it was drawn with.
         """
         from renderer.splats.adam_kernels import sum_threads
         from renderer.splats.tile_kernels import draw_and_differentiate
@@ -131,16 +168,21 @@ class SplatTrainer:
         view, work = self._views[frame], self._work
         transforms = self._poses.transforms(frame)
         height, width = view.rgba.shape[:2]
+        shown = self.parameters
+        if self._light is not None:
+            shown = self._light.lit(
+                shown, self._joints, self._weights, transforms, view.window.position
+            )
         work.arrange(
-            self.parameters, self._joints, self._weights, transforms, view.camera,
+            shown, self._joints, self._weights, transforms, view.camera,
             width, height, dilation,
         )  # fmt: skip
         draw_and_differentiate(
-            work.projected, work.starts, work.entries, view.rgba, background,
+            work.projected, work.starts, work.entries, view.rgba, background, self._linear_from,
             self._thread_gradients, self._losses,
         )  # fmt: skip
         sum_threads(self._thread_gradients, self._by_projected)
-        return transforms
+        return transforms, shown
 
     def _refine_poses(self, passes: Passes, fraction: float) -> None:
         """One pass over the clip; what is bound to bones that get longer moves with them."""
@@ -150,22 +192,23 @@ class SplatTrainer:
         before = self._poses.skeleton
         self._poses.move(
             passes.equations(
-                points, self.parameters, self._poses, fraction, self._dilation(fraction)
+                points,
+                self._baked(self.parameters),
+                self._poses,
+                fraction,
+                self._dilation(fraction),
             )
         )
         self.parameters = self._moved_with_bones(self.parameters, before)
-        self._surface = self._moved_with_bones(
-            self._first_splats.parameters, self._sequence.body.skeleton
-        )
+        self._surface = self._moved_with_bones(self._first_splats.parameters, self._first_skeleton)
 
     def _moved_with_bones(
         self, parameters: Float[Array, "N P"], before: Skeleton
     ) -> Float[Array, "N P"]:
         """`parameters` of splats on the skeleton `before`, on the one that is now."""
-        moved, longer = parameters.copy(), self._poses.skeleton.rest_joints - before.rest_joints
-        shift = np.einsum("ns,nsx->nx", self._weights, longer[self._joints])
-        moved[:, POSITION : POSITION + 3] += shift.astype(np.float32)
-        return moved
+        return moved_with_bones(
+            parameters, self._joints, self._weights, before, self._poses.skeleton
+        )
 
     def _pull_to_surface(self, moved: Bool[Array, "N"], fraction: float) -> None:
         """Draw places, sizes and turns of the splats just moved back towards how they began."""
@@ -195,6 +238,7 @@ class SplatTrainer:
             "chance": np.array(chance),
             **self._poses.state(),
             **(self._passes.state() if self._passes else {}),
+            **(self._light.state() if self._light else {}),
         }
 
     def restore(self, state: dict[str, Array]) -> None:
@@ -205,10 +249,9 @@ class SplatTrainer:
         chance = json.loads(str(state["chance"]))
         self._rng.bit_generator.state, self._queue = chance["rng"], list(chance["queue"])
         self._thread_gradients[:] = 0.0
+        self._light = FilmedLight.restored(state)
         self._poses.restore(state)
-        self._surface = self._moved_with_bones(
-            self._first_splats.parameters, self._sequence.body.skeleton
-        )
+        self._surface = self._moved_with_bones(self._first_splats.parameters, self._first_skeleton)
         if self._passes is not None:
             self._passes.restore(state)
 
@@ -228,8 +271,12 @@ class SplatTrainer:
     def _model(
         self, parameters: Float[Array, "N P"], seen: Bool[Array, "N"], metrics: dict[str, Any]
     ) -> SplatModel:
+        light, albedo, normals = self._light, None, None
+        if light is not None:
+            albedo = np.clip(parameters[:, COLOUR : COLOUR + 3] ** 2, 0.0, 1.0)
+            normals = light.normals
         return SplatModel(
-            parameters,
+            self._baked(parameters),
             self._joints.astype(np.uint8),
             self._weights,
             seen,
@@ -237,14 +284,20 @@ class SplatTrainer:
             self._poses.motion(),
             self._sequence.data_hash,
             metrics=metrics,
+            albedo=albedo,
+            normals=normals,
         )
+
+    def _baked(self, parameters: Float[Array, "N P"]) -> Float[Array, "N P"]:
+        """`parameters` with colours as filmed, whatever is being learnt."""
+        return parameters if self._light is None else self._light.baked(parameters)
 
     def _seen(self) -> Bool[Array, "N"]:
         """Splats that faced the camera in some frame while their light reached it."""
         every = max(1, len(self._views) // _VISIBILITY_FRAMES)
         seen = np.zeros(len(self.parameters), bool)
         for frame in range(0, len(self._views), every):
-            transforms = self._draw(frame, BOX_FILTER_PX2, np.zeros(3, np.float32))
+            transforms, _ = self._draw(frame, BOX_FILTER_PX2, np.zeros(3, np.float32))
             p = self._work.projected
             # a splat alone would blend its opacity times the area of its Gaussian, 2 pi / sqrt(det)
             density = np.maximum(p[:, CONIC_A] * p[:, CONIC_C] - p[:, CONIC_B] ** 2, 1e-12)
@@ -271,7 +324,7 @@ class SplatTrainer:
     def _dilation(self, fraction: float) -> float:
         """px^2 added to every splat; poses that are estimated start blurred, so that limbs find
         their place from further away."""
-        if not self._poses.active:
+        if not self._poses.active or self._warm:
             return BOX_FILTER_PX2
         left = max(0.0, 1.0 - 2.0 * fraction)
         return BOX_FILTER_PX2 + left * left * self._settings.first_blur_px2

@@ -13,6 +13,7 @@ import numpy as np
 from renderer.model import PersonModel
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION
 from renderer.splats.model import SplatModel
+from renderer.splats.nearest import ROWS, nearest_points, squared_distances
 from scene.arrays import Array, Bool, Float
 
 _MIRROR_REACH_M = 0.03
@@ -24,8 +25,6 @@ _KEPT_M, _GONE_M = 0.02, 0.1
 it is gone: single ones among seen ones leave no hole, and an edge fades over a hand's breadth."""
 _WIDER = 0.3
 """Added to the logarithm of the sizes."""
-_ROWS = 1024
-"""Distances are taken in blocks of so many rows, to bound memory."""
 
 
 def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Float[Array, "N P"]:
@@ -39,8 +38,8 @@ def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Floa
     missing, known = np.flatnonzero(~seen), np.flatnonzero(seen)
     rest, colours = parameters[:, POSITION : POSITION + 3], slice(COLOUR, COLOUR + 3)
     mirrored = rest[missing] * np.array([-1.0, 1.0, 1.0], np.float32)
-    mirror_distance, mirror = _nearest(mirrored, rest[known])
-    _, nearest = _nearest(rest[missing], rest[known])
+    mirror_distance, mirror = nearest_points(mirrored, rest[known])
+    _, nearest = nearest_points(rest[missing], rest[known])
     donor = known[np.where(mirror_distance < _MIRROR_REACH_M, mirror, nearest)]
     givers, place = np.unique(donor, return_inverse=True)
     filled[missing, colours] = _about(rest[givers], rest[known], parameters[known, colours])[place]
@@ -52,9 +51,9 @@ def _about(
 ) -> Float[Array, "M 3"]:
     """Mean colour of the `others` round each of `points`, which is one of them."""
     mean = np.empty_like(colours, shape=(len(points), 3))
-    for start in range(0, len(points), _ROWS):
-        near = _squared(points[start : start + _ROWS], others) < _ROUND_M**2
-        mean[start : start + _ROWS] = near @ colours / near.sum(axis=1, keepdims=True)
+    for start in range(0, len(points), ROWS):
+        near = squared_distances(points[start : start + ROWS], others) < _ROUND_M**2
+        mean[start : start + ROWS] = near @ colours / near.sum(axis=1, keepdims=True)
     return mean
 
 
@@ -83,7 +82,7 @@ def presence(model: SplatModel) -> Float[Array, "N"]:
     present = np.where(model.seen, 1.0, 0.0)
     if model.seen.any():
         missing = np.flatnonzero(~model.seen)
-        distance, _ = _nearest(rest[missing], rest[model.seen])
+        distance, _ = nearest_points(rest[missing], rest[model.seen])
         near = np.clip((_GONE_M - distance) / (_GONE_M - _KEPT_M), 0.0, 1.0)
         present[missing] = near**2 * (3.0 - 2.0 * near)
     return present
@@ -93,19 +92,3 @@ def _faded(logits: Float[Array, "N"], presence: Float[Array, "N"]) -> Float[Arra
     """Logits of the opacities times `presence`."""
     opacity = np.clip(presence / (1.0 + np.exp(-logits.astype(np.float64))), 1e-9, 1.0 - 1e-9)
     return np.log(opacity / (1.0 - opacity)).astype(logits.dtype)
-
-
-def _nearest(points: Array, others: Array) -> tuple[Float[Array, "M"], Array]:
-    """Distance to, and index of, the nearest of `others` for each of `points`."""
-    distance, index = np.empty(len(points)), np.empty(len(points), np.int64)
-    for start in range(0, len(points), _ROWS):
-        gaps = _squared(points[start : start + _ROWS], others)
-        index[start : start + _ROWS] = best = gaps.argmin(axis=1)
-        distance[start : start + _ROWS] = np.sqrt(gaps[np.arange(len(gaps)), best])
-    return distance, index
-
-
-def _squared(points: Array, others: Array) -> Float[Array, "M K"]:
-    """Squared distances of each of `points` to each of `others`."""
-    gaps = (points**2).sum(axis=1)[:, None] - 2.0 * points @ others.T + (others**2).sum(axis=1)
-    return np.maximum(gaps, 0.0)

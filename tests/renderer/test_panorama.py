@@ -37,9 +37,8 @@ def test_the_kernel_matches_its_twin(azimuth, elevation):
     shadows = np.array([[0.1, -0.2, 0.3, 0.5], [0.5, 0.4, 0.2, 0.3]], np.float32)
     picture = panorama_picture(place(spots()))
     out = np.zeros((48, 72, 3), np.uint8)
-    compose_panorama(
-        out, rgba, camera.intrinsics, camera.rotation, camera.position, picture, shadows
-    )
+    view = (camera.intrinsics, camera.rotation, camera.position)
+    compose_panorama(out, rgba, *view, picture, shadows, np.ones((3, 5), bool))
     slow = twin.compose_panorama(rgba, camera, picture[:, :-1], shadows)
     assert np.abs(out.astype(int) - slow.astype(int)).max() <= 2
 

@@ -6,7 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.photometry import FREE, SHARED, Points, displacements, moved_pose, stretched
+from renderer.photometry import (
+    FREE,
+    SHARED,
+    Points,
+    displacements,
+    moved_pose,
+    stretch_between,
+    stretched,
+)
 from scene import Camera, Pose, Skeleton
 from tests.renderer.field.performer import body, pose, view
 
@@ -69,3 +77,9 @@ def longer_lens(camera: Camera, step: float) -> Camera:
     intrinsics = camera.intrinsics.copy()
     intrinsics[[0, 1], [0, 1]] *= np.exp(step)
     return replace(camera, intrinsics=intrinsics)
+
+
+def test_how_bones_were_stretched_is_read_off_them():
+    step = np.append(np.random.default_rng(0).normal(0.0, 0.05, SHARED - 1), 0.0)
+    first = body().skeleton
+    np.testing.assert_allclose(stretch_between(first, stretched(first, step)), step, atol=1e-9)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 import pytest
 
+from renderer.presets import Preset
 from renderer.reference import relight as twin
 from renderer.relight import Relighting, albedo_of, neighbours, normals_of
-from renderer.relight_fit import with_albedo
+from renderer.relight_fit import filmed_light
 from renderer.splats.compose import SplatRenderer
 from renderer.splats.initialise import first_splats
 from renderer.splats.layout import COLOUR, OPACITY, ROTATION
 from renderer.splats.model import SplatModel
 from renderer.splats.settings import SplatSettings
+from renderer.training import train
 from scene import Lighting, Motion, Pose, Sequence, Skeleton, orbit_camera
 from scene.body import Body
 from scene.colour import to_srgb
@@ -85,7 +88,7 @@ def filmed() -> tuple[SplatModel, np.ndarray, Sequence]:
         angles[0, 1] = 2.0 * np.pi * frame / FRAMES
         poses.append(Pose(angles, np.zeros(3), frame / 10.0))
     motion = Motion.from_poses(poses)
-    sequence = make_sequence()
+    sequence = replace(make_sequence(), exact_poses=True)
     settings = SplatSettings(count=2500)
     first = first_splats(replace(sequence, body=body), settings, np.random.default_rng(0))
     parameters = first.parameters.copy()
@@ -101,26 +104,33 @@ def filmed() -> tuple[SplatModel, np.ndarray, Sequence]:
     return model, albedo, replace(sequence, body=body, train=frames, motion=motion)
 
 
-def albedo_found(model: SplatModel, sequence: Sequence) -> np.ndarray:
-    found = with_albedo(model, sequence)
-    assert isinstance(found, SplatModel)
-    assert found.albedo is not None
-    return found.albedo
+@pytest.fixture(scope="module")
+def learnt(filmed) -> tuple[np.ndarray, np.ndarray]:
+    """Albedo as training finds it, and the true one, of splats that are clear of other stripes."""
+    _, albedo, sequence = filmed
+    preset = Preset("splats", "of a test", SplatSettings(count=2500))
+    model = train(sequence, preset=preset, iterations=400, find_light=True, clock=perf_counter)
+    assert isinstance(model, SplatModel)
+    assert model.albedo is not None
+    height = model.parameters[:, 1] * 4.0
+    inside = np.abs(height - np.round(height)) > 0.2
+    dyes = albedo[np.argmax(albedo[:, 0])], albedo[np.argmax(albedo[:, 2])]
+    bands = (np.floor(height) % 2).astype(int)
+    kept = inside & model.seen
+    return model.albedo[kept], np.stack(dyes)[bands][kept]
 
 
-def test_the_light_that_somebody_was_filmed_in_is_divided_out(filmed):
-    model, albedo, sequence = filmed
-    found = albedo_found(model, sequence)
+def test_the_light_that_somebody_was_filmed_in_is_divided_out(filmed, learnt):
+    found, albedo = learnt
     ratio = found / albedo
     assert np.median(np.abs(ratio / np.median(ratio, axis=0) - 1.0)) < 0.06
     # as filmed, light alone makes more of a difference
-    lit = FILMED_IN.shading(normals_of(model))
+    lit = FILMED_IN.shading(normals_of(filmed[0]))
     assert np.median(np.abs(lit / np.median(lit, axis=0) - 1.0)) > 0.15
 
 
-def test_colours_of_clothes_are_not_taken_for_light(filmed):
-    model, albedo, sequence = filmed
-    found = albedo_found(model, sequence)
+def test_colours_of_clothes_are_not_taken_for_light(learnt):
+    found, albedo = learnt
     blue = albedo[:, 2] > 0.5
     for channel in range(3):
         between = np.median(found[blue, channel]) / np.median(found[~blue, channel])
@@ -128,10 +138,18 @@ def test_colours_of_clothes_are_not_taken_for_light(filmed):
         assert between == pytest.approx(truth, rel=0.12)
 
 
-def test_a_model_whose_frames_show_nothing_keeps_its_colours(filmed):
+def test_frames_that_show_nothing_tell_of_no_light(filmed):
     model, _, sequence = filmed
     black = LitFrames(model, np.zeros((len(model), 3)), FILMED_IN)
-    assert with_albedo(model, replace(sequence, train=black)) is model
+    assert filmed_light(model, replace(sequence, train=black)) is None
+
+
+def test_colours_survive_the_way_to_albedos_and_back(filmed):
+    model, _, sequence = filmed
+    light = filmed_light(model, sequence)
+    assert light is not None
+    back = light.baked(light.unbaked(model.parameters))
+    np.testing.assert_allclose(back, model.parameters, atol=1e-4)
 
 
 def test_normals_point_outwards(filmed):
@@ -189,3 +207,22 @@ def test_light_stays_in_the_room_while_a_person_turns(filmed):
         assert red[:, 34:].sum() > 10.0 * red[:, :30].sum() > 0.0
     blue = renderer.render(camera, [moved])[..., 2]  # as they were filmed
     assert blue[:, :32].sum() == pytest.approx(blue[:, 32:].sum(), rel=0.1)
+
+
+def test_the_pull_on_albedos_is_nearly_the_slope_of_what_is_shown(filmed):
+    model, _, sequence = filmed
+    light = filmed_light(model, sequence)
+    assert light is not None
+    roots = light.unbaked(model.parameters)
+    moved = model.skeleton.skinning_transforms(np.zeros((JOINT_COUNT, 3)), np.zeros(3))
+    place = model.joints.astype(np.uint16), model.weights, moved.astype(np.float32)
+    shown, step = light.lit(roots, *place, np.array([0.0, 1.0, 3.0])), 1e-2
+    more = roots.copy()
+    more[:, COLOUR : COLOUR + 3] += step
+    rise = (light.lit(more, *place, np.array([0.0, 1.0, 3.0])) - shown) / step
+    pulled = np.ones_like(roots)
+    light.pull_albedo(pulled, roots, shown)
+    ratio = pulled[:, COLOUR : COLOUR + 3] / rise[:, COLOUR : COLOUR + 3]
+    assert np.percentile(ratio, 2) > 0.8
+    assert np.percentile(ratio, 98) < 1.25
+    np.testing.assert_array_equal(pulled[:, :COLOUR], 1.0)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
 
+from renderer.model import PersonModel
 from renderer.reference import backdrop as twin
-from renderer.stage import Stage, contact_shadows
-from scene import Environment, Performer, Pose, Scene, orbit_camera
+from renderer.stage import Stage, contact_shadows, shadow_blocks
+from scene import Environment, InvalidInput, Performer, Pose, Scene, orbit_camera
 from tests.renderer.studio import make_model
 
 ROOM = Environment()
@@ -27,7 +30,13 @@ def test_the_room_matches_its_twin():
     rgba[..., :3] *= rgba[..., 3:]
     shadows = np.array([[0.1, -0.2, 0.3, 0.5], [0.5, 0.4, 0.2, 0.3]], np.float32)
     out = np.zeros((56, 80, 3), np.uint8)
-    compose(out, rgba, camera.intrinsics, camera.rotation, camera.position, COLOURS, shadows)
+    drawn = np.ones((4, 5), bool)
+    drawn[1, 2] = False
+    out[16:32, 32:48] = 7
+    compose(out, rgba, camera.intrinsics, camera.rotation, camera.position, COLOURS, shadows, drawn)
+    assert (out[16:32, 32:48] == 7).all()
+    drawn[:] = True
+    compose(out, rgba, camera.intrinsics, camera.rotation, camera.position, COLOURS, shadows, drawn)
     slow = twin.compose(rgba, camera, COLOURS.astype(np.float64), shadows)
     difference = np.abs(out.astype(int) - slow.astype(int))
     assert np.percentile(difference, 99) <= 1
@@ -86,3 +95,76 @@ def test_any_size_is_drawn(size):
         Scene(ROOM, (stand(0, 0),)), orbit_camera((0, 0.8, 0), 4.0, 1.0, 0.1, width, height)
     )
     assert picture.shape == (height, width, 3)
+
+
+def test_a_picture_in_parts_is_the_picture_as_a_whole():
+    stage, camera = Stage(), orbit_camera((0, 0.8, 0), 5.0, 0.0, 0.3, 160, 128)
+    before = stage.render(Scene(ROOM, (stand(-0.6, 0.0),)), camera).copy()
+    assert stage.changed.all()
+    for x in (-0.4, 0.1, 0.9):
+        scene = Scene(ROOM, (stand(x, 0.0),))
+        after = stage.render(scene, camera)
+        np.testing.assert_allclose(after.astype(int), Stage().render(scene, camera), atol=1)
+        differs = (before != after).any(axis=2).reshape(8, 16, 10, 16).any(axis=(1, 3))
+        assert not (differs & ~stage.changed).any()
+        assert stage.changed.mean() < 0.6
+        before = after.copy()
+    stage.render(Scene(ROOM, ()), camera)
+    assert stage.changed.any()  # where somebody was is the room again
+    stage.render(Scene(ROOM, ()), camera)
+    assert not stage.changed.any()
+
+
+def test_another_view_or_place_is_drawn_whole():
+    stage, camera = Stage(), orbit_camera((0, 0.8, 0), 5.0, 0.0, 0.3, 64, 64)
+    people = (stand(0.0, 0.0),)
+    stage.render(Scene(ROOM, people), camera)
+    for scene, view in (
+        (Scene(ROOM, people), orbit_camera((0, 0.8, 0), 5.0, 0.1, 0.3, 64, 64)),
+        (Scene(Environment(floor=(0.2, 0.3, 0.4)), people), camera),
+    ):
+        stage.render(Scene(ROOM, people), camera)
+        np.testing.assert_array_equal(stage.render(scene, view), Stage().render(scene, view))
+        assert stage.changed.all()
+
+
+def test_shadows_lie_in_their_blocks_however_the_viewer_stands():
+    shadows = np.array([[0.0, 0.0, 0.3, 0.45], [1.5, 0.5, 0.2, 0.3]], np.float32)
+    nothing = np.zeros((96, 96, 4), np.float32)
+    dark, light = np.zeros((96, 96, 3), np.uint8), np.zeros((96, 96, 3), np.uint8)
+    from renderer.backdrop_kernels import compose
+
+    for azimuth in np.linspace(0.0, 6.0, 7):
+        for distance in (0.4, 1.5, 4.0):
+            camera = orbit_camera((0, 0.8, 0), distance, azimuth, 0.3, 96, 96)
+            view = (camera.intrinsics, camera.rotation, camera.position, COLOURS)
+            compose(dark, nothing, *view, shadows, np.ones((6, 6), bool))
+            compose(light, nothing, *view, shadows[:0], np.ones((6, 6), bool))
+            # what is fainter may still turn a byte that was about to change
+            darker = light.astype(int) - dark > 1
+            differs = darker.any(axis=2).reshape(6, 16, 6, 16).any(axis=(1, 3))
+            assert not (differs & ~shadow_blocks(shadows, camera)).any()
+
+
+def test_geometry_tells_how_far_people_are_and_which_way_they_face():
+    camera = orbit_camera((0, 0.8, 0), 4.0, 0.0, 0.05, 96, 96)
+    stage = Stage()
+    for z in (0.0, 1.0):
+        geometry = stage.geometry(Scene(ROOM, (stand(0.0, z),)), camera)
+        solid = geometry.alpha > 0.8
+        depth = np.median(geometry.depth[solid] / geometry.alpha[solid])
+        assert depth == pytest.approx(4.0 - z, abs=0.3)
+    for yaw in (0.0, 0.7):
+        geometry = stage.geometry(Scene(ROOM, (stand(0.0, 1.0, yaw=yaw),)), camera)
+        normal = np.median(geometry.normal[solid] / geometry.alpha[solid][:, None], axis=0)
+        # these splats lie in planes of constant z
+        np.testing.assert_allclose(normal, [np.sin(yaw), 0.0, np.cos(yaw)], atol=0.05)
+    nobody = stage.geometry(Scene(ROOM, ()), camera)
+    assert not nobody.alpha.any()
+
+
+def test_geometry_of_a_field_is_refused_in_words():
+    picture = Performer("Ada", cast(PersonModel, object()), np.zeros(3), 0.0, Pose.rest())
+    camera = orbit_camera((0, 0.8, 0), 4.0, 0.0, 0.05, 32, 32)
+    with pytest.raises(InvalidInput, match="performers who are splats; got 'Ada'"):
+        Stage().geometry(Scene(ROOM, (picture,)), camera)

@@ -16,7 +16,8 @@ def _planes(rgb: np.ndarray, padding: int = 0) -> tuple[np.ndarray, np.ndarray, 
     luma = np.full((height, width + padding), 7, np.uint8)
     blue = np.full((height // 2, width // 2 + padding), 7, np.uint8)
     red = blue.copy()
-    to_yuv420(rgb, luma, blue, red)
+    everywhere = np.ones((-(-height // 16), -(-width // 16)), bool)
+    to_yuv420(rgb, everywhere, luma, blue, red)
     return luma, blue, red
 
 

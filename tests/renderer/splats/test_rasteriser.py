@@ -9,12 +9,14 @@ import torch
 
 from renderer.reference import splats as twin
 from renderer.splats.compose import Workspace, pack_camera
-from renderer.splats.layout import PARAMETERS
-from scene import look_at
+from renderer.splats.layout import BOX_FILTER_PX2, PARAMETERS
+from renderer.splats.model import SplatModel
+from scene import Motion, Pose, Skeleton, look_at
 from scene.camera import Camera
 from scene.rotations import axis_angle_to_matrix
 
 JOINTS = 3
+LINEAR_FROM = 0.2
 DILATION = 0.3
 
 
@@ -78,6 +80,36 @@ def test_picture_matches_the_twin(count, width, height):
     assert np.abs(fast - slow).mean() < 1e-3
 
 
+def test_depth_is_blended_as_colours_are():
+    from renderer.splats.compose import SplatRenderer
+
+    scene, camera = make_scene(80, seed=4), make_camera(64, 48)
+    parameters, joints, weights, transforms = scene
+    skeleton = Skeleton(np.zeros((24, 3)))
+    motion = Motion.from_poses([Pose.rest()])
+    model = SplatModel(
+        parameters, joints.astype(np.uint8), weights, np.ones(80, bool), skeleton, motion, ""
+    )
+    every = np.tile(np.eye(4, dtype=np.float32), (24, 1, 1))
+    every[:JOINTS] = transforms
+    renderer = SplatRenderer([model])
+    shown = renderer.render(camera, [every]).copy()
+    geometry = renderer.geometry([every])
+    packed = torch.tensor(pack_camera(camera).astype(np.float64))
+    leaf = torch.tensor(parameters.astype(np.float64))
+    moved = torch.tensor(transforms.astype(np.float64))
+    _, _, depth = twin.skin_and_project(leaf, dense_weights(weights), moved, packed, BOX_FILTER_PX2)
+    leaf[:, 10:13] = depth[:, None]
+    slow = twin.draw(leaf, dense_weights(weights), moved, packed, 64, 48, BOX_FILTER_PX2).numpy()
+    assert np.abs(geometry.depth - slow[..., 0]).max() < 0.03
+    assert np.abs(geometry.alpha - slow[..., 3]).max() < 0.012
+    solid = geometry.alpha > 0.9
+    expected = geometry.depth[solid] / geometry.alpha[solid]
+    assert (np.abs(expected - 2.0) < 0.8).all()  # they lie round the origin, 2 m away
+    assert (np.linalg.norm(geometry.normal, axis=2) <= geometry.alpha + 1e-3).all()
+    np.testing.assert_array_equal(renderer.render(camera, [every]), shown)  # nothing was spoilt
+
+
 def test_an_empty_scene_is_transparent():
     assert (draw_fast(make_scene(0), make_camera(20, 20)) == 0.0).all()
 
@@ -125,7 +157,7 @@ def gradients_fast(scene, camera: Camera, target, background):
     threads = np.zeros((2, count, 10), np.float32)
     losses, total = np.zeros(2), np.zeros((count, 10), np.float32)
     draw_and_differentiate(
-        work.projected, work.starts, work.entries, target, background, threads, losses
+        work.projected, work.starts, work.entries, target, background, LINEAR_FROM, threads, losses
     )
     sum_threads(threads, total)
     assert (threads == 0.0).all()
@@ -149,7 +181,9 @@ def gradients_slow(scene, camera: Camera, target, background):
     wanted = torch.tensor(target / 255.0)
     ground = torch.tensor(background.astype(np.float64))
     shown = out[..., :3] + (1 - out[..., 3:]) * ground
-    loss = (shown - (wanted[..., :3] + (1 - wanted[..., 3:]) * ground)).abs().sum()
+    truth = wanted[..., :3] + (1 - wanted[..., 3:]) * ground
+    loss = torch.nn.functional.huber_loss(shown, truth, reduction="sum", delta=LINEAR_FROM)
+    loss = loss / LINEAR_FROM
     loss.backward()
     assert leaf.grad is not None
     assert moved.grad is not None

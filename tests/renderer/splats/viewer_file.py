@@ -12,6 +12,7 @@ from renderer.splats.compose import SplatRenderer
 from renderer.splats.layout import LOG_SCALE, PARAMETERS
 from renderer.splats.model import SplatModel
 from scene import Skeleton, orbit_camera
+from scene.colour import to_linear
 from scene.smallest_three import unpack_quaternions
 
 DEMO = Path(__file__).parents[3] / "services" / "assets" / "demo.safetensors"
@@ -27,11 +28,11 @@ def demo_model() -> SplatModel:
 def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
     """The first `share` of the splats in `data`; motion and the like are those of `like`."""
     magic, version, joints, count, *bounds = struct.unpack_from("<4sHHI8f", data)
-    assert (magic, version) == (b"MNSP", 1)
+    assert (magic, version) == (b"MNSP", 2)
     low, high, (thin, wide) = np.array(bounds[:3]), np.array(bounds[3:6]), bounds[6:]
     rest = np.frombuffer(data, "<f4", 3 * joints, 44).reshape(joints, 3)
     parents = tuple(np.frombuffer(data, "<i2", joints, 44 + 12 * joints).tolist())
-    rows = np.frombuffer(data, np.uint8, offset=44 + 14 * joints).reshape(count, 26)
+    rows = np.frombuffer(data, np.uint8, offset=44 + 14 * joints).reshape(count, 32)
     rows = rows[: round(share * count)]
     p = np.empty((len(rows), PARAMETERS))
     p[:, :3] = low + np.ascontiguousarray(rows[:, :6]).view("<u2") / 65535 * (high - low)
@@ -42,6 +43,7 @@ def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
     p[:, 10:13] = rows[:, 14:17] / 255
     opacity = np.clip(rows[:, 17] / 255, 1e-6, 1 - 1e-6)
     p[:, 13] = np.log(opacity / (1 - opacity))
+    normals = rows[:, 29:32].copy().view(np.int8).astype(np.float32)
     return SplatModel(
         p.astype(np.float32),
         rows[:, 18:22].copy(),
@@ -50,6 +52,8 @@ def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
         Skeleton(rest, like.skeleton.names, parents),
         like.motion,
         like.data_hash,
+        albedo=to_linear(rows[:, 26:29] / 255).astype(np.float32),
+        normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
     )
 
 
