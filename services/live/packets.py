@@ -2,7 +2,8 @@
 
 Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
 Flags of a view, bit 0: show only what was filmed of a person; bit 1: the viewer draws the room, so
-send poses in place of pictures. Unknown bits are left alone.
+send poses in place of pictures; bit 2: pictures have stopped although they are wanted, so send one
+that needs none before it. Unknown bits are left alone.
 View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
 f32 vertical field of view (rad), u16 width, u16 height (px).
 Keypoints, 367 bytes: u16 width, u16 height (px of the picture), then of MediaPipe's 33 landmarks
@@ -48,7 +49,7 @@ KEYPOINTS_BYTES = _HEADER.size + _SIZE.size + _KEYPOINTS.itemsize
 _KEYPOINT_STEPS = 8192
 """To a metre, or to a side of the picture: a range of four either way."""
 _HALF_RANGE = 1 << 31
-_HIDE_UNSEEN, _DRAWS_ITSELF = 1, 2
+_HIDE_UNSEEN, _DRAWS_ITSELF, _STALLED = 1, 2, 4
 _POSE = struct.Struct("<BBH3f")
 _TURN_BITS, _TURN_BYTES = 15, 6
 POSE_BYTES = _HEADER.size + _POSE.size + JOINT_COUNT * _TURN_BYTES
@@ -100,6 +101,8 @@ class ViewPacket:
     """Whether what was never filmed of a person, and is a guess, fades away."""
     draws_itself: bool = False
     """Whether the viewer draws the room, needs poses and no pictures."""
+    stalled: bool = False
+    """Whether pictures are wanted and none has been shown for a while."""
 
     def camera(self, width: int, height: int) -> Camera:
         """The viewer's camera at `width` x `height` px.
@@ -156,6 +159,7 @@ def _header_of(data: bytes, wanted: Kind, size: int) -> tuple[int, int, float]:
 def encode_view(packet: ViewPacket) -> bytes:
     """The bytes of `packet`."""
     flags = _HIDE_UNSEEN * packet.hide_unseen | _DRAWS_ITSELF * packet.draws_itself
+    flags |= _STALLED * packet.stalled
     header = _HEADER.pack(VERSION, Kind.VIEW, flags, packet.sequence, packet.capture_time_ms)
     payload = _VIEW.pack(
         *packet.position, *packet.wxyz, packet.fov_y_rad, packet.width, packet.height
@@ -174,7 +178,7 @@ def decode_view(data: bytes) -> ViewPacket:
         raise PacketError(f"quaternion must have about unit length; got {length:.3g}")
     return ViewPacket(
         sequence, capture_time_ms, (x, y, z), tuple(wxyz), fov_y_rad, width, height,
-        bool(flags & _HIDE_UNSEEN), bool(flags & _DRAWS_ITSELF),
+        bool(flags & _HIDE_UNSEEN), bool(flags & _DRAWS_ITSELF), bool(flags & _STALLED),
     )  # fmt: skip
 
 

@@ -40,8 +40,9 @@ class _Listener:
 class PoseFeed:
     """Sends every room's poses to its viewers; runs as long as somebody listens."""
 
-    def __init__(self, clock: Callable[[], float]) -> None:
-        self._clock = clock
+    def __init__(self, clock: Callable[[], float], *, stamped: bool = False) -> None:
+        """With `stamped`, poses carry when the newest was captured; see services.live.stamp."""
+        self._clock, self._stamped = clock, stamped
         self._listeners: dict[RTCDataChannel, _Listener] = {}
         self._sequence = 0
         self._task: asyncio.Task[None] | None = None
@@ -66,14 +67,18 @@ class PoseFeed:
         encoded: dict[Room, list[bytes]] = {}
         for listener in self._listeners.values():
             channel = listener.channel
-            if not left_to_viewer(listener.room, listener.view) or channel.readyState != "open":
+            if not left_to_viewer(listener.view) or channel.readyState != "open":
                 continue
             if channel.bufferedAmount > _MOST_WAITING_BYTES:
                 continue
             if listener.room not in encoded:
-                encoded[listener.room] = packets_of(listener.room, self._clock(), self._sequence)
+                encoded[listener.room] = self._packets(listener.room)
             for data in encoded[listener.room]:
                 channel.send(data)
+
+    def _packets(self, room: Room) -> list[bytes]:
+        captured_ms = room.captured_ms() if self._stamped else None
+        return packets_of(room, self._clock(), self._sequence, captured_ms)
 
     async def _run(self) -> None:
         due_s = self._clock()
@@ -87,24 +92,22 @@ class PoseFeed:
             self._task = None  # the next to listen starts it anew
 
 
-def left_to_viewer(room: Room, view: NewestView) -> bool:
-    """Whether the viewer draws `room`: they want to, and it is a room as their page draws it.
-
-    A page draws the plain studio; a panorama and its light on people take the server.
-    """
-    environment = room.environment
-    plain = environment.panorama is None and environment.lighting is None
-    return plain and view.packet is not None and view.packet.draws_itself
+def left_to_viewer(view: NewestView) -> bool:
+    """Whether the viewer draws the room."""
+    return view.packet is not None and view.packet.draws_itself
 
 
-def packets_of(room: Room, now_s: float, sequence: int) -> list[bytes]:
-    """A pose packet a performer of `room`, as they stand at `now_s`."""
+def packets_of(
+    room: Room, now_s: float, sequence: int, time_ms: float | None = None
+) -> list[bytes]:
+    """A pose packet a performer of `room`, as they stand at `now_s`; it says that, or `time_ms`."""
+    time_ms = 1000.0 * now_s if time_ms is None else time_ms
     cast, performers = room.cast, room.scene_at(now_s).performers
     packets = []
     for index, (member, performer) in enumerate(zip(cast, performers, strict=True)):
         pelvis, turns = standing(performer)
         check = performer_check(member.performer_id)
-        packets.append(PosePacket(sequence, 1000.0 * now_s, index, len(cast), check, pelvis, turns))
+        packets.append(PosePacket(sequence, time_ms, index, len(cast), check, pelvis, turns))
     return [encode_pose(packet) for packet in packets]
 
 

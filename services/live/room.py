@@ -40,6 +40,11 @@ class MovesLive(Protocol):
         """How they stand at `now_s`; None until that is known."""
         ...
 
+    @property
+    def captured_ms(self) -> float | None:
+        """When what they do now was seen, by the clock of their camera; None until that is."""
+        ...
+
 
 @dataclass(eq=False)
 class Room:
@@ -72,6 +77,11 @@ class Room:
         driven = self.live.get(member.performer_id)
         pose = driven.pose_at(now_s) if driven is not None else None
         return pose or grounded(to_and_fro(member.motion, now_s))
+
+    def captured_ms(self) -> float | None:
+        """When the newest of what moves anybody live was seen, by their camera's clock."""
+        seen = [driven.captured_ms for driven in list(self.live.values())]
+        return max((ms for ms in seen if ms is not None), default=None)
 
     def first_view(self, width: int, height: int) -> Camera:
         """Where a viewer stands before they have moved: in front of everybody, at eye level."""

@@ -18,16 +18,24 @@ from aiortc import (
     RTCRtpSender,
     RTCSessionDescription,
 )
-from aiortc.codecs import vpx
+from aiortc.rtp import (
+    RTCP_PSFB_APP,
+    RTCP_PSFB_FIR,
+    RTCP_PSFB_PLI,
+    AnyRtcpPacket,
+    RtcpPsfbPacket,
+    unpack_remb_fci,
+)
 
-from renderer.stage import Stage, warm_up
+from renderer.stage import warm_up
 from scene.environment import Environment
 from scene.errors import SceneError
+from services.live.encoding import PictureEncoder, chosen_codec
 from services.live.keypoints import Drivers
 from services.live.packets import NewestView, PacketError, decode_view
-from services.live.poses import PoseFeed
+from services.live.poses import PoseFeed, packets_of
 from services.live.room import CastMember, Room
-from services.live.track import ViewTrack
+from services.live.track import SharedPictures, ViewTrack
 from services.seats import BEAT_S
 
 log = logging.getLogger(__name__)
@@ -36,8 +44,6 @@ SILENCE_S = 5.0
 """A viewer silent for so long after their first viewpoint is gone (ICE consent needs 30 s)."""
 CONNECT_S = 15.0
 """Time from the answer to a connection; who needs longer has gone away or can't get through."""
-_START_BITRATE, _LOWEST_BITRATE, _HIGHEST_BITRATE = 2_000_000, 500_000, 6_000_000
-"""bit/s; aiortc's own 0.5 to 1.5 Mbit/s smear a 1024 px view. They are constants of its module."""
 
 Clock = Callable[[], float]
 LoadCast = Callable[[str], Awaitable[tuple[CastMember, ...]]]
@@ -98,21 +104,23 @@ class ViewSessions:
         *,
         ice_servers: list[str],
         max_viewers: int,
+        stamped: bool = False,
     ) -> None:
+        """With `stamped`, pictures show when they were captured; see services.live.stamp."""
         self._load_cast, self._seats, self._clock = load_cast, seats, clock
         self._load_environment = load_environment
         self._ice = [RTCIceServer(urls=url) for url in ice_servers]
         self._max_viewers = max_viewers
         self._rooms: dict[str, Room] = {}
+        self._pictures: dict[Room, SharedPictures] = {}
+        self._stamped = stamped
         self._sessions: dict[str, _Session] = {}
-        self._poses = PoseFeed(clock)
+        self._poses = PoseFeed(clock, stamped=stamped)
         self._drivers = Drivers(clock)
         # one thread renders for all: a picture already uses every core
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="render")
         self._warming: Future[None] | None = None
         self._watch: asyncio.Task[None] | None = None
-        vpx.DEFAULT_BITRATE, vpx.MIN_BITRATE = _START_BITRATE, _LOWEST_BITRATE
-        vpx.MAX_BITRATE = _HIGHEST_BITRATE
 
     def __len__(self) -> int:
         return len(self._sessions)
@@ -152,7 +160,9 @@ class ViewSessions:
         self._require_room()  # others may have come while the performers were loaded
         connection = RTCPeerConnection(RTCConfiguration(iceServers=self._ice))
         view = NewestView()
-        track = ViewTrack(room, view, Stage(), self._executor, self._clock)
+        pictures = self._pictures.setdefault(room, SharedPictures(room, stamped=self._stamped))
+        encoder = PictureEncoder(chosen_codec(sdp_offer))
+        track = ViewTrack(pictures, view, encoder, self._executor, self._clock)
         session = _Session(meeting_id, connection, track, self._clock(), participant_id, account)
         session_id = secrets.token_urlsafe(12)
         self._sessions[session_id] = session
@@ -163,12 +173,16 @@ class ViewSessions:
             await self.close(session_id)
             reason = str(error) or type(error).__name__
             raise OfferRefused(
-                f"the offer must be an SDP that asks for one VP8 video; got an offer that fails "
-                f"with: {reason}"
+                f"the offer must be an SDP that asks for one H.264 or VP8 video; got an offer that "
+                f"fails with: {reason}"
             ) from error
         if self._watch is None:
             self._watch = asyncio.create_task(self._keep_watch())
         return session_id, answer
+
+    def find(self, session_id: str) -> _Session | None:
+        """A running session."""
+        return self._sessions.get(session_id)
 
     async def close(self, session_id: str) -> bool:
         """End a session; False when there is none of that id."""
@@ -181,12 +195,25 @@ class ViewSessions:
         if seat is not None and seat not in self._seats_taken():
             await self._seats.give_back({seat})
         if not any(s.meeting_id == session.meeting_id for s in self._sessions.values()):
-            self._rooms.pop(session.meeting_id, None)
+            room = self._rooms.pop(session.meeting_id, None)
+            if room is not None:
+                self._pictures.pop(room, None)
         return True
 
     def looked_into(self, meeting_id: str) -> bool:
         """Whether anybody looks into a meeting."""
         return any(session.meeting_id == meeting_id for session in self._sessions.values())
+
+    def poses(self, meeting_id: str) -> list[tuple[str, bytes]]:
+        """How the performers of a meeting stand now, as pose packets, by performer.
+
+        None of a meeting into which nobody looks.
+        """
+        room = self._rooms.get(meeting_id)
+        if room is None:
+            return []
+        packets = packets_of(room, self._clock(), 0)
+        return [(one.performer_id, data) for one, data in zip(room.cast, packets, strict=True)]
 
     async def keep_only(self, meeting_id: str, may_look: Callable[[str | None], bool]) -> None:
         """End the sessions in a meeting of those who may look no more; asked with their seat."""
@@ -273,9 +300,39 @@ def _tell_failure(warming: Future[None]) -> None:
 
 async def _answer(connection: RTCPeerConnection, track: ViewTrack, sdp_offer: str) -> str:
     transceiver = connection.addTransceiver(track, direction="sendonly")
+    codec = chosen_codec(sdp_offer)
     codecs = RTCRtpSender.getCapabilities("video").codecs
     # preferences count only before the remote description is set
-    transceiver.setCodecPreferences([c for c in codecs if c.mimeType in ("video/VP8", "video/rtx")])
+    wanted = (f"video/{codec}", "video/rtx")
+    transceiver.setCodecPreferences([c for c in codecs if c.mimeType in wanted])
+    _heed(transceiver.sender, track)
     await connection.setRemoteDescription(RTCSessionDescription(sdp_offer, "offer"))
     await connection.setLocalDescription(await connection.createAnswer())
     return connection.localDescription.sdp
+
+
+def _heed(sender: RTCRtpSender, track: ViewTrack) -> None:
+    """Tell `track` what its viewer asks for: key frames (PLI, FIR), and a bitrate (REMB).
+
+    aiortc tells its own encoders alone, and these are not used: packets come from the track.
+    """
+    handle = sender._handle_rtcp_packet
+
+    async def listen(packet: AnyRtcpPacket) -> None:
+        if isinstance(packet, RtcpPsfbPacket):
+            heed_feedback(packet, track)
+        await handle(packet)
+
+    sender._handle_rtcp_packet = listen
+
+
+def heed_feedback(packet: RtcpPsfbPacket, track: ViewTrack) -> None:
+    """Act on one message of payload-specific feedback (RFC 4585; REMB: draft-alvestrand-rmcat)."""
+    if packet.fmt in (RTCP_PSFB_PLI, RTCP_PSFB_FIR):
+        track.ask_key_frame()
+    elif packet.fmt == RTCP_PSFB_APP:
+        try:
+            bitrate, _ = unpack_remb_fci(packet.fci)
+        except ValueError:
+            return  # another application's message
+        track.bitrate.estimate(bitrate)

@@ -1,6 +1,9 @@
-"""A viewer's own video: the newest pose and the newest camera in, one picture out.
+"""A viewer's own video: the newest pose and the newest camera in, one coded picture out.
 
-Frames are dropped, never queued: each picture starts when it is due or, if late, at once.
+Work is dropped, never queued. Drawing and coding follow one another in one thread for all viewers:
+every core draws a picture, which goes to the encoder as it lies in memory. Who looks at the same
+instant from the same place shares it; everybody has an encoder of their own, so that a key frame
+asked for by one reaches nobody else.
 """
 
 from __future__ import annotations
@@ -9,112 +12,175 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor
-from fractions import Fraction
-from typing import cast
 
 import numpy as np
 from aiortc import MediaStreamTrack
-from av import VideoFrame
-from av.video.plane import VideoPlane
+from av import Packet, VideoFrame
 
+from renderer.model import PersonModel
 from renderer.stage import Stage
-from scene.arrays import Array, UInt8
+from scene.arrays import Array, Bool, UInt8
 from scene.camera import Camera
+from scene.environment import Scene
+from services.live.encoding import BitrateSteps, PictureEncoder
+from services.live.pacing import TICK_S, FramePacer, SizeGovernor
 from services.live.packets import NewestView
+from services.live.planes import rows_of
 from services.live.poses import left_to_viewer
 from services.live.room import Room
+from services.live.stamp import write
 
-FRAMES_PER_SECOND = 30
-_CLOCK_RATE = 90_000
-_TIME_BASE = Fraction(1, _CLOCK_RATE)
 _SMALLEST_PX, _LARGEST_PX = 128, 1024
 _DEFAULT_SIZE = (512, 512)
 _BLOCK_PX = 16
-"""VP8 codes macroblocks of 16 x 16; other sizes would be padded by the encoder."""
+"""Video is coded in macroblocks of 16 x 16; other sizes would be padded by the encoder."""
+_REFRESH_S = 0.5
+"""A viewer whose picture stalls gets a key frame at most so often."""
+
+
+class Canvas:
+    """A stage and the frame that its pictures are laid into; each belongs to one viewer."""
+
+    def __init__(self) -> None:
+        self._stage = Stage()
+        self._frame: VideoFrame | None = None
+
+    def paint(self, scene: Scene[PersonModel], camera: Camera) -> VideoFrame:
+        """`scene` seen by `camera`, as yuv420p; the frame is reused by the next call."""
+        picture = self._stage.render(scene, camera)
+        changed = self._stage.changed
+        frame = self._frame
+        if frame is None or (frame.width, frame.height) != (camera.width, camera.height):
+            frame = self._frame = VideoFrame(camera.width, camera.height, "yuv420p")
+            changed = np.ones_like(changed)
+        lay(picture, changed, frame)
+        return frame
+
+
+class SharedPictures:
+    """What has been drawn of one room at the newest tick."""
+
+    def __init__(self, room: Room, *, stamped: bool) -> None:
+        """Pictures of `room`; where `stamped`, with the code of `services.live.stamp`."""
+        self.room, self._stamped = room, stamped
+        self.work_s = 0.0
+        """Time spent on pictures of this room so far, s."""
+        self._tick = -1
+        self._scenes: dict[bool, Scene[PersonModel]] = {}
+        self._frames: dict[tuple[bool, int, int, bytes], VideoFrame] = {}
+
+    def frame(
+        self, canvas: Canvas, tick: int, now_s: float, camera: Camera, *, hide_unseen: bool
+    ) -> VideoFrame:
+        """The room at `tick` (now), seen by `camera`; drawn on `canvas` if nobody has drawn it."""
+        if tick != self._tick:
+            self._tick = tick
+            self._scenes.clear()
+            self._frames.clear()
+        if hide_unseen not in self._scenes:
+            self._scenes[hide_unseen] = self.room.scene_at(now_s, hide_unseen=hide_unseen)
+        view = camera.world_to_camera.tobytes() + camera.intrinsics.tobytes()
+        key = (hide_unseen, camera.width, camera.height, view)
+        if key not in self._frames:
+            frame = canvas.paint(self._scenes[hide_unseen], camera)
+            captured_ms = self.room.captured_ms()
+            if self._stamped and captured_ms is not None:
+                write(frame, captured_ms)
+            self._frames[key] = frame
+        return self._frames[key]
 
 
 class ViewTrack(MediaStreamTrack):
-    """Renders what one viewer sees of `room`."""
+    """What one viewer sees of a room, drawn and coded."""
 
     kind = "video"
 
     def __init__(
         self,
-        room: Room,
+        pictures: SharedPictures,
         view: NewestView,
-        stage: Stage,
+        encoder: PictureEncoder,
         executor: Executor,
         clock: Callable[[], float],
     ) -> None:
         super().__init__()
         self.render_seconds: deque[float] = deque(maxlen=300)
-        """Time of the last renders, s, for the metrics."""
-        self._room, self._view, self._stage = room, view, stage
+        """Time of the last pictures, from their turn to their packet, s, for the metrics."""
+        self.bitrate = BitrateSteps()
+        self._pictures, self._view, self._encoder = pictures, view, encoder
         self._executor, self._clock = executor, clock
-        self._due_s: float | None = None
-        self._start_s = clock()
+        self._canvas = Canvas()
+        self._pacer, self._governor = FramePacer(), SizeGovernor()
+        self._key_asked = False
+        self._refreshed_s = -_REFRESH_S
 
-    async def recv(self) -> VideoFrame:
-        """The next picture, rendered when it is due (30 a second) from the newest state.
+    def ask_key_frame(self) -> None:
+        """Have the next picture coded so that it needs none before it."""
+        self._key_asked = True
 
-        None comes while the viewer draws the room: nothing is rendered, encoded or sent then.
+    async def recv(self) -> Packet:
+        """The next picture, drawn when it is due (30 a second) from the newest state.
+
+        None comes while the viewer draws the room: nothing is drawn, coded or sent then.
         """
-        while left_to_viewer(self._room, self._view):
-            await asyncio.sleep(1.0 / FRAMES_PER_SECOND)
-        now = self._clock()
-        due = now if self._due_s is None else self._due_s
-        if due > now:
-            await asyncio.sleep(due - now)
-        started = self._clock()
-        frame = await asyncio.get_running_loop().run_in_executor(
-            self._executor, self._picture, started
-        )
-        self.render_seconds.append(self._clock() - started)
-        self._due_s = max(due + 1.0 / FRAMES_PER_SECOND, self._clock() - 1.0 / FRAMES_PER_SECOND)
-        frame.pts = int((started - self._start_s) * _CLOCK_RATE)
-        frame.time_base = _TIME_BASE
-        return frame
+        while left_to_viewer(self._view):
+            self._governor.rest()
+            await asyncio.sleep(TICK_S)
+        while (wait_s := self._pacer.wait_s(self._clock())) > 0.0:
+            await asyncio.sleep(wait_s)
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._executor, self._coded)
 
-    def _picture(self, now_s: float) -> VideoFrame:
+    def _coded(self) -> Packet:
+        started = self._clock()
+        tick = self._pacer.begin(started)
         packet = self._view.packet
         hide_unseen = packet is not None and packet.hide_unseen
-        scene = self._room.scene_at(now_s, hide_unseen=hide_unseen)
-        return video_frame(self._stage.render(scene, self._camera()))
+        frame = self._pictures.frame(
+            self._canvas, tick, started, self._camera(), hide_unseen=hide_unseen
+        )
+        key, self._key_asked = self._key_asked or self._stalled(started), False
+        coded = self._encoder.encode(frame, tick, self.bitrate.bitrate, key=key)
+        done = self._clock()
+        self.render_seconds.append(done - started)
+        self._pictures.work_s += done - started
+        self._governor.drawn(done, done - started, self._pictures.work_s)
+        return coded
+
+    def _stalled(self, now_s: float) -> bool:
+        """Whether the viewer says that pictures come and can't be shown; now and then true."""
+        packet = self._view.packet
+        if packet is None or not packet.stalled or now_s - self._refreshed_s < _REFRESH_S:
+            return False
+        self._refreshed_s = now_s
+        return True
 
     def _camera(self) -> Camera:
-        packet = self._view.packet
+        packet, scale = self._view.packet, self._governor.scale
         if packet is None:
-            return self._room.first_view(*_DEFAULT_SIZE)
-        return packet.camera(*frame_size(packet.width, packet.height))
+            return self._pictures.room.first_view(*_DEFAULT_SIZE)
+        return packet.camera(*frame_size(packet.width, packet.height, scale))
 
 
-def video_frame(picture: UInt8[Array, "H W 3"]) -> VideoFrame:
-    """`picture` (sRGB, even sides) as the encoder takes it: written once, straight into its planes.
+def lay(picture: UInt8[Array, "H W 3"], changed: Bool[Array, "bH bW"], frame: VideoFrame) -> None:
+    """Write `picture` (sRGB) into the planes of a yuv420p `frame`, where blocks have `changed`.
 
     Going through an RGB frame would copy it and have the encoder convert it on one core.
     """
     from renderer.yuv_kernels import to_yuv420  # numba takes a second
 
-    height, width = picture.shape[:2]
-    frame = VideoFrame(width, height, "yuv420p")
-    to_yuv420(picture, *(_rows(plane) for plane in frame.planes))
-    return frame
+    to_yuv420(picture, changed, *(rows_of(plane) for plane in frame.planes))
 
 
-def _rows(plane: VideoPlane) -> UInt8[Array, "H S"]:
-    """The plane's own bytes, to be written."""
-    memory = cast(memoryview, plane)  # PyAV's types do not say that planes are buffers
-    return np.frombuffer(memory, np.uint8).reshape(plane.height, plane.line_size)
+def frame_size(width: int, height: int, scale: float = 1.0) -> tuple[int, int]:
+    """The size to draw for a viewer who asks for `width` x `height` px, `scale` of its sides.
 
-
-def frame_size(width: int, height: int) -> tuple[int, int]:
-    """The size to render for a viewer who asks for `width` x `height` px.
-
-    Aspect kept, the longest side at most 1024 px, both sides multiples of 16 and at least 128 px.
+    Aspect kept, the longest side at most 1024 px before it is scaled, both sides multiples of 16
+    and at least 128 px.
     """
     if width < 1 or height < 1:
         return _DEFAULT_SIZE
-    scale = min(1.0, _LARGEST_PX / max(width, height))
+    scale *= min(1.0, _LARGEST_PX / max(width, height))
     sides = (
         max(_SMALLEST_PX, round(side * scale / _BLOCK_PX) * _BLOCK_PX) for side in (width, height)
     )

@@ -1,8 +1,8 @@
 """WHEP (draft-ietf-wish-whep): a viewer posts an SDP offer, the answer brings their own view.
 
-`POST /whep/{meeting}` answers 201 with the SDP, `Location` and `ETag`; `DELETE` on the location
-ends the session. The view follows the data channel `view` that the viewer opens; who opens `pose`
-as well may draw the room from poses (services.live.packets).
+`POST /whep/{meeting}` opens a session and `DELETE` on its location ends it, as
+services.live.signalling has it. The view follows the data channel `view` that the viewer opens;
+who opens `pose` as well may draw the room from poses (services.live.packets).
 """
 
 from __future__ import annotations
@@ -21,9 +21,11 @@ from scene.environment import Environment
 from services import seats
 from services.auth import Joiner, Principal
 from services.container import Provided, Services
-from services.environments import STUDIO, environment, themes
+from services.environments import environment_in
+from services.live import signalling
 from services.live.room import CastMember
 from services.live.sessions import NoRoom, ViewSessions
+from services.live.signalling import SDP
 from services.meetings import performed_motion
 from services.problems import PROBLEMS, ProblemError
 
@@ -31,8 +33,6 @@ log = logging.getLogger(__name__)
 
 router = APIRouter(tags=["meetings"], responses=PROBLEMS)
 
-SDP = "application/sdp"
-LARGEST_OFFER_BYTES = 64 * 1024
 _RETRY_AFTER_S = 5
 VIEWERS = Gauge("metanerf_viewers", "Viewers served live now.")
 RENDER_MS = Gauge("metanerf_render_milliseconds", "Median of the latest renders, ms.")
@@ -54,6 +54,7 @@ def install(app: FastAPI, services: Services) -> ViewSessions:
         time.monotonic,
         ice_servers=services.settings.ice_servers,
         max_viewers=services.settings.max_viewers,
+        stamped=services.settings.stamp_pictures,
     )
     app.state.views = sessions
     app.state.cast_listeners.append(sessions.refresh)
@@ -103,7 +104,7 @@ async def look(
 ) -> Response:
     """One rendered view; the viewer chooses where to stand by the data channel `view`."""
     caller.require_meeting(meeting_id)
-    sdp_offer = await read_offer(request)
+    sdp_offer = await signalling.read_offer(request)
     await run_in_threadpool(_require_place, services, meeting_id, caller)
     try:
         session_id, sdp_answer = await views.open(
@@ -114,41 +115,29 @@ async def look(
         raise ProblemError(503, "server-full", str(full), headers=headers) from full
     # whoever is sent out from now on sees nothing more
     request.app.state.hub.stir(meeting_id)
-    headers = {"Location": f"/whep/{meeting_id}/{session_id}", "ETag": f'"{session_id}"'}
-    return Response(sdp_answer, status.HTTP_201_CREATED, headers, media_type=SDP)
+    location, ice_servers = f"/whep/{meeting_id}/{session_id}", services.settings.ice_servers
+    return signalling.created(location, session_id, signalling.mux_only(sdp_answer), ice_servers)
+
+
+@router.options("/whep/{meeting_id}", summary="What a viewer may post", status_code=204)
+async def tell_door(meeting_id: str) -> Response:
+    """The methods and types that this door takes."""
+    return signalling.options("POST, OPTIONS")
+
+
+@router.patch("/whep/{meeting_id}/{session_id}", summary="Add candidates", status_code=204)
+async def trickle(
+    meeting_id: str, session_id: str, request: Request, views: Views, caller: Joiner
+) -> Response:
+    """More addresses at which the viewer can be reached."""
+    session = signalling.session_of(views, session_id, meeting_id, caller)
+    return await signalling.trickle(request, session, session_id)
 
 
 @router.delete("/whep/{meeting_id}/{session_id}", summary="Look away")
 async def look_away(meeting_id: str, session_id: str, views: Views, caller: Joiner) -> Response:
     """End the session."""
-    caller.require_meeting(meeting_id)
-    if not await views.close(session_id):
-        raise ProblemError(
-            404,
-            "not-found",
-            f"id must be that of a running session; got {session_id!r}; it may have ended already",
-        )
-    return Response(status_code=status.HTTP_200_OK)
-
-
-async def read_offer(request: Request) -> str:
-    """The SDP that a request brings. Raises a 413, 415 or 422 problem."""
-    kind = request.headers.get("content-type", "").partition(";")[0].strip()
-    if kind != SDP:
-        raise ProblemError(
-            415, "unsupported-media-type", f"an offer must be of type {SDP}; got {kind or 'none'!r}"
-        )
-    body = bytearray()
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > LARGEST_OFFER_BYTES:
-            raise ProblemError(
-                413, "too-large", f"an offer must be at most {LARGEST_OFFER_BYTES} bytes; got more"
-            )
-    try:
-        return body.decode()
-    except UnicodeDecodeError as error:
-        raise ProblemError(422, "invalid-input", f"an offer must be UTF-8; got {error}") from error
+    return await signalling.end(views, session_id, meeting_id, caller)
 
 
 def _require_place(services: Services, meeting_id: str, caller: Principal) -> None:
@@ -183,9 +172,7 @@ def cast_of(services: Services, meeting_id: str) -> tuple[CastMember, ...]:
 def environment_of(services: Services, meeting_id: str) -> Environment:
     """The place that a meeting is held in. Raises NotFound."""
     with services.reading() as unit:
-        name = unit.meetings.get(meeting_id).environment
-    # a theme that an older release had: the plain room
-    return environment(name if name in themes() else STUDIO)
+        return environment_in(unit, meeting_id)
 
 
 def _median(values: list[float]) -> float:

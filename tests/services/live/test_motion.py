@@ -13,8 +13,8 @@ from capture.live_filter import AT_MOST_S
 from scene.errors import InvalidInput
 from scene.motion import Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from services.live.feet_kernels import bend, level, reach_with
 from services.live.motion import EASE_S, LiveMotion
-from services.live.motion_feet import bent
 from services.live.packets import decode_keypoints, encode_keypoints
 from tests.capture.people import JOINT, body, standing
 from tests.services.live.people import joints, seen
@@ -206,16 +206,45 @@ def test_any_landmarks_give_a_pose_or_are_refused(noise):
 
 
 @given(st.tuples(*[st.floats(-0.25, 0.25)] * 2), st.floats(-0.9, -0.3))
+@settings(deadline=None)
 def test_a_leg_reaches_what_is_in_reach(aside, down):
-    leg = np.array([[[0.0, 0.9, 0.0], [0.0, 0.5, 0.02], [0.0, 0.1, 0.0]]])
-    target = np.array([[aside[0], 0.9 + down, aside[1]]])
-    thigh, shin = bent(leg, np.tile(np.eye(3), (1, 2, 1, 1)), target)
-    knee = leg[0, 0] + thigh[0] @ (leg[0, 1] - leg[0, 0])
-    ankle = knee + shin[0] @ (leg[0, 2] - leg[0, 1])
-    length = np.linalg.norm(np.diff(leg[0], axis=0), axis=1).sum()
-    gap = np.linalg.norm(target[0] - leg[0, 0])
+    leg = np.array([[0.0, 0.9, 0.0], [0.0, 0.5, 0.02], [0.0, 0.1, 0.0]])
+    target = np.array([aside[0], 0.9 + down, aside[1]])
+    thigh, shin = bend(leg[0], leg[1], leg[2], np.array([0.0, 0.0, 1.0]), target)
+    knee = leg[0] + thigh @ (leg[1] - leg[0])
+    ankle = knee + shin @ (leg[2] - leg[1])
+    length = np.linalg.norm(np.diff(leg, axis=0), axis=1).sum()
+    gap = np.linalg.norm(target - leg[0])
     if gap < 0.999 * length:
-        np.testing.assert_allclose(ankle, target[0], atol=1e-9)
+        np.testing.assert_allclose(ankle, target, atol=1e-9)
     else:  # stretched towards it
-        along = (ankle - leg[0, 0]) @ (target[0] - leg[0, 0]) / gap
+        along = (ankle - leg[0]) @ (target - leg[0]) / gap
         assert along == pytest.approx(0.999 * length, abs=1e-9)
+
+
+@pytest.mark.parametrize("lowered_m", [0.0, 0.2])
+def test_both_feet_come_to_where_they_are_held(lowered_m):
+    """Read back by the skeleton's own kinematics; a pelvis that is too high sinks."""
+    skeleton, rng = body().skeleton, np.random.default_rng(0)
+    local = axis_angle_to_matrix(rng.normal(0.0, 0.15, (24, 3)))
+    legs = np.array([[JOINT[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot")]
+                     for side in ("left", "right")])  # fmt: skip
+    pelvis = skeleton.rest_joints[0] - [0.0, 0.1, 0.0]
+    ankles = skeleton.rest_joints[legs[:, 2]] - [0.0, lowered_m, 0.0]
+    turns = axis_angle_to_matrix(rng.normal(0.0, 0.3, (2, 3)))
+    arms = local[JOINT["left_elbow"]].copy()
+    parents = np.array(skeleton.parents)
+    sink = reach_with(local, pelvis, skeleton.rest_joints, parents, legs, ankles, turns)
+    assert (sink < -0.05) == (lowered_m > 0.0)
+    root = pelvis + np.array([0.0, sink, 0.0]) - skeleton.rest_joints[0]
+    found = skeleton.joint_transforms(matrix_to_axis_angle(local), root)[legs[:, 2]]
+    np.testing.assert_allclose(found[:, :3, 3], ankles, atol=2e-3)
+    np.testing.assert_allclose(found[:, :3, :3], turns, atol=1e-9)
+    np.testing.assert_array_equal(local[JOINT["left_elbow"]], arms)
+
+
+def test_a_level_turn_faces_the_same_way():
+    turn = axis_angle_to_matrix(np.array([0.3, 1.1, -0.2]))
+    flat = level(turn)
+    np.testing.assert_allclose(flat[1], [0.0, 1.0, 0.0], atol=1e-12)
+    assert flat[0, 2] / flat[2, 2] == pytest.approx(turn[0, 2] / turn[2, 2])

@@ -40,7 +40,10 @@ def test_only_what_was_filmed_is_the_first_flag():
     assert not decode_view(bytes(data)).hide_unseen
     data[2] = 1
     assert decode_view(bytes(data)).hide_unseen
-    data[2] = 0xFC  # flags of a later version
+    data[2] = 4
+    assert decode_view(bytes(data)).stalled
+    data[2] = 0xF8  # flags of a later version
+    assert not decode_view(bytes(data)).stalled
     assert not decode_view(bytes(data)).hide_unseen
 
 

@@ -1,0 +1,137 @@
+"""Pictures to packets of video, by settings that suit rendered pictures.
+
+There is no noise to take out, most of a picture rests, and a viewer waits for every frame: no
+look-ahead, no B-frames, one thread, key frames only when somebody asks. Of what a browser offers
+H.264 is taken first (RFC 6184, constrained baseline, packetization-mode 1): at equal quality it
+costs less than VP8 (RFC 7741) here and in the browser; `metanerf bench serve` has the figures. Its
+level is the picture's own: browsers offer 3.1 and decode more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Many
+from enum import StrEnum
+from fractions import Fraction
+
+from av import CodecContext, Packet, VideoFrame
+from av.video.codeccontext import VideoCodecContext
+from av.video.frame import PictureType
+
+FRAMES_PER_SECOND = 30
+_CLOCK_RATE = 90_000
+"""Of RTP's timestamps for video, Hz."""
+_TICKS, _TIME_BASE = Fraction(1, FRAMES_PER_SECOND), Fraction(1, _CLOCK_RATE)
+_NO_KEY_FRAMES = 1 << 20
+"""Frames between key frames that nobody asked for: half a day."""
+BITRATES = (500_000, 750_000, 1_100_000, 1_700_000, 2_500_000, 4_000_000, 6_000_000)
+"""bit/s. Few steps: a VP8 encoder must be opened anew, with a key frame, to change."""
+_FIRST_BITRATE = 4
+_CLIMB = 1.15
+"""A step is climbed once the estimate is so much above it: estimates swing."""
+
+
+class Codec(StrEnum):
+    """How video is coded; values are the names in SDP."""
+
+    H264 = "H264"
+    VP8 = "VP8"
+
+
+class BitrateSteps:
+    """A viewer's estimate of what gets through, in steps with hysteresis."""
+
+    def __init__(self) -> None:
+        self._index = _FIRST_BITRATE
+
+    @property
+    def bitrate(self) -> int:
+        """bit/s to encode with."""
+        return BITRATES[self._index]
+
+    def estimate(self, bitrate: float) -> None:
+        """Take the receiver's estimate, bit/s (REMB)."""
+        while self._index > 0 and bitrate < BITRATES[self._index]:
+            self._index -= 1
+        last = len(BITRATES) - 1
+        while self._index < last and bitrate >= _CLIMB * BITRATES[self._index + 1]:
+            self._index += 1
+
+
+class PictureEncoder:
+    """One viewer's stream. Encodes in the thread that calls, which must be one at a time."""
+
+    def __init__(self, codec: Codec) -> None:
+        self._codec = codec
+        self._context: VideoCodecContext | None = None
+        self._opened: tuple[int, int, int] = (0, 0, 0)
+        """Width, height and bitrate of the open context."""
+
+    def encode(self, frame: VideoFrame, tick: int, bitrate: int, *, key: bool) -> Packet:
+        """`frame` (yuv420p) as one access unit, shown at `tick` (1/30 s, rising).
+
+        With `key`, or after a change of size, it needs no frame before it.
+        """
+        wanted = (frame.width, frame.height, bitrate)
+        if self._context is None or self._opened != wanted:
+            self._context = self._open(*wanted)
+            self._opened = wanted
+        # set each time: viewers of one picture share the frame, not their requests
+        frame.pict_type = PictureType.I if key else PictureType.NONE
+        frame.pts, frame.time_base = tick, _TICKS
+        packets = self._context.encode(frame)
+        packet = packets[0] if len(packets) == 1 else _joined(packets)
+        packet.pts, packet.time_base = tick * _CLOCK_RATE // FRAMES_PER_SECOND, _TIME_BASE
+        return packet
+
+    def _open(self, width: int, height: int, bitrate: int) -> VideoCodecContext:
+        same_size = self._opened[:2] == (width, height)
+        if self._codec is Codec.H264 and self._context is not None and same_size:
+            # libx264 takes a new bitrate in its stride
+            self._context.bit_rate = bitrate
+            return self._context
+        name = "libx264" if self._codec is Codec.H264 else "libvpx"
+        context: VideoCodecContext = CodecContext.create(name, "w")
+        context.width, context.height, context.pix_fmt = width, height, "yuv420p"
+        context.bit_rate, context.gop_size, context.thread_count = bitrate, _NO_KEY_FRAMES, 1
+        context.time_base, context.framerate = _TICKS, Fraction(FRAMES_PER_SECOND)
+        if self._codec is Codec.H264:
+            context.profile = "Baseline"
+            context.options = {
+                "preset": "superfast", "tune": "zerolatency",
+                "forced-idr": "1", "sc_threshold": "0",
+                # without a bound libx264 leaves a new bitrate unheeded
+                "maxrate": str(BITRATES[-1]), "bufsize": str(BITRATES[-1] // 2),
+            }  # fmt: skip
+        else:
+            context.qmin, context.qmax = 2, 56
+            context.options = {
+                "deadline": "realtime", "cpu-used": "-12", "lag-in-frames": "0",
+                "minrate": str(bitrate), "maxrate": str(bitrate), "bufsize": str(bitrate),
+                "undershoot-pct": "100", "overshoot-pct": "15", "static-thresh": "1",
+            }  # fmt: skip
+        return context
+
+
+def _joined(packets: Many[Packet]) -> Packet:
+    """Encoders without delay give one packet a frame; libvpx none where it dropped one."""
+    return Packet(b"".join(bytes(packet) for packet in packets))
+
+
+def chosen_codec(sdp_offer: str) -> Codec:
+    """The codec to answer an offer with: H.264 if it is offered as we send it, else VP8."""
+    formats: dict[str, str] = {}
+    h264 = set()
+    for line in sdp_offer.splitlines():
+        name, _, rest = line.strip().partition(":")
+        number, _, text = rest.partition(" ")
+        if name == "a=rtpmap" and text.lower().startswith("h264/90000"):
+            h264.add(number)
+        if name == "a=fmtp":
+            formats[number] = text.replace(" ", "").lower()
+    for number in h264:
+        said = formats.get(number, "").split(";")
+        if "packetization-mode=1" in said and any(
+            part.startswith(("profile-level-id=42e0", "profile-level-id=42c0")) for part in said
+        ):
+            return Codec.H264
+    return Codec.VP8

@@ -1,0 +1,104 @@
+"""When a picture is due and how large it may be: by clocks that the caller reads.
+
+Time is cut into ticks of 1/30 s, the same for all viewers of a process, so that who looks at one
+instant from one place shares a picture. Of each tick a viewer gets at most one picture, the newest;
+ticks that were missed are gone.
+"""
+
+from __future__ import annotations
+
+from services.live.encoding import FRAMES_PER_SECOND
+
+TICK_S = 1.0 / FRAMES_PER_SECOND
+SCALES = (1.0, 0.75, 0.5)
+"""Of the sides that a viewer asks for."""
+_WINDOW_S = 2.0
+_SLOW_SHARE, _FLUENT_SHARE = 0.6, 0.95
+"""Of 30 pictures a second: with fewer a picture is too large; with more none is late."""
+_SLOW_WINDOWS, _FLUENT_WINDOWS = 2, 3
+"""Our page asks for less by itself after 3 s; who does not is given less after 4."""
+_BUSY_SHARE = 0.7
+"""Of the drawing thread's time: a larger picture must fit in this."""
+_LONGEST_WAIT = 48
+"""Windows, between climbs that had to be taken back."""
+
+
+class FramePacer:
+    """The ticks of one viewer."""
+
+    def __init__(self) -> None:
+        self._last = -1
+
+    def wait_s(self, now_s: float) -> float:
+        """Time until the next picture is due, s; nil where it is late."""
+        if self._last < 0 or int(now_s / TICK_S) > self._last:
+            return 0.0
+        return (self._last + 1) * TICK_S - now_s
+
+    def begin(self, now_s: float) -> int:
+        """Start the newest picture; returns its tick. Those before it are dropped."""
+        # a clock that wakes us a rounding error early must not give one tick twice
+        self._last = max(int(now_s / TICK_S), self._last + 1)
+        return self._last
+
+
+class SizeGovernor:
+    """Lets pictures shrink where they come too slowly, and grow again where there is time.
+
+    A climb that had to be taken back makes the next one wait twice as long.
+    """
+
+    def __init__(self) -> None:
+        self._step = 0
+        self._started_s: float | None = None
+        self._pictures = 0
+        self._own_s, self._all_s = 0.0, 0.0
+        self._slow, self._fluent = 0, 0
+        self._wait = _FLUENT_WINDOWS
+        self._climbed = False
+
+    @property
+    def scale(self) -> float:
+        """Of the sides asked for, one of `SCALES`."""
+        return SCALES[self._step]
+
+    def drawn(self, now_s: float, own_s: float, all_s: float) -> None:
+        """Note a picture that was done at `now_s` and took `own_s` to draw and encode.
+
+        `all_s` counts what the drawing thread has worked for everybody since it began, s.
+        """
+        if self._started_s is None:
+            self._begin(now_s, all_s)
+            return
+        self._pictures += 1
+        self._own_s += own_s
+        length_s = now_s - self._started_s
+        if length_s < _WINDOW_S:
+            return
+        share = self._pictures / length_s / FRAMES_PER_SECOND
+        self._judge(share, self._own_s / length_s, (all_s - self._all_s) / length_s)
+        self._begin(now_s, all_s)
+
+    def rest(self) -> None:
+        """Nothing is drawn for a while; what was measured says nothing any more."""
+        self._started_s = None
+        self._slow = self._fluent = 0
+
+    def _begin(self, now_s: float, all_s: float) -> None:
+        self._started_s, self._pictures, self._own_s, self._all_s = now_s, 0, 0.0, all_s
+
+    def _judge(self, share: float, own: float, busy: float) -> None:
+        self._slow = self._slow + 1 if share < _SLOW_SHARE else 0
+        self._fluent = self._fluent + 1 if share >= _FLUENT_SHARE else 0
+        if self._slow >= _SLOW_WINDOWS and self._step < len(SCALES) - 1:
+            if self._climbed:
+                self._wait = min(2 * self._wait, _LONGEST_WAIT)
+            self._move(self._step + 1, climbed=False)
+        elif self._fluent >= self._wait and self._step > 0:
+            growth = (SCALES[self._step - 1] / SCALES[self._step]) ** 2
+            if busy + (growth - 1.0) * own < _BUSY_SHARE:
+                self._move(self._step - 1, climbed=True)
+
+    def _move(self, step: int, *, climbed: bool) -> None:
+        self._step, self._climbed = step, climbed
+        self._slow = self._fluent = 0

@@ -1,0 +1,16 @@
+"""The planes of a video frame, as arrays to be written."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+from av.video.plane import VideoPlane
+
+from scene.arrays import Array, UInt8
+
+
+def rows_of(plane: VideoPlane) -> UInt8[Array, "H S"]:
+    """The plane's own bytes; rows may be longer than the picture."""
+    memory = cast(memoryview, plane)  # PyAV's types do not say that planes are buffers
+    return np.frombuffer(memory, np.uint8).reshape(plane.height, plane.line_size)

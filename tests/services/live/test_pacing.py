@@ -1,0 +1,82 @@
+"""Ticks and sizes by a clock of our own: the newest wins, work is dropped, sizes don't flutter."""
+
+from __future__ import annotations
+
+import pytest
+
+from services.live.pacing import SCALES, TICK_S, FramePacer, SizeGovernor
+
+
+def test_a_viewer_gets_one_picture_a_tick():
+    pacer, now_s, ticks = FramePacer(), 100.0, []
+    for _ in range(60):
+        now_s += pacer.wait_s(now_s)
+        assert pacer.wait_s(now_s) == pytest.approx(0.0, abs=1e-9)
+        ticks.append(pacer.begin(now_s))
+        now_s += 0.004
+    assert ticks == list(range(ticks[0], ticks[0] + 60))
+    assert now_s == pytest.approx(100.0 + 59 * TICK_S, abs=TICK_S)
+
+
+def test_what_is_late_begins_at_once_and_what_was_missed_is_dropped():
+    pacer = FramePacer()
+    first = pacer.begin(10.001)
+    assert pacer.wait_s(10.001 + 3.4 * TICK_S) == 0.0
+    assert pacer.begin(10.001 + 3.4 * TICK_S) == first + 3
+
+
+def test_viewers_of_one_process_share_their_ticks():
+    one, other = FramePacer(), FramePacer()
+    assert one.begin(5.001) == other.begin(5.02)
+
+
+def watch(governor: SizeGovernor, seconds: float, rate: float, cost_s: float, busy: float):
+    """Let pictures be drawn; their time shrinks with the square of the scale. Yields the scales."""
+    now_s = watch.now_s
+    scales = []
+    for _ in range(int(seconds * rate)):
+        now_s += 1.0 / rate
+        watch.all_s += busy / rate
+        governor.drawn(now_s, cost_s * governor.scale**2, watch.all_s)
+        scales.append(governor.scale)
+    watch.now_s = now_s
+    return scales
+
+
+watch.now_s, watch.all_s = 0.0, 0.0
+
+
+def test_pictures_that_come_slowly_shrink_and_grow_again_once_there_is_time():
+    governor = SizeGovernor()
+    assert set(watch(governor, 3.0, 12.0, 0.05, 0.9)) == {1.0}  # our page acts first
+    assert watch(governor, 3.0, 12.0, 0.05, 0.9)[-1] == SCALES[1]
+    # fluent, but others keep the thread busy: it would not fit
+    assert set(watch(governor, 30.0, 30.0, 0.01, 0.69)) == {SCALES[1]}
+    assert watch(governor, 8.0, 30.0, 0.01, 0.3)[-1] == 1.0
+
+
+def test_a_climb_that_fails_makes_the_next_one_wait_longer():
+    governor = SizeGovernor()
+    waits = []
+    for _ in range(3):
+        while governor.scale == 1.0:
+            watch(governor, 1.0, 10.0, 0.01, 0.3)
+        began = watch.now_s
+        while governor.scale < 1.0:
+            watch(governor, 1.0, 30.0, 0.01, 0.3)
+        waits.append(watch.now_s - began)
+    assert waits[1] > 1.5 * waits[0]
+    assert waits[2] > 1.5 * waits[1]
+
+
+def test_a_rate_between_the_bounds_changes_nothing():
+    governor = SizeGovernor()
+    assert set(watch(governor, 60.0, 24.0, 0.03, 0.9)) == {1.0}
+
+
+def test_a_rest_is_no_slowness():
+    governor = SizeGovernor()
+    watch(governor, 3.5, 12.0, 0.05, 0.9)
+    governor.rest()
+    watch.now_s += 60.0
+    assert set(watch(governor, 3.0, 12.0, 0.05, 0.9)) == {1.0}

@@ -1,0 +1,149 @@
+"""A viewer's video by a clock of our own: the newest wins, equal views are drawn once, key frames
+come to whom they are due."""
+
+from __future__ import annotations
+
+import itertools
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from aiortc.rtp import RTCP_PSFB_APP, RTCP_PSFB_FIR, RTCP_PSFB_PLI, RtcpPsfbPacket, pack_remb_fci
+
+from scene import Pose
+from services.live import stamp
+from services.live.encoding import BITRATES, Codec, PictureEncoder
+from services.live.pacing import TICK_S
+from services.live.packets import NewestView, ViewPacket
+from services.live.planes import rows_of
+from services.live.room import CastMember, Room
+from services.live.sessions import heed_feedback
+from services.live.track import Canvas, SharedPictures, ViewTrack, frame_size
+from tests.renderer.studio import make_model, make_motion
+
+VIEW = ViewPacket(1, 0.0, (0.0, 1.0, 3.0), (0.0, 1.0, 0.0, 0.0), 0.7, 128, 128)
+
+
+class Clock:
+    """Moves when it is told to."""
+
+    now_s = 50.01  # within a tick
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+class Driven:
+    """Somebody whose webcam saw them at a known time."""
+
+    captured_ms = 1.7e12 + 4321.0
+
+    def pose_at(self, now_s: float) -> Pose:
+        return Pose(np.zeros((24, 3)), np.zeros(3), now_s)
+
+
+@pytest.fixture
+def room() -> Room:
+    return Room("m", (CastMember("p", "Ada", make_model(), make_motion(20), (0.0, 0.0, 0.0), 0.0),))
+
+
+@pytest.fixture
+def threads():
+    with ThreadPoolExecutor(1) as executor:
+        yield executor
+
+
+def track_of(room: Room, threads, clock: Clock, view: NewestView | None = None) -> ViewTrack:
+    shared = SharedPictures(room, stamped=False)
+    newest = view or NewestView()
+    return ViewTrack(shared, newest, PictureEncoder(Codec.H264), threads, clock)
+
+
+async def keys(track: ViewTrack, clock: Clock, count: int) -> list[bool]:
+    """Whether each of the next pictures is a key frame."""
+    found = []
+    for _ in range(count):
+        clock.now_s += TICK_S
+        found.append((await track.recv()).is_keyframe)
+    return found
+
+
+async def test_each_picture_has_the_time_of_its_tick_and_missed_ones_are_dropped(room, threads):
+    clock = Clock()
+    track, stamps = track_of(room, threads, clock), []
+    for pause in (0.0, 1.0, 1.0, 4.6, 1.0):
+        clock.now_s += pause * TICK_S
+        packet = await track.recv()
+        assert packet.pts is not None
+        stamps.append(packet.pts // 3000)
+    assert [b - a for a, b in itertools.pairwise(stamps)] == [1, 1, 4, 1]
+
+
+@pytest.mark.parametrize("kind", [RTCP_PSFB_PLI, RTCP_PSFB_FIR])
+async def test_a_key_frame_comes_once_and_only_to_who_asks(room, threads, kind):
+    clock = Clock()
+    mine, other = (track_of(room, threads, clock) for _ in range(2))
+    assert await keys(mine, clock, 3) == [True, False, False]
+    assert await keys(other, clock, 3) == [True, False, False]
+    heed_feedback(RtcpPsfbPacket(kind, 1, 2), mine)
+    assert await keys(mine, clock, 2) == [True, False]
+    assert await keys(other, clock, 2) == [False, False]
+
+
+async def test_who_says_that_pictures_stopped_gets_a_key_frame_now_and_then(room, threads):
+    clock, view = Clock(), NewestView()
+    track = track_of(room, threads, clock, view)
+    view.offer(VIEW)
+    assert await keys(track, clock, 2) == [True, False]
+    view.offer(replace(VIEW, sequence=2, stalled=True))
+    assert sum(await keys(track, clock, 30)) == 2  # one in half a second
+    view.offer(replace(VIEW, sequence=3))
+    assert not any(await keys(track, clock, 30))
+
+
+def test_estimates_of_the_receiver_set_the_bitrate_and_other_messages_do_not(room, threads):
+    track = track_of(room, threads, Clock())
+    heed_feedback(RtcpPsfbPacket(RTCP_PSFB_APP, 1, 2, pack_remb_fci(800_000, [3])), track)
+    assert track.bitrate.bitrate == BITRATES[1]
+    heed_feedback(RtcpPsfbPacket(RTCP_PSFB_APP, 1, 2, b"something else"), track)
+    assert track.bitrate.bitrate == BITRATES[1]
+
+
+def test_who_looks_from_one_place_at_one_instant_shares_a_picture(room):
+    shared = SharedPictures(room, stamped=False)
+    camera, other = room.first_view(128, 128), room.first_view(144, 128)
+    one, two = Canvas(), Canvas()
+    frame = shared.frame(one, 1, 0.0, camera, hide_unseen=False)
+    assert shared.frame(two, 1, 0.01, room.first_view(128, 128), hide_unseen=False) is frame
+    assert shared.frame(two, 1, 0.0, other, hide_unseen=False) is not frame
+    assert shared.frame(two, 1, 0.0, camera, hide_unseen=True) is not frame
+    assert shared.frame(two, 2, 0.0, camera, hide_unseen=False) is not frame
+
+
+def test_a_canvas_that_was_left_out_for_a_while_shows_the_whole_picture(room):
+    """What it holds is older than what others saw; only its own last picture counts."""
+    camera, mine, fresh = room.first_view(160, 128), Canvas(), Canvas()
+    shared = SharedPictures(room, stamped=False)
+    for tick, canvas in enumerate((mine, fresh, fresh, mine)):
+        seen = shared.frame(canvas, tick, 0.3 * tick, camera, hide_unseen=False)
+    whole = Canvas().paint(room.scene_at(0.9), camera)
+    for ours, theirs in zip(seen.planes, whole.planes, strict=True):
+        difference = rows_of(ours)[:, : ours.width].astype(int) - rows_of(theirs)[:, : ours.width]
+        assert np.abs(difference).max() <= 2
+
+
+def test_where_pictures_are_stamped_they_show_when_the_newest_was_captured(room):
+    shared, camera = SharedPictures(room, stamped=True), room.first_view(256, 256)
+    frame = shared.frame(Canvas(), 1, 0.0, camera, hide_unseen=False)
+    assert stamp.read(rows_of(frame.planes[0])) is None  # nobody is driven
+    room.live["p"] = Driven()
+    frame = shared.frame(Canvas(), 2, 0.0, camera, hide_unseen=False)
+    assert stamp.read(rows_of(frame.planes[0])) == int(Driven.captured_ms) % 65536
+
+
+def test_sizes_shrink_in_blocks_and_keep_their_shape():
+    assert frame_size(1024, 512, 0.75) == (768, 384)
+    assert frame_size(512, 512, 0.5) == (256, 256)
+    assert frame_size(4000, 1000, 0.5) == (512, 128)
+    assert frame_size(200, 200, 0.5) == (128, 128)
