@@ -1,0 +1,282 @@
+"""Recordings of meetings: list, read, show again, make a video, take oneself out, delete."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Response, status
+from fastapi.responses import StreamingResponse
+
+from db.errors import NotFound
+from db.models import JobKind, JobRow, JobState, RecordingRow, RecordingState, new_id
+from db.repositories import UnitOfWork
+from services.api import recording_shapes, shapes
+from services.api.environments import (
+    PICTURE,
+    Environment,
+    IfNoneMatch,
+    own_place,
+    picture_answer,
+)
+from services.auth import Joiner, Principal, Writer
+from services.container import Provided, Services
+from services.jobs.events import QUEUE
+from services.person_models import VIEWER_FILE
+from services.problems import PROBLEMS, ProblemError
+from services.recording import consent, replay
+from services.recording.ogg import ogg_opus, with_silence
+
+router = APIRouter(prefix="/v1/recordings", tags=["recordings"], responses=PROBLEMS)
+
+_BYTES: dict[int | str, dict[str, Any]] = {200: {"content": {"application/octet-stream": {}}}}
+
+
+@router.get("", summary="List your recordings")
+def list_recordings(services: Provided, caller: Joiner) -> recording_shapes.Recordings:
+    """Those that the token's account asked for, or agreed to; the newest first."""
+    with services.reading() as unit:
+        found = unit.recordings.of_account(caller.account)
+    return recording_shapes.Recordings(
+        items=[recording_shapes.Recording.of(one, caller.account) for one in found]
+    )
+
+
+@router.get("/{recording_id}", summary="Read a recording")
+def read_recording(
+    recording_id: str, services: Provided, caller: Joiner
+) -> recording_shapes.RecordingInFull:
+    """Who was there, and the tracks; to those who were asked and agreed, and whoever asked."""
+    with services.reading() as unit:
+        recording = _shown_to(unit, caller, recording_id)
+        chunks = unit.recordings.chunks(recording_id)
+        videos = unit.recordings.exports([recording_id])
+    sizes: dict[str, int] = {}
+    for chunk in chunks:
+        sizes[chunk.track] = sizes.get(chunk.track, 0) + chunk.bytes
+    base = f"/v1/recordings/{recording_id}"
+    return recording_shapes.RecordingInFull(
+        **dict(recording_shapes.Recording.of(recording, caller.account)),
+        tracks=[
+            recording_shapes.RecordedTrack(name=name, bytes=size, url=f"{base}/tracks/{name}")
+            for name, size in sizes.items()
+        ],
+        videos=[
+            recording_shapes.RecordedVideo(
+                job_id=one.job_id, bytes=one.bytes, url=f"{base}/videos/{one.job_id}"
+            )
+            for one in videos
+        ],
+    )
+
+
+@router.get(
+    "/{recording_id}/tracks/{track}",
+    summary="Download a track",
+    response_class=StreamingResponse,
+    responses=_BYTES,
+)
+def read_track(
+    recording_id: str, track: str, services: Provided, caller: Joiner
+) -> StreamingResponse:
+    """Records as `services.recording.chunks` has them, unpacked."""
+    data = _track(services, caller, recording_id, track)
+    return StreamingResponse(data, media_type="application/octet-stream")
+
+
+@router.get(
+    "/{recording_id}/voices/{participant_id}.ogg",
+    summary="Download a voice",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"audio/ogg": {}}}},
+)
+def read_voice(
+    recording_id: str, participant_id: str, services: Provided, caller: Joiner
+) -> StreamingResponse:
+    """What somebody said, in time with the recording, as Ogg Opus."""
+    data = _track(services, caller, recording_id, f"voice:{participant_id}")
+    pages = ogg_opus(with_silence(replay.records(data)))
+    return StreamingResponse(pages, media_type="audio/ogg")
+
+
+@router.get(
+    "/{recording_id}/models/{model_id}",
+    summary="Download what draws somebody",
+    response_class=StreamingResponse,
+    responses=_BYTES,
+)
+def read_model(
+    recording_id: str, model_id: str, services: Provided, caller: Joiner
+) -> StreamingResponse:
+    """The splats of somebody who moves in the recording, as a page draws them."""
+    with services.reading() as unit:
+        _shown_to(unit, caller, recording_id)
+        row = unit.models.get(model_id)
+        moves = recording_id in unit.recordings.with_person(row.person_id)
+    files = [file for file in row.files if file.name == VIEWER_FILE]
+    if not (moves and files):
+        raise NotFound(
+            f"id must be that of a model of splats that moves in the recording; got {model_id!r}"
+        )
+    data = services.objects.stream(row.person_id, files[0].sha256)
+    return StreamingResponse(data, media_type="application/octet-stream")
+
+
+@router.get("/{recording_id}/place", summary="See the place that was brought along")
+def read_place(recording_id: str, services: Provided, caller: Joiner) -> Environment:
+    """Where a meeting was held that had a place of the host's own; the library has all others."""
+    with services.reading() as unit:
+        own = unit.meetings.panorama(_shown_to(unit, caller, recording_id).meeting_id)
+        if own is None:
+            raise _no_place()
+        return own_place(own, f"/v1/recordings/{recording_id}/place/picture")
+
+
+@router.get(
+    "/{recording_id}/place/picture",
+    summary="See it all round",
+    response_class=Response,
+    responses=PICTURE,
+)
+def read_picture(
+    recording_id: str, services: Provided, caller: Joiner, if_none_match: IfNoneMatch = None
+) -> Response:
+    """The equirectangular picture of the place that was brought along."""
+    with services.reading() as unit:
+        recording = _shown_to(unit, caller, recording_id)
+        picture = unit.meetings.panorama_picture(recording.meeting_id)
+    if picture is None:
+        raise _no_place()
+    return picture_answer(picture, if_none_match, "private, no-cache")
+
+
+@router.delete("/{recording_id}", summary="Delete a recording")
+def delete_recording(recording_id: str, services: Provided, caller: Writer) -> Response:
+    """All of it, and every video that was made of it; whoever asked for it may."""
+    with services.unit_of_work() as unit:
+        recording = unit.recordings.get_for_change(recording_id)
+        caller.require_account(recording.account)
+        chunks = unit.recordings.chunks(recording_id)
+        videos = unit.recordings.drop_exports([recording_id])
+        unit.recordings.remove(recording)
+        unit.commit()
+    gone = [(one.owner, one.sha256) for one in chunks]
+    replay.drop(services, gone + [(one.person_id, one.sha256) for one in videos])
+    return Response(status_code=status.HTTP_204_NO_CONTENT)
+
+
+@router.delete("/{recording_id}/mine", summary="Take yourself out")
+def leave_recording(
+    recording_id: str, services: Provided, caller: Writer
+) -> recording_shapes.RemovedFromRecording:
+    """Delete what the token's account moved, said and wrote; one that still runs ends."""
+    with services.unit_of_work() as unit:
+        recording = unit.recordings.get_for_change(recording_id)
+        _require_part(recording, caller)
+        consent.end(recording, "somebody took themselves out", services.clock())
+        chunks = unit.recordings.drop_chunks(recording_id, caller.account)
+        videos = unit.recordings.drop_exports([recording_id])
+        for member in [one for one in recording.members if one.account == caller.account]:
+            recording.members.remove(member)
+        unit.commit()
+    gone = [(one.owner, one.sha256) for one in chunks]
+    replay.drop(services, gone + [(one.person_id, one.sha256) for one in videos])
+    return recording_shapes.RemovedFromRecording(chunks=len(chunks), videos=len(videos))
+
+
+@router.post("/{recording_id}/export", status_code=status.HTTP_202_ACCEPTED, summary="Make a video")
+def export_recording(
+    recording_id: str, body: recording_shapes.NewVideo, services: Provided, caller: Writer
+) -> shapes.Job:
+    """Queue an MP4 along a camera's path; follow it at `/v1/jobs/{id}/events`.
+
+    It is kept under a person of the caller's, and goes with anybody who is seen in it.
+    """
+    with services.unit_of_work() as unit:
+        recording = _shown_to(unit, caller, recording_id)
+        if recording.state is not RecordingState.ENDED:
+            raise ProblemError(
+                409, "still-recording", "a recording must have ended; got one under way; end it"
+            )
+        people = unit.people.of_account(caller.account)
+        if not people:
+            raise ProblemError(
+                409,
+                "nobody-of-yours",
+                "a video must be kept under a person of yours; got an account without one; "
+                "enrol first",
+            )
+        now = services.clock()
+        job = JobRow(
+            id=new_id(),
+            person_id=people[0].id,
+            kind=JobKind.EXPORT,
+            state=JobState.QUEUED,
+            params={"recording_id": recording_id} | body.model_dump(mode="json"),
+            created_at=now,
+            message="waiting for a worker",
+            progress=0.0,
+            preview_version=0,
+            attempt=0,
+            crashes=0,
+            cancel_requested=False,
+        )
+        unit.jobs.add(job)
+        unit.commit()
+    services.events.publish(QUEUE)
+    return shapes.Job.of(job)
+
+
+@router.get(
+    "/{recording_id}/videos/{job_id}",
+    summary="Download a video",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"video/mp4": {}}}},
+)
+def read_video(
+    recording_id: str, job_id: str, services: Provided, caller: Joiner
+) -> StreamingResponse:
+    """The MP4 that an export made."""
+    with services.reading() as unit:
+        _shown_to(unit, caller, recording_id)
+        videos = unit.recordings.exports([recording_id])
+    found = next((one for one in videos if one.job_id == job_id), None)
+    if found is None:
+        raise NotFound(f"id must be that of an export that succeeded; got {job_id!r}")
+    data = services.objects.stream(found.person_id, found.sha256)
+    return StreamingResponse(data, media_type="video/mp4")
+
+
+def _track(services: Services, caller: Principal, recording_id: str, track: str):
+    with services.reading() as unit:
+        _shown_to(unit, caller, recording_id)
+        chunks = unit.recordings.chunks(recording_id, track)
+    if not chunks:
+        raise NotFound(f"a track must be one that the recording has; got {track!r}; read it first")
+    return replay.unpacked(services, chunks)
+
+
+def _no_place() -> ProblemError:
+    return ProblemError(
+        404,
+        "not-found",
+        "the recorded meeting must have had a place of its own; got one held in a place of the "
+        "library; see /v1/environments",
+    )
+
+
+def _shown_to(unit: UnitOfWork, caller: Principal, recording_id: str) -> RecordingRow:
+    """The recording, if the caller asked for it or agreed to it. Raises a 403 or 404 problem."""
+    recording = unit.recordings.get(recording_id)
+    _require_part(recording, caller)
+    return recording
+
+
+def _require_part(recording: RecordingRow, caller: Principal) -> None:
+    agreed = {one.account for one in recording.members if one.agreed}
+    if caller.account not in agreed | {recording.account}:
+        raise ProblemError(
+            403,
+            "not-in-recording",
+            "the token must be of somebody who agreed to be recorded, or asked for it; got one of "
+            "somebody else",
+        )

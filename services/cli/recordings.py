@@ -1,0 +1,68 @@
+"""Commands about recorded meetings."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scene.errors import InvalidInput
+from services.cli.terminal import progress_bar, require_writable
+
+app = typer.Typer()
+
+
+@app.command("export-recording")
+def export_recording(
+    recording: Annotated[str, typer.Argument(help="The recording's id.")],
+    out: Annotated[Path, typer.Option(help="Where the video goes (.mp4).")],
+    path: Annotated[
+        Path | None,
+        typer.Option(
+            help='The camera\'s stops, JSON: [{"at_s": 0, "position": [0, 1.5, 3], '
+            '"target": [0, 1, 0]}]. [once round everybody]'
+        ),
+    ] = None,
+    width: Annotated[int, typer.Option(help="Pixels across.", min=64, max=1920)] = 1280,
+    height: Annotated[int, typer.Option(help="Pixels high.", min=64, max=1088)] = 720,
+    fov: Annotated[float, typer.Option(help="Vertical field of view, degrees.")] = 35.0,
+    data_dir: Annotated[Path | None, typer.Option(help="Where the server keeps things.")] = None,
+) -> None:
+    """Make a video of a recorded meeting, on the machine that keeps it."""
+    from services.container import build_services
+    from services.recording.film import Shot, film
+    from services.recording.replay import load
+    from services.settings import load_settings
+
+    require_writable(out)
+    if width % 2 or height % 2:
+        raise InvalidInput(f"width and height must be even; got {width} x {height}")
+    settings = load_settings(**({} if data_dir is None else {"data_dir": data_dir}))
+    services = build_services(settings)
+    try:
+        recorded = load(services, recording)
+        shot = Shot(_stops(path), width, height, math.radians(fov))
+        with progress_bar("filming") as report:
+            film(recorded, shot, out, lambda fraction: report(fraction, "filming"))
+    finally:
+        services.close()
+    typer.echo(f"{out}  {recorded.duration_s:.1f} s  {out.stat().st_size / 1e6:.2f} MB")
+
+
+def _stops(path: Path | None):
+    from services.recording.film import Stop
+
+    if path is None:
+        return []
+    try:
+        return [
+            Stop(float(one["at_s"]), tuple(one["position"]), tuple(one["target"]))
+            for one in json.loads(path.read_text())
+        ]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InvalidInput(
+            f"a camera's path must be a JSON list of at_s, position and target; got {path}: {error}"
+        ) from error

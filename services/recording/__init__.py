@@ -1,0 +1,1 @@
+"""Meetings recorded as motion, voices and words, by everybody's consent, and shown again."""

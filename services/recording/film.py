@@ -1,0 +1,148 @@
+"""A recording as a video: drawn along a camera's path, everybody's voice in time with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+from av.audio.stream import AudioStream
+from av.container import OutputContainer
+from av.error import FFmpegError
+from av.video.stream import VideoStream
+
+from renderer.stage import Stage
+from scene.arrays import Array, Float
+from scene.camera import Camera, look_at, orbit_camera
+from scene.errors import InvalidInput
+from services.recording.chunks import Record
+from services.recording.ogg import with_silence
+from services.recording.replay import Recorded
+
+FRAMES_PER_SECOND = 30
+AUDIO_RATE = 48_000
+_AAC_SAMPLES = 1024
+_EYE_M = 0.95
+_STEP = 960
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Where the camera is at a moment."""
+
+    at_s: float
+    position: tuple[float, float, float]
+    target: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Shot:
+    """How a recording is filmed; without stops, once round everybody."""
+
+    path: Sequence[Stop]
+    width: int
+    height: int
+    fov_y_rad: float
+
+
+def film(recorded: Recorded, shot: Shot, out: Path, on_progress: Callable[[float], None]) -> None:
+    """Write an MP4 (H.264, AAC), whole or not at all. `on_progress` may raise, to stop.
+
+    Raises InvalidInput for a recording that has no moment to show.
+    """
+    if recorded.duration_s <= 0.0:
+        raise InvalidInput("a recording must hold something to be filmed; got an empty one")
+    part = out.with_name(f"{out.stem}.part.mp4")
+    try:
+        with av.open(str(part), "w") as container:
+            video = container.add_stream("libx264", rate=FRAMES_PER_SECOND)
+            video.width, video.height, video.pix_fmt = shot.width, shot.height, "yuv420p"
+            sound = container.add_stream("aac", rate=AUDIO_RATE, layout="mono")
+            mixed = mix(recorded.voices, recorded.duration_s)
+            _write_video(container, video, recorded, shot, on_progress)
+            _write_sound(container, sound, mixed)
+        part.replace(out)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def camera_at(recorded: Recorded, shot: Shot, at_s: float) -> Camera:
+    """The camera at a moment: between its stops, or on its way round everybody."""
+    if shot.path:
+        stops = sorted(shot.path, key=lambda stop: stop.at_s)
+        times = [stop.at_s for stop in stops]
+        places = np.array([[*stop.position, *stop.target] for stop in stops])
+        now = [float(np.interp(at_s, times, column)) for column in places.T]
+        pose = look_at(tuple(now[:3]), tuple(now[3:]))
+        return Camera.from_field_of_view(pose, shot.width, shot.height, shot.fov_y_rad)
+    scene = recorded.scene_at(at_s)
+    found = [_pelvis(one.model.skeleton.rest_joints[0], one.pose.root_translation)
+             for one in scene.performers]  # fmt: skip
+    places = np.array(found or [(0.0, _EYE_M, 0.0)])
+    middle = places.mean(axis=0) * [1.0, 0.0, 1.0] + [0.0, _EYE_M, 0.0]
+    spread = float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
+    turn = 2.0 * np.pi * at_s / recorded.duration_s
+    return orbit_camera(
+        middle, 3.4 + 2.0 * spread, turn, 0.08, shot.width, shot.height, shot.fov_y_rad
+    )
+
+
+def mix(voices: dict[str, list[Record]], duration_s: float) -> Float[Array, "S"]:
+    """Everybody's voice from the start, 48 kHz, -1 to 1."""
+    total: Float[Array, "S"] = np.zeros(int(duration_s * AUDIO_RATE), np.float32)
+    for said in voices.values():
+        samples = _decode(said)[: len(total)]
+        total[: len(samples)] += samples
+    return np.clip(total, -1.0, 1.0)
+
+
+def _decode(said: list[Record]) -> Float[Array, "S"]:
+    decoder = av.CodecContext.create("libopus", "r")
+    decoder.format, decoder.layout, decoder.sample_rate = "s16", "mono", AUDIO_RATE
+    pieces: list[np.ndarray] = []
+    for number, payload in enumerate(with_silence(said)):
+        packet = av.Packet(payload)
+        packet.pts, packet.time_base = number * _STEP, Fraction(1, AUDIO_RATE)
+        try:
+            frames = decoder.decode(packet)
+        except FFmpegError:  # a packet that a speaker's device spoilt is silence
+            pieces.append(np.zeros(_STEP, np.float32))
+            continue
+        for frame in frames:
+            channels = frame.layout.nb_channels
+            samples = frame.to_ndarray().reshape(-1, channels).mean(axis=1)
+            pieces.append((samples / 32768.0).astype(np.float32))
+    return np.concatenate(pieces) if pieces else np.zeros(0, np.float32)
+
+
+def _write_video(
+    container: OutputContainer, stream: VideoStream, recorded: Recorded, shot: Shot,
+    on_progress: Callable[[float], None],
+) -> None:  # fmt: skip
+    stage = Stage()
+    count = max(1, int(recorded.duration_s * FRAMES_PER_SECOND))
+    for number in range(count):
+        at_s = number / FRAMES_PER_SECOND
+        camera = camera_at(recorded, shot, at_s)
+        picture = stage.render(recorded.scene_at(at_s), camera)
+        container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        on_progress((number + 1) / count)
+    container.mux(stream.encode())
+
+
+def _write_sound(
+    container: OutputContainer, stream: AudioStream, samples: Float[Array, "S"]
+) -> None:
+    for start in range(0, len(samples), _AAC_SAMPLES):
+        piece = np.ascontiguousarray(samples[None, start : start + _AAC_SAMPLES])
+        frame = av.AudioFrame.from_ndarray(piece, format="fltp", layout="mono")
+        frame.sample_rate, frame.pts = AUDIO_RATE, start
+        container.mux(stream.encode(frame))
+    container.mux(stream.encode())
+
+
+def _pelvis(rest: Float[Array, "3"], root: Float[Array, "3"]) -> Float[Array, "3"]:
+    return rest + root
