@@ -1,4 +1,4 @@
-"""Finds rows for a caller, and only those of the caller's account."""
+"""Finds rows for a caller: those of the caller's account, and what the demo lends to guests."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def sequence_of(unit: UnitOfWork, caller: Principal, sequence_id: str) -> Sequen
 
 
 def model_of(unit: UnitOfWork, caller: Principal, model_id: str) -> ModelRow:
-    """The model, if it is the caller's."""
+    """The model, if the caller may use it."""
     model = unit.models.get(model_id)
-    person_of(unit, caller, model.person_id)
+    caller.require_use(unit.people.get(model.person_id).account)
     return model
 
 
@@ -36,7 +36,7 @@ def job_of(unit: UnitOfWork, caller: Principal, job_id: str) -> JobRow:
 
 
 def meeting_of(unit: UnitOfWork, caller: Principal, meeting_id: str) -> MeetingRow:
-    """The meeting, locked for a change, if it is the caller's."""
+    """The meeting, locked for a change, if the caller may use it."""
     meeting = unit.meetings.get_for_change(meeting_id)
-    caller.require_account(meeting.account)
+    caller.require_use(meeting.account)
     return meeting

@@ -22,6 +22,7 @@ from services.api import (
     models,
     operation,
     people,
+    recordings,
     sequences,
     uploads,
 )
@@ -43,6 +44,7 @@ ROUTERS = (
     models.router,
     environments.router,
     meetings.router,
+    recordings.router,
     landmarks.router,
     operation.router,
 )
@@ -56,6 +58,7 @@ _TAGS = [
     {"name": "models", "description": "Trained models: files and views."},
     {"name": "environments", "description": "Places to meet in, and their light."},
     {"name": "meetings", "description": "Rooms: open, join, who stands where."},
+    {"name": "recordings", "description": "Meetings shown again: motion, voices, words."},
     {"name": "operation", "description": "Health, readiness, figures."},
 ]
 _ABOUT = (
@@ -87,7 +90,14 @@ def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
             allow_origins=settings.allowed_origins,
             allow_methods=["*"],
             allow_headers=["*"],
-            expose_headers=["Location", "ETag", "Upload-Offset"],
+            expose_headers=[
+                "Location",
+                "ETag",
+                "Link",
+                "Accept-Patch",
+                "Retry-After",
+                "Upload-Offset",
+            ],
         )
     for router in ROUTERS:
         app.include_router(router)

@@ -2,7 +2,10 @@
 
 `read` looks, `write` changes, `join` enters meetings; a token with a `meeting` enters only that,
 and says as what: host, speaker or viewer.
-An account (the token's subject) sees its own people, models and meetings and nobody else's.
+An account (the token's subject) sees its own people, models and meetings and nobody else's. Each
+guest of an open server has an account of their own, which their browser keeps with its token; all
+of them may meet the demo's performer. A token from before, of the account that guests shared,
+works until it ends.
 """
 
 from __future__ import annotations
@@ -16,14 +19,29 @@ import jwt
 from fastapi import Request, Security
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer, SecurityScopes
 
-from db.models import Role
+from db.models import Role, new_id
 from services.problems import ProblemError
 
 _ALGORITHM = "HS256"
 _ISSUER = "metanerf"
 ALL_SCOPES = frozenset({"read", "write", "join"})
 GUEST = "guest"
-"""The account that everybody shares where access is open."""
+"""The account of the demo's own performer and meeting, which every guest may use."""
+INVITED = "invited"
+"""The account of everybody who comes by an invitation's token."""
+_GUEST_PREFIX = "guest-"
+_RENEWABLE = timedelta(days=90)
+"""A guest's token that ended so long ago still says who they are."""
+
+
+def new_guest() -> str:
+    """The account of one more guest."""
+    return _GUEST_PREFIX + new_id()
+
+
+def is_guest(account: str) -> bool:
+    """Whether an account is that of one guest."""
+    return account.startswith(_GUEST_PREFIX)
 
 
 @dataclass(frozen=True)
@@ -38,6 +56,15 @@ class Principal:
     """The seat in that meeting which it was given with, if it was given with one."""
     role: Role | None = None
     """What it may be in that meeting. Its host may have changed that since: the row decides."""
+
+    def may_use(self, account: str) -> bool:
+        """Whether what `account` owns may be met: one's own, and the demo's for guests."""
+        return account == self.account or (account == GUEST and is_guest(self.account))
+
+    def require_use(self, account: str) -> None:
+        """Raise a 403 problem unless this caller may use what `account` owns."""
+        if not self.may_use(account):
+            self.require_account(account)
 
     def require_account(self, account: str) -> None:
         """Raise a 403 problem unless what `account` owns is this caller's."""
@@ -93,8 +120,20 @@ class Tokens:
             claims["role"] = role.value
         return jwt.encode(claims, self._key, _ALGORITHM), expires
 
+    def guest_of(self, token: str) -> str | None:
+        """The guest whose token this is, or lately was; None for anything else."""
+        try:
+            caller = self._read(token, self._clock() - _RENEWABLE)
+        except ProblemError:
+            return None
+        whole = caller.meeting_id is None and is_guest(caller.account)
+        return caller.account if whole else None
+
     def read(self, token: str) -> Principal:
         """Whose token it is. Raises a 401 problem unless it is one of ours and still good."""
+        return self._read(token, self._clock())
+
+    def _read(self, token: str, good_at: datetime) -> Principal:
         try:
             claims = jwt.decode(
                 token,
@@ -110,7 +149,7 @@ class Tokens:
         except jwt.PyJWTError as error:
             raise _unauthorized(f"the token must be signed by this server; got: {error}") from error
         # the clock is ours, so that tests need not wait
-        if float(claims["exp"]) <= self._clock().timestamp():
+        if float(claims["exp"]) <= good_at.timestamp():
             raise _unauthorized("the token must not be over; got one that is; get a new one")
         return Principal(
             str(claims["sub"]),

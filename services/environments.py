@@ -1,23 +1,36 @@
-"""The library of themes: places that a meeting can be held in, and their light."""
+"""Places that a meeting can be held in, and their light: themes, and what a host brings along."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
-from scene.colour import to_linear
+from capture.archive import decode_picture
+from db.models import PanoramaRow
+from db.repositories import UnitOfWork
+from scene.arrays import Array, Float
+from scene.colour import to_linear, to_srgb
 from scene.environment import Environment
-from scene.lighting import Lighting
+from scene.lighting import Lighting, require_panorama
 from services.problems import ProblemError
 
 THEMES = Path(__file__).parent / "assets" / "themes"
 STUDIO = "studio"
 """The theme of a meeting whose host chose none: a plain room that leaves everybody's light."""
+
+
+_WIDEST_PX = 2048
+"""Of a panorama that is kept; a viewer sees a twelfth of it at once."""
+_JPEG_QUALITY = 88
+_FIELDS = ("harmonics", "key_direction", "key_colour")
+"""Of a `Lighting`, as they are stored."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +50,7 @@ def themes() -> dict[str, Theme]:
     stored = json.loads((THEMES / "themes.json").read_text())
     found = {STUDIO: Theme(STUDIO, "Studio", None, None)}
     for name, about in stored.items():
-        lighting = Lighting(
-            np.array(about["harmonics"]),
-            np.array(about["key_direction"]),
-            np.array(about["key_colour"]),
-        )
+        lighting = Lighting(*(np.array(about[field]) for field in _FIELDS))
         found[name] = Theme(name, about["title"], lighting, THEMES / f"{name}.jpg")
     return found
 
@@ -60,7 +69,53 @@ def environment(name: str) -> Environment:
     theme = find_theme(name)
     if theme.picture is None:
         return Environment(theme.name)
-    encoded = cv2.imdecode(np.frombuffer(theme.picture.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
-    assert encoded is not None, f"{theme.picture} is broken; run services.build_themes"
-    panorama = to_linear(encoded[..., ::-1].astype(np.float32) / 255.0).astype(np.float32)
+    panorama = _panorama(theme.name, theme.picture.read_bytes())
     return Environment(theme.name, panorama=panorama, lighting=theme.lighting)
+
+
+def brought_along(meeting_id: str, picture: bytes) -> PanoramaRow:
+    """The place that an equirectangular picture (JPEG, PNG) shows, exposed for people.
+
+    Raises UnreadableClip for what is no picture or too large a one, InvalidInput for one that isn't
+    twice as wide as high, or black.
+    """
+    seen = decode_picture("panorama", picture)
+    require_panorama(seen.astype(np.float32))
+    if seen.shape[1] > _WIDEST_PX:
+        seen = cv2.resize(seen, (_WIDEST_PX, _WIDEST_PX // 2), interpolation=cv2.INTER_AREA)
+    place = Environment.of_panorama("", to_linear(seen / 255.0))
+    assert place.panorama is not None
+    assert place.lighting is not None
+    exposed = (to_srgb(place.panorama)[..., ::-1] * 255.0 + 0.5).astype(np.uint8)
+    quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+    stored = cv2.imencode(".jpg", np.ascontiguousarray(exposed), quality)[1].tobytes()
+    name = f"own-{hashlib.sha256(stored).hexdigest()[:16]}"
+    return PanoramaRow(
+        meeting_id=meeting_id, name=name, picture=stored, light=_as_json(place.lighting)
+    )
+
+
+def environment_in(unit: UnitOfWork, meeting_id: str) -> Environment:
+    """The surroundings of a meeting. Raises NotFound."""
+    name = unit.meetings.get(meeting_id).environment
+    own = unit.meetings.panorama(meeting_id)
+    if own is not None and own.name == name:
+        picture = unit.meetings.panorama_picture(meeting_id)
+        assert picture is not None
+        return Environment(name, panorama=_panorama(name, picture), lighting=light_of(own))
+    # a theme that an older release had: the plain room
+    return environment(name if name in themes() else STUDIO)
+
+
+def light_of(own: PanoramaRow) -> Lighting:
+    """The light of a place that a host brought along."""
+    return Lighting(*(np.array(own.light[name]) for name in _FIELDS))
+
+
+def _as_json(lighting: Lighting) -> dict[str, Any]:
+    return {name: np.round(getattr(lighting, name), 5).tolist() for name in _FIELDS}
+
+
+def _panorama(name: str, picture: bytes) -> Float[Array, "H W 3"]:
+    """Linear radiance of a stored picture."""
+    return to_linear(decode_picture(name, picture).astype(np.float32) / 255.0).astype(np.float32)

@@ -8,6 +8,7 @@ from urllib.parse import quote
 from db.models import MeetingRow, ModelRow, PerformerRow, Role, new_id
 from db.repositories import UnitOfWork
 from scene.motion import Motion
+from services.auth import INVITED
 from services.container import Services
 from services.live.room import circle_places, facing_yaw
 from services.motions import motion_of
@@ -112,7 +113,7 @@ def join_url(services: Services, meeting: MeetingRow) -> str:
     if settings.open_access:
         return url
     token, _ = services.tokens.issue(
-        "invited", frozenset({"join"}), _LINK_LIFETIME, meeting_id=meeting.id
+        INVITED, frozenset({"join"}), _LINK_LIFETIME, meeting_id=meeting.id
     )
     return f"{url}#token={token}"
 

@@ -10,12 +10,12 @@ in.
 
 from __future__ import annotations
 
-from datetime import timedelta
+from datetime import datetime, timedelta
 from itertools import count
 
-from db.models import MeetingRow, ParticipantRow, Role, Standing, new_id
+from db.models import BanRow, MeetingRow, ParticipantRow, Role, Standing, new_id
 from db.repositories import UnitOfWork
-from services.auth import GUEST, Principal
+from services.auth import GUEST, INVITED, Principal
 from services.container import Services
 from services.problems import ProblemError
 
@@ -38,10 +38,17 @@ def take_seat(
 ) -> tuple[ParticipantRow, str]:
     """The first free seat of a meeting that is locked for it, and the token that opens its view.
 
-    The same token takes the seat up again after a reload or an outage. Raises a 410 problem for a
-    meeting that is over, a 503 problem with `Retry-After` when every seat is taken.
+    The same token takes the seat up again after a reload or an outage. Raises a 403 problem for
+    somebody who was sent out, a 410 problem for a meeting that is over, a 503 problem with
+    `Retry-After` when every seat is taken.
     """
     require_open(meeting)
+    if any(ban.account == caller.account for ban in meeting.bans):
+        raise ProblemError(
+            403,
+            "removed",
+            "whoever joins must not have been sent out; got somebody who was; ask the host",
+        )
     now = services.clock()
     lapsed = now - timedelta(seconds=SEAT_LAPSES_S)
     for gone in [one for one in meeting.participants if one.seen_at < lapsed]:
@@ -60,6 +67,7 @@ def take_seat(
     let_in = not meeting.lobby or (role is Role.HOST and not _has_host(meeting))
     participant = ParticipantRow(
         id=new_id(),
+        account=caller.account,
         display_name=display_name,
         seat=next(seat for seat in count(1) if seat not in taken),
         joined_at=now,
@@ -75,6 +83,17 @@ def take_seat(
     return participant, token
 
 
+def ban(meeting: MeetingRow, sent_out: ParticipantRow, now: datetime) -> None:
+    """Let the account of whoever is sent out not come back.
+
+    Where an account is of many, as that of an invitation is, only the lobby keeps one of them out.
+    """
+    account = sent_out.account
+    known = {one.account for one in meeting.bans} | {"", GUEST, INVITED, meeting.account}
+    if account not in known:
+        meeting.bans.append(BanRow(account=account, at=now))
+
+
 def _has_host(meeting: MeetingRow) -> bool:
     return any(
         one.role is Role.HOST and one.standing is Standing.ADMITTED for one in meeting.participants
@@ -84,8 +103,8 @@ def _has_host(meeting: MeetingRow) -> bool:
 def _role_for(meeting: MeetingRow, caller: Principal) -> Role:
     """What somebody may be: whoever opened the meeting may host it.
 
-    The account that guests share opens nothing for one guest rather than another, but for the
-    demo's meeting, which belongs to whoever comes first. A seat's own token grants no second seat
+    The demo's meeting belongs to whichever guest comes first; the account that guests once shared
+    opens nothing else for one of them rather than another. A seat's own token grants no second seat
     more than any invitation does: its owner may have been sent out.
     """
     if caller.role is Role.VIEWER:
@@ -94,7 +113,7 @@ def _role_for(meeting: MeetingRow, caller: Principal) -> Role:
     if invited and caller.role is not None:
         return caller.role
     shared = caller.account == GUEST and meeting.label is None
-    owns = invited and caller.meeting_id is None and caller.account == meeting.account
+    owns = invited and caller.meeting_id is None and caller.may_use(meeting.account)
     return Role.HOST if owns and not shared else Role.SPEAKER
 
 

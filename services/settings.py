@@ -91,6 +91,19 @@ class Settings(BaseSettings):
     max_viewers: int = Field(
         default=8, ge=1, description="Viewers served live at once by this process."
     )
+    stamp_pictures: bool = Field(
+        default=False,
+        description="Show in each picture's corner when it was captured, to measure latency.",
+    )
+    max_voices: int = Field(
+        default=200, ge=1, description="Voice connections served at once by this process."
+    )
+    max_recording_s: float = Field(
+        default=7200.0, gt=0.0, description="Longest recording of a meeting, s."
+    )
+    max_recording_bytes: int = Field(
+        default=512 * 1024 * 1024, ge=1, description="Largest recording of a meeting, bytes."
+    )
     ice_servers: list[str] = Field(
         default_factory=list, description="STUN and TURN addresses given to browsers."
     )
@@ -98,8 +111,9 @@ class Settings(BaseSettings):
     embedded_worker: bool = Field(
         default=True, description="The gateway runs jobs itself, as children."
     )
-    worker_kinds: list[Literal["capture", "train"]] = Field(
-        default_factory=lambda: ["capture", "train"], description="Kinds of jobs a worker takes."
+    worker_kinds: list[Literal["capture", "train", "export"]] = Field(
+        default_factory=lambda: ["capture", "train", "export"],
+        description="Kinds of jobs a worker takes.",
     )
     worker_slots: int = Field(default=1, ge=1, description="Jobs a worker runs at once.")
     job_niceness: int = Field(

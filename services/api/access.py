@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from datetime import timedelta
+from typing import Annotated
 
-from fastapi import APIRouter, Request, status
+from fastapi import APIRouter, Header, Request, status
 
 from services.api import shapes
-from services.auth import ALL_SCOPES, GUEST
+from services.auth import ALL_SCOPES, new_guest
 from services.container import Provided
 from services.limits import network_of
 from services.problems import ProblemError, problems
 
-router = APIRouter(prefix="/v1", tags=["access"], responses=problems(403, 429))
+router = APIRouter(prefix="/v1", tags=["access"], responses=problems(403, 422, 429))
 
 
 @router.post("/guest", status_code=status.HTTP_201_CREATED, summary="Get a guest's token")
-def be_guest(request: Request, services: Provided) -> shapes.Guest:
-    """A token for whoever asks, in moderation; only where access is open, as the demo's is."""
+def be_guest(
+    request: Request, services: Provided, authorization: Annotated[str, Header()] = ""
+) -> shapes.Guest:
+    """A token for whoever asks, in moderation; only where access is open, as the demo's is.
+
+    Each guest is somebody of their own. Who brings their last token, even one that has ended, stays
+    who they were.
+    """
     if not services.settings.open_access:
         raise ProblemError(
             403,
@@ -27,5 +34,6 @@ def be_guest(request: Request, services: Provided) -> shapes.Guest:
         )
     services.guest_limit.take(network_of(request.client.host if request.client else ""))
     lifetime = timedelta(hours=services.settings.token_lifetime_h)
-    token, expires = services.tokens.issue(GUEST, ALL_SCOPES, lifetime)
+    guest = services.tokens.guest_of(authorization.removeprefix("Bearer ")) or new_guest()
+    token, expires = services.tokens.issue(guest, ALL_SCOPES, lifetime)
     return shapes.Guest(token=token, expires_at=expires)

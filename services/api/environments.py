@@ -3,21 +3,34 @@
 from __future__ import annotations
 
 import hashlib
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, Field
 
-from db.models import MeetingRow, Role, Standing
+from db.models import MeetingRow, PanoramaRow, Role, Standing
+from scene.lighting import Lighting
 from services.api.cast import tell_cast_changed
 from services.api.shapes import Body
 from services.auth import Joiner, Principal
 from services.container import Provided, Services
-from services.environments import Theme, find_theme, themes
+from services.environments import STUDIO, Theme, brought_along, find_theme, light_of, themes
+from services.jobs.events import meeting_topic
+from services.limits import has_own_limit
 from services.problems import PROBLEMS, ProblemError
+from services.seats import require_admitted
 
 router = APIRouter(prefix="/v1", tags=["environments"], responses=PROBLEMS)
+
+
+LARGEST_PICTURE_BYTES = 20 << 20
+_OWN_TITLE = "Our own"
+PICTURE: dict[int | str, dict[str, Any]] = {
+    200: {"content": {"image/jpeg": {}}},
+    304: {"description": "Kept."},
+}
+IfNoneMatch = Annotated[str | None, Header()]
 
 
 class Light(BaseModel):
@@ -28,6 +41,14 @@ class Light(BaseModel):
     )
     key_direction: tuple[float, float, float] = Field(description="Unit, towards the light; world.")
     key_colour: tuple[float, float, float]
+
+    @classmethod
+    def of(cls, lighting: Lighting) -> Light:
+        return cls(
+            harmonics=lighting.harmonics.tolist(),
+            key_direction=tuple(lighting.key_direction.tolist()),
+            key_colour=tuple(lighting.key_colour.tolist()),
+        )
 
 
 class Environment(BaseModel):
@@ -42,13 +63,7 @@ class Environment(BaseModel):
 
     @classmethod
     def of(cls, theme: Theme) -> Environment:
-        light = None
-        if theme.lighting is not None:
-            light = Light(
-                harmonics=theme.lighting.harmonics.tolist(),
-                key_direction=tuple(theme.lighting.key_direction.tolist()),
-                key_colour=tuple(theme.lighting.key_colour.tolist()),
-            )
+        light = None if theme.lighting is None else Light.of(theme.lighting)
         url = f"/v1/environments/{theme.name}/picture" if theme.picture else None
         return cls(name=theme.name, title=theme.title, picture_url=url, light=light)
 
@@ -75,21 +90,29 @@ def list_environments(caller: Joiner) -> Environments:
     "/environments/{name}/picture",
     summary="See an environment",
     response_class=Response,
-    responses={200: {"content": {"image/jpeg": {}}}, 304: {"description": "Kept."}},
+    responses=PICTURE,
 )
-def read_picture(name: str, if_none_match: Annotated[str | None, Header()] = None) -> Response:
+def read_picture(name: str, if_none_match: IfNoneMatch = None) -> Response:
     """The place all round: an equirectangular picture. It is public."""
     theme = find_theme(name)
     if theme.picture is None:
         raise ProblemError(
             404, "not-found", f"environment must be one with a picture; got {name!r}, a plain room"
         )
-    data = theme.picture.read_bytes()
-    tag = hashlib.sha256(data).hexdigest()
-    headers = {"ETag": f'"{tag}"', "Cache-Control": "public, max-age=86400"}
-    if if_none_match is not None and tag in if_none_match:
-        return Response(status_code=304, headers=headers)
-    return Response(data, media_type="image/jpeg", headers=headers)
+    return picture_answer(theme.picture.read_bytes(), if_none_match, "public, max-age=86400")
+
+
+@router.get("/meetings/{meeting_id}/environment", summary="See where a meeting is held")
+def read_environment(meeting_id: str, services: Provided, caller: Joiner) -> Environment:
+    """The place and its light; the picture of one's own place takes the token of a seat."""
+    caller.require_meeting(meeting_id)
+    with services.reading() as unit:
+        meeting = unit.meetings.get(meeting_id)
+        own = unit.meetings.panorama(meeting_id)
+        if own is not None and own.name == meeting.environment:
+            return _in_meeting(own)
+    known = themes()
+    return Environment.of(known.get(meeting.environment, known[STUDIO]))
 
 
 @router.put("/meetings/{meeting_id}/environment", summary="Choose where a meeting is held")
@@ -98,17 +121,117 @@ async def choose_environment(
 ) -> Environment:
     """Move a meeting to another place, at once for everybody who looks. The host may."""
     caller.require_meeting(meeting_id)
-    theme = find_theme(body.name)
-    await run_in_threadpool(_choose, services, caller, meeting_id, theme)
+    chosen = await run_in_threadpool(_choose, services, caller, meeting_id, body.name)
+    await _tell(request, services, meeting_id)
+    return chosen
+
+
+@router.put(
+    "/meetings/{meeting_id}/panorama",
+    summary="Bring a place along",
+    openapi_extra={"requestBody": {"content": {kind: {} for kind in ("image/jpeg", "image/png")}}},
+)
+async def bring_place(
+    meeting_id: str, request: Request, services: Provided, caller: Joiner
+) -> Environment:
+    """Hold a meeting in a place of the host's own: an equirectangular picture, at most 20 MB.
+
+    Its light is found in it. The meeting keeps the newest such place.
+    """
+    caller.require_meeting(meeting_id)
+    await run_in_threadpool(_check_host, services, caller, meeting_id)
+    picture = await _read_picture(request)
+    own = await run_in_threadpool(brought_along, meeting_id, picture)
+    place = _in_meeting(own)
+    await run_in_threadpool(_bring, services, caller, own)
+    await _tell(request, services, meeting_id)
+    return place
+
+
+@router.get(
+    "/meetings/{meeting_id}/panorama",
+    summary="See the place that was brought along",
+    response_class=Response,
+    responses=PICTURE,
+)
+def read_own_picture(
+    meeting_id: str, services: Provided, caller: Joiner, if_none_match: IfNoneMatch = None
+) -> Response:
+    """The host's own place all round, for whoever is let in."""
+    caller.require_meeting(meeting_id)
+    with services.reading() as unit:
+        require_admitted(unit.meetings.get(meeting_id), caller)
+        picture = unit.meetings.panorama_picture(meeting_id)
+    if picture is None:
+        raise ProblemError(
+            404, "not-found", "the meeting must have a place of its own; got one without; bring one"
+        )
+    return picture_answer(picture, if_none_match, "private, no-cache")
+
+
+def picture_answer(data: bytes, if_none_match: str | None, kept: str) -> Response:
+    """A JPEG that a browser may keep, as `kept` says; nothing where it has it."""
+    tag = hashlib.sha256(data).hexdigest()
+    headers = {"ETag": f'"{tag}"', "Cache-Control": kept}
+    if if_none_match is not None and tag in if_none_match:
+        return Response(status_code=304, headers=headers)
+    return Response(data, media_type="image/jpeg", headers=headers)
+
+
+def own_place(own: PanoramaRow, picture_url: str) -> Environment:
+    """What a host brought along."""
+    light = Light.of(light_of(own))
+    return Environment(name=own.name, title=_OWN_TITLE, picture_url=picture_url, light=light)
+
+
+def _in_meeting(own: PanoramaRow) -> Environment:
+    return own_place(own, f"/v1/meetings/{own.meeting_id}/panorama")
+
+
+async def _read_picture(request: Request) -> bytes:
+    has_own_limit(request)
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > LARGEST_PICTURE_BYTES:
+            raise ProblemError(
+                413,
+                "too-large",
+                f"a panorama must have at most {LARGEST_PICTURE_BYTES} bytes; got more; shrink it",
+            )
+    return bytes(body)
+
+
+async def _tell(request: Request, services: Services, meeting_id: str) -> None:
+    """Pictures of this process move at once; the hub tells pages, and other gateways."""
     await tell_cast_changed(request, meeting_id)
-    return Environment.of(theme)
+    request.app.state.hub.stir(meeting_id)
+    await run_in_threadpool(services.events.publish, meeting_topic(meeting_id))
 
 
-def _choose(services: Services, caller: Principal, meeting_id: str, theme: Theme) -> None:
+def _choose(services: Services, caller: Principal, meeting_id: str, name: str) -> Environment:
     with services.unit_of_work() as unit:
         meeting = unit.meetings.get_for_change(meeting_id)
         _require_host(meeting, caller)
-        meeting.environment = theme.name
+        own = unit.meetings.panorama(meeting_id)
+        back = own is not None and own.name == name
+        place = _in_meeting(own) if own is not None and back else Environment.of(find_theme(name))
+        meeting.environment = place.name
+        unit.commit()
+    return place
+
+
+def _check_host(services: Services, caller: Principal, meeting_id: str) -> None:
+    with services.reading() as unit:
+        _require_host(unit.meetings.get(meeting_id), caller)
+
+
+def _bring(services: Services, caller: Principal, own: PanoramaRow) -> None:
+    with services.unit_of_work() as unit:
+        meeting = unit.meetings.get_for_change(own.meeting_id)
+        _require_host(meeting, caller)
+        meeting.environment = own.name
+        unit.meetings.set_panorama(own)
         unit.commit()
 
 

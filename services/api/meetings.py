@@ -38,7 +38,9 @@ def read_meeting(meeting_id: str, services: Provided, caller: Joiner) -> shapes.
     caller.require_meeting(meeting_id)
     with services.reading() as unit:
         meeting = unit.meetings.get(meeting_id)
-    return shapes.Meeting.of(meeting, meetings.join_url(services, meeting))
+        recording = unit.recordings.under_way(meeting_id) is not None
+    told = shapes.Meeting.of(meeting, meetings.join_url(services, meeting))
+    return told.model_copy(update={"recording": recording})
 
 
 @router.post(
@@ -127,5 +129,8 @@ def _add(
 def _remove(services: Services, caller: Principal, meeting_id: str, performer_id: str) -> None:
     with services.unit_of_work() as unit:
         meeting = meeting_of(unit, caller, meeting_id)
+        found = [one.account for one in meeting.performers if one.id == performer_id]
+        if meeting.account != caller.account and found:
+            caller.require_account(found[0])  # a guest sends out nobody else's
         meetings.remove_performer(services, unit, meeting, performer_id)
         unit.commit()

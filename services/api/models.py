@@ -12,7 +12,7 @@ from db.models import ModelRow
 from db.repositories import UnitOfWork
 from services.access import model_of, sequence_of
 from services.api import shapes
-from services.auth import Joiner, Principal, Reader
+from services.auth import GUEST, Joiner, Principal, Reader
 from services.container import Provided, Services
 from services.motions import motion_of
 from services.person_models import VIEWER_FILE
@@ -25,9 +25,11 @@ router = APIRouter(prefix="/v1/models", tags=["models"], responses=PROBLEMS)
 
 @router.get("", summary="List your models")
 def list_models(services: Provided, caller: Reader) -> shapes.Models:
-    """The models of the token's account, the oldest first."""
+    """The models of the token's account, the oldest first; before them what a demo lends."""
     with services.reading() as unit:
         models = unit.models.of_account(caller.account)
+        if caller.may_use(GUEST) and caller.account != GUEST:
+            models = unit.models.of_account(GUEST) + models
     return shapes.Models(items=[shapes.Model.of(model) for model in models])
 
 

@@ -10,7 +10,7 @@ from db.models import AuditEventRow, JobKind, PersonRow, new_id
 from services.access import person_of
 from services.api import shapes
 from services.api.cast import tell_cast_changed
-from services.auth import Principal, Reader, Writer
+from services.auth import GUEST, Principal, Reader, Writer
 from services.container import Provided, Services
 from services.jobs.events import QUEUE
 from services.problems import PROBLEMS
@@ -41,10 +41,19 @@ def add_person(body: shapes.NewPerson, services: Provided, caller: Writer) -> sh
 
 @router.get("", summary="List your people")
 def list_people(services: Provided, caller: Reader) -> shapes.People:
-    """The persons of the token's account, the oldest first."""
+    """The persons of the token's account, the oldest first; before them whom a demo lends."""
     with services.reading() as unit:
         people = unit.people.of_account(caller.account)
-    return shapes.People(items=[shapes.Person.of(person) for person in people])
+        if caller.may_use(GUEST) and caller.account != GUEST:
+            people = unit.people.of_account(GUEST) + people
+    return shapes.People(
+        items=[
+            shapes.ListedPerson(
+                **dict(shapes.Person.of(person)), mine=person.account == caller.account
+            )
+            for person in people
+        ]
+    )
 
 
 @router.get("/{person_id}", summary="Read a person")

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Response, status
+from fastapi import APIRouter, Request, Response, status
+from fastapi.concurrency import run_in_threadpool
 
 from db.errors import NotFound
-from db.models import JobKind, SequenceKind, SequenceState
+from db.models import AuditEventRow, JobKind, ModelRow, SequenceKind, SequenceRow, SequenceState
 from renderer.presets import find_preset
-from services.access import sequence_of
+from services.access import model_of, sequence_of
 from services.api import shapes
-from services.auth import Reader, Writer
-from services.container import Provided
+from services.api.cast import tell_cast_changed
+from services.auth import Principal, Reader, Writer
+from services.container import Provided, Services
 from services.jobs.events import QUEUE
-from services.jobs.queue import enqueue
-from services.problems import PROBLEMS, ProblemError
+from services.jobs.queue import discard, drop_orphans, enqueue
+from services.problems import PROBLEMS, ProblemError, problems
 
 router = APIRouter(prefix="/v1/sequences", tags=["sequences"], responses=PROBLEMS)
 
@@ -41,6 +43,21 @@ def read_thumbnail(sequence_id: str, services: Provided, caller: Reader) -> Resp
     picture = b"".join(services.objects.stream(sequence.person_id, sequence.thumbnail_sha256))
     headers = {"Cache-Control": "private, max-age=3600", "ETag": f'"{sequence.thumbnail_sha256}"'}
     return Response(picture, media_type="image/png", headers=headers)
+
+
+@router.delete(
+    "/{sequence_id}",
+    status_code=status.HTTP_204_NO_CONTENT,
+    summary="Delete a sequence",
+    responses=problems(409),
+)
+async def delete_sequence(
+    sequence_id: str, request: Request, services: Provided, caller: Writer
+) -> None:
+    """Delete a clip, its frames and its motion. Models trained from it stay until their person is
+    erased; who moved by it in a meeting moves as they were filmed. 409 while a job works on it."""
+    for meeting_id in await run_in_threadpool(_discard, services, caller, sequence_id):
+        await tell_cast_changed(request, meeting_id)
 
 
 @router.post("/{sequence_id}/models", status_code=status.HTTP_202_ACCEPTED, summary="Train a model")
@@ -73,8 +90,48 @@ def train_model(
                 f"a sequence must be ready before it is trained from; got {sequence.state}; "
                 "wait for its capture",
             )
-        params = {"preset": preset.name, "budget_s": body.budget_s, "seed": body.seed}
+        if body.improves is not None:
+            _require_improvable(model_of(unit, caller, body.improves), sequence, preset.name)
+        sequence.model_only = sequence.model_only or body.model_only
+        params = body.model_dump() | {"preset": preset.name}
         job = enqueue(unit, JobKind.TRAIN, sequence, params, services.clock())
         unit.commit()
     services.events.publish(QUEUE)
     return shapes.Job.of(job)
+
+
+def _discard(services: Services, caller: Principal, sequence_id: str) -> list[str]:
+    """Ids of the meetings in which somebody moved by it."""
+    with services.unit_of_work() as unit:
+        sequence = sequence_of(unit, caller, sequence_id)
+        meeting_ids = unit.meetings.moved_by(sequence_id)
+        orphans = discard(unit, sequence)
+        unit.audit.add(
+            AuditEventRow(
+                person_id=sequence.person_id,
+                at=services.clock(),
+                account=caller.account,
+                action="sequence.deleted",
+                details={"kind": str(sequence.kind)},
+            )
+        )
+        unit.commit()
+    drop_orphans(services, orphans)
+    return meeting_ids
+
+
+def _require_improvable(model: ModelRow, sequence: SequenceRow, preset: str) -> None:
+    if model.person_id != sequence.person_id:
+        raise ProblemError(
+            422,
+            "invalid-input",
+            f"improves must be a model of the sequence's person; got one of {model.person_id}; "
+            "leave it out",
+        )
+    if (model.preset, preset) != ("splats", "splats"):
+        raise ProblemError(
+            422,
+            "invalid-input",
+            f"improves must be a model of splats and go with the preset splats; got one of "
+            f"{model.preset!r} and the preset {preset!r}; leave it out",
+        )

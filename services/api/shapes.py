@@ -134,10 +134,16 @@ class PersonInFull(Person):
     models: list[Model]
 
 
+class ListedPerson(Person):
+    """Somebody of one's own, or whom the demo lends."""
+
+    mine: bool = Field(description="Whether they are the token's account's, to change and erase.")
+
+
 class People(BaseModel):
     """A list of persons."""
 
-    items: list[Person]
+    items: list[ListedPerson]
 
 
 class Models(BaseModel):
@@ -183,6 +189,15 @@ class NewModel(Body):
         default=20.0, gt=0.0, allow_inf_nan=False, description="Training time, s."
     )
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
+    improves: str | None = Field(
+        default=None,
+        description="A model of the same person to go on from (splats); the new one takes its "
+        "place, in meetings too.",
+    )
+    model_only: bool = Field(
+        default=False,
+        description="Delete the clip, its frames and its pictures once the model is trained.",
+    )
 
 
 class Job(BaseModel):
@@ -195,7 +210,9 @@ class Job(BaseModel):
     message: str
     has_preview: bool
     sequence_id: str | None
-    model_id: str | None
+    model_id: str | None = Field(
+        description="What was trained; while the job runs, the best there is so far."
+    )
     error: Problem | None
 
     @classmethod
@@ -263,6 +280,9 @@ class Meeting(BaseModel):
     environment: str = Field(description="Name of the place it is held in.")
     performers: list[Performer]
     lobby: bool = Field(description="Whoever comes waits until the host lets them in.")
+    recording: bool = Field(
+        default=False, description="Whoever comes is asked to agree to being recorded."
+    )
 
     @classmethod
     def of(cls, row: MeetingRow, join_url: str) -> Meeting:

@@ -7,7 +7,7 @@ import sys
 import typer
 
 from scene.errors import SceneError
-from services.cli import bench, models, sequences, serving
+from services.cli import bench, models, recordings, sequences, serving
 
 app = typer.Typer(
     name="metanerf",
@@ -16,7 +16,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for module in (serving, sequences, models):
+for module in (serving, sequences, models, recordings):
     app.registered_commands += module.app.registered_commands
 app.add_typer(bench.app, name="bench")
 

@@ -51,6 +51,31 @@ def serve(json_file: JsonFile = None) -> None:
 
 
 @app.command()
+def meeting(json_file: JsonFile = None) -> None:
+    """Landmarks to picture: latency, bytes, frames a second, processor time a viewer."""
+    if find_spec("playwright") is None:
+        raise InvalidInput(
+            "a browser must be at hand to watch the meeting; got no package playwright; "
+            "run `make setup-test`"
+        )
+    from benchmarks.meeting import run
+
+    run(json_file)
+
+
+@app.command("local-view")
+def local_view(json_file: JsonFile = None) -> None:
+    """The page's own drawing in a browser without a graphics card: processor ms a picture."""
+    if find_spec("playwright") is None:
+        raise InvalidInput(
+            "a browser must be at hand to draw in; got no package playwright; run `make setup-test`"
+        )
+    from benchmarks.local_view import run
+
+    run(json_file)
+
+
+@app.command()
 def frontier(
     state: State = Path("frontier"),
     json_file: JsonFile = None,
@@ -87,6 +112,30 @@ def cast(
     from benchmarks.cast import run
 
     run(json_file, page, state, motion, backbone, clock, only)
+
+
+@app.command("train")
+def train_command(
+    state: State = Path("ready"),
+    json_file: JsonFile = None,
+    motion: Annotated[Path, typer.Option(help="Folder of recorded motion (.bvh).")] = MOTION,
+    backbone: Backbone = None,
+    clock: ClockName = "wall",
+    only: Only = "",
+) -> None:
+    """How soon splats are good: from nothing, and from the same person's earlier model."""
+    require_motion(motion)
+    from benchmarks.ready import run
+
+    run(json_file, state, motion, backbone, clock, only)
+
+
+@app.command()
+def distil(json_file: JsonFile = None, clock: ClockName = "wall") -> None:
+    """Splats learnt from a field's pictures against splats learnt from the clip's own."""
+    from benchmarks.distil import run
+
+    run(json_file, clock)
 
 
 @app.command()

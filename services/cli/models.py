@@ -57,7 +57,6 @@ def train(
     from capture.readers import open_folder
     from renderer.checkpoint import save_model
     from renderer.presets import find_preset, trains_on_patches
-    from renderer.relight_fit import with_albedo
     from renderer.training import Progress, TrainingStopped
     from renderer.training import train as train_model
 
@@ -82,6 +81,7 @@ def train(
                 iterations=iterations,
                 seed=seed,
                 lpips_backbone=lpips_backbone,
+                find_light=True,
                 on_progress=on_progress,
                 should_stop=should_stop,
                 checkpoint=checkpoint,
@@ -90,7 +90,7 @@ def train(
         except TrainingStopped as stopped:
             typer.secho(f"stopped: {stopped}; run the same command to go on", err=True)
             raise typer.Exit(130) from stopped
-    save_model(with_albedo(model, clip), out)
+    save_model(model, out)
     checkpoint.unlink(missing_ok=True)
     typer.echo(f"{out}  {out.stat().st_size / 1e6:.2f} MB")
 

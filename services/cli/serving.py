@@ -61,7 +61,7 @@ def serve(port: Port = None) -> None:
 @app.command()
 def worker(
     kinds: Annotated[
-        list[str] | None, typer.Argument(help="Kinds of jobs to take: capture, train.")
+        list[str] | None, typer.Argument(help="Kinds of jobs to take: capture, train, export.")
     ] = None,
 ) -> None:
     """Runs jobs in child processes, for a gateway that does not (embedded_worker=false)."""
@@ -122,6 +122,7 @@ def _log(settings: Settings) -> None:
 def _given(**values: object) -> dict[str, object]:
     """Only what was given on the command line: the rest is the environment's."""
     given = {name: value for name, value in values.items() if value is not None}
-    if "worker_kinds" in given and not set(given["worker_kinds"]) <= {"capture", "train"}:  # type: ignore[arg-type]
-        raise InvalidInput(f"kinds must be capture or train; got {given['worker_kinds']}")
+    known = {"capture", "train", "export"}
+    if "worker_kinds" in given and not set(given["worker_kinds"]) <= known:  # type: ignore[arg-type]
+        raise InvalidInput(f"kinds must be of {sorted(known)}; got {given['worker_kinds']}")
     return given

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import time
 from typing import Any
 
 from fastapi import APIRouter, FastAPI, WebSocket, WebSocketDisconnect
@@ -20,7 +21,7 @@ from starlette.websockets import WebSocketDisconnected
 
 from services.container import Services
 from services.control import messages
-from services.control.hub import Hub, Line, Views, meeting_topic
+from services.control.hub import Hub, Line, Views
 from services.control.messages import (
     TO_SERVER,
     Beat,
@@ -33,10 +34,13 @@ from services.control.messages import (
 )
 from services.control.roster import SILENCE_S
 from services.control.wishes import arrive, fulfil, read_caller
+from services.jobs.events import meeting_topic
 from services.limits import RateLimit
-from services.live.voices import VoiceSessions
+from services.live.calls import VoiceSessions
 from services.live.voices import router as voice_router
+from services.live.whip import router as whip_router
 from services.problems import ProblemError, problem_of
+from services.recording.recorder import Recorders
 
 log = logging.getLogger(__name__)
 
@@ -52,12 +56,15 @@ _REASONS: dict[str, Reason] = {"urn:metanerf:seat-given-back": "given-back"}
 def install(app: FastAPI, services: Services, views: Views) -> Hub:
     """Mount the channel and the voices on `app`, and describe their messages with the API."""
     voices = VoiceSessions(
-        lambda meeting_id, speaking: hub.tell_speaking(meeting_id, speaking),
+        lambda meeting_id: hub.tell_speaking(meeting_id),
         ice_servers=services.settings.ice_servers,
+        max_calls=services.settings.max_voices,
     )
-    hub = Hub(services, views, voices)
+    recorders = Recorders(services, views.poses, voices.listeners, time.monotonic)
+    hub = Hub(services, views, voices, recorders)
     app.state.hub, app.state.voices = hub, voices
     app.include_router(voice_router)
+    app.include_router(whip_router)
     app.state.wish_limit = RateLimit("messages of one person", WISHES_PER_MINUTE, services.clock)
     app.include_router(router)
     PARTICIPANTS.set_function(lambda: len(hub))

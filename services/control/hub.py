@@ -19,17 +19,35 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel
 
 from db.errors import DatabaseError
-from db.models import MeetingRow, MessageKind, MessageRow, Standing
+from db.models import MeetingRow, MessageKind, MessageRow, RecordingRow, Standing
 from services.container import Services
-from services.control.messages import Goodbye, Reacted, Reason, Roster, Said, Speaking
-from services.control.roster import SILENCE_S, is_there, roster_for
+from services.control.messages import (
+    Captioned,
+    Goodbye,
+    Reacted,
+    Reason,
+    Roster,
+    Said,
+    Speaking,
+)
+from services.control.roster import (
+    SILENCE_S,
+    is_there,
+    present_in,
+    presenter_of,
+    roster_for,
+    standing_for,
+)
+from services.jobs.events import meeting_topic
+from services.recording.recorder import Recorders
 
 log = logging.getLogger(__name__)
 
 _BEAT_S = 1.0
 _LOOK_S = 1.0
 """Between two looks at a meeting in which nothing happens."""
-_STALE_REACTION_S = 10.0
+_STALE_S = 10.0
+"""Reactions and captions older than that are no news."""
 _OUTBOX = 400
 """Messages that may wait for one page; whose are more is cut off, and comes back for the rest."""
 _ENDS: Mapping[Standing, Reason] = {
@@ -46,6 +64,14 @@ class Views(Protocol):
         """Whether anybody looks into a meeting."""
         ...
 
+    def poses(self, meeting_id: str) -> list[tuple[str, bytes]]:
+        """How the performers of a meeting stand now, as pose packets, by performer."""
+        ...
+
+    async def refresh(self, meeting_id: str) -> None:
+        """Show another place or cast from now on."""
+        ...
+
     async def keep_only(self, meeting_id: str, may_look: Callable[[str | None], bool]) -> None:
         """End the pictures of all others; asked with the seat, None for who has none."""
         ...
@@ -58,8 +84,14 @@ class Voices(Protocol):
         """Whether anybody is connected in a meeting."""
         ...
 
-    async def allow(self, meeting_id: str, hear: set[str], speak: set[str]) -> None:
-        """Who may hear, and whose microphone is on; the others are cut off."""
+    def speaking_in(self, meeting_id: str) -> tuple[frozenset[str], tuple[str | None, ...]]:
+        """Who speaks in a meeting, and who is heard in which track."""
+        ...
+
+    async def allow(
+        self, meeting_id: str, hear: set[str], speak: set[str], presenter: str | None
+    ) -> None:
+        """Who may hear, whose microphone is on, who may share a screen; others are cut off."""
         ...
 
 
@@ -80,6 +112,7 @@ class Line:
     leaving: bool = False
     ended: bool = False
     told: Roster | None = None
+    told_speaking: Speaking | None = None
     noted_at: datetime | None = None
 
     def tell(self, message: BaseModel) -> None:
@@ -102,10 +135,15 @@ class Line:
 class Hub:
     """All channels of this process. Every method runs on its event loop."""
 
-    def __init__(self, services: Services, views: Views, voices: Voices) -> None:
+    def __init__(
+        self, services: Services, views: Views, voices: Voices, recorders: Recorders
+    ) -> None:
         self._services, self._views, self._voices = services, views, voices
+        self._recorders = recorders
         self._lines: dict[str, set[Line]] = {}
         """By meeting."""
+        self._shown: dict[str, object] = {}
+        """By meeting: the place and the cast that its pictures show."""
         self._watches: dict[str, tuple[asyncio.Task[None], asyncio.Event]] = {}
 
     def __len__(self) -> int:
@@ -141,12 +179,15 @@ class Hub:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+        await self._recorders.close()
 
-    def tell_speaking(self, meeting_id: str, participant_ids: frozenset[str]) -> None:
-        """Tell everybody who was let in who speaks now."""
-        speaking = Speaking(participant_ids=sorted(participant_ids))
+    def tell_speaking(self, meeting_id: str) -> None:
+        """Tell everybody who was let in who speaks now, and in which track."""
+        who, slots = self._voices.speaking_in(meeting_id)
+        speaking = Speaking(participant_ids=sorted(who), slots=list(slots))
         for line in self._lines.get(meeting_id, ()):
-            if line.admitted:
+            if line.admitted and line.told_speaking != speaking:
+                line.told_speaking = speaking
                 line.tell(speaking)
 
     def _serves(self, meeting_id: str) -> bool:
@@ -173,6 +214,7 @@ class Hub:
             finally:
                 # from here on the next to come starts a watch of their own
                 del self._watches[meeting_id]
+                self._shown.pop(meeting_id, None)
                 relaying.cancel()
                 await asyncio.gather(relaying, return_exceptions=True)
 
@@ -196,12 +238,16 @@ class Hub:
         lines = [line for line in lines if not line.ended and not line.leaving]
         moments = {line.participant_id: line.heard_at for line in lines if _to_note(line)}
         newest = min((line.number for line in lines), default=None)
-        meeting, said = await run_in_threadpool(_read, self._services, meeting_id, moments, newest)
+        meeting, said, recording = await run_in_threadpool(
+            _read, self._services, meeting_id, moments, newest
+        )
         for line in lines:
             if line.leaving:
                 continue
             line.noted_at = moments.get(line.participant_id, line.noted_at)
-            _tell(line, meeting, said, self._services.clock())
+            _tell(line, meeting, said, recording, self._services.clock())
+        # whoever has just been let in hears what the others were told
+        self.tell_speaking(meeting_id)
         seats = {one.id: one.standing for one in meeting.participants}
 
         def may_look(participant_id: str | None) -> bool:
@@ -212,12 +258,18 @@ class Hub:
         await self._views.keep_only(meeting_id, may_look)
         admitted = {one for one, standing in seats.items() if standing is Standing.ADMITTED}
         speakers = {one.id for one in meeting.participants if one.microphone}
-        await self._voices.allow(meeting_id, admitted, speakers)
+        await self._voices.allow(meeting_id, admitted, speakers, presenter_of(meeting, now))
+        await self._show(meeting)
+        present = present_in(meeting, now)
+        await self._recorders.see(meeting, present, standing_for(meeting, now), recording, said)
 
-
-def meeting_topic(meeting_id: str) -> str:
-    """Topic: who is in this meeting, or what they said, has changed."""
-    return f"meeting:{meeting_id}"
+    async def _show(self, meeting: MeetingRow) -> None:
+        """Have pictures follow what was changed, maybe on another gateway."""
+        performers = [(one.id, one.model_id, one.motion_sequence_id) for one in meeting.performers]
+        shown = (meeting.environment, performers)
+        if self._shown.setdefault(meeting.id, shown) != shown:
+            self._shown[meeting.id] = shown
+            await self._views.refresh(meeting.id)
 
 
 def _to_note(line: Line) -> bool:
@@ -226,19 +278,26 @@ def _to_note(line: Line) -> bool:
 
 def _read(
     services: Services, meeting_id: str, moments: dict[str, datetime], newest: int | None
-) -> tuple[MeetingRow, list[MessageRow]]:
-    """The meeting and what was said after `newest`; notes signs of life on the way."""
+) -> tuple[MeetingRow, list[MessageRow], RecordingRow | None]:
+    """The meeting, what was said after `newest`, what is recorded; notes signs of life."""
     with services.unit_of_work() if moments else services.reading() as unit:
         if moments:
             unit.meetings.heard(moments)
         meeting = unit.meetings.get(meeting_id)
         said = [] if newest is None else unit.meetings.said_since(meeting_id, newest)
+        recording = unit.recordings.under_way(meeting_id)
         if moments:
             unit.commit()
-    return meeting, said
+    return meeting, said, recording
 
 
-def _tell(line: Line, meeting: MeetingRow, said: list[MessageRow], now: datetime) -> None:
+def _tell(
+    line: Line,
+    meeting: MeetingRow,
+    said: list[MessageRow],
+    recording: RecordingRow | None,
+    now: datetime,
+) -> None:
     me = next((one for one in meeting.participants if one.id == line.participant_id), None)
     if me is None or not is_there(me, now):
         line.end("given-back")
@@ -246,7 +305,7 @@ def _tell(line: Line, meeting: MeetingRow, said: list[MessageRow], now: datetime
     if reason := _ENDS.get(me.standing):
         line.end(reason)
         return
-    roster = roster_for(meeting, me.id, now)
+    roster = roster_for(meeting, me.id, now, recording)
     if roster != line.told:
         line.told = roster
         line.tell(roster)
@@ -267,5 +326,9 @@ def _tell_message(line: Line, message: MessageRow, now: datetime) -> None:
     }
     if message.kind is MessageKind.CHAT:
         line.tell(Said(**about, text=message.text, at=message.at))
-    elif now - message.at <= timedelta(seconds=_STALE_REACTION_S):
+    elif now - message.at > timedelta(seconds=_STALE_S):
+        return
+    elif message.kind is MessageKind.CAPTION:
+        line.tell(Captioned(**about, text=message.text))
+    else:
         line.tell(Reacted.model_validate(about | {"reaction": message.text}))

@@ -10,12 +10,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapter
 
-from db.models import Role, Standing
+from db.models import Connection, Role, Standing
 from services.api.shapes import Name
 from services.problems import Problem
 
 LONGEST_MESSAGE_BYTES = 16 * 1024
 Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=2000)]
+CaptionText = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=500)]
 Reaction = Literal["applause", "heart", "laugh", "surprise", "agree", "party"]
 Reason = Literal[
     "left", "given-back", "denied", "removed", "ended", "replaced", "silent", "refused"
@@ -70,6 +71,35 @@ class Microphone(_Message):
     on: bool
 
 
+class Caption(_Message):
+    """What one has just spoken, in writing."""
+
+    type: Literal["caption"] = "caption"
+    text: CaptionText
+
+
+class Present(_Message):
+    """Share a screen, or no longer. While somebody else does, the host is asked."""
+
+    type: Literal["present"] = "present"
+    on: bool
+
+
+class Network(_Message):
+    """How well the network carries the meeting, whenever that changes."""
+
+    type: Literal["network"] = "network"
+    connection: Connection
+
+
+class LetPresent(_Message):
+    """The host lets somebody share their screen in place of whoever does, or has them stop."""
+
+    type: Literal["let-present"] = "let-present"
+    participant_id: str
+    on: bool
+
+
 class Mute(_Message):
     """The host switches off somebody's microphone; they may switch it on again."""
 
@@ -119,6 +149,20 @@ class Leave(_Message):
     type: Literal["leave"] = "leave"
 
 
+class RecordMeeting(_Message):
+    """The host asks everybody whether the meeting may be recorded, or ends the recording."""
+
+    type: Literal["record"] = "record"
+    on: bool
+
+
+class Agree(_Message):
+    """Somebody agrees to being recorded, or does not, or no longer: that ends the recording."""
+
+    type: Literal["agree"] = "agree"
+    on: bool
+
+
 class EndMeeting(_Message):
     """The host ends the meeting for everybody."""
 
@@ -144,6 +188,20 @@ class Member(_Message):
     present: bool = Field(description="False while their connection is lost.")
     hand_at: datetime | None = Field(description="Since when their hand is up.")
     microphone: bool = Field(description="Whether they are to be heard.")
+    connection: Connection | None = Field(
+        description="How well their network does; empty: unknown."
+    )
+    performer_id: str | None = Field(
+        description="Who stands for them in the room; their voice comes from there."
+    )
+
+
+class RecordingUnderWay(_Message):
+    """A recording that is asked for, or runs."""
+
+    id: str
+    running: bool = Field(description="Everybody here has agreed, and it is being kept.")
+    agreed: list[str] = Field(description="Ids of the participants who have agreed.")
 
 
 class Roster(_Message):
@@ -151,6 +209,12 @@ class Roster(_Message):
 
     type: Literal["roster"] = "roster"
     lobby: bool = Field(description="Whoever comes waits until the host lets them in.")
+    environment: str = Field(description="Name of the place that the meeting is held in.")
+    presenter_id: str | None = Field(description="Who may share a screen; empty: nobody does.")
+    presenter_asks_id: str | None = Field(
+        description="Who asks to share in their place; only the host and they are told."
+    )
+    recording: RecordingUnderWay | None = Field(description="Empty: nothing is, or is to be, kept.")
     members: list[Member]
 
 
@@ -165,6 +229,16 @@ class Said(_Message):
     at: datetime
 
 
+class Captioned(_Message):
+    """Somebody spoke, and their page wrote it down."""
+
+    type: Literal["captioned"] = "captioned"
+    number: int
+    participant_id: str
+    name: str
+    text: str
+
+
 class Reacted(_Message):
     """Somebody gave a sign to all."""
 
@@ -176,10 +250,13 @@ class Reacted(_Message):
 
 
 class Speaking(_Message):
-    """Who speaks now, whenever that changes."""
+    """Who speaks now, and in which track each is heard, whenever that changes."""
 
     type: Literal["speaking"] = "speaking"
     participant_ids: list[str]
+    slots: list[str | None] = Field(
+        description="Whose voice each track of the voice connection carries, from the first."
+    )
 
 
 class Refusal(_Message):
@@ -197,14 +274,14 @@ class Goodbye(_Message):
     problem: Problem | None = Field(default=None, description="Where it was refused.")
 
 
-Speech = Say | React | RaiseHand | Microphone
+Speech = Say | React | RaiseHand | Microphone | Caption | Present | Network
 """What everybody may ask for who is let in."""
-Hosting = Admit | Deny | Remove | Mute | SetRole | SetLobby | EndMeeting
-Wish = Speech | Hosting | Leave
+Hosting = Admit | Deny | Remove | Mute | SetRole | SetLobby | LetPresent | EndMeeting
+Wish = Speech | Hosting | RecordMeeting | Agree | Leave
 """What somebody who is greeted may ask for."""
 ToServer = Annotated[Hello | Beat | Wish, Field(discriminator="type")]
 FromServer = Annotated[
-    Welcome | Beat | Roster | Said | Reacted | Speaking | Refusal | Goodbye,
+    Welcome | Beat | Roster | Said | Reacted | Captioned | Speaking | Refusal | Goodbye,
     Field(discriminator="type"),
 ]
 TO_SERVER: TypeAdapter[Hello | Beat | Wish] = TypeAdapter(ToServer)

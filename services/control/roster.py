@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta
 
-from db.models import MeetingRow, ParticipantRow, Role, Standing
-from services.control.messages import Member, Roster
+from db.models import MeetingRow, ParticipantRow, RecordingRow, Role, Standing
+from services.control.messages import Member, RecordingUnderWay, Roster
+from services.recording import consent
 from services.seats import SEAT_LAPSES_S
 
 SILENCE_S = 5.0
@@ -26,7 +27,28 @@ def host_of(meeting: MeetingRow, now: datetime) -> ParticipantRow | None:
     return None
 
 
-def roster_for(meeting: MeetingRow, participant_id: str, now: datetime) -> Roster:
+def presenter_of(meeting: MeetingRow, now: datetime) -> str | None:
+    """Who may share a screen: as long as they are there, let in, and more than a viewer."""
+    return _one_who_may_present(meeting, meeting.presenter_id, now)
+
+
+def _one_who_may_present(
+    meeting: MeetingRow, participant_id: str | None, now: datetime
+) -> str | None:
+    for one in meeting.participants:
+        if one.id == participant_id and one.role is not Role.VIEWER and is_there(one, now):
+            return one.id if one.standing is Standing.ADMITTED else None
+    return None
+
+
+def present_in(meeting: MeetingRow, now: datetime) -> dict[str, ParticipantRow]:
+    """Participants who are there, let in or not, by id."""
+    return {one.id: one for one in meeting.participants if is_there(one, now)}
+
+
+def roster_for(
+    meeting: MeetingRow, participant_id: str, now: datetime, recording: RecordingRow | None = None
+) -> Roster:
     """What a participant sees: everybody let in; the host also those who wait."""
     there = [one for one in meeting.participants if is_there(one, now)]
     me = next((one for one in there if one.id == participant_id), None)
@@ -35,10 +57,41 @@ def roster_for(meeting: MeetingRow, participant_id: str, now: datetime) -> Roste
         seen.add(Standing.WAITING)
     shown = [one for one in there if one.standing in seen or one is me]
     shown.sort(key=lambda one: (_ORDER[one.role], one.joined_at, one.id))
-    return Roster(lobby=meeting.lobby, members=[_member(one, now) for one in shown])
+    stand_ins = standing_for(meeting, now)
+    members = [_member(one, stand_ins.get(one.id), now) for one in shown]
+    asks = _one_who_may_present(meeting, meeting.presenter_asks_id, now)
+    told = me is not None and (me.role is Role.HOST or me.id == asks)
+    inside = me is not None and me.standing is Standing.ADMITTED
+    return Roster(
+        lobby=meeting.lobby,
+        environment=meeting.environment,
+        presenter_id=presenter_of(meeting, now) if inside else None,
+        presenter_asks_id=asks if told else None,
+        recording=_recording(meeting, recording, now) if recording and inside else None,
+        members=members,
+    )
 
 
-def _member(one: ParticipantRow, now: datetime) -> Member:
+def _recording(meeting: MeetingRow, recording: RecordingRow, now: datetime) -> RecordingUnderWay:
+    running = consent.all_agree(recording, present_in(meeting, now))
+    agreed = sorted(consent.agreed_in(recording))
+    return RecordingUnderWay(id=recording.id, running=running, agreed=agreed)
+
+
+def standing_for(meeting: MeetingRow, now: datetime) -> dict[str, str]:
+    """Participant -> the performer of theirs who stands for them; nobody stands for two."""
+    found: dict[str, str] = {}
+    performers = list(meeting.performers)
+    there = present_in(meeting, now).values()
+    for one in sorted(there, key=lambda one: one.joined_at):
+        theirs = [p for p in performers if one.account and p.account == one.account]
+        if theirs:
+            performers.remove(theirs[0])
+            found[one.id] = theirs[0].id
+    return found
+
+
+def _member(one: ParticipantRow, performer_id: str | None, now: datetime) -> Member:
     assert one.heard_at is not None
     return Member(
         id=one.id,
@@ -48,4 +101,6 @@ def _member(one: ParticipantRow, now: datetime) -> Member:
         present=now - one.heard_at <= timedelta(seconds=SILENCE_S),
         hand_at=one.hand_at,
         microphone=one.microphone,
+        connection=one.connection,
+        performer_id=performer_id,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import timedelta
+from datetime import datetime, timedelta
 
 from db.models import (
     MeetingRow,
@@ -13,19 +13,26 @@ from db.models import (
     Standing,
 )
 from db.repositories import UnitOfWork
+from services import seats
 from services.auth import Principal
 from services.container import Services
 from services.control.messages import (
     Admit,
+    Agree,
+    Caption,
     Deny,
     EndMeeting,
     Hello,
     Hosting,
     Leave,
+    LetPresent,
     Microphone,
     Mute,
+    Network,
+    Present,
     RaiseHand,
     React,
+    RecordMeeting,
     Remove,
     Say,
     SetLobby,
@@ -33,10 +40,12 @@ from services.control.messages import (
     Speech,
     Wish,
 )
-from services.control.roster import host_of
+from services.control.roster import host_of, presenter_of, standing_for
 from services.problems import ProblemError
+from services.recording import consent
 
-_REACTIONS_LAST_S = 60.0
+_PASSING_LASTS_S = 60.0
+"""Reactions and captions are told at once, and gone from the rows after so long."""
 
 
 def read_caller(services: Services, meeting_id: str, hello: Hello) -> Principal:
@@ -89,30 +98,85 @@ def fulfil(services: Services, meeting_id: str, participant_id: str, wish: Wish)
                 "wait for the host",
             )
         elif isinstance(wish, Speech):
-            _speak(services, unit, me, wish)
+            _speak(services, unit, meeting, me, wish)
+        elif isinstance(wish, (RecordMeeting, Agree)):
+            _record(services, unit, meeting, me, wish)
         else:
             _require_host(me, wish)
             _host(services, meeting, me, wish)
         unit.commit()
 
 
-def _speak(services: Services, unit: UnitOfWork, me: ParticipantRow, wish: Speech) -> None:
+def _speak(
+    services: Services,
+    unit: UnitOfWork,
+    meeting: MeetingRow,
+    me: ParticipantRow,
+    wish: Speech,
+) -> None:
     now = services.clock()
     match wish:
         case Say(text=text):
             _require_speaker(me)
             unit.meetings.say(_message(me, MessageKind.CHAT, text, services))
         case React(reaction=reaction):
-            unit.meetings.say(_message(me, MessageKind.REACTION, reaction, services))
-            unit.flush()
-            passed = now - timedelta(seconds=_REACTIONS_LAST_S)
-            unit.meetings.forget_said(me.meeting_id, MessageKind.REACTION, passed)
+            _say_in_passing(unit, _message(me, MessageKind.REACTION, reaction, services))
+        case Caption(text=text):
+            _require_speaker(me)
+            _say_in_passing(unit, _message(me, MessageKind.CAPTION, text, services))
         case RaiseHand(raised=raised):
             me.hand_at = (me.hand_at or now) if raised else None
         case Microphone(on=on):
             if on:
                 _require_speaker(me)
             me.microphone = on
+        case Present(on=on):
+            _present(meeting, me, on, now)
+        case Network(connection=connection):
+            me.connection = connection
+
+
+def _say_in_passing(unit: UnitOfWork, message: MessageRow) -> None:
+    """Say what nobody asks for later."""
+    unit.meetings.say(message)
+    unit.flush()
+    passed = message.at - timedelta(seconds=_PASSING_LASTS_S)
+    unit.meetings.forget_said(message.meeting_id, message.kind, passed)
+
+
+def _present(meeting: MeetingRow, me: ParticipantRow, on: bool, now: datetime) -> None:
+    """Share at once where nobody else does, and as the host; otherwise ask the host."""
+    if on:
+        _require_speaker(me)
+        if presenter_of(meeting, now) in (None, me.id) or me.role is Role.HOST:
+            meeting.presenter_id, meeting.presenter_asks_id = me.id, None
+        else:
+            meeting.presenter_asks_id = me.id
+        return
+    if meeting.presenter_id == me.id:
+        meeting.presenter_id = None
+    if meeting.presenter_asks_id == me.id:
+        meeting.presenter_asks_id = None
+
+
+def _record(
+    services: Services,
+    unit: UnitOfWork,
+    meeting: MeetingRow,
+    me: ParticipantRow,
+    wish: RecordMeeting | Agree,
+) -> None:
+    now = services.clock()
+    performer_id = standing_for(meeting, now).get(me.id)
+    if isinstance(wish, Agree):
+        consent.answer(unit, meeting, me, performer_id, now, agreed=wish.on)
+        return
+    _require_host(me, wish)
+    under_way = unit.recordings.under_way(meeting.id)
+    if wish.on:
+        consent.ask(unit, meeting, me, performer_id, now)
+    elif under_way is not None:
+        consent.end(under_way, "the host ended it", now)
 
 
 def _host(
@@ -127,7 +191,9 @@ def _host(
         case Deny(participant_id=who):
             _find(meeting, who, Standing.WAITING).standing = Standing.DENIED
         case Remove(participant_id=who):
-            _find_other(meeting, who, me).standing = Standing.REMOVED
+            sent_out = _find_other(meeting, who, me)
+            sent_out.standing = Standing.REMOVED
+            seats.ban(meeting, sent_out, services.clock())
             # otherwise the same link would bring them back at once
             _have_wait(meeting)
         case Mute(participant_id=who):
@@ -138,6 +204,12 @@ def _host(
             other.microphone = other.microphone and role is not Role.VIEWER
             if role is Role.HOST:
                 me.role = Role.SPEAKER
+        case LetPresent(participant_id=who, on=on):
+            other = _find(meeting, who, Standing.ADMITTED)
+            if on:
+                meeting.presenter_id, meeting.presenter_asks_id = other.id, None
+            else:
+                _present(meeting, other, False, services.clock())
         case SetLobby(on=True):
             _have_wait(meeting)
         case SetLobby():

@@ -20,6 +20,7 @@ from scene.errors import SceneError
 from services.container import Services, build_services
 from services.jobs.capture_job import run_capture
 from services.jobs.events import QUEUE, job_topic
+from services.jobs.export_job import run_export
 from services.jobs.queue import Orphan, drop_orphans, finish, give_back
 from services.jobs.report import Claim, JobStopped, Reporter
 from services.jobs.scratch import scratch_folder
@@ -30,7 +31,11 @@ from services.settings import Settings, load_settings
 log = logging.getLogger("services.jobs.child")
 
 Run = Callable[[Services, JobRow, Reporter, Path], None]
-_RUNS: dict[JobKind, Run] = {JobKind.CAPTURE: run_capture, JobKind.TRAIN: run_train}
+_RUNS: dict[JobKind, Run] = {
+    JobKind.CAPTURE: run_capture,
+    JobKind.TRAIN: run_train,
+    JobKind.EXPORT: run_export,
+}
 
 
 def main(arguments: list[str]) -> int:

@@ -33,6 +33,11 @@ def job_topic(job_id: str) -> str:
     return f"job:{job_id}"
 
 
+def meeting_topic(meeting_id: str) -> str:
+    """Topic: who is in this meeting, how they look, or what they said, has changed."""
+    return f"meeting:{meeting_id}"
+
+
 class Listener(Protocol):
     """Waits for events of one topic."""
 

@@ -9,6 +9,7 @@ transaction is committed.
 
 from __future__ import annotations
 
+import hashlib
 from datetime import datetime, timedelta
 from typing import Any
 
@@ -129,13 +130,39 @@ def finish(
     job.error = error.model_dump() if error else None
     if state is JobState.SUCCEEDED:
         job.progress = 1.0
-        return _drop_checkpoint(job)
+        return drop_checkpoint(job) + _forget_frames(unit, job)
     if job.kind is not JobKind.CAPTURE:
         return []
     if error and error.status == NO_SPACE_STATUS and job.sequence_id is not None:
         unit.sequences.get(job.sequence_id).state = SequenceState.UPLOADED
         return []
     return _discard_sequence(unit, job)
+
+
+def discard(unit: UnitOfWork, sequence: SequenceRow) -> list[Orphan]:
+    """Remove a clip with its frames, its motion and its jobs' pictures of it; models stay.
+
+    Raises a 409 problem while a job works on it.
+    """
+    jobs = unit.jobs.of_sequence(sequence.id)
+    for job in jobs:
+        if not job.state.final:
+            raise ProblemError(
+                409,
+                "sequence-in-use",
+                "a sequence must have no job queued or running to be deleted; got the "
+                f"{job.kind} job {job.id}, which is {job.state}; cancel it and wait for its end",
+            )
+    motion = unit.motions.of_sequence(sequence.id)
+    objects = {sequence.source_sha256, sequence.packed_sha256, sequence.thumbnail_sha256}
+    objects.add(motion.sha256 if motion else None)
+    orphans = [(sequence.person_id, sha256) for sha256 in objects if sha256 is not None]
+    for job in jobs:
+        orphans += drop_checkpoint(job)
+        job.sequence_id, job.preview, job.preview_version = None, None, 0
+    unit.flush()
+    unit.sequences.remove(sequence)
+    return orphans
 
 
 def drop_orphans(services: Services, orphans: list[Orphan]) -> None:
@@ -147,12 +174,36 @@ def drop_orphans(services: Services, orphans: list[Orphan]) -> None:
             services.objects.delete(owner, sha256)
 
 
-def _drop_checkpoint(job: JobRow) -> list[Orphan]:
+def drop_checkpoint(job: JobRow) -> list[Orphan]:
+    """Forget where a training stood."""
     if job.checkpoint_sha256 is None:
         return []
     orphan = (job.person_id, job.checkpoint_sha256)
     job.checkpoint_sha256 = None
     return [orphan]
+
+
+def _forget_frames(unit: UnitOfWork, job: JobRow) -> list[Orphan]:
+    """Let go of a clip that was for one model alone, once nobody trains from it any more."""
+    if job.kind is not JobKind.TRAIN or job.sequence_id is None:
+        return []
+    sequence, latest = (
+        unit.sequences.get(job.sequence_id),
+        unit.jobs.latest(job.sequence_id, job.kind),
+    )
+    another = latest is not None and latest.id != job.id and not latest.state.final
+    if not sequence.model_only or another:
+        return []
+    gone = (sequence.source_sha256, sequence.packed_sha256, sequence.thumbnail_sha256)
+    # not even the clip's fingerprint stays; what takes its place names no object
+    sequence.source_sha256 = hashlib.sha256(f"forgotten {sequence.id}".encode()).hexdigest()
+    sequence.packed_sha256 = sequence.thumbnail_sha256 = None
+    sequence.state = SequenceState.FORGOTTEN
+    for kind in (JobKind.CAPTURE, JobKind.TRAIN):
+        pictured = unit.jobs.latest(sequence.id, kind)
+        if pictured is not None:
+            pictured.preview, pictured.preview_version = None, 0
+    return [(sequence.person_id, sha256) for sha256 in gone if sha256 is not None]
 
 
 def _discard_sequence(unit: UnitOfWork, job: JobRow) -> list[Orphan]:

@@ -12,7 +12,8 @@ from db.objects import StoredObject, file_chunks
 from db.repositories import UnitOfWork
 from services.container import Services
 from services.jobs import packing
-from services.jobs.queue import Orphan, drop_orphans, finish
+from services.jobs.events import job_topic
+from services.jobs.queue import Orphan, drop_checkpoint, drop_orphans, finish
 from services.jobs.report import JobStopped
 
 
@@ -56,15 +57,35 @@ class Results:
 
         Raises JobStopped where this attempt is no longer the one that runs the job.
         """
+
+        def end(unit: UnitOfWork, job: JobRow) -> list[Orphan]:
+            message = write(unit, job)
+            return finish(unit, job, JobState.SUCCEEDED, self._services.clock(), message=message)
+
+        self._write(end)
+
+    def hand_out(self, write: Callable[[UnitOfWork, JobRow], str]) -> None:
+        """Write rows of what is done so far; the job goes on, without its checkpoint of before.
+
+        Raises JobStopped as `hand_in`.
+        """
+
+        def go_on(unit: UnitOfWork, job: JobRow) -> list[Orphan]:
+            job.message = write(unit, job)
+            return drop_checkpoint(job)
+
+        self._write(go_on)
+        self._put.clear()
+        self._services.events.publish(job_topic(self._job.id))
+
+    def _write(self, change: Callable[[UnitOfWork, JobRow], list[Orphan]]) -> None:
         with self._services.unit_of_work() as unit:
             # the update locks the row, so that nobody takes the job away in between
             if not unit.jobs.write(
                 self._job.id, self._job.attempt, {"heartbeat_at": self._services.clock()}
             ):
                 raise JobStopped
-            job = unit.jobs.get(self._job.id)
-            message = write(unit, job)
-            orphans = finish(unit, job, JobState.SUCCEEDED, self._services.clock(), message=message)
+            orphans = change(unit, unit.jobs.get(self._job.id))
             unit.commit()
         drop_orphans(self._services, orphans)
 

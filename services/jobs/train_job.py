@@ -1,4 +1,9 @@
-"""The job that trains a person's model from a stored sequence."""
+"""The job that trains a person's model from a stored sequence.
+
+A meeting need not wait for the best model: splats are trained in rounds, each going on from the
+one before, and what a round has learnt is handed out at once. The next round's model takes its
+place, in meetings too, where everybody sees it change.
+"""
 
 from __future__ import annotations
 
@@ -6,71 +11,142 @@ import time
 from pathlib import Path
 
 from capture.store import open_sequence
+from db.errors import NotFound
 from db.models import JobRow, ModelRow, new_id
 from db.objects import fetch
 from db.repositories import UnitOfWork
 from renderer.errors import TrainingStopped
+from renderer.model import PersonModel
+from renderer.training import Progress, train
+from scene.sequence import Sequence
 from services.container import Services
+from services.jobs.events import meeting_topic
 from services.jobs.packing import unpack
 from services.jobs.report import JobStopped, Reporter
 from services.jobs.results import Results
 from services.person_models import store_files, write_files
 
+FIRST_USABLE_S = 3.0
+"""Training time after which splats can be met."""
+_LONGER = 4.0
+"""Each round ends at so many times the end of the one before."""
+_LEAST_LAST_SHARE = 0.3
+"""Of the whole time, for the last round: what it changes must be worth another version."""
+
 
 def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path) -> None:
     """Train as the job's parameters say. Raises TrainingError, JobStopped.
 
-    A checkpoint that an earlier attempt left in the store is gone on from.
+    An earlier attempt's last round is gone on from, by the checkpoint that it left in the store.
     """
-    from renderer.relight_fit import with_albedo
-    from renderer.training import Progress, train
-
     _fetch_sequence(services, job, folder / "sequence")
-    checkpoint = folder / "model.checkpoint"
-    if job.checkpoint_sha256 is not None:
-        fetch(services.objects, job.person_id, job.checkpoint_sha256, checkpoint)
-    reporter.watch_checkpoint(checkpoint)
+    training = _Training(services, job, reporter, folder)
+    ends = round_ends(str(job.params["preset"]), float(job.params["budget_s"]))
+    model = training.start()
+    first = int(model.metrics["round"]) if model is not None and job.model_id else 0
+    for number in range(first, len(ends)):
+        model = training.round(number, ends, model)
+        training.hand_in(model, last=number + 1 == len(ends))
 
-    def on_progress(step: Progress) -> None:
-        reporter.progress(step.fraction, step.message, step.preview)
 
-    clip = open_sequence(folder / "sequence")
-    try:
-        model = train(
-            clip,
-            preset=str(job.params["preset"]),
-            budget_s=float(job.params["budget_s"]),
-            seed=int(job.params["seed"]),
-            on_progress=on_progress,
-            should_stop=reporter.should_stop,
-            checkpoint=checkpoint,
-            clock=time.perf_counter,
-        )
-    except TrainingStopped as stopped:
-        reporter.save_checkpoint()
-        raise JobStopped from stopped
-    model = with_albedo(model, clip)
-    (folder / "files").mkdir()
-    files = write_files(model, folder / "files")
-    with Results(services, job) as results:
-        row = ModelRow(
-            id=new_id(),
-            person_id=job.person_id,
-            sequence_id=job.sequence_id,
-            preset=model.preset,
-            created_at=services.clock(),
-            data_hash=model.data_hash,
-            metrics=model.metrics,
-        )
-        row.files = store_files(results.put_file, job.person_id, files)
+def round_ends(preset: str, budget_s: float) -> list[float]:
+    """When each round of a training of `budget_s` ends, s of training; the last at `budget_s`."""
+    ends, end = [], FIRST_USABLE_S
+    while preset == "splats" and end <= (1.0 - _LEAST_LAST_SHARE) * budget_s:
+        ends.append(end)
+        end *= _LONGER
+    return [*ends, budget_s]
 
-        def write(unit: UnitOfWork, training: JobRow) -> str:
-            unit.models.add(row)
-            unit.flush()
-            training.model_id = row.id
-            return "the model is ready"
 
-        results.hand_in(write)
+class _Training:
+    """The rounds of one attempt at a job."""
+
+    def __init__(self, services: Services, job: JobRow, reporter: Reporter, folder: Path) -> None:
+        self._services, self._job, self._reporter = services, job, reporter
+        self._folder, self._model_id = folder, job.model_id
+        self._clip: Sequence = open_sequence(folder / "sequence")
+        self._left = job.checkpoint_sha256
+
+    def start(self) -> PersonModel | None:
+        """What an earlier attempt has handed out, else the model that is to be bettered."""
+        known = self._model_id or self._job.params.get("improves")
+        if known is None:
+            return None
+        try:
+            return self._services.models.load(str(known))
+        except NotFound:  # erased meanwhile
+            return None
+
+    def round(self, number: int, ends: list[float], start: PersonModel | None) -> PersonModel:
+        """Train until the end of round `number`; the model says which rounds are behind it.
+
+        The light it was filmed in is found in the last alone: that takes as long as a round.
+        """
+        begun = ends[number - 1] if number else 0.0
+        checkpoint = self._folder / f"round-{number}.checkpoint"
+        if self._left is not None:
+            fetch(self._services.objects, self._job.person_id, self._left, checkpoint)
+            self._left = None
+        self._reporter.watch_checkpoint(checkpoint)
+        length = ends[number] - begun
+
+        def on_progress(step: Progress) -> None:
+            share = (begun + step.fraction * length) / ends[-1]
+            self._reporter.progress(share, step.message, step.preview)
+
+        try:
+            model = train(
+                self._clip,
+                preset=str(self._job.params["preset"]),
+                budget_s=length,
+                seed=int(self._job.params["seed"]),
+                start=start,
+                find_light=number + 1 == len(ends),
+                on_progress=on_progress,
+                should_stop=self._reporter.should_stop,
+                checkpoint=checkpoint,
+                clock=time.perf_counter,
+            )
+        except TrainingStopped as stopped:
+            self._reporter.save_checkpoint()
+            raise JobStopped from stopped
+        model.metrics.update(round=number + 1, train_seconds=round(ends[number], 3))
+        return model
+
+    def hand_in(self, model: PersonModel, *, last: bool) -> None:
+        """Store `model` in the place of what this job has handed in before."""
+        files = self._folder / f"files-{model.metrics['round']}"
+        files.mkdir()
+        meetings: list[str] = []
+        with Results(self._services, self._job) as results:
+            row = ModelRow(
+                id=new_id(),
+                person_id=self._job.person_id,
+                sequence_id=self._job.sequence_id,
+                preset=model.preset,
+                created_at=self._services.clock(),
+                data_hash=model.data_hash,
+                metrics=model.metrics,
+            )
+            stored = write_files(model, files)
+            row.files = store_files(results.put_file, self._job.person_id, stored)
+            worse = self._model_id or self._job.params.get("improves")
+
+            def write(unit: UnitOfWork, training: JobRow) -> str:
+                unit.models.add(row)
+                unit.flush()
+                if worse is not None:
+                    meetings.extend(unit.models.supersede(str(worse), row, row.created_at))
+                training.model_id = row.id
+                return "the model is ready"
+
+            if last:
+                results.hand_in(write)
+            else:
+                results.hand_out(write)
+        self._model_id = row.id
+        for meeting_id in meetings:
+            self._services.events.publish(meeting_topic(meeting_id))
 
 
 def _fetch_sequence(services: Services, job: JobRow, folder: Path) -> None:

@@ -7,7 +7,9 @@ import numpy as np
 
 from db.models import Role
 from scene.lighting import LUMINANCE, panorama_directions
+from services.api.environments import LARGEST_PICTURE_BYTES
 from services.environments import environment, themes
+from services.live.whep import environment_of
 from tests.services.conftest import bearer
 
 
@@ -56,6 +58,62 @@ async def test_the_owner_chooses_a_place_and_the_meeting_keeps_it(client):
     unknown = await client.put(f"{path}/environment", json={"name": "moon"})
     assert unknown.status_code == 404
     assert (await client.get(path)).json()["environment"] == "lobby"
+
+
+def panorama(width: int = 64) -> bytes:
+    """A picture of a place with a red sky and a bright spot over it."""
+    pixels = np.full((width // 2, width, 3), 60, np.uint8)
+    pixels[: width // 4, :, 2] = 200
+    pixels[2:5, 10:14] = 255
+    return cv2.imencode(".png", pixels)[1].tobytes()
+
+
+async def test_the_host_brings_a_place_along_and_comes_back_to_it(client, services):
+    meeting = (await client.post("/v1/meetings", json={"name": "Monday"})).json()
+    path = f"/v1/meetings/{meeting['id']}"
+    assert (await client.get(f"{path}/panorama")).status_code == 404
+    brought = await client.put(f"{path}/panorama", content=panorama())
+    assert brought.status_code == 200, brought.text
+    place = brought.json()
+    assert place["title"] == "Our own"
+    assert sum(place["light"]["key_colour"]) > 0.0
+    assert (await client.get(f"{path}/environment")).json() == place
+    answer = await client.get(place["picture_url"])
+    shown = cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_COLOR)
+    assert shown is not None
+    assert shown.shape == (32, 64, 3)
+    kept = await client.get(place["picture_url"], headers={"If-None-Match": answer.headers["etag"]})
+    assert kept.status_code == 304
+    drawn = environment_of(services, meeting["id"])
+    assert drawn.panorama is not None
+    assert drawn.lighting is not None
+    assert drawn.panorama[2, 40, 0] > 2.0 * drawn.panorama[30, 40, 0]
+    for name in ("park", place["name"]):
+        assert (await client.put(f"{path}/environment", json={"name": name})).status_code == 200
+        assert (await client.get(f"{path}/environment")).json()["name"] == name
+    other = (await client.post("/v1/meetings", json={"name": "Tuesday"})).json()
+    elsewhere = f"/v1/meetings/{other['id']}/environment"
+    assert (await client.put(elsewhere, json={"name": place["name"]})).status_code == 404
+
+
+async def test_what_is_no_panorama_changes_nothing(client, services):
+    meeting = (await client.post("/v1/meetings", json={"name": "Monday"})).json()
+    path = f"/v1/meetings/{meeting['id']}"
+    square = cv2.imencode(".png", np.full((8, 8, 3), 9, np.uint8))[1].tobytes()
+    black = cv2.imencode(".png", np.zeros((8, 16, 3), np.uint8))[1].tobytes()
+    told = {}
+    for name, data in (("text", b"dear diary"), ("square", square), ("black", black), ("", b"")):
+        answer = await client.put(f"{path}/panorama", content=data)
+        assert answer.status_code == 422, answer.text
+        told[name] = answer.json()["detail"]
+    assert "twice as wide as high (equirectangular); got 8 x 8" in told["square"]
+    assert "must give light" in told["black"]
+    large = await client.put(f"{path}/panorama", content=bytes(LARGEST_PICTURE_BYTES + 1))
+    assert large.status_code == 413
+    stranger = bearer(services, "another")
+    answer = await client.put(f"{path}/panorama", content=panorama(), headers=stranger)
+    assert answer.status_code == 403
+    assert (await client.get(path)).json()["environment"] == "studio"
 
 
 async def test_only_the_host_chooses(client, services):

@@ -12,6 +12,7 @@ import pytest
 
 from db.models import ModelRow
 from services.app import create_app
+from services.auth import GUEST
 from services.bootstrap import ensure_demo, import_model
 from services.container import Services
 from services.live.room import Room
@@ -141,7 +142,11 @@ async def test_the_demo_is_made_once_and_heals(
     assert (await client.get("/v1/demo")).json() == {"meeting_id": meeting_id}
     guest = {"Authorization": f"Bearer {(await client.post('/v1/guest')).json()['token']}"}
     (person,) = (await client.get("/v1/people", headers=guest)).json()["items"]
-    await client.delete(f"/v1/people/{person['id']}", headers=guest)
+    assert person["mine"] is False
+    refused = await client.delete(f"/v1/people/{person['id']}", headers=guest)
+    assert refused.status_code == 403  # the demo's performer is no guest's to erase
+    house = bearer(services, GUEST)
+    assert (await client.delete(f"/v1/people/{person['id']}", headers=house)).status_code == 200
     assert ensure_demo(services, model_file, "Robin") == meeting_id
     meeting = (await client.get(f"/v1/meetings/{meeting_id}", headers=guest)).json()
     assert [p["name"] for p in meeting["performers"]] == ["Robin"]

@@ -19,7 +19,7 @@ async def test_a_person_is_added_and_read(client: httpx.AsyncClient):
     assert added.json()["name"] == "Ada"
     person = (await client.get(f"/v1/people/{added.json()['id']}")).json()
     assert person == added.json() | {"sequences": [], "models": []}
-    assert (await client.get("/v1/people")).json()["items"] == [added.json()]
+    assert (await client.get("/v1/people")).json()["items"] == [added.json() | {"mine": True}]
 
 
 async def test_a_body_that_is_no_json_is_told_where(client: httpx.AsyncClient):

@@ -89,11 +89,13 @@ async def test_who_is_sent_out_sees_nothing_more_at_once(caller, timed, crowd, a
             await viewer.peer.close()
             refused = await looks(caller, crowd["id"], bo)
             assert (refused.status_code, refused.json()["title"]) == (403, "Removed")
-            # the link brings them to the lobby now
+            # the link brings whoever they might be next to the lobby, and themselves nowhere
             await ada.hear_that("roster", lambda roster: roster["lobby"])
-            back = await join(caller, crowd["id"], "Bo", headers=mine)
-            async with back:
-                await back.roster(lambda who: who["Bo"]["standing"] == "waiting")
+            address = f"/v1/meetings/{crowd['id']}/join"
+            assert (await caller.post(address, json={}, headers=mine)).status_code == 403
+            other = await join(caller, crowd["id"], "Cy", headers=header(timed, "y"))
+            async with other:
+                await other.roster(lambda who: who["Cy"]["standing"] == "waiting")
 
 
 async def test_the_host_hands_over_and_others_have_no_say(caller, timed, meeting):

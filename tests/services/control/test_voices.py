@@ -46,11 +46,18 @@ class Tone(MediaStreamTrack):
 
 
 class Headset:
-    """One voice connection that says a tone all the time."""
+    """One voice connection that says a tone all the time, and hears a few others."""
 
-    def __init__(self) -> None:
+    def __init__(
+        self, slots: int = 1, tone: bool = True, door: str = "/v1/meetings/{}/voice"
+    ) -> None:
         self.peer = RTCPeerConnection(RTCConfiguration(iceServers=[]))
-        self.receiver = self.peer.addTransceiver(Tone(), direction="sendrecv").receiver
+        self.door = door
+        if tone:
+            self.peer.addTransceiver(Tone(), direction="sendonly")
+        self.slots = [
+            self.peer.addTransceiver("audio", direction="recvonly").receiver for _ in range(slots)
+        ]
 
     async def call(
         self, caller: httpx.AsyncClient, meeting_id: str, header: dict[str, str]
@@ -58,7 +65,7 @@ class Headset:
         """Connect, where it is granted."""
         await self.peer.setLocalDescription(await self.peer.createOffer())
         answer = await caller.post(
-            f"/v1/meetings/{meeting_id}/voice",
+            self.door.format(meeting_id),
             content=self.peer.localDescription.sdp,
             headers=header | {"Content-Type": "application/sdp"},
         )
@@ -67,11 +74,14 @@ class Headset:
             await self.peer.setRemoteDescription(description)
         return answer
 
-    async def tone(self) -> bool:
-        """Whether the next fifth of a second holds the tone, or is silent."""
+    async def tone(self, slot: int = 0) -> bool:
+        """Whether the next fifth of a second of a slot holds the tone; silence is nothing sent."""
         heard = []
         for _ in range(10):
-            frame = await asyncio.wait_for(self.receiver.track.recv(), 20)
+            try:
+                frame = await asyncio.wait_for(self.slots[slot].track.recv(), 0.5)
+            except TimeoutError:
+                return False
             assert isinstance(frame, AudioFrame)
             heard.append(frame.to_ndarray().reshape(-1, 2)[:, 0])
         samples = np.concatenate(heard).astype(float)
@@ -79,10 +89,10 @@ class Headset:
         loudest = np.fft.rfftfreq(len(samples), 1 / _RATE)[spectrum.argmax()]
         return bool(np.abs(samples).mean() > 500 and abs(loudest - TONE_HZ) < 15)
 
-    async def until(self, tone: bool) -> None:
+    async def until(self, tone: bool, slot: int = 0) -> None:
         """Wait until the tone is heard, or no longer."""
         async with asyncio.timeout(20):
-            while await self.tone() != tone:
+            while await self.tone(slot) != tone:
                 pass
 
 
@@ -105,8 +115,8 @@ async def test_others_are_heard_while_their_microphone_is_on(caller, timed, meet
         await bo.say(type="microphone", on=True)
         await listening.until(True)
         assert not await talking.tone()  # nobody hears themselves
-        speaking = await ada.hear("speaking")
-        assert speaking["participant_ids"] == [bo_id]
+        speaking = await ada.hear("speaking", participant_ids=[bo_id])
+        assert speaking["slots"][0] == bo_id
         await ada.say(type="mute", participant_id=bo_id)
         await bo.roster(lambda who: not who["Bo"]["microphone"])
         await listening.until(False)
@@ -129,6 +139,56 @@ async def test_others_are_heard_while_their_microphone_is_on(caller, timed, meet
             await one.peer.close()
 
 
+async def test_each_speaker_comes_in_a_track_of_their_own(caller, timed, meeting):
+    async with (
+        await join(caller, meeting["id"], "Ada") as ada,
+        await join(caller, meeting["id"], "Bo", headers=header(timed, "neighbours")) as bo,
+        await join(caller, meeting["id"], "Cy", headers=header(timed, "others")) as cy,
+    ):
+        members = await ada.roster(lambda who: len(who) == 3)
+        listening, first, second = Headset(slots=6, tone=False), Headset(), Headset()
+        for headset, page in ((listening, ada), (first, bo), (second, cy)):
+            assert (await headset.call(caller, meeting["id"], seat_of(page))).status_code == 201
+        await bo.say(type="microphone", on=True)
+        await listening.until(True, slot=0)
+        await cy.say(type="microphone", on=True)
+        await listening.until(True, slot=1)
+        assert await listening.tone(0)
+        both = {members["Bo"]["id"], members["Cy"]["id"]}
+        told = await ada.hear_that("speaking", lambda one: set(one["participant_ids"]) == both)
+        assert told["slots"][:2] == [members["Bo"]["id"], members["Cy"]["id"]]
+        # who offers one track hears one voice: here nobody else, since slot 0 is their own
+        assert not await first.tone(0)
+        await second.until(True)
+        dee = await join(caller, meeting["id"], "Dee", headers=header(timed, "late"))
+        async with dee:
+            assert (await dee.hear("speaking"))["slots"][:2] == told["slots"][:2]
+        for one in (listening, first, second):
+            await one.peer.close()
+
+
+async def test_a_voice_by_whip_is_heard_in_place_of_the_pages(caller, timed, meeting, app):
+    async with (
+        await join(caller, meeting["id"], "Ada") as ada,
+        await join(caller, meeting["id"], "Bo", headers=header(timed, "neighbours")) as bo,
+    ):
+        listening, page = Headset(tone=False), Headset()
+        foreign = Headset(slots=0, door="/whip/{}")
+        assert (await listening.call(caller, meeting["id"], seat_of(ada))).status_code == 201
+        assert (await page.call(caller, meeting["id"], seat_of(bo))).status_code == 201
+        answer = await foreign.call(caller, meeting["id"], seat_of(bo))
+        assert answer.status_code == 201
+        assert answer.headers["location"].startswith(f"/whip/{meeting['id']}/")
+        await bo.say(type="microphone", on=True)
+        await page.peer.close()
+        await listening.until(True)
+        gone = await caller.delete(answer.headers["location"], headers=seat_of(bo))
+        assert gone.status_code == 200
+        await listening.until(False)
+        for one in (listening, foreign):
+            await one.peer.close()
+
+
 async def test_nobody_hears_from_the_lobby_and_the_removed_are_cut_off(caller, timed, meeting, app):
     async with (
         await join(caller, meeting["id"], "Ada") as ada,
@@ -142,7 +202,7 @@ async def test_nobody_hears_from_the_lobby_and_the_removed_are_cut_off(caller, t
         while len(app.state.voices) > 0:
             await ada.beat()
         await headset.peer.close()
-        cy = await join(caller, meeting["id"], "Cy", headers=header(timed, "neighbours"))
+        cy = await join(caller, meeting["id"], "Cy", headers=header(timed, "others"))
         async with cy:
             await cy.roster(lambda who: who["Cy"]["standing"] == "waiting")
             waiting = Headset()

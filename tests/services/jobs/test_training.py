@@ -14,6 +14,7 @@ import httpx
 import pytest
 
 from services.container import build_services
+from services.jobs.train_job import round_ends
 from services.settings import Settings
 from tests.db.databases import fresh_database, redis_url
 from tests.services import seeds
@@ -86,6 +87,61 @@ def test_a_training_is_followed_to_its_model(working: Settings, sequence_id: str
     assert model["sha256"] in left
     # clip, packed sequence, motion, weights, splats twice: no checkpoint, no scratch
     assert len(left) == 6
+
+
+def test_a_meeting_sees_the_first_model_in_seconds_and_better_ones_take_its_place(
+    working: Settings, sequence_id: str
+):
+    with serving(working) as caller:
+        job_id = _start(caller, sequence_id, budget_s=6.0)
+        early = job_when(caller, job_id, lambda job: job["model_id"] is not None, "a first model")
+        assert early["state"] == "running"
+        opened = caller.post("/v1/meetings", json={"name": "Standup"}).json()
+        performer = {"model_id": early["model_id"]}
+        answer = caller.post(f"/v1/meetings/{opened['id']}/performers", json=performer)
+        assert answer.status_code == 201, answer.text
+        last = _follow(caller, job_id)[-1][1]
+        assert last["state"] == "succeeded"
+        assert last["model_id"] != early["model_id"]
+
+        def shown() -> list[str]:
+            meeting = caller.get(f"/v1/meetings/{opened['id']}").json()
+            return [one["model_id"] for one in meeting["performers"]]
+
+        def listed() -> list[str]:
+            return [model["id"] for model in caller.get("/v1/models").json()["items"]]
+
+        assert shown() == listed() == [last["model_id"]]
+        # who looks at the first one still may
+        view = {"width": 64, "height": 64}
+        assert caller.post(f"/v1/models/{early['model_id']}/views", json=view).status_code == 200
+        wanted = {"budget_s": 1.0, "improves": last["model_id"]}
+        again = caller.post(f"/v1/sequences/{sequence_id}/models", json=wanted)
+        assert again.status_code == 202, again.text
+        better = _follow(caller, again.json()["id"])[-1][1]["model_id"]
+        assert shown() == listed() == [better]
+        assert better != last["model_id"]
+
+
+def test_only_splats_of_the_same_person_are_gone_on_from(working: Settings, sequence_id: str):
+    with serving(working) as caller:
+        job_id = _start(caller, sequence_id, budget_s=1.0)
+        model_id = _follow(caller, job_id)[-1][1]["model_id"]
+        wanted = {"budget_s": 1.0, "improves": model_id, "preset": "fast"}
+        refused = caller.post(f"/v1/sequences/{sequence_id}/models", json=wanted)
+        assert refused.status_code == 422
+        assert "must be a model of splats" in refused.json()["detail"]
+        wanted = {"budget_s": 1.0, "improves": "0" * 32}
+        unknown = caller.post(f"/v1/sequences/{sequence_id}/models", json=wanted)
+        assert unknown.status_code == 404
+
+
+def test_rounds_end_where_another_version_is_worth_it():
+    assert round_ends("splats", 2.0) == [2.0]
+    assert round_ends("splats", 4.0) == [4.0]
+    assert round_ends("splats", 20.0) == [3.0, 12.0, 20.0]
+    assert round_ends("splats", 60.0) == [3.0, 12.0, 60.0]
+    assert round_ends("fast", 60.0) == [60.0]
 
 
 def test_a_stopped_or_killed_training_goes_on_from_its_checkpoint(
