@@ -1,11 +1,15 @@
 /** The server's REST calls, typed. Every failure is thrown as a Problem. */
 
 import { NO_SERVER, Problem, problemOf } from "./problem";
+import { loadSplats } from "./splats/load";
 import { readEvents } from "./sse";
 import type {
   DemoMeeting,
+  Environment,
+  Environments,
   Guest,
   Job,
+  ListedPerson,
   Meeting,
   Model,
   Models,
@@ -13,10 +17,15 @@ import type {
   NewModel,
   NewPerformer,
   NewPerson,
+  NewVideo,
   OpenedMeeting,
   People,
   Performer,
   Person,
+  Place,
+  Recording,
+  RecordingInFull,
+  Recordings,
   Seat,
   Sequence,
   Visitor,
@@ -39,6 +48,8 @@ export function isFinal(job: Job): boolean {
 
 export class Api {
   private minting: Promise<string> | null = null;
+  /** A token that has run out still says who we are. */
+  private last: string | null = null;
 
   constructor(
     private readonly tokens: TokenStore,
@@ -65,8 +76,8 @@ export class Api {
     await this.send("DELETE", `/v1/people/${id}`);
   }
 
-  /** Everybody of this account, the oldest first. */
-  async people(): Promise<Person[]> {
+  /** Everybody of this account, the oldest first; before them whom the demo lends. */
+  async people(): Promise<ListedPerson[]> {
     return (await this.json<People>("GET", "/v1/people")).items;
   }
 
@@ -77,6 +88,11 @@ export class Api {
 
   sequence(id: string): Promise<Sequence> {
     return this.json("GET", `/v1/sequences/${id}`);
+  }
+
+  /** A clip with its frames and motion; models of it stay. */
+  async deleteSequence(id: string): Promise<void> {
+    await this.send("DELETE", `/v1/sequences/${id}`);
   }
 
   train(sequenceId: string, training: NewModel): Promise<Job> {
@@ -100,8 +116,68 @@ export class Api {
     return (await this.send("GET", `/v1/jobs/${jobId}/preview`)).blob();
   }
 
+  /** Recorded meetings that we asked for, or agreed to. */
+  async recordings(): Promise<Recording[]> {
+    return (await this.json<Recordings>("GET", "/v1/recordings")).items;
+  }
+
+  recording(id: string): Promise<RecordingInFull> {
+    return this.json("GET", `/v1/recordings/${id}`);
+  }
+
+  /** The place that the host of a recorded meeting had brought along. */
+  recordedPlace(id: string): Promise<Environment> {
+    return this.json("GET", `/v1/recordings/${id}/place`);
+  }
+
+  async deleteRecording(id: string): Promise<void> {
+    await this.send("DELETE", `/v1/recordings/${id}`);
+  }
+
+  /** Take what we moved, said and wrote out of a recording. */
+  async leaveRecording(id: string): Promise<void> {
+    await this.send("DELETE", `/v1/recordings/${id}/mine`);
+  }
+
+  exportRecording(id: string, video: NewVideo): Promise<Job> {
+    return this.json("POST", `/v1/recordings/${id}/export`, video);
+  }
+
+  /** Some file of the server's that takes a token. */
+  async file(path: string): Promise<Blob> {
+    return (await this.send("GET", path)).blob();
+  }
+
   meeting(id: string): Promise<Meeting> {
     return this.json("GET", `/v1/meetings/${id}`);
+  }
+
+  /** Every place that comes with the server. */
+  async places(): Promise<Environment[]> {
+    return (await this.json<Environments>("GET", "/v1/environments")).items;
+  }
+
+  /** Where a meeting is held. */
+  place(meetingId: string): Promise<Environment> {
+    return this.json("GET", `/v1/meetings/${meetingId}/environment`);
+  }
+
+  /** Hold a meeting somewhere else; `token` is the host's seat. */
+  async choosePlace(meetingId: string, name: string, token: string): Promise<Environment> {
+    const path = `/v1/meetings/${meetingId}/environment`;
+    return (await checked(await this.attempt("PUT", path, token, { name } satisfies Place))).json() as Promise<Environment>;
+  }
+
+  /** Hold a meeting in a panorama of the host's own. */
+  async bringPlace(meetingId: string, picture: Blob, token: string): Promise<Environment> {
+    const init = { method: "PUT", headers: { Authorization: `Bearer ${token}` }, body: picture };
+    const sent = this.request(`/v1/meetings/${meetingId}/panorama`, init);
+    return (await checked(await reached(sent))).json() as Promise<Environment>;
+  }
+
+  /** The file from which a model of ours is drawn; null where it has none. */
+  async splats(modelId: string): Promise<ArrayBuffer | null> {
+    return loadSplats(modelId, await this.token(), this.request);
   }
 
   async createMeeting(name: string, modelIds: string[]): Promise<Meeting> {
@@ -209,6 +285,7 @@ export class Api {
     let response = await this.attempt(method, path, token, body, signal);
     if (response.status === 401 && this.tokens.get() !== null) {
       // the token has run out, or belongs to a server that has been set up anew
+      this.last = this.tokens.get();
       this.tokens.set(null);
       response = await this.attempt(method, path, await this.token(), body, signal);
     }
@@ -243,7 +320,7 @@ export class Api {
   }
 
   private async mint(): Promise<string> {
-    const response = await reached(this.request("/v1/guest", { method: "POST" }));
+    const response = await reached(this.request("/v1/guest", { method: "POST", headers: this.last ? { Authorization: `Bearer ${this.last}` } : {} }));
     if (response.status === 401 || response.status === 403) {
       throw new Problem(
         "You need an invitation",

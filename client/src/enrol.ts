@@ -32,11 +32,15 @@ export interface Bookmark {
   sequenceId: string;
   /** The training, once it has begun. */
   jobId: string | null;
+  /** Whether the clip goes once the model is there. */
+  modelOnly?: boolean;
 }
 
 export interface Clip {
   blob: Blob;
   fileName: string;
+  /** Whether the clip is to be deleted once the model is trained. */
+  modelOnly?: boolean;
 }
 
 const TRAINING: NewModel = { preset: "splats", budget_s: 20, seed: 0 };
@@ -55,6 +59,7 @@ export class Enrolment {
   };
   private working = new AbortController();
   private bookmark: Bookmark | null = null;
+  private modelOnly = false;
 
   constructor(
     private readonly api: Api,
@@ -64,6 +69,7 @@ export class Enrolment {
 
   /** Upload `clip` as a new person called `name` and see it through to a model. */
   start(name: string, clip: Clip): Promise<void> {
+    this.modelOnly = clip.modelOnly ?? false;
     return this.attempt(async (signal) => {
       this.change({ name });
       const person = await this.api.createPerson(name);
@@ -88,6 +94,7 @@ export class Enrolment {
 
   /** Go on where an earlier visit to the page stopped looking. */
   revisit(bookmark: Bookmark): Promise<void> {
+    this.modelOnly = bookmark.modelOnly ?? false;
     return this.attempt(async (signal) => {
       this.remember(bookmark);
       const step = bookmark.jobId ? "train" : "capture";
@@ -176,7 +183,7 @@ export class Enrolment {
     this.change({ sequence: current });
     if (current.kind === "keypoints") throw MOTION_ONLY;
     signal.throwIfAborted();
-    const job = await this.api.train(current.id, TRAINING);
+    const job = await this.api.train(current.id, this.modelOnly ? { ...TRAINING, model_only: true } : TRAINING);
     this.remember({ name: this.state.name, sequenceId: current.id, jobId: job.id });
     this.change({ step: "train", fraction: 0, message: "", job });
     await this.follow(job, signal);
@@ -199,7 +206,9 @@ export class Enrolment {
 
   private news(job: Job): void {
     const fraction = Math.min(1, Math.max(0, job.progress));
-    this.change({ job, fraction, message: job.message });
+    // while it is trained, a likeness can be met; better ones take its place
+    const modelId = job.kind === "train" ? job.model_id : this.state.modelId;
+    this.change({ job, fraction, message: job.message, modelId });
   }
 
   private async attempt(work: (signal: AbortSignal) => Promise<void>): Promise<void> {
@@ -216,7 +225,8 @@ export class Enrolment {
     }
   }
 
-  private remember(bookmark: Bookmark | null): void {
+  private remember(mark: Bookmark | null): void {
+    const bookmark = mark && this.modelOnly ? { ...mark, modelOnly: true } : mark;
     this.bookmark = bookmark;
     this.onBookmark(bookmark);
   }

@@ -9,6 +9,8 @@ export interface Somebody {
   personId: string;
   name: string;
   modelId: string;
+  /** Not whom the demo lends: what moves them is kept with them. */
+  mine: boolean;
 }
 
 /** Why nobody new comes of a file of keypoints, and what does. */
@@ -32,12 +34,13 @@ export async function isJson(file: Blob): Promise<boolean> {
 /** Everybody whom keypoints can move, each with their latest model, the latest first. */
 export async function everybody(api: Api): Promise<Somebody[]> {
   const [people, models] = await Promise.all([api.people(), api.models()]);
-  const names = new Map(people.map(({ id, name }) => [id, name]));
+  const known = new Map(people.map((person) => [person.id, person]));
   const latest = new Map<string, Somebody>();
   // the oldest come first
   for (const { id, person_id: personId } of models) {
     latest.delete(personId);
-    latest.set(personId, { personId, name: names.get(personId) ?? "Somebody", modelId: id });
+    const person = known.get(personId);
+    latest.set(personId, { personId, name: person?.name ?? "Somebody", modelId: id, mine: person?.mine ?? false });
   }
   return [...latest.values()].reverse();
 }
@@ -51,7 +54,8 @@ export async function meetMoving(
 ): Promise<Meeting> {
   // before it is sent: whatever else the file is, the server would take it for a clip of theirs
   if (!(await isJson(file))) throw NO_KEYPOINTS;
-  const { personId, modelId, name } = somebody;
+  const { modelId, name } = somebody;
+  const personId = somebody.mine ? somebody.personId : (await api.createPerson(name)).id;
   const sequence = await api.uploadSequence(personId, file, file.name, () => undefined, signal);
   const meeting = await api.createMeeting(`${name} by keypoints`, []);
   await api.addPerformer(meeting.id, modelId, sequence.id);

@@ -1,14 +1,16 @@
 /** A look into a meeting: connection, viewpoint and picture size, kept in step with the screen. */
 
 import type { Api } from "./api";
+import type { Vec3 } from "./geometry";
 import { SIDES, SizeLadder, fittingSize, highestStep, type Size } from "./framing";
-import { Pacer, encodeView } from "./packets";
-import { loadSplats } from "./splats/load";
-import { LocalRoom } from "./splats/localRoom";
-import { WayChooser, type Choice, type Way } from "./splats/way";
+import { LocalDrawing } from "./localDrawing";
+import { Pacer, StallWatch, encodeView } from "./packets";
+import type { Choice, Drawing } from "./splats/way";
+import { LatencyMeter } from "./stamp";
 import type { Meeting, Performer, Seat } from "./types";
-import { FOV_Y_RAD, Viewpoint, homeOrbit } from "./viewpoint";
+import { FOV_Y_RAD, Viewpoint, homeOrbit, type CameraPose } from "./viewpoint";
 import { WhepLink, type LinkState } from "./whep";
+import type { Visit } from "./xr/visit";
 
 export interface LiveNumbers {
   fps: number;
@@ -24,13 +26,8 @@ export interface LiveOptions {
   inertia: boolean;
   /** A fixed square size, px, in place of the adaptive one: for measuring. */
   pinned: number | null;
-}
-
-/** Who draws: what the viewer chose, who does, and why this device can't, if so. */
-export interface Drawing {
-  choice: Choice;
-  way: Way;
-  obstacle: string | null;
+  /** Whether pictures show when they were captured: for measuring, too. */
+  stamped: boolean;
 }
 
 /** As the viewer sees it: connected is not enough, a picture must be there. */
@@ -45,18 +42,14 @@ const FIRST_START_PATIENCE_S = 180;
 /** Browsers show tiny black pictures before the first real one. */
 const SMALLEST_PX = 16;
 const ROSTER_S = 10;
+/** Of somebody of usual height who stands. */
+const PELVIS_M = 0.95;
+const HEAD_ABOVE_PELVIS_M = 0.65;
 const SWAY_RAD = 0.45;
 const SWAY_S = 18;
 const RESIZE_MS = 250;
-/** From then on a server that sends pictures in place of poses will not do otherwise. */
-const UNANSWERED_S = 4;
-/** Who is here is asked at most so often when the server speaks of people we don't know. */
-const STRANGERS_MS = 1000;
-
 export class LiveView {
   readonly video = document.createElement("video");
-  /** Lies over the video while this device draws. */
-  readonly canvas = document.createElement("canvas");
   readonly viewpoint: Viewpoint;
   onState: (state: LiveState) => void = () => undefined;
   onNumbers: (numbers: LiveNumbers) => void = () => undefined;
@@ -69,8 +62,10 @@ export class LiveView {
 
   private readonly link: WhepLink;
   private ladder = new SizeLadder();
-  private readonly chooser = new WayChooser();
+  private readonly local: LocalDrawing;
   private readonly pacer = new Pacer();
+  private readonly stalls = new StallWatch();
+  private readonly latency: LatencyMeter | null;
   private readonly timers: ReturnType<typeof setInterval>[] = [];
   private readonly resizes = new ResizeObserver(() => this.resized());
   private resizing: ReturnType<typeof setTimeout> | undefined;
@@ -89,15 +84,7 @@ export class LiveView {
   private swayS = 0;
   private tick = 0;
   private framing = 0;
-  /** The local picture is the one that is seen. */
-  private drawing = false;
-  /** The room as this device draws it; made when a viewer takes the picture over. */
-  private local: LocalRoom | null = null;
   private drawn = 0;
-  private token = "";
-  /** Seconds in which poses were asked for and pictures came. */
-  private unanswered = 0;
-  private askedRosterMs = -Infinity;
 
   constructor(
     readonly api: Api,
@@ -105,8 +92,19 @@ export class LiveView {
     private readonly options: LiveOptions,
   ) {
     this.viewpoint = new Viewpoint(homeOrbit(meeting.performers, 1), options.inertia);
+    this.latency = options.stamped ? new LatencyMeter(this.video) : null;
     this.video.autoplay = this.video.muted = this.video.playsInline = true;
     this.video.disablePictureInPicture = true;
+    this.local = new LocalDrawing(api, meeting, {
+      onSwitch: (drawing) => {
+        this.resent = true;
+        this.still = 0;
+        this.onDrawing(drawing);
+      },
+      onSeen: () => this.measureAnew(),
+      onStrangers: () => void this.roster(),
+      trialView: () => ({ camera: this.viewpoint.camera, size: this.size }),
+    });
     this.link = new WhepLink({
       seat: (stale) => this.seat(stale),
       onState: (state) => {
@@ -114,14 +112,14 @@ export class LiveView {
         this.resent = true;
         this.connected = state.kind === "live";
         this.still = 0;
-        this.local?.forgetPoses();
+        this.local.forgetPoses();
         this.tell(this.connected ? { kind: "preparing", firstStart: this.firstStart } : state);
       },
       onStream: (stream) => {
         this.video.srcObject = stream;
         this.play();
       },
-      onPose: (packet) => this.local?.accept(packet),
+      onPose: (packet) => this.local.accept(packet),
     });
   }
 
@@ -156,64 +154,68 @@ export class LiveView {
     this.measure();
     this.viewpoint.reset();
     this.play();
-    if (!this.local) this.drawLocally();
+    this.local.begin();
+  }
+
+  /** Lies over the video while this device draws. */
+  get canvas(): HTMLCanvasElement {
+    return this.local.canvas;
+  }
+
+  /** The line to the others is back: so may be the picture. */
+  hurry(): void {
+    this.link.hurry();
+  }
+
+  /** Show the place of this name as soon as its picture is here. */
+  showPlace(name: string): Promise<void> {
+    return this.local.showPlace(name);
+  }
+
+  /** Hang the screen that `video` shows in the room, where this device draws it; null: none is shared. */
+  showScreen(video: HTMLVideoElement | null): void {
+    this.local.showScreen(video);
   }
 
   /** Who draws from now on; at once where everything is here that it takes. */
   choose(choice: Choice): void {
-    this.chooser.choose(choice);
-    this.switchWay();
-    void this.fetchPeople();
+    this.local.choose(choice);
   }
 
-  private drawLocally(): void {
-    const local = new LocalRoom(this.canvas, (modelId) => loadSplats(modelId, this.token));
-    local.onStrangers = () => {
-      const nowMs = performance.now();
-      if (nowMs - this.askedRosterMs < STRANGERS_MS) return;
-      this.askedRosterMs = nowMs;
-      void this.roster();
-    };
-    local.onLoaded = () => {
-      this.chooser.tried(local.trialFps(this.viewpoint.camera, FOV_Y_RAD, this.size));
-      this.switchWay();
-    };
-    this.local = local;
-    void this.fetchPeople();
+  /** Have a headset draw into `canvas` from now on, until `endVisit`. */
+  beginVisit(canvas: HTMLCanvasElement): Visit {
+    this.resent = true;
+    return this.local.beginVisit(canvas, this.viewpoint.camera, this.size);
   }
 
-  /** Fetch whom the roster names, where this device may come to draw them. */
-  private async fetchPeople(): Promise<void> {
-    if (this.chooser.choice === "server" || this.token === "") return;
-    // who can't be had now is asked for again with the next roster
-    await this.local?.setPerformers(this.meeting.performers).catch(() => undefined);
-    this.switchWay();
+  /** The headset drew a picture from where its visit says, with people in it or not yet. */
+  visited(withPeople: boolean): void {
+    this.send(true);
+    if (!withPeople) return;
+    this.drawn += 1;
+    this.shown += 1;
+    this.alive();
   }
 
-  /** This device has what it takes, and is to draw. */
-  private get drawsItself(): boolean {
-    return this.local?.loaded === true && this.chooser.way === "local";
-  }
-
-  /** Tell the server, and whoever watches the switch; pictures follow as they come. */
-  private switchWay(): void {
+  endVisit(): void {
+    this.local.endVisit();
     this.resent = true;
     this.still = 0;
-    const way = this.drawing ? "local" : "server";
-    const refused = this.unanswered >= UNANSWERED_S ? "This room is drawn by the server alone" : null;
-    this.onDrawing({ choice: this.chooser.choice, way, obstacle: this.local?.obstacle ?? refused });
   }
 
-  private see(local: boolean): void {
-    if (this.drawing === local) return;
-    this.drawing = local;
-    this.unanswered = 0;
-    this.canvas.classList.toggle("seen", local);
-    // what is measured from now on is another thing
-    this.ladder = new SizeLadder();
-    this.ladder.settle();
-    this.fit();
-    this.switchWay();
+  /** The viewer's head, for voices that come from somewhere. */
+  get ears(): CameraPose {
+    return this.local.visit?.camera ?? this.viewpoint.camera;
+  }
+
+  /** Where a performer's head is, m: above the pelvis that this device draws, or their place. */
+  headOf(performerId: string): Vec3 | null {
+    const index = this.meeting.performers.findIndex(({ id }) => id === performerId);
+    const performer = this.meeting.performers[index];
+    if (!performer) return null;
+    const pelvis = this.local.pelvisOf(index);
+    const [x, y, z] = pelvis ?? [performer.position[0], performer.position[1] + PELVIS_M, performer.position[2]];
+    return [x, y + HEAD_ABOVE_PELVIS_M, z];
   }
 
   /** A channel that moves a performer of ours by keypoints; null while there is no connection. */
@@ -229,7 +231,7 @@ export class LiveView {
     this.resizes.disconnect();
     clearTimeout(this.resizing);
     this.timers.forEach(clearInterval);
-    this.local?.close();
+    this.local.close();
     this.video.srcObject = null;
     this.video.remove();
   }
@@ -244,7 +246,7 @@ export class LiveView {
   private async seat(stale: boolean): Promise<Seat> {
     const seat = await this.options.seat(stale);
     this.firstStart = !seat.ready;
-    this.token = seat.token;
+    this.local.token = seat.token;
     this.showPerformers(seat.performers);
     return seat;
   }
@@ -253,14 +255,16 @@ export class LiveView {
     this.viewpoint.rehome(homeOrbit(performers, this.box.width / this.box.height));
     this.meeting.performers = [...performers];
     this.onPerformers(performers);
-    void this.fetchPeople();
+    void this.local.fetchPeople();
   }
 
   private async roster(): Promise<void> {
     if (this.state.kind !== "live") return;
     // a roster that can't be had now is asked for again in a moment
     const meeting = await this.api.meeting(this.meeting.id).catch(() => null);
-    if (meeting) this.showPerformers(meeting.performers);
+    if (!meeting) return;
+    void this.showPlace(meeting.environment);
+    this.showPerformers(meeting.performers);
   }
 
   private frame(nowMs: number): void {
@@ -268,11 +272,15 @@ export class LiveView {
     const seconds = Math.max(0, (nowMs - this.lastTickMs) / 1000);
     this.lastTickMs = nowMs;
     if (this.swaying && this.options.inertia) this.sway(Math.min(seconds, 0.1));
-    this.send(this.viewpoint.step(seconds));
-    if (this.drawsItself && this.local?.draw(this.viewpoint.camera, FOV_Y_RAD, this.size, this.filmedOnly)) {
+    const moved = this.viewpoint.step(seconds);
+    if (this.local.visit) return;
+    this.send(moved);
+    if (this.local.draw(this.viewpoint.camera, this.size, this.filmedOnly)) {
       this.drawn += 1;
       this.shown += 1;
-      this.see(true);
+      // the code goes into the picture, and is read from it as it is seen
+      if (this.latency && this.local.stamp()) this.latency.look(this.canvas);
+      this.local.see(true);
       this.alive();
     }
   }
@@ -286,16 +294,17 @@ export class LiveView {
 
   private send(moved: boolean): void {
     if (!this.pacer.due(performance.now(), moved || this.resent)) return;
-    const { position, wxyz } = this.viewpoint.camera;
+    const { position, wxyz } = this.ears;
     const packet = encodeView({
       sequence: (this.sequence = (this.sequence + 1) >>> 0),
       captureTimeMs: performance.timeOrigin + performance.now(),
       position,
       wxyz,
-      fovYRad: FOV_Y_RAD,
+      fovYRad: this.local.visit?.fovYRad ?? FOV_Y_RAD,
       hideUnseen: this.filmedOnly,
-      drawsItself: this.drawsItself,
-      ...this.size,
+      drawsItself: this.local.ready,
+      stalled: this.connected && !document.hidden && this.stalls.stalled(performance.now()),
+      ...(this.local.visit?.size ?? this.size),
     });
     // what could not be sent is still news at the next tick
     this.resent = !this.link.send(packet);
@@ -323,11 +332,22 @@ export class LiveView {
     this.resent = true;
   }
 
+  private measureAnew(): void {
+    this.ladder = new SizeLadder();
+    this.ladder.settle();
+    this.fit();
+  }
+
   private pictureShown(): void {
     if (this.video.videoWidth >= SMALLEST_PX) {
       // a last picture that was on its way when this device took over is not shown any more
-      if (!this.drawing) this.shown += 1;
-      if (!this.drawsItself || this.local?.standing === false) this.see(false);
+      if (!this.local.seen) {
+        this.shown += 1;
+        this.latency?.look(this.video);
+      }
+      if (this.local.ready) this.stalls.rest();
+      else this.stalls.shown(performance.now());
+      if (this.local.idle) this.local.see(false);
       this.alive();
     }
     this.framing = this.video.requestVideoFrameCallback(() => this.pictureShown());
@@ -349,7 +369,8 @@ export class LiveView {
     this.shown = 0;
     const { framesDecoded, roundTripMs } = await this.link.numbers();
     const { videoWidth, videoHeight } = this.video;
-    const { width, height } = this.drawing ? this.size : { width: videoWidth, height: videoHeight };
+    const drawn = this.local.seen ? this.size : { width: videoWidth, height: videoHeight };
+    const { width, height } = this.local.visit?.size ?? drawn;
     if (width >= SMALLEST_PX) {
       this.onNumbers({ fps, framesDecoded: framesDecoded + this.drawn, width, height, roundTripMs });
     }
@@ -361,13 +382,9 @@ export class LiveView {
       this.link.restart();
     }
     if (this.state.kind !== "live") return;
-    const asking = this.drawsItself && !this.drawing && fps > 0;
-    this.unanswered = asking ? this.unanswered + 1 : 0;
-    if (this.unanswered === UNANSWERED_S) this.switchWay();
-    if (this.drawing) {
-      this.chooser.observe(fps, this.options.pinned !== null || this.ladder.side === SIDES[0]);
-      if (!this.drawsItself) this.switchWay();
-    }
+    this.local.countSecond(fps);
+    if (this.local.visit) return;
+    if (this.local.seen) this.local.keepUp(fps, this.options.pinned !== null || this.ladder.side === SIDES[0]);
     if (this.options.pinned) return;
     const { width: wide, height: high } = this.box;
     const highest = highestStep(wide * devicePixelRatio, high * devicePixelRatio);

@@ -5,9 +5,15 @@ import "./style/base.css";
 import "./style/start.css";
 import "./style/progress.css";
 import "./style/stage.css";
+import "./style/replay.css";
 import "./style/meeting.css";
+import "./style/panel.css";
+import "./style/more.css";
+import "./style/devices.css";
 import "./style/self.css";
+import "./style/screens.css";
 import { Api, type TokenStore } from "./api";
+import { chosenDevices } from "./devices";
 import { Enrolment, type Bookmark, type Clip } from "./enrol";
 import { everybody, meetMoving, type Somebody } from "./keypoints";
 import { LiveView } from "./live";
@@ -23,6 +29,7 @@ import { progressView, type ProgressView } from "./views/progress";
 import { button, header, notice, type View } from "./views/shell";
 import { stageView } from "./views/stage";
 import { startView } from "./views/start";
+import { enterVrButton } from "./xr/enterButton";
 
 const TOKEN_KEY = "metanerf.token";
 const BOOKMARK_KEY = "metanerf.enrolment";
@@ -32,9 +39,13 @@ const NAME_KEY = "metanerf.name";
 const GUEST = "Guest";
 
 const tokens: TokenStore = {
-  get: () => sessionStorage.getItem(TOKEN_KEY),
-  set: (token) =>
-    token === null ? sessionStorage.removeItem(TOKEN_KEY) : sessionStorage.setItem(TOKEN_KEY, token),
+  // an invitation's token is for this tab; who we are as a guest, for this browser
+  get: () => sessionStorage.getItem(TOKEN_KEY) ?? localStorage.getItem(TOKEN_KEY),
+  set: (token) => {
+    sessionStorage.removeItem(TOKEN_KEY);
+    if (token === null) localStorage.removeItem(TOKEN_KEY);
+    else localStorage.setItem(TOKEN_KEY, token);
+  },
   getHost: (meetingId) => sessionStorage.getItem(HOST_KEY + meetingId),
   setHost: (meetingId, token) => sessionStorage.setItem(HOST_KEY + meetingId, token),
 };
@@ -54,7 +65,9 @@ let underWay: ProgressView | null = null;
 takeTokenFromAddress();
 addEventListener("hashchange", () => takeTokenFromAddress() && location.reload());
 const bookmark = readStored<Bookmark>(BOOKMARK_KEY);
-if (bookmark) watch(null, (enrolment) => enrolment.revisit(bookmark));
+if (query.has("recording")) void showRecording(query.get("recording") ?? "");
+else if (query.has("recordings")) void showRecordings();
+else if (bookmark) watch(null, (enrolment) => enrolment.revisit(bookmark));
 else void start();
 
 /** The first screen, with a look into the meeting if there is one. */
@@ -73,10 +86,30 @@ async function start(): Promise<void> {
     }
     const name = localStorage.getItem(NAME_KEY) ?? "";
     const hooks = { name, onJoin: join, onEnrol: enrol, everybody: () => everybody(api), onMove: move };
-    show(startView(meeting, live, hooks));
+    show(startView(api, meeting, live, hooks));
     live?.start();
   } catch (error) {
     showProblem(asProblem(error));
+  }
+}
+
+/** A recorded meeting, as whoever agreed to it may see it again. */
+async function showRecording(id: string): Promise<void> {
+  try {
+    const { loadRecording } = await import("./replay/load");
+    const { replayView } = await import("./replay/view");
+    show(replayView(api, await loadRecording(api, id), { onLeave: () => location.assign("/?recordings") }));
+  } catch (error) {
+    showProblem(asProblem(error), () => void showRecording(id));
+  }
+}
+
+async function showRecordings(): Promise<void> {
+  try {
+    const { recordingsView } = await import("./replay/list");
+    show(recordingsView(await api.recordings()));
+  } catch (error) {
+    showProblem(asProblem(error), () => void showRecordings());
   }
 }
 
@@ -92,13 +125,14 @@ function look(there: Attendance): LiveView {
   // once we are in, the line to the others is what renews a seat
   const seat = (stale: boolean): ReturnType<Attendance["getSeat"]> =>
     there.getSeat(stale && !there.entered);
-  return new LiveView(api, there.meeting, { seat, pinned, inertia: !prefersStillness() });
+  return new LiveView(api, there.meeting, { seat, pinned, stamped: query.has("stamp"), inertia: !prefersStillness() });
 }
 
 /** From the first look into the meeting itself: same seat, same connection, larger picture. */
 function join(name: string): void {
   if (name !== "") localStorage.setItem(NAME_KEY, name);
   if (!attendance) return;
+  attendance.comesHeard = chosenDevices().heard;
   attendance.enter(name || GUEST);
   attend(attendance);
 }
@@ -134,9 +168,18 @@ function goInside(there: Attendance): void {
   const isNew = looking !== live;
   live = looking;
   const again = (): void => (giveUpSeat(), come(there.meeting, localStorage.getItem(NAME_KEY) || GUEST));
-  show(stageView(looking, meetingTools(there), { onLeave: goOut, onRetry: again }));
+  const tools = meetingTools(api, there);
+  const headset = enterVrButton(looking, there, { microphone: tools.toggleMicrophone, leave: goOut });
+  show(stageView(looking, tools, headset, { onLeave: goOut, onRetry: again }));
   looking.takeOver();
   if (isNew) looking.start();
+  let wasOpen = true;
+  there.watch(() => {
+    const isOpen = there.line.kind === "open";
+    if (isOpen && !wasOpen) looking.hurry();
+    wasOpen = isOpen;
+    if (there.admitted) void looking.showPlace(there.state.environment);
+  });
 }
 
 function waitBefore(there: Attendance): void {
@@ -187,7 +230,10 @@ function watch(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>
     writeStored(BOOKMARK_KEY, mark),
   );
   const view = progressView(api, enrolment, clip, {
-    onMeet: (modelId) => void meet(modelId, enrolment.state.name),
+    onMeet: (modelId) => {
+      enrolment.leave(); // the server goes on; the meeting is told of better likenesses
+      void meet(modelId, enrolment.state.name);
+    },
     onAgain: () => {
       enrolment.leave();
       writeStored(BOOKMARK_KEY, null);
@@ -275,7 +321,7 @@ function setMeeting(id: string | null): void {
 function takeTokenFromAddress(): boolean {
   const token = new URLSearchParams(location.hash.slice(1)).get("token");
   if (!token) return false;
-  tokens.set(token);
+  sessionStorage.setItem(TOKEN_KEY, token);
   history.replaceState(null, "", location.pathname + location.search);
   return true;
 }

@@ -3,7 +3,8 @@
  *
  * Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
  * Flags of a view, bit 0: show only what was filmed of a person; bit 1: this page draws the room, so
- * poses are wanted in place of pictures.
+ * poses are wanted in place of pictures; bit 2: pictures are wanted and have stopped, so one that needs none
+ * before it is.
  * A view's payload: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV camera axes),
  * f32 vertical field of view (rad), u16 width, u16 height (px).
  * A pose's payload: u8 index of the performer, u8 how many there are, u16 check of the performer's id,
@@ -20,6 +21,7 @@ const KIND_POSE = 2;
 const KIND_VIEW = 3;
 const HIDE_UNSEEN = 1;
 const DRAWS_ITSELF = 2;
+const STALLED = 4;
 export const POSE_BYTES = 176;
 const JOINTS = 24;
 const TURNS_AT = 32;
@@ -38,6 +40,8 @@ export interface ViewPacket {
   hideUnseen: boolean;
   /** The page draws the room: poses are wanted, and no pictures. */
   drawsItself: boolean;
+  /** Pictures are wanted, and none has been shown for a while. */
+  stalled: boolean;
 }
 
 /** How one performer stands in the room. */
@@ -61,7 +65,8 @@ export function encodeView(packet: ViewPacket): ArrayBuffer {
   const data = new DataView(bytes);
   data.setUint8(0, VERSION);
   data.setUint8(1, KIND_VIEW);
-  data.setUint16(2, (packet.hideUnseen ? HIDE_UNSEEN : 0) | (packet.drawsItself ? DRAWS_ITSELF : 0), true);
+  const drawing = (packet.hideUnseen ? HIDE_UNSEEN : 0) | (packet.drawsItself ? DRAWS_ITSELF : 0);
+  data.setUint16(2, drawing | (packet.stalled ? STALLED : 0), true);
   data.setUint32(4, packet.sequence, true);
   data.setFloat64(8, packet.captureTimeMs, true);
   const floats = [...packet.position, ...packet.wxyz, packet.fovYRad];
@@ -136,5 +141,30 @@ export class Pacer {
     this.sentMs = nowMs;
     this.changed = false;
     return true;
+  }
+}
+
+/** No picture for so long, ms, where 30 a second are wanted: what would show them was lost. */
+const STALL_MS = 250;
+
+/**
+ * Notices that pictures stop. Browsers ask for a key frame when they can't decode what came; where a key frame
+ * itself is lost, or the request, they wait.
+ */
+export class StallWatch {
+  private shownMs = Infinity;
+
+  /** A picture was shown. */
+  shown(nowMs: number): void {
+    this.shownMs = nowMs;
+  }
+
+  /** No pictures are expected until the next one. */
+  rest(): void {
+    this.shownMs = Infinity;
+  }
+
+  stalled(nowMs: number): boolean {
+    return nowMs - this.shownMs > STALL_MS;
   }
 }

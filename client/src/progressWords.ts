@@ -2,6 +2,8 @@
 
 import type { EnrolState } from "./enrol";
 
+type Doing = Pick<EnrolState, "step" | "status" | "fraction" | "message" | "job">;
+
 const WAITING = "Waiting for the server to be free";
 const LEARNING = "Learning what you look like";
 /** The server's words for a stage, and ours: it speaks of "the person", we speak to them. */
@@ -17,7 +19,7 @@ const WORDS: Readonly<Record<string, string>> = {
 };
 
 /** One line of progress: "Finding you · 40 %". Of the sending there is no more to say than how far. */
-export function progressInWords({ step, status, fraction, message, job }: EnrolState): string {
+export function progressInWords({ step, status, fraction, message, job }: Doing): string {
   const percent = `${Math.round(100 * fraction)} %`;
   if (status !== "working" || step === "upload") return percent;
   return [doing(step, job?.state === "queued", fraction, message), percent].filter(Boolean).join(" · ");

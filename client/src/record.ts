@@ -1,5 +1,6 @@
 /** A clip from the webcam: one slow turn, filmed by the browser. */
 
+import { chosenDevices } from "./devices";
 import { Problem } from "./problem";
 
 /** Long enough for one slow turn, short enough to hold still. */
@@ -12,6 +13,11 @@ const TYPES = [
   ["video/webm;codecs=vp8", "webcam.webm"],
   ["video/webm", "webcam.webm"],
 ] as const;
+export interface Film {
+  blob: Blob;
+  fileName: string;
+}
+
 const BITS_PER_SECOND = 6_000_000;
 
 /** Opens the camera; a refusal or a missing camera becomes a Problem that says what to do. */
@@ -23,13 +29,15 @@ export async function openCamera(size = { width: 1280, height: 720 }): Promise<M
       "Browsers allow it only on secure addresses (https or localhost); upload a clip instead.",
     );
   }
+  const { camera } = chosenDevices();
   const video = {
+    ...(camera === "" ? { facingMode: "user" } : { deviceId: { ideal: camera } }),
     width: { ideal: size.width },
     height: { ideal: size.height },
     frameRate: { ideal: 30 },
   };
   try {
-    return await devices.getUserMedia({ video: { ...video, facingMode: "user" }, audio: false });
+    return await devices.getUserMedia({ video, audio: false });
   } catch (error) {
     throw cameraProblem(error instanceof Error ? error.name : "");
   }
@@ -68,27 +76,36 @@ export function guidance(second: number): string {
   return "Face the camera again";
 }
 
-/** Records `stream` for `TURN_S` seconds, or until `signal` aborts (then it rejects). */
-export function recordTurn(
+/** Records one turn, or until `signal` aborts (then it rejects). */
+export function recordTurn(stream: MediaStream, onSecond: (second: number) => void, signal: AbortSignal): Promise<Film> {
+  return record(stream, TURN_S, onSecond, signal);
+}
+
+/** Records `stream` for so many seconds; rejects where the camera goes before, or `signal` aborts. */
+export function record(
   stream: MediaStream,
+  seconds: number,
   onSecond: (second: number) => void,
   signal: AbortSignal,
-): Promise<{ blob: Blob; fileName: string }> {
+): Promise<Film> {
   const [mimeType, fileName] = TYPES.find(([type]) => MediaRecorder.isTypeSupported(type)) ?? TYPES[3];
   const recorder = new MediaRecorder(stream, { mimeType, videoBitsPerSecond: BITS_PER_SECOND });
   const parts: Blob[] = [];
   return new Promise((resolve, reject) => {
     const startMs = performance.now();
+    let whole = false;
     const tick = setInterval(() => {
       const second = (performance.now() - startMs) / 1000;
-      onSecond(Math.min(second, TURN_S));
-      if (second >= TURN_S && recorder.state === "recording") recorder.stop();
+      whole = second >= seconds;
+      onSecond(Math.min(second, seconds));
+      if (whole && recorder.state === "recording") recorder.stop();
     }, 100);
     recorder.ondataavailable = (event) => parts.push(event.data);
     recorder.onerror = () => reject(cameraProblem("NotReadableError"));
     recorder.onstop = () => {
       clearInterval(tick);
       if (signal.aborted) reject(signal.reason as unknown);
+      else if (!whole) reject(cameraProblem("NotReadableError"));
       else resolve({ blob: new Blob(parts, { type: mimeType.split(";")[0] ?? mimeType }), fileName });
     };
     signal.addEventListener("abort", () => recorder.state === "recording" && recorder.stop(), {

@@ -10,10 +10,43 @@ export interface Admit {
   participant_id: string;
 }
 
+/** Somebody agrees to being recorded, or does not, or no longer: that ends the recording. */
+export interface Agree {
+  type: "agree";
+  on: boolean;
+}
+
 /** A sign of life, each way, once a second. */
 export interface Beat {
   type: "beat";
 }
+
+/** Where the camera is at a moment; between stops it moves evenly. */
+export interface CameraStop {
+  at_s: number;
+  /** Room, m. */
+  position: readonly [number, number, number];
+  /** What it looks at, m. */
+  target: readonly [number, number, number];
+}
+
+/** What one has just spoken, in writing. */
+export interface Caption {
+  type: "caption";
+  text: string;
+}
+
+/** Somebody spoke, and their page wrote it down. */
+export interface Captioned {
+  type: "captioned";
+  number: number;
+  participant_id: string;
+  name: string;
+  text: string;
+}
+
+/** How well somebody's network carries the meeting. */
+export type Connection = "good" | "fair" | "poor";
 
 /** The demo's meeting. */
 export interface DemoMeeting {
@@ -56,7 +89,7 @@ export interface Erased {
   remaining: number;
 }
 
-export type FromServer = Welcome | Beat | Roster | Said | Reacted | Speaking | Refusal | Goodbye;
+export type FromServer = Welcome | Beat | Roster | Said | Reacted | Captioned | Speaking | Refusal | Goodbye;
 
 /** The last message: why the channel ends. */
 export interface Goodbye {
@@ -97,12 +130,13 @@ export interface Job {
   message: string;
   has_preview: boolean;
   sequence_id: string | null;
+  /** What was trained; while the job runs, the best there is so far. */
   model_id: string | null;
   error: Problem | null;
 }
 
 /** What a job does. */
-export type JobKind = "capture" | "train";
+export type JobKind = "capture" | "train" | "export";
 
 /** Where a job stands. */
 export type JobState = "queued" | "running" | "succeeded" | "failed" | "cancelled";
@@ -117,6 +151,13 @@ export interface Leave {
   type: "leave";
 }
 
+/** The host lets somebody share their screen in place of whoever does, or has them stop. */
+export interface LetPresent {
+  type: "let-present";
+  participant_id: string;
+  on: boolean;
+}
+
 /** What falls on performers, linear RGB; 1 is what makes a white surface white. */
 export interface Light {
   /** Irradiance over pi: coefficients of the 9 real spherical harmonics to order 2. */
@@ -124,6 +165,15 @@ export interface Light {
   /** Unit, towards the light; world. */
   key_direction: readonly [number, number, number];
   key_colour: readonly [number, number, number];
+}
+
+/** Somebody of one's own, or whom the demo lends. */
+export interface ListedPerson {
+  id: string;
+  name: string;
+  created_at: string;
+  /** Whether they are the token's account's, to change and erase. */
+  mine: boolean;
 }
 
 /** A room and who stands in it. */
@@ -136,6 +186,8 @@ export interface Meeting {
   performers: Performer[];
   /** Whoever comes waits until the host lets them in. */
   lobby: boolean;
+  /** Whoever comes is asked to agree to being recorded. */
+  recording?: boolean;
 }
 
 /** Somebody in the meeting, or waiting before it. */
@@ -150,6 +202,10 @@ export interface Member {
   hand_at: string | null;
   /** Whether they are to be heard. */
   microphone: boolean;
+  /** How well their network does; empty: unknown. */
+  connection: Connection | null;
+  /** Who stands for them in the room; their voice comes from there. */
+  performer_id: string | null;
 }
 
 /** Be heard, or no longer. */
@@ -191,6 +247,12 @@ export interface Mute {
   participant_id: string;
 }
 
+/** How well the network carries the meeting, whenever that changes. */
+export interface Network {
+  type: "network";
+  connection: Connection;
+}
+
 /** A room to open. */
 export interface NewMeeting {
   name: string;
@@ -205,6 +267,10 @@ export interface NewModel {
   /** Training time, s. */
   budget_s?: number;
   seed?: number;
+  /** A model of the same person to go on from (splats); the new one takes its place, in meetings too. */
+  improves?: string | null;
+  /** Delete the clip, its frames and its pictures once the model is trained. */
+  model_only?: boolean;
 }
 
 /** Who comes in. */
@@ -226,6 +292,16 @@ export interface NewUpload {
   size: number;
   /** Of the whole file, hex. */
   sha256: string;
+}
+
+/** How a recording is to be filmed. */
+export interface NewVideo {
+  /** Empty: once round everybody. */
+  path?: CameraStop[];
+  width?: number;
+  height?: number;
+  /** Vertical field of view. */
+  fov_deg?: number;
 }
 
 /** A picture to render. */
@@ -255,6 +331,8 @@ export interface OpenedMeeting {
   performers: Performer[];
   /** Whoever comes waits until the host lets them in. */
   lobby: boolean;
+  /** Whoever comes is asked to agree to being recorded. */
+  recording?: boolean;
   /** Join with it to be the host; keep it to yourself. */
   host_token: string;
 }
@@ -270,7 +348,7 @@ export interface Orbit {
 
 /** A list of persons. */
 export interface People {
-  items: Person[];
+  items: ListedPerson[];
 }
 
 /** A person's model standing in a meeting. */
@@ -304,6 +382,12 @@ export interface PersonInFull {
 /** Where a meeting is held. */
 export interface Place {
   name: string;
+}
+
+/** Share a screen, or no longer. While somebody else does, the host is asked. */
+export interface Present {
+  type: "present";
+  on: boolean;
 }
 
 /** What went wrong, for people and programs. */
@@ -345,6 +429,87 @@ export interface Readiness {
   checks: Record<string, string>;
 }
 
+/** The host asks everybody whether the meeting may be recorded, or ends the recording. */
+export interface RecordMeeting {
+  type: "record";
+  on: boolean;
+}
+
+/** Somebody who agreed to be recorded. */
+export interface RecordedMember {
+  participant_id: string;
+  name: string;
+  /** Who stood for them. */
+  performer_id: string | null;
+}
+
+/** What one moved, said or wrote. */
+export interface RecordedTrack {
+  /** `room`, `motion:ID`, `voice:ID` or `chat:ID`. */
+  name: string;
+  /** As kept; more when fetched. */
+  bytes: number;
+  url: string;
+}
+
+/** A video that was made of a recording. */
+export interface RecordedVideo {
+  job_id: string;
+  bytes: number;
+  url: string;
+}
+
+/** A meeting that was, or is being, recorded. */
+export interface Recording {
+  id: string;
+  meeting_id: string;
+  name: string;
+  state: RecordingState;
+  asked_at: string;
+  ended_at: string | null;
+  why_ended: string | null;
+  duration_s: number;
+  bytes: number;
+  /** Whether the token's account asked for it, and may delete it. */
+  mine: boolean;
+  members: RecordedMember[];
+}
+
+/** A recording with what it holds. */
+export interface RecordingInFull {
+  id: string;
+  meeting_id: string;
+  name: string;
+  state: RecordingState;
+  asked_at: string;
+  ended_at: string | null;
+  why_ended: string | null;
+  duration_s: number;
+  bytes: number;
+  /** Whether the token's account asked for it, and may delete it. */
+  mine: boolean;
+  members: RecordedMember[];
+  tracks: RecordedTrack[];
+  videos: RecordedVideo[];
+}
+
+/** How far a recording has come. */
+export type RecordingState = "asking" | "running" | "ended";
+
+/** A recording that is asked for, or runs. */
+export interface RecordingUnderWay {
+  id: string;
+  /** Everybody here has agreed, and it is being kept. */
+  running: boolean;
+  /** Ids of the participants who have agreed. */
+  agreed: string[];
+}
+
+/** A list of recordings. */
+export interface Recordings {
+  items: Recording[];
+}
+
 /** What was asked for was not done. */
 export interface Refusal {
   type: "refusal";
@@ -357,6 +522,12 @@ export interface Remove {
   participant_id: string;
 }
 
+/** What was taken out of a recording. */
+export interface RemovedFromRecording {
+  chunks: number;
+  videos: number;
+}
+
 /** What somebody may do in a meeting. */
 export type Role = "host" | "speaker" | "viewer";
 
@@ -365,6 +536,14 @@ export interface Roster {
   type: "roster";
   /** Whoever comes waits until the host lets them in. */
   lobby: boolean;
+  /** Name of the place that the meeting is held in. */
+  environment: string;
+  /** Who may share a screen; empty: nobody does. */
+  presenter_id: string | null;
+  /** Who asks to share in their place; only the host and they are told. */
+  presenter_asks_id: string | null;
+  /** Empty: nothing is, or is to be, kept. */
+  recording: RecordingUnderWay | null;
   members: Member[];
 }
 
@@ -424,7 +603,7 @@ export interface Sequence {
 export type SequenceKind = "video" | "frames" | "keypoints";
 
 /** How far a sequence has come. */
-export type SequenceState = "uploaded" | "capturing" | "ready";
+export type SequenceState = "uploaded" | "capturing" | "ready" | "forgotten";
 
 /** The host has people wait, or lets everybody in. */
 export interface SetLobby {
@@ -439,16 +618,18 @@ export interface SetRole {
   role: Role;
 }
 
-/** Who speaks now, whenever that changes. */
+/** Who speaks now, and in which track each is heard, whenever that changes. */
 export interface Speaking {
   type: "speaking";
   participant_ids: string[];
+  /** Whose voice each track of the voice connection carries, from the first. */
+  slots: (string | null)[];
 }
 
 /** Whether somebody is let in. */
 export type Standing = "waiting" | "admitted" | "denied" | "removed" | "ended";
 
-export type ToServer = Hello | Beat | Say | React | RaiseHand | Microphone | Admit | Deny | Remove | Mute | SetRole | SetLobby | EndMeeting | Leave;
+export type ToServer = Hello | Beat | Say | React | RaiseHand | Microphone | Caption | Present | Network | Admit | Deny | Remove | Mute | SetRole | SetLobby | LetPresent | EndMeeting | RecordMeeting | Agree | Leave;
 
 /** A file on its way. */
 export interface Upload {

@@ -8,6 +8,7 @@
 import { sleep } from "./api";
 import { NO_SERVER, Problem, asProblem, problemOf } from "./problem";
 import type { Seat } from "./types";
+import { gathered } from "./until";
 
 export type LinkState =
   | { kind: "connecting" }
@@ -46,6 +47,7 @@ export class WhepLink {
   private channel: RTCDataChannel | null = null;
   private resource: string | null = null;
   private cut: (() => void) | null = null;
+  private wake: () => void = () => undefined;
   private decodedBefore = 0;
   private decodedNow = 0;
 
@@ -81,7 +83,9 @@ export class WhepLink {
       this.hooks.onState({ kind: "reconnecting", problem });
       const asked = (problem?.retryAfterS ?? 0) * 1000;
       const pause = Math.max(asked, backoffMs(attempt, Math.random()));
-      await sleep(pause, this.closing.signal).catch(() => undefined);
+      const over = sleep(pause, this.closing.signal).catch(() => undefined);
+      const hurried = new Promise<void>((resolve) => (this.wake = resolve));
+      await (asked > 0 ? over : Promise.race([over, hurried]));
     }
   }
 
@@ -98,6 +102,11 @@ export class WhepLink {
     if (this.peer?.connectionState !== "connected") return null;
     const newest = { ordered: false, maxRetransmits: 0, protocol: performerId };
     return this.peer.createDataChannel("keypoints", newest);
+  }
+
+  /** The server is there again: the next attempt need not wait, unless the server asked for that. */
+  hurry(): void {
+    this.wake();
   }
 
   /** The pictures have stopped although the connection stands: make a new one. */
@@ -149,7 +158,7 @@ export class WhepLink {
     // the failure is awaited below; until then it must not count as unhandled
     connected.catch(() => undefined);
     await peer.setLocalDescription(await peer.createOffer());
-    await gathered(peer);
+    await gathered(peer, GATHERING_MS);
     const sdp = await this.exchange(seat, peer.localDescription?.sdp ?? "");
     await peer.setRemoteDescription({ type: "answer", sdp });
     await connected;
@@ -239,18 +248,5 @@ function settled(peer: RTCPeerConnection, signal: AbortSignal): Promise<void> {
     peer.addEventListener("connectionstatechange", look, { signal: done.signal });
     const left = (): void => finish(() => reject(signal.reason as unknown));
     signal.addEventListener("abort", left, { signal: done.signal });
-  });
-}
-
-/** All of our own addresses are known, or enough time has gone by. */
-function gathered(peer: RTCPeerConnection): Promise<void> {
-  if (peer.iceGatheringState === "complete") return Promise.resolve();
-  return new Promise((resolve) => {
-    const timer = setTimeout(resolve, GATHERING_MS);
-    peer.addEventListener("icegatheringstatechange", () => {
-      if (peer.iceGatheringState !== "complete") return;
-      clearTimeout(timer);
-      resolve();
-    });
   });
 }

@@ -23,7 +23,7 @@ describe("tokens", () => {
       return token === "Bearer new" ? json(job()) : json({ title: "Token expired" }, 401);
     });
     await new Api(tokenStore("old"), request).job("a");
-    expect(calls.map(({ token }) => token)).toEqual(["Bearer old", null, "Bearer new"]);
+    expect(calls.map(({ token }) => token)).toEqual(["Bearer old", "Bearer old", "Bearer new"]);
   });
 
   it("says that an invitation is needed where guests are not let in", async () => {

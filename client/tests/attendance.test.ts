@@ -56,9 +56,23 @@ describe("our part in a meeting", () => {
   it("goes on from the ticket of an earlier load", async () => {
     const { attendance, hooks, calls } = setUp();
     const seat = { token: "kept", control_url: "/c" } as Seat;
-    attendance.enter("Ada", { meetingId: "m", name: "Ada", seat });
+    attendance.enter("Ada", { meetingId: "m", name: "Ada", seat, read: 0 });
     expect(await hooks().greeting(false)).toMatchObject({ token: "kept" });
     expect(calls).toHaveLength(0);
+  });
+
+  it("knows after a reload what was read before", async () => {
+    const { attendance, hooks, ticket } = setUp();
+    attendance.enter("Ada");
+    await hooks().greeting(false);
+    hooks().onMessage({ type: "said", number: 7, participant_id: "Bo", name: "Bo", text: "Hello", at: "" });
+    expect(attendance.read).toBe(0);
+    attendance.markRead();
+    const left = ticket();
+    expect(left?.read).toBe(7);
+    const { attendance: back } = setUp();
+    back.enter("Ada", left);
+    expect(back.read).toBe(7);
   });
 
   it("is in once the host has let us in, and tells what changes", async () => {
@@ -70,11 +84,11 @@ describe("our part in a meeting", () => {
     attendance.enter("Ada");
     const hear = hooks().onMessage;
     hear({ type: "welcome", participant_id: "me", seat: 1, silence_s: 5 });
-    hear({ type: "roster", lobby: true, members: [member({ id: "me", standing: "waiting" })] });
+    hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me", standing: "waiting" })] });
     expect(attendance.admitted).toBe(false);
-    hear({ type: "roster", lobby: true, members: [member({ id: "me" })] });
+    hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me" })] });
     expect(attendance.admitted).toBe(true);
-    hear({ type: "roster", lobby: true, members: [member({ id: "me" }), member({ id: "Bo" })] });
+    hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me" }), member({ id: "Bo" })] });
     expect(news).toEqual(["Bo is here"]);
     expect(changes).toBe(5);
     release();

@@ -97,6 +97,14 @@ describe("Enrolment", () => {
     ]);
   });
 
+  it("can be met as soon as there is a first model", async () => {
+    const { server, states, enrolment } = setUp();
+    server.outcome["j"] = job({ model_id: "early" });
+    await enrolment.start("Ada", CLIP);
+    const first = states.find(({ modelId }) => modelId !== null);
+    expect(first).toMatchObject({ status: "working", step: "train", modelId: "early" });
+  });
+
   it("goes on after the page was reloaded", async () => {
     const { server, enrolment } = setUp();
     await enrolment.revisit({ name: "Ada", sequenceId: "s", jobId: null });

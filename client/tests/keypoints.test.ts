@@ -3,16 +3,16 @@ import type { Api } from "../src/api";
 import { everybody, isJson, meetMoving } from "../src/keypoints";
 import { sequence } from "./fakes";
 
-const ADA = { personId: "a", name: "Ada", modelId: "a2" };
+const ADA = { personId: "a", name: "Ada", modelId: "a2", mine: true };
 const KEYPOINTS = new File(['\n{"format": "metanerf-keypoints"}'], "wave.json");
 const never = new AbortController().signal;
 
 class FakeServer {
   calls: unknown[][] = [];
   people = async () => [
-    { id: "a", name: "Ada" },
-    { id: "b", name: "Bob" },
-    { id: "n", name: "Not trained" },
+    { id: "a", name: "Ada", mine: true },
+    { id: "b", name: "Bob", mine: false },
+    { id: "n", name: "Not trained", mine: true },
   ];
   models = async () => [
     { id: "a1", person_id: "a" },
@@ -52,7 +52,7 @@ describe("isJson", () => {
 describe("everybody", () => {
   it("has each person once, with their latest model, the latest first", async () => {
     const found = await everybody(setUp().api);
-    expect(found).toEqual([ADA, { personId: "b", name: "Bob", modelId: "b1" }]);
+    expect(found).toEqual([ADA, { personId: "b", name: "Bob", modelId: "b1", mine: false }]);
   });
 });
 

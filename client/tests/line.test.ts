@@ -33,6 +33,7 @@ function setUp(greeting?: (stale: boolean) => Promise<never>) {
   const states: LineState[] = [];
   const messages: FromServer[] = [];
   const asked: boolean[] = [];
+  const roundTrips: number[] = [];
   const line = new Line(
     {
       greeting: async (stale) => {
@@ -42,6 +43,7 @@ function setUp(greeting?: (stale: boolean) => Promise<never>) {
       },
       onMessage: (message) => messages.push(message),
       onState: (state) => states.push(state),
+      onRoundTrip: (milliseconds) => roundTrips.push(milliseconds),
     },
     (address) => {
       sockets.push(new FakeSocket(address));
@@ -53,7 +55,7 @@ function setUp(greeting?: (stale: boolean) => Promise<never>) {
     while (sockets.length < count) await vi.advanceTimersByTimeAsync(50);
     return sockets[count - 1] as FakeSocket;
   };
-  return { line, sockets, states, messages, asked, kinds, newest };
+  return { line, sockets, states, messages, asked, roundTrips, kinds, newest };
 }
 
 describe("the control line", () => {
@@ -80,6 +82,22 @@ describe("the control line", () => {
       { type: "beat" },
     ]);
     expect(line.send({ type: "hand", raised: true })).toBe(true);
+    line.close();
+  });
+
+  it("measures how long a beat takes to come back, each once", async () => {
+    const { line, newest, roundTrips } = setUp();
+    void line.run();
+    const socket = await newest(1);
+    socket.welcome();
+    await vi.advanceTimersByTimeAsync(1080);
+    socket.tell({ type: "beat" });
+    socket.tell({ type: "beat" });
+    expect(roundTrips).toEqual([80]);
+    // one that is late counts from when it was sent
+    await vi.advanceTimersByTimeAsync(2520);
+    socket.tell({ type: "beat" });
+    expect(roundTrips).toEqual([80, 1600]);
     line.close();
   });
 

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { Pacer, VIEW_BYTES, decodePose, encodeView, isNewer, performerCheck } from "../src/packets";
+import { Pacer, StallWatch, VIEW_BYTES, decodePose, encodeView, isNewer, performerCheck } from "../src/packets";
 
 describe("encodeView", () => {
   it("writes the very bytes that the server's own encoder writes", () => {
@@ -13,6 +13,7 @@ describe("encodeView", () => {
       height: 576,
       hideUnseen: false,
       drawsItself: false,
+      stalled: false,
     });
     expect(bytes.byteLength).toBe(VIEW_BYTES);
     const hex = [...new Uint8Array(bytes)].map((byte) => byte.toString(16).padStart(2, "0"));
@@ -29,14 +30,34 @@ describe("encodeView", () => {
 
   it("asks for what was filmed alone by the first bit of the flags", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: true, drawsItself: false });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: true, drawsItself: false, stalled: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 1, 0]);
   });
 
   it("asks for poses in place of pictures by the second", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, drawsItself: true });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, drawsItself: true, stalled: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 2, 0]);
+  });
+
+  it("says by the third that pictures have stopped", () => {
+    const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, drawsItself: false, stalled: true });
+    expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 4, 0]);
+  });
+});
+
+describe("StallWatch", () => {
+  it("notices when pictures stop, once there have been some", () => {
+    const watch = new StallWatch();
+    expect(watch.stalled(10_000)).toBe(false);
+    watch.shown(10_000);
+    expect(watch.stalled(10_240)).toBe(false);
+    expect(watch.stalled(10_260)).toBe(true);
+    watch.shown(10_270);
+    expect(watch.stalled(10_300)).toBe(false);
+    watch.rest();
+    expect(watch.stalled(99_999)).toBe(false);
   });
 });
 

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { castOf, shareWithin } from "../src/splats/cast";
 import { matrixOf, readSplats, smallestThree, type SplatFile } from "../src/splats/file";
-import { contactShadows } from "../src/splats/room";
+import { contactShadows, screenHalves } from "../src/splats/room";
 import { moved, skin, TRANSFORM } from "../src/splats/skeleton";
 import { depthOrder, depthRows, depths, emptyOrder } from "../src/splats/sort";
 import { loadSplats } from "../src/splats/load";
@@ -10,17 +10,17 @@ import { fakeFetch } from "./fakes";
 
 /** A file of `count` splats on two joints; the n-th lies n cm up, whole, red, on joint n mod 2. */
 function fileOf(count: number): ArrayBuffer {
-  const bytes = new ArrayBuffer(44 + 28 + 26 * count);
+  const bytes = new ArrayBuffer(44 + 28 + 32 * count);
   const data = new DataView(bytes);
   [..."MNSP"].forEach((letter, i) => data.setUint8(i, letter.charCodeAt(0)));
-  data.setUint16(4, 1, true);
+  data.setUint16(4, 2, true);
   data.setUint16(6, 2, true);
   data.setUint32(8, count, true);
   [0, 0, 0, 1, 655.35, 1, Math.log(0.01), 0].forEach((value, i) => data.setFloat32(12 + 4 * i, value, true));
   [0, 1, 0, 0, 2, 0].forEach((value, i) => data.setFloat32(44 + 4 * i, value, true));
   [-1, 0].forEach((value, i) => data.setInt16(68 + 2 * i, value, true));
   for (let n = 0; n < count; n++) {
-    const at = 72 + 26 * n;
+    const at = 72 + 32 * n;
     data.setUint16(at + 2, n, true);
     data.setUint8(at + 9, 255);
     // half a turn about z: x and y keep their variance
@@ -29,6 +29,7 @@ function fileOf(count: number): ArrayBuffer {
     [255, 0, 0, 255].forEach((value, i) => data.setUint8(at + 14 + i, value));
     data.setUint8(at + 18, n % 2);
     data.setUint8(at + 22, 255);
+    [0, 128, 0, 0, -127, 0].forEach((value, i) => data.setInt8(at + 26 + i, value));
   }
   return bytes;
 }
@@ -41,7 +42,8 @@ describe("readSplats", () => {
     const [xx, xy, xz, yy, yz, zz] = file.covariances;
     expect([xx, yy, zz]).toEqual([1e-4, 1, 1e-4].map((value) => expect.closeTo(value, 4)));
     for (const value of [xy, xz, yz]) expect(value).toBeCloseTo(0, 2);
-    expect([...file.colours.slice(0, 3), file.opacities[0]]).toEqual([1, 0, 0, 1]);
+    expect([...file.colours.slice(0, 3), file.opacities[0]]).toEqual([255, 0, 0, 255]);
+    expect([...file.albedos.slice(0, 3), ...file.normals.slice(0, 3)]).toEqual([0, 128, 0, 0, -127, 0]);
     expect([...file.joints.slice(0, 8)]).toEqual([0, 0, 0, 0, 1, 0, 0, 0]);
     expect([...file.restJoints]).toEqual([0, 1, 0, 0, 2, 0]);
     expect([...file.parents]).toEqual([-1, 0]);
@@ -54,8 +56,8 @@ describe("readSplats", () => {
   });
 
   it("says what is wrong with anything else", () => {
-    expect(() => readSplats(new ArrayBuffer(3))).toThrow("must begin with MNSP, version 1; got less");
-    expect(() => readSplats(fileOf(2).slice(0, -1))).toThrow("2 splats must have 124 bytes; got 123");
+    expect(() => readSplats(new ArrayBuffer(3))).toThrow("must begin with MNSP, version 2; got less");
+    expect(() => readSplats(fileOf(2).slice(0, -1))).toThrow("2 splats must have 136 bytes; got 135");
   });
 });
 
@@ -129,6 +131,18 @@ describe("depths", () => {
     depths(cast.bound, depthRows(transforms, camera), depth);
     expect([...depth]).toEqual([7, 7, 7, 7].map((value) => expect.closeTo(value, 5)));
   });
+
+  it("are nothing for what is left out of a person, whoever comes after", () => {
+    const cast = castOf([readSplats(fileOf(3)), readSplats(fileOf(2))]);
+    const rows = new Float32Array(4 * cast.joints);
+    for (let joint = 0; joint < cast.joints; joint++) rows[4 * joint + 3] = 5;
+    const depth = new Float32Array(5).fill(9);
+    depths(cast.bound, rows, depth, [1, 2]);
+    expect([...depth]).toEqual([5, 0, 0, 5, 5]);
+    const order = emptyOrder(5);
+    expect(depthOrder(depth, order)).toBe(3);
+    expect([...order.slice(0, 3)]).toEqual([0, 3, 4]);
+  });
 });
 
 describe("castOf", () => {
@@ -139,7 +153,8 @@ describe("castOf", () => {
     expect([0, 1, 2, 3, 4].map((i) => (cast.table[16 * i + 3] ?? 0) & 0xffff)).toEqual([0, 1, 2, 3, 2]);
     const floats = new Float32Array(cast.table.buffer);
     expect(floats[16 * 4 + 1]).toBeCloseTo(0.02, 6);
-    expect(cast.table[16 * 4 + 15]).toBe(255 | (255 << 8));
+    // red, whole; green without light, opaque; facing down; the second of them
+    expect([...cast.table.slice(16 * 4 + 12, 16 * 5)]).toEqual([0xff0000ff, 0xff008000, 0x008100, 1]);
   });
 
   it("shares a budget", () => {
@@ -163,6 +178,14 @@ describe("contactShadows", () => {
   it("lie under both ankles and vanish as they rise", () => {
     expect(body(0)).toEqual([[2, 1, 0.22, 0.45], [2, 1, 0.22, 0.45]]);
     expect(body(0.35)[0]).toEqual([2, 1, expect.closeTo(0.44, 5), expect.closeTo(0, 6)]);
+  });
+});
+
+describe("screenHalves", () => {
+  it("keep a screen's shape, as wide or as high as there is room", () => {
+    expect(screenHalves(1600, 800)).toEqual([1.3, 0.65]);
+    expect(screenHalves(900, 1600)).toEqual([expect.closeTo(0.421875, 6), 0.75]);
+    expect(screenHalves(0, 0).every(Number.isFinite)).toBe(true);
   });
 });
 
@@ -204,7 +227,7 @@ describe("loadSplats", () => {
     const { request, calls } = fakeFetch(({ path }) =>
       path.includes("field") ? new Response("{}", { status: 404 }) : new Response(fileOf(1)),
     );
-    expect((await loadSplats("m", "seat", request))?.byteLength).toBe(98);
+    expect((await loadSplats("m", "seat", request))?.byteLength).toBe(104);
     expect(calls[0]).toMatchObject({ path: "/v1/models/m/files/viewer.splats", token: "Bearer seat" });
     expect(await loadSplats("field", "seat", request)).toBeNull();
   });

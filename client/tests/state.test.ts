@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { NOBODY_YET, heard, inside, isHost, newsOf, speakers, waiting, type MeetingState } from "../src/meeting/state";
+import { NOBODY_YET, heard, inside, isHost, nameOf, newsOf, speakers, waiting, type MeetingState } from "../src/meeting/state";
 import type { FromServer, Member } from "../src/types";
 import { member } from "./fakes";
 
@@ -8,7 +8,7 @@ function told(...messages: FromServer[]): MeetingState {
 }
 
 const welcome: FromServer = { type: "welcome", participant_id: "me", seat: 1, silence_s: 5 };
-const roster = (...members: Member[]): FromServer => ({ type: "roster", lobby: true, members });
+const roster = (...members: Member[]): FromServer => ({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members });
 const said = (number: number, text = "x"): FromServer => ({
   type: "said", number, participant_id: "bo", name: "Bo", text, at: "2026-01-01T10:00:00Z",
 });
@@ -39,7 +39,7 @@ describe("what the page knows of its meeting", () => {
 
   it("names the others who speak", () => {
     const here = told(welcome, roster(member({ id: "me" }), member({ id: "Bo" })));
-    const state = heard(here, { type: "speaking", participant_ids: ["Bo", "me", "gone"] });
+    const state = heard(here, { type: "speaking", slots: [], participant_ids: ["Bo", "me", "gone"] });
     expect(speakers(state)).toEqual(["Bo"]);
   });
 
@@ -75,5 +75,22 @@ describe("what the page knows of its meeting", () => {
     const in_ = heard(outside, roster(member({ id: "me" }), member({ id: "Bo" })));
     expect(newsOf(outside, in_)).toEqual([]);
     expect(newsOf(NOBODY_YET, in_)).toEqual([]);
+  });
+});
+
+describe("what else a meeting is told", () => {
+  const told = { type: "captioned", number: 4, participant_id: "bo", name: "Bo", text: "Good morning" } as const;
+
+  it("keeps the newest caption, and counts it", () => {
+    const state = heard(NOBODY_YET, told);
+    expect(state.caption?.text).toBe("Good morning");
+    expect(state.number).toBe(4);
+    expect(heard(state, { ...told, number: 5, text: "And more" }).caption?.text).toBe("And more");
+  });
+
+  it("knows names, and of who is gone none", () => {
+    const state = { ...NOBODY_YET, members: [member({ id: "bo", name: "Bo" })] };
+    expect(nameOf(state, "bo")).toBe("Bo");
+    expect(nameOf(state, "cy")).toBe("");
   });
 });

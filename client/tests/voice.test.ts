@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { VoiceLink } from "../src/meeting/voice";
+import { SLOTS, VoiceLink } from "../src/meeting/voice";
 import { fakeFetch } from "./fakes";
 
 class FakeTrack {
@@ -17,8 +17,13 @@ class FakePeer extends EventTarget {
   localDescription = { sdp: "offer" };
   sent: FakeTrack | null = null;
   closed = false;
-  addTransceiver(): object {
-    return { sender: { replaceTrack: async (track: FakeTrack) => void (this.sent = track) } };
+  asked: string[] = [];
+  addTransceiver(kind: string, { direction }: { direction: string }): object {
+    this.asked.push(`${kind} ${direction}`);
+    return {
+      sender: { replaceTrack: async (track: FakeTrack) => void (this.sent = track) },
+      receiver: { track: new FakeTrack() },
+    };
   }
   async createOffer(): Promise<object> {
     return {};
@@ -43,12 +48,16 @@ function setUp(status = 201) {
       ? new Response("answer", { status, headers: { Location: `/voice/${peers.length}` } })
       : new Response(),
   );
-  const hooks = { token: async () => "seat", onOthers: () => undefined };
-  const link = new VoiceLink("/voice", [], hooks, request, () => {
+  const heard: string[] = [];
+  const hooks = {
+    token: async () => "seat",
+    onChange: () => heard.push([...link.slots].map(([slot, { memberId }]) => `${slot} ${memberId}`).join()),
+  };
+  const link: VoiceLink = new VoiceLink("/voice", [], hooks, request, () => {
     peers.push(new FakePeer());
     return peers.at(-1) as unknown as RTCPeerConnection;
   });
-  return { link, peers, calls };
+  return { link, peers, calls, heard };
 }
 
 describe("the voice connection", () => {
@@ -56,6 +65,9 @@ describe("the voice connection", () => {
   beforeEach(() => {
     vi.useFakeTimers();
     track = new FakeTrack();
+    vi.stubGlobal("MediaStream", class {
+      constructor(readonly tracks: unknown[]) {}
+    });
     vi.stubGlobal("navigator", {
       mediaDevices: { getUserMedia: async () => ({ getAudioTracks: () => [track] }) },
     });
@@ -83,6 +95,34 @@ describe("the voice connection", () => {
     expect(track.readyState).toBe("ended");
   });
 
+  it("hears each speaker in a track of their own, and nobody once the connection is lost", async () => {
+    const { link, peers, heard } = setUp();
+    link.assign([null, "bo"]);
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    expect(peers[0]?.asked).toEqual([
+      "audio sendonly",
+      ...Array.from({ length: SLOTS }, () => "audio recvonly"),
+      "video recvonly",
+    ]);
+    expect(heard.at(-1)).toBe("1 bo");
+    expect(link.screen).not.toBeNull();
+    const stream = link.slots.get(1)?.stream;
+    link.assign(["cy", "bo"]);
+    expect(heard.at(-1)).toBe("0 cy,1 bo");
+    expect(link.slots.get(1)?.stream).toBe(stream);
+    const told = heard.length;
+    link.assign(["cy", "bo"]);
+    expect(heard).toHaveLength(told);
+    peers[0]?.become("failed");
+    await vi.advanceTimersByTimeAsync(10);
+    expect(heard).toContain("");
+    expect(link.screen).toBeNull();
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(heard.at(-1)).toBe("0 cy,1 bo");
+    link.close();
+  });
+
   it("hangs up when closed", async () => {
     const { link, calls } = setUp();
     void link.run();
@@ -107,7 +147,7 @@ describe("the voice connection", () => {
   });
 
   it("says in words that there is no microphone", async () => {
-    vi.stubGlobal("navigator", { mediaDevices: { getUserMedia: async () => Promise.reject(new Error()) } });
-    await expect(setUp().link.prepare()).rejects.toMatchObject({ title: "Your microphone can’t be used" });
+    vi.stubGlobal("navigator", { mediaDevices: { getUserMedia: async () => Promise.reject(new DOMException("", "NotAllowedError")) } });
+    await expect(setUp().link.prepare()).rejects.toMatchObject({ title: "The microphone is blocked" });
   });
 });

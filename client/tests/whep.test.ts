@@ -191,6 +191,8 @@ describe("WhepLink", () => {
     const { link, states, calls } = setUp((_, attempt) => (attempt === 0 ? full() : accepted()));
     void link.run();
     await vi.advanceTimersByTimeAsync(15_000);
+    link.hurry();
+    await vi.advanceTimersByTimeAsync(100);
     expect(calls).toHaveLength(1);
     expect(states.at(-1)).toMatchObject({
       kind: "reconnecting",
@@ -198,6 +200,26 @@ describe("WhepLink", () => {
     });
     await vi.advanceTimersByTimeAsync(6_000);
     expect(states.at(-1)?.kind).toBe("live");
+    link.close();
+  });
+
+  it("comes back at once when it hears that the server is there again", async () => {
+    let away = false;
+    const { link, peers, calls, kinds } = setUp(() => {
+      if (away) throw new TypeError("no network");
+      return accepted();
+    });
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    away = true;
+    peers[0]?.become("failed");
+    await vi.advanceTimersByTimeAsync(20_000); // pauses have grown to eight seconds by now
+    away = false;
+    const tried = calls.length;
+    link.hurry();
+    await vi.advanceTimersByTimeAsync(10);
+    expect(calls).toHaveLength(tried + 1);
+    expect(kinds().at(-1)).toBe("live");
     link.close();
   });
 

@@ -65,6 +65,11 @@ export class BeingSeen {
     this.watch();
   }
 
+  /** What the camera sees, while it is on. */
+  get camera(): MediaStream | null {
+    return this.stream?.active ? this.stream : null;
+  }
+
   /** The camera goes off, and the performer is left to their recorded motion. */
   close(): void {
     this.over = true;

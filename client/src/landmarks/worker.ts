@@ -8,6 +8,7 @@
 import { PoseLandmarker, type PoseLandmarkerResult } from "@mediapipe/tasks-vision";
 import wasmLoaderPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.js?url";
 import wasmBinaryPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.wasm?url";
+import { asProblem, problemOf } from "../problem";
 import type { Answer, Picture } from "./finder";
 import { LANDMARK_COUNT, type Landmarks } from "./packet";
 
@@ -18,7 +19,7 @@ const page = self as unknown as MessagePort;
 
 const landmarker = (async (): Promise<PoseLandmarker> => {
   const response = await fetch(MODEL);
-  if (!response.ok) throw new Error(`the landmark model did not come: status ${response.status}`);
+  if (!response.ok) throw problemOf(response.status, await response.text());
   return PoseLandmarker.createFromOptions(
     { wasmLoaderPath, wasmBinaryPath },
     {
@@ -30,7 +31,7 @@ const landmarker = (async (): Promise<PoseLandmarker> => {
 })();
 landmarker.then(
   () => tell({ kind: "ready" }),
-  (error: unknown) => tell({ kind: "failed", reason: String(error) }),
+  (error: unknown) => tell({ kind: "failed", reason: asProblem(error).detail }),
 );
 
 let startMs: number | null = null;
@@ -43,7 +44,7 @@ page.onmessage = async ({ data }: MessageEvent<Picture>): Promise<void> => {
     const found = (await landmarker).detectForVideo(bitmap, timeMs - startMs);
     tell({ kind: "found", timeMs, seen: person(found, width, height) });
   } catch (error) {
-    tell({ kind: "failed", reason: String(error) });
+    tell({ kind: "failed", reason: asProblem(error).detail });
   } finally {
     bitmap.close();
   }

@@ -2,6 +2,7 @@
 
 import type { Api } from "../api";
 import type { FromServer, Meeting, Reacted, Refusal, Seat, ToServer } from "../types";
+import { ConnectionMeter } from "./connection";
 import { Line, type LineState } from "./line";
 import { NOBODY_YET, heard, myself, newsOf, type MeetingState } from "./state";
 
@@ -10,6 +11,8 @@ export interface Ticket {
   meetingId: string;
   name: string;
   seat: Seat;
+  /** Number of the newest message that was read. */
+  read: number;
 }
 
 export interface TicketStore {
@@ -21,13 +24,18 @@ type Listener = () => void;
 
 export class Attendance {
   state: MeetingState = NOBODY_YET;
+  /** The microphone is to go on as soon as we are in. */
+  comesHeard = false;
   line: LineState = { kind: "connecting" };
+  /** Number of the newest message that was read, before a reload too. */
+  read = 0;
   onNews: (words: string) => void = () => undefined;
   onReaction: (reacted: Reacted) => void = () => undefined;
   onRefusal: (refusal: Refusal) => void = () => undefined;
   private seat: Seat | null = null;
   private joining: Promise<Seat> | null = null;
   private name = "Guest";
+  private readonly meter = new ConnectionMeter();
   private channel: Line | null = null;
   private readonly listeners = new Set<Listener>();
 
@@ -56,17 +64,24 @@ export class Attendance {
   enter(name: string, ticket: Ticket | null = null): void {
     this.name = name;
     this.seat = ticket?.seat ?? this.seat;
+    this.read = ticket?.read ?? this.read;
     this.channel = this.makeLine({
       greeting: async (stale) => {
         const { token, control_url } = await this.getSeat(stale);
         this.keep();
         return { address: socketAddress(control_url), token, name, after: this.state.number };
       },
+      onRoundTrip: (milliseconds) => {
+        const connection = this.meter.observe(milliseconds);
+        if (connection && this.admitted) this.wish({ type: "network", connection });
+        else if (connection) this.meter.forget();
+      },
       onMessage: (message) => this.hear(message),
       onState: (state) => {
         this.line = state;
         // who spoke when the line was cut is not who speaks now
         if (state.kind !== "open") this.state = { ...this.state, speaking: [] };
+        if (state.kind === "open") this.meter.forget();
         // another tab of ours that goes on leaves this one a way back
         if (state.kind === "over" && state.reason !== "replaced") this.tickets.set(null);
         this.changed();
@@ -96,6 +111,13 @@ export class Attendance {
     return () => this.listeners.delete(listener);
   }
 
+  /** Whatever came so far has been read. */
+  markRead(): void {
+    if (this.read === this.state.number) return;
+    this.read = this.state.number;
+    this.keep();
+  }
+
   /** Give the seat back. */
   leave(): void {
     this.wish({ type: "leave" });
@@ -120,8 +142,8 @@ export class Attendance {
   }
 
   private keep(): void {
-    const { seat, name } = this;
-    if (seat && this.entered) this.tickets.set({ meetingId: this.meeting.id, name, seat });
+    const { seat, name, read } = this;
+    if (seat && this.entered) this.tickets.set({ meetingId: this.meeting.id, name, seat, read });
   }
 
   private changed(): void {

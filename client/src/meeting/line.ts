@@ -26,6 +26,8 @@ export interface LineHooks {
   greeting(stale: boolean): Promise<Greeting>;
   onMessage(message: FromServer): void;
   onState(state: LineState): void;
+  /** A beat has come back. */
+  onRoundTrip(milliseconds: number): void;
 }
 
 const BEAT_MS = 1000;
@@ -102,6 +104,7 @@ export class Line {
     this.greeted = false;
     return new Promise((resolve) => {
       let goodbye: Goodbye | null = null;
+      let beatMs: number | null = null;
       let beating: ReturnType<typeof setInterval> | undefined;
       const say = (message: ToServer): void => socket.send(JSON.stringify(message));
       const finish = (): void => {
@@ -114,7 +117,10 @@ export class Line {
       let patience = setTimeout(finish, CONNECTING_MS);
       socket.onopen = () => {
         say({ type: "hello", token, name, after });
-        beating = setInterval(() => say({ type: "beat" }), BEAT_MS);
+        beating = setInterval(() => {
+          beatMs ??= performance.now();
+          say({ type: "beat" });
+        }, BEAT_MS);
       };
       socket.onmessage = ({ data }) => {
         clearTimeout(patience);
@@ -125,7 +131,9 @@ export class Line {
           this.greeted = true;
           this.hooks.onState({ kind: "open" });
         }
-        if (message.type !== "beat") this.hooks.onMessage(message);
+        if (message.type !== "beat") return this.hooks.onMessage(message);
+        if (beatMs !== null) this.hooks.onRoundTrip(performance.now() - beatMs);
+        beatMs = null;
       };
       socket.onclose = finish;
       if (this.closing.signal.aborted) finish();

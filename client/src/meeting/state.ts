@@ -1,6 +1,6 @@
 /** What this page knows of its meeting: a value that each message from the server makes anew. */
 
-import type { FromServer, Member, Reacted, Said } from "../types";
+import type { Captioned, FromServer, Member, Reacted, RecordingUnderWay, Said } from "../types";
 
 export type Reaction = Reacted["reaction"];
 
@@ -9,15 +9,40 @@ export interface MeetingState {
   me: string | null;
   /** Whoever comes waits until the host lets them in. */
   lobby: boolean;
+  /** Name of the place that the meeting is held in; empty until we are told. */
+  environment: string;
+  /** Who may share a screen. */
+  presenter: string | null;
+  /** Who asks to, in their place; told to the host and to them. */
+  asksToPresent: string | null;
+  /** What was spoken last, in writing. */
+  caption: Captioned | null;
+  /** What is recorded, or is to be once everybody agrees. */
+  recording: RecordingUnderWay | null;
   members: readonly Member[];
   said: readonly Said[];
   /** Ids of those who speak now. */
   speaking: readonly string[];
+  /** Who is heard in which track of the voice connection. */
+  slots: readonly (string | null)[];
   /** Of the newest message; what comes after it is still to be told. */
   number: number;
 }
 
-export const NOBODY_YET: MeetingState = { me: null, lobby: false, members: [], said: [], speaking: [], number: 0 };
+export const NOBODY_YET: MeetingState = {
+  me: null,
+  lobby: false,
+  environment: "",
+  presenter: null,
+  asksToPresent: null,
+  caption: null,
+  recording: null,
+  members: [],
+  said: [],
+  speaking: [],
+  slots: [],
+  number: 0,
+};
 
 const MOST_SAID = 500;
 
@@ -26,14 +51,24 @@ export function heard(state: MeetingState, message: FromServer): MeetingState {
     case "welcome":
       return { ...state, me: message.participant_id };
     case "roster":
-      return { ...state, lobby: message.lobby, members: message.members };
+      return {
+        ...state,
+        lobby: message.lobby,
+        environment: message.environment,
+        presenter: message.presenter_id,
+        asksToPresent: message.presenter_asks_id,
+        recording: message.recording,
+        members: message.members,
+      };
     case "said":
       if (message.number <= state.number) return state;
       return { ...state, said: [...state.said, message].slice(-MOST_SAID), number: message.number };
+    case "captioned":
+      return { ...state, caption: message, number: Math.max(state.number, message.number) };
     case "reacted":
       return { ...state, number: Math.max(state.number, message.number) };
     case "speaking":
-      return { ...state, speaking: message.participant_ids };
+      return { ...state, speaking: message.participant_ids, slots: message.slots };
     default:
       return state;
   }
@@ -47,6 +82,10 @@ export function speakers(state: MeetingState): string[] {
 
 export function myself(state: MeetingState): Member | null {
   return state.members.find(({ id }) => id === state.me) ?? null;
+}
+
+export function nameOf(state: MeetingState, id: string): string {
+  return state.members.find((member) => member.id === id)?.name ?? "";
 }
 
 export function isHost(state: MeetingState): boolean {

@@ -1,33 +1,40 @@
 /**
- * Voices: one's own microphone up, everybody else's down, by a connection that comes back by itself.
+ * Voices: one's own microphone up, the others' down, each speaker in a track of their own, by a
+ * connection that comes back by itself. `slots` says who is heard in which track; `screen` is what
+ * somebody shares, worth showing while the roster names a presenter.
  *
  * The microphone is asked for when it is switched on first; until then we only listen. It is off
  * unless the server says that it is on, whoever switched it: we or the host.
  */
 
 import { sleep } from "../api";
+import { microphoneProblem, microphoneWanted } from "../devices";
 import { Problem, problemOf } from "../problem";
+import { gathered, until } from "../until";
+import type { Speaking } from "./hearing";
 import { pauseMs } from "./line";
 
 export interface VoiceHooks {
   /** The token of the seat that we talk from. */
   token(): Promise<string>;
-  /** The others, to be played. */
-  onOthers(stream: MediaStream): void;
+  /** `slots` or `screen` has changed. */
+  onChange(): void;
 }
+
+/** Tracks of voices that the server fills; more than so many rarely talk at once. */
+export const SLOTS = 6;
 
 const CONNECTING_MS = 10_000;
 const GATHERING_MS = 1000;
 const DISCONNECTED_MS = 2500;
-const MICROPHONE: MediaStreamConstraints = {
-  audio: { echoCancellation: true, noiseSuppression: true, autoGainControl: true },
-};
-const NO_MICROPHONE = new Problem(
-  "Your microphone can’t be used",
-  "Allow this page to use it, in the address bar or the settings of your browser, and try again.",
-);
 
 export class VoiceLink {
+  /** Who is heard, by track. */
+  slots: ReadonlyMap<number, Speaking> = new Map();
+  /** The screen that somebody shares, if one comes; null without a connection. */
+  screen: MediaStream | null = null;
+  private streams: MediaStream[] = [];
+  private holders: readonly (string | null)[] = [];
   private readonly closing = new AbortController();
   private peer: RTCPeerConnection | null = null;
   private sender: RTCRtpSender | null = null;
@@ -64,14 +71,21 @@ export class VoiceLink {
   async prepare(): Promise<void> {
     if (this.microphone?.readyState === "live") return;
     try {
-      const stream = await navigator.mediaDevices.getUserMedia(MICROPHONE);
+      const stream = await navigator.mediaDevices.getUserMedia({ audio: microphoneWanted() });
       this.microphone = stream.getAudioTracks()[0] ?? null;
-    } catch {
-      throw NO_MICROPHONE;
+    } catch (error) {
+      throw microphoneProblem(error instanceof Error ? error.name : "");
     }
-    if (!this.microphone) throw NO_MICROPHONE;
+    if (!this.microphone) throw microphoneProblem("NotFoundError");
     this.microphone.enabled = false;
     await this.sender?.replaceTrack(this.microphone);
+  }
+
+  /** What the server says of who is in which track. */
+  assign(holders: readonly (string | null)[]): void {
+    if (holders.join() === this.holders.join()) return;
+    this.holders = holders;
+    this.changed();
   }
 
   /** Let what the microphone takes in be sent, or nothing. */
@@ -86,19 +100,36 @@ export class VoiceLink {
   }
 
   private async connect(): Promise<void> {
-    const peer = this.makePeer({ iceServers: this.iceServers.map((urls) => ({ urls })) });
+    const peer = this.makePeer({
+      iceServers: this.iceServers.map((urls) => ({ urls })),
+      bundlePolicy: "max-bundle",
+    });
     this.peer = peer;
-    const transceiver = peer.addTransceiver("audio", { direction: "sendrecv" });
-    this.sender = transceiver.sender;
+    this.sender = peer.addTransceiver("audio", { direction: "sendonly" }).sender;
     if (this.microphone) await this.sender.replaceTrack(this.microphone);
-    peer.addEventListener("track", ({ track }) => this.hooks.onOthers(new MediaStream([track])));
+    const receive = (kind: string): MediaStream =>
+      new MediaStream([peer.addTransceiver(kind, { direction: "recvonly" }).receiver.track]);
+    const streams = Array.from({ length: SLOTS }, () => receive("audio"));
+    const screen = receive("video");
     await peer.setLocalDescription(await peer.createOffer());
-    await reached(peer, "icegatheringstatechange", () => peer.iceGatheringState === "complete", GATHERING_MS);
+    await gathered(peer, GATHERING_MS);
     const sdp = await this.exchange(peer.localDescription?.sdp ?? "");
     await peer.setRemoteDescription({ type: "answer", sdp });
     const connected = (): boolean => peer.connectionState === "connected";
-    await reached(peer, "connectionstatechange", connected, CONNECTING_MS);
+    await until(peer, "connectionstatechange", connected, CONNECTING_MS);
     if (!connected()) throw new Error("no connection");
+    this.streams = streams;
+    this.screen = screen;
+    this.changed();
+  }
+
+  private changed(): void {
+    const heard = this.streams.flatMap((stream, slot) => {
+      const memberId = this.holders[slot];
+      return memberId ? [[slot, { memberId, stream }] as const] : [];
+    });
+    this.slots = new Map(heard);
+    this.hooks.onChange();
   }
 
   private async exchange(offer: string): Promise<string> {
@@ -115,7 +146,7 @@ export class VoiceLink {
     const { peer } = this;
     if (!peer) return;
     for (;;) {
-      await changed(peer, this.closing.signal);
+      await stateChanged(peer, this.closing.signal);
       if (peer.connectionState === "disconnected") await sleep(DISCONNECTED_MS, this.closing.signal);
       if (peer.connectionState !== "connected") return;
     }
@@ -124,7 +155,9 @@ export class VoiceLink {
   private drop(): void {
     const { place } = this;
     this.peer?.close();
-    this.peer = this.sender = this.place = null;
+    this.peer = this.sender = this.place = this.screen = null;
+    this.streams = [];
+    this.changed();
     if (place === null) return;
     const goodbye = async (): Promise<void> => {
       const headers = { Authorization: `Bearer ${await this.hooks.token()}` };
@@ -134,29 +167,7 @@ export class VoiceLink {
   }
 }
 
-/** Wait until `there` holds after events of `kind`, at most so long. */
-function reached(
-  target: EventTarget,
-  kind: string,
-  there: () => boolean,
-  milliseconds: number,
-): Promise<void> {
-  return new Promise((resolve) => {
-    const done = (): void => {
-      clearTimeout(timer);
-      target.removeEventListener(kind, look);
-      resolve();
-    };
-    const look = (): void => {
-      if (there()) done();
-    };
-    const timer = setTimeout(done, milliseconds);
-    target.addEventListener(kind, look);
-    look();
-  });
-}
-
-function changed(peer: RTCPeerConnection, signal: AbortSignal): Promise<void> {
+function stateChanged(peer: RTCPeerConnection, signal: AbortSignal): Promise<void> {
   return new Promise((resolve, reject) => {
     peer.addEventListener("connectionstatechange", () => resolve(), { once: true });
     signal.addEventListener("abort", () => reject(signal.reason as unknown), { once: true });

@@ -14,7 +14,7 @@ export interface Cast {
   /** Rows of the table of transforms: joints of all. */
   joints: number;
   bound: Bound;
-  /** Four texels a splat: place, joints | xx xy xz yy | yz zz, weights, presence | colour, opacity. */
+  /** Four texels a splat: place, joints | xx xy xz yy | yz zz, joints, weights | surface, owner. */
   table: Uint32Array;
 }
 
@@ -26,6 +26,7 @@ export function shareWithin(counts: readonly number[], most = MOST_SPLATS): numb
 export function castOf(people: readonly SplatFile[]): Cast {
   const count = people.reduce((sum, person) => sum + person.count, 0);
   const bound: Bound = {
+    counts: people.map((person) => person.count),
     positions: new Float32Array(3 * count),
     joints: new Uint16Array(4 * count),
     weights: new Uint8Array(4 * count),
@@ -33,18 +34,18 @@ export function castOf(people: readonly SplatFile[]): Cast {
   const table = new Uint32Array(SPLAT_NUMBERS * count);
   let first = 0;
   let joints = 0;
-  for (const person of people) {
+  for (const [owner, person] of people.entries()) {
     bound.positions.set(person.positions, 3 * first);
     bound.weights.set(person.weights, 4 * first);
     for (let k = 0; k < 4 * person.count; k++) bound.joints[4 * first + k] = joints + person.joints[k]!;
-    fillTable(person, bound.joints.subarray(4 * first), table.subarray(SPLAT_NUMBERS * first));
+    fillTable(person, owner, bound.joints.subarray(4 * first), table.subarray(SPLAT_NUMBERS * first));
     first += person.count;
     joints += person.parents.length;
   }
   return { people, count, joints, bound, table };
 }
 
-function fillTable(person: SplatFile, joints: Uint16Array, table: Uint32Array): void {
+function fillTable(person: SplatFile, owner: number, joints: Uint16Array, table: Uint32Array): void {
   const floats = new Float32Array(table.buffer, table.byteOffset, table.length);
   for (let i = 0; i < person.count; i++) {
     const at = SPLAT_NUMBERS * i;
@@ -56,8 +57,13 @@ function fillTable(person: SplatFile, joints: Uint16Array, table: Uint32Array): 
     table[at + 10] = c | (d << 16);
     const [p, q, r, s] = person.weights.subarray(4 * i, 4 * i + 4);
     table[at + 11] = p! | (q! << 8) | (r! << 16) | (s! << 24);
-    floats.set(person.colours.subarray(3 * i, 3 * i + 3), at + 12);
-    // opacity in 16 bits, presence above
-    table[at + 15] = Math.round(person.opacities[i]! * 255) | (person.presence[i]! << 8);
+    table.set([...surface(person, i), owner], at + 12);
   }
+}
+
+/** Colour and presence, albedo and opacity, normal: a byte each, the first lowest. */
+function surface({ colours, albedos, normals, presence, opacities }: SplatFile, i: number): number[] {
+  const three = (of: Uint8Array | Int8Array): number =>
+    (of[3 * i]! & 255) | ((of[3 * i + 1]! & 255) << 8) | ((of[3 * i + 2]! & 255) << 16);
+  return [three(colours) | (presence[i]! << 24), three(albedos) | (opacities[i]! << 24), three(normals)];
 }

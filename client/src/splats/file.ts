@@ -1,14 +1,14 @@
 /**
  * A person's splats as the server hands them out (docs/splats.md tells the layout).
  *
- * 26 bytes a splat, the most important first: the first n alone are a model, once their scales are
+ * 32 bytes a splat, the most important first: the first n alone are a model, once their scales are
  * multiplied by (N / n)^1/4.
  */
 
 const MAGIC = "MNSP";
-const VERSION = 1;
+const VERSION = 2;
 const HEAD_BYTES = 44;
-const RECORD_BYTES = 26;
+const RECORD_BYTES = 32;
 const ROTATION_STEPS = 1023;
 
 /** The splats of one person at rest. */
@@ -18,9 +18,14 @@ export interface SplatFile {
   positions: Float32Array;
   /** xx, xy, xz, yy, yz, zz of each one's covariance, m^2. */
   covariances: Float32Array;
-  /** sRGB of each, 0 to 1. */
-  colours: Float32Array;
-  opacities: Float32Array;
+  /** sRGB of each as filmed, 0 to 255. */
+  colours: Uint8Array;
+  /** sRGB of each without the light it was filmed in, 0 to 255. */
+  albedos: Uint8Array;
+  /** Outward x, y, z of the surface at rest, 127 long. */
+  normals: Int8Array;
+  /** 0 to 255. */
+  opacities: Uint8Array;
   /** How much of each was filmed, 0 to 255. */
   presence: Uint8Array;
   /** Four joints of each, and their weights, which sum to 255. */
@@ -55,11 +60,16 @@ export function readSplats(bytes: ArrayBuffer, share = 1): SplatFile {
   file.parents.forEach((_, i) => {
     file.parents[i] = data.getInt16(HEAD_BYTES + 12 * joints + 2 * i, true);
   });
-  const growth = Math.sqrt(whole / Math.max(file.count, 1));
+  const growth = growthOf(whole, file.count);
   for (let i = 0; i < file.count; i++) {
     readRecord(data, start + i * RECORD_BYTES, i, bounds, growth, file);
   }
   return file;
+}
+
+/** Factor of the variances where only the first `kept` of `whole` splats are drawn. */
+export function growthOf(whole: number, kept: number): number {
+  return Math.sqrt(whole / Math.max(kept, 1));
 }
 
 function emptyFile(count: number, joints: number): SplatFile {
@@ -67,8 +77,10 @@ function emptyFile(count: number, joints: number): SplatFile {
     count,
     positions: new Float32Array(3 * count),
     covariances: new Float32Array(6 * count),
-    colours: new Float32Array(3 * count),
-    opacities: new Float32Array(count),
+    colours: new Uint8Array(3 * count),
+    albedos: new Uint8Array(3 * count),
+    normals: new Int8Array(3 * count),
+    opacities: new Uint8Array(count),
     presence: new Uint8Array(count),
     joints: new Uint8Array(4 * count),
     weights: new Uint8Array(4 * count),
@@ -92,10 +104,12 @@ function readRecord(
     file.positions[3 * i + axis] = low + (data.getUint16(at + 2 * axis, true) / 65535) * (high - low);
     const logScale = thin + (data.getUint8(at + 6 + axis) / 255) * (wide - thin);
     variances[axis] = growth * Math.exp(2 * logScale);
-    file.colours[3 * i + axis] = data.getUint8(at + 14 + axis) / 255;
+    file.colours[3 * i + axis] = data.getUint8(at + 14 + axis);
+    file.albedos[3 * i + axis] = data.getUint8(at + 26 + axis);
+    file.normals[3 * i + axis] = data.getInt8(at + 29 + axis);
   }
   file.presence[i] = data.getUint8(at + 9);
-  file.opacities[i] = data.getUint8(at + 17) / 255;
+  file.opacities[i] = data.getUint8(at + 17);
   const rotation = rotationOf(data.getUint32(at + 10, true));
   let place = 6 * i;
   for (let r = 0; r < 3; r++) {

@@ -5,9 +5,9 @@ import type { Size } from "../framing";
 import type { Performer } from "../types";
 import type { CameraPose } from "../viewpoint";
 import { castOf, shareWithin, type Cast } from "./cast";
-import { readSplats } from "./file";
-import { passCamera, SplatPass, type PassCamera } from "./pass";
-import { contactShadows, type Shadow } from "./room";
+import { growthOf, readSplats, type SplatFile } from "./file";
+import { passCamera, SplatPass, type Eye, type PassCamera, type PassPeople } from "./pass";
+import { contactShadows, type Place, type Shadow } from "./room";
 import { skin, TRANSFORM } from "./skeleton";
 import { depthOrder, depthRows, depths, emptyOrder } from "./sort";
 import type { Sorted, SortTask } from "./sortWorker";
@@ -15,6 +15,15 @@ import type { Sorted, SortTask } from "./sortWorker";
 /** Poses older than this show a connection that is gone, or a server that draws by itself. */
 const STALE_MS = 1000;
 const TRIAL_FRAMES = 3;
+const SERVER_ONLY = "Somebody here can only be drawn by the server";
+const NOBODY: PassPeople = {
+  transforms: new Float32Array(TRANSFORM),
+  order: emptyOrder(0),
+  count: 0,
+  growth: [],
+  shadows: [],
+  filmedOnly: false,
+};
 
 /** The file of a model; null where it has none that a page can draw. */
 export type LoadSplats = (modelId: string) => Promise<ArrayBuffer | null>;
@@ -42,6 +51,8 @@ export class LocalRoom {
   private spare: Uint32Array<ArrayBuffer> | null = null;
   private resorted = false;
   private drawn = "";
+  private screen: HTMLVideoElement | null = null;
+  private watching = 0;
   /** Counts what was to be seen so far, and says which of it the worker was given last. */
   private version = 0;
   private sortedVersion = 0;
@@ -49,6 +60,7 @@ export class LocalRoom {
   constructor(
     private readonly canvas: HTMLCanvasElement,
     private readonly load: LoadSplats,
+    private readonly xrCompatible = false,
   ) {
     this.pass = this.makePass();
     this.worker.addEventListener("message", ({ data }: MessageEvent<Sorted>) => this.take(data));
@@ -62,17 +74,51 @@ export class LocalRoom {
     return this.cast !== null;
   }
 
-  /** Who stands in the room; fetches whom it does not know yet. Throws a Problem. */
+  /**
+   * Who stands in the room; fetches whom it does not know yet. Who gets a better model meanwhile is
+   * drawn by the one before until that has come. Throws a Problem.
+   */
   async setPerformers(performers: readonly Performer[]): Promise<void> {
-    const same = (one: Performer, at: number): boolean =>
-      one.id === this.performers[at]?.id && one.model_id === this.performers[at]?.model_id;
-    const known = performers.length === this.performers.length && performers.every(same);
-    if (!this.pass || (known && this.cast)) return;
+    const before = this.performers;
+    const alike = (key: "id" | "model_id"): boolean =>
+      performers.length === before.length && performers.every((one, at) => one[key] === before[at]?.[key]);
+    if (!this.pass || (alike("id") && alike("model_id") && this.cast)) return;
     this.performers = performers;
-    this.cast = null;
-    this.poses = [];
-    const files = await Promise.all(performers.map(({ model_id: id }) => this.file(id)));
-    if (this.performers === performers) this.assemble(files);
+    if (!alike("id")) {
+      this.cast = null;
+      this.poses = [];
+    }
+    try {
+      const files = await Promise.all(performers.map(({ model_id: id }) => this.file(id)));
+      if (this.performers === performers) this.assemble(files);
+    } catch (error) {
+      if (this.performers === performers) this.performers = []; // to be asked for again
+      throw error;
+    }
+  }
+
+  /** Where everybody is from now on; shown with the next picture. */
+  setPlace(place: Place): void {
+    this.pass?.setPlace(place);
+    this.drawn = "";
+  }
+
+  /** A screen that is shared now, each of its pictures with the next of the room; null: none. */
+  setScreen(video: HTMLVideoElement | null): void {
+    this.screen?.cancelVideoFrameCallback(this.watching);
+    this.screen = video;
+    if (!video) this.pass?.setScreen(null);
+    else this.watchScreen(video);
+    this.drawn = "";
+  }
+
+  private watchScreen(video: HTMLVideoElement): void {
+    this.watching = video.requestVideoFrameCallback(() => {
+      if (this.screen !== video) return;
+      this.pass?.setScreen(video, video.videoWidth, video.videoHeight);
+      this.drawn = "";
+      this.watchScreen(video);
+    });
   }
 
   /** Another connection: what it sends has nothing to do with the numbers of the last one. */
@@ -83,7 +129,12 @@ export class LocalRoom {
   /** A pose from the server; old ones change nothing. */
   accept(bytes: ArrayBuffer): void {
     const pose = decodePose(bytes);
-    if (!pose || !this.cast) return;
+    if (pose) this.stand(pose);
+  }
+
+  /** A pose of somebody; old ones change nothing. */
+  stand(pose: PosePacket): void {
+    if (!this.cast) return;
     const performer = this.performers[pose.index];
     if (pose.count !== this.performers.length || !performer || performerCheck(performer.id) !== pose.check) {
       this.onStrangers();
@@ -117,9 +168,48 @@ export class LocalRoom {
     const sorted = this.sorted;
     if (!sorted || !(changed || this.resorted)) return false;
     this.resorted = false;
-    const { transforms, shadows } = this;
-    pass.draw({ camera, transforms, shadows, filmedOnly, order: sorted.order, count: sorted.count });
+    pass.draw({ camera, ...this.people(cast, sorted, filmedOnly) });
     return true;
+  }
+
+  /** When the newest pose was captured, ms, where the server stamps pictures; see `stamp`. */
+  get capturedMs(): number | null {
+    return this.poses.reduce<number | null>((ms, pose) => Math.max(ms ?? 0, pose.captureTimeMs), null);
+  }
+
+  /** What a headset draws into; null where this browser can't draw people by itself. */
+  get graphics(): WebGL2RenderingContext | null {
+    return this.pass?.gl ?? null;
+  }
+
+  /** Splats of each person; none before they are here. */
+  get counts(): readonly number[] {
+    return this.cast?.bound.counts ?? [];
+  }
+
+  /** Where everybody's pelvis is, m; at their place until they move. */
+  get places(): readonly (readonly [number, number, number])[] {
+    return this.performers.map((performer, index) => this.poses[index]?.pelvis ?? performer.position);
+  }
+
+  /**
+   * Draw the room into both eyes of a headset, whether or not anything changed: what is not drawn
+   * there is black. The first `kept` splats of each person are drawn, sorted once, for `head`. Says
+   * whether people are in the picture.
+   */
+  drawEyes(eyes: readonly Eye[], head: PassCamera, filmedOnly: boolean, kept: readonly number[]): boolean {
+    const { cast, pass } = this;
+    if (!pass) return false;
+    const standing = cast !== null && this.standing;
+    if (cast && standing) {
+      if (this.posed) this.pose(cast);
+      this.posed = false;
+      this.version += 1;
+      this.sort(head, kept);
+    }
+    const sorted = standing ? this.sorted : null;
+    pass.drawEyes(cast && sorted ? this.people(cast, sorted, filmedOnly) : NOBODY, eyes);
+    return sorted !== null;
   }
 
   /** Pictures of `size` that this device draws a second: a short trial, everybody at rest. */
@@ -134,8 +224,7 @@ export class LocalRoom {
     const count = depthOrder(depth, order);
     let startMs = 0;
     for (let frame = 0; frame <= TRIAL_FRAMES; frame++) {
-      const { transforms, shadows } = this;
-      pass.draw({ camera, transforms, shadows, filmedOnly: false, order, count });
+      pass.draw({ camera, ...this.people(cast, { order, count, kept: cast.bound.counts }, false) });
       pass.read(1); // waits for the card
       if (frame === 0) startMs = performance.now(); // the first one also makes the shaders ready
     }
@@ -143,6 +232,8 @@ export class LocalRoom {
   }
 
   close(): void {
+    this.screen?.cancelVideoFrameCallback(this.watching);
+    this.screen = null;
     this.worker.terminate();
     this.pass?.close();
     this.canvas.remove();
@@ -150,7 +241,7 @@ export class LocalRoom {
 
   private makePass(): SplatPass | null {
     try {
-      return new SplatPass(this.canvas);
+      return new SplatPass(this.canvas, this.xrCompatible);
     } catch {
       this.obstacle = "This browser can’t draw people by itself";
       return null;
@@ -166,13 +257,24 @@ export class LocalRoom {
     return asked;
   }
 
+  /** Everybody's splats; null, and an obstacle, for files that another release wrote. */
+  private readAll(files: readonly ArrayBuffer[]): SplatFile[] | null {
+    try {
+      return files.map((file) => readSplats(file));
+    } catch {
+      this.obstacle = SERVER_ONLY;
+      return null;
+    }
+  }
+
   private assemble(given: readonly (ArrayBuffer | null)[]): void {
     const files = given.filter((file) => file !== null);
     this.obstacle = null;
     if (given.length === 0) this.obstacle = "Nobody is here yet";
-    if (files.length < given.length) this.obstacle = "Somebody here can only be drawn by the server";
+    if (files.length < given.length) this.obstacle = SERVER_ONLY;
     if (this.obstacle !== null) return;
-    const whole = files.map((file) => readSplats(file));
+    const whole = this.readAll(files);
+    if (!whole) return;
     const share = shareWithin(whole.map(({ count }) => count));
     const people = share < 1 ? files.map((file) => readSplats(file, share)) : whole;
     const cast = castOf(people);
@@ -202,14 +304,20 @@ export class LocalRoom {
   }
 
   /** Have the worker sort for the newest view, unless it is still at the last one. */
-  private sort(camera: PassCamera): void {
+  private sort(camera: PassCamera, kept: readonly number[] = this.counts): void {
     const order = this.spare;
     if (!order || this.sortedVersion === this.version) return;
     this.spare = null;
     this.sortedVersion = this.version;
     const rows = depthRows(this.transforms, camera.worldToCamera);
-    const task: SortTask = { cast: this.casts, rows, order };
+    const task: SortTask = { cast: this.casts, rows, order, kept };
     this.worker.postMessage(task, [order.buffer]);
+  }
+
+  private people(cast: Cast, { order, count, kept }: Omit<Sorted, "cast">, filmedOnly: boolean): PassPeople {
+    const { transforms, shadows } = this;
+    const growth = cast.bound.counts.map((whole, person) => growthOf(whole, kept[person] ?? whole));
+    return { transforms, shadows, order, count, growth, filmedOnly };
   }
 
   private take(sorted: Sorted): void {

@@ -11,14 +11,16 @@ import { SPLAT_NUMBERS, type Cast } from "./cast";
 import { matrixOf } from "./file";
 import { ORDER_COLUMNS } from "./sort";
 import {
+  MOST_PEOPLE,
   MOST_SHADOWS,
+  PLACE_FRAGMENT,
   ROOM_FRAGMENT,
-  ROOM_VERTEX,
   SPLAT_FRAGMENT,
   SPLAT_VERTEX,
   TABLE_COLUMNS,
+  WHOLE_VERTEX,
 } from "./shaders";
-import { STUDIO, type Shadow } from "./room";
+import { SCREEN, STUDIO, screenHalves, type Place, type Shadow } from "./room";
 import type { CameraPose } from "../viewpoint";
 
 /** A pinhole camera in the room, OpenCV axes. */
@@ -26,8 +28,10 @@ export interface PassCamera {
   /** R and t of world -> camera: three rows of four numbers. */
   worldToCamera: Float32Array;
   eye: readonly [number, number, number];
-  /** px; square pixels, principal point in the middle. */
-  focalPx: number;
+  /** Across and down, px. */
+  focalPx: readonly [number, number];
+  /** Principal point, px from the upper left corner. */
+  centrePx: readonly [number, number];
   width: number;
   height: number;
 }
@@ -43,30 +47,49 @@ export function passCamera(pose: CameraPose, fovYRad: number, width: number, hei
     }
   }
   const [x, y, z] = pose.position;
-  return { worldToCamera, eye: [x, y, z], focalPx: (0.5 * height) / Math.tan(0.5 * fovYRad), width, height };
+  const focal = (0.5 * height) / Math.tan(0.5 * fovYRad);
+  const centrePx = [0.5 * width, 0.5 * height] as const;
+  return { worldToCamera, eye: [x, y, z], focalPx: [focal, focal], centrePx, width, height };
 }
 
-/** What changes from picture to picture. */
-export interface PassFrame {
+/** A part of a framebuffer as large as the camera's picture; null: the canvas itself. */
+export interface Eye {
   camera: PassCamera;
+  framebuffer: WebGLFramebuffer | null;
+  /** Lower left corner, px. */
+  x: number;
+  y: number;
+}
+
+/** Who is seen, from wherever. */
+export interface PassPeople {
   /** A transform a joint of the cast, one person after the other. */
   transforms: Float32Array;
   /** Splats by rising depth, of which the first `count` are drawn. */
   order: Uint32Array;
   count: number;
+  /** Factor of each person's variances: more than 1 where not all of their splats are drawn. */
+  growth: readonly number[];
   shadows: readonly Shadow[];
   filmedOnly: boolean;
+}
+
+/** What changes from picture to picture. */
+export interface PassFrame extends PassPeople {
+  camera: PassCamera;
 }
 
 /** Corners of two triangles that share an edge. */
 const TRIANGLES = [0, 1, 2, 2, 1, 3];
 
-type Uniforms = (name: string) => WebGLUniformLocation | null;
+export type Uniforms = (name: string) => WebGLUniformLocation | null;
 
 export class SplatPass {
-  private readonly gl: WebGL2RenderingContext;
+  readonly gl: WebGL2RenderingContext;
+  private readonly placing: WebGLProgram;
   private readonly splats: WebGLProgram;
   private readonly room: WebGLProgram;
+  private readonly placeUniforms: Uniforms;
   private readonly splatUniforms: Uniforms;
   private readonly roomUniforms: Uniforms;
   /** Four corners a splat as two triangles. */
@@ -75,23 +98,43 @@ export class SplatPass {
   private readonly order: WebGLTexture;
   private readonly table: WebGLTexture;
   private readonly transforms: WebGLTexture;
+  /** What `PLACE_FRAGMENT` writes, a texel a splat in the order of drawing. */
+  private readonly middles: WebGLTexture;
+  private readonly looks: WebGLTexture;
+  private readonly placed: WebGLFramebuffer;
   private readonly picture: WebGLTexture;
   private readonly target: WebGLFramebuffer;
+  private readonly panorama: WebGLTexture;
+  private place: Place = { picture: null, light: null };
+  private readonly screen: WebGLTexture;
+  private screenHalves: readonly [number, number] | null = null;
   private orderOnCard: Uint32Array | null = null;
   private size = { width: 0, height: 0 };
 
-  /** Throws where the browser has no WebGL2. */
-  constructor(canvas: HTMLCanvasElement) {
-    const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
+  /** Throws where the browser has no WebGL2. `xrCompatible`: a headset is to show what is drawn. */
+  constructor(canvas: HTMLCanvasElement, xrCompatible = false) {
+    const attributes = { alpha: false, antialias: false, depth: false, xrCompatible };
+    const gl = canvas.getContext("webgl2", attributes) as WebGL2RenderingContext | null;
     if (!gl) throw new Error("drawing takes WebGL2; this browser has none");
     this.gl = gl;
+    this.placing = program(gl, WHOLE_VERTEX, PLACE_FRAGMENT);
     this.splats = program(gl, SPLAT_VERTEX, SPLAT_FRAGMENT);
-    this.room = program(gl, ROOM_VERTEX, ROOM_FRAGMENT);
-    this.splatUniforms = (name) => gl.getUniformLocation(this.splats, name);
-    this.roomUniforms = (name) => gl.getUniformLocation(this.room, name);
+    this.room = program(gl, WHOLE_VERTEX, ROOM_FRAGMENT);
+    this.placeUniforms = uniformsOf(gl, this.placing);
+    this.splatUniforms = uniformsOf(gl, this.splats);
+    this.roomUniforms = uniformsOf(gl, this.room);
     this.table = texture(gl);
     this.transforms = texture(gl);
+    this.middles = texture(gl);
+    this.looks = texture(gl);
+    this.placed = gl.createFramebuffer();
     this.picture = texture(gl);
+    this.panorama = texture(gl, gl.LINEAR);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+    this.screen = texture(gl, gl.LINEAR);
+    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
+    this.setPlace(this.place);
+    this.setScreen(null);
     this.target = gl.createFramebuffer();
     this.order = texture(gl);
     this.corners = gl.createVertexArray();
@@ -114,14 +157,49 @@ export class SplatPass {
     for (let i = 0; i < cast.count; i++) triangles.set(TRIANGLES.map((corner) => 4 * i + corner), 6 * i);
     gl.bindVertexArray(this.corners);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
+    this.makePlaces(cast.count);
     this.orderOnCard = null;
+  }
+
+  /** Where everybody is from now on. */
+  setPlace(place: Place): void {
+    const { gl } = this;
+    this.place = place;
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.panorama);
+    const { picture } = place;
+    if (picture) gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, picture);
+    else gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+  }
+
+  /** The newest picture of a shared screen; null: none is shared. */
+  setScreen(source: TexImageSource | null, width = 1, height = 1): void {
+    const { gl } = this;
+    this.screenHalves = source ? screenHalves(width, height) : null;
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.screen);
+    if (source) gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, source);
+    else gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
   }
 
   /** Draw into the canvas, which takes the size of the camera's picture. */
   draw(frame: PassFrame): void {
-    this.resize(frame.camera);
-    this.drawSplats(frame);
-    this.drawRoom(frame);
+    const { camera } = frame;
+    const { canvas } = this.gl;
+    if (canvas.width !== camera.width) canvas.width = camera.width;
+    if (canvas.height !== camera.height) canvas.height = camera.height;
+    this.drawEyes(frame, [{ camera, framebuffer: null, x: 0, y: 0 }]);
+  }
+
+  /** Draw the same people into each of `eyes`; the framebuffer of the last one stays bound. */
+  drawEyes(people: PassPeople, eyes: readonly Eye[]): void {
+    this.upload(people);
+    for (const eye of eyes) {
+      this.resize(eye.camera);
+      this.placeSplats(people, eye.camera);
+      this.drawSplats(people, eye.camera);
+      this.drawRoom(people, eye);
+    }
   }
 
   /** What the canvas shows, RGBA bytes, the top row first; also waits until everything is drawn. */
@@ -142,34 +220,71 @@ export class SplatPass {
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }
 
-  private drawSplats({ camera, transforms, order, count, filmedOnly }: PassFrame): void {
+  private upload({ transforms, order }: PassPeople): void {
     const { gl } = this;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
-    gl.clearColor(0, 0, 0, 0);
-    gl.clear(gl.COLOR_BUFFER_BIT);
-    gl.useProgram(this.splats);
     gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(gl.TEXTURE_2D, this.transforms);
     gl.texImage2D(
       gl.TEXTURE_2D, 0, gl.RGBA32F, 3, transforms.length / 12, 0, gl.RGBA, gl.FLOAT, transforms,
     );
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.table);
-    gl.uniform1i(this.splatUniforms("transforms"), 1);
-    gl.uniform1i(this.splatUniforms("filmedOnly"), filmedOnly ? 1 : 0);
-    this.setCamera(this.splatUniforms, camera);
-    const t = camera.worldToCamera;
-    gl.uniform3f(this.splatUniforms("translation"), t[3] ?? 0, t[7] ?? 0, t[11] ?? 0);
     gl.activeTexture(gl.TEXTURE2);
     gl.bindTexture(gl.TEXTURE_2D, this.order);
-    if (this.orderOnCard !== order) {
-      const rows = order.length / ORDER_COLUMNS;
-      gl.texImage2D(
-        gl.TEXTURE_2D, 0, gl.R32UI, ORDER_COLUMNS, rows, 0, gl.RED_INTEGER, gl.UNSIGNED_INT, order,
-      );
-      this.orderOnCard = order;
-    }
-    gl.uniform1i(this.splatUniforms("order"), 2);
+    if (this.orderOnCard === order) return;
+    const rows = order.length / ORDER_COLUMNS;
+    gl.texImage2D(
+      gl.TEXTURE_2D, 0, gl.R32UI, ORDER_COLUMNS, rows, 0, gl.RED_INTEGER, gl.UNSIGNED_INT, order,
+    );
+    this.orderOnCard = order;
+  }
+
+  private makePlaces(count: number): void {
+    const { gl } = this;
+    const rows = Math.max(1, Math.ceil(count / ORDER_COLUMNS));
+    const points = [gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1];
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.placed);
+    [this.middles, this.looks].forEach((into, nth) => {
+      gl.bindTexture(gl.TEXTURE_2D, into);
+      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32UI, ORDER_COLUMNS, rows, 0, gl.RGBA_INTEGER, gl.UNSIGNED_INT, null);
+      gl.framebufferTexture2D(gl.FRAMEBUFFER, points[nth] ?? 0, gl.TEXTURE_2D, into, 0);
+    });
+    gl.drawBuffers(points);
+  }
+
+  /** Work out where in the picture each splat is drawn. */
+  private placeSplats({ count, growth, filmedOnly }: PassPeople, camera: PassCamera): void {
+    const { gl, placeUniforms: at } = this;
+    if (count === 0) return;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.placed);
+    gl.viewport(0, 0, ORDER_COLUMNS, Math.ceil(count / ORDER_COLUMNS));
+    gl.useProgram(this.placing);
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.table);
+    gl.uniform1i(at("transforms"), 1);
+    gl.uniform1i(at("order"), 2);
+    gl.uniform1i(at("filmedOnly"), filmedOnly ? 1 : 0);
+    if (growth.length > 0) gl.uniform1fv(at("growth"), growth.slice(0, MOST_PEOPLE));
+    this.setCamera(at, camera);
+    const t = camera.worldToCamera;
+    gl.uniform3f(at("translation"), t[3] ?? 0, t[7] ?? 0, t[11] ?? 0);
+    this.setLight(camera);
+    gl.bindVertexArray(this.nothing);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  private drawSplats({ count }: PassPeople, { width, height }: PassCamera): void {
+    const { gl } = this;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
+    gl.viewport(0, 0, width, height);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    if (count === 0) return;
+    gl.useProgram(this.splats);
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindTexture(gl.TEXTURE_2D, this.middles);
+    gl.activeTexture(gl.TEXTURE3);
+    gl.bindTexture(gl.TEXTURE_2D, this.looks);
+    gl.uniform1i(this.splatUniforms("looks"), 3);
+    gl.uniform2f(this.splatUniforms("size"), width, height);
     gl.bindVertexArray(this.corners);
     gl.enable(gl.BLEND);
     // front to back: each splat gets what the ones before it let through
@@ -178,13 +293,25 @@ export class SplatPass {
     gl.disable(gl.BLEND);
   }
 
-  private drawRoom({ camera, shadows }: PassFrame): void {
+  private drawRoom({ shadows }: PassPeople, { camera, framebuffer, x, y }: Eye): void {
     const { gl } = this;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+    gl.viewport(x, y, camera.width, camera.height);
     gl.useProgram(this.room);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.picture);
     this.setCamera(this.roomUniforms, camera);
+    gl.uniform2f(this.roomUniforms("corner"), x, y);
+    gl.activeTexture(gl.TEXTURE3);
+    gl.bindTexture(gl.TEXTURE_2D, this.panorama);
+    gl.uniform1i(this.roomUniforms("panorama"), 3);
+    gl.activeTexture(gl.TEXTURE4);
+    gl.bindTexture(gl.TEXTURE_2D, this.screen);
+    gl.uniform1i(this.roomUniforms("screen"), 4);
+    gl.uniform1i(this.roomUniforms("sharing"), this.screenHalves ? 1 : 0);
+    gl.uniform3f(this.roomUniforms("screenCentre"), ...SCREEN.centre);
+    gl.uniform2f(this.roomUniforms("screenHalves"), ...(this.screenHalves ?? [1, 1]));
+    gl.uniform1i(this.roomUniforms("panoramic"), this.place.picture ? 1 : 0);
     gl.uniform3f(this.roomUniforms("eye"), ...camera.eye);
     gl.uniform3f(this.roomUniforms("horizon"), ...STUDIO.horizon);
     gl.uniform3f(this.roomUniforms("zenith"), ...STUDIO.zenith);
@@ -196,13 +323,24 @@ export class SplatPass {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
+  private setLight({ eye }: PassCamera): void {
+    const { gl, placeUniforms: at } = this;
+    const { light } = this.place;
+    gl.uniform1i(at("lit"), light ? 1 : 0);
+    if (!light) return;
+    gl.uniform3f(at("eye"), ...eye);
+    gl.uniform3fv(at("harmonics"), light.harmonics.flat());
+    gl.uniform3f(at("keyDirection"), ...light.key_direction);
+    gl.uniform3f(at("keyColour"), ...light.key_colour);
+  }
+
   private setCamera(uniforms: Uniforms, camera: PassCamera): void {
     const { gl } = this;
     const m = camera.worldToCamera;
     const columns = [0, 1, 2].flatMap((c) => [m[c] ?? 0, m[4 + c] ?? 0, m[8 + c] ?? 0]);
     gl.uniformMatrix3fv(uniforms("rotation"), false, columns);
-    gl.uniform2f(uniforms("focal"), camera.focalPx, camera.focalPx);
-    gl.uniform2f(uniforms("centre"), 0.5 * camera.width, 0.5 * camera.height);
+    gl.uniform2f(uniforms("focal"), ...camera.focalPx);
+    gl.uniform2f(uniforms("centre"), ...camera.centrePx);
     gl.uniform2f(uniforms("size"), camera.width, camera.height);
   }
 
@@ -210,9 +348,6 @@ export class SplatPass {
     const { gl, size } = this;
     if (size.width === width && size.height === height) return;
     this.size = { width, height };
-    gl.canvas.width = width;
-    gl.canvas.height = height;
-    gl.viewport(0, 0, width, height);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.picture);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
@@ -221,16 +356,28 @@ export class SplatPass {
   }
 }
 
-function texture(gl: WebGL2RenderingContext): WebGLTexture {
+function texture(gl: WebGL2RenderingContext, blend: number = gl.NEAREST): WebGLTexture {
   const made = gl.createTexture();
   gl.bindTexture(gl.TEXTURE_2D, made);
   for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
-    gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
+    gl.texParameteri(gl.TEXTURE_2D, filter, blend);
   }
   return made;
 }
 
-function program(gl: WebGL2RenderingContext, vertex: string, fragment: string): WebGLProgram {
+/** Asks for each uniform's place once: a browser may have to ask the card. */
+export function uniformsOf(gl: WebGL2RenderingContext, of: WebGLProgram): Uniforms {
+  const known = new Map<string, WebGLUniformLocation | null>();
+  return (name) => {
+    const place = known.get(name);
+    if (place !== undefined) return place;
+    const asked = gl.getUniformLocation(of, name);
+    known.set(name, asked);
+    return asked;
+  };
+}
+
+export function program(gl: WebGL2RenderingContext, vertex: string, fragment: string): WebGLProgram {
   const made = gl.createProgram();
   for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]] as const) {
     const shader = gl.createShader(kind);

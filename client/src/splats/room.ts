@@ -1,5 +1,6 @@
 /** The room round the people as the server draws it: its colours, and shadows where people stand. */
 
+import type { Light } from "../types";
 import { moved, TRANSFORM, type Bones } from "./skeleton";
 
 /** sRGB of `scene.environment.Environment`. */
@@ -9,6 +10,27 @@ export const STUDIO = {
   floor: [0.62, 0.6, 0.58],
   shadowStrength: 0.45,
 } as const;
+
+/** A place to meet in: what is seen all round, and the light on people; empty: the studio, as filmed. */
+export interface Place {
+  /** Equirectangular, its middle towards +x. */
+  picture: ImageBitmap | null;
+  light: Light | null;
+}
+
+/** A shared screen in the room: behind everybody, upright, facing where viewers come in. */
+export const SCREEN = { centre: [0, 1.72, -1.9], widest: 2.6, highest: 1.5 } as const;
+
+/** Half the width and height (m) of a screen of so many pixels. */
+export function screenHalves(width: number, height: number): readonly [number, number] {
+  const scale = Math.min(SCREEN.widest / Math.max(width, 1), SCREEN.highest / Math.max(height, 1));
+  return [0.5 * scale * width, 0.5 * scale * height];
+}
+
+/** The picture of a place, its bytes as they are. Throws where it is none. */
+export function decodePicture(data: Blob): Promise<ImageBitmap> {
+  return createImageBitmap(data, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+}
 
 const ANKLES = [7, 8];
 const SHADOW_RADIUS_M = 0.22;

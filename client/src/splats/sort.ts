@@ -17,6 +17,8 @@ export function emptyOrder(count: number): Uint32Array<ArrayBuffer> {
 
 /** What of the splats their depth depends on. */
 export interface Bound {
+  /** Splats of each person, who come one after the other. */
+  counts: readonly number[];
   /** x, y, z of each at rest, m. */
   positions: Float32Array;
   /** Four rows of the table of transforms each, and their weights, which sum to 255. */
@@ -39,9 +41,25 @@ export function depthRows(transforms: Float32Array, camera: ArrayLike<number>): 
   return rows;
 }
 
-/** The depth of every splat, m. */
-export function depths({ positions, joints, weights }: Bound, rows: Float32Array, out: Float32Array): void {
-  for (let i = 0; i < out.length; i++) {
+/** The depth of every splat, m; 0 for all but the first `kept` of each person, which are not drawn. */
+export function depths(bound: Bound, rows: Float32Array, out: Float32Array, kept = bound.counts): void {
+  let first = 0;
+  bound.counts.forEach((count, person) => {
+    const end = first + Math.min(count, kept[person] ?? count);
+    depthsOf(bound, rows, out, first, end);
+    out.fill(0, end, first + count);
+    first += count;
+  });
+}
+
+function depthsOf(
+  { positions, joints, weights }: Bound,
+  rows: Float32Array,
+  out: Float32Array,
+  first: number,
+  end: number,
+): void {
+  for (let i = first; i < end; i++) {
     const [x, y, z] = [positions[3 * i]!, positions[3 * i + 1]!, positions[3 * i + 2]!];
     let depth = 0;
     for (let k = 4 * i; k < 4 * i + 4; k++) {

@@ -3,12 +3,16 @@
 import { depthOrder, depths, type Bound } from "./sort";
 
 /** What the page tells: a new cast, or where everybody is now as `depthRows` gives it. */
-export type SortTask = { cast: number; bound: Bound } | { cast: number; rows: Float32Array; order: Uint32Array<ArrayBuffer> };
+export type SortTask =
+  | { cast: number; bound: Bound }
+  | { cast: number; rows: Float32Array; order: Uint32Array<ArrayBuffer>; kept: readonly number[] };
 /** The order of the splats of a cast, and how many of them are in front of the camera. */
 export interface Sorted {
   cast: number;
   order: Uint32Array<ArrayBuffer>;
   count: number;
+  /** Splats of each person that are in it. */
+  kept: readonly number[];
 }
 
 let bound: Bound | null = null;
@@ -21,7 +25,8 @@ addEventListener("message", ({ data }: MessageEvent<SortTask>) => {
     return;
   }
   if (!bound) return;
-  depths(bound, data.rows, depth);
-  const sorted: Sorted = { cast: data.cast, order: data.order, count: depthOrder(depth, data.order) };
+  const { cast, rows, order, kept } = data;
+  depths(bound, rows, depth, kept);
+  const sorted: Sorted = { cast, order, count: depthOrder(depth, order), kept };
   postMessage(sorted, { transfer: [data.order.buffer] });
 });

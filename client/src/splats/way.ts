@@ -4,6 +4,13 @@
 export type Choice = "automatic" | "local" | "server";
 export type Way = "local" | "server";
 
+/** Who draws: what the viewer chose, who does, and why this device can't, if so. */
+export interface Drawing {
+  choice: Choice;
+  way: Way;
+  obstacle: string | null;
+}
+
 /** Speed of a trial from which this device keeps up with 30 poses a second and does all else. */
 const ENOUGH_FPS = 45;
 const SLOW_FPS = 20;

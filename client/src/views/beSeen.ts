@@ -21,7 +21,7 @@ const NOBODY = new Problem(
 );
 
 /** A button that switches the camera on and off, and a panel for what it shows. */
-export function beSeenView(live: LiveView): View & { toggle: HTMLButtonElement } {
+export function beSeenView(live: LiveView): View & { toggle: HTMLButtonElement; camera(): MediaStream | null } {
   const toggle = button("Be seen", () => void (element.hidden ? begin() : end()), {
     look: "glass",
     icon: "camera",
@@ -87,7 +87,7 @@ export function beSeenView(live: LiveView): View & { toggle: HTMLButtonElement }
   };
 
   toggle.setAttribute("aria-pressed", "false");
-  return { element, toggle, close: end };
+  return { element, toggle, close: end, camera: () => seeing?.camera ?? null };
 }
 
 /** Performers of our own people; none for who was only invited to look. */

@@ -37,10 +37,14 @@ export function svg(markup: string): SVGElement {
   return holder.content.firstElementChild as SVGElement;
 }
 
-/** Tell people who listen instead of look. */
+const ANNOUNCEMENTS_KEPT = 6;
+
+/** Tell people who listen instead of look: a log, so that news a moment later cuts nothing off. */
 export function announce(words: string): void {
   const announcer = document.getElementById("announcer");
-  if (announcer && announcer.textContent !== words) announcer.textContent = words;
+  if (!announcer || !words || announcer.lastElementChild?.textContent === words) return;
+  announcer.append(h("p", {}, words));
+  while (announcer.childElementCount > ANNOUNCEMENTS_KEPT) announcer.firstElementChild?.remove();
 }
 
 export function prefersStillness(): boolean {

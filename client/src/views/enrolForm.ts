@@ -50,6 +50,7 @@ export function enrolForm(hooks: EnrolHooks): View {
     clip = next;
     complaint.textContent = "";
   };
+  const modelOnly = h("input", { type: "checkbox", id: "enrol-model-only", testId: "enrol-model-only" });
   const body = h("div", { className: "enrol-body" });
   const go = button("Make my likeness", () => undefined, {
     look: "primary",
@@ -63,6 +64,12 @@ export function enrolForm(hooks: EnrolHooks): View {
     body,
     h("label", { className: "label", htmlFor: "enrol-name" }, "Your name"),
     name,
+    h(
+      "label",
+      { className: "small model-only", htmlFor: modelOnly.id },
+      modelOnly,
+      " Keep only my likeness: delete the clip once it is made",
+    ),
     complaint,
     go,
     h("p", { className: "soft small" }, "The clip goes to this server only. It takes about a minute."),
@@ -78,7 +85,7 @@ export function enrolForm(hooks: EnrolHooks): View {
       name.focus();
     } else {
       localStorage.setItem(NAME_KEY, called);
-      hooks.onEnrol(called, clip);
+      hooks.onEnrol(called, { ...clip, modelOnly: modelOnly.checked });
     }
   });
 

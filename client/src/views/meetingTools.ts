@@ -1,14 +1,20 @@
-/** What a meeting has beside the picture: people, chat, a raised hand, reactions, who knocks. */
+/** What a meeting has beside the picture: people, chat, signs, voices, screens, and what one sets rarely. */
 
+import type { Api } from "../api";
 import type { Attendance } from "../meeting/attendance";
-import { inside, myself, speakers, waiting, type Reaction } from "../meeting/state";
-import type { Member, Reacted, Said } from "../types";
+import { inside, waiting } from "../meeting/state";
 import { chatPanel } from "./chatPanel";
 import { announce, h } from "./dom";
-import { icon } from "./icons";
+import type { IconName } from "./icons";
+import { morePanel } from "./morePanel";
+import { notesOn, type Notes } from "./notes";
 import { peoplePanel } from "./peoplePanel";
+import { recordingControls } from "./recordingControls";
+import { screenView } from "./screenView";
 import { button } from "./shell";
-import { voiceControls } from "./voiceControls";
+import { sidePanel, type Which } from "./sidePanel";
+import { handButton, reactionButton } from "./signs";
+import { voiceControls, type Surroundings } from "./voiceControls";
 
 export interface MeetingTools {
   /** Along the lower edge. */
@@ -17,96 +23,94 @@ export interface MeetingTools {
   panel: HTMLElement;
   /** On the picture: who knocks, what was written, how people feel. */
   notes: HTMLElement;
+  /** The screen that somebody shares. */
+  screen: HTMLElement;
+  /** What is spoken, in writing. */
+  captions: HTMLElement;
+  /** Have voices come from where their speakers stand, and a shared screen hang in the room. */
+  bringInto(room: Surroundings & { showScreen(video: HTMLVideoElement | null): void }): void;
+  /** As the microphone's button does. */
+  toggleMicrophone(): void;
   close(): void;
 }
 
-type Which = "people" | "chat";
-
-const REACTIONS: [Reaction, string][] = [
-  ["agree", "Agree"],
-  ["applause", "Applause"],
-  ["heart", "Heart"],
-  ["laugh", "Laugh"],
-  ["surprise", "Surprise"],
-  ["party", "Celebrate"],
-];
-const TITLES: Record<Which, string> = { people: "People", chat: "Chat" };
-const REACTION_MS = 4000;
-const PREVIEW_MS = 6000;
-
-export function meetingTools(attendance: Attendance): MeetingTools {
+export function meetingTools(api: Api, attendance: Attendance): MeetingTools {
+  const complain = (words: string): void => notes.complain(words);
   const people = peoplePanel(attendance);
   const chat = chatPanel(attendance);
-  const title = h("h2", { tabIndex: -1 });
-  const shut = button("Close", () => open(null), { icon: "close", testId: "panel-close" });
-  shut.classList.add("bare");
-  const panel = h(
-    "section",
-    { className: "panel", hidden: true, testId: "panel", attributes: { "aria-labelledby": "panel-title" } },
-    h("header", { className: "panel-head" }, title, shut),
-    people.element,
-    chat.element,
-  );
-  title.id = "panel-title";
-  const buttons: Record<Which, HTMLButtonElement> = {
-    people: dockButton("people", "People", () => toggle("people")),
-    chat: dockButton("chat", "Chat", () => toggle("chat")),
-  };
+  const more = morePanel(api, attendance, complain);
+  const screen = screenView(attendance, complain);
+  const notes: Notes = notesOn(attendance, screen.knock);
+  const voice = voiceControls(attendance, complain, (stream) => screen.show(stream));
   const hand = handButton(attendance);
   const reactions = reactionButton(attendance);
-  const dock = h("div", { className: "dock glass", attributes: { role: "toolbar", "aria-label": "Meeting" } });
-  const notes = notesOn(attendance);
-  const voice = voiceControls(attendance, (words) => notes.complain(words));
-  dock.append(buttons.people, buttons.chat, voice.element, hand.element, reactions.element, voice.player);
-  let which: Which | null = null;
-  let read = attendance.state.number;
-
-  const open = (next: Which | null): void => {
-    const last = which;
-    which = next;
-    panel.hidden = next === null;
-    people.element.hidden = next !== "people";
-    chat.element.hidden = next !== "chat";
-    for (const [name, one] of Object.entries(buttons)) one.setAttribute("aria-expanded", String(name === next));
-    update();
-    if (next === null) {
-      if (last) buttons[last].focus();
-      return;
-    }
-    title.textContent = TITLES[next];
-    if (next === "chat") chat.focus();
-    else title.focus();
+  const recording = recordingControls(attendance);
+  notes.element.prepend(recording.note);
+  const buttons: Record<Which, HTMLButtonElement> = {
+    people: dockButton("people", "People", "people"),
+    chat: dockButton("chat", "Chat", "chat"),
+    more: dockButton("more", "More", "more"),
   };
-  const toggle = (one: Which): void => open(which === one ? null : one);
-  panel.addEventListener("keydown", (event) => {
-    if (event.key === "Escape") open(null);
-  });
-
+  const panel = sidePanel(
+    {
+      people: { ...people, title: "People", toggle: buttons.people },
+      chat: { ...chat, title: "Chat", toggle: buttons.chat },
+      more: { ...more, title: "This meeting", toggle: buttons.more },
+    },
+    () => update(),
+  );
+  const dock = h("div", { className: "dock glass", attributes: { role: "toolbar", "aria-label": "Meeting" } });
+  dock.append(buttons.people, buttons.chat, voice.element, hand.element, reactions.element, screen.toggle, recording.element, buttons.more, voice.player);
+  const counts = counter(attendance, buttons, notes);
   const update = (): void => {
-    const { state } = attendance;
-    people.update();
-    chat.update();
-    hand.update();
-    voice.update();
-    if (which === "chat") read = state.number;
-    const unread = state.said.filter((one) => one.number > read && one.participant_id !== state.me);
-    const knocking = waiting(state).length;
-    badge(buttons.people, inside(state).length, knocking > 0, `${inside(state).length} here, ${knocking} waiting`);
-    notes.update(which === "chat" ? [] : unread, which !== "people");
-    badge(buttons.chat, unread.length, unread.length > 0, `${unread.length} new`);
+    for (const part of [people, chat, more, hand, voice, screen, recording]) part.update();
+    counts(panel.which);
   };
   attendance.onNews = announce;
   attendance.onReaction = (reacted) => notes.react(reacted);
   attendance.onRefusal = ({ problem }) => notes.complain(problem.detail);
   const release = attendance.watch(update);
-  for (const element of [panel, dock, notes.element]) keepFromStage(element);
-  return { dock, panel, notes: notes.element, close: () => (release(), notes.close(), voice.close()) };
+  for (const element of [panel.element, dock, notes.element, screen.panel]) keepFromStage(element);
+  const close = (): void => {
+    release();
+    for (const part of [notes, voice, screen, more]) part.close();
+  };
+  return {
+    dock,
+    panel: panel.element,
+    notes: notes.element,
+    screen: screen.panel,
+    captions: more.captionLine,
+    bringInto: (room) => {
+      voice.hearIn(room);
+      screen.onShown = (video) => room.showScreen(video);
+      screen.update();
+    },
+    toggleMicrophone: () => voice.element.click(),
+    close,
+  };
 }
 
-function dockButton(name: Which, label: string, onClick: () => void): HTMLButtonElement {
-  const made = button(label, onClick, { look: "glass", icon: name, testId: `open-${name}` });
+/** Counts on the buttons, and on the picture what is new and not looked at. */
+function counter(
+  attendance: Attendance,
+  buttons: Record<Which, HTMLButtonElement>,
+  notes: Notes,
+): (which: Which | null) => void {
+  return (which) => {
+    const { state } = attendance;
+    if (which === "chat") attendance.markRead();
+    const unread = state.said.filter((one) => one.number > attendance.read && one.participant_id !== state.me);
+    const [here, knocking] = [inside(state).length, waiting(state).length];
+    badge(buttons.people, here, knocking > 0, `${here} here, ${knocking} waiting`);
+    notes.update(which === "chat" ? [] : unread, which !== "people");
+    badge(buttons.chat, unread.length, unread.length > 0, `${unread.length} new`);
+  };
+}
+
+function dockButton(name: Which, label: string, icon: IconName): HTMLButtonElement {
+  const made = button(label, () => undefined, { look: "glass", icon, testId: `open-${name}` });
   made.append(h("span", { className: "badge", attributes: { "aria-hidden": "true" } }), h("span", { className: "unseen" }));
-  made.setAttribute("aria-expanded", "false");
   return made;
 }
 
@@ -117,124 +121,6 @@ function badge(on: HTMLButtonElement, count: number, strong: boolean, words: str
   mark.classList.toggle("strong", strong);
   const told = on.querySelector(".unseen");
   if (told) told.textContent = count > 0 ? `, ${words}` : "";
-}
-
-function handButton(attendance: Attendance): { element: HTMLButtonElement; update(): void } {
-  const raised = (): boolean => myself(attendance.state)?.hand_at != null;
-  const element = button("Raise hand", () => attendance.wish({ type: "hand", raised: !raised() }), {
-    look: "glass",
-    icon: "hand",
-    testId: "hand",
-  });
-  return { element, update: () => element.setAttribute("aria-pressed", String(raised())) };
-}
-
-function reactionButton(attendance: Attendance): { element: HTMLElement } {
-  const choices = h("div", { className: "reactions glass", hidden: true, attributes: { role: "group" } });
-  choices.setAttribute("aria-label", "Reactions");
-  choices.id = "reactions";
-  const main = button("React", () => show(choices.hidden !== false), { look: "glass", icon: "smile", testId: "react" });
-  const show = (shown: boolean): void => {
-    choices.hidden = !shown;
-    main.setAttribute("aria-expanded", String(shown));
-  };
-  main.setAttribute("aria-controls", choices.id);
-  show(false);
-  for (const [reaction, label] of REACTIONS) {
-    const one = button(label, () => (attendance.wish({ type: "react", reaction }), show(false), main.focus()), {
-      look: "glass",
-      icon: reaction,
-      testId: `react-${reaction}`,
-    });
-    one.title = label;
-    choices.append(one);
-  }
-  const element = h("div", { className: "react" }, main, choices);
-  element.addEventListener("keydown", (event) => {
-    if (event.key !== "Escape" || choices.hidden) return;
-    show(false);
-    main.focus();
-  });
-  return { element };
-}
-
-interface Notes {
-  element: HTMLElement;
-  /** `knocks`: whether to show who waits; not where the panel of people does. */
-  update(unread: readonly Said[], knocks: boolean): void;
-  react(reacted: Reacted): void;
-  complain(words: string): void;
-  close(): void;
-}
-
-function notesOn(attendance: Attendance): Notes {
-  const talking = h("p", { className: "note glass talking", testId: "talking", attributes: { "aria-hidden": "true" } });
-  const lost = h("p", { className: "note glass", testId: "line-lost" }, h("span", { className: "spinner" }), "Connection lost. Coming back");
-  const knocks = h("div", { className: "knocks" });
-  const previews = h("div", { className: "previews", attributes: { "aria-hidden": "true" } });
-  const floats = h("div", { className: "floats", attributes: { "aria-hidden": "true" } });
-  const element = h("div", { className: "notes" }, lost, talking, knocks, previews, floats);
-  const timers = new Set<ReturnType<typeof setTimeout>>();
-  const knocking = new Map<string, HTMLElement>();
-  let previewed = attendance.state.number;
-
-  const passing = (place: HTMLElement, note: HTMLElement, milliseconds: number): void => {
-    place.append(note);
-    const timer = setTimeout(() => (note.remove(), timers.delete(timer)), milliseconds);
-    timers.add(timer);
-  };
-  return {
-    element,
-    update: (unread, withKnocks) => {
-      knocks.hidden = !withKnocks;
-      lost.hidden = attendance.line.kind !== "lost";
-      const names = speakers(attendance.state);
-      talking.hidden = names.length === 0;
-      if (names.length > 0) talking.replaceChildren(icon("mic"), names.join(", "));
-      showKnocks(attendance, knocks, knocking);
-      if (unread.length === 0) previews.replaceChildren();
-      for (const { number, name, text } of unread) {
-        if (number <= previewed) continue;
-        previewed = number;
-        announce(`${name}: ${text}`);
-        passing(previews, h("p", { className: "note glass" }, h("strong", {}, name), " ", text), PREVIEW_MS);
-      }
-    },
-    react: ({ reaction, name }) => {
-      announce(`${name}: ${REACTIONS.find(([one]) => one === reaction)?.[1] ?? ""}`);
-      passing(floats, h("span", { className: "float glass" }, icon(reaction), name), REACTION_MS);
-    },
-    complain: (words) => {
-      announce(words);
-      passing(previews, h("p", { className: "note glass" }, words), PREVIEW_MS);
-    },
-    close: () => timers.forEach(clearTimeout),
-  };
-}
-
-/** One card for each who waits; only the host is told of any. */
-function showKnocks(attendance: Attendance, place: HTMLElement, shown: Map<string, HTMLElement>): void {
-  const there = waiting(attendance.state);
-  for (const [id, card] of shown) {
-    if (there.some((member) => member.id === id)) continue;
-    card.remove();
-    shown.delete(id);
-  }
-  for (const member of there) {
-    if (shown.has(member.id)) continue;
-    const card = knock(attendance, member);
-    shown.set(member.id, card);
-    place.append(card);
-  }
-}
-
-function knock(attendance: Attendance, { id, name }: Member): HTMLElement {
-  const admit = button("Let in", () => attendance.wish({ type: "admit", participant_id: id }), { look: "primary", testId: "knock-admit" });
-  const deny = button("Deny", () => attendance.wish({ type: "deny", participant_id: id }), { look: "glass", testId: "knock-deny" });
-  admit.setAttribute("aria-label", `Let in: ${name}`);
-  deny.setAttribute("aria-label", `Deny: ${name}`);
-  const words = h("p", {}, h("strong", {}, name), " wants to come in");
-  return h("div", { className: "note knock glass", testId: "knock" }, words, admit, deny);
 }
 
 /** Moves that begin here are none of the viewpoint. */

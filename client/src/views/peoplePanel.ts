@@ -2,7 +2,7 @@
 
 import type { Attendance } from "../meeting/attendance";
 import { inside, isHost, waiting } from "../meeting/state";
-import type { Member } from "../types";
+import type { Connection, Member } from "../types";
 import { h } from "./dom";
 import { icon } from "./icons";
 import { button } from "./shell";
@@ -93,7 +93,8 @@ function memberRow(attendance: Attendance): Row {
   show(false);
   const words = h("span", { className: "member-words" }, name, what);
   const heard = h("span", { className: "member-heard" }, icon("mic"), h("span", { className: "unseen" }, "Microphone on"));
-  const element = h("li", { className: "member" }, face, words, hand, heard, more, ways.element);
+  const carried = connectionMark();
+  const element = h("li", { className: "member" }, face, words, hand, heard, carried.element, more, ways.element);
   return {
     element,
     update: (member) => {
@@ -104,11 +105,29 @@ function memberRow(attendance: Attendance): Row {
       what.textContent = inWords(member);
       hand.hidden = member.hand_at === null;
       heard.hidden = !member.microphone;
+      carried.show(member);
       element.classList.toggle("speaking", attendance.state.speaking.includes(member.id));
       more.hidden = mine || !isHost(attendance.state);
       more.setAttribute("aria-label", `More about ${member.name}`);
       if (more.hidden) show(false);
       ways.update(member);
+    },
+  };
+}
+
+const CONNECTIONS: Record<Connection, string> = { good: "Good connection", fair: "Fair connection", poor: "Poor connection" };
+
+/** Three bars, as many full as the network is good. */
+function connectionMark(): { element: HTMLElement; show(member: Member): void } {
+  const told = h("span", { className: "unseen" });
+  const bars = h("span", { className: "bars", attributes: { "aria-hidden": "true" } }, h("i"), h("i"), h("i"));
+  const element = h("span", { className: "member-network", testId: "network" }, bars, told);
+  return {
+    element,
+    show: ({ connection, present }) => {
+      element.hidden = connection === null || !present;
+      element.dataset["connection"] = connection ?? "";
+      element.title = told.textContent = connection ? CONNECTIONS[connection] : "";
     },
   };
 }

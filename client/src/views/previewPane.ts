@@ -44,6 +44,8 @@ export function previewPane(api: Api, clip: Clip | null): PreviewPane {
       pictureAddress = address;
       picture.hidden = false;
       element.classList.add("pictured");
+      // nobody sees it any more, and decoding it takes the strength of a phone
+      element.querySelector("video")?.pause();
     } catch {
       // only a preview: the next progress brings the next picture
     } finally {

@@ -94,17 +94,18 @@ export function progressView(
 
   const actionsFor = (state: EnrolState): { key: string; buttons: HTMLElement[] } => {
     cancel.disabled = state.status === "stopping";
+    const met = state.modelId ? [meet] : [];
     switch (state.status) {
       case "working":
       case "stopping":
-        return { key: "work", buttons: [cancel] };
+        return { key: `work ${met.length}`, buttons: [...met, cancel] };
       case "ready":
         return { key: "ready", buttons: [meet] };
       case "stopped":
       case "failed":
         if (enrolment.canReconnect) return { key: "reconnect", buttons: [reconnect, again] };
         return enrolment.canResume
-          ? { key: "resume", buttons: [resume, again] }
+          ? { key: `resume ${met.length}`, buttons: [...met, resume, again] }
           : { key: "again", buttons: [retry] };
     }
   };
@@ -141,7 +142,9 @@ function messageOf(state: EnrolState): string {
       ? "In the meeting, turn the view with one finger to see yourself from every side."
       : "In the meeting, drag to look at yourself from every side.";
   }
-  return state.status === "failed" ? "" : progressInWords(state);
+  if (state.status === "failed") return "";
+  const words = progressInWords(state);
+  return state.status === "working" && state.modelId ? `${words}. You can meet already; it gets better meanwhile.` : words;
 }
 
 function stepLine([step, label]: (typeof STEPS)[number], state: EnrolState): HTMLElement {

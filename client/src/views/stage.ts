@@ -1,14 +1,17 @@
 /** The meeting: the live picture, filling the window, and the little that lies on it. */
 
 import { steerWith } from "../controls";
-import type { Drawing, LiveNumbers, LiveState, LiveView } from "../live";
-import type { Choice } from "../splats/way";
+import type { LiveNumbers, LiveState, LiveView } from "../live";
+import type { Choice, Drawing } from "../splats/way";
 import type { Performer } from "../types";
+import { moveFocusByArrows } from "./arrowFocus";
 import { beSeenView } from "./beSeen";
 import { announce, h, usesTouch } from "./dom";
 import { icon, mark } from "./icons";
+import { improveMeView } from "./improveMe";
 import type { MeetingTools } from "./meetingTools";
 import { button, notice, type View } from "./shell";
+import type { EnterVr } from "../xr/enterButton";
 import { waitingNote } from "./waitingNote";
 
 interface StageHooks {
@@ -21,111 +24,117 @@ const HINT_MS = 6000;
 const COPIED_MS = 2000;
 const CHEST_M = 0.95;
 
-export function stageView(live: LiveView, tools: MeetingTools, hooks: StageHooks): View {
+export function stageView(live: LiveView, tools: MeetingTools, headset: EnterVr, hooks: StageHooks): View {
   live.video.dataset["testid"] = "stage-video";
   live.video.setAttribute("aria-label", `Live picture of ${live.meeting.name || "the meeting"}`);
-
-  const hint = h("div", { className: "hint glass", id: "stage-hint" }, ...controlsInWords());
-  const people = h("div", { className: "people", attributes: { role: "group" } });
-  people.setAttribute("aria-label", "Who is here");
-  const fps = h("span", { testId: "fps" });
-  fps.dataset["fps"] = fps.dataset["frames"] = "0";
-  const numbers = h("p", { className: "numbers glass", attributes: { "aria-hidden": "true" } }, fps);
+  const hint = stageHint();
+  const people = h("div", { className: "people", attributes: { role: "group", "aria-label": "Who is here" } });
+  const numbers = liveNumbers();
   const middle = h("div", { className: "middle" });
-  const filmed = button("Only what was filmed", () => toggleFilmed(), {
-    look: "glass",
-    icon: "filmed",
-    testId: "filmed-only",
-  });
-  const first = button("First view", () => live.viewpoint.reset(), { look: "glass", icon: "reset" });
-  first.title = "First view";
-  filmed.title = "Show only what was filmed: parts that no camera saw fade away";
-  filmed.setAttribute("aria-pressed", "false");
-  const toggleFilmed = (): void => {
-    const on = filmed.getAttribute("aria-pressed") !== "true";
-    filmed.setAttribute("aria-pressed", String(on));
-    live.showFilmedOnly(on);
-  };
   const way = waySwitch((choice) => live.choose(choice));
   const self = beSeenView(live);
-  const help = button("Controls", () => toggleHint(), { look: "glass", icon: "help" });
-  help.title = "Controls";
-  help.setAttribute("aria-controls", hint.id);
-
+  const better = improveMeView(live, self.camera);
   const element = h(
     "main",
-    {
-      className: "stage",
-      tabIndex: 0,
-      attributes: { "aria-describedby": hint.id, "aria-label": "The meeting" },
-    },
+    { className: "stage", tabIndex: 0, attributes: { "aria-describedby": hint.element.id, "aria-label": "The meeting" } },
     live.video,
     live.canvas,
+    tools.screen,
     middle,
-    h(
-      "div",
-      { className: "stage-top" },
-      h("p", { className: "stage-name glass" }, mark(), h("span", {}, live.meeting.name || "Meeting")),
-      people,
-      h(
-        "div",
-        { className: "stage-ways" },
-        inviteButton(live.meeting.join_url),
-        button("Leave", hooks.onLeave, { look: "glass", icon: "leave", testId: "leave" }),
-      ),
-    ),
+    stageTop(live, people, hooks),
     h(
       "div",
       { className: "stage-bottom" },
-      h("div", { className: "stage-self" }, self.element, numbers),
-      hint,
+      h("div", { className: "stage-self" }, self.element, better.element, numbers.element),
+      hint.element,
       tools.dock,
-      h(
-        "div",
-        { className: "stage-ways" },
-        self.toggle,
-        first,
-        filmed,
-        way.element,
-        help,
-      ),
+      h("div", { className: "stage-ways" }, self.toggle, better.toggle, ...viewButtons(live), way.element, headset.element, hint.toggle),
     ),
+    tools.captions,
     tools.notes,
     tools.panel,
   );
   element.addEventListener("dragstart", (event) => event.preventDefault());
-
-  let hiding: ReturnType<typeof setTimeout> | undefined;
-  const showHint = (shown: boolean): void => {
-    hint.classList.toggle("away", !shown);
-    help.setAttribute("aria-expanded", String(shown));
-  };
-  const toggleHint = (): void => {
-    clearTimeout(hiding);
-    hiding = undefined;
-    showHint(hint.classList.contains("away"));
-  };
-  showHint(true);
-  // once somebody has found out how it goes, the words step aside
-  const release = steerWith(element, live.viewpoint, () => {
-    hiding ??= setTimeout(() => showHint(false), HINT_MS);
-  });
-
-  live.onNumbers = (news) => showNumbers(fps, numbers, news);
+  const ends = [
+    steerWith(element, live.viewpoint, hint.used),
+    moveFocusByArrows(element, () => tools.dock.querySelector("button") ?? element),
+  ];
+  tools.bringInto(live);
+  live.onNumbers = numbers.show;
   live.onState = (state) => middle.replaceChildren(...stateInWords(state, hooks));
   live.onPerformers = (performers) => showPeople(people, performers, live);
-  live.onDrawing = (drawing) => way.show(drawing);
+  live.onDrawing = (drawing) => {
+    way.show(drawing);
+    // where this device draws, a shared screen hangs in the room
+    element.classList.toggle("draws", drawing.way === "local");
+  };
   live.onState(live.state);
   showPeople(people, live.meeting.performers, live);
-
   return {
     element,
     close: () => {
-      clearTimeout(hiding);
-      self.close();
-      tools.close();
-      release();
+      for (const part of [hint, self, better, headset, tools]) part.close();
+      for (const end of ends) end();
     },
+  };
+}
+
+/** Which meeting it is, who stands in it, the ways out and for others in. */
+function stageTop(live: LiveView, people: HTMLElement, hooks: StageHooks): HTMLElement {
+  return h(
+    "div",
+    { className: "stage-top" },
+    h("p", { className: "stage-name glass" }, mark(), h("span", {}, live.meeting.name || "Meeting")),
+    people,
+    h(
+      "div",
+      { className: "stage-ways" },
+      inviteButton(live.meeting.join_url),
+      button("Leave", hooks.onLeave, { look: "glass", icon: "leave", testId: "leave" }),
+    ),
+  );
+}
+
+/** Back to the first view; and only what a camera saw. */
+function viewButtons(live: LiveView): HTMLButtonElement[] {
+  const first = button("First view", () => live.viewpoint.reset(), { look: "glass", icon: "reset" });
+  first.title = "First view";
+  const toggle = (): void => {
+    const on = filmed.getAttribute("aria-pressed") !== "true";
+    filmed.setAttribute("aria-pressed", String(on));
+    live.showFilmedOnly(on);
+  };
+  const filmed = button("Only what was filmed", toggle, { look: "glass", icon: "filmed", testId: "filmed-only" });
+  filmed.title = "Show only what was filmed: parts that no camera saw fade away";
+  filmed.setAttribute("aria-pressed", "false");
+  return [first, filmed];
+}
+
+/** How to look round: shown at first, and whenever it is asked for. */
+function stageHint(): { element: HTMLElement; toggle: HTMLButtonElement; used(): void; close(): void } {
+  const element = h("div", { className: "hint glass", id: "stage-hint" }, ...controlsInWords());
+  const toggle = button("Controls", () => flip(), { look: "glass", icon: "help" });
+  toggle.title = "Controls";
+  toggle.setAttribute("aria-controls", element.id);
+  let hiding: ReturnType<typeof setTimeout> | undefined;
+  const show = (shown: boolean): void => {
+    element.classList.toggle("away", !shown);
+    toggle.setAttribute("aria-expanded", String(shown));
+  };
+  const flip = (): void => {
+    clearTimeout(hiding);
+    hiding = undefined;
+    show(element.classList.contains("away"));
+  };
+  show(true);
+  return {
+    element,
+    toggle,
+    // once somebody has found out how it goes, the words step aside
+    used: () => {
+      hiding ??= setTimeout(() => show(false), HINT_MS);
+    },
+    close: () => clearTimeout(hiding),
   };
 }
 
@@ -182,15 +191,23 @@ function stateInWords(state: LiveState, hooks: StageHooks): HTMLElement[] {
   }
 }
 
-function showNumbers(fps: HTMLElement, line: HTMLElement, news: LiveNumbers): void {
-  fps.dataset["fps"] = String(news.fps);
-  fps.dataset["frames"] = String(news.framesDecoded);
-  fps.textContent = `${news.fps} fps`;
-  const rest = [
-    news.width > 0 && `${news.width} × ${news.height}`,
-    news.roundTripMs !== null && `${Math.max(1, Math.round(news.roundTripMs))} ms`,
-  ].filter((part): part is string => part !== false);
-  line.replaceChildren(fps, ...rest.map((part) => h("span", {}, part)));
+function liveNumbers(): { element: HTMLElement; show(news: LiveNumbers): void } {
+  const fps = h("span", { testId: "fps" });
+  fps.dataset["fps"] = fps.dataset["frames"] = "0";
+  const element = h("p", { className: "numbers glass", attributes: { "aria-hidden": "true" } }, fps);
+  return {
+    element,
+    show: (news) => {
+      fps.dataset["fps"] = String(news.fps);
+      fps.dataset["frames"] = String(news.framesDecoded);
+      fps.textContent = `${news.fps} fps`;
+      const rest = [
+        news.width > 0 && `${news.width} × ${news.height}`,
+        news.roundTripMs !== null && `${Math.max(1, Math.round(news.roundTripMs))} ms`,
+      ].filter((part): part is string => part !== false);
+      element.replaceChildren(fps, ...rest.map((part) => h("span", {}, part)));
+    },
+  };
 }
 
 /** A press on a name brings the viewer close to that person. */
@@ -245,6 +262,7 @@ function controlsInWords(): HTMLElement[] {
         ["Scroll", "come closer"],
         ["W A S D", "walk, Shift is faster"],
         ["R", "first view"],
+        ["Enter", "the buttons"],
       ];
   return lines.map(([key, what]) => h("span", {}, h("kbd", {}, key), what));
 }

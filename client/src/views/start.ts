@@ -1,6 +1,9 @@
 /** The first screen: the meeting that is on, and the way to bring oneself in. */
 
+import type { Api } from "../api";
 import type { LiveView } from "../live";
+import { deviceCheck } from "./deviceCheck";
+import { privacyPanel } from "./privacy";
 import { enrolForm, type EnrolHooks } from "./enrolForm";
 import { h } from "./dom";
 import type { Meeting } from "../types";
@@ -18,12 +21,14 @@ interface StartHooks extends EnrolHooks {
 const LONGEST_NAME = 60;
 
 /** `live` is a first look into `meeting`; null where the host lets people in one by one. */
-export function startView(meeting: Meeting | null, live: LiveView | null, hooks: StartHooks): View {
+export function startView(api: Api, meeting: Meeting | null, live: LiveView | null, hooks: StartHooks): View {
   const form = enrolForm(hooks);
+  const check = deviceCheck(api);
+  const privacy = privacyPanel(api, () => undefined);
   const element = h(
     "main",
     { className: "start" },
-    meeting ? meetingHero(meeting, live, hooks) : plainHero(),
+    meeting ? meetingHero(meeting, live, check.element, hooks) : plainHero(),
     h(
       "section",
       { className: "enrol", id: "bring", attributes: { "aria-labelledby": "bring-title" } },
@@ -47,11 +52,13 @@ export function startView(meeting: Meeting | null, live: LiveView | null, hooks:
       ),
       form.element,
     ),
+    h("footer", { className: "start-foot" }, privacy.element),
   );
-  return { element, close: () => form.close() };
+  void privacy.load();
+  return { element, close: () => (form.close(), check.close()) };
 }
 
-function meetingHero(meeting: Meeting, live: LiveView | null, hooks: StartHooks): HTMLElement {
+function meetingHero(meeting: Meeting, live: LiveView | null, check: HTMLElement, hooks: StartHooks): HTMLElement {
   return h(
     "section",
     { className: "hero", attributes: { "aria-labelledby": "hero-title" } },
@@ -65,7 +72,15 @@ function meetingHero(meeting: Meeting, live: LiveView | null, hooks: StartHooks)
         "Everyone is there in full, not in a tile. Step closer, go round, look from wherever you like.",
       ),
       joinForm(meeting, hooks),
-      h("p", { className: "small" }, h("a", { href: "#bring", onclick: toForm }, "Bring yourself in")),
+      check,
+      meeting.recording === true && h("p", { className: "small", testId: "told-recorded" }, "This meeting is being recorded. You are asked to agree once you are in; nothing of you is kept before."),
+      h(
+        "p",
+        { className: "small" },
+        h("a", { href: "#bring", onclick: toForm }, "Bring yourself in"),
+        " · ",
+        h("a", { href: "/?recordings" }, "Recorded meetings"),
+      ),
     ),
     live ? liveWindow(live) : shutWindow(meeting),
   );

@@ -1,6 +1,8 @@
 /** The microphone's button, and the others' voices. */
 
+import type { Vec3 } from "../geometry";
 import type { Attendance } from "../meeting/attendance";
+import { Hearing, type Ears } from "../meeting/hearing";
 import { myself } from "../meeting/state";
 import { VoiceLink } from "../meeting/voice";
 import { asProblem } from "../problem";
@@ -8,18 +10,34 @@ import { announce, h } from "./dom";
 import { icon } from "./icons";
 import { button } from "./shell";
 
+/** The room that voices come from. */
+export interface Surroundings {
+  /** The listener's head. */
+  readonly ears: Ears;
+  /** The head of a performer, m; null for one who is not there. */
+  headOf(performerId: string): Vec3 | null;
+}
+
 export interface VoiceControls {
   element: HTMLButtonElement;
   /** Plays the others; without a picture of its own. */
   player: HTMLAudioElement;
   update(): void;
+  /** Have voices come from where their speakers stand in `room`. */
+  hearIn(room: Surroundings): void;
   close(): void;
 }
 
+const PLACE_MS = 50;
 /** Space, held down, opens the microphone for so long. */
 const TALK_KEY = "Space";
 
-export function voiceControls(attendance: Attendance, complain: (words: string) => void): VoiceControls {
+/** `onScreen` hears of the connection that others' screens come by. */
+export function voiceControls(
+  attendance: Attendance,
+  complain: (words: string) => void,
+  onScreen: (stream: MediaStream | null) => void,
+): VoiceControls {
   const player = h("audio", { autoplay: true, testId: "others" });
   const element = button("Microphone", () => void toggle(), { look: "glass", icon: "mic", testId: "microphone" });
   element.title = "Microphone on or off; hold Space to talk for a moment";
@@ -30,22 +48,33 @@ export function voiceControls(attendance: Attendance, complain: (words: string) 
   let told = false;
   let wasOpen = false;
   let link: VoiceLink | null = null;
+  const hearing = new Hearing();
+  let placing: ReturnType<typeof setInterval> | undefined;
+  player.srcObject = hearing.mix;
 
   const play = (): void => {
     // sound may need a touch first, as after a reload
-    player.play().catch(() => addEventListener("pointerdown", play, { once: true, signal }));
+    Promise.all([player.play(), hearing.resume()]).catch(() =>
+      addEventListener("pointerdown", play, { once: true, signal }),
+    );
+    addEventListener("pointerdown", () => void hearing.resume(), { once: true, signal });
   };
   const listen = async (): Promise<void> => {
     const { ice_servers } = await attendance.getSeat();
     if (signal.aborted) return;
     link = new VoiceLink(`/v1/meetings/${attendance.meeting.id}/voice`, ice_servers, {
       token: async () => (await attendance.getSeat()).token,
-      onOthers: (stream) => {
-        player.srcObject = stream;
-        play();
+      onChange: () => {
+        hearing.show(link?.slots ?? new Map());
+        onScreen(link?.screen ?? null);
       },
     });
+    link.assign(attendance.state.slots);
+    play();
     void link.run();
+    if (!attendance.comesHeard) return;
+    attendance.comesHeard = false;
+    await set(true);
   };
   const set = async (on: boolean): Promise<void> => {
     wanted = on;
@@ -78,7 +107,17 @@ export function voiceControls(attendance: Attendance, complain: (words: string) 
   return {
     element,
     player,
+    hearIn: (room) => {
+      const place = (): void =>
+        hearing.place(room.ears, (memberId) => {
+          const standing = attendance.state.members.find(({ id }) => id === memberId)?.performer_id;
+          return standing ? room.headOf(standing) : null;
+        });
+      clearInterval(placing);
+      placing = setInterval(place, PLACE_MS);
+    },
     update: () => {
+      link?.assign(attendance.state.slots);
       const me = myself(attendance.state);
       const isOpen = attendance.line.kind === "open";
       // who comes back after a cut says anew that they want to be heard
@@ -101,7 +140,9 @@ export function voiceControls(attendance: Attendance, complain: (words: string) 
     },
     close: () => {
       closing.abort();
+      clearInterval(placing);
       link?.close();
+      hearing.close();
       player.srcObject = null;
     },
   };

@@ -1,0 +1,42 @@
+/** Fetches a recording: what everybody moved, said and wrote, and what draws them. */
+
+import type { Api } from "../api";
+import type { PosePacket } from "../packets";
+import type { RecordingInFull } from "../types";
+import { readMotion, readRooms, readText, type Room, type Track } from "./tracks";
+
+export interface Loaded {
+  recording: RecordingInFull;
+  rooms: Track<Room>;
+  /** By performer. */
+  motions: Map<string, Track<PosePacket>>;
+  /** By member. */
+  chats: Map<string, Track<string>>;
+  /** By member, Ogg Opus. */
+  voices: Map<string, Blob>;
+}
+
+/** Throws a Problem. */
+export async function loadRecording(api: Api, id: string): Promise<Loaded> {
+  const recording = await api.recording(id);
+  const loaded: Loaded = {
+    recording,
+    rooms: { times: [], items: [] },
+    motions: new Map(),
+    chats: new Map(),
+    voices: new Map(),
+  };
+  await Promise.all(
+    recording.tracks.map(async ({ name, url }) => {
+      const [kind, who = ""] = name.split(":");
+      if (kind === "voice") loaded.voices.set(who, await api.file(`/v1/recordings/${id}/voices/${who}.ogg`));
+      else {
+        const bytes = await (await api.file(url)).arrayBuffer();
+        if (kind === "motion") loaded.motions.set(who, readMotion(bytes));
+        else if (kind === "chat") loaded.chats.set(who, readText(bytes));
+        else loaded.rooms = readRooms(bytes);
+      }
+    }),
+  );
+  return loaded;
+}

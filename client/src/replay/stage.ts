@@ -1,0 +1,140 @@
+/** A recorded room on a canvas: everybody as they stood at a moment, seen from any side. */
+
+import type { Api } from "../api";
+import { SizeLadder, fittingSize, highestStep } from "../framing";
+import type { Vec3 } from "../geometry";
+import { performerCheck } from "../packets";
+import { LocalRoom } from "../splats/localRoom";
+import { decodePicture, type Place } from "../splats/room";
+import type { Performer } from "../types";
+import { FOV_Y_RAD, Viewpoint, homeOrbit } from "../viewpoint";
+import type { Loaded } from "./load";
+import type { Player } from "./player";
+import { indexAt, poseAt, type Room } from "./tracks";
+
+const COUNTING_MS = 1000;
+const HEAD_ABOVE_PELVIS_M = 0.65;
+
+export class ReplayStage {
+  readonly canvas = document.createElement("canvas");
+  readonly viewpoint: Viewpoint;
+  private readonly local: LocalRoom;
+  private performers: Performer[] = [];
+  private place = "";
+  private sequence = 0;
+  private readonly ladder = new SizeLadder();
+  private drawn = 0;
+  private countedMs = performance.now();
+  /** Of the canvas, width by height. */
+  private aspect = 1;
+
+  constructor(
+    private readonly api: Api,
+    private readonly loaded: Loaded,
+    private readonly player: Player,
+    inertia: boolean,
+  ) {
+    const { id } = loaded.recording;
+    this.local = new LocalRoom(this.canvas, async (modelId) => {
+      const file = await api.file(`/v1/recordings/${id}/models/${modelId}`);
+      return file.arrayBuffer();
+    });
+    const first = loaded.rooms.items[0];
+    this.viewpoint = new Viewpoint(homeOrbit(first ? this.castOf(first) : [], this.aspect), inertia);
+    this.canvas.classList.add("seen");
+  }
+
+  /** Why this device can't draw the room, in words; null where it can. */
+  get obstacle(): string | null {
+    return this.local.obstacle;
+  }
+
+  /** Everybody's files are here. */
+  get ready(): boolean {
+    return this.local.loaded;
+  }
+
+  /** Show the moment that the player is at; says whether a picture was drawn. */
+  draw(): boolean {
+    const { ms } = this.player;
+    const rooms = this.loaded.rooms;
+    const room = rooms.items[Math.max(0, indexAt(rooms.times, ms))];
+    if (room) this.enter(room);
+    if (!this.ready) return false;
+    this.performers.forEach((performer, index) => {
+      const pose = poseAt(this.loaded.motions.get(performer.id), ms);
+      if (!pose) return;
+      this.sequence = (this.sequence + 1) >>> 0;
+      const check = performerCheck(performer.id);
+      this.local.stand({ ...pose, sequence: this.sequence, index, count: this.performers.length, check });
+    });
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    this.fit(width / Math.max(1, height));
+    const size = fittingSize(Math.max(16, width), Math.max(16, height), this.ladder.side);
+    const drawn = this.local.draw(this.viewpoint.camera, FOV_Y_RAD, size, false);
+    if (drawn) this.keepUp(highestStep(width * devicePixelRatio, height * devicePixelRatio));
+    return drawn;
+  }
+
+  /** Where the head of whoever stood for a member is; null where nobody did. */
+  headOf(memberId: string): Vec3 | null {
+    const rooms = this.loaded.rooms;
+    const room = rooms.items[Math.max(0, indexAt(rooms.times, this.player.ms))];
+    const pose = poseAt(this.loaded.motions.get(room?.standing_for[memberId] ?? ""), this.player.ms);
+    if (!pose) return null;
+    const [x, y, z] = pose.pelvis;
+    return [x, y + HEAD_ABOVE_PELVIS_M, z];
+  }
+
+  close(): void {
+    this.local.close();
+  }
+
+  /** Larger pictures where this device draws them fluently, smaller ones where it does not. */
+  private keepUp(highest: number): void {
+    this.drawn += 1;
+    const passedMs = performance.now() - this.countedMs;
+    if (passedMs < COUNTING_MS) return;
+    this.ladder.observe((this.drawn * 1000) / passedMs, highest);
+    this.drawn = 0;
+    this.countedMs += passedMs;
+  }
+
+  /** Everybody in sight, however the window is shaped, until the viewer looks from elsewhere. */
+  private fit(aspect: number): void {
+    if (aspect === 0 || aspect === this.aspect) return;
+    this.aspect = aspect;
+    this.viewpoint.rehome(homeOrbit(this.performers, aspect));
+  }
+
+  /** Whoever was erased since has no motion, and is not there. */
+  private castOf(room: Room): Performer[] {
+    return room.performers
+      .filter(({ id }) => this.loaded.motions.has(id))
+      .map((one) => ({ ...one, name: "", motion_sequence_id: null }));
+  }
+
+  private enter(room: Room): void {
+    const cast = this.castOf(room);
+    if (cast.map(({ id }) => id).join() !== this.performers.map(({ id }) => id).join()) {
+      this.performers = cast;
+      // who can't be had now is asked for again with the next change
+      void this.local.setPerformers(cast).catch(() => undefined);
+    }
+    if (room.environment === this.place) return;
+    this.place = room.environment;
+    void this.show(room.environment);
+  }
+
+  private async show(name: string): Promise<void> {
+    const place = await placeOf(this.api, this.loaded.recording.id, name).catch(() => null);
+    if (place && this.place === name) this.local.setPlace(place);
+  }
+}
+
+/** A place of the library, else the one that the meeting's host had brought along. Throws a Problem. */
+export async function placeOf(api: Pick<Api, "places" | "recordedPlace" | "file">, recordingId: string, name: string): Promise<Place> {
+  const known = (await api.places()).find((place) => place.name === name);
+  const { picture_url, light } = known ?? (await api.recordedPlace(recordingId));
+  return { picture: picture_url === null ? null : await decodePicture(await api.file(picture_url)), light };
+}

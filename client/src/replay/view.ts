@@ -1,0 +1,170 @@
+/** A recorded meeting on the page: the room at any moment, from any side, with what was said. */
+
+import type { Api } from "../api";
+import { steerWith } from "../controls";
+import { asProblem } from "../problem";
+import { isFinal } from "../api";
+import { h, prefersStillness } from "../views/dom";
+import { icon, mark } from "../views/icons";
+import { button, notice, type View } from "../views/shell";
+import type { Loaded } from "./load";
+import { Player, SPEEDS, clockWords } from "./player";
+import { ReplayStage } from "./stage";
+import { indexAt } from "./tracks";
+import { RecordedVoices } from "./voices";
+
+const VOICES_MS = 200;
+const STEP_MS = 5000;
+const CHATS_SHOWN = 4;
+
+interface ReplayHooks {
+  onLeave(): void;
+}
+
+export function replayView(api: Api, loaded: Loaded, hooks: ReplayHooks): View {
+  const { recording } = loaded;
+  const player = new Player(1000 * recording.duration_s);
+  const stage = new ReplayStage(api, loaded, player, !prefersStillness());
+  const voices = new RecordedVoices(loaded.voices, player);
+  const controls = playerControls(player);
+  const chat = h("div", { className: "previews", testId: "replay-chat", attributes: { "aria-live": "polite" } });
+  const words = h("div", { className: "middle" });
+  stage.canvas.dataset["testid"] = "replay";
+  stage.canvas.setAttribute("role", "img");
+  stage.canvas.setAttribute("aria-label", `Recording of ${recording.name}`);
+  const element = h(
+    "main",
+    { className: "stage", tabIndex: 0, attributes: { "aria-label": "A recorded meeting" } },
+    stage.canvas,
+    words,
+    h(
+      "div",
+      { className: "stage-top" },
+      h("p", { className: "stage-name glass" }, mark(), h("span", {}, recording.name)),
+      h("div", { className: "stage-ways" }, ...ways(api, loaded, words, hooks)),
+    ),
+    h("div", { className: "notes" }, chat),
+    h("div", { className: "stage-bottom" }, controls.element),
+  );
+  const release = steerWith(element, stage.viewpoint, () => undefined);
+  const follow = (): void => {
+    voices.follow();
+    controls.update();
+    showChat(chat, loaded, player.ms);
+  };
+  player.onChange = follow;
+  const following = setInterval(follow, VOICES_MS);
+  let lastMs = performance.now();
+  let frames = 0;
+  let ticking = 0;
+  const frame = (nowMs: number): void => {
+    ticking = requestAnimationFrame(frame);
+    stage.viewpoint.step(Math.max(0, (nowMs - lastMs) / 1000));
+    lastMs = nowMs;
+    player.tick();
+    if (stage.draw()) stage.canvas.dataset["frames"] = String((frames += 1));
+    voices.place(stage.viewpoint.camera, (memberId) => stage.headOf(memberId));
+    if (stage.obstacle) words.replaceChildren(h("p", { className: "sheet" }, stage.obstacle));
+  };
+  ticking = requestAnimationFrame(frame);
+  follow();
+  return {
+    element,
+    close: () => {
+      cancelAnimationFrame(ticking);
+      clearInterval(following);
+      release();
+      voices.close();
+      stage.close();
+    },
+  };
+}
+
+function playerControls(player: Player): { element: HTMLElement; update(): void } {
+  const toggle = button("Play", () => (player.playing ? player.pause() : player.play()), {
+    look: "glass",
+    icon: "play",
+    testId: "replay-play",
+  });
+  const seek = h("input", { type: "range", min: "0", max: String(player.durationMs), step: "any", testId: "replay-seek" });
+  seek.setAttribute("aria-label", "Moment of the recording");
+  seek.addEventListener("input", () => player.seek(Number(seek.value)));
+  const clock = h("output", { testId: "replay-clock" });
+  const speed = h("select", { testId: "replay-speed" }, ...SPEEDS.map((value) => h("option", { value: String(value) }, `${value} ×`)));
+  speed.value = "1";
+  speed.setAttribute("aria-label", "Speed");
+  speed.addEventListener("change", () => player.setSpeed(Number(speed.value)));
+  const element = h("div", { className: "dock glass replay-bar", attributes: { role: "group" } }, toggle, seek, clock, speed);
+  element.setAttribute("aria-label", "Replay");
+  // moves that begin here are none of the viewpoint
+  for (const kind of ["pointerdown", "wheel", "dblclick"]) element.addEventListener(kind, (event) => event.stopPropagation());
+  element.addEventListener("keydown", (event) => {
+    event.stopPropagation();
+    if (event.target !== seek) return;
+    const step = { ArrowRight: STEP_MS, ArrowLeft: -STEP_MS }[event.key];
+    if (step === undefined) return;
+    event.preventDefault();
+    player.seek(player.ms + step);
+  });
+  let shown: boolean | null = null;
+  return {
+    element,
+    update: () => {
+      seek.value = String(player.ms);
+      clock.value = `${clockWords(player.ms)} / ${clockWords(player.durationMs)}`;
+      seek.setAttribute("aria-valuetext", clock.value);
+      if (shown === player.playing) return;
+      shown = player.playing;
+      toggle.querySelector("svg")?.replaceWith(icon(shown ? "pause" : "play"));
+      toggle.querySelector("span")?.replaceChildren(shown ? "Pause" : "Play");
+    },
+  };
+}
+
+function showChat(place: HTMLElement, { recording, chats }: Loaded, ms: number): void {
+  const names = new Map(recording.members.map(({ participant_id: id, name }) => [id, name]));
+  const said = [...chats].flatMap(([who, { times, items }]) =>
+    items.slice(0, indexAt(times, ms) + 1).map((text, index) => ({ at: times[index] ?? 0, who, text })),
+  );
+  const newest = said.sort((a, b) => a.at - b.at).slice(-CHATS_SHOWN);
+  const key = newest.map(({ at, who }) => `${at} ${who}`).join();
+  if (place.dataset["key"] === key) return;
+  place.dataset["key"] = key;
+  place.replaceChildren(
+    ...newest.map(({ who, text }) =>
+      h("p", { className: "note glass" }, h("strong", {}, names.get(who) ?? "Somebody"), ` ${text}`),
+    ),
+  );
+}
+
+function ways(api: Api, { recording }: Loaded, words: HTMLElement, hooks: ReplayHooks): HTMLElement[] {
+  const fail = (error: unknown): void => words.replaceChildren(h("div", { className: "sheet" }, notice(asProblem(error))));
+  const film = button("Make a video", () => void make(), { look: "glass", icon: "camera", testId: "replay-export" });
+  const make = async (): Promise<void> => {
+    film.disabled = true;
+    const label = film.querySelector("span");
+    try {
+      let job = await api.exportRecording(recording.id, { path: [], width: 1280, height: 720, fov_deg: 35 });
+      for (; !isFinal(job); job = await api.job(job.id)) {
+        label?.replaceChildren(`Filming, ${Math.round(100 * job.progress)} %`);
+        await new Promise((resolve) => setTimeout(resolve, 1000));
+      }
+      if (job.error) throw job.error;
+      const link = h("a", { download: `${recording.name}.mp4` });
+      link.href = URL.createObjectURL(await api.file(`/v1/recordings/${recording.id}/videos/${job.id}`));
+      link.click();
+      URL.revokeObjectURL(link.href);
+    } catch (error) {
+      fail(error);
+    }
+    film.disabled = false;
+    label?.replaceChildren("Make a video");
+  };
+  const gone = (action: () => Promise<void>, question: string) => (): void => {
+    if (confirm(question)) action().then(hooks.onLeave, fail);
+  };
+  const erase = recording.mine
+    ? button("Delete", gone(() => api.deleteRecording(recording.id), "Delete this recording for everybody?"), { look: "glass", icon: "close", testId: "replay-delete" })
+    : button("Take me out", gone(() => api.leaveRecording(recording.id), "Delete what you moved, said and wrote?"), { look: "glass", icon: "close", testId: "replay-mine" });
+  return [film, erase, button("Leave", hooks.onLeave, { look: "glass", icon: "leave" })];
+}

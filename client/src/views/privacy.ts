@@ -1,0 +1,70 @@
+/** What leaves this device, said plainly, and the way to be forgotten. */
+
+import type { Api } from "../api";
+import { Problem, asProblem } from "../problem";
+import type { Person } from "../types";
+import { announce, h } from "./dom";
+import { button } from "./shell";
+
+const LEAVES = [
+  "Your viewpoint and your name, while you are in a meeting.",
+  "Your movements, as 33 points of your body, while you are seen. The camera’s pictures stay here.",
+  "Your voice and your screen, while you switch them on.",
+  "The clip that you film of yourself, once, to make your model. Erasing you erases it.",
+];
+
+/** `onErased` hears of each person of ours who is gone. */
+export function privacyPanel(api: Api, onErased: () => void): { element: HTMLElement; load(): Promise<void> } {
+  const people = h("div", { className: "erase-list", testId: "erase-list" });
+  const told = h("p", { className: "small", attributes: { role: "status" } });
+  const element = h(
+    "section",
+    { className: "privacy", testId: "privacy" },
+    h("h3", {}, "What leaves this device"),
+    h("ul", { className: "tips small" }, ...LEAVES.map((words) => h("li", {}, words))),
+    people,
+    told,
+  );
+  const load = async (): Promise<void> => {
+    const mine = await api.people().catch((error: unknown) => {
+      // who was only invited to look has nobody here
+      if (error instanceof Problem && error.status === 403) return [];
+      return null;
+    });
+    if (mine) people.replaceChildren(...mine.filter((person) => person.mine).map((person) => eraser(person, erase)));
+  };
+  const erase = async ({ id, name }: Person): Promise<void> => {
+    try {
+      await api.erasePerson(id);
+      told.textContent = `${name} is erased: every clip, model and recording of theirs.`;
+      announce(told.textContent);
+      onErased();
+      await load();
+    } catch (error) {
+      const { title, detail } = asProblem(error);
+      told.textContent = `${title}. ${detail}`;
+    }
+  };
+  return { element, load };
+}
+
+/** Asks once more: what is erased does not come back. */
+function eraser(person: Person, onErase: (person: Person) => Promise<void>): HTMLElement {
+  const ask = button(`Erase me: ${person.name}`, () => sure(true), { testId: "erase" });
+  const yes = button("Erase everything", () => void go(), { look: "danger", testId: "erase-sure" });
+  const no = button("Keep", () => sure(false));
+  const question = h("div", { className: "ways", hidden: true, attributes: { role: "group" } }, yes, no);
+  question.setAttribute("aria-label", `Erase ${person.name} for good?`);
+  const words = h("p", { className: "small", hidden: true }, "The clip, the model and every recording go for good, and whoever meets you now loses sight of you.");
+  const sure = (asking: boolean): void => {
+    question.hidden = words.hidden = !asking;
+    ask.hidden = asking;
+    (asking ? no : ask).focus();
+  };
+  const go = async (): Promise<void> => {
+    yes.disabled = true;
+    await onErase(person);
+    yes.disabled = false;
+  };
+  return h("div", { className: "erase" }, ask, words, question);
+}
