@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import httpx
 import pytest
 from playwright.sync_api import Page, expect
 
-from benchmarks.browser import open_page, running_demo
+from benchmarks.browser import open_page
 
 pytestmark = pytest.mark.e2e
 MINUTE = 60_000
@@ -40,20 +41,29 @@ def serious_faults(page: Page) -> list[str]:
     return page.evaluate(_SERIOUS)
 
 
+def open_meeting(demo: str, host: Page) -> str:
+    """The address of a new, empty meeting; the page `host` is its host as soon as it comes."""
+    with httpx.Client(base_url=demo) as caller:
+        token = caller.post("/v1/guest").json()["token"]
+        header = {"Authorization": f"Bearer {token}"}
+        opened = caller.post("/v1/meetings", json={"name": "Monday"}, headers=header).json()
+    host.add_init_script(
+        f"sessionStorage.setItem('metanerf.host.{opened['id']}', '{opened['host_token']}')"
+    )
+    return f"{demo}?meeting={opened['id']}&size=128"
+
+
 def come(page: Page, address: str, name: str) -> None:
-    page.goto(f"{address}?size=128")
+    page.goto(address)
     page.get_by_test_id("join-name").fill(name)
     page.get_by_test_id("start-join").click()
 
 
-def test_a_meeting_of_two_from_the_lobby_to_being_sent_out(tmp_path):
+def test_a_meeting_of_two_from_the_lobby_to_being_sent_out(demo):
     phone = {"viewport": {"width": 390, "height": 844}, "color_scheme": "dark"}
-    with (
-        running_demo(tmp_path / "data") as address,
-        open_page() as ada,
-        beside(ada, **phone) as bo,
-    ):
-        ada.goto(f"{address}?size=128")
+    with open_page() as ada, beside(ada, **phone) as bo:
+        address = open_meeting(demo, ada)
+        ada.goto(address)
         assert serious_faults(ada) == []
         come(ada, address, "Ada")
         ada.get_by_test_id("open-people").click()
@@ -69,7 +79,7 @@ def test_a_meeting_of_two_from_the_lobby_to_being_sent_out(tmp_path):
         assert serious_faults(ada) == []
         ada.get_by_test_id("admit").click()
         expect(bo.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
-        expect(ada.locator("#announcer")).to_have_text("Bo is here")
+        expect(ada.locator("#announcer")).to_contain_text("Bo is here")
 
         bo.get_by_test_id("hand").click()
         expect(bo.get_by_test_id("hand")).to_have_attribute("aria-pressed", "true")
@@ -106,9 +116,9 @@ def test_a_meeting_of_two_from_the_lobby_to_being_sent_out(tmp_path):
         expect(ada.get_by_test_id("members").get_by_role("listitem")).to_have_count(1)
 
 
-def test_everything_is_reached_by_keyboard_in_a_sensible_order(tmp_path):
-    with running_demo(tmp_path / "data") as address, open_page() as page:
-        page.goto(f"{address}?size=128")
+def test_everything_is_reached_by_keyboard_in_a_sensible_order(demo):
+    with open_page() as page:
+        page.goto(open_meeting(demo, page))
         page.get_by_test_id("join-name").focus()
         page.keyboard.type("Ada")
         page.keyboard.press("Enter")
@@ -140,14 +150,14 @@ def test_everything_is_reached_by_keyboard_in_a_sensible_order(tmp_path):
 
 
 # a microphone that hums: the machine that tests has none
-_HUM = """navigator.mediaDevices.getUserMedia = async () => {
+HUM = """navigator.mediaDevices.getUserMedia = async () => {
     const context = new AudioContext(), tone = context.createOscillator();
     const out = context.createMediaStreamDestination();
     tone.connect(out);
     tone.start();
     return out.stream;
 }"""
-_LOUDNESS = """() => {
+LOUDNESS = """() => {
     const audio = document.querySelector('[data-testid=others]');
     if (!audio.srcObject) return 0;
     if (!window.meter) {
@@ -161,23 +171,24 @@ _LOUDNESS = """() => {
 }"""
 
 
-def test_a_voice_is_heard_until_the_host_mutes_it(tmp_path):
-    with running_demo(tmp_path / "data") as address, open_page() as ada, beside(ada) as bo:
-        bo.add_init_script(_HUM)
+def test_a_voice_is_heard_until_the_host_mutes_it(demo):
+    with open_page() as ada, beside(ada) as bo:
+        address = open_meeting(demo, ada)
+        bo.add_init_script(HUM)
         come(ada, address, "Ada")
         expect(ada.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
         come(bo, address, "Bo")
         expect(bo.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
-        ada.wait_for_function(f"({_LOUDNESS})() === 0")
+        ada.wait_for_function(f"({LOUDNESS})() === 0")
         bo.get_by_test_id("microphone").click()
         expect(bo.get_by_test_id("microphone")).to_have_attribute("aria-pressed", "true")
         expect(ada.get_by_test_id("talking")).to_have_text("Bo", timeout=MINUTE)
-        ada.wait_for_function(f"({_LOUDNESS})() > 0.05", timeout=MINUTE)
+        ada.wait_for_function(f"({LOUDNESS})() > 0.05", timeout=MINUTE)
         ada.get_by_test_id("open-people").click()
         ada.get_by_role("button", name="More about Bo").click()
         ada.get_by_role("button", name="Mute: Bo").click()
         expect(bo.get_by_test_id("microphone")).to_have_attribute("aria-pressed", "false")
-        expect(bo.locator("#announcer")).to_have_text("The host switched your microphone off")
+        expect(bo.locator("#announcer")).to_contain_text("The host switched your microphone off")
         expect(ada.get_by_test_id("talking")).to_be_hidden()
         # held down for a moment, the space bar opens it again
         bo.get_by_role("main").focus()

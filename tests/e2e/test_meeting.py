@@ -7,6 +7,8 @@ import json
 import os
 import re
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import av
@@ -16,6 +18,9 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from benchmarks.browser import frames_shown, open_page, picture, running_demo
+from db.models import SequenceRow, SequenceState
+from services.container import Services, build_services
+from services.settings import load_settings
 from tests.services import seeds
 from tests.services.jobs.waiting import until
 from tests.shared_data import shared_data
@@ -148,22 +153,73 @@ def test_the_first_start_on_a_machine_says_what_it_waits_for(tmp_path):
         expect(waiting).to_have_count(0)
 
 
-def test_a_real_clip_becomes_somebody_in_the_meeting(tmp_path):
+@contextmanager
+def looking_into(data_dir: Path) -> Iterator[Services]:
+    """The rows and objects of a demo that runs."""
+    services = build_services(load_settings(data_dir=data_dir, open_access=True))
+    try:
+        yield services
+    finally:
+        services.close()
+
+
+def stored(services: Services, person_id: str) -> set[str]:
+    return {one.sha256 for one in services.objects.list(person_id)}
+
+
+def the_film(services: Services) -> SequenceRow:
+    """The only clip there is, whole, as it is trained from."""
+    with services.reading() as unit:
+        owners = services.objects.owners()
+        (film,) = [film for owner in owners for film in unit.sequences.of_person(owner)]
+    assert pictures_of(film) <= stored(services, film.person_id)
+    return film
+
+
+def pictures_of(film: SequenceRow) -> set[str | None]:
+    return {film.source_sha256, film.packed_sha256, film.thumbnail_sha256}
+
+
+def only_the_likeness_is_left(services: Services, film: SequenceRow) -> None:
+    """Clip, frames and thumbnail go from the store; model and motion stay."""
+    pictures = pictures_of(film)
+    until(lambda: not pictures & stored(services, film.person_id), "forgetting the clip")
+    with services.reading() as unit:
+        assert unit.sequences.get(film.id).state is SequenceState.FORGOTTEN
+        motion = unit.motions.of_sequence(film.id)
+        assert motion is not None
+        (model,) = unit.models.of_person(film.person_id)
+        assert {motion.sha256, *(one.sha256 for one in model.files)} <= stored(
+            services, film.person_id
+        )
+        previews = [job.preview for job in unit.jobs.of_sequence(film.id)]
+        assert previews == [None] * len(previews)
+
+
+def test_a_real_clip_becomes_somebody_in_the_meeting_and_only_their_likeness_is_kept(tmp_path):
     clip = short_clip(shared_data("real-two-cameras/cam01.mp4"), tmp_path / "clip.mp4", every=4)
     pose_model = str(shared_data("models/pose_landmarker_full.task"))
     environment = {"METANERF_POSE_MODEL": pose_model}
-    with running_demo(tmp_path / "data", **environment) as address, open_page() as page:
+    data = tmp_path / "data"
+    with (
+        running_demo(data, **environment) as address,
+        looking_into(data) as services,
+        open_page() as page,
+    ):
         page.goto(address)
         page.get_by_test_id("enrol-name").fill("Test person")
         page.get_by_test_id("enrol-file").set_input_files(str(clip))
+        page.get_by_test_id("enrol-model-only").check()
         page.get_by_test_id("enrol-submit").click()
         expect(page.get_by_test_id("progress")).to_be_visible(timeout=MINUTES)
         expect(page.get_by_test_id("quality")).to_be_visible(timeout=4 * MINUTES)
         expect(page.get_by_test_id("preview")).to_be_visible(timeout=2 * MINUTES)
+        film = the_film(services)
         meet = page.get_by_test_id("meet")
         expect(meet).to_be_visible(timeout=3 * MINUTES)
         meet.click()
         expect(page.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTES)
+        only_the_likeness_is_left(services, film)
         watch(page, 30)
         before = picture(page)
         page.keyboard.down("d")

@@ -21,6 +21,8 @@ from renderer.stage import Stage
 from scene import orbit_camera
 from scene.camera import Camera
 from scene.rotations import matrix_to_quaternion
+from services.api.environments import Light
+from services.environments import environment, find_theme
 from services.live.poses import packets_of
 from services.live.room import CastMember, Room, circle_places, facing_yaw
 from tests.renderer.splats.viewer_file import demo_model
@@ -105,6 +107,54 @@ def test_the_page_draws_what_the_server_draws(
     assert psnr(local, server) > 46.0
 
 
+@pytest.mark.parametrize(
+    ("theme", "azimuth_rad", "elevation_rad"),
+    [("apartment", 0.3, 0.1), ("lobby", 2.5, 0.5), ("park", -1.6, -0.1)],
+)
+def test_the_page_draws_a_place_and_its_light_as_the_server_does(
+    page: Page, demo: SplatModel, theme: str, azimuth_rad: float, elevation_rad: float
+):
+    """51, 49 and 50 dB: the panorama as a browser reads its JPEG, what it lights, the shadows."""
+    room, now_s = room_of(demo, 2), 0.4
+    room.environment = environment(theme)
+    camera = orbit_camera((0.0, 0.9, 0.0), 4.0, azimuth_rad, elevation_rad, 384, 384)
+    about = find_theme(theme)
+    assert about.picture is not None
+    assert about.lighting is not None
+    place = {
+        "picture": base64.b64encode(about.picture.read_bytes()).decode(),
+        "light": Light.of(about.lighting).model_dump(mode="json"),
+    }
+    local = drawn(page, asked(room, camera, now_s, place=place))
+    server = Stage().render(room.scene_at(now_s), camera)
+    assert psnr(local, server) > 40.0
+    people = Stage().render(Room("m", room.cast).scene_at(now_s), camera)
+    assert psnr(local, people) < 25.0
+
+
+def test_a_shared_screen_hangs_behind_everybody(page: Page, demo: SplatModel):
+    room = room_of(demo, 1)
+    camera = orbit_camera((0.0, 1.2, 0.0), 4.0, 0.25, 0.05, 384, 384)
+    without, shared = (
+        drawn(page, asked(room, camera, 0.4, screen=screen)) for screen in (False, True)
+    )
+
+    def seen(x: float, y: float, z: float = -1.9) -> list[int]:
+        pixels, _ = camera.project(np.array([[x, y, z]]))
+        column, row = np.floor(pixels[0]).astype(int)
+        return shared[row, column].tolist()
+
+    assert seen(-1.2, 1.2) == [255, 0, 0]
+    assert seen(1.1, 1.6) == [0, 0, 255]
+    assert seen(-1.1, 2.38) == [255, 255, 255]
+    # whoever stands before it hides it; all round it nothing changes
+    body = Stage().render(room.scene_at(0.4), camera)
+    pixels, _ = camera.project(np.array([[0.0, 1.1, 0.0]]))
+    column, row = np.floor(pixels[0]).astype(int)
+    assert np.abs(shared[row, column].astype(int) - body[row, column]).max() < 12
+    np.testing.assert_array_equal(shared[-60:], without[-60:])
+
+
 def test_where_splats_are_many_everybody_gives_the_least_important(page: Page, demo: SplatModel):
     room = room_of(demo, 3)
     camera = orbit_camera((0.0, 0.9, 0.0), 4.7, 0.2, 0.1, 256, 256)
@@ -120,3 +170,17 @@ def test_a_motion_turns_up_in_the_picture(page: Page, demo: SplatModel):
     camera = orbit_camera((0.0, 0.9, 0.0), 3.2, 0.3, 0.1, 256, 256)
     now, later = (drawn(page, asked(room, camera, at_s)) for at_s in (0.4, 1.2))
     assert psnr(now, later) < 35.0
+
+
+def test_a_beginning_of_each_person_is_drawn_as_a_file_cut_there(page: Page, demo: SplatModel):
+    """Fewer splats at the next picture, without a new file or a new table."""
+    room = room_of(demo, 2)
+    camera = orbit_camera((0.0, 0.9, 0.0), 4.7, 0.2, 0.1, 256, 256)
+    half = len(demo) // 2
+    kept, cut = (
+        drawn(page, asked(room, camera, 0.0, **how))
+        for how in ({"kept": [half, half]}, {"most": 2 * half})
+    )
+    assert psnr(kept, cut) > 55.0
+    one = drawn(page, asked(room, camera, 0.0, kept=[2 * half, 100]))
+    assert psnr(one, kept) < 35.0

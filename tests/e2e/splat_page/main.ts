@@ -2,12 +2,13 @@
 
 import { decodePose } from "../../../client/src/packets";
 import { castOf, shareWithin } from "../../../client/src/splats/cast";
-import { readSplats } from "../../../client/src/splats/file";
+import { growthOf, readSplats } from "../../../client/src/splats/file";
 import { passCamera, SplatPass, type PassFrame } from "../../../client/src/splats/pass";
-import { contactShadows } from "../../../client/src/splats/room";
+import { contactShadows, decodePicture } from "../../../client/src/splats/room";
 import { skin, TRANSFORM } from "../../../client/src/splats/skeleton";
 import { depthOrder, depthRows, depths, emptyOrder } from "../../../client/src/splats/sort";
 import type { Quaternion, Vec3 } from "../../../client/src/geometry";
+import type { Light } from "../../../client/src/types";
 
 interface Asked {
   /** Files and pose packets, one a person, base64. */
@@ -20,6 +21,12 @@ interface Asked {
   height: number;
   filmedOnly: boolean;
   most: number;
+  /** The panorama's file, base64, and its light; the studio, where nothing is said. */
+  place?: { picture: string; light: Light };
+  /** Whether a screen is shared: its left half red, its right half blue, below a white line. */
+  screen?: boolean;
+  /** How many of each person's splats are sorted and drawn; all, where nothing is said. */
+  kept?: number[];
 }
 
 const bytes = (text: string): ArrayBuffer => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
@@ -43,14 +50,32 @@ function frameOf(asked: Asked): PassFrame {
   const camera = passCamera(asked, asked.fovYRad, asked.width, asked.height);
   const depth = new Float32Array(cast.count);
   const order = emptyOrder(cast.count);
-  depths(cast.bound, depthRows(transforms, camera.worldToCamera), depth);
+  const kept = asked.kept ?? cast.bound.counts;
+  depths(cast.bound, depthRows(transforms, camera.worldToCamera), depth, kept);
   const count = depthOrder(depth, order);
-  return { camera, transforms, order, count, shadows, filmedOnly: asked.filmedOnly };
+  const growth = cast.bound.counts.map((whole, person) => growthOf(whole, kept[person] ?? whole));
+  return { camera, transforms, order, count, growth, shadows, filmedOnly: asked.filmedOnly };
+}
+
+function testScreen(): HTMLCanvasElement {
+  const made = document.createElement("canvas");
+  const context = made.getContext("2d") as CanvasRenderingContext2D;
+  [made.width, made.height] = [320, 180];
+  for (const [colour, ...rest] of [["red", 0, 0, 160, 180], ["blue", 160, 0, 160, 180], ["white", 0, 0, 320, 40]] as const) {
+    context.fillStyle = colour;
+    context.fillRect(...rest);
+  }
+  return made;
 }
 
 Object.assign(window, {
   /** RGBA bytes, the top row first, base64. */
-  picture(asked: Asked): string {
+  async picture(asked: Asked): Promise<string> {
+    const { place } = asked;
+    const picture = place ? await decodePicture(new Blob([bytes(place.picture)])) : null;
+    pass.setPlace({ picture, light: place?.light ?? null });
+    const screen = asked.screen ? testScreen() : null;
+    pass.setScreen(screen, screen?.width, screen?.height);
     pass.draw(frameOf(asked));
     return btoa(Array.from(pass.read(), (byte) => String.fromCharCode(byte)).join(""));
   },
