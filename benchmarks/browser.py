@@ -8,12 +8,17 @@ import shutil
 import signal
 import subprocess
 import sys
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from playwright.sync_api import Page, sync_playwright
 
+BUSY = "process_cpu_seconds_total"
+"""The service's own metric of the processor time it has used."""
+RESIDENT = "process_resident_memory_bytes"
+"""The service's own metric of its memory."""
 _FLAGS = [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
     "--disable-background-networking", "--disable-component-update",
@@ -89,3 +94,33 @@ def picture(page: Page) -> bytes:
         }"""
     )
     return bytes(values)
+
+
+def metric(address: str, name: str) -> float:
+    """One figure of the service at `address`."""
+    page = urllib.request.urlopen(f"{address}metrics", timeout=10).read().decode()
+    found = re.search(rf"^{name} (\S+)", page, re.M)
+    if found is None:
+        raise RuntimeError(f"the service must tell {name}; got a page without it")
+    return float(found[1])
+
+
+def processor_seconds() -> float:
+    """Processor seconds so far of every process that this one has started, and theirs."""
+    parents: dict[int, int] = {}
+    ticks: dict[int, int] = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:  # it has ended meanwhile
+            continue
+        pid = int(stat.parent.name)
+        parents[pid], ticks[pid] = int(fields[1]), int(fields[11]) + int(fields[12])
+
+    def started_here(pid: int) -> bool:
+        while pid in parents and pid != os.getpid():
+            pid = parents[pid]
+        return pid == os.getpid()
+
+    ours = (pid for pid in ticks if pid != os.getpid() and started_here(pid))
+    return sum(ticks[pid] for pid in ours) / os.sysconf("SC_CLK_TCK")

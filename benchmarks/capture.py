@@ -35,6 +35,7 @@ from capture.store import open_sequence
 from capture.studio import make_sequence
 from capture.studio.footage import Footage
 from renderer.evaluation import evaluate
+from renderer.model import PersonModel
 from renderer.training import train
 from scene.arrays import Array, Float
 from scene.camera import Camera
@@ -43,7 +44,7 @@ from scene.sequence import FrameSource, Sequence
 
 FRAMES, RATE, SIZE_PX = 90, 15.0, 512
 NOISE, BLUR_PX = 3.0, 0.6
-TRAINING_S = 20.0
+TRAINING_S = 60.0
 _SPLITS = ("novel_view", "unseen_pose")
 
 
@@ -127,6 +128,8 @@ def _judged(folder: Path, pose_model: Path, backbone: Path | None, clock: Clock)
     accuracy: dict[str, Any] = {}
     for name, clip in models.items():
         model = train(clip, preset="splats", budget_s=TRAINING_S, clock=clock.now)
+        if name == "captured":
+            watch.refined(model, captured)
         judged = in_scale_of(captured, truth, watch.scale) if name == "captured" else truth
         for aligned in (False, True) if name == "captured" else (False,):
             figures = evaluate(model, judged, lpips_backbone=backbone, aligned=aligned)
@@ -171,6 +174,15 @@ class StageWatch:
         self.turns = {name: round(value, 2) for name, value in turns.items()}
         self.scale = gauge_scale(joints.places, self._truth.places)
         self._began = self._clock.now()
+
+    def refined(self, model: PersonModel, captured: Sequence) -> None:
+        """Judge what training made of the captured motion."""
+        extrinsics = captured.train.camera(0).world_to_camera
+        joints = seen_joints(model.skeleton, model.motion, extrinsics)
+        moments = np.abs(self._truth.times_s - joints.times_s[:, None]).argmin(axis=1)
+        truth = Joints(joints.times_s, self._truth.places[moments], self._truth.turns[moments])
+        errors = pose_errors(joints, truth)
+        self.stages["refined while training"] = {k: round(v, 3) for k, v in errors.items()}
 
     def _close(self, stage: str) -> None:
         if stage:

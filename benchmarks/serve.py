@@ -1,16 +1,14 @@
 """What a live view costs: pose and camera to picture, then all the way into a browser.
 
 Drawn: float RGBA by one renderer of all performers, p50 and p95, transforms made anew each frame,
-batch 1, no cache. Served: the demo's own service and a headless Chromium's pages, each a viewer.
+batch 1, no cache. Coded: the same and the room behind, to a packet of video, processor time a step.
+Served: a service and a headless Chromium's pages, each a viewer; see benchmarks/meeting.py.
 """
 
 from __future__ import annotations
 
-import re
 import resource
-import tempfile
 import time
-import urllib.request
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -36,7 +34,7 @@ VIEWERS = ((1, 512), (3, 512), (1, 1024))
 _VIEWS, _WARM_UPS = 100, 10
 _FRAMES_OF_ONE_SESSION = 10_000
 _BESIDE_M = 0.8
-_SETTLING_MS, _WATCHED_S = 4000, 8.0
+_BITRATE = 2_500_000
 
 
 def run(json_file: Path | None) -> None:
@@ -46,6 +44,7 @@ def run(json_file: Path | None) -> None:
         _drawn(count, performers, size)
         for count, performers, size in product(COUNTS, PERFORMERS, SIZES)
     ]
+    figures["coded"] = [_coded(*case) for case in product((512, 1024), (1, 4), (False, True))]
     figures["session"] = _long_session()
     figures["served"] = [_served(viewers, size) for viewers, size in VIEWERS]
     write_report(json_file, "serve", figures)
@@ -61,6 +60,40 @@ def _drawn(count: int, performers: int, size: int) -> dict[str, Any]:
         if view >= 0:
             seconds.append(time.perf_counter() - started)
     row = {"splats": count, "performers": performers, "size": size, **milliseconds(seconds)}
+    print(row, flush=True)
+    return row
+
+
+def _coded(size: int, performers: int, moving: bool) -> dict[str, Any]:
+    """Processor ms a picture: drawing into a frame, and each codec; by a still or moving viewer."""
+    from services.live.encoding import Codec, PictureEncoder
+    from services.live.room import CastMember, Room, circle_places
+    from services.live.track import Canvas
+
+    model = surface_model(10_000)
+    cast = (
+        CastMember(str(n), "", model, model.motion, place, yaw)
+        for n, (place, yaw) in enumerate(circle_places(performers))
+    )
+    room, canvas = Room("", tuple(cast)), Canvas()
+    encoders, spent = {codec: PictureEncoder(codec) for codec in Codec}, dict.fromkeys(Codec, 0.0)
+    painted, camera = 0.0, room.first_view(size, size)
+    for tick in range(-_WARM_UPS, _VIEWS):
+        if moving:
+            camera = orbit_camera((0.0, 0.9, 0.0), 3.2, 0.01 * tick, 0.08, size, size)
+        scene = room.scene_at(tick / 30.0)
+        started = time.process_time()
+        frame = canvas.paint(scene, camera)
+        painted += (time.process_time() - started) * (tick >= 0)
+        for codec, encoder in encoders.items():
+            started = time.process_time()
+            encoder.encode(frame, tick + _WARM_UPS, _BITRATE, key=False)
+            spent[codec] += (time.process_time() - started) * (tick >= 0)
+    row = {
+        "size": size, "performers": performers, "viewer": "moving" if moving else "still",
+        "paint_ms": round(1e3 * painted / _VIEWS, 2),
+        **{f"{codec.lower()}_ms": round(1e3 * s / _VIEWS, 2) for codec, s in spent.items()},
+    }  # fmt: skip
     print(row, flush=True)
     return row
 
@@ -97,48 +130,16 @@ def _long_session() -> dict[str, Any]:
 
 
 def _served(viewers: int, size: int) -> dict[str, Any]:
-    """Frames a second that each of `viewers` pages decodes from one meeting, and what they cost."""
-    from benchmarks.browser import frames_shown, open_page, running_demo
+    """What each of `viewers` pages shows of one meeting, each from its own place, and the cost."""
+    from benchmarks.browser import metric, open_page
+    from benchmarks.meeting import beside, driven, look, watched
 
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        running_demo(Path(folder)) as address,
-        open_page(size, size) as first,
-    ):
-        pages = [first]
-        for _ in range(viewers - 1):
-            assert first.context.browser is not None
-            pages.append(first.context.browser.new_page(viewport={"width": size, "height": size}))
-        for page in pages:
-            page.goto(f"{address}?size={size}")
-            page.get_by_test_id("start-join").click()
-            page.wait_for_selector("[data-testid=stage-video]")
-        first.wait_for_timeout(_SETTLING_MS)  # the encoder and the browser settle
-        shown, busy_s = [-frames_shown(page) for page in pages], -_metric(address, _BUSY)
-        started = time.perf_counter()
-        first.wait_for_timeout(1e3 * _WATCHED_S)
-        watched_s = time.perf_counter() - started
-        shown = [before + frames_shown(page) for before, page in zip(shown, pages, strict=True)]
-        busy_s += _metric(address, _BUSY)
-        row = {
-            "viewers": viewers, "size": size,
-            "frames_per_second": [round(count / watched_s, 1) for count in shown],
-            "render_p50_ms": round(_metric(address, "metanerf_render_milliseconds"), 2),
-            "server_cores": round(busy_s / watched_s, 2),
-        }  # fmt: skip
-    print(row, flush=True)
+    with driven(1) as meeting, open_page(size, size) as first:
+        look(first, meeting, size)
+        pages = [first, *(beside(first, meeting, size) for _ in range(viewers - 1))]
+        row = {"size": size, **watched(meeting, pages)}
+        row["render_p50_ms"] = round(metric(meeting.address, "metanerf_render_milliseconds"), 2)
     return row
-
-
-_BUSY = "process_cpu_seconds_total"
-
-
-def _metric(address: str, name: str) -> float:
-    page = urllib.request.urlopen(f"{address}metrics", timeout=10).read().decode()
-    found = re.search(rf"^{name} (\S+)", page, re.M)
-    if found is None:
-        raise RuntimeError(f"the service must tell {name}; got a page without it")
-    return float(found[1])
 
 
 def surface_model(count: int) -> SplatModel:
