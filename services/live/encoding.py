@@ -28,6 +28,10 @@ BITRATES = (500_000, 750_000, 1_100_000, 1_700_000, 2_500_000, 4_000_000, 6_000_
 _FIRST_BITRATE = 4
 _CLIMB = 1.15
 """A step is climbed once the estimate is so much above it: estimates swing."""
+_FULL, _FREE = 0.1, 0.02
+"""A line that loses a larger share of packets is full; one that loses less has room."""
+_GROWTH = 1.08
+"""Of what is tried on a line with room, from one report to the next."""
 
 
 class Codec(StrEnum):
@@ -38,10 +42,15 @@ class Codec(StrEnum):
 
 
 class BitrateSteps:
-    """A viewer's estimate of what gets through, in steps with hysteresis."""
+    """What gets through to a viewer, in steps with hysteresis.
+
+    Their estimate goes by delays (REMB); on a line that drops packets in place of delaying them it
+    stays high, and losses bound it, as in draft-ietf-rmcat-gcc, section 6.
+    """
 
     def __init__(self) -> None:
         self._index = _FIRST_BITRATE
+        self._estimate, self._bound = float(BITRATES[_FIRST_BITRATE]), _CLIMB * BITRATES[-1]
 
     @property
     def bitrate(self) -> int:
@@ -50,6 +59,20 @@ class BitrateSteps:
 
     def estimate(self, bitrate: float) -> None:
         """Take the receiver's estimate, bit/s (REMB)."""
+        self._estimate = bitrate
+        self._settle()
+
+    def loss(self, share: float) -> None:
+        """Take the share of packets, 0 to 1, that was lost since the last report."""
+        if share > _FULL:
+            bound = (1.0 - 0.5 * share) * min(self._bound, self.bitrate)
+            self._bound = max(bound, float(BITRATES[0]))
+        elif share < _FREE:
+            self._bound = min(_GROWTH * self._bound, _CLIMB * BITRATES[-1])
+        self._settle()
+
+    def _settle(self) -> None:
+        bitrate = min(self._estimate, self._bound)
         while self._index > 0 and bitrate < BITRATES[self._index]:
             self._index -= 1
         last = len(BITRATES) - 1

@@ -1,4 +1,4 @@
-"""When a picture is due and how large it may be: by clocks that the caller reads.
+"""When a picture is due, how large it may be, what of it is sent again: by the caller's clocks.
 
 Time is cut into ticks of 1/30 s, the same for all viewers of a process, so that who looks at one
 instant from one place shares a picture. Of each tick a viewer gets at most one picture, the newest;
@@ -21,6 +21,26 @@ _BUSY_SHARE = 0.7
 """Of the drawing thread's time: a larger picture must fit in this."""
 _LONGEST_WAIT = 48
 """Windows, between climbs that had to be taken back."""
+_RESEND_SHARE = 0.25
+"""Of the bitrate: what a line loses beyond that, it loses because it is full."""
+_PACKET_BITS = 8 * 1200
+"""Of a picture's usual packet."""
+
+
+class ResendBudget:
+    """How many lost packets may be sent again; what is not used within a second is gone."""
+
+    def __init__(self) -> None:
+        self._left, self._looked_s = 0.0, -1.0
+
+    def take(self, now_s: float, asked: int, bitrate: int) -> int:
+        """Packets of `asked` that fit beside a stream of `bitrate` bit/s."""
+        a_second = _RESEND_SHARE * bitrate / _PACKET_BITS
+        self._left = min(a_second, self._left + a_second * (now_s - self._looked_s))
+        self._looked_s = now_s
+        granted = min(asked, int(self._left))
+        self._left -= granted
+        return granted
 
 
 class FramePacer:

@@ -3,7 +3,8 @@
 Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
 Flags of a view, bit 0: show only what was filmed of a person; bit 1: the viewer draws the room, so
 send poses in place of pictures; bit 2: pictures have stopped although they are wanted, so send one
-that needs none before it. Unknown bits are left alone.
+that needs none before it; bit 3: sound alone, so send neither pictures nor poses. Unknown bits are
+left alone.
 View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
 f32 vertical field of view (rad), u16 width, u16 height (px).
 Keypoints, 367 bytes: u16 width, u16 height (px of the picture), then of MediaPipe's 33 landmarks
@@ -49,7 +50,7 @@ KEYPOINTS_BYTES = _HEADER.size + _SIZE.size + _KEYPOINTS.itemsize
 _KEYPOINT_STEPS = 8192
 """To a metre, or to a side of the picture: a range of four either way."""
 _HALF_RANGE = 1 << 31
-_HIDE_UNSEEN, _DRAWS_ITSELF, _STALLED = 1, 2, 4
+_HIDE_UNSEEN, _DRAWS_ITSELF, _STALLED, _SOUND_ONLY = 1, 2, 4, 8
 _POSE = struct.Struct("<BBH3f")
 _TURN_BITS, _TURN_BYTES = 15, 6
 POSE_BYTES = _HEADER.size + _POSE.size + JOINT_COUNT * _TURN_BYTES
@@ -103,6 +104,8 @@ class ViewPacket:
     """Whether the viewer draws the room, needs poses and no pictures."""
     stalled: bool = False
     """Whether pictures are wanted and none has been shown for a while."""
+    sound_only: bool = False
+    """Whether the viewer's connection is too slow for pictures, and for poses."""
 
     def camera(self, width: int, height: int) -> Camera:
         """The viewer's camera at `width` x `height` px.
@@ -159,7 +162,7 @@ def _header_of(data: bytes, wanted: Kind, size: int) -> tuple[int, int, float]:
 def encode_view(packet: ViewPacket) -> bytes:
     """The bytes of `packet`."""
     flags = _HIDE_UNSEEN * packet.hide_unseen | _DRAWS_ITSELF * packet.draws_itself
-    flags |= _STALLED * packet.stalled
+    flags |= _STALLED * packet.stalled | _SOUND_ONLY * packet.sound_only
     header = _HEADER.pack(VERSION, Kind.VIEW, flags, packet.sequence, packet.capture_time_ms)
     payload = _VIEW.pack(
         *packet.position, *packet.wxyz, packet.fov_y_rad, packet.width, packet.height
@@ -179,6 +182,7 @@ def decode_view(data: bytes) -> ViewPacket:
     return ViewPacket(
         sequence, capture_time_ms, (x, y, z), tuple(wxyz), fov_y_rad, width, height,
         bool(flags & _HIDE_UNSEEN), bool(flags & _DRAWS_ITSELF), bool(flags & _STALLED),
+        bool(flags & _SOUND_ONLY),
     )  # fmt: skip
 
 
@@ -249,3 +253,15 @@ class NewestView:
             return False
         self.packet = packet
         return True
+
+    @property
+    def wants_poses(self) -> bool:
+        """Whether the viewer draws the room."""
+        packet = self.packet
+        return packet is not None and packet.draws_itself and not packet.sound_only
+
+    @property
+    def wants_pictures(self) -> bool:
+        """Whether the room is to be drawn for the viewer; so it is until they say otherwise."""
+        packet = self.packet
+        return packet is None or not (packet.draws_itself or packet.sound_only)

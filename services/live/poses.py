@@ -67,7 +67,7 @@ class PoseFeed:
         encoded: dict[Room, list[bytes]] = {}
         for listener in self._listeners.values():
             channel = listener.channel
-            if not left_to_viewer(listener.view) or channel.readyState != "open":
+            if not listener.view.wants_poses or channel.readyState != "open":
                 continue
             if channel.bufferedAmount > _MOST_WAITING_BYTES:
                 continue
@@ -90,11 +90,6 @@ class PoseFeed:
                 await asyncio.sleep(due_s - now_s)
         finally:
             self._task = None  # the next to listen starts it anew
-
-
-def left_to_viewer(view: NewestView) -> bool:
-    """Whether the viewer draws the room."""
-    return view.packet is not None and view.packet.draws_itself
 
 
 def packets_of(

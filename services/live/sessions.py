@@ -24,6 +24,8 @@ from aiortc.rtp import (
     RTCP_PSFB_PLI,
     AnyRtcpPacket,
     RtcpPsfbPacket,
+    RtcpRrPacket,
+    RtcpRtpfbPacket,
     unpack_remb_fci,
 )
 
@@ -312,22 +314,36 @@ async def _answer(connection: RTCPeerConnection, track: ViewTrack, sdp_offer: st
 
 
 def _heed(sender: RTCRtpSender, track: ViewTrack) -> None:
-    """Tell `track` what its viewer asks for: key frames (PLI, FIR), and a bitrate (REMB).
+    """Tell `track` what its viewer asks for: key frames (PLI, FIR), a bitrate (REMB), losses.
 
-    aiortc tells its own encoders alone, and these are not used: packets come from the track.
+    aiortc tells its own encoders alone, and these are not used: packets come from the track. And it
+    sends again whatever is asked for (NACK), many times what a slow line carries.
     """
     handle = sender._handle_rtcp_packet
 
     async def listen(packet: AnyRtcpPacket) -> None:
-        if isinstance(packet, RtcpPsfbPacket):
-            heed_feedback(packet, track)
+        heed_feedback(packet, track, sender._ssrc)
         await handle(packet)
 
     sender._handle_rtcp_packet = listen
 
 
-def heed_feedback(packet: RtcpPsfbPacket, track: ViewTrack) -> None:
-    """Act on one message of payload-specific feedback (RFC 4585; REMB: draft-alvestrand-rmcat)."""
+def heed_feedback(packet: AnyRtcpPacket, track: ViewTrack, ssrc: int) -> None:
+    """Act on one message about the stream `ssrc`; a NACK keeps what is worth sending again.
+
+    Feedback is RFC 4585 (REMB: draft-alvestrand-rmcat), receiver reports are RFC 3550.
+    """
+    if isinstance(packet, RtcpRtpfbPacket):
+        packet.lost = track.worth_resending(packet.lost)
+    elif isinstance(packet, RtcpRrPacket) and track.wanted:
+        for report in packet.reports:
+            if report.ssrc == ssrc:
+                track.bitrate.loss(report.fraction_lost / 256)
+    elif isinstance(packet, RtcpPsfbPacket):
+        _heed_picture_feedback(packet, track)
+
+
+def _heed_picture_feedback(packet: RtcpPsfbPacket, track: ViewTrack) -> None:
     if packet.fmt in (RTCP_PSFB_PLI, RTCP_PSFB_FIR):
         track.ask_key_frame()
     elif packet.fmt == RTCP_PSFB_APP:

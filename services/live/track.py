@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
@@ -23,10 +23,9 @@ from scene.arrays import Array, Bool, UInt8
 from scene.camera import Camera
 from scene.environment import Scene
 from services.live.encoding import BitrateSteps, PictureEncoder
-from services.live.pacing import TICK_S, FramePacer, SizeGovernor
+from services.live.pacing import TICK_S, FramePacer, ResendBudget, SizeGovernor
 from services.live.packets import NewestView
 from services.live.planes import rows_of
-from services.live.poses import left_to_viewer
 from services.live.room import Room
 from services.live.stamp import write
 
@@ -34,6 +33,8 @@ _SMALLEST_PX, _LARGEST_PX = 128, 1024
 _DEFAULT_SIZE = (512, 512)
 _BLOCK_PX = 16
 """Video is coded in macroblocks of 16 x 16; other sizes would be padded by the encoder."""
+_KEY_S = 0.3
+"""Between two key frames: a line that lost one would lose more of them in a row all the sooner."""
 _REFRESH_S = 0.5
 """A viewer whose picture stalls gets a key frame at most so often."""
 
@@ -111,20 +112,36 @@ class ViewTrack(MediaStreamTrack):
         self._executor, self._clock = executor, clock
         self._canvas = Canvas()
         self._pacer, self._governor = FramePacer(), SizeGovernor()
+        self._resends = ResendBudget()
         self._key_asked = False
-        self._refreshed_s = -_REFRESH_S
+        self._keyed_s, self._refreshed_s = -_KEY_S, -_REFRESH_S
+
+    @property
+    def wanted(self) -> bool:
+        """Whether pictures are to come; none are drawn, coded or sent while not."""
+        return self._view.wants_pictures
 
     def ask_key_frame(self) -> None:
         """Have the next picture coded so that it needs none before it."""
         self._key_asked = True
 
+    def worth_resending(self, lost: Sequence[int]) -> list[int]:
+        """Which of the packets `lost` (sequence numbers) to send again: the last ones, if any."""
+        if not self.wanted:
+            return []
+        count = self._resends.take(self._clock(), len(lost), self.bitrate.bitrate)
+        return list(lost[len(lost) - count :])
+
     async def recv(self) -> Packet:
         """The next picture, drawn when it is due (30 a second) from the newest state.
 
-        None comes while the viewer draws the room: nothing is drawn, coded or sent then.
+        None comes while the viewer draws the room or goes on with sound alone: nothing is drawn,
+        coded or sent then.
         """
-        while left_to_viewer(self._view):
+        while not self.wanted:
             self._governor.rest()
+            # a line that was too slow has lost what the next picture would build on
+            self.ask_key_frame()
             await asyncio.sleep(TICK_S)
         while (wait_s := self._pacer.wait_s(self._clock())) > 0.0:
             await asyncio.sleep(wait_s)
@@ -139,13 +156,20 @@ class ViewTrack(MediaStreamTrack):
         frame = self._pictures.frame(
             self._canvas, tick, started, self._camera(), hide_unseen=hide_unseen
         )
-        key, self._key_asked = self._key_asked or self._stalled(started), False
+        key = self._key_due(started)
         coded = self._encoder.encode(frame, tick, self.bitrate.bitrate, key=key)
         done = self._clock()
         self.render_seconds.append(done - started)
         self._pictures.work_s += done - started
         self._governor.drawn(done, done - started, self._pictures.work_s)
         return coded
+
+    def _key_due(self, now_s: float) -> bool:
+        self._key_asked |= self._stalled(now_s)
+        if not self._key_asked or now_s - self._keyed_s < _KEY_S:
+            return False
+        self._key_asked, self._keyed_s = False, now_s
+        return True
 
     def _stalled(self, now_s: float) -> bool:
         """Whether the viewer says that pictures come and can't be shown; now and then true."""

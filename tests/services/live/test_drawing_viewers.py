@@ -1,4 +1,5 @@
-"""A WebRTC viewer who draws for themselves: poses come in place of pictures, and back again."""
+"""A WebRTC viewer who draws for themselves: poses come in place of pictures, and back again; and
+one whose line is too slow for either."""
 
 from __future__ import annotations
 
@@ -19,10 +20,10 @@ from tests.services.live.viewer import Viewer
 __all__ = ["app", "caller", "model"]  # fixtures
 
 
-def view(sequence: int, *, draws_itself: bool) -> bytes:
+def view(sequence: int, *, draws_itself: bool, sound_only: bool = False) -> bytes:
     packet = ViewPacket(
         sequence, 0.0, (0.0, 1.2, 3.0), (0.0, 1.0, 0.0, 0.0), 0.7, 160, 160,
-        draws_itself=draws_itself,
+        draws_itself=draws_itself, sound_only=sound_only,
     )  # fmt: skip
     return encode_view(packet)
 
@@ -57,6 +58,14 @@ async def test_poses_come_while_the_viewer_draws_and_pictures_rest(app, caller, 
         await newest(poses)
     assert len(app.state.views.render_milliseconds()) == rendered
 
-    viewer.channel.send(view(3, draws_itself=False))
+    viewer.channel.send(view(3, draws_itself=True, sound_only=True))
+    await asyncio.sleep(0.5)
+    while not poses.empty():
+        poses.get_nowait()
+    await asyncio.sleep(1.0)
+    assert poses.empty()
+    assert len(app.state.views.render_milliseconds()) == rendered
+
+    viewer.channel.send(view(4, draws_itself=False))
     assert (await viewer.frame_of_size(160)).std() > 5
     await viewer.peer.close()

@@ -121,6 +121,26 @@ def test_estimates_that_swing_leave_the_step_alone():
     assert steps.bitrate == BITRATES[-1]
 
 
+def test_a_line_that_loses_packets_bounds_the_bitrate_until_it_has_room():
+    steps = BitrateSteps()
+    steps.estimate(1e9)
+    assert steps.bitrate == BITRATES[-1]
+    steps.loss(0.05)  # more than now and then, and not full
+    assert steps.bitrate == BITRATES[-1]
+    found = []
+    for _ in range(12):
+        steps.loss(0.8)
+        found.append(steps.bitrate)
+    assert found == sorted(found, reverse=True)
+    assert found[-1] == BITRATES[0]
+    for _ in range(60):
+        steps.loss(0.0)
+    assert steps.bitrate == BITRATES[-1]
+    steps.loss(1.0)
+    steps.estimate(1e9)  # that delays are short says nothing of losses
+    assert steps.bitrate < BITRATES[-1]
+
+
 async def test_h264_is_chosen_where_it_is_offered_as_we_send_it():
     peer = RTCPeerConnection()
     peer.addTransceiver("video", direction="recvonly")

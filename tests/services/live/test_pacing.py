@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from services.live.pacing import SCALES, TICK_S, FramePacer, SizeGovernor
+from services.live.pacing import SCALES, TICK_S, FramePacer, ResendBudget, SizeGovernor
 
 
 def test_a_viewer_gets_one_picture_a_tick():
@@ -80,3 +80,14 @@ def test_a_rest_is_no_slowness():
     governor.rest()
     watch.now_s += 60.0
     assert set(watch(governor, 3.0, 12.0, 0.05, 0.9)) == {1.0}
+
+
+def test_what_is_sent_again_stays_a_quarter_of_the_bitrate():
+    budget, now_s, bitrate = ResendBudget(), 50.0, 960_000  # of packets of 9600 bit: 25 a second
+    sent = 0
+    for _ in range(400):  # ten seconds in which everything is asked for, over and over
+        sent += budget.take(now_s, 17, bitrate)
+        now_s += 0.025
+    assert 250 <= sent <= 275
+    assert budget.take(now_s + 60.0, 3, bitrate) == 3
+    assert budget.take(now_s + 120.0, 1000, bitrate) == 25  # rest is not saved up

@@ -42,7 +42,7 @@ def test_only_what_was_filmed_is_the_first_flag():
     assert decode_view(bytes(data)).hide_unseen
     data[2] = 4
     assert decode_view(bytes(data)).stalled
-    data[2] = 0xF8  # flags of a later version
+    data[2] = 0xF0  # flags of a later version
     assert not decode_view(bytes(data)).stalled
     assert not decode_view(bytes(data)).hide_unseen
 
@@ -119,3 +119,21 @@ def test_drawing_for_oneself_is_the_second_flag():
     assert packet.draws_itself
     assert not packet.hide_unseen
     assert encode_view(packet) == bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("flags", "pictures", "poses"),
+    [(0, True, False), (2, False, True), (8, False, False), (10, False, False)],
+)
+def test_sound_alone_is_the_fourth_flag_and_wants_neither_pictures_nor_poses(
+    flags, pictures, poses
+):
+    newest = NewestView()
+    assert (newest.wants_pictures, newest.wants_poses) == (True, False)
+    data = bytearray.fromhex(GOLDEN)
+    data[2] = flags
+    packet = decode_view(bytes(data))
+    assert packet.sound_only == (flags >= 8)
+    assert encode_view(packet) == bytes(data)
+    newest.offer(packet)
+    assert (newest.wants_pictures, newest.wants_poses) == (pictures, poses)

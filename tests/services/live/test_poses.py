@@ -24,7 +24,7 @@ from services.live.packets import (
     encode_pose,
     performer_check,
 )
-from services.live.poses import PoseFeed, left_to_viewer, packets_of
+from services.live.poses import PoseFeed, packets_of
 from services.live.room import CastMember, Room
 from tests.renderer.studio import make_model, make_motion
 
@@ -152,9 +152,3 @@ async def test_only_who_draws_is_sent_poses_and_only_while_they_can_take_them():
         await asyncio.sleep(0)
     feed.send_newest()
     assert len(feed) == 0
-
-
-def test_whoever_draws_is_left_to_it():
-    assert left_to_viewer(looking(True))
-    assert not left_to_viewer(looking(False))
-    assert not left_to_viewer(NewestView())

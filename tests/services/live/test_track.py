@@ -3,13 +3,24 @@ come to whom they are due."""
 
 from __future__ import annotations
 
+import asyncio
 import itertools
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from aiortc.rtp import RTCP_PSFB_APP, RTCP_PSFB_FIR, RTCP_PSFB_PLI, RtcpPsfbPacket, pack_remb_fci
+from aiortc.rtp import (
+    RTCP_PSFB_APP,
+    RTCP_PSFB_FIR,
+    RTCP_PSFB_PLI,
+    RTCP_RTPFB_NACK,
+    RtcpPsfbPacket,
+    RtcpReceiverInfo,
+    RtcpRrPacket,
+    RtcpRtpfbPacket,
+    pack_remb_fci,
+)
 
 from scene import Pose
 from services.live import stamp
@@ -86,7 +97,7 @@ async def test_a_key_frame_comes_once_and_only_to_who_asks(room, threads, kind):
     mine, other = (track_of(room, threads, clock) for _ in range(2))
     assert await keys(mine, clock, 3) == [True, False, False]
     assert await keys(other, clock, 3) == [True, False, False]
-    heed_feedback(RtcpPsfbPacket(kind, 1, 2), mine)
+    heed_feedback(RtcpPsfbPacket(kind, 1, 2), mine, 2)
     assert await keys(mine, clock, 2) == [True, False]
     assert await keys(other, clock, 2) == [False, False]
 
@@ -102,12 +113,82 @@ async def test_who_says_that_pictures_stopped_gets_a_key_frame_now_and_then(room
     assert not any(await keys(track, clock, 30))
 
 
+async def test_who_goes_on_with_sound_alone_costs_no_drawing_and_begins_anew(room, threads):
+    clock, view = Clock(), NewestView()
+    track = track_of(room, threads, clock, view)
+    view.offer(VIEW)
+    assert await keys(track, clock, 2) == [True, False]
+    view.offer(replace(VIEW, sequence=2, sound_only=True))
+    clock.now_s += 1.0
+    coming = asyncio.create_task(track.recv())
+    await asyncio.sleep(5 * TICK_S)
+    assert not coming.done()
+    assert len(track.render_seconds) == 2
+    view.offer(replace(VIEW, sequence=3))
+    assert (await coming).is_keyframe
+    assert await keys(track, clock, 2) == [False, False]
+
+
+async def test_key_frames_asked_for_in_a_row_come_three_times_a_second(room, threads):
+    clock = Clock()
+    track, found = track_of(room, threads, clock), []
+    for _ in range(30):
+        track.ask_key_frame()
+        found += await keys(track, clock, 1)
+    assert sum(found) == 3
+    assert found[:9] == [True, *8 * [False]]
+    assert any(await keys(track, clock, 10))  # none that was asked for is forgotten
+
+
+def test_of_what_was_lost_the_newest_is_sent_again_and_nothing_once_there_is_sound_alone(
+    room, threads
+):
+    view, clock = NewestView(), Clock()
+    track = track_of(room, threads, clock, view)
+    again = track.worth_resending(range(1000))
+    assert again == list(range(1000 - len(again), 1000))
+    assert 20 <= len(again) <= 100
+    assert track.worth_resending([1000]) == []
+    clock.now_s += 1.0
+    assert track.worth_resending([1001]) == [1001]
+    view.offer(replace(VIEW, sound_only=True))
+    clock.now_s += 1.0
+    assert track.worth_resending([1002]) == []
+
+
 def test_estimates_of_the_receiver_set_the_bitrate_and_other_messages_do_not(room, threads):
     track = track_of(room, threads, Clock())
-    heed_feedback(RtcpPsfbPacket(RTCP_PSFB_APP, 1, 2, pack_remb_fci(800_000, [3])), track)
+    heed_feedback(RtcpPsfbPacket(RTCP_PSFB_APP, 1, 2, pack_remb_fci(800_000, [3])), track, 3)
     assert track.bitrate.bitrate == BITRATES[1]
-    heed_feedback(RtcpPsfbPacket(RTCP_PSFB_APP, 1, 2, b"something else"), track)
+    heed_feedback(RtcpPsfbPacket(RTCP_PSFB_APP, 1, 2, b"something else"), track, 3)
     assert track.bitrate.bitrate == BITRATES[1]
+
+
+def report(ssrc: int, lost: float) -> RtcpRrPacket:
+    return RtcpRrPacket(1, [RtcpReceiverInfo(ssrc, int(256 * lost), 0, 0, 0, 0, 0)])
+
+
+def test_losses_lower_the_bitrate_of_the_pictures_alone_and_while_they_are_wanted(room, threads):
+    view = NewestView()
+    track = track_of(room, threads, Clock(), view)
+    first = track.bitrate.bitrate
+    heed_feedback(report(4, lost=0.5), track, 3)  # of another stream: what is sent again
+    assert track.bitrate.bitrate == first
+    heed_feedback(report(3, lost=0.5), track, 3)
+    lower = track.bitrate.bitrate
+    assert lower < first
+    view.offer(replace(VIEW, sound_only=True))
+    for _ in range(50):
+        heed_feedback(report(3, lost=0.0), track, 3)  # nothing was sent, nothing is learnt
+    assert track.bitrate.bitrate == lower
+
+
+def test_a_request_for_lost_packets_keeps_those_that_are_sent_again(room, threads):
+    track = track_of(room, threads, Clock())
+    asked = RtcpRtpfbPacket(RTCP_RTPFB_NACK, 1, 3, list(range(1000)))
+    heed_feedback(asked, track, 3)
+    assert 20 <= len(asked.lost) <= 100
+    assert asked.lost[-1] == 999
 
 
 def test_who_looks_from_one_place_at_one_instant_shares_a_picture(room):
