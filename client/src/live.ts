@@ -2,14 +2,16 @@
 
 import type { Api } from "./api";
 import type { Vec3 } from "./geometry";
-import { SIDES, SizeLadder, fittingSize, highestStep, type Size } from "./framing";
+import { FEW_FPS, SIDES, fittingSize, highestStep, type Size } from "./framing";
 import { LocalDrawing } from "./localDrawing";
 import { Pacer, StallWatch, encodeView } from "./packets";
+import { PictureFlow } from "./pictureFlow";
 import type { Choice, Drawing } from "./splats/way";
 import { LatencyMeter } from "./stamp";
+import { Sway } from "./sway";
 import type { Meeting, Performer, Seat } from "./types";
 import { FOV_Y_RAD, Viewpoint, homeOrbit, type CameraPose } from "./viewpoint";
-import { WhepLink, type LinkState } from "./whep";
+import { WhepLink, type LinkNumbers, type LinkState } from "./whep";
 import type { Visit } from "./xr/visit";
 
 export interface LiveNumbers {
@@ -30,8 +32,8 @@ export interface LiveOptions {
   stamped: boolean;
 }
 
-/** As the viewer sees it: connected is not enough, a picture must be there. */
-export type LiveState = LinkState | { kind: "preparing"; firstStart: boolean };
+/** As the viewer sees it: connected is not enough, a picture must be there, unless there is sound alone. */
+export type LiveState = LinkState | { kind: "preparing"; firstStart: boolean } | { kind: "sound" };
 
 /** No picture for so long while the page is seen: the connection is dead, whatever it says. */
 const STALLED_S = 4;
@@ -45,9 +47,8 @@ const ROSTER_S = 10;
 /** Of somebody of usual height who stands. */
 const PELVIS_M = 0.95;
 const HEAD_ABOVE_PELVIS_M = 0.65;
-const SWAY_RAD = 0.45;
-const SWAY_S = 18;
 const RESIZE_MS = 250;
+
 export class LiveView {
   readonly video = document.createElement("video");
   readonly viewpoint: Viewpoint;
@@ -61,7 +62,7 @@ export class LiveView {
   private filmedOnly = false;
 
   private readonly link: WhepLink;
-  private ladder = new SizeLadder();
+  private readonly flow = new PictureFlow();
   private readonly local: LocalDrawing;
   private readonly pacer = new Pacer();
   private readonly stalls = new StallWatch();
@@ -78,10 +79,8 @@ export class LiveView {
   private firstStart = false;
   private sequence = 0;
   private shown = 0;
-  private still = 0;
   private lastTickMs = 0;
-  private swayedRad = 0;
-  private swayS = 0;
+  private readonly sway = new Sway();
   private tick = 0;
   private framing = 0;
   private drawn = 0;
@@ -98,7 +97,7 @@ export class LiveView {
     this.local = new LocalDrawing(api, meeting, {
       onSwitch: (drawing) => {
         this.resent = true;
-        this.still = 0;
+        this.flow.expect();
         this.onDrawing(drawing);
       },
       onSeen: () => this.measureAnew(),
@@ -111,9 +110,9 @@ export class LiveView {
         // a new connection knows nothing of the viewpoint yet
         this.resent = true;
         this.connected = state.kind === "live";
-        this.still = 0;
+        this.flow.expect();
         this.local.forgetPoses();
-        this.tell(this.connected ? { kind: "preparing", firstStart: this.firstStart } : state);
+        this.tell(this.connected ? this.waiting : state);
       },
       onStream: (stream) => {
         this.video.srcObject = stream;
@@ -200,7 +199,7 @@ export class LiveView {
   endVisit(): void {
     this.local.endVisit();
     this.resent = true;
-    this.still = 0;
+    this.flow.expect();
   }
 
   /** The viewer's head, for voices that come from somewhere. */
@@ -238,6 +237,11 @@ export class LiveView {
 
   private readonly leavePage = (): void => this.link.close();
 
+  /** Connected, and no picture is there yet. */
+  private get waiting(): LiveState {
+    return this.flow.silent ? { kind: "sound" } : { kind: "preparing", firstStart: this.firstStart };
+  }
+
   private tell(state: LiveState): void {
     this.state = state;
     this.onState(state);
@@ -259,7 +263,7 @@ export class LiveView {
   }
 
   private async roster(): Promise<void> {
-    if (this.state.kind !== "live") return;
+    if (!this.live) return;
     // a roster that can't be had now is asked for again in a moment
     const meeting = await this.api.meeting(this.meeting.id).catch(() => null);
     if (!meeting) return;
@@ -271,7 +275,7 @@ export class LiveView {
     this.tick = requestAnimationFrame((ms) => this.frame(ms));
     const seconds = Math.max(0, (nowMs - this.lastTickMs) / 1000);
     this.lastTickMs = nowMs;
-    if (this.swaying && this.options.inertia) this.sway(Math.min(seconds, 0.1));
+    if (this.swaying && this.options.inertia) this.viewpoint.turn(this.sway.step(seconds), 0);
     const moved = this.viewpoint.step(seconds);
     if (this.local.visit) return;
     this.send(moved);
@@ -285,13 +289,6 @@ export class LiveView {
     }
   }
 
-  private sway(seconds: number): void {
-    this.swayS += seconds;
-    const wanted = SWAY_RAD * Math.sin((this.swayS * 2 * Math.PI) / SWAY_S);
-    this.viewpoint.turn(wanted - this.swayedRad, 0);
-    this.swayedRad = wanted;
-  }
-
   private send(moved: boolean): void {
     if (!this.pacer.due(performance.now(), moved || this.resent)) return;
     const { position, wxyz } = this.ears;
@@ -303,7 +300,8 @@ export class LiveView {
       fovYRad: this.local.visit?.fovYRad ?? FOV_Y_RAD,
       hideUnseen: this.filmedOnly,
       drawsItself: this.local.ready,
-      stalled: this.connected && !document.hidden && this.stalls.stalled(performance.now()),
+      soundOnly: this.flow.silent && !this.local.visit,
+      stalled: this.connected && !this.flow.silent && !document.hidden && this.stalls.stalled(performance.now()),
       ...(this.local.visit?.size ?? this.size),
     });
     // what could not be sent is still news at the next tick
@@ -328,13 +326,12 @@ export class LiveView {
     const { width, height } = this.box;
     this.size = pinned
       ? { width: pinned, height: pinned }
-      : fittingSize(width, height, this.ladder.side);
+      : fittingSize(width, height, this.flow.side);
     this.resent = true;
   }
 
   private measureAnew(): void {
-    this.ladder = new SizeLadder();
-    this.ladder.settle();
+    this.flow.beginAnew();
     this.fit();
   }
 
@@ -354,9 +351,15 @@ export class LiveView {
   }
 
   private alive(): void {
-    if (!this.connected || this.state.kind === "live") return;
-    this.ladder.settle();
+    // a stray picture does not end sound alone: `judge` does, once enough come
+    if (!this.connected || this.live) return;
+    this.flow.settle();
     this.tell({ kind: "live" });
+  }
+
+  /** In the meeting, with pictures or by sound alone. */
+  private get live(): boolean {
+    return this.state.kind === "live" || this.state.kind === "sound";
   }
 
   private get patienceS(): number {
@@ -367,27 +370,38 @@ export class LiveView {
   private async everySecond(): Promise<void> {
     const fps = this.shown;
     this.shown = 0;
-    const { framesDecoded, roundTripMs } = await this.link.numbers();
+    const numbers = await this.link.numbers();
+    this.showNumbers(fps, numbers);
+    if (!this.connected || document.hidden) return this.flow.expect(); // hidden pages show no pictures
+    if (this.state.kind === "live") this.local.countSecond(fps);
+    this.judge(fps, numbers);
+  }
+
+  private showNumbers(fps: number, { framesDecoded, roundTripMs }: LinkNumbers): void {
     const { videoWidth, videoHeight } = this.video;
     const drawn = this.local.seen ? this.size : { width: videoWidth, height: videoHeight };
     const { width, height } = this.local.visit?.size ?? drawn;
     if (width >= SMALLEST_PX) {
       this.onNumbers({ fps, framesDecoded: framesDecoded + this.drawn, width, height, roundTripMs });
     }
-    // hidden pages show no pictures, and that is no fault
-    this.still = fps > 0 || document.hidden ? 0 : this.still + 1;
-    if (!this.connected || document.hidden) return;
-    if (this.still >= this.patienceS) {
-      this.still = 0;
-      this.link.restart();
+  }
+
+  /** Ask for what the pictures of the last second say that can come. */
+  private judge(fps: number, { received, lost }: LinkNumbers): void {
+    const { live } = this;
+    const [pinned, visits] = [this.options.pinned !== null, this.local.visit !== null];
+    if (live && this.local.seen && !visits) this.local.keepUp(fps, pinned || this.flow.side === SIDES[0]);
+    const { width, height } = this.box;
+    const highest = highestStep(width * devicePixelRatio, height * devicePixelRatio);
+    const adapts = !pinned && !visits;
+    const step = this.flow.observe({ fps, received, lost, live, adapts, highest, patienceS: this.patienceS });
+    if (step === "renew") this.link.restart();
+    if (step === "ask") {
+      this.fit();
+      if (!this.local.ready) this.stalls.shown(performance.now());
     }
-    if (this.state.kind !== "live") return;
-    this.local.countSecond(fps);
-    if (this.local.visit) return;
-    if (this.local.seen) this.local.keepUp(fps, this.options.pinned !== null || this.ladder.side === SIDES[0]);
-    if (this.options.pinned) return;
-    const { width: wide, height: high } = this.box;
-    const highest = highestStep(wide * devicePixelRatio, high * devicePixelRatio);
-    if (this.ladder.observe(fps, highest)) this.fit();
+    if (this.flow.silent !== (this.state.kind === "sound") && (this.flow.silent || fps >= FEW_FPS)) {
+      this.tell(this.flow.silent ? { kind: "sound" } : { kind: "live" });
+    }
   }
 }

@@ -4,7 +4,7 @@
  * Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
  * Flags of a view, bit 0: show only what was filmed of a person; bit 1: this page draws the room, so
  * poses are wanted in place of pictures; bit 2: pictures are wanted and have stopped, so one that needs none
- * before it is.
+ * before it is; bit 3: neither pictures nor poses are wanted, sound alone.
  * A view's payload: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV camera axes),
  * f32 vertical field of view (rad), u16 width, u16 height (px).
  * A pose's payload: u8 index of the performer, u8 how many there are, u16 check of the performer's id,
@@ -22,6 +22,7 @@ const KIND_VIEW = 3;
 const HIDE_UNSEEN = 1;
 const DRAWS_ITSELF = 2;
 const STALLED = 4;
+const SOUND_ONLY = 8;
 export const POSE_BYTES = 176;
 const JOINTS = 24;
 const TURNS_AT = 32;
@@ -42,6 +43,8 @@ export interface ViewPacket {
   drawsItself: boolean;
   /** Pictures are wanted, and none has been shown for a while. */
   stalled: boolean;
+  /** The connection is too slow for pictures, and for poses. */
+  soundOnly: boolean;
 }
 
 /** How one performer stands in the room. */
@@ -66,7 +69,8 @@ export function encodeView(packet: ViewPacket): ArrayBuffer {
   data.setUint8(0, VERSION);
   data.setUint8(1, KIND_VIEW);
   const drawing = (packet.hideUnseen ? HIDE_UNSEEN : 0) | (packet.drawsItself ? DRAWS_ITSELF : 0);
-  data.setUint16(2, drawing | (packet.stalled ? STALLED : 0), true);
+  const coming = (packet.stalled ? STALLED : 0) | (packet.soundOnly ? SOUND_ONLY : 0);
+  data.setUint16(2, drawing | coming, true);
   data.setUint32(4, packet.sequence, true);
   data.setFloat64(8, packet.captureTimeMs, true);
   const floats = [...packet.position, ...packet.wxyz, packet.fovYRad];

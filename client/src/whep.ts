@@ -28,6 +28,9 @@ export interface LinkHooks {
 export interface LinkNumbers {
   framesDecoded: number;
   roundTripMs: number | null;
+  /** Of the pictures' packets on this connection, those that came and those that did not. */
+  received: number;
+  lost: number;
 }
 
 const GATHERING_MS = 1500;
@@ -116,17 +119,20 @@ export class WhepLink {
 
   async numbers(): Promise<LinkNumbers> {
     let roundTripMs: number | null = null;
+    let [received, lost] = [0, 0];
     const report = await this.peer?.getStats().catch(() => null);
     report?.forEach((entry: Record<string, unknown>) => {
       if (entry["type"] === "inbound-rtp" && entry["kind"] === "video") {
         this.decodedNow = Number(entry["framesDecoded"] ?? 0);
+        received = Number(entry["packetsReceived"] ?? 0);
+        lost = Number(entry["packetsLost"] ?? 0);
       }
       if (entry["type"] === "candidate-pair" && entry["nominated"] === true) {
         const seconds = entry["currentRoundTripTime"];
         if (typeof seconds === "number") roundTripMs = seconds * 1000;
       }
     });
-    return { framesDecoded: this.decodedBefore + this.decodedNow, roundTripMs };
+    return { framesDecoded: this.decodedBefore + this.decodedNow, roundTripMs, received, lost };
   }
 
   /** Leave; works while the page goes away, too. */

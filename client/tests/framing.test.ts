@@ -48,6 +48,47 @@ describe("SizeLadder", () => {
     expect(ladder.side).toBe(256);
   });
 
+  it("falls to the smallest at once where most are lost, and no further where nothing is", () => {
+    const ladder = new SizeLadder();
+    for (let second = 0; second < 3; second++) ladder.observe(2, 4, true);
+    expect(ladder.side).toBe(256);
+    expect(seconds(ladder, 0, 60)).toBe(0);
+    expect(ladder.silent).toBe(false);
+  });
+
+  it("falls to sound alone where even the smallest are lost, and tries again after a wait that doubles", () => {
+    const ladder = new SizeLadder();
+    const silentFor = (): number => {
+      let count = 1;
+      while (!ladder.observe(0, 4)) count += 1;
+      return count;
+    };
+    const waits: number[] = [];
+    for (let fall = 0; fall < 8; fall++) {
+      while (!ladder.silent) ladder.observe(1, 4, true);
+      waits.push(silentFor());
+      expect([ladder.silent, ladder.side]).toEqual([false, 256]);
+    }
+    const settling = 2;
+    expect(waits.map((wait) => wait - settling)).toEqual([6, 12, 24, 48, 96, 120, 120, 120]);
+  });
+
+  it("climbs the whole way up again, the faster the more climbs have held", () => {
+    const ladder = new SizeLadder();
+    for (let fall = 0; fall < 3; fall++) {
+      while (!ladder.silent) ladder.observe(1, 4, true);
+      while (ladder.silent) ladder.observe(0, 4);
+    }
+    const climbs: number[] = [];
+    for (let waited = 1; ladder.side < 1024; waited++) {
+      if (!ladder.observe(30, 4)) continue;
+      climbs.push(waited);
+      waited = 0;
+    }
+    expect(ladder.side).toBe(1024);
+    expect(climbs).toEqual([26, 14, 8, 8]);
+  });
+
   it("climbs when they come fluently, up to what the stage can show", () => {
     const ladder = new SizeLadder();
     seconds(ladder, 30, 60, 3);

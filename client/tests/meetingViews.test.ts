@@ -8,6 +8,7 @@ import { captions } from "../src/views/captions";
 import { notesOn } from "../src/views/notes";
 import { placeChoice } from "../src/views/placeChoice";
 import { screenView } from "../src/views/screenView";
+import { waitingNote } from "../src/views/waitingNote";
 import { fakeFetch, json, member, tokenStore, type Call } from "./fakes";
 
 const MEETING = { id: "m", name: "Monday", join_url: "/", performers: [], lobby: false } as unknown as Meeting;
@@ -294,5 +295,20 @@ describe("a shared screen", () => {
     expect(track.stop).toHaveBeenCalled();
     expect(complain).toHaveBeenCalledWith("Your screen is no longer shared.");
     expect([words(), toggle.getAttribute("aria-pressed")]).toEqual(["Bo’s screen", "false"]);
+  });
+});
+
+describe("A line too slow for pictures", () => {
+  it("is told of in plain words, aloud too, and that one still hears the others", () => {
+    const note = waitingNote({ kind: "sound" }, true);
+    expect(note.querySelector("strong")?.textContent).toBe(
+      "Your connection is too slow for pictures: you still hear everybody",
+    );
+    expect(document.getElementById("announcer")?.textContent).toBe(note.querySelector("strong")?.textContent);
+    expect(note.querySelector(".spinner")).toBeNull(); // nothing is waited for
+  });
+
+  it("promises nobody's voice to whoever is not in the meeting yet", () => {
+    expect(waitingNote({ kind: "sound" }, false).textContent).not.toContain("hear");
   });
 });

@@ -14,6 +14,7 @@ describe("encodeView", () => {
       hideUnseen: false,
       drawsItself: false,
       stalled: false,
+      soundOnly: false,
     });
     expect(bytes.byteLength).toBe(VIEW_BYTES);
     const hex = [...new Uint8Array(bytes)].map((byte) => byte.toString(16).padStart(2, "0"));
@@ -30,20 +31,28 @@ describe("encodeView", () => {
 
   it("asks for what was filmed alone by the first bit of the flags", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: true, drawsItself: false, stalled: false });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: true, drawsItself: false, stalled: false, soundOnly: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 1, 0]);
   });
 
   it("asks for poses in place of pictures by the second", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, drawsItself: true, stalled: false });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, drawsItself: true, stalled: false, soundOnly: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 2, 0]);
   });
 
   it("says by the third that pictures have stopped", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, drawsItself: false, stalled: true });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, drawsItself: false, stalled: true, soundOnly: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 4, 0]);
+  });
+});
+
+describe("encodeView on a line that is too slow", () => {
+  it("asks by the fourth bit for sound alone", () => {
+    const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, drawsItself: true, stalled: false, soundOnly: true });
+    expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 10, 0]);
   });
 });
 

@@ -52,7 +52,7 @@ class FakePeer extends EventTarget {
   }
   async getStats(): Promise<Map<string, object>> {
     return new Map<string, object>([
-      ["v", { type: "inbound-rtp", kind: "video", framesDecoded: 10 }],
+      ["v", { type: "inbound-rtp", kind: "video", framesDecoded: 10, packetsReceived: 90, packetsLost: 7 }],
       ["p", { type: "candidate-pair", nominated: true, currentRoundTripTime: 0.004 }],
     ]);
   }
@@ -157,7 +157,7 @@ describe("WhepLink", () => {
     const { link, peers, calls, kinds } = setUp(accepted);
     void link.run();
     await vi.advanceTimersByTimeAsync(10);
-    expect(await link.numbers()).toEqual({ framesDecoded: 10, roundTripMs: 4 });
+    expect(await link.numbers()).toEqual({ framesDecoded: 10, roundTripMs: 4, received: 90, lost: 7 });
     breakIt(peers[0] as FakePeer);
     await vi.advanceTimersByTimeAsync(5000);
     expect(peers).toHaveLength(2);

@@ -37,6 +37,7 @@ const ICONS = {
   screen: '<rect x="3" y="4.5" width="18" height="12" rx="2.5"/><path d="M9 20h6M12 16.5V20"/>',
   send: '<path d="m4 12 16-8-4.5 16-4-7.5ZM11.5 12.5 20 4"/>',
   smile: '<circle cx="12" cy="12" r="9"/><path d="M8.2 14.2a4.6 4.6 0 0 0 7.6 0M9 9.6h.01M15 9.6h.01"/>',
+  sound: '<path d="M4 9.5v5h3.5l4.5 4v-13l-4.5 4Z"/><path d="M15.5 9a4.2 4.2 0 0 1 0 6M18 6.5a7.8 7.8 0 0 1 0 11"/>',
   surprise: '<circle cx="12" cy="12" r="9"/><circle cx="12" cy="15.2" r="1.9"/><path d="M9 9.6h.01M15 9.6h.01"/>',
   upload: '<path d="M12 15.5V4.5M7.5 9 12 4.5 16.5 9"/><path d="M4 15.5V17a3 3 0 0 0 3 3h10a3 3 0 0 0 3-3v-1.5"/>',
   warning: '<path d="M12 4 3 19.5h18L12 4Z"/><path d="M12 10.5v4M12 17.2h.01"/>',

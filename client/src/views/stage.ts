@@ -61,7 +61,11 @@ export function stageView(live: LiveView, tools: MeetingTools, headset: EnterVr,
   ];
   tools.bringInto(live);
   live.onNumbers = numbers.show;
-  live.onState = (state) => middle.replaceChildren(...stateInWords(state, hooks));
+  live.onState = (state) => {
+    if (state.kind === "live") announce(element.classList.contains("sound") ? "Pictures are back" : "Connected");
+    element.classList.toggle("sound", state.kind === "sound");
+    middle.replaceChildren(...stateInWords(state, hooks));
+  };
   live.onPerformers = (performers) => showPeople(people, performers, live);
   live.onDrawing = (drawing) => {
     way.show(drawing);
@@ -170,12 +174,12 @@ function waySwitch(onChoice: (choice: Choice) => void): {
 function stateInWords(state: LiveState, hooks: StageHooks): HTMLElement[] {
   switch (state.kind) {
     case "live":
-      announce("Connected");
       return [];
     case "connecting":
     case "preparing":
     case "reconnecting":
-      return [waitingNote(state)];
+    case "sound":
+      return [waitingNote(state, true)];
     case "refused":
       return [
         h(

@@ -139,7 +139,7 @@ function liveWindow(live: LiveView): HTMLElement {
   live.onState = (state) => {
     window_.classList.toggle("waiting", state.kind !== "live");
     const waits = state.kind !== "live" && state.kind !== "refused";
-    middle.replaceChildren(...(waits ? [waitingNote(state)] : []));
+    middle.replaceChildren(...(waits ? [waitingNote(state, false)] : []));
   };
   live.onState(live.state);
   return window_;

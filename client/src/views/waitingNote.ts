@@ -1,22 +1,27 @@
-/** What one waits for while there is no picture. */
+/** What one waits for while there is no picture, and that there is sound alone. */
 
 import type { LiveState } from "../live";
 import { announce, h } from "./dom";
+import { icon } from "./icons";
+
+const COME_BACK = "Pictures come back by themselves as soon as they get through.";
 
 type Waiting = Exclude<LiveState, { kind: "live" | "refused" }>;
 
-export function waitingNote(state: Waiting): HTMLElement {
-  const [words, detail] = inWords(state);
+/** `inside` the meeting one hears the others; before it one only looks. */
+export function waitingNote(state: Waiting, inside: boolean): HTMLElement {
+  const [words, detail] = inWords(state, inside);
   announce(words);
+  const sound = state.kind === "sound";
   return h(
     "div",
-    { className: "waiting-note glass", testId: "waiting" },
-    h("span", { className: "spinner", attributes: { "aria-hidden": "true" } }),
+    { className: "waiting-note glass", testId: sound ? "sound-alone" : "waiting" },
+    sound ? icon("sound") : h("span", { className: "spinner", attributes: { "aria-hidden": "true" } }),
     h("div", {}, h("strong", {}, words), detail !== "" && h("p", {}, detail)),
   );
 }
 
-function inWords(state: Waiting): [words: string, detail: string] {
+function inWords(state: Waiting, inside: boolean): [words: string, detail: string] {
   switch (state.kind) {
     case "connecting":
       return ["Connecting", ""];
@@ -26,5 +31,7 @@ function inWords(state: Waiting): [words: string, detail: string] {
         : ["Getting the picture ready", ""];
     case "reconnecting":
       return ["Connection lost. Reconnecting", state.problem?.detail ?? ""];
+    case "sound":
+      return [`Your connection is too slow for pictures${inside ? ": you still hear everybody" : ""}`, COME_BACK];
   }
 }
