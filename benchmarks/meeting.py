@@ -5,6 +5,7 @@ or at its own. Each shows when the newest landmarks were captured (services.live
 reads that from the pixels: latency is the age of a picture, ms, when it is handed to the screen.
 Processor time holds on a machine that others use as well; frames a second and latency do not: each
 row says how many processes wanted a core (`load`), and how wide the pictures by the server were.
+What a page takes to find the landmarks is measured apart (benchmarks.landmark_finder).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Page
 
+from benchmarks import landmark_finder
 from benchmarks.browser import (
     BUSY,
     RESIDENT,
@@ -67,9 +69,10 @@ class DrivenMeeting:
     people: People
 
 
-def run(json_file: Path | None) -> None:
-    """Measure and report."""
+def run(json_file: Path | None, clip: Path, pose_model: Path) -> None:
+    """Measure and report; the landmark finder's camera shows `clip`."""
     figures: dict[str, Any] = {"size": SIZE_PX, "watched_s": _WATCHED_S, "rows": []}
+    figures["landmark_finder"] = landmark_finder.measured(clip, pose_model)
     for performers in PERFORMERS:
         figures["rows"] += _measured(performers)
         # who is interrupted keeps what has been measured

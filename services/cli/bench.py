@@ -15,6 +15,7 @@ app = typer.Typer(help="Measure what is claimed, on this machine.", no_args_is_h
 
 MOTION = Path("../shared/data/mocap")
 TWO_CAMERAS = Path("../shared/data/real-two-cameras")
+WEBCAM = Path("../shared/data/real-monocular/webcam_upperbody_woman_asl.mp4")
 PANORAMAS = Path("../shared/data/environments")
 """Data beside the checkout; no part of this package."""
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the figures here.")]
@@ -51,16 +52,25 @@ def serve(json_file: JsonFile = None) -> None:
 
 
 @app.command()
-def meeting(json_file: JsonFile = None) -> None:
-    """Landmarks to picture: latency, bytes, frames a second, processor time a viewer."""
+def meeting(
+    json_file: JsonFile = None,
+    clip: Annotated[
+        Path, typer.Option(help="Film of one person, which a page's camera shows.")
+    ] = WEBCAM,
+) -> None:
+    """Landmarks to picture: latency, bytes, frames a second, cost; and the time to find them."""
+    if not clip.is_file():
+        raise InvalidInput(f"clip must be a film of one person; got {clip}; name one by --clip")
     if find_spec("playwright") is None:
         raise InvalidInput(
             "a browser must be at hand to watch the meeting; got no package playwright; "
             "run `make setup-test`"
         )
     from benchmarks.meeting import run
+    from capture.pose_model import pose_model_file
+    from services.settings import load_settings
 
-    run(json_file)
+    run(json_file, clip, pose_model_file(load_settings().pose_model_source()))
 
 
 @app.command("local-view")

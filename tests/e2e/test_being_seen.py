@@ -6,17 +6,16 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from fractions import Fraction
 from pathlib import Path
 from urllib.parse import urlsplit
 
-import av
 import numpy as np
 import pytest
 import uvicorn
 from playwright.sync_api import Page, Request, WebSocket, expect
 
 from benchmarks.browser import open_page
+from benchmarks.landmark_finder import film
 from services.app import create_app
 from services.auth import GUEST
 from services.bootstrap import import_model
@@ -63,16 +62,8 @@ SENT = "() => Object.fromEntries(Object.entries(sent).map(([label, sizes]) => [l
 
 
 def webcam(source: Path, out: Path) -> Path:
-    """Some frames of a clip as the Motion JPEG that Chromium takes for a camera."""
-    with av.open(str(source)) as clip, av.open(str(out), "w", format="mjpeg") as film:
-        stream = film.add_stream("mjpeg", rate=30)
-        stream.width, stream.height, stream.pix_fmt = 640, 480, "yuvj420p"
-        for number, frame in enumerate(clip.decode(video=0)):
-            if FIRST <= number < LAST:
-                frame.pts, frame.time_base = number - FIRST, Fraction(1, 30)
-                film.mux(stream.encode(frame))
-        film.mux(stream.encode())
-    return out
+    """Some frames of a clip as a camera of Chromium's."""
+    return film(source, out, FIRST, LAST)
 
 
 @contextmanager

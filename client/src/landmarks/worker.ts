@@ -1,8 +1,8 @@
 /**
  * Finds landmarks in pictures, off the page's own thread: MediaPipe's Pose Landmarker.
  *
- * Pictures come in and go no further; landmarks go out. The processor is enough (some 20 ms a
- * picture), and leaves the graphics card to whoever draws the room.
+ * Pictures come in and go no further; landmarks go out. The processor is enough (`metanerf
+ * bench meeting` tells its time), and leaves the graphics card to whoever draws the room.
  */
 
 import { PoseLandmarker, type PoseLandmarkerResult } from "@mediapipe/tasks-vision";

@@ -197,6 +197,13 @@ def test_a_measurement_says_what_it_lacks_before_it_starts(monkeypatch, capsys):
     assert "got no package playwright; run `make setup-test`" in capsys.readouterr().err
 
 
+def test_a_meeting_is_not_measured_without_a_film_for_its_camera(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["metanerf", "bench", "meeting", "--clip", str(tmp_path / "x")])
+    with pytest.raises(SystemExit):
+        main()
+    assert "clip must be a film of one person; got" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("text", "value"), [("20s", 20.0), ("1.5m", 90.0), ("2h", 7200.0), ("7", 7.0)]
 )
