@@ -48,7 +48,7 @@ def run(json_file: Path | None, preset: str, size: int, steps: int) -> None:
     model = load_body_model()
     field = fitted(settings, model.body(np.zeros(model.shape_count)), steps)
     names = [(), *((name,) for name in SAME_WEIGHTS), EXACT]
-    renderers = [FieldRenderer(_with(field, settings.sizes, added)) for added in names]
+    renderers = [FieldRenderer(with_speed_ups(field, settings.sizes, added)) for added in names]
     seconds: list[list[float]] = [[] for _ in renderers]
     pictures: list[Array] = []
     for turn in range(_RUNS):  # in turns: what else the machine does falls on all of them
@@ -70,7 +70,9 @@ def run(json_file: Path | None, preset: str, size: int, steps: int) -> None:
     )
 
 
-def _with(field: PersonField, sizes: FieldSizes, speed_ups: tuple[str, ...]) -> PersonField:
+def with_speed_ups(
+    field: PersonField, sizes: FieldSizes, speed_ups: tuple[str, ...]
+) -> PersonField:
     """The same weights with speed-ups."""
     other = copy(field)
     for name in speed_ups:

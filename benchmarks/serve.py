@@ -24,7 +24,7 @@ from renderer.splats.initialise import sample_surface
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, ROTATION
 from renderer.splats.model import SplatModel
 from scene.arrays import Array
-from scene.camera import orbit_camera
+from scene.camera import Camera, orbit_camera
 
 SIZES = (256, 512, 1024)
 COUNTS = (5_000, 10_000, 20_000, 50_000)
@@ -52,7 +52,7 @@ def run(json_file: Path | None) -> None:
 
 def _drawn(count: int, performers: int, size: int) -> dict[str, Any]:
     """One view after the other round `performers` who stand side by side."""
-    cast = _Cast(count, performers)
+    cast = Cast(count, performers)
     seconds = []
     for view in range(-_WARM_UPS, _VIEWS):
         started = time.perf_counter()
@@ -98,30 +98,36 @@ def _coded(size: int, performers: int, moving: bool) -> dict[str, Any]:
     return row
 
 
-class _Cast:
+class Cast:
     """Performers side by side, and a camera that goes round them."""
 
     def __init__(self, count: int, performers: int) -> None:
-        self._model = surface_model(count)
-        self._renderer = SplatRenderer((self._model,) * performers)
+        self.models = [surface_model(count)] * performers
+        self._renderer = SplatRenderer(self.models)
         self._places = _BESIDE_M * (np.arange(performers) - 0.5 * (performers - 1))
         self._distance_m = 3.2 + 0.7 * _BESIDE_M * (performers - 1)
 
     def draw(self, view: int, size: int) -> Array:
-        """The picture number `view`."""
-        model = self._model
-        camera = orbit_camera((0.0, 0.9, 0.0), self._distance_m, 0.05 * view, 0.05, size, size)
-        transforms = []
-        for number, across in enumerate(self._places):
+        """The picture number `view`, by the CPU."""
+        return self._renderer.render(self.camera(view, size), self.transforms(view))
+
+    def camera(self, view: int, size: int) -> Camera:
+        """From where the picture number `view` is seen."""
+        return orbit_camera((0.0, 0.9, 0.0), self._distance_m, 0.05 * view, 0.05, size, size)
+
+    def transforms(self, view: int) -> list[Array]:
+        """Everybody's skinning transforms then."""
+        made = []
+        for number, (model, across) in enumerate(zip(self.models, self._places, strict=True)):
             pose = model.motion.pose((view + 7 * number) % len(model.motion))
             moved = pose.root_translation + np.array([across, 0.0, 0.0])
-            transforms.append(model.skeleton.skinning_transforms(pose.joint_angles, moved))
-        return self._renderer.render(camera, transforms)
+            made.append(model.skeleton.skinning_transforms(pose.joint_angles, moved))
+        return made
 
 
 def _long_session() -> dict[str, Any]:
     """Peak memory of this process before and after many frames of one session, MiB."""
-    cast, peaks = _Cast(10_000, 1), []
+    cast, peaks = Cast(10_000, 1), []
     for frames in (_FRAMES_OF_ONE_SESSION // 10, _FRAMES_OF_ONE_SESSION):
         for view in range(frames):
             cast.draw(view, SIZES[0])

@@ -129,7 +129,9 @@ class Stage:
     ) -> Float[Array, "H W 4"]:
         models = tuple(p.model for p in performers if isinstance(p.model, SplatModel))
         if self._splats is None or models != self._models:
-            self._models, self._splats = models, SplatRenderer(models)
+            from renderer.splats.gpu import splat_renderer
+
+            self._models, self._splats = models, splat_renderer(models)
         return self._splats.render(camera, [_moved(p) for p in performers], lighting)
 
 

@@ -10,6 +10,7 @@ import torch
 from renderer.devices import on_device, on_host
 from renderer.field.cells import LiveCells
 from renderer.field.field import PersonField
+from renderer.field.gpu import FusedDrawing, draws
 from renderer.field.marching import (
     OPAQUE,
     Samples,
@@ -39,6 +40,8 @@ _RAYS_AT_ONCE_IN_WAVES = 8192
 _RAYS_AT_ONCE_CULLED = 4096
 _RAYS_AT_ONCE_DIRECT = 512
 """Where every sample of a ray costs 24 look-ups, memory holds fewer."""
+_TIMES_ON_A_GPU = 64
+"""A GPU waits for its next task when it gets no more rays at once than a CPU's cache likes."""
 _WAVE = 8
 """Samples of a ray that are asked before looking whether the ray has become opaque."""
 _LEAST_WEIGHT = 1e-3
@@ -59,6 +62,9 @@ class FieldRenderer:
                 prepared = volume, Support.of(volume)
         self.volume, self.support = prepared
         self.device = self.volume.low.device
+        self._fused = None
+        if draws(field, self.device):
+            self._fused = FusedDrawing(field, self.volume, self.support)
 
     @torch.no_grad()
     def render(self, camera: Camera, pose: Pose) -> Float[Array, "H W 4"]:
@@ -84,11 +90,15 @@ class FieldRenderer:
         rows, columns = window
         size = (rows.stop - rows.start, columns.stop - columns.start)
         crop = camera.cropped(columns.start, rows.start, size[1], size[0])
-        directions = on_device(crop.rays()[1], self.device, torch.float32).view(-1, 3)
-        origin = on_device(camera.position, self.device, torch.float32)[None]
         before = None
         if self.field.sizes.occupancy:
             before = occupied_before_residual(self.field, joint_angles)
+        if self._fused is not None and before is not None and camera.distortion is None:
+            box = low, high
+            picture[rows, columns] = self._fused.render(crop, box, transforms, joint_angles, before)
+            return picture
+        directions = on_device(crop.rays()[1], self.device, torch.float32).view(-1, 3)
+        origin = on_device(camera.position, self.device, torch.float32)[None]
         cells = self._cells(transforms, joint_angles, before)
         draw = _Draw(self, (low, high), cells, before, transforms, joint_angles)
         parts = [
@@ -114,11 +124,12 @@ class FieldRenderer:
 
     def _rays_at_once(self, cells: LiveCells | None) -> int:
         """As many as memory holds samples of."""
+        times = _TIMES_ON_A_GPU if self.device.type == "cuda" and cells is not None else 1
         if isinstance(cells, PosedGrid):
-            return _RAYS_AT_ONCE
+            return times * _RAYS_AT_ONCE
         if self.in_waves:
-            return _RAYS_AT_ONCE_IN_WAVES
-        return _RAYS_AT_ONCE_DIRECT if cells is None else _RAYS_AT_ONCE_CULLED
+            return times * _RAYS_AT_ONCE_IN_WAVES
+        return _RAYS_AT_ONCE_DIRECT if cells is None else times * _RAYS_AT_ONCE_CULLED
 
     @property
     def in_waves(self) -> bool:

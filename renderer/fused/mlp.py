@@ -27,8 +27,11 @@ MOST_INPUTS = 128
 MOST_OUTPUTS = 128
 _TILE = 16
 """Side of the smallest product that tensor cores make; inputs are padded to its multiple."""
-_BLOCK_ROWS = {16: 128, 32: 128, 64: 128, 128: 64}
+_BLOCK_ROWS = {16: 64, 32: 64, 64: 32, 128: 32}
 """Rows that one program carries through all layers, by width: as many as its registers hold."""
+WARPS = 2
+"""Of a program. With four, Triton (3.6) uses the products of Hopper's warp groups, and those of
+layers of 64 units read outside their shared memory."""
 _RUNS = 128
 """Most runs of rows whose weight gradients are summed apart, about one a multiprocessor."""
 _LARGEST_DELTA = 2.0**6
@@ -125,7 +128,7 @@ class _FusedMlp(torch.autograd.Function):
         _kernels().forward[(_blocks(rows, block),)](
             x, *packed, h, y, rows, x.shape[1], y.shape[1],
             PADDED_INPUTS=packed[0].shape[0], WIDTH=width, PADDED_OUTPUTS=packed[2].shape[1],
-            HIDDEN=hidden, KEEP=keep, RELU_LAST=relu_last, BLOCK=block,
+            HIDDEN=hidden, KEEP=keep, RELU_LAST=relu_last, BLOCK=block, num_warps=WARPS,
         )  # fmt: skip
         ctx.save_for_backward(x, y, h, *packed)
         ctx.relu_last, ctx.hidden = relu_last, hidden
@@ -146,7 +149,7 @@ class _FusedMlp(torch.autograd.Function):
             rows, x.shape[1], y.shape[1],
             PADDED_INPUTS=w_first.shape[0], WIDTH=width, PADDED_OUTPUTS=w_last.shape[1],
             HIDDEN=hidden, FOR_INPUTS=ctx.needs_input_grad[0], RELU_LAST=ctx.relu_last,
-            BLOCK=block,
+            BLOCK=block, num_warps=WARPS,
         )  # fmt: skip
         for_weights = [_weight_gradient(x[None], delta[:1])[0]]
         if hidden > 1:

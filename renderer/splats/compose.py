@@ -103,24 +103,27 @@ class SplatRenderer:
         Returns:
             float32 buffer that the next call overwrites.
         """
+        moved = np.concatenate(list(transforms)).astype(np.float32)
+        shown = self._parameters
+        if lighting is not None:
+            shown = self._shaded(moved, camera, lighting)
+        return self._rasterise(shown, moved, camera)
+
+    def _rasterise(
+        self, parameters: Float[Array, "N P"], moved: Float[Array, "K 4 4"], camera: Camera
+    ) -> Float[Array, "H W 4"]:
+        """The picture of splats with these `parameters`, skinned by `moved`."""
         import numba
 
         from renderer.splats.tile_kernels import draw
 
         if self._out.shape[:2] != (camera.height, camera.width):
             self._out = np.zeros((camera.height, camera.width, 4), np.float32)
-        moved = np.concatenate(list(transforms)).astype(np.float32)
-        self._workspace.arrange(
-            self._parameters if lighting is None else self._shaded(moved, camera, lighting),
-            self._joints,
-            self._weights,
-            moved,
-            pack_camera(camera),
-            camera.width,
-            camera.height,
-            BOX_FILTER_PX2,
-        )
         work = self._workspace
+        work.arrange(
+            parameters, self._joints, self._weights, moved, pack_camera(camera),
+            camera.width, camera.height, BOX_FILTER_PX2,
+        )  # fmt: skip
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), self._out)
         return self._out
 

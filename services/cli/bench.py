@@ -52,6 +52,19 @@ def serve(json_file: JsonFile = None) -> None:
 
 
 @app.command()
+def gpu(
+    json_file: JsonFile = None,
+    train_for: Annotated[
+        list[str], typer.Option(help="Train the paper's field for so long; may be given again.")
+    ] = ["1m", "5m"],  # noqa: B006 (typer copies it)
+) -> None:
+    """What a CUDA device brings: splats, beside gsplat where it is installed, and the field."""
+    from benchmarks.gpu import run
+
+    run(json_file, [seconds(one) for one in train_for])
+
+
+@app.command()
 def meeting(
     json_file: JsonFile = None,
     clip: Annotated[

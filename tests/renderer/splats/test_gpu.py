@@ -1,0 +1,99 @@
+"""The GPU's rasteriser against the CPU's, by Triton's interpreter where there is no GPU."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderer.devices import best_device
+from renderer.splats.compose import SplatRenderer
+from renderer.splats.gpu import GpuSplatRenderer, splat_renderer
+from renderer.splats.model import SplatModel
+from scene import Motion, Pose, Skeleton
+from scene.lighting import Lighting
+from tests.renderer.splats.test_rasteriser import make_camera, make_scene
+
+
+def _model(count: int, seed: int = 0) -> tuple[SplatModel, np.ndarray]:
+    parameters, joints, weights, turned = make_scene(count, seed)
+    model = SplatModel(
+        parameters, joints.astype(np.uint8), weights, np.ones(count, bool),
+        Skeleton(np.zeros((24, 3))), Motion.from_poses([Pose.rest()]), "",
+    )  # fmt: skip
+    transforms = np.tile(np.eye(4, dtype=np.float32), (24, 1, 1))
+    transforms[: len(turned)] = turned
+    return model, transforms
+
+
+def _both(models) -> tuple[SplatRenderer, GpuSplatRenderer]:
+    return SplatRenderer(models), GpuSplatRenderer(models, best_device())
+
+
+@pytest.mark.parametrize(
+    ("count", "width", "height"), [(300, 72, 56), (1, 16, 16), (40, 33, 90)],
+    ids=["many", "one", "odd size"],
+)  # fmt: skip
+def test_pictures_and_tiles_are_the_cpus(count, width, height):
+    model, transforms = _model(count)
+    cpu, gpu = _both((model,))
+    camera = make_camera(width, height)
+    expected = cpu.render(camera, [transforms])
+    np.testing.assert_allclose(gpu.render(camera, [transforms]), expected, atol=2e-3)
+    np.testing.assert_array_equal(gpu.tiles, cpu.tiles)
+
+
+def test_people_hide_each_other_in_one_pass():
+    near, transforms = _model(60)
+    far, _ = _model(60, seed=3)
+    away = transforms.copy()
+    away[:, 2, 3] -= 0.4
+    cpu, gpu = _both((near, far))
+    camera = make_camera(48, 48)
+    expected = cpu.render(camera, [transforms, away])
+    np.testing.assert_allclose(gpu.render(camera, [transforms, away]), expected, atol=2e-3)
+
+
+def test_light_falls_on_the_next_picture_and_leaves_it_again():
+    model, transforms = _model(80)
+    cpu, gpu = _both((model,))
+    camera = make_camera(32, 32)
+    plain = gpu.render(camera, [transforms]).copy()
+    light = Lighting(np.full((9, 3), 0.3), np.array([0.0, 1.0, 0.0]), np.array([0.5, 0.2, 0.1]))
+    expected = cpu.render(camera, [transforms], light)
+    lit = gpu.render(camera, [transforms], light).copy()
+    np.testing.assert_allclose(lit, expected, atol=2e-3)
+    assert np.abs(lit - plain).max() > 0.05
+    np.testing.assert_array_equal(gpu.render(camera, [transforms]), plain)
+
+
+def test_splats_behind_the_camera_or_too_faint_are_not_drawn():
+    model, transforms = _model(50)
+    behind = transforms.copy()
+    behind[:, 2, 3] += 5.0
+    faint = model.parameters.copy()
+    faint[:, 13] = -20.0
+    camera = make_camera(32, 32)
+    gpu = GpuSplatRenderer((model,), best_device())
+    assert not gpu.render(camera, [behind]).any()
+    assert not gpu.tiles.any()
+    nobody = GpuSplatRenderer((replace(model, parameters=faint),), best_device())
+    assert not nobody.render(camera, [transforms]).any()
+
+
+def test_depth_and_normals_are_told_of_the_picture_shown_last():
+    model, transforms = _model(30)
+    cpu, gpu = _both((model,))
+    camera = make_camera(24, 24)
+    cpu.render(camera, [transforms])
+    gpu.render(camera, [transforms])
+    one, other = cpu.geometry([transforms]), gpu.geometry([transforms])
+    np.testing.assert_allclose(other.depth, one.depth, atol=1e-6)
+    np.testing.assert_allclose(other.normal, one.normal, atol=1e-6)
+
+
+def test_the_fastest_renderer_of_this_machine_is_taken():
+    model, _ = _model(5)
+    on_gpu = best_device().type == "cuda"
+    assert isinstance(splat_renderer((model,)), GpuSplatRenderer) is on_gpu
