@@ -5,6 +5,9 @@ likelihood, T transmittance. A sample is `ray * slots + slot`. The arithmetic is
 `skinning`, `networks` and `canonical`; networks run as in `renderer.fused`: products of half
 precision numbers, summed in single precision. Between the kernels only samples that may show
 anything are kept.
+
+Numbers that change from frame to frame are not specialised: each kind would be compiled anew, in
+the middle of a meeting.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportArgumentType=false
@@ -122,7 +125,7 @@ def _holds(live, cells, x, y, z, mask, depth, height, width):
     return tl.load(live + (k * height + j) * width + i, mask=mask, other=0) != 0
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["width"])
 def march(
     view, box, transforms, reaches, volume, channels, live, cells, kept, counts, steps, width,
     depth, height, across, live_depth, live_height, live_width,
@@ -194,7 +197,7 @@ def _column(rows, NUMBER: tl.constexpr, COLUMNS: tl.constexpr):
     return tl.sum(tl.where(mine, rows, 0.0), 1)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["count", "width"])
 def skin(
     samples, count, view, box, transforms, reaches, volume, channels, steps, width,
     depth, height, across, found,
@@ -220,7 +223,7 @@ def skin(
     tl.store(out + 3, likelihood, mask=there)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["count"])
 def move(
     found, count, live, cells, live_depth, live_height, live_width,
     window, first, offset, hidden, again, last,
@@ -250,7 +253,7 @@ def move(
     tl.store(out + 3, tl.zeros((BLOCK,), tl.float32), mask=there & (filled == 0))
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["count"])
 def evaluate(
     chosen, count, samples, found, steps, window, first, offset, hidden, again, last, rgba,
     SCALE: tl.constexpr, START: tl.constexpr, SLOTS: tl.constexpr, INPUTS: tl.constexpr,
@@ -279,7 +282,7 @@ def evaluate(
     tl.store(out + 3, alpha, mask=there)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["rays"])
 def composite(rgba, ends, counts, rays, picture, BLOCK: tl.constexpr):
     """Samples of each ray, front to back, into picture [R 4]: premultiplied RGBA. A ray's samples
     are the `counts` [R] before `ends` [R]."""
