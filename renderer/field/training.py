@@ -114,7 +114,7 @@ class FieldTrainer:
             for parameter, gradient in zip(self._parameters, gradients, strict=True):
                 if gradient is not None:
                     total = gradient if parameter.grad is None else parameter.grad + gradient
-                    parameter.grad = total
+                    parameter.grad = total.contiguous()  # as CUDA's fused Adam wants it
         if self._has_vanished(frames, shown, there):
             return float("inf")
         # a sum is finite where its terms are, and is had in one pass over 64 M of them

@@ -55,8 +55,8 @@ def serve(json_file: JsonFile = None) -> None:
 def gpu(
     json_file: JsonFile = None,
     train_for: Annotated[
-        list[str], typer.Option(help="Train the paper's field for so long; may be given again.")
-    ] = ["1m", "5m"],  # noqa: B006 (typer copies it)
+        list[str], typer.Option(help="Train the paper's field too, for so long; may be repeated.")
+    ] = [],  # noqa: B006 (nobody changes it)
 ) -> None:
     """What a CUDA device brings: splats, beside gsplat where it is installed, and the field."""
     from benchmarks.gpu import run

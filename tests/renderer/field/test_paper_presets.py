@@ -58,6 +58,16 @@ def test_fused_networks_learn_as_plain_ones_do():
     assert losses[0] == pytest.approx(losses[1], rel=2e-2)
 
 
+def test_gradients_lie_in_memory_as_their_parameters_do():
+    settings = _small(PAPER)
+    settings = replace(settings, sizes=replace(settings.sizes, backend="fused", samples_a_ray=3))
+    trainer = FieldTrainer(sequence(), "of a test", settings, 0)
+    trainer.step(0.4)
+    learnt = [p for p in trainer.field.parameters() if p.grad is not None]
+    assert learnt
+    assert all(p.grad is not None and p.grad.stride() == p.stride() for p in learnt)
+
+
 def test_no_run_starts_black():
     trainer = FieldTrainer(sequence(), "of a test", _small(PAPER), 0)
     model = trainer.finish({"steps": 0})

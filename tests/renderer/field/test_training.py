@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from renderer.devices import best_device
 from renderer.evaluation import evaluate
 from renderer.field.settings import FieldSettings
 from renderer.field.sizes import MlpSize
@@ -32,7 +33,8 @@ def test_learns_views_and_poses_it_never_saw():
 
 def test_the_same_seed_gives_the_same_losses():
     first, again, other = (_train(sequence(), 4, seed=s)[1] for s in (3, 3, 4))
-    assert first == again
+    # a GPU adds up in another order each time
+    assert first == (again if best_device().type == "cpu" else pytest.approx(again, rel=1e-3))
     assert first != other
 
 
