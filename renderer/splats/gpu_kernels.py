@@ -3,7 +3,8 @@
 Letters as in `project_kernels`, whose arithmetic this is. Nothing is sorted twice and no list's
 length is asked of the GPU: a block of the picture goes through all splats, front to back, and keeps
 those whose boxes it meets; a tile does so with its block's list, a piece at a time, and blends what
-is left. Every loop is over sorted splats, so that all lists are sorted too.
+is left. Every loop is over sorted splats, so that all lists are sorted too. Sizes are not
+specialised: what was compiled for one splat, before the first meeting, serves any number.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportArgumentType=false
@@ -73,7 +74,7 @@ def _axis(body, eye, log_length, x, y, z):
     )
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["count", "width", "height"])
 def project(
     parameters, joints, weights, transforms, camera, count, width, height, dilation,
     shown, depth, boxes, BLOCK: tl.constexpr,
@@ -169,7 +170,7 @@ def _meets(boxes, i, there, left, right, top, bottom):
     return met & (tl.load(boxes + 4 * i + 3, mask=met, other=-1) >= top)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["count", "blocks_x"])
 def list_blocks(
     order, boxes, count, blocks_x, lists, lengths, SIDE: tl.constexpr, PIECE: tl.constexpr
 ):
@@ -189,7 +190,7 @@ def list_blocks(
     tl.store(lengths + block, found)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["count", "width", "height", "tiles_x", "blocks_x"])
 def blend(
     shown, boxes, lists, lengths, count, width, height, tiles_x, blocks_x, kept, busy, out,
     SIDE: tl.constexpr, PIECE: tl.constexpr,
