@@ -20,6 +20,7 @@ import torch
 
 from benchmarks.field_speed import fitted, with_speed_ups
 from benchmarks.frontier_training import figures_of
+from benchmarks.pages import markdown_table, replace_between
 from benchmarks.report import milliseconds, write_report
 from benchmarks.serve import SIZES, Cast
 from capture.body import load_body_model
@@ -48,8 +49,9 @@ _FIT_STEPS = 400
 _FRAMES, _SIDE = 60, 256
 
 
-def run(json_file: Path | None, seconds: list[float]) -> None:
-    """Measure and report, training for each of `seconds`; where there is no CUDA device, say so."""
+def run(json_file: Path | None, page_file: Path | None, seconds: list[float]) -> None:
+    """Measure, report and write the tables of `page_file`, training for each of `seconds`; where
+    there is no CUDA device, say so."""
     device = best_device()
     if device.type != "cuda" or find_spec("triton") is None:
         missing = "no CUDA device" if device.type != "cuda" else "Triton is not installed"
@@ -64,6 +66,33 @@ def run(json_file: Path | None, seconds: list[float]) -> None:
     figures["fields"] = _fields("paper", device)
     figures["training"] = [_trained(budget_s) for budget_s in seconds]
     write_report(json_file, "gpu", figures)
+    if page_file is not None:
+        replace_between(page_file, "gpu", tables(figures))
+
+
+def tables(figures: dict[str, Any]) -> str:
+    """What was measured, in Markdown: p50, p95 in brackets."""
+
+    def of(row: dict[str, Any], name: str) -> str:
+        prefix = f"{name}_" if name else ""
+        if f"{prefix}p50_ms" not in row:
+            return "-"
+        return f"{row[f'{prefix}p50_ms']:.2f} ({row[f'{prefix}p95_ms']:.2f})"
+
+    splats = [
+        [f"{r['performers']} x {r['splats']:,}", str(r["size"]), of(r, "device"), of(r, "gsplat"),
+         of(r, "host")]
+        for r in figures["splats"]
+    ]  # fmt: skip
+    fields = [[str(r["size"]), of(r, ""), f"{r['frames_a_second']:g}"] for r in figures["fields"]]
+    first = figures["fields"][0]
+    return "\n\n".join([
+        f"On one {figures['device']} with torch {figures['torch']}, ms at p50 (p95).",
+        markdown_table(["splats", "px", "on the device", "gsplat", "in the host's memory"], splats),
+        f"The paper's field with all exact speed-ups: {first['db_to_slow']:g} dB to the slow path, "
+        f"which takes {first['slow_ms']:.0f} ms at {first['size']} px.",
+        markdown_table(["px", "ms", "frames a second"], fields),
+    ])  # fmt: skip
 
 
 def _splats(count: int, people: int, size: int, device: torch.device) -> dict[str, Any]:

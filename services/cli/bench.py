@@ -54,6 +54,9 @@ def serve(json_file: JsonFile = None) -> None:
 @app.command()
 def gpu(
     json_file: JsonFile = None,
+    page: Annotated[
+        Path | None, typer.Option(help="Markdown page whose tables are made anew.")
+    ] = None,
     train_for: Annotated[
         list[str], typer.Option(help="Train the paper's field too, for so long; may be repeated.")
     ] = [],  # noqa: B006 (nobody changes it)
@@ -61,7 +64,7 @@ def gpu(
     """What a CUDA device brings: splats, beside gsplat where it is installed, and the field."""
     from benchmarks.gpu import run
 
-    run(json_file, [seconds(one) for one in train_for])
+    run(json_file, page, [seconds(one) for one in train_for])
 
 
 @app.command()
