@@ -78,12 +78,9 @@ def test_a_meeting_is_recorded_and_seen_again_from_another_side(tmp_path):
         moved = shown(ada, 2)
         assert difference(start, moved) > 0.2
         ada.get_by_role("main").focus()
-
-        def turned() -> bool:
-            ada.keyboard.down("KeyE")  # a held key repeats itself
-            return difference(moved, shown(ada, 2)) > 5.0
-
-        until(turned, "another viewpoint")
+        ada.keyboard.down("KeyE")
+        # seen from the other side as much as 5 to 6 differs, with the moment; the same view has nil
+        until(lambda: difference(moved, shown(ada, 2)) > 2.0, "another viewpoint")
         ada.keyboard.up("KeyE")
         ada.goto(f"{address}?recordings")
         expect(ada.get_by_test_id("recordings").get_by_role("link")).to_have_count(1)
