@@ -1,5 +1,7 @@
 """Performers filmed in one light and shown in another: as they were filmed, and relit, in dB.
 
+As filmed is what the other room would show of them if it had no light: that of their clip.
+
 The studio films by the whole panorama, summed over every pixel; the renderer knows nine numbers and
 a key light of it. The camera exposes for the light and, as cameras do, balances its colour; the
 room they are shown in keeps its tint. Neither side knows of shadows that a body casts on itself.

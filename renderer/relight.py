@@ -1,4 +1,4 @@
-"""Puts people into another light: what they were filmed in is divided out, the room's is put on.
+"""Light on people: the room's in place of what they were filmed in, or that again as they turn.
 
 Every splat has an albedo and a normal, which `renderer.relight_fit` finds when a model is trained.
 Without, the shortest axis of a flat splat stands in for the normal: training begins with it along
@@ -35,6 +35,12 @@ class Relighting:
     def __init__(self, models: Many[SkinnedSplats]) -> None:
         self._albedo = np.concatenate([albedo_of(m) for m in models]).astype(np.float32)
         self._normals = np.concatenate([normals_of(m) for m in models]).astype(np.float32)
+        self._filmed: list[tuple[int, slice, Float[Array, "9 3"]]] = []
+        first = 0
+        for which, model in enumerate(models):
+            rows = slice(first, first := first + len(model.parameters))
+            if model.light is not None:
+                self._filmed.append((which, rows, model.light.astype(np.float32)))
 
     def shade(
         self,
@@ -55,6 +61,31 @@ class Relighting:
             lighting.key_direction.astype(np.float32),
             lighting.key_colour.astype(np.float32), light_table(), parameters,
         )  # fmt: skip
+
+    def shade_as_filmed(
+        self,
+        parameters: Float[Array, "N P"],
+        joints: Array,
+        weights: Float[Array, "N 4"],
+        transforms: Float[Array, "K 4 4"],
+        eye: Float[Array, "3"],
+        placements: Many[Float[Array, "4 4"]],
+    ) -> None:
+        """As `shade`, everybody in the light of their own clip, which `placements` (rigid, a
+        model's) brought into the room with them; colours of models without one stay."""
+        from renderer.relight_kernels import shade
+
+        for which, rows, light in self._filmed:
+            home = np.linalg.inv(placements[which])
+            shade(
+                self._albedo[rows], self._normals[rows], joints[rows], weights[rows],
+                (home @ transforms).astype(np.float32),
+                (home[:3, :3] @ eye + home[:3, 3]).astype(np.float32), light,
+                _NO_KEY, _NO_KEY, light_table(), parameters[rows],
+            )  # fmt: skip
+
+
+_NO_KEY = np.zeros(3, np.float32)
 
 
 @cache

@@ -132,7 +132,8 @@ class Stage:
             from renderer.splats.gpu import splat_renderer
 
             self._models, self._splats = models, splat_renderer(models)
-        return self._splats.render(camera, [_moved(p) for p in performers], lighting)
+        moved, placements = [_moved(p) for p in performers], [p.placement for p in performers]
+        return self._splats.render(camera, moved, lighting, placements)
 
 
 def warm_up() -> None:

@@ -9,18 +9,19 @@ import { WayChooser } from "../src/splats/way";
 import { fakeFetch } from "./fakes";
 
 /** A file of `count` splats on two joints; the n-th lies n cm up, whole, red, on joint n mod 2. */
-function fileOf(count: number): ArrayBuffer {
-  const bytes = new ArrayBuffer(44 + 28 + 32 * count);
+function fileOf(count: number, light = 0): ArrayBuffer {
+  const bytes = new ArrayBuffer(152 + 28 + 32 * count);
   const data = new DataView(bytes);
   [..."MNSP"].forEach((letter, i) => data.setUint8(i, letter.charCodeAt(0)));
-  data.setUint16(4, 2, true);
+  data.setUint16(4, 3, true);
   data.setUint16(6, 2, true);
   data.setUint32(8, count, true);
   [0, 0, 0, 1, 655.35, 1, Math.log(0.01), 0].forEach((value, i) => data.setFloat32(12 + 4 * i, value, true));
-  [0, 1, 0, 0, 2, 0].forEach((value, i) => data.setFloat32(44 + 4 * i, value, true));
-  [-1, 0].forEach((value, i) => data.setInt16(68 + 2 * i, value, true));
+  [0, 1, 0, 0, 2, 0].forEach((value, i) => data.setFloat32(152 + 4 * i, value, true));
+  for (let i = 0; i < 27; i++) data.setFloat32(44 + 4 * i, light * i, true);
+  [-1, 0].forEach((value, i) => data.setInt16(176 + 2 * i, value, true));
   for (let n = 0; n < count; n++) {
-    const at = 72 + 32 * n;
+    const at = 180 + 32 * n;
     data.setUint16(at + 2, n, true);
     data.setUint8(at + 9, 255);
     // half a turn about z: x and y keep their variance
@@ -55,9 +56,14 @@ describe("readSplats", () => {
     expect(half.covariances[3]).toBeCloseTo(Math.sqrt(2) * (readSplats(fileOf(8)).covariances[3] ?? 0), 5);
   });
 
+  it("reads the light of the clip, where it is known", () => {
+    expect(readSplats(fileOf(1)).light).toBeNull();
+    expect([...(readSplats(fileOf(1, 0.5)).light ?? [])]).toEqual(Array.from({ length: 27 }, (_, i) => 0.5 * i));
+  });
+
   it("says what is wrong with anything else", () => {
-    expect(() => readSplats(new ArrayBuffer(3))).toThrow("must begin with MNSP, version 2; got less");
-    expect(() => readSplats(fileOf(2).slice(0, -1))).toThrow("2 splats must have 136 bytes; got 135");
+    expect(() => readSplats(new ArrayBuffer(3))).toThrow("must begin with MNSP, version 3; got less");
+    expect(() => readSplats(fileOf(2).slice(0, -1))).toThrow("2 splats must have 244 bytes; got 243");
   });
 });
 
@@ -227,7 +233,7 @@ describe("loadSplats", () => {
     const { request, calls } = fakeFetch(({ path }) =>
       path.includes("field") ? new Response("{}", { status: 404 }) : new Response(fileOf(1)),
     );
-    expect((await loadSplats("m", "seat", request))?.byteLength).toBe(104);
+    expect((await loadSplats("m", "seat", request))?.byteLength).toBe(212);
     expect(calls[0]).toMatchObject({ path: "/v1/models/m/files/viewer.splats", token: "Bearer seat" });
     expect(await loadSplats("field", "seat", request)).toBeNull();
   });

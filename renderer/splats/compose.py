@@ -84,7 +84,8 @@ class SplatRenderer:
         ).astype(np.uint16)
         self._models = tuple(models)
         self._relighting: Relighting | None = None
-        self._lit = self._parameters
+        self._has_light = any(model.light is not None for model in models)
+        self._lit = self._as_filmed = self._parameters
         self._workspace = Workspace(len(self._parameters))
         self._out = np.zeros((0, 0, 4), np.float32)
 
@@ -93,13 +94,17 @@ class SplatRenderer:
         camera: Camera,
         transforms: Many[Float[Array, "K 4 4"]],
         lighting: Lighting | None = None,
+        placements: Many[Float[Array, "4 4"]] | None = None,
     ) -> Float[Array, "H W 4"]:
         """Premultiplied sRGB and alpha.
 
         Args:
             camera: its distortion, if any, is not drawn.
             transforms: per model, skinning transforms (rest -> world) with its placement.
-            lighting: what falls on everybody; None leaves them as they were filmed.
+            lighting: what falls on everybody; None shows them as they were filmed: in the light of
+                their clip, where the model knows it.
+            placements: per model, from the world of its clip to this one, as it is part of
+                `transforms`; None: they are the same. The light of a clip goes with it.
         Returns:
             float32 buffer that the next call overwrites.
         """
@@ -107,6 +112,8 @@ class SplatRenderer:
         shown = self._parameters
         if lighting is not None:
             shown = self._shaded(moved, camera, lighting)
+        elif self._has_light:
+            shown = self._shaded_as_filmed(moved, camera, placements)
         return self._rasterise(shown, moved, camera)
 
     def _rasterise(
@@ -160,13 +167,32 @@ class SplatRenderer:
         self, transforms: Float[Array, "K 4 4"], camera: Camera, lighting: Lighting
     ) -> Float[Array, "N P"]:
         """The parameters with colours as they are in `lighting`."""
-        if self._relighting is None:
-            self._relighting = Relighting(self._models)
+        if self._lit is self._parameters:
             self._lit = self._parameters.copy()
-        self._relighting.shade(
+        self._light_on_them().shade(
             self._lit, self._joints, self._weights, transforms, camera.position, lighting
         )
         return self._lit
+
+    def _shaded_as_filmed(
+        self,
+        transforms: Float[Array, "K 4 4"],
+        camera: Camera,
+        placements: Many[Float[Array, "4 4"]] | None,
+    ) -> Float[Array, "N P"]:
+        """The parameters with colours as they are in the light of everybody's own clip."""
+        if self._as_filmed is self._parameters:
+            self._as_filmed = self._parameters.copy()
+        self._light_on_them().shade_as_filmed(
+            self._as_filmed, self._joints, self._weights, transforms, camera.position,
+            placements or [np.eye(4)] * len(self._models),
+        )  # fmt: skip
+        return self._as_filmed
+
+    def _light_on_them(self) -> Relighting:
+        if self._relighting is None:
+            self._relighting = Relighting(self._models)
+        return self._relighting
 
 
 def pack_camera(camera: Camera) -> Float[Array, "4 4"]:

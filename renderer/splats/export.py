@@ -2,18 +2,19 @@
 
 Layout, also in docs/splats.md:
 
-    char[4] "MNSP", u16 version (2), u16 joints K, u32 splats N
+    char[4] "MNSP", u16 version (3), u16 joints K, u32 splats N
     f32[3] lowest and f32[3] highest position (m), f32 lowest and f32 highest log scale (log m)
+    f32[9 3] harmonics of the light that the person was filmed in, all nil where it is not known
     f32[K 3] joints at rest (m), i16[K] parents (-1: none)
     N records: u16[3] position, u8[3] log scale, u8 presence, u32 rotation, u8[3] colour,
                u8 opacity, u8[4] joints, u8[4] blend weights, u8[3] albedo, i8[3] normal
 
 Positions and log scales run linearly from lowest to highest; colour and albedo (sRGB), opacity and
 presence from 0 to 1; a normal, at rest and outwards, is 127 long; weights sum to 255; the rotation
-is packed by `scene.smallest_three` in 10 bits a component. Colour is as filmed; albedo and normal
-are what a room's light falls on (`renderer.relight`). Presence says how much of a splat was filmed
-(`renderer.splats.unseen`). Records come in order of importance: the first n alone are a model, once
-their scales are multiplied by (N / n)^1/4.
+is packed by `scene.smallest_three` in 10 bits a component. Colour is the mean as filmed; albedo and
+normal are what light falls on, a room's or that of the clip (`renderer.relight`). Presence says how
+much of a splat was filmed (`renderer.splats.unseen`). Records come in order of importance: the
+first n alone are a model, once their scales are multiplied by (N / n)^1/4.
 """
 
 from __future__ import annotations
@@ -30,11 +31,12 @@ from renderer.splats.model import SplatModel
 from renderer.splats.unseen import presence
 from scene.arrays import Array, Float, UInt8
 from scene.colour import to_srgb
+from scene.lighting import HARMONICS
 from scene.smallest_three import pack_quaternions
 
-MAGIC, VERSION = b"MNSP", 2
+MAGIC, VERSION = b"MNSP", 3
 ROTATION_BITS = 10
-HEAD = struct.Struct("<4sHHI8f")
+HEAD = struct.Struct(f"<4sHHI8f{3 * HARMONICS}f")
 RECORD = np.dtype(
     [("position", "<u2", 3), ("log_scale", "u1", 3), ("presence", "u1"), ("rotation", "<u4"),
      ("colour", "u1", 3), ("opacity", "u1"), ("joints", "u1", 4), ("weights", "u1", 4),
@@ -66,9 +68,10 @@ def encode(model: SplatModel) -> bytes:
     records["albedo"] = _levels(to_srgb(albedo_of(model)), 0.0, 1.0, 255)
     records["normal"] = np.rint(127.0 * normals_of(model))
     skeleton = model.skeleton
+    light = np.zeros((HARMONICS, 3)) if model.light is None else model.light
     head = HEAD.pack(
-        MAGIC, VERSION, len(skeleton.names), len(model), *low, *high, thin, wide
-    )  # fmt: skip
+        MAGIC, VERSION, len(skeleton.names), len(model), *low, *high, thin, wide, *light.ravel()
+    )
     return b"".join(
         [
             head,

@@ -28,6 +28,7 @@ def pack(model: SplatModel) -> dict[str, Array]:
     surface = {name: getattr(model, name) for name in _SURFACE}
     return {
         **{name: of.astype(np.float16) for name, of in surface.items() if of is not None},
+        **({} if model.light is None else {"light": model.light.astype(np.float32)}),
         "positions": model.parameters[:, POSITION : POSITION + 3].astype(np.float32),
         "appearance": model.parameters[:, LOG_SCALE:].astype(np.float16),
         "joints": model.joints,
@@ -56,6 +57,7 @@ def unpack(
         about["preset"],
         about["metrics"],
         **{name: tensors[name].astype(np.float32) for name in _SURFACE if name in tensors},
+        light=tensors.get("light"),
     )
 
 

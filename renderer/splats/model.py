@@ -10,6 +10,7 @@ from renderer.splats.layout import PARAMETERS
 from scene.arrays import Array, Bool, Float, UInt8
 from scene.camera import Camera
 from scene.errors import require_finite, require_shape
+from scene.lighting import HARMONICS
 from scene.motion import Motion, Pose
 from scene.skeleton import Skeleton
 
@@ -34,6 +35,9 @@ class SplatModel:
     """Linear colour without the light it was filmed in; None where that was not looked for."""
     normals: Float[Array, "N 3"] | None = None
     """Of the surface at rest, outwards, unit length; known where the albedo is."""
+    light: Float[Array, "9 3"] | None = None
+    """Harmonics (`scene.lighting`) of the light that the person was filmed in: times the albedo it
+    gives linear colour. None: where no other light falls, colours are those of `parameters`."""
 
     def __post_init__(self) -> None:
         require_shape("parameters", self.parameters, (None, PARAMETERS))
@@ -43,6 +47,9 @@ class SplatModel:
         for name in ("albedo", "normals"):
             if (known := getattr(self, name)) is not None:
                 require_shape(name, known, (len(self.parameters), 3))
+        if self.light is not None:
+            require_shape("light", self.light, (HARMONICS, 3))
+            require_finite("light", self.light)
 
     def __len__(self) -> int:
         return len(self.parameters)

@@ -286,6 +286,7 @@ class SplatTrainer:
             metrics=metrics,
             albedo=albedo,
             normals=normals,
+            light=None if light is None else light.harmonics.astype(np.float32),
         )
 
     def _baked(self, parameters: Float[Array, "N P"]) -> Float[Array, "N P"]:

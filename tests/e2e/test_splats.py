@@ -8,6 +8,7 @@ import http.server
 import subprocess
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,7 @@ def asked(room: Room, camera: Camera, now_s: float, **more: object) -> dict[str,
         "height": camera.height,
         "filmedOnly": False,
         "most": 60_000,
+        "yawsRad": [member.yaw_rad for member in room.cast],
         **more,
     }
 
@@ -105,6 +107,24 @@ def test_the_page_draws_what_the_server_draws(
     local = drawn(page, asked(room, camera, now_s, filmedOnly=filmed_only))
     server = Stage().render(room.scene_at(now_s, hide_unseen=filmed_only), camera)
     assert psnr(local, server) > 46.0
+
+
+def test_the_page_draws_everybody_in_the_light_of_their_own_clip(page: Page, demo: SplatModel):
+    """As the server does, turned with them; who has none stands beside in their mean colours."""
+    rng, dull = np.random.default_rng(7), replace(demo, light=None)
+    lights = [np.concatenate([[[2.6] * 3], rng.normal(0.0, 0.5, (8, 3))]) for _ in range(2)]
+    bright = [replace(demo, light=light.astype(np.float32)) for light in lights]
+    models = (bright[0], dull, bright[1])
+    places, now_s = room_of(demo, 3).cast, 0.4
+    cast = [replace(member, model=model) for member, model in zip(places, models, strict=True)]
+    room = Room("m", tuple(cast))
+    camera = orbit_camera((0.0, 0.9, 0.0), 4.7, 0.4, 0.1, 384, 384)
+    local = drawn(page, asked(room, camera, now_s))
+    assert psnr(local, Stage().render(room.scene_at(now_s), camera)) > 44.0
+    straight = drawn(page, asked(room, camera, now_s, yawsRad=[0.0, 0.0, 0.0]))
+    assert psnr(straight, local) < 40.0
+    flat = Room("m", tuple(replace(member, model=dull) for member in places))
+    assert psnr(local, Stage().render(flat.scene_at(now_s), camera)) < 35.0
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,6 +26,21 @@ def test_a_model_round_trips(tmp_path):
     np.testing.assert_allclose(loaded.motion.joint_angles, model.motion.joint_angles, atol=1e-6)
     assert (loaded.preset, loaded.data_hash) == ("splats", "of a test")
     assert [p.name for p in tmp_path.iterdir()] == ["person.safetensors"]
+
+
+def test_the_light_is_kept_where_it_is_known(tmp_path):
+    light = np.random.default_rng(0).normal(size=(9, 3)).astype(np.float32)
+    surface = np.full((600, 3), 0.5, np.float32)
+    model, path = make_model(), tmp_path / "person.safetensors"
+    save_model(replace(model, albedo=surface, normals=surface, light=light), path)
+    loaded = load_model(path)
+    assert isinstance(loaded, SplatModel)
+    assert loaded.light is not None
+    np.testing.assert_array_equal(loaded.light, light)
+    save_model(model, path)
+    without = load_model(path)
+    assert isinstance(without, SplatModel)
+    assert without.light is None
 
 
 def test_it_renders_the_same_picture(tmp_path):

@@ -3,114 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 import pytest
 
-from renderer.presets import Preset
 from renderer.reference import relight as twin
 from renderer.relight import Relighting, albedo_of, neighbours, normals_of
 from renderer.relight_fit import filmed_light
 from renderer.splats.compose import SplatRenderer
-from renderer.splats.initialise import first_splats
-from renderer.splats.layout import COLOUR, OPACITY, ROTATION
+from renderer.splats.layout import COLOUR, ROTATION
 from renderer.splats.model import SplatModel
-from renderer.splats.settings import SplatSettings
-from renderer.training import train
-from scene import Lighting, Motion, Pose, Sequence, Skeleton, orbit_camera
-from scene.body import Body
-from scene.colour import to_srgb
+from scene import Lighting, Sequence, orbit_camera
 from scene.rotations import axis_angle_to_matrix
 from scene.skeleton import JOINT_COUNT
-from tests.renderer.studio import DrawnFrames, make_model, make_sequence
-
-FRAMES, SIZE = 16, 96
-FILMED_IN = Lighting(
-    np.concatenate([[[1.6, 1.6, 1.6], [0.35, 0.3, 0.25], [0.0, 0.1, 0.2], [0.5, 0.3, 0.1]],
-                    np.zeros((5, 3))]),
-    np.array([0.0, 1.0, 0.0]), np.zeros(3),
-)  # fmt: skip
-"""From +x and above, warmer from +x, bluer from +z."""
-
-
-def pillar(sides: int = 24, rings: int = 12) -> Body:
-    """A barrel that one joint moves: its normals point every way but straight up and down."""
-    turn = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
-    heights = np.linspace(0.05, 1.55, rings)
-    radii = 0.12 + 0.2 * np.sin(np.pi * heights / 1.6)
-    ring = np.stack([np.sin(turn), np.zeros(sides), np.cos(turn)], axis=1)
-    vertices = np.concatenate(
-        [r * ring + [0.0, h, 0.0] for r, h in zip(radii, heights, strict=True)]
-    )
-    at = np.arange((rings - 1) * sides).reshape(-1, sides)
-    right = np.roll(at, -1, axis=1)
-    quads = np.stack([at, right, right + sides, at + sides], axis=-1).reshape(-1, 4)
-    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    joints = np.zeros((JOINT_COUNT, 3))
-    joints[:, 1] = np.linspace(0.5, 1.4, JOINT_COUNT)
-    weights = np.zeros((len(vertices), JOINT_COUNT))
-    weights[:, 0] = 1.0
-    return Body(Skeleton(joints), vertices, faces, weights)
-
-
-class LitFrames(DrawnFrames):
-    """A `FrameSource`: splats of known albedo in a known light, turning before one camera."""
-
-    def __init__(self, model: SplatModel, albedo: np.ndarray, lighting: Lighting) -> None:
-        self._motion, self._pictures = model.motion, []
-        self._camera = orbit_camera((0.0, 0.8, 0.0), 3.0, 0.0, 0.1, SIZE, SIZE)
-        for frame in range(len(model.motion)):
-            pose = model.motion.pose(frame)
-            transforms = model.skeleton.skinning_transforms(
-                pose.joint_angles, pose.root_translation
-            )
-            lit = model.parameters.copy()
-            lit[:, COLOUR : COLOUR + 3] = twin.shade(
-                albedo, model.parameters[:, :3], normals_of(model), model.joints, model.weights,
-                transforms, self._camera.position, lighting,
-            )  # fmt: skip
-            seen = SplatRenderer((replace(model, parameters=lit),)).render(
-                self._camera, [transforms]
-            )
-            self._pictures.append(seen.copy())
-
-    def mask(self, index: int):
-        return super().mask(index).round(2)
+from tests.renderer.pillar import FILMED_IN, LitFrames, filmed_pillar, trained_pillar
+from tests.renderer.studio import make_model
 
 
 @pytest.fixture(scope="module")
 def filmed() -> tuple[SplatModel, np.ndarray, Sequence]:
-    """A turning pillar in stripes, the albedo of its splats, and its frames."""
-    body, poses = pillar(), []
-    for frame in range(FRAMES):
-        angles = np.zeros((JOINT_COUNT, 3))
-        angles[0, 1] = 2.0 * np.pi * frame / FRAMES
-        poses.append(Pose(angles, np.zeros(3), frame / 10.0))
-    motion = Motion.from_poses(poses)
-    sequence = replace(make_sequence(), exact_poses=True)
-    settings = SplatSettings(count=2500)
-    first = first_splats(replace(sequence, body=body), settings, np.random.default_rng(0))
-    parameters = first.parameters.copy()
-    parameters[:, OPACITY] = 4.0
-    bands = (np.floor(parameters[:, 1] * 4.0) % 2).astype(int)
-    albedo = np.array([[0.5, 0.3, 0.2], [0.2, 0.3, 0.6]])[bands]
-    parameters[:, COLOUR : COLOUR + 3] = to_srgb(albedo)
-    model = SplatModel(
-        parameters, first.joints.astype(np.uint8), first.weights, np.ones(2500, bool),
-        body.skeleton, motion, "of a test",
-    )  # fmt: skip
-    frames = LitFrames(model, albedo, FILMED_IN)
-    return model, albedo, replace(sequence, body=body, train=frames, motion=motion)
+    return filmed_pillar()
 
 
 @pytest.fixture(scope="module")
 def learnt(filmed) -> tuple[np.ndarray, np.ndarray]:
     """Albedo as training finds it, and the true one, of splats that are clear of other stripes."""
-    _, albedo, sequence = filmed
-    preset = Preset("splats", "of a test", SplatSettings(count=2500))
-    model = train(sequence, preset=preset, iterations=400, find_light=True, clock=perf_counter)
-    assert isinstance(model, SplatModel)
+    _, albedo, _ = filmed
+    model = trained_pillar()
     assert model.albedo is not None
     height = model.parameters[:, 1] * 4.0
     inside = np.abs(height - np.round(height)) > 0.2

@@ -6,8 +6,11 @@
  */
 
 const MAGIC = "MNSP";
-const VERSION = 2;
-const HEAD_BYTES = 44;
+const VERSION = 3;
+const LIGHT_AT = 44;
+/** Three colours of nine harmonics. */
+const LIGHT_NUMBERS = 27;
+const HEAD_BYTES = LIGHT_AT + 4 * LIGHT_NUMBERS;
 const RECORD_BYTES = 32;
 const ROTATION_STEPS = 1023;
 
@@ -18,7 +21,9 @@ export interface SplatFile {
   positions: Float32Array;
   /** xx, xy, xz, yy, yz, zz of each one's covariance, m^2. */
   covariances: Float32Array;
-  /** sRGB of each as filmed, 0 to 255. */
+  /** Harmonics of the light of their clip, RGB by RGB; null where it is not known. */
+  light: Float32Array | null;
+  /** Mean sRGB of each as filmed, 0 to 255. */
   colours: Uint8Array;
   /** sRGB of each without the light it was filmed in, 0 to 255. */
   albedos: Uint8Array;
@@ -60,6 +65,8 @@ export function readSplats(bytes: ArrayBuffer, share = 1): SplatFile {
   file.parents.forEach((_, i) => {
     file.parents[i] = data.getInt16(HEAD_BYTES + 12 * joints + 2 * i, true);
   });
+  const light = Float32Array.from({ length: LIGHT_NUMBERS }, (_, i) => data.getFloat32(LIGHT_AT + 4 * i, true));
+  file.light = light.some((value) => value !== 0) ? light : null;
   const growth = growthOf(whole, file.count);
   for (let i = 0; i < file.count; i++) {
     readRecord(data, start + i * RECORD_BYTES, i, bounds, growth, file);
@@ -77,6 +84,7 @@ function emptyFile(count: number, joints: number): SplatFile {
     count,
     positions: new Float32Array(3 * count),
     covariances: new Float32Array(6 * count),
+    light: null,
     colours: new Uint8Array(3 * count),
     albedos: new Uint8Array(3 * count),
     normals: new Int8Array(3 * count),

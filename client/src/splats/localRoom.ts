@@ -21,6 +21,7 @@ const NOBODY: PassPeople = {
   order: emptyOrder(0),
   count: 0,
   growth: [],
+  yawsRad: [],
   shadows: [],
   filmedOnly: false,
 };
@@ -317,7 +318,8 @@ export class LocalRoom {
   private people(cast: Cast, { order, count, kept }: Omit<Sorted, "cast">, filmedOnly: boolean): PassPeople {
     const { transforms, shadows } = this;
     const growth = cast.bound.counts.map((whole, person) => growthOf(whole, kept[person] ?? whole));
-    return { transforms, shadows, order, count, growth, filmedOnly };
+    const yawsRad = this.performers.map((performer) => performer.yaw_rad);
+    return { transforms, shadows, order, count, growth, yawsRad, filmedOnly };
   }
 
   private take(sorted: Sorted): void {

@@ -9,6 +9,7 @@
 
 import { SPLAT_NUMBERS, type Cast } from "./cast";
 import { matrixOf } from "./file";
+import { Lights } from "./lights";
 import { ORDER_COLUMNS } from "./sort";
 import {
   MOST_PEOPLE,
@@ -70,6 +71,8 @@ export interface PassPeople {
   count: number;
   /** Factor of each person's variances: more than 1 where not all of their splats are drawn. */
   growth: readonly number[];
+  /** About +y, by which each person was turned, and the light of their clip with them. */
+  yawsRad: readonly number[];
   shadows: readonly Shadow[];
   filmedOnly: boolean;
 }
@@ -106,6 +109,7 @@ export class SplatPass {
   private readonly target: WebGLFramebuffer;
   private readonly panorama: WebGLTexture;
   private place: Place = { picture: null, light: null };
+  private readonly lights = new Lights();
   private readonly screen: WebGLTexture;
   private screenHalves: readonly [number, number] | null = null;
   private orderOnCard: Uint32Array | null = null;
@@ -159,12 +163,14 @@ export class SplatPass {
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
     this.makePlaces(cast.count);
     this.orderOnCard = null;
+    this.lights.setCast(cast.people.map(({ light }) => light));
   }
 
   /** Where everybody is from now on. */
   setPlace(place: Place): void {
     const { gl } = this;
     this.place = place;
+    this.lights.setRoom(place.light);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.panorama);
     const { picture } = place;
@@ -251,7 +257,7 @@ export class SplatPass {
   }
 
   /** Work out where in the picture each splat is drawn. */
-  private placeSplats({ count, growth, filmedOnly }: PassPeople, camera: PassCamera): void {
+  private placeSplats({ count, growth, yawsRad, filmedOnly }: PassPeople, camera: PassCamera): void {
     const { gl, placeUniforms: at } = this;
     if (count === 0) return;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.placed);
@@ -266,7 +272,7 @@ export class SplatPass {
     this.setCamera(at, camera);
     const t = camera.worldToCamera;
     gl.uniform3f(at("translation"), t[3] ?? 0, t[7] ?? 0, t[11] ?? 0);
-    this.setLight(camera);
+    this.lights.set(gl, at, camera.eye, yawsRad);
     gl.bindVertexArray(this.nothing);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
@@ -321,17 +327,6 @@ export class SplatPass {
     if (kept.length > 0) gl.uniform4fv(this.roomUniforms("shadows"), kept.flat());
     gl.bindVertexArray(this.nothing);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
-  }
-
-  private setLight({ eye }: PassCamera): void {
-    const { gl, placeUniforms: at } = this;
-    const { light } = this.place;
-    gl.uniform1i(at("lit"), light ? 1 : 0);
-    if (!light) return;
-    gl.uniform3f(at("eye"), ...eye);
-    gl.uniform3fv(at("harmonics"), light.harmonics.flat());
-    gl.uniform3f(at("keyDirection"), ...light.key_direction);
-    gl.uniform3f(at("keyColour"), ...light.key_colour);
   }
 
   private setCamera(uniforms: Uniforms, camera: PassCamera): void {

@@ -45,8 +45,9 @@ uniform vec2 centre;
 uniform vec2 size;
 uniform bool filmedOnly;
 uniform vec3 eye; // m
-uniform bool lit; // by the room; else as filmed
-uniform vec3 harmonics[9];
+uniform bool lit[${MOST_PEOPLE}]; // by the room or as in their clip; else in the mean colours of that
+uniform vec3 harmonics[9 * ${MOST_PEOPLE}];
+uniform vec2 turned[${MOST_PEOPLE}]; // cosine and sine of the yaw by which that light was turned
 uniform vec3 keyDirection;
 uniform vec3 keyColour;
 uniform float growth[${MOST_PEOPLE}]; // of variances, a person
@@ -74,18 +75,22 @@ vec3 toSrgb(vec3 light) {
   return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
 }
 
-/** sRGB of an albedo (sRGB) on a surface that faces n, seen from v further on. */
-vec3 relit(vec3 albedo, vec3 n, vec3 v) {
+/** sRGB of an albedo (sRGB) on somebody's surface that faces n, seen from v further on. */
+vec3 relit(uint who, vec3 albedo, vec3 n, vec3 v) {
   n *= inversesqrt(max(dot(n, n), 1e-12));
   // what shines through from the far side stands for what lies before it
   float away = dot(n, v);
   if (away < 0.0) n -= 2.0 * away / max(dot(v, v), 1e-12) * v;
-  vec3 light = 0.282095 * harmonics[0]
-    + 0.488603 * (n.y * harmonics[1] + n.z * harmonics[2] + n.x * harmonics[3])
-    + 1.092548 * (n.x * n.y * harmonics[4] + n.y * n.z * harmonics[5] + n.x * n.z * harmonics[7])
-    + 0.315392 * (3.0 * n.z * n.z - 1.0) * harmonics[6]
-    + 0.546274 * (n.x * n.x - n.y * n.y) * harmonics[8];
-  light = max(light, 0.0) + max(dot(n, keyDirection), 0.0) * keyColour;
+  vec3 key = max(dot(n, keyDirection), 0.0) * keyColour;
+  vec2 way = turned[who];
+  n.xz = vec2(way.x * n.x - way.y * n.z, way.y * n.x + way.x * n.z);
+  uint h = 9u * who;
+  vec3 light = 0.282095 * harmonics[h]
+    + 0.488603 * (n.y * harmonics[h + 1u] + n.z * harmonics[h + 2u] + n.x * harmonics[h + 3u])
+    + 1.092548 * (n.x * n.y * harmonics[h + 4u] + n.y * n.z * harmonics[h + 5u] + n.x * n.z * harmonics[h + 7u])
+    + 0.315392 * (3.0 * n.z * n.z - 1.0) * harmonics[h + 6u]
+    + 0.546274 * (n.x * n.x - n.y * n.y) * harmonics[h + 8u];
+  light = max(light, 0.0) + key;
   return toSrgb(toLinear(albedo) * light);
 }
 
@@ -139,9 +144,9 @@ void main() {
   // what lies wholly beside the picture costs no quad
   if (any(lessThan(pixel, vec2(-extent))) || any(greaterThan(pixel, size + extent))) return;
   vec3 rgb = bytes(t3.x);
-  if (lit) {
+  if (lit[t3.w]) {
     vec3 normal = normalOf(t3.z) * mat3(m0.xyz, m1.xyz, m2.xyz);
-    rgb = relit(bytes(t3.y), normal, eye - place);
+    rgb = relit(t3.w, bytes(t3.y), normal, eye - place);
   }
   middle = floatBitsToUint(vec4(pixel, axis * sqrt(longest)));
   look = uvec4(

@@ -73,6 +73,6 @@ function standing(pass: SplatPass, cast: Cast): (azimuthRad: number) => void {
     depths(cast.bound, depthRows(transforms, camera.worldToCamera), depth);
     const count = depthOrder(depth, order);
     // a fresh view of the same numbers: the pass uploads an order that it does not know yet
-    pass.draw({ camera, transforms, shadows, order: order.slice(), count, growth: [1], filmedOnly: false });
+    pass.draw({ camera, transforms, shadows, order: order.slice(), count, growth: [1], yawsRad: [0], filmedOnly: false });
   };
 }

@@ -27,6 +27,8 @@ interface Asked {
   screen?: boolean;
   /** How many of each person's splats are sorted and drawn; all, where nothing is said. */
   kept?: number[];
+  /** About +y, by which each person was turned. */
+  yawsRad: number[];
 }
 
 const bytes = (text: string): ArrayBuffer => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
@@ -54,7 +56,7 @@ function frameOf(asked: Asked): PassFrame {
   depths(cast.bound, depthRows(transforms, camera.worldToCamera), depth, kept);
   const count = depthOrder(depth, order);
   const growth = cast.bound.counts.map((whole, person) => growthOf(whole, kept[person] ?? whole));
-  return { camera, transforms, order, count, growth, shadows, filmedOnly: asked.filmedOnly };
+  return { camera, transforms, order, count, growth, yawsRad: asked.yawsRad, shadows, filmedOnly: asked.filmedOnly };
 }
 
 function testScreen(): HTMLCanvasElement {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from renderer.splats.export_order import importance_order
 from renderer.splats.layout import LOG_SCALE
 from renderer.splats.unseen import presence
 from scene.colour import to_srgb
-from tests.renderer.splats.viewer_file import decode, demo_model, pictures, psnr_on_body
+from tests.renderer.splats.viewer_file import HEAD_BYTES, decode, demo_model, pictures, psnr_on_body
 from tests.renderer.studio import make_model
 
 
@@ -32,7 +34,7 @@ def truth(demo) -> np.ndarray:
 
 def test_twenty_thousand_splats_fit_seven_times_into_what_a_client_may_be_sent(demo, encoded):
     assert RECORD.itemsize == 32
-    head = 44 + 14 * 24
+    head = HEAD_BYTES + 14 * 24
     assert len(encoded) == head + 32 * len(demo)
     assert head + 32 * 20_000 < 5e6 / 7.5
 
@@ -67,14 +69,14 @@ def test_importance_beats_chance(demo, truth):
 
 
 def test_what_was_not_filmed_is_told(demo, encoded):
-    stored = np.frombuffer(encoded, RECORD, offset=44 + 14 * 24)["presence"]
+    stored = np.frombuffer(encoded, RECORD, offset=HEAD_BYTES + 14 * 24)["presence"]
     wanted = np.rint(255 * presence(demo)[importance_order(demo)])
     np.testing.assert_array_equal(stored, wanted)
     assert (stored < 255).any()
 
 
 def test_weights_sum_to_one_exactly(encoded):
-    stored = np.frombuffer(encoded, RECORD, offset=44 + 14 * 24)["weights"]
+    stored = np.frombuffer(encoded, RECORD, offset=HEAD_BYTES + 14 * 24)["weights"]
     assert (stored.sum(axis=1, dtype=int) == 255).all()
 
 
@@ -86,6 +88,14 @@ def test_the_same_model_gives_the_same_file(tmp_path):
     back = decode((tmp_path / "a").read_bytes(), make_model(80))
     assert back.skeleton.parents == make_model().skeleton.parents
     np.testing.assert_allclose(back.skeleton.rest_joints, make_model().skeleton.rest_joints, 1e-6)
+
+
+def test_the_light_of_the_clip_is_told_where_it_is_known(demo):
+    light = np.random.default_rng(0).normal(1.0, 0.5, (9, 3)).astype(np.float32)
+    back = decode(encode(replace(demo, light=light)), demo)
+    assert back.light is not None
+    np.testing.assert_array_equal(back.light, light)
+    assert decode(encode(replace(demo, light=None)), demo).light is None
 
 
 def test_what_light_falls_on_is_told(demo, encoded):

@@ -68,6 +68,17 @@ def test_light_falls_on_the_next_picture_and_leaves_it_again():
     np.testing.assert_array_equal(gpu.render(camera, [transforms]), plain)
 
 
+def test_the_light_of_a_clip_falls_as_on_the_cpu():
+    model, transforms = _model(80)
+    light = np.random.default_rng(1).normal(0.5, 0.4, (9, 3)).astype(np.float32)
+    cpu, gpu = _both((replace(model, light=light),))
+    camera = make_camera(32, 32)
+    expected = cpu.render(camera, [transforms]).copy()
+    np.testing.assert_allclose(gpu.render(camera, [transforms]), expected, atol=2e-3)
+    baked = SplatRenderer((model,)).render(camera, [transforms])
+    assert np.abs(expected - baked).max() > 0.05
+
+
 def test_splats_behind_the_camera_or_too_faint_are_not_drawn():
     model, transforms = _model(50)
     behind = transforms.copy()

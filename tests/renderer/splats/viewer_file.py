@@ -16,6 +16,8 @@ from scene.colour import to_linear
 from scene.smallest_three import unpack_quaternions
 
 DEMO = Path(__file__).parents[3] / "services" / "assets" / "demo.safetensors"
+HEAD_BYTES = 152
+"""Before joints and parents."""
 
 
 def demo_model() -> SplatModel:
@@ -28,11 +30,12 @@ def demo_model() -> SplatModel:
 def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
     """The first `share` of the splats in `data`; motion and the like are those of `like`."""
     magic, version, joints, count, *bounds = struct.unpack_from("<4sHHI8f", data)
-    assert (magic, version) == (b"MNSP", 2)
+    assert (magic, version) == (b"MNSP", 3)
     low, high, (thin, wide) = np.array(bounds[:3]), np.array(bounds[3:6]), bounds[6:]
-    rest = np.frombuffer(data, "<f4", 3 * joints, 44).reshape(joints, 3)
-    parents = tuple(np.frombuffer(data, "<i2", joints, 44 + 12 * joints).tolist())
-    rows = np.frombuffer(data, np.uint8, offset=44 + 14 * joints).reshape(count, 32)
+    light = np.frombuffer(data, "<f4", 27, 44).reshape(9, 3)
+    rest = np.frombuffer(data, "<f4", 3 * joints, HEAD_BYTES).reshape(joints, 3)
+    parents = tuple(np.frombuffer(data, "<i2", joints, HEAD_BYTES + 12 * joints).tolist())
+    rows = np.frombuffer(data, np.uint8, offset=HEAD_BYTES + 14 * joints).reshape(count, 32)
     rows = rows[: round(share * count)]
     p = np.empty((len(rows), PARAMETERS))
     p[:, :3] = low + np.ascontiguousarray(rows[:, :6]).view("<u2") / 65535 * (high - low)
@@ -54,6 +57,7 @@ def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
         like.data_hash,
         albedo=to_linear(rows[:, 26:29] / 255).astype(np.float32),
         normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
+        light=light if light.any() else None,
     )
 
 
