@@ -13,7 +13,7 @@ from renderer.model import PersonModel
 from renderer.photometry import FREE, Points, moved_pose, normal_equations, robust_cost
 from renderer.splats.compose import Workspace, pack_camera
 from renderer.splats.initialise import first_splats
-from renderer.splats.layout import BOX_FILTER_PX2, POSITION
+from renderer.splats.layout import FRONT_DILATION_PX2, POSITION
 from renderer.splats.model import SplatModel
 from renderer.splats.settings import SplatSettings
 from scene.arrays import Array, Float, Int
@@ -97,7 +97,7 @@ class Aligner:
         work.arrange(
             self._parameters, self._points.joints, self._points.weights,
             transforms.astype(np.float32), pack_camera(camera), camera.width, camera.height,
-            BOX_FILTER_PX2,
+            FRONT_DILATION_PX2,
         )  # fmt: skip
         front = np.empty((camera.height, camera.width), np.int32)
         front_splats(work.projected, work.starts, work.entries, front)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import torch
 
 from renderer.splats.layout import (
+    BOX_FILTER_PX2,
     COLOUR,
     FAINTEST,
+    LEAST_AREA_PX4,
     LOG_SCALE,
     MOST_OPAQUE,
     NEAR_M,
@@ -73,7 +75,9 @@ def draw(
         parameters, blend_weights, transforms, camera, dilation
     )
     conic = torch.linalg.inv(covariance)
-    opacity = torch.sigmoid(parameters[:, OPACITY])
+    bare = torch.linalg.det(covariance - BOX_FILTER_PX2 * torch.eye(2, dtype=parameters.dtype))
+    kept = torch.sqrt(bare.clamp(min=LEAST_AREA_PX4) / torch.linalg.det(covariance))
+    opacity = kept * torch.sigmoid(parameters[:, OPACITY])
     v, u = torch.meshgrid(
         torch.arange(height, dtype=parameters.dtype) + 0.5,
         torch.arange(width, dtype=parameters.dtype) + 0.5,

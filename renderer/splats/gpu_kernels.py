@@ -27,6 +27,8 @@ _TURN = tl.constexpr(layout.ROTATION)
 _COLOUR = tl.constexpr(layout.COLOUR)
 _OPACITY = tl.constexpr(layout.OPACITY)
 _FAINTEST = tl.constexpr(layout.FAINTEST)
+_FILTER = tl.constexpr(layout.BOX_FILTER_PX2)
+_LEAST_AREA = tl.constexpr(layout.LEAST_AREA_PX4)
 _NEAR = tl.constexpr(layout.NEAR_M)
 _MOST_OPAQUE = tl.constexpr(layout.MOST_OPAQUE)
 _EMPTY = tl.constexpr(layout.EMPTY_BOX)
@@ -131,7 +133,9 @@ def project(
     inverse = 1.0 / tl.maximum(xx * yy - xy * xy, 1e-12)
 
     mean_x, mean_y = jx * x + lens[2], jy * y + lens[3]
-    alpha = tl.sigmoid(tl.load(row + _OPACITY, mask=there, other=0.0))
+    bare = (xx - _FILTER) * (yy - _FILTER) - xy * xy
+    kept = tl.sqrt(tl.maximum(bare, _LEAST_AREA) * inverse)
+    alpha = kept * tl.sigmoid(tl.load(row + _OPACITY, mask=there, other=0.0))
     reach = 2.0 * tl.log(tl.maximum(alpha / _FAINTEST, 1.0))
     half_x, half_y = tl.sqrt(reach * xx), tl.sqrt(reach * yy)
     seen = there & (z > _NEAR) & (alpha > _FAINTEST) & (half_x < 1e6) & (half_y < 1e6)

@@ -56,7 +56,8 @@ def first_splats(
     parameters = np.zeros((len(points), PARAMETERS), np.float32)
     parameters[:, POSITION : POSITION + 3] = points - settings.inset_m * normals
     spacing = np.sqrt(area / len(points))
-    parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(settings.scale_share * spacing)
+    share = settings.scale_share if sequence.exact_poses else settings.uncertain_scale_share
+    parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(share * spacing)
     parameters[:, LOG_SCALE + 2] += np.log(settings.thickness)
     parameters[:, ROTATION : ROTATION + 4] = _from_z_axis(normals)
     parameters[:, COLOUR : COLOUR + 3] = 0.5

@@ -18,10 +18,15 @@ CONTRIBUTION = HALF_HEIGHT
 
 BOX_FILTER_PX2 = 1.0 / 12.0
 """Variance of a pixel's box filter: what a camera adds to every splat's covariance, px^2."""
+FRONT_DILATION_PX2 = 4.0 * BOX_FILTER_PX2
+"""Dilation for finding which splat a pixel of a smaller picture shows: by the filter alone each is
+too faint there to tell, and poses are fitted 0.5 dB worse."""
 FAINTEST = 1.0 / 255.0
 """Opacity below which a splat changes no 8-bit pixel."""
 MOST_OPAQUE = 0.99
 """Keeps 1 - alpha away from nil, so that what lies behind still gets a gradient."""
+LEAST_AREA_PX4 = 1e-6
+"""Determinant of a covariance on the picture from which a splat counts as no smaller."""
 NEAR_M = 0.05
 """Splats nearer to the camera than this are not drawn."""
 TILE = 16

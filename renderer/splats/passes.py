@@ -12,7 +12,7 @@ import numpy as np
 from renderer.photometry import FREE, SHARED, Points, normal_equations
 from renderer.splats.clip_wide import ClipEquations
 from renderer.splats.compose import Workspace, pack_camera
-from renderer.splats.layout import BOX_FILTER_PX2
+from renderer.splats.layout import FRONT_DILATION_PX2
 from renderer.splats.poses import PoseRefinement
 from renderer.splats.views import View
 from scene.arrays import Array, Float, Int
@@ -108,7 +108,7 @@ class Passes:
         work, front = self._work, np.empty((camera.height, camera.width), np.int32)
         work.arrange(
             parameters, points.joints, points.weights, transforms, pack_camera(camera),
-            camera.width, camera.height, BOX_FILTER_PX2,
+            camera.width, camera.height, FRONT_DILATION_PX2,
         )  # fmt: skip
         front_splats(work.projected, work.starts, work.entries, front)
         return front

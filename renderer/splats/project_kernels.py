@@ -2,7 +2,10 @@
 
 Letters: M = sum_k w_k T_k (3x4) blended transform, x rest position, p = R (M x) + t camera point,
 J perspective Jacobian (2x3), B = J R A Q S with A = M[:, :3], Q rotation, S scales; the covariance
-on the picture is B B^T + dilation (EWA splatting, Zwicker et al. 2001; Kerbl et al. 2023).
+on the picture is C = B B^T + dilation (EWA splatting, Zwicker et al. 2001; Kerbl et al. 2023). The
+pixel's filter F spreads a splat's light and makes no more of it: its opacity falls by the square
+root of det(C - F) / det(C) (Mip-Splatting, Yu et al. 2024). Else silhouettes, where many splats lie
+behind one another, swell by half a pixel, and training sinks the surface to make up for it.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import numpy as np
 from renderer.splats.layout import (
     ALPHA,
     BLUE,
+    BOX_FILTER_PX2,
     COLOUR,
     CONIC_A,
     CONIC_B,
@@ -24,6 +28,7 @@ from renderer.splats.layout import (
     FAINTEST,
     GREEN,
     HALF_HEIGHT,
+    LEAST_AREA_PX4,
     LOG_SCALE,
     MEAN_X,
     MEAN_Y,
@@ -37,6 +42,8 @@ from renderer.splats.layout import (
 from scene.arrays import Array
 
 _F = np.float32
+_FILTER = _F(BOX_FILTER_PX2)
+_LEAST_AREA = _F(LEAST_AREA_PX4)
 
 
 @numba.njit(inline="always", fastmath=True)
@@ -150,6 +157,10 @@ def project(
             xy += bx * by
             yy += by * by
         inverse = _F(1.0) / max(xx * yy - xy * xy, _F(1e-12))
+        bare = (xx - _FILTER) * (yy - _FILTER) - xy * xy
+        alpha *= math.sqrt(max(bare, _LEAST_AREA) * inverse)
+        if alpha <= FAINTEST:
+            continue
         mean_x = jacobian[0, 0] * point[0] + camera[3, 2]
         mean_y = jacobian[1, 1] * point[1] + camera[3, 3]
         reach = _F(2.0) * math.log(alpha / _F(FAINTEST))
@@ -214,6 +225,16 @@ def _chain_rule_range(
         ha0, ha1 = a * ga + b * gb, a * gb + b * gc
         hb0, hb1 = b * ga + c * gb, b * gb + c * gc
         cov_xx, cov_xy, cov_yy = -(ha0 * a + ha1 * b), -(ha0 * b + ha1 * c), -(hb0 * b + hb1 * c)
+        alpha = projected[i, ALPHA]
+        area = _F(1.0) / max(a * c - b * b, _F(1e-12))
+        xx, xy, yy = c * area - _FILTER, -b * area, a * area - _FILTER
+        bare = xx * yy - xy * xy
+        if bare > _LEAST_AREA:
+            # d log sqrt(det(C - F) / det(C)) / dC = ((C - F)^-1 - C^-1) / 2
+            half = _F(0.5) * on_picture[i, ALPHA] * alpha
+            cov_xx += half * (yy / bare - a)
+            cov_xy -= half * (xy / bare + b)
+            cov_yy += half * (xx / bare - c)
         for k in range(3):
             bx = jacobian[0, 0] * spread[0, k] + jacobian[0, 2] * spread[2, k]
             by = jacobian[1, 1] * spread[1, k] + jacobian[1, 2] * spread[2, k]
@@ -264,8 +285,8 @@ def _chain_rule_range(
                 + blended[2, k] * by_world[2]
             )
             gradient[i, COLOUR + k] = on_picture[i, RED + k]
-        alpha = projected[i, ALPHA]
-        gradient[i, OPACITY] = on_picture[i, ALPHA] * alpha * (_F(1.0) - alpha)
+        through = _F(1.0) / (_F(1.0) + math.exp(parameters[i, OPACITY]))
+        gradient[i, OPACITY] = on_picture[i, ALPHA] * alpha * through
         # by A (3x3): R^T (dL/dspread) (Q S)^T
         for r in range(3):
             for k in range(3):

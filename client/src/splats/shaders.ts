@@ -14,6 +14,8 @@ import { NEAR_M, ORDER_COLUMNS } from "./sort";
 
 /** Variance of a pixel's box filter, px^2: BOX_FILTER_PX2 of the server. */
 const PIXEL_FILTER_PX2 = 1 / 12;
+/** Determinant of a covariance from which a splat counts as no smaller, px^4: LEAST_AREA_PX4. */
+const LEAST_AREA_PX4 = 1e-6;
 /** Opacity below which a splat changes no 8-bit pixel. */
 const FAINTEST = 1 / 255;
 const MOST_OPAQUE = 0.99;
@@ -133,6 +135,9 @@ void main() {
   float xx = dot(across, covariance * across) + ${float(PIXEL_FILTER_PX2)};
   float xy = dot(across, covariance * down);
   float yy = dot(down, covariance * down) + ${float(PIXEL_FILTER_PX2)};
+  float bare = (xx - ${float(PIXEL_FILTER_PX2)}) * (yy - ${float(PIXEL_FILTER_PX2)}) - xy * xy;
+  opacity *= sqrt(max(bare, ${float(LEAST_AREA_PX4)}) / (xx * yy - xy * xy));
+  if (opacity <= ${float(FAINTEST)}) return;
   float mean = 0.5 * (xx + yy);
   float apart = length(vec2(0.5 * (xx - yy), xy));
   float longest = mean + apart;

@@ -46,13 +46,13 @@ def dense_weights(weights) -> torch.Tensor:
     return torch.tensor(weights[:, :JOINTS].astype(np.float64))
 
 
-def draw_fast(scene, camera: Camera) -> np.ndarray:
+def draw_fast(scene, camera: Camera, dilation: float = DILATION) -> np.ndarray:
     from renderer.splats.tile_kernels import draw
 
     parameters, joints, weights, transforms = scene
     work = Workspace(len(parameters))
     size = (camera.width, camera.height)
-    work.arrange(parameters, joints, weights, transforms, pack_camera(camera), *size, DILATION)
+    work.arrange(parameters, joints, weights, transforms, pack_camera(camera), *size, dilation)
     out = np.full((camera.height, camera.width, 4), np.nan, np.float32)
     draw(work.projected, work.starts, work.entries, 2, out)
     return out
@@ -130,6 +130,19 @@ def test_a_splat_smaller_than_a_pixel_keeps_its_colour():
     out = draw_fast((parameters, joints, weights, transforms), make_camera(32, 32))
     peak = out[np.unravel_index(out[..., 3].argmax(), out.shape[:2])]
     np.testing.assert_allclose(peak[:3] / peak[3], [0.2, 0.4, 0.8], atol=1e-3)
+
+
+@pytest.mark.parametrize("deviation_m", [0.02, 0.03])
+def test_the_pixels_filter_makes_no_more_light_of_a_splat(deviation_m):
+    parameters, joints, weights, transforms = make_scene(1)
+    parameters[0, :6], parameters[0, 13] = [0, 0, 0, *np.log([deviation_m] * 3)], 1.0
+    transforms[:] = np.eye(4)
+    scene = (parameters, joints, weights, transforms)
+    coarse, fine = (
+        draw_fast(scene, make_camera(side, side), BOX_FILTER_PX2)[..., 3].sum() / side**2
+        for side in (32, 256)
+    )
+    assert coarse == pytest.approx(fine, rel=0.01)
 
 
 def test_nearer_splats_hide_farther_ones():
