@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from capture.bvh import read_bvh
@@ -22,7 +23,9 @@ from renderer.checkpoint import save_model
 from renderer.splats.model import SplatModel
 from renderer.training import train
 from scene.motion import Motion
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from services.cli.terminal import progress_bar
+from services.live.room import facing_yaw
 
 DEMO_MODEL = Path(__file__).parent / "assets" / "demo.safetensors"
 _FRAMES, _SIZE, _SEED, _ITERATIONS = 90, 512, 2, 6000
@@ -46,14 +49,19 @@ def build(
             on_progress=lambda step: report(0.3 + 0.7 * step.fraction, step.message),
         )  # fmt: skip
     assert isinstance(model, SplatModel)
-    recorded = _on_the_spot(read_bvh(motion, clip.body.skeleton))
+    recorded = _before_the_camera(read_bvh(motion, clip.body.skeleton))
     save_model(replace(model, motion=recorded), out)
 
 
-def _on_the_spot(motion: Motion) -> Motion:
-    """`motion` with its mean place on the floor at x = z = 0."""
+def _before_the_camera(motion: Motion) -> Motion:
+    """`motion` with its mean place on the floor at x = z = 0, turned to face the clip's camera: so
+    the clip's light falls on them from where it fell for that."""
+    turn = axis_angle_to_matrix(np.array([0.0, facing_yaw(motion), 0.0]))
+    angles = motion.joint_angles.copy()
+    angles[:, 0] = matrix_to_axis_angle(turn @ axis_angle_to_matrix(angles[:, 0]))
     shift = motion.root_translation.mean(axis=0) * [1.0, 0.0, 1.0]
-    return replace(motion, root_translation=motion.root_translation - shift)
+    root = (motion.root_translation - shift) @ turn.T
+    return replace(motion, joint_angles=angles, root_translation=root)
 
 
 if __name__ == "__main__":
