@@ -40,7 +40,7 @@ def test_twenty_thousand_splats_fit_seven_times_into_what_a_client_may_be_sent(d
 
 
 def test_the_picture_does_not_suffer(demo, encoded, truth):
-    """56.2 dB on the body, over 20 more than any model is off its person."""
+    """59.3 dB on the body, over 20 more than any model is off its person."""
     assert psnr_on_body(pictures(decode(encoded, demo)), truth) > 53.0
 
 
