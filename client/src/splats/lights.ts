@@ -1,7 +1,7 @@
 /** What light falls on whom: the room's on everybody, else on each that of the clip they come from. */
 
 import type { Light } from "../types";
-import type { Uniforms } from "./pass";
+import type { Uniforms } from "./program";
 import { MOST_PEOPLE } from "./shaders";
 
 /** Of one light: nine harmonics of three colours. */

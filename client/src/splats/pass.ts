@@ -10,6 +10,7 @@
 import { SPLAT_NUMBERS, type Cast } from "./cast";
 import { matrixOf } from "./file";
 import { Lights } from "./lights";
+import { program, uniformsOf, type Uniforms } from "./program";
 import { ORDER_COLUMNS } from "./sort";
 import {
   MOST_PEOPLE,
@@ -84,8 +85,6 @@ export interface PassFrame extends PassPeople {
 
 /** Corners of two triangles that share an edge. */
 const TRIANGLES = [0, 1, 2, 2, 1, 3];
-
-export type Uniforms = (name: string) => WebGLUniformLocation | null;
 
 export class SplatPass {
   readonly gl: WebGL2RenderingContext;
@@ -356,35 +355,6 @@ function texture(gl: WebGL2RenderingContext, blend: number = gl.NEAREST): WebGLT
   gl.bindTexture(gl.TEXTURE_2D, made);
   for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
     gl.texParameteri(gl.TEXTURE_2D, filter, blend);
-  }
-  return made;
-}
-
-/** Asks for each uniform's place once: a browser may have to ask the card. */
-export function uniformsOf(gl: WebGL2RenderingContext, of: WebGLProgram): Uniforms {
-  const known = new Map<string, WebGLUniformLocation | null>();
-  return (name) => {
-    const place = known.get(name);
-    if (place !== undefined) return place;
-    const asked = gl.getUniformLocation(of, name);
-    known.set(name, asked);
-    return asked;
-  };
-}
-
-export function program(gl: WebGL2RenderingContext, vertex: string, fragment: string): WebGLProgram {
-  const made = gl.createProgram();
-  for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]] as const) {
-    const shader = gl.createShader(kind);
-    if (!shader) throw new Error("the graphics card has gone away");
-    gl.shaderSource(shader, source);
-    gl.compileShader(shader);
-    gl.attachShader(made, shader);
-  }
-  gl.linkProgram(made);
-  if (!gl.getProgramParameter(made, gl.LINK_STATUS)) {
-    const logs = gl.getAttachedShaders(made)?.map((shader) => gl.getShaderInfoLog(shader)) ?? [];
-    throw new Error(`the shaders must compile; got ${[gl.getProgramInfoLog(made), ...logs].join(" ")}`);
   }
   return made;
 }

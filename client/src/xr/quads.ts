@@ -1,6 +1,7 @@
 /** Draws flat things over the picture of an eye: boards, the ring on the floor, rays. */
 
-import { program, uniformsOf, type Eye, type PassCamera, type Uniforms } from "../splats/pass";
+import type { Eye, PassCamera } from "../splats/pass";
+import { program, uniformsOf, type Uniforms } from "../splats/program";
 import { add, cross, scale, unit, type Quad } from "./space";
 import type { Vec3 } from "../geometry";
 
