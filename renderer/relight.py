@@ -24,6 +24,8 @@ _NEIGHBOURS = 16
 """Splats whose normals make up one; at 10,000 a person they lie within 3 cm."""
 _ALIKE = 0.3
 """Cosine from which a neighbour lies on the same side: a finger's back is not its front."""
+NOBODYS = 255
+"""Number, in place of a light's, of splats that none falls on."""
 _ROWS = 1024
 """Distances are taken in blocks of so many rows, to bound memory."""
 _TABLE_STEPS = 1024
@@ -35,12 +37,14 @@ class Relighting:
     def __init__(self, models: Many[SkinnedSplats]) -> None:
         self._albedo = np.concatenate([albedo_of(m) for m in models]).astype(np.float32)
         self._normals = np.concatenate([normals_of(m) for m in models]).astype(np.float32)
-        self._filmed: list[tuple[int, slice, Float[Array, "9 3"]]] = []
-        first = 0
-        for which, model in enumerate(models):
-            rows = slice(first, first := first + len(model.parameters))
-            if model.light is not None:
-                self._filmed.append((which, rows, model.light.astype(np.float32)))
+        lights = [None if m.light is None else m.light.astype(np.float32) for m in models]
+        self._filmed = [which for which, light in enumerate(lights) if light is not None]
+        self._lights = np.array([light for light in lights if light is not None], np.float32)
+        number = {which: place for place, which in enumerate(self._filmed)}
+        self._whose = np.concatenate(
+            [np.full(len(m.parameters), number.get(n, NOBODYS)) for n, m in enumerate(models)]
+        ).astype(np.uint8)
+        self._rooms = np.zeros(len(self._whose), np.uint8)
 
     def shade(
         self,
@@ -56,8 +60,8 @@ class Relighting:
         from renderer.relight_kernels import shade
 
         shade(
-            self._albedo, self._normals, joints, weights, transforms,
-            eye.astype(np.float32), lighting.harmonics.astype(np.float32),
+            self._albedo, self._normals, joints, weights, transforms, eye.astype(np.float32),
+            self._rooms, lighting.harmonics[None].astype(np.float32), UNTURNED,
             lighting.key_direction.astype(np.float32),
             lighting.key_colour.astype(np.float32), light_table(), parameters,
         )  # fmt: skip
@@ -75,17 +79,15 @@ class Relighting:
         model's) brought into the room with them; colours of models without one stay."""
         from renderer.relight_kernels import shade
 
-        for which, rows, light in self._filmed:
-            home = np.linalg.inv(placements[which])
-            shade(
-                self._albedo[rows], self._normals[rows], joints[rows], weights[rows],
-                (home @ transforms).astype(np.float32),
-                (home[:3, :3] @ eye + home[:3, 3]).astype(np.float32), light,
-                _NO_KEY, _NO_KEY, light_table(), parameters[rows],
-            )  # fmt: skip
+        homes = np.array([placements[which][:3, :3].T for which in self._filmed], np.float32)
+        shade(
+            self._albedo, self._normals, joints, weights, transforms, eye.astype(np.float32),
+            self._whose, self._lights, homes, NO_KEY, NO_KEY, light_table(), parameters,
+        )  # fmt: skip
 
 
-_NO_KEY = np.zeros(3, np.float32)
+NO_KEY = np.zeros(3, np.float32)
+UNTURNED = np.eye(3, dtype=np.float32)[None]
 
 
 @cache

@@ -10,6 +10,7 @@ import math
 import numba
 import numpy as np
 
+from renderer.relight import NOBODYS
 from renderer.splats.layout import COLOUR, POSITION
 from scene.arrays import Array
 
@@ -24,7 +25,9 @@ def shade(
     weights: Array,  # [N 4] float32
     transforms: Array,  # [K 4 4] float32, rest -> world
     eye: Array,  # [3] float32, m
-    harmonics: Array,  # [9 3] float32
+    whose: Array,  # [N] uint8: the light that falls on each; NOBODYS leaves its colour as it is
+    harmonics: Array,  # [M 9 3] float32, of each light
+    homes: Array,  # [M 3 3] float32: turns from the world to where each light is known
     key_direction: Array,  # [3] float32, unit
     key_colour: Array,  # [3] float32
     encoded: Array,  # [S + 1] float32: sRGB by the root of linear light
@@ -33,6 +36,9 @@ def shade(
     """Fill the colour columns of `parameters`."""
     steps = encoded.shape[0] - 1
     for i in numba.prange(albedo.shape[0]):
+        if whose[i] == NOBODYS:
+            continue
+        light, home = harmonics[whose[i]], homes[whose[i]]
         x, y, z = _F(0.0), _F(0.0), _F(0.0)
         vx, vy, vz = eye[0], eye[1], eye[2]
         a, b, c = normals[i, 0], normals[i, 1], normals[i, 2]
@@ -40,6 +46,8 @@ def shade(
         pz = parameters[i, POSITION + 2]
         for k in range(4):
             share, turn = weights[i, k], transforms[joints[i, k]]
+            if share == _F(0.0):
+                continue
             x += share * (turn[0, 0] * a + turn[0, 1] * b + turn[0, 2] * c)
             y += share * (turn[1, 0] * a + turn[1, 1] * b + turn[1, 2] * c)
             z += share * (turn[2, 0] * a + turn[2, 1] * b + turn[2, 2] * c)
@@ -53,19 +61,23 @@ def shade(
         if away < _F(0.0):
             twice = _F(2.0) * away / max(vx * vx + vy * vy + vz * vz, _F(1e-12))
             x, y, z = x - twice * vx, y - twice * vy, z - twice * vz
+        x, y, z = (
+            home[0, 0] * x + home[0, 1] * y + home[0, 2] * z,
+            home[1, 0] * x + home[1, 1] * y + home[1, 2] * z,
+            home[2, 0] * x + home[2, 1] * y + home[2, 2] * z,
+        )
         towards = x * key_direction[0] + y * key_direction[1] + z * key_direction[2]
         facing = max(towards, _F(0.0))
         for j in range(3):
             smooth = (
-                _F(0.282095) * harmonics[0, j]
-                + _F(0.488603) * (y * harmonics[1, j] + z * harmonics[2, j] + x * harmonics[3, j])
-                + _F(1.092548)
-                * (x * y * harmonics[4, j] + y * z * harmonics[5, j] + x * z * harmonics[7, j])
-                + _F(0.315392) * (_F(3.0) * z * z - _F(1.0)) * harmonics[6, j]
-                + _F(0.546274) * (x * x - y * y) * harmonics[8, j]
+                _F(0.282095) * light[0, j]
+                + _F(0.488603) * (y * light[1, j] + z * light[2, j] + x * light[3, j])
+                + _F(1.092548) * (x * y * light[4, j] + y * z * light[5, j] + x * z * light[7, j])
+                + _F(0.315392) * (_F(3.0) * z * z - _F(1.0)) * light[6, j]
+                + _F(0.546274) * (x * x - y * y) * light[8, j]
             )
-            light = albedo[i, j] * (max(smooth, _F(0.0)) + facing * key_colour[j])
-            place = math.sqrt(min(max(light, _F(0.0)), _F(1.0))) * steps
+            shown = albedo[i, j] * (max(smooth, _F(0.0)) + facing * key_colour[j])
+            place = math.sqrt(min(max(shown, _F(0.0)), _F(1.0))) * steps
             step = min(int(place), steps - 1)
             part = place - step
             parameters[i, COLOUR + j] = (_F(1.0) - part) * encoded[step] + part * encoded[step + 1]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renderer.relight import light_table
+from renderer.relight import NO_KEY, UNTURNED, light_table
 from renderer.splats.layout import COLOUR
 from scene.arrays import Array, Float
 from scene.colour import to_linear, to_srgb
@@ -60,8 +60,8 @@ class FilmedLight:
         shown = parameters.copy()
         shade(
             parameters[:, _COLOURS] ** 2, self.normals, joints, weights, transforms,
-            eye.astype(np.float32), self.harmonics.astype(np.float32),
-            np.zeros(3, np.float32), np.zeros(3, np.float32), light_table(), shown,
+            eye.astype(np.float32), np.zeros(len(shown), np.uint8),
+            self.harmonics[None].astype(np.float32), UNTURNED, NO_KEY, NO_KEY, light_table(), shown,
         )  # fmt: skip
         return shown
 
