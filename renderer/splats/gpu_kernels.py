@@ -33,7 +33,7 @@ _NEAR = tl.constexpr(layout.NEAR_M)
 _MOST_OPAQUE = tl.constexpr(layout.MOST_OPAQUE)
 _EMPTY = tl.constexpr(layout.EMPTY_BOX)
 _TILE = tl.constexpr(layout.TILE)
-_OPAQUE = tl.constexpr(1.0 / 512.0)
+_FINISHED = tl.constexpr(layout.FINISHED)
 _FARTHEST = tl.constexpr(3.0e38)
 
 
@@ -239,7 +239,7 @@ def blend(
             blue += weight * tl.load(splat + 8)
         tl.debug_barrier()
         some += found
-        start = tl.where(tl.max(through, 0) < _OPAQUE, length, start + PIECE)
+        start = tl.where(tl.max(through, 0) < _FINISHED, length, start + PIECE)
     there = (column < width) & (line < height)
     at = out + 4 * (line.to(tl.int64) * width + column)
     tl.store(at, red, mask=there)

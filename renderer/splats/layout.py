@@ -25,6 +25,8 @@ FAINTEST = 1.0 / 255.0
 """Opacity below which a splat changes no 8-bit pixel."""
 MOST_OPAQUE = 0.99
 """Keeps 1 - alpha away from nil, so that what lies behind still gets a gradient."""
+FINISHED = 1.0 / 512.0
+"""A tile whose every pixel lets less through is finished."""
 LEAST_AREA_PX4 = 1e-6
 """Determinant of a covariance on the picture from which a splat counts as no smaller."""
 NEAR_M = 0.05

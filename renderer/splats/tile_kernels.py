@@ -20,6 +20,7 @@ from renderer.splats.layout import (
     CONIC_C,
     CONTRIBUTION,
     EMPTY_BOX,
+    FINISHED,
     GREEN,
     HALF_HEIGHT,
     MEAN_X,
@@ -35,8 +36,6 @@ _U = np.uint64
 """An index that can't be negative: loads and stores stay in vectors."""
 _DEPTH_BINS = 4096
 """Steps of depth that the counting sort tells apart: under a millimetre over a body's depth."""
-_OPAQUE = 1.0 / 512.0
-"""A tile whose every pixel lets less through is finished."""
 
 
 @numba.njit(nogil=True, cache=True)
@@ -147,7 +146,7 @@ def _look_again(sums, open_rows):
         most = _F(0.0)
         for x in range(TILE):
             most = max(most, sums[row, _U(x)])
-        open_rows[row] = most >= _F(_OPAQUE)
+        open_rows[row] = most >= _F(FINISHED)
         some |= open_rows[row]
     return some
 
