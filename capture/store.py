@@ -4,6 +4,7 @@ sequence.json            version, person, frames_per_second, split, source, exac
 cameras.npz              intrinsics [N 3 3] px, world_to_camera [N 3 4] m, size (width, height),
                          optional distortion [N 5]
 motion.npz               times_s, joint_angles (axis-angle, rad), root_translation, confidence
+                         and, where anybody moved their face or fingers, expressions
 body.npz                 rest_joints and, where known, rest_vertices, faces, blend_weights
 images/000000.png        sRGB, 8 bit          masks/000000.png      alpha, 8 bit
 test/novel_view/, test/unseen_pose/           cameras.npz, motion.npz, images/, masks/
@@ -251,13 +252,15 @@ def _write_frames(
         cameras.append(frame.camera)
         poses.append(frame.pose)
     motion = Motion.from_poses(poses)
-    np.savez_compressed(
-        folder / "motion.npz",
-        times_s=motion.times_s,
-        joint_angles=motion.joint_angles,
-        root_translation=motion.root_translation,
-        confidence=motion.confidence if confidence is None else confidence,
-    )
+    moved: dict[str, Any] = {
+        "times_s": motion.times_s,
+        "joint_angles": motion.joint_angles,
+        "root_translation": motion.root_translation,
+        "confidence": motion.confidence if confidence is None else confidence,
+    }
+    if motion.expressions.any():  # else the bytes, and so the hash, are those of older files
+        moved["expressions"] = motion.expressions
+    np.savez_compressed(folder / "motion.npz", **moved)
     arrays: dict[str, Any] = {  # Any: numpy's stubs take a mapping's values for its options
         "intrinsics": np.stack([c.intrinsics for c in cameras]),
         "world_to_camera": np.stack([c.world_to_camera for c in cameras]),

@@ -22,6 +22,7 @@ from scene.skeleton import Skeleton
 
 VERSION = 1
 _MOTION = ("times_s", "joint_angles", "root_translation", "confidence")
+_EXPRESSIONS = "motion.expressions"
 
 
 def save_model(model: PersonModel, path: Path) -> None:
@@ -31,6 +32,8 @@ def save_model(model: PersonModel, path: Path) -> None:
     kind, tensors, header = _pack(model)
     tensors |= {"rest_joints": model.skeleton.rest_joints.astype(np.float32)}
     tensors |= {f"motion.{k}": getattr(model.motion, k).astype(np.float32) for k in _MOTION}
+    if model.motion.expressions.any():
+        tensors[_EXPRESSIONS] = model.motion.expressions.astype(np.float32)
     # float32 seconds of a long clip may collide: times stay exact
     tensors["motion.times_s"] = model.motion.times_s
     about = {
@@ -58,7 +61,10 @@ def load_model(path: Path) -> PersonModel:
     """The model in `path`. Raises BrokenModel for anything that is none of ours."""
     tensors, about = _read(path)
     try:
-        motion = Motion(**{k: tensors.pop(f"motion.{k}").astype(np.float64) for k in _MOTION})
+        moved = {k: tensors.pop(f"motion.{k}").astype(np.float64) for k in _MOTION}
+        if _EXPRESSIONS in tensors:
+            moved["expressions"] = tensors.pop(_EXPRESSIONS).astype(np.float64)
+        motion = Motion(**moved)
         skeleton = Skeleton(tensors.pop("rest_joints").astype(np.float64))
         return _unpack(tensors, about, skeleton, motion)
     except (SceneError, KeyError, ValueError, TypeError, RuntimeError, zlib.error) as error:

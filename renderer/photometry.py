@@ -59,7 +59,8 @@ def moved_pose(pose: Pose, step: Float[Array, "75"]) -> Pose:
     """`pose` after `step`."""
     turns = axis_angle_to_matrix(step[:-3].reshape(JOINT_COUNT, 3))
     angles = matrix_to_axis_angle(axis_angle_to_matrix(pose.joint_angles) @ turns)
-    return Pose(angles, pose.root_translation + step[-3:], pose.time_s)
+    moved = pose.root_translation + step[-3:]
+    return replace(pose, joint_angles=angles, root_translation=moved)
 
 
 def normal_equations(

@@ -4,6 +4,7 @@ from scene.body import Body
 from scene.camera import Camera, look_at, orbit_camera
 from scene.environment import Environment, Performer, Scene, placement
 from scene.errors import InvalidInput, SceneError
+from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
 from scene.lighting import Lighting, lighting_of
 from scene.motion import Motion, Pose
 from scene.sequence import (
@@ -18,6 +19,8 @@ from scene.sequence import (
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS, Skeleton
 
 __all__ = [
+    "EXPRESSION_COUNT",
+    "EXPRESSION_NAMES",
     "JOINT_COUNT",
     "JOINT_NAMES",
     "NOVEL_VIEW",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from scene.arrays import Array, Float
 from scene.errors import InvalidInput, require_finite, require_shape
+from scene.expression import EXPRESSION_COUNT, neutral
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, slerp
 from scene.skeleton import JOINT_COUNT
 
@@ -22,9 +23,15 @@ class Pose:
     root_translation: Float[Array, "3"]
     """Added to the pelvis' rest position, m."""
     time_s: float = 0.0
+    expression: Float[Array, "E"] = field(default_factory=neutral)
+    """Of `scene.expression.EXPRESSION_NAMES`, each 0 (at rest) to 1 (fully)."""
 
     def __post_init__(self) -> None:
-        for name, shape in (("joint_angles", (JOINT_COUNT, 3)), ("root_translation", (3,))):
+        for name, shape in (
+            ("joint_angles", (JOINT_COUNT, 3)),
+            ("root_translation", (3,)),
+            ("expression", (EXPRESSION_COUNT,)),
+        ):
             value = np.asarray(getattr(self, name), dtype=np.float64)
             require_shape(name, value, shape)
             require_finite(name, value)
@@ -45,14 +52,19 @@ class Motion:
     root_translation: Float[Array, "F 3"]
     confidence: Float[Array, "F K"]
     """Trust in each joint, 0 (guessed) to 1 (seen)."""
+    expressions: Float[Array, "F E"] = field(default_factory=lambda: np.zeros((0, 0)))
+    """Of each frame, see `Pose.expression`; left out, all are at rest."""
 
     def __post_init__(self) -> None:
         frames = len(self.times_s)
+        if not self.expressions.size:
+            object.__setattr__(self, "expressions", np.zeros((frames, EXPRESSION_COUNT)))
         shapes = {
             "times_s": (frames,),
             "joint_angles": (frames, JOINT_COUNT, 3),
             "root_translation": (frames, 3),
             "confidence": (frames, JOINT_COUNT),
+            "expressions": (frames, EXPRESSION_COUNT),
         }
         for name, shape in shapes.items():
             value = np.asarray(getattr(self, name), dtype=np.float64)
@@ -73,6 +85,7 @@ class Motion:
             np.array([pose.joint_angles for pose in poses]).reshape(-1, JOINT_COUNT, 3),
             np.array([pose.root_translation for pose in poses]).reshape(-1, 3),
             np.ones((len(poses), JOINT_COUNT)),
+            np.array([pose.expression for pose in poses]).reshape(-1, EXPRESSION_COUNT),
         )
 
     def __len__(self) -> int:
@@ -86,7 +99,10 @@ class Motion:
     def pose(self, index: int) -> Pose:
         """The pose of frame `index`."""
         return Pose(
-            self.joint_angles[index], self.root_translation[index], float(self.times_s[index])
+            self.joint_angles[index],
+            self.root_translation[index],
+            float(self.times_s[index]),
+            self.expressions[index],
         )
 
     def pose_at(self, time_s: float) -> Pose:
@@ -94,7 +110,7 @@ class Motion:
         after = int(np.searchsorted(self.times_s, time_s))
         if after == 0 or after == len(self):
             nearest = self.pose(min(after, len(self) - 1))
-            return Pose(nearest.joint_angles, nearest.root_translation, float(time_s))
+            return replace(nearest, time_s=float(time_s))
         return self._blend(after - 1, time_s)
 
     def extrapolated(self, time_s: float, *, at_most_s: float = 0.15) -> Pose:
@@ -107,7 +123,7 @@ class Motion:
             return self.pose_at(time_s)
         ahead = min(float(time_s), float(self.times_s[-1]) + at_most_s)
         pose = self._blend(len(self) - 2, ahead)
-        return Pose(pose.joint_angles, pose.root_translation, float(time_s))
+        return replace(pose, time_s=float(time_s), expression=np.clip(pose.expression, 0.0, 1.0))
 
     def resampled(self, frames_per_second: float) -> Motion:
         """The same motion at an even rate, from the first pose to at most the last."""
@@ -120,7 +136,7 @@ class Motion:
             [np.interp(times, self.times_s, column) for column in self.confidence.T], axis=1
         )
         sampled = Motion.from_poses(poses)
-        return Motion(times, sampled.joint_angles, sampled.root_translation, confidence)
+        return replace(sampled, times_s=times, confidence=confidence)
 
     def smoothed(self, sigma_s: float) -> Motion:
         """Gaussian smoothing in time, weighted by confidence.
@@ -139,7 +155,10 @@ class Motion:
         flip = np.linalg.det(u @ vt)[..., None, None]
         rotations = np.concatenate([u[..., :2], u[..., 2:] * flip], axis=-1) @ vt
         root = weights[:, :, 0] @ self.root_translation
-        return Motion(self.times_s, matrix_to_axis_angle(rotations), root, self.confidence)
+        expressions = kernel @ self.expressions / kernel.sum(axis=1, keepdims=True)
+        return Motion(
+            self.times_s, matrix_to_axis_angle(rotations), root, self.confidence, expressions
+        )
 
     def _blend(self, before: int, time_s: float) -> Pose:
         """On the geodesic through poses `before` and `before` + 1, also past its ends."""
@@ -148,4 +167,10 @@ class Motion:
         rotations = axis_angle_to_matrix(self.joint_angles[before : before + 2])
         angles = matrix_to_axis_angle(slerp(rotations[0], rotations[1], fraction))
         start, end = self.root_translation[before : before + 2]
-        return Pose(angles, start + fraction * (end - start), float(time_s))
+        shown, next_shown = self.expressions[before : before + 2]
+        return Pose(
+            angles,
+            start + fraction * (end - start),
+            float(time_s),
+            shown + fraction * (next_shown - shown),
+        )

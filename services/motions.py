@@ -34,6 +34,7 @@ def motion_bytes(motion: Motion) -> bytes:
         joint_angles=motion.joint_angles,
         root_translation=motion.root_translation,
         confidence=motion.confidence,
+        expressions=motion.expressions,
     )
     return file.getvalue()
 
@@ -46,4 +47,5 @@ def motion_from_bytes(data: bytes) -> Motion:
             stored["joint_angles"],
             stored["root_translation"],
             stored["confidence"],
+            *([stored["expressions"]] if "expressions" in stored else []),
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from scene.arrays import Array, Float
@@ -63,7 +65,7 @@ def turned(motion: Motion, turn_deg: float) -> Motion:
     angles = motion.joint_angles.copy()
     angles[:, 0] = matrix_to_axis_angle(spin @ axis_angle_to_matrix(angles[:, 0]))
     root = np.einsum("fij,fj->fi", spin, motion.root_translation)
-    return Motion(motion.times_s, angles, root, motion.confidence)
+    return replace(motion, joint_angles=angles, root_translation=root)
 
 
 def _hang_arms(angles: Array, swing: Float[Array, "F"], lift: Float[Array, "F"]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -357,7 +357,7 @@ class FieldTrainer:
         change = axis_angle_to_matrix(on_host(self.field.refiner(given).double()))
         angles = matrix_to_axis_angle(axis_angle_to_matrix(motion.joint_angles) @ change)
         angles[:, 0] = motion.joint_angles[:, 0]
-        return Motion(motion.times_s, angles, motion.root_translation, motion.confidence)
+        return replace(motion, joint_angles=angles)
 
 
 def _one_thread() -> None:

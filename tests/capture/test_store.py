@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,19 @@ def test_sequence_round_trips(tmp_path):
     np.testing.assert_array_equal(sequence.body.skeleton.rest_joints, body.skeleton.rest_joints)
     for ours, theirs in zip(surface(sequence.body), surface(body), strict=True):
         np.testing.assert_allclose(ours, theirs, atol=1e-6)
+
+
+def test_expressions_round_trip_and_old_folders_have_none(tmp_path):
+    rng = np.random.default_rng(1)
+    frames = [
+        replace(f, pose=replace(f.pose, expression=rng.random(7))) for f in make_frames(2, rng)
+    ]
+    shown = open_sequence(write_small(tmp_path / "seq", train=frames)).motion.expressions
+    np.testing.assert_array_equal(shown, [frame.pose.expression for frame in frames])
+    still = write_small(tmp_path / "still")
+    with np.load(still / "motion.npz") as stored:
+        assert "expressions" not in stored
+    np.testing.assert_array_equal(open_sequence(still).motion.expressions, np.zeros((3, 7)))
 
 
 def test_body_of_joints_alone_and_distortion_round_trip(tmp_path):

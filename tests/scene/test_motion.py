@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scene import InvalidInput, Motion, Pose
+from scene import EXPRESSION_COUNT, EXPRESSION_NAMES, InvalidInput, Motion, Pose
 from scene.rotations import axis_angle_to_matrix
 
 
@@ -80,6 +80,49 @@ def test_smoothing_trusts_confidence():
     confidence[5, 3] = 0.0
     spoiled = Motion(motion.times_s, angles, motion.root_translation, confidence)
     assert np.abs(spoiled.smoothed(0.2).joint_angles[5, 3]).max() < 0.01
+
+
+def talking() -> Motion:
+    """Two poses a second apart: the jaw opens, the smile fades."""
+    shut, opened = np.eye(7)[EXPRESSION_NAMES.index("smile")], np.eye(7)[0]
+    poses = [
+        Pose(np.zeros((24, 3)), np.zeros(3), float(i), e) for i, e in enumerate([shut, opened])
+    ]
+    return Motion.from_poses(poses)
+
+
+def test_faces_and_hands_are_at_rest_unless_told():
+    assert not Pose.rest().expression.any()
+    assert turning(3).expressions.shape == (3, EXPRESSION_COUNT)
+    assert not turning(3).pose_at(0.4).expression.any()
+
+
+def test_expressions_are_blended_between_frames():
+    motion = talking()
+    np.testing.assert_allclose(motion.pose_at(0.25).expression[[0, 4]], [0.25, 0.75])
+    resampled = motion.resampled(4.0)
+    np.testing.assert_allclose(resampled.expressions[:, 0], [0.0, 0.25, 0.5, 0.75, 1.0])
+    np.testing.assert_array_equal(motion.pose_at(9.0).expression, motion.expressions[1])
+
+
+def test_expressions_are_never_predicted_past_their_ends():
+    ahead = talking().extrapolated(1.1).expression
+    assert ahead[0] == 1.0
+    assert ahead[4] == 0.0
+
+
+def test_smoothing_spreads_an_expression():
+    shown = talking().smoothed(1.0).expressions[:, 0]
+    np.testing.assert_allclose(shown, [0.3775, 0.6225], atol=1e-4)  # exp(-1/2) beside 1
+
+
+@pytest.mark.usefixtures("unchecked_annotations")
+def test_an_expression_has_its_seven_numbers():
+    with pytest.raises(InvalidInput, match=r"expression must be 7.*; got"):
+        Pose(np.zeros((24, 3)), np.zeros(3), 0.0, np.zeros(6))
+    with pytest.raises(InvalidInput, match=r"expressions must be 2 x 7; got"):
+        Motion(np.arange(2.0), np.zeros((2, 24, 3)), np.zeros((2, 3)), np.ones((2, 24)),
+               np.zeros((1, 7)))  # fmt: skip
 
 
 def test_times_must_increase():
