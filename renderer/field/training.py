@@ -41,9 +41,9 @@ _BETAS = (0.9, 0.99)
 
 
 _PARTS = 2
-"""Parts of a step that run side by side, each on one thread. On shared cores this beats threads
-inside each operation many times over: those wait for each other at thousands of small operations.
-Always two, so that one seed gives one result whatever the machine."""
+"""Parts of a step that run side by side on a CPU, each on one thread. On shared cores this beats
+threads inside each operation many times over: those wait for each other at thousands of small
+operations. Always two, so that one seed gives one result whatever the number of cores."""
 _BEHIND_M = 0.03
 """How far behind the last visible sample a ray goes on."""
 _VANISHED = 1e-3
@@ -102,8 +102,10 @@ class FieldTrainer:
         finite (nothing is then learnt), infinite where the person has vanished from the picture."""
         self._schedule(fraction)
         frames = self._next_frames()
-        seeds = torch.randint(2**62, (_PARTS,), generator=self._chance).tolist()
-        parts = [part for part in (frames[first::_PARTS] for first in range(_PARTS)) if part]
+        # a GPU waits for launches: parts would but double them
+        shares = _PARTS if self.device.type == "cpu" else 1
+        seeds = torch.randint(2**62, (shares,), generator=self._chance).tolist()
+        parts = [part for part in (frames[first::shares] for first in range(shares)) if part]
         done = self._pool.map(
             lambda part, seed: self._gradients(part, seed, fraction), parts, seeds[: len(parts)]
         )
@@ -118,7 +120,8 @@ class FieldTrainer:
         if self._has_vanished(frames, shown, there):
             return float("inf")
         # a sum is finite where its terms are, and is had in one pass over 64 M of them
-        if not all(p.grad is None or bool(p.grad.sum().isfinite()) for p in self._parameters):
+        sums = [p.grad.sum() for p in self._parameters if p.grad is not None]
+        if sums and not bool(torch.stack(sums).sum().isfinite()):
             return float("nan")
         self._adam.step()
         return loss
