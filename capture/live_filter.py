@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from scene.motion import Pose
 
 AT_MOST_S = 0.15
 """A longer prediction is worse than standing still."""
+_Number = TypeVar("_Number", float, np.ndarray)
 _SPEED_CUTOFF_HZ = 1.0
 """Of the speed itself."""
 
@@ -60,9 +62,9 @@ class PoseFilter:
             _SPEED_CUTOFF_HZ, s.cutoff_hz, s.per_turn,
         )  # fmt: skip
         moving = (root - root_before) / step_s
-        self._moving += _share(_SPEED_CUTOFF_HZ, step_s) * (moving - self._moving)
+        self._moving += low_pass_share(_SPEED_CUTOFF_HZ * step_s) * (moving - self._moving)
         cutoff_hz = s.cutoff_hz + s.per_metre * math.sqrt(float(self._moving @ self._moving))
-        self._root = self._root + _share(cutoff_hz, step_s) * (root - self._root)
+        self._root = self._root + low_pass_share(cutoff_hz * step_s) * (root - self._root)
         self._time_s, self._seen = time_s, (turns, root)
 
     def pose(self, time_s: float) -> Pose:
@@ -76,6 +78,7 @@ class PoseFilter:
         return Pose(angles, self._root + ahead_s * self._moving, time_s)
 
 
-def _share(cutoff_hz: float, step_s: float) -> float:
-    """How far a low pass goes in one step."""
-    return 1.0 / (1.0 + 1.0 / (2.0 * math.pi * cutoff_hz * step_s))
+def low_pass_share(cycles: _Number) -> _Number:
+    """How far a low pass goes in a step of so many cycles of its cutoff, 0 to 1."""
+    turned = 2.0 * math.pi * cycles
+    return turned / (1.0 + turned)

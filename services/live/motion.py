@@ -10,7 +10,7 @@ packets that came quickest.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +27,7 @@ from scene.camera import Camera
 from scene.errors import InvalidInput
 from scene.motion import Pose
 from scene.skeleton import Skeleton
+from services.live.motion_expression import AT_REST, ExpressionFilter, Shown
 from services.live.motion_feet import Stance, Standing
 from services.live.packets import KeypointsPacket
 
@@ -64,6 +65,7 @@ class _Moment:
     """Since when the person is seen without a longer gap."""
     back_share: float
     """How far from rest they were shown then."""
+    expression: Shown = AT_REST
 
     @cached_property
     def rest(self) -> Stance:
@@ -89,7 +91,7 @@ class _Moment:
             away = angles_between(self.rest.local, turns_of(angles))
             angles = moved_on(self.rest.local, away, share)
             root = self.rest.root + share * (root - self.rest.root)
-        return Pose(angles, root, now_s)
+        return Pose(angles, root, now_s, share * self.expression.at(time_s))
 
 
 class LiveMotion:
@@ -101,6 +103,7 @@ class LiveMotion:
         self._standing: Standing | None = None
         self._solver: tuple[tuple[int, int], LiveSolver] | None = None
         self._moment: _Moment | None = None
+        self._expression = ExpressionFilter()
 
     def pose_at(self, now_s: float) -> Pose | None:
         """The pose at `now_s`; None until somebody has been seen. Reading changes nothing."""
@@ -131,7 +134,9 @@ class LiveMotion:
             self._solver = None  # what it believes may be spoilt
             raise InvalidInput(f"landmarks must be of a person; got none: {error}") from error
         legs = float(np.median(solver.trust[_LEGS]))
-        self._moment = self._placed(now, ahead, arrived_s, legs_seen=legs > _LEGS_SEEN)
+        expression = self._expression.follow(packet.expression, time_s)
+        placed = self._placed(now, ahead, arrived_s, legs_seen=legs > _LEGS_SEEN)
+        self._moment = replace(placed, expression=expression)
 
     def _placed(self, now: Pose, ahead: Pose, arrived_s: float, *, legs_seen: bool) -> _Moment:
         last, time_s = self._moment, now.time_s

@@ -14,6 +14,9 @@ Pose, 160 bytes: u8 index of the performer in the cast, u8 size of the cast, u16
 CRC-32 of the performer's id (a viewer whose list differs reads it anew), f32 pelvis[3] (room, m),
 then 24 turns of 6 bytes as `scene.smallest_three` packs them in 15 bits a component: of the pelvis
 in the room, of every other joint relative to its parent.
+Expression, 8 bytes, may follow the payload of keypoints and of a pose: u8 values[7] (1/255) in the
+order of `scene.expression`, u8 bits of what is known (`capture.expressions`). Where it is left out
+of keypoints nothing is known, where it is left out of a pose all is at rest.
 
 Channels are unordered and unreliable, so the newest sequence wins and late packets are dropped;
 sequences wrap and are compared as serial numbers (RFC 1982).
@@ -24,14 +27,16 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
 
+from capture.expressions import EVERYTHING, SeenExpression
 from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.errors import SceneError
+from scene.expression import EXPRESSION_COUNT, neutral
 from scene.rotations import quaternion_to_matrix
 from scene.skeleton import JOINT_COUNT
 from scene.smallest_three import pack_quaternions, unpack_quaternions
@@ -54,6 +59,7 @@ _HIDE_UNSEEN, _DRAWS_ITSELF, _STALLED, _SOUND_ONLY = 1, 2, 4, 8
 _POSE = struct.Struct("<BBH3f")
 _TURN_BITS, _TURN_BYTES = 15, 6
 POSE_BYTES = _HEADER.size + _POSE.size + JOINT_COUNT * _TURN_BYTES
+EXPRESSION_BYTES = EXPRESSION_COUNT + 1
 
 
 class Kind(IntEnum):
@@ -83,6 +89,8 @@ class KeypointsPacket:
     """m, origin between the hips, axes of the camera: x right, y down, z away from it."""
     visibility: Float[Array, "33"]
     """0 (hidden or outside) to 1 (seen)."""
+    expression: SeenExpression | None = None
+    """What face and fingers do, where anybody looked."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +143,8 @@ class PosePacket:
     """Room, m."""
     turns: Float[Array, "24 4"]
     """Quaternions wxyz: of the pelvis in the room, of every other joint relative to its parent."""
+    expression: Float[Array, "E"] = field(default_factory=neutral)
+    """Of `scene.expression.EXPRESSION_NAMES`, 0 to 1."""
 
 
 def performer_check(performer_id: str) -> int:
@@ -142,14 +152,15 @@ def performer_check(performer_id: str) -> int:
     return zlib.crc32(performer_id.encode()) & 0xFFFF
 
 
-def _header_of(data: bytes, wanted: Kind, size: int) -> tuple[int, int, float]:
-    """Flags, sequence and capture time (ms) of a packet of `size` bytes and the kind `wanted`.
+def _header_of(data: bytes, wanted: Kind, *sizes: int) -> tuple[int, int, float]:
+    """Flags, sequence and capture time (ms) of a packet of one of `sizes` and the kind `wanted`.
 
     Raises PacketError where it is another.
     """
     name = f"a {wanted.name.lower()} packet"
-    if len(data) != size:
-        raise PacketError(f"{name} must be {size} bytes long; got {len(data)}")
+    if len(data) not in sizes:
+        allowed = " or ".join(str(size) for size in sizes)
+        raise PacketError(f"{name} must be {allowed} bytes long; got {len(data)}")
     version, kind, flags, sequence, capture_time_ms = _HEADER.unpack_from(data)
     if version != VERSION or kind != wanted:
         raise PacketError(
@@ -193,12 +204,14 @@ def encode_keypoints(packet: KeypointsPacket) -> bytes:
     for name, values in (("xy", packet.xy), ("world", packet.world)):
         payload[name] = np.clip(np.rint(values * _KEYPOINT_STEPS), -32768, 32767)
     payload["visibility"] = np.rint(255.0 * np.clip(packet.visibility, 0.0, 1.0))
-    return header + _SIZE.pack(packet.width, packet.height) + payload.tobytes()
+    size = _SIZE.pack(packet.width, packet.height)
+    return header + size + payload.tobytes() + _expression_bytes(packet.expression)
 
 
 def decode_keypoints(data: bytes) -> KeypointsPacket:
     """Read a keypoints packet. Raises PacketError with the rule that `data` breaks."""
-    _, sequence, capture_time_ms = _header_of(data, Kind.KEYPOINTS, KEYPOINTS_BYTES)
+    longer = KEYPOINTS_BYTES + EXPRESSION_BYTES
+    _, sequence, capture_time_ms = _header_of(data, Kind.KEYPOINTS, KEYPOINTS_BYTES, longer)
     width, height = _SIZE.unpack_from(data, _HEADER.size)
     if not math.isfinite(capture_time_ms) or not (width and height):
         raise PacketError(
@@ -209,7 +222,7 @@ def decode_keypoints(data: bytes) -> KeypointsPacket:
     return KeypointsPacket(
         sequence, capture_time_ms, width, height,
         payload["xy"] / _KEYPOINT_STEPS, payload["world"] / _KEYPOINT_STEPS,
-        payload["visibility"] / 255.0,
+        payload["visibility"] / 255.0, _expression_in(data, KEYPOINTS_BYTES),
     )  # fmt: skip
 
 
@@ -217,23 +230,45 @@ def encode_pose(packet: PosePacket) -> bytes:
     """The bytes of `packet`."""
     header = _HEADER.pack(VERSION, Kind.POSE, 0, packet.sequence, packet.capture_time_ms)
     place = _POSE.pack(packet.index, packet.count, packet.check, *packet.pelvis)
-    turns = pack_quaternions(packet.turns, _TURN_BITS).astype("<u8").view(np.uint8)
-    return header + place + turns.reshape(JOINT_COUNT, 8)[:, :_TURN_BYTES].tobytes()
+    packed = pack_quaternions(packet.turns, _TURN_BITS).astype("<u8").view(np.uint8)
+    turns = packed.reshape(JOINT_COUNT, 8)[:, :_TURN_BYTES].tobytes()
+    moved = SeenExpression(packet.expression, EVERYTHING) if packet.expression.any() else None
+    return header + place + turns + _expression_bytes(moved)
 
 
 def decode_pose(data: bytes) -> PosePacket:
     """Read a pose packet. Raises PacketError with the rule that `data` breaks."""
-    _, sequence, capture_time_ms = _header_of(data, Kind.POSE, POSE_BYTES)
+    longer = POSE_BYTES + EXPRESSION_BYTES
+    _, sequence, capture_time_ms = _header_of(data, Kind.POSE, POSE_BYTES, longer)
     index, count, check, *pelvis = _POSE.unpack_from(data, _HEADER.size)
     if not all(math.isfinite(v) for v in (capture_time_ms, *pelvis)):
         raise PacketError(f"a pose packet must hold finite numbers; got {pelvis}")
     packed = np.zeros((JOINT_COUNT, 8), np.uint8)
     offset = _HEADER.size + _POSE.size
-    packed[:, :_TURN_BYTES] = np.frombuffer(data, np.uint8, offset=offset).reshape(
-        JOINT_COUNT, _TURN_BYTES
-    )
+    packed[:, :_TURN_BYTES] = np.frombuffer(
+        data, np.uint8, JOINT_COUNT * _TURN_BYTES, offset
+    ).reshape(JOINT_COUNT, _TURN_BYTES)
     turns = unpack_quaternions(packed.view("<u8")[:, 0].astype(np.int64), _TURN_BITS)
-    return PosePacket(sequence, capture_time_ms, index, count, check, np.array(pelvis), turns)
+    moved = _expression_in(data, POSE_BYTES)
+    return PosePacket(
+        sequence, capture_time_ms, index, count, check, np.array(pelvis), turns,
+        neutral() if moved is None else moved.values,
+    )  # fmt: skip
+
+
+def _expression_bytes(seen: SeenExpression | None) -> bytes:
+    if seen is None:
+        return b""
+    levels = np.rint(255.0 * np.clip(seen.values, 0.0, 1.0)).astype(np.uint8)
+    return levels.tobytes() + bytes([seen.known])
+
+
+def _expression_in(data: bytes, offset: int) -> SeenExpression | None:
+    """The expression that follows the first `offset` bytes, if one does."""
+    if len(data) == offset:
+        return None
+    levels = np.frombuffer(data, np.uint8, EXPRESSION_COUNT, offset)
+    return SeenExpression(levels / 255.0, data[-1] & EVERYTHING)
 
 
 def is_newer(sequence: int, than: int) -> bool:

@@ -102,7 +102,12 @@ def packets_of(
     for index, (member, performer) in enumerate(zip(cast, performers, strict=True)):
         pelvis, turns = standing(performer)
         check = performer_check(member.performer_id)
-        packets.append(PosePacket(sequence, time_ms, index, len(cast), check, pelvis, turns))
+        packets.append(
+            PosePacket(
+                sequence, time_ms, index, len(cast), check, pelvis, turns,
+                performer.pose.expression,
+            )
+        )  # fmt: skip
     return [encode_pose(packet) for packet in packets]
 
 

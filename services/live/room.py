@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -104,7 +104,7 @@ def to_and_fro(motion: Motion, now_s: float) -> Pose:
 def grounded(pose: Pose) -> Pose:
     """`pose` standing at its place in the room: where it walked to is taken out, height stays."""
     translation = pose.root_translation * [0.0, 1.0, 0.0]
-    return Pose(pose.joint_angles, translation, pose.time_s)
+    return replace(pose, root_translation=translation)
 
 
 def facing_yaw(motion: Motion) -> float:

@@ -100,5 +100,5 @@ def _stand(name: str, model: PersonModel, packet: PosePacket) -> Performer[Perso
     """A pose packet is of the room: the performer's own place is in it already."""
     angles = matrix_to_axis_angle(quaternion_to_matrix(packet.turns))
     root = packet.pelvis - model.skeleton.rest_joints[0]
-    pose = Pose(angles, root, packet.capture_time_ms / 1e3)
+    pose = Pose(angles, root, packet.capture_time_ms / 1e3, packet.expression)
     return Performer(name, model, np.zeros(3), 0.0, pose)

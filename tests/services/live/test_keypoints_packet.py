@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from capture.expressions import EVERYTHING, FACE, LEFT_HAND, SeenExpression
 from capture.landmarks import LANDMARK_COUNT
 from services.live import packets
 from services.live.packets import (
+    EXPRESSION_BYTES,
     KEYPOINTS_BYTES,
     KeypointsPacket,
     PacketError,
@@ -43,6 +46,28 @@ def test_golden_bytes():
     assert packets.LANDMARK_COUNT == LANDMARK_COUNT
 
 
+def test_golden_bytes_of_an_expression():
+    """The page's tests hold its encoder to the same."""
+    values = np.array([0.2, 1.0, 0.0, 0.4, 2.0, -1.0, 0.6])
+    seen = SeenExpression(values, FACE | LEFT_HAND)
+    data = encode_keypoints(replace(packet(), expression=seen))
+    assert data.hex() == GOLDEN + "33ff0066ff0099" + "03"
+    assert len(data) == KEYPOINTS_BYTES + EXPRESSION_BYTES
+    back = decode_keypoints(data).expression
+    assert back is not None
+    assert back.known == FACE | LEFT_HAND
+    np.testing.assert_allclose(back.values, np.clip(values, 0.0, 1.0), atol=0.5 / 255)
+    assert decode_keypoints(bytes.fromhex(GOLDEN)).expression is None
+
+
+def test_groups_that_nobody_knows_of_are_left_alone():
+    data = encode_keypoints(replace(packet(), expression=SeenExpression(np.zeros(7), 0xFF)))
+    back = decode_keypoints(data).expression
+    assert back is not None
+    assert back.known == EVERYTHING
+    assert back.known_numbers.all()
+
+
 @given(
     st.integers(0, 2**32 - 1),
     st.tuples(st.integers(1, 65535), st.integers(1, 65535)),
@@ -71,7 +96,7 @@ def test_what_is_out_of_range_is_moved_to_its_end():
 def test_every_truncation_is_refused():
     data = encode_keypoints(packet())
     for length in [*range(len(data)), len(data) + 1]:
-        with pytest.raises(PacketError, match=f"must be 383 bytes long; got {length}"):
+        with pytest.raises(PacketError, match=f"must be 383 or 391 bytes long; got {length}"):
             decode_keypoints((data + b"x")[:length])
 
 

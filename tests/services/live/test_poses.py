@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
@@ -41,6 +41,14 @@ def test_golden_bytes():
     assert encode_pose(golden_packet()).hex() == GOLDEN
 
 
+def test_golden_bytes_of_an_expression():
+    moved = replace(golden_packet(), expression=np.array([0.2, 1.0, 0.0, 0.4, 0.0, 0.0, 0.6]))
+    data = encode_pose(moved)
+    assert data.hex() == GOLDEN + "33ff0066000099" + "07"
+    np.testing.assert_allclose(decode_pose(data).expression, moved.expression, atol=0.5 / 255)
+    np.testing.assert_array_equal(decode_pose(bytes.fromhex(GOLDEN)).expression, np.zeros(7))
+
+
 def golden_packet() -> PosePacket:
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (24, 1))
     turns[0] = [0.1, -0.3, 0.2, -0.9]  # of any length, the largest negative
@@ -71,7 +79,7 @@ def test_every_turn_survives_within_a_hundredth_of_a_degree(turns, place, sequen
 def test_every_truncation_is_refused():
     data = encode_pose(golden_packet())
     for length in range(len(data)):
-        with pytest.raises(PacketError, match=f"must be 176 bytes long; got {length}"):
+        with pytest.raises(PacketError, match=f"must be 176 or 184 bytes long; got {length}"):
             decode_pose(data[:length])
 
 
@@ -110,6 +118,18 @@ def test_packets_put_everybody_where_the_renderer_does():
         )
         np.testing.assert_allclose(made, wanted, atol=6e-4)
         assert packet.count == 2
+
+
+def test_packets_carry_what_the_motion_expresses():
+    room = make_room()
+    smiling = np.zeros(7)
+    smiling[4] = 0.6
+    member = room.cast[0]
+    motion = replace(member.motion, expressions=np.tile(smiling, (len(member.motion), 1)))
+    room.cast = replace(member, motion=motion), room.cast[1]
+    smiles, rests = [decode_pose(data).expression for data in packets_of(room, 0.13, 1)]
+    np.testing.assert_allclose(smiles, smiling, atol=0.5 / 255)
+    assert not rests.any()
 
 
 @dataclass(eq=False)

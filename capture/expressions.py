@@ -1,0 +1,139 @@
+"""What a face and hands do, as `scene.expression` names it, from MediaPipe's landmarks alone.
+
+Lengths within a face, in 3D and as shares of the distance between the outer corners of the eyes,
+change with neither distance nor, as far as the landmarks' depth is right, a turn of the head. What
+they are at rest is each person's own: `resting_face` takes it from a clip, a page learns it as it
+goes. The page's twin is `client/src/landmarks/expression.ts`; both are held to the same numbers.
+
+Face landmarks: https://ai.google.dev/edge/mediapipe/solutions/vision/face_landmarker (478 points,
+the first 468 of which are used); hands: the same, hand_landmarker (21 points). Left and right are
+the person's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scene.arrays import Array, Float
+from scene.expression import EXPRESSION_NAMES
+
+FACE, LEFT_HAND, RIGHT_HAND = 1, 2, 4
+"""Groups of numbers that are seen, or not, together: bits."""
+EVERYTHING = FACE | LEFT_HAND | RIGHT_HAND
+GROUPS = np.array(
+    [{"left_hand_curl": LEFT_HAND, "right_hand_curl": RIGHT_HAND}.get(n, FACE)
+     for n in EXPRESSION_NAMES]
+)  # fmt: skip
+"""Of each number the group it belongs to."""
+FACE_NUMBERS = int((GROUPS == FACE).sum())
+
+SMALLEST_FACE_PX = 40.0
+"""From cheek to cheek; of a smaller one the landmarks tell nothing."""
+_MOST_TURNED = 0.7
+"""Sine of the turn from which the far side of a face is guessed."""
+
+_OUTER_CORNERS = 33, 263  # right, left
+_CHEEKS = 234, 454
+_LIPS = 13, 14  # inner, upper and lower
+_MOUTH_CORNERS = 61, 291
+_LIDS = {
+    "left": ((385, 380), (386, 374), (387, 373)),
+    "right": ((160, 144), (159, 145), (158, 153)),
+}
+_CORNERS = {"left": (362, 263), "right": (33, 133)}
+_BROWS = [105, 66, 334, 296]
+_FOREHEAD, _UNDER_NOSE = 10, 2
+
+USUAL_REST = np.array([0.02, 0.27, 0.27, 0.27, 0.55])
+"""Measures of a face at rest, of people in general."""
+_REST_PERCENTILES = (10.0, 75.0, 75.0, 50.0, 50.0)
+"""Where in a clip's measures the face at rest is found: talk opens a mouth, blinks are short."""
+_FULL_JAW, _FULL_BROWS, _FULL_SMILE = 0.45, 0.10, 0.15
+"""What each measure grows by from rest to fully."""
+_CLOSED = 0.75
+"""By which share lids that are shut have come together."""
+
+_FINGERS = ((5, 6, 7, 8), (9, 10, 11, 12), (13, 14, 15, 16), (17, 18, 19, 20))
+_FLAT, _FIST = 0.95, 0.45
+"""From wrist to tip, as a share of the way along the bones."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenExpression:
+    """What one picture told."""
+
+    values: Float[Array, "E"]
+    """Of `scene.expression.EXPRESSION_NAMES`, 0 to 1; without meaning where not known."""
+    known: int
+    """Bits of the groups that were seen."""
+
+    @property
+    def known_numbers(self) -> Array:
+        """Of each number, whether it is known."""
+        return (GROUPS & self.known) != 0
+
+
+def face_measures(points: Float[Array, "N 3"]) -> Float[Array, "5"] | None:
+    """Lips apart, left and right lids apart, height of the brows, width of the mouth.
+
+    Args:
+        points: landmarks, px of the picture, z as MediaPipe gives it times the picture's width.
+
+    Returns None for a face that is too small or turned too far. Lids are shares of their own eye's
+    width, the others of the distance between the eyes' outer corners.
+    """
+    if _apart(points[:, :2], _CHEEKS) < SMALLEST_FACE_PX:
+        return None
+    across = points[_OUTER_CORNERS[1]] - points[_OUTER_CORNERS[0]]
+    span = float(np.linalg.norm(across))
+    if abs(float(across[2])) > _MOST_TURNED * span:
+        return None
+    lids = [
+        np.mean([_apart(points, pair) for pair in _LIDS[side]]) / _apart(points, _CORNERS[side])
+        for side in ("left", "right")
+    ]
+    return np.array(
+        [
+            _apart(points, _LIPS) / span,
+            *lids,
+            _brow_height(points, across / span) / span,
+            _apart(points, _MOUTH_CORNERS) / span,
+        ]
+    )
+
+
+def resting_face(measures: Float[Array, "F 5"]) -> Float[Array, "5"]:
+    """The measures of somebody's face at rest, from those of a clip's frames."""
+    columns = zip(measures.T, _REST_PERCENTILES, strict=True)
+    return np.array([np.percentile(column, share) for column, share in columns])
+
+
+def face_numbers(measures: Float[Array, "5"], rest: Float[Array, "5"]) -> Float[Array, "5"]:
+    """jaw_open, blink_left, blink_right, brows_up and smile, each 0 to 1."""
+    moved = measures - rest
+    full = np.array([_FULL_JAW, -_CLOSED * rest[1], -_CLOSED * rest[2], _FULL_BROWS, _FULL_SMILE])
+    return np.clip(moved / full, 0.0, 1.0)
+
+
+def hand_curl(points: Float[Array, "21 3"]) -> float:
+    """How far four fingers are bent, 0 (flat) to 1 (a fist), from landmarks in any one unit."""
+    shares = []
+    for finger in _FINGERS:
+        way = points[[0, *finger]]
+        along = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
+        shares.append(np.linalg.norm(way[-1] - way[0]) / max(float(along), 1e-9))
+    return float(np.clip((_FLAT - np.mean(shares)) / (_FLAT - _FIST), 0.0, 1.0))
+
+
+def _apart(points: Array, pair: tuple[int, int]) -> float:
+    return float(np.linalg.norm(points[pair[0]] - points[pair[1]]))
+
+
+def _brow_height(points: Float[Array, "N 3"], right_to_left: Float[Array, "3"]) -> float:
+    """Of the brows above the eyes' corners, along the face; neither jaw nor lids move it."""
+    up = points[_FOREHEAD] - points[_UNDER_NOSE]
+    up = up - (up @ right_to_left) * right_to_left
+    eyes = points[[*_CORNERS["left"], *_CORNERS["right"]]].mean(axis=0)
+    return float((points[_BROWS].mean(axis=0) - eyes) @ up / np.linalg.norm(up))
