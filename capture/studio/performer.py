@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from capture.body import load_body_model
+from capture.studio.face import Face
 from capture.studio.garments import Garment, make_garments
 from capture.studio.light import SurroundingLight
 from capture.studio.wardrobe import Outfit, albedo, cloth_albedo, make_outfit
@@ -32,19 +33,28 @@ class StudioPerformer:
     rest_normals: Float[Array, "V 3"]
     garments: tuple[Garment, ...]
     """Loose clothes, worn in the look `loose` only."""
+    face: Face | None = None
+    """What a face that moves shows; None where it can't."""
 
 
-def make_performer(seed: int) -> StudioPerformer:
-    """The performer of `seed`: shape and clothes."""
+def make_performer(seed: int, *, expressive: bool = False) -> StudioPerformer:
+    """The performer of `seed`: shape and clothes; `expressive`, with a face and hands that move."""
     rng = np.random.default_rng(seed)
     shape = rng.uniform([-0.12, -0.2, -0.4, -0.2, -0.2], [0.12, 0.25, 0.4, 0.3, 0.2])
-    body = load_body_model().body(shape)
+    model = load_body_model()
+    body = model.body(shape)
+    face = None
+    if expressive:
+        assert model.parts is not None
+        face = Face.of(body, model.parts)
+    else:
+        body = replace(body, expression_directions=None)
     assert body.rest_vertices is not None
     assert body.blend_weights is not None
     assert body.faces is not None
     normals = vertex_normals(body.rest_vertices, body.faces)
     joint = body.blend_weights.argmax(axis=1)
-    return StudioPerformer(body, make_outfit(rng), joint, normals, make_garments(body))
+    return StudioPerformer(body, make_outfit(rng), joint, normals, make_garments(body), face)
 
 
 def film(
@@ -79,7 +89,7 @@ def film(
     samples = np.zeros((*size, 4), np.float32)
     skin, worn = (triangle >= 0) & (triangle < len(faces)), triangle >= len(faces)
     samples[skin, :3] = _shade(
-        performer, posed, faces[triangle[skin]], barycentric[skin].astype(np.float64), look, light
+        performer, posed, triangle[skin], barycentric[skin].astype(np.float64), look, light
     )
     if cloth is not None:
         samples[worn, :3] = _shade_cloth(
@@ -91,16 +101,20 @@ def film(
     return out[..., :3], out[..., 3]
 
 
-def _shade(performer: StudioPerformer, posed: Array, corners: Array, weights: Array,
+def _shade(performer: StudioPerformer, posed: Array, triangle: Array, weights: Array,
            look: str, light: SurroundingLight | None) -> Float[Array, "N 3"]:  # fmt: skip
     rest_vertices = performer.body.rest_vertices
     assert rest_vertices is not None
     assert performer.body.faces is not None
+    corners = performer.body.faces[triangle]
     rest = np.einsum("nc,ncx->nx", weights, rest_vertices[corners])
     normal = np.einsum("nc,ncx->nx", weights, performer.rest_normals[corners])
     joint = performer.vertex_joint[corners[np.arange(len(corners)), weights.argmax(axis=1)]]
     joints = performer.body.skeleton.rest_joints
-    colour = albedo(performer.outfit, rest, normal, joint, joints)
+    face = performer.face
+    colour = albedo(performer.outfit, rest, normal, joint, joints, eyes=face is None)
+    if face is not None:
+        face.paint(colour, triangle, rest)
     if look != "lit":
         return colour
     turned = vertex_normals(posed, performer.body.faces)

@@ -12,6 +12,7 @@ import numpy as np
 from capture.bvh import read_bvh
 from capture.errors import CaptureError
 from capture.store import write_sequence
+from capture.studio.acting import acted
 from capture.studio.cast import clip_of, seed_of
 from capture.studio.footage import Footage, FootageWriter
 from capture.studio.garments import Drape, drape
@@ -23,10 +24,12 @@ from scene.camera import Camera, orbit_camera
 from scene.environment import Environment
 from scene.motion import Motion, Pose
 from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Frame
-from scene.skeleton import Skeleton
+from scene.skeleton import JOINT_NAMES, Skeleton
 
 LOOKS = ("plain", "lit", "loose")
 """Flat light; the light of a room; flat light, in clothes that swing."""
+FRAMINGS = ("body", "head")
+"""The whole motion, or head and shoulders."""
 FRAMES_PER_SECOND = 10.0
 """A full turn of 60 frames takes six seconds."""
 _SHUTTER_MOMENTS = 7
@@ -35,6 +38,10 @@ _NOVEL_MOMENTS, _UNSEEN_MOMENTS = 16, 8
 _FIELD_OF_VIEW_RAD = 0.6
 _FILL = 0.9
 """Share of the picture's height that the whole motion may fill."""
+_HEAD_REACH_M = 0.25
+"""Half the height of a picture of head and shoulders."""
+_HEAD_CENTRE_M = 0.03
+"""How far above the head's joint its middle lies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +97,8 @@ def make_sequence(
     frames_per_second: float = FRAMES_PER_SECOND,
     footage: Footage | None = None,
     environment: Environment | None = None,
+    expressions: bool = False,
+    framing: str = "body",
     on_progress: Callable[[float, str], None] | None = None,
 ) -> None:
     """Write a sequence of the performer `seed`, or of the `performer` of the cast, to `out`.
@@ -107,22 +116,28 @@ def make_sequence(
             footage=Footage(Path("raw.mp4"), background="textured", noise=2.0, blur_px=0.6),
         )
 
+    With `expressions` they talk, blink, smile and close their hands, which the sequence's motion
+    tells; `framing` is of the whole `body`, or of head and shoulders (`head`).
+
     In the look `lit`, an `environment` with a panorama lights the performer; none: the studio's own
     light, sRGB values dimmed by a key light and a sky.
 
     Raises CaptureError for senseless numbers or an unknown look, BrokenMotionCapture for an
     unreadable file.
     """
-    _check(look, frames, size, test_cameras, turn_deg, frames_per_second)
+    _check(look, framing, frames, size, test_cameras, turn_deg, frames_per_second)
     light = _light(look, environment)
     seed = seed if performer is None else seed_of(performer)
     motion = None if motion is None else clip_of(motion, performer)
-    actor = make_performer(seed)
+    actor = make_performer(seed, expressive=expressions)
     skeleton = actor.body.skeleton
     seen, unseen = _motions(motion, skeleton, frames, turn_deg, frames_per_second)
-    centre, distance = _framing(skeleton, seen)
+    if expressions:
+        seen, unseen = acted(seen, 2 * seed), acted(unseen, 2 * seed + 1)
+    framed = framed_head if framing == "head" else _framing
+    centre, distance = framed(skeleton, seen)
     camera = orbit_camera(centre, distance, 0.0, 0.05, size, size, _FIELD_OF_VIEW_RAD)
-    centre, distance = _framing(skeleton, seen, unseen)
+    centre, distance = framed(skeleton, seen, unseen)
     ring = [
         orbit_camera(centre, distance, azimuth, elevation, size, size, _FIELD_OF_VIEW_RAD)
         for azimuth, elevation in zip(
@@ -174,16 +189,20 @@ def make_sequence(
                 UNSEEN_POSE: shots(tested, others, ring),
             },
             source=f"studio look={look} seed={seed} turn={turn_deg:g}"
-            + (f" environment={environment.name}" if environment else ""),
+            + (f" environment={environment.name}" if environment else "")
+            + (" expressions" if expressions else "")
+            + (f" framing={framing}" if framing != "body" else ""),
             exact_poses=True,
         )
 
 
 def _check(
-    look: str, frames: int, size: int, test_cameras: int, turn_deg: float, rate: float
-) -> None:
-    if look not in LOOKS:
-        raise CaptureError(f"look must be one of {', '.join(LOOKS)}; got {look!r}")
+    look: str, framing: str, frames: int, size: int, test_cameras: int, turn_deg: float,
+    rate: float,
+) -> None:  # fmt: skip
+    for kind, value, known in (("look", look, LOOKS), ("framing", framing, FRAMINGS)):
+        if value not in known:
+            raise CaptureError(f"{kind} must be one of {', '.join(known)}; got {value!r}")
     for name, value, least in (
         ("frames", frames, 1),
         ("size", size, 16),
@@ -252,6 +271,19 @@ def _framing(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"], f
     distance = reach / (_FILL * np.tan(0.5 * _FIELD_OF_VIEW_RAD))
     # what comes towards the camera looks larger
     return np.array([0.0, 0.5 * (low + high), 0.0]), float(distance + 0.5 * sideways)
+
+
+def framed_head(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"], float]:
+    """Where to look, and from how far, to see head and shoulders through all of it."""
+    head = JOINT_NAMES.index("head")
+    places = np.concatenate(
+        [skeleton.joint_transforms(m.joint_angles, m.root_translation)[:, head, :3, 3]
+         for m in motions]
+    )  # fmt: skip
+    low, high = places.min(axis=0), places.max(axis=0)
+    reach = _HEAD_REACH_M + 0.5 * float((high - low)[1])
+    centre = 0.5 * (low + high) + [0.0, _HEAD_CENTRE_M, 0.0]
+    return centre, float(reach / np.tan(0.5 * _FIELD_OF_VIEW_RAD))
 
 
 def _spread(length: int, count: int) -> Array:

@@ -70,8 +70,10 @@ def albedo(
     normal: Float[Array, "N 3"],
     joint: Int[Array, "N"],
     rest_joints: Float[Array, "24 3"],
+    *,
+    eyes: bool = True,
 ) -> Float[Array, "N 3"]:
-    """Colour of every sample at rest position `rest`."""
+    """Colour of every sample at rest position `rest`; with `eyes` painted on, or without."""
     at = {name: rest_joints[i] for i, name in enumerate(JOINT_NAMES)}
     height = rest[:, 1]
     head = np.isin(joint, [JOINT_NAMES.index("head"), JOINT_NAMES.index("neck")])
@@ -93,7 +95,7 @@ def albedo(
     instep = (np.abs(np.abs(rest[:, 0]) - at["left_foot"][0]) < 0.025) & (normal[:, 1] > 0.3)
     laces = is_shoe & instep & ~toe_cap & (np.mod(height, 0.02) < 0.007)
     colour[laces] = [0.95, 0.95, 0.95]
-    _paint_head(colour, head & ~is_shirt, outfit, rest, at)
+    _paint_head(colour, head & ~is_shirt, outfit, rest, at, eyes)
     # what looks down sees less of the sky: chin, nose and fingers get their shape
     bare = ~(is_shirt | is_trousers | is_shoe)
     colour[bare] *= 1.0 - 0.2 * np.maximum(-normal[bare, 1:2], 0.0)
@@ -181,11 +183,14 @@ def _paint_trousers(
     colour[where & belt & (np.abs(rest[:, 0]) < 0.025) & (rest[:, 2] > 0)] = [0.85, 0.78, 0.5]
 
 
-def _paint_head(colour: Array, head: Array, outfit: Outfit, rest: Array, at: dict) -> None:
+def _paint_head(
+    colour: Array, head: Array, outfit: Outfit, rest: Array, at: dict, eyes: bool
+) -> None:
     x, y, z = np.abs(rest[:, 0]), rest[:, 1] - at["head"][1], rest[:, 2] - at["head"][2]
     front = head & (z > 0.02)
-    colour[front & (((x - 0.031) / 0.016) ** 2 + ((y - 0.047) / 0.008) ** 2 < 1.0)] = 0.97
-    colour[front & ((x - 0.031) ** 2 + (y - 0.047) ** 2 < 0.0075**2)] = [0.16, 0.24, 0.3]
+    if eyes:
+        colour[front & (((x - 0.031) / 0.016) ** 2 + ((y - 0.047) / 0.008) ** 2 < 1.0)] = 0.97
+        colour[front & ((x - 0.031) ** 2 + (y - 0.047) ** 2 < 0.0075**2)] = [0.16, 0.24, 0.3]
     arch = np.abs(y - 0.067 + 12.0 * (x - 0.03) ** 2)
     taper = 0.005 - 0.12 * np.maximum(x - 0.03, 0.0)  # thinner towards the temple
     colour[front & (np.abs(x - 0.033) < 0.019) & (arch < taper)] = 0.8 * outfit.hair

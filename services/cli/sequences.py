@@ -98,6 +98,10 @@ def studio(
     shutter: Annotated[
         float, typer.Option(help="Of the footage: share of a frame's time, for motion blur.")
     ] = 0.0,
+    expressions: Annotated[
+        bool, typer.Option(help="They talk, blink, smile and close their hands.")
+    ] = False,
+    framing: Annotated[str, typer.Option(help="body, or head (and shoulders).")] = "body",
     humannerf: Annotated[
         Path | None, typer.Option(help="The training frames in HumanNeRF's layout too: a folder.")
     ] = None,
@@ -124,6 +128,8 @@ def studio(
             turn_deg=turn,
             frames_per_second=frame_rate,
             footage=None if footage is None else Footage(footage, background, noise, blur, shutter),
+            expressions=expressions,
+            framing=framing,
             on_progress=report,
         )
     if humannerf is not None:
