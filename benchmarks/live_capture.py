@@ -24,7 +24,7 @@ from capture.landmarks import Landmarks, MediaPipeEstimator
 from capture.lifter import lift
 from capture.live import LiveSolver
 from capture.masks import refine_mask
-from capture.pose_model import pose_model_file
+from capture.pose_model import landmark_model_file
 from capture.store import open_sequence
 from capture.studio import Footage, make_sequence
 from capture.tracking import follow
@@ -84,7 +84,9 @@ def _film(folder: Path) -> tuple[_Known, Path]:
 
 
 def _measure(clip: Clip, truth: _Known | None) -> dict[str, Any]:
-    with MediaPipeEstimator(pose_model_file(load_settings().pose_model_source())) as estimator:
+    with MediaPipeEstimator(
+        landmark_model_file(load_settings().pose_model_source(live=True))
+    ) as estimator:
         track = follow(clip.images, estimator)
     found = [(i, person) for i, person in enumerate(track.people) if person is not None]
     if len(found) <= _SETTLED:

@@ -21,7 +21,7 @@ from capture.backdrop import learn_backdrop
 from capture.foreground import premultiplied
 from capture.landmarks import Landmarks, MediaPipeEstimator
 from capture.masks import occupied, refine_mask, steady_masks
-from capture.pose_model import pose_model_file
+from capture.pose_model import landmark_model_file
 from capture.store import open_sequence
 from capture.studio import Footage, make_sequence
 from capture.tracking import follow
@@ -54,7 +54,7 @@ def _film(folder: Path, look: str) -> tuple[list[Array], list[Landmarks], Array,
         footage=Footage(raw, background="textured", noise=3.0, blur_px=0.6),
     )  # fmt: skip
     truth, images = open_sequence(folder / "truth").train, read_video(raw).images
-    with MediaPipeEstimator(pose_model_file(load_settings().pose_model_source())) as estimator:
+    with MediaPipeEstimator(landmark_model_file(load_settings().pose_model_source())) as estimator:
         people = follow(images, estimator).people
     found = [(i, person) for i, person in enumerate(people) if person is not None]
     return (

@@ -21,7 +21,7 @@ from capture.landmarks import MediaPipeEstimator, PoseEstimator
 from capture.lifter import Lifter, closed_form, lift
 from capture.masks import occupied, refine_mask, steady_masks
 from capture.overlay import draw_overlay, write_video
-from capture.pose_model import PoseModelSource, pose_model_file
+from capture.pose_model import ModelSource, landmark_model_file
 from capture.quality import CaptureQuality, Seen, judge
 from capture.store import write_sequence
 from capture.tracking import Track, follow
@@ -62,7 +62,7 @@ def capture_clip(
     out: Path,
     *,
     person: str,
-    pose_model: PoseModelSource | Path | None = None,
+    pose_model: ModelSource | Path | None = None,
     estimator: PoseEstimator | None = None,
     lifter: Lifter = closed_form,
     body_model: BodyModel | None = None,
@@ -116,7 +116,7 @@ def capture_clip(
     if estimator is not None:
         track = _follow(clip, estimator, stages)
     elif pose_model is not None:
-        with MediaPipeEstimator(pose_model_file(pose_model)) as own:
+        with MediaPipeEstimator(landmark_model_file(pose_model)) as own:
             track, lifter = _follow(clip, own, stages), lift
     else:
         raise InvalidInput("capture must be given a pose_model or an estimator; got neither")

@@ -1,4 +1,4 @@
-"""The landmark model's file: given by path, or fetched once by address and checked by hash."""
+"""The landmark models' files: given by path, or fetched once by address and checked by hash."""
 
 from __future__ import annotations
 
@@ -7,93 +7,141 @@ import os
 import tempfile
 import urllib.error
 import urllib.request
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from capture.errors import PoseModelMissing
 
-PUBLISHED_ADDRESS = (
-    "https://storage.googleapis.com/mediapipe-models/pose_landmarker/"
-    "pose_landmarker_full/float16/1/pose_landmarker_full.task"
+_PUBLISHED = "https://storage.googleapis.com/mediapipe-models"
+
+
+@dataclass(frozen=True)
+class LandmarkModel:
+    """One of MediaPipe's models (`.task`)."""
+
+    name: str
+    """In messages and in settings."""
+    address: str
+    """Where its maker publishes it."""
+    known_sha256: Mapping[str, str]
+    """Files that are known to be good, and what they are; others are accepted by their hash."""
+
+    @property
+    def setting(self) -> str:
+        """The environment's name of its path."""
+        return f"METANERF_{self.name.upper()}_MODEL"
+
+    @property
+    def file_name(self) -> str:
+        """As it is published."""
+        return self.address.rsplit("/", 1)[-1]
+
+
+FULL_ADDRESS = (
+    f"{_PUBLISHED}/pose_landmarker/pose_landmarker_full/float16/1/pose_landmarker_full.task"
 )
-KNOWN_SHA256 = {
-    "5134a3aad27a58b93da0088d431f366da362b44e3ccfbe3462b3827a839011b1": "published, version 1",
-    "6864611cbbb7ab26be3507a5db5bd6ab69fd24aa1f1813ace1cc2f7e71bf8093": "bundled from the networks "
-    "of the mediapipe 0.10.21 wheel",
-}
-"""Files that are known to be good; others are accepted by naming their hash."""
+HEAVY_ADDRESS = (
+    f"{_PUBLISHED}/pose_landmarker/pose_landmarker_heavy/float16/1/pose_landmarker_heavy.task"
+)
+POSE_MODEL = LandmarkModel(
+    "pose",
+    HEAVY_ADDRESS,
+    {
+        "5134a3aad27a58b93da0088d431f366da362b44e3ccfbe3462b3827a839011b1": "full, published, "
+        "version 1",
+        "64437af838a65d18e5ba7a0d39b465540069bc8aae8308de3e318aad31fcbc7b": "heavy, published, "
+        "version 1",
+        "6864611cbbb7ab26be3507a5db5bd6ab69fd24aa1f1813ace1cc2f7e71bf8093": "full, bundled from "
+        "the networks of the mediapipe 0.10.21 wheel",
+    },
+)
+FACE_MODEL = LandmarkModel(
+    "face",
+    f"{_PUBLISHED}/face_landmarker/face_landmarker/float16/1/face_landmarker.task",
+    {"64184e229b263107bc2b804c6625db1341ff2bb731874b0bcc2fe6544e0bc9ff": "published, version 1"},
+)
+HAND_MODEL = LandmarkModel(
+    "hand",
+    f"{_PUBLISHED}/hand_landmarker/hand_landmarker/float16/1/hand_landmarker.task",
+    {"fbc2a30080c3c557093b5ddfc334698132eb341044ccee322ccf8bcf3607cde1": "published, version 1"},
+)
 MAX_BYTES = 200 * 2**20
 _TIMEOUT_S = 30.0
 _BLOCK = 1 << 20
 
 
 @dataclass(frozen=True)
-class PoseModelSource:
+class ModelSource:
     """Where the model file comes from."""
 
     path: Path | None = None
     """The file itself, used as it is (unless `sha256` says which it must be)."""
-    address: str = PUBLISHED_ADDRESS
-    """Where it is fetched from if there is no `path`."""
+    address: str | None = None
+    """Where it is fetched from if there is no `path`; None: from its maker."""
     sha256: str | None = None
-    """The hash that the file must have; None accepts any of `KNOWN_SHA256`."""
+    """The hash that the file must have; None accepts any of `model.known_sha256`."""
     folder: Path = Path.home() / ".cache" / "metanerf"
     """Where a fetched file is kept."""
+    model: LandmarkModel = POSE_MODEL
 
 
-def pose_model_file(source: PoseModelSource | Path) -> Path:
+def landmark_model_file(source: ModelSource | Path) -> Path:
     """The model file of `source`, fetched now if it must be.
 
     Raises PoseModelMissing if it is absent, can't be fetched or is another file than expected.
     """
     if isinstance(source, Path):
-        source = PoseModelSource(path=source)
+        source = ModelSource(source)
+    model = source.model
     if source.path is not None:
         if not source.path.is_file():
             raise PoseModelMissing(
-                f"the pose model must be a file; got {source.path}; set METANERF_POSE_MODEL to a "
-                "pose_landmarker_full.task, or unset it to have it fetched"
+                f"the {model.name} model must be a file; got {source.path}; set {model.setting} to "
+                f"a {model.file_name}, or unset it to have it fetched"
             )
         if source.sha256 is not None:
-            _require_hash(_sha256(source.path), source.sha256, str(source.path))
+            _require_hash(_sha256(source.path), source, str(source.path))
         return source.path
-    kept = source.folder / source.address.rsplit("/", 1)[-1]
+    address = source.address or model.address
+    kept = source.folder / address.rsplit("/", 1)[-1]
     if kept.is_file():
-        if _accepted(_sha256(kept), source.sha256):
+        if _accepted(_sha256(kept), source):
             return kept
         kept.unlink()
-    return _fetch(source, kept)
+    return _fetch(source, address, kept)
 
 
-def _fetch(source: PoseModelSource, kept: Path) -> Path:
+def _fetch(source: ModelSource, address: str, kept: Path) -> Path:
     kept.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f".{kept.name}.", dir=kept.parent)
-    arriving = Path(name)
+    arriving, model = Path(name), source.model
     try:
         with os.fdopen(handle, "wb") as file:
-            digest = _download(source.address, file)
-        _require_hash(digest, source.sha256, source.address)
+            digest = _download(model, address, file)
+        _require_hash(digest, source, address)
         arriving.replace(kept)
     except (urllib.error.URLError, OSError, ValueError) as error:
         if isinstance(error, PoseModelMissing):
             raise
         raise PoseModelMissing(
-            f"the pose model must be fetched once from {source.address}; got {error}; check the "
-            "network, or download it elsewhere and set METANERF_POSE_MODEL to the file"
+            f"the {model.name} model must be fetched once from {address}; got {error}; check the "
+            f"network, or download it elsewhere and set {model.setting} to the file"
         ) from error
     finally:
         arriving.unlink(missing_ok=True)
     return kept
 
 
-def _download(address: str, file) -> str:
+def _download(model: LandmarkModel, address: str, file) -> str:
     digest, size = hashlib.sha256(), 0
     with urllib.request.urlopen(address, timeout=_TIMEOUT_S) as response:
         while block := response.read(_BLOCK):
             size += len(block)
             if size > MAX_BYTES:
                 raise PoseModelMissing(
-                    f"the pose model must have at most {MAX_BYTES} bytes; got more from {address}"
+                    f"the {model.name} model must have at most {MAX_BYTES} bytes; got more from "
+                    f"{address}"
                 )
             digest.update(block)
             file.write(block)
@@ -105,14 +153,17 @@ def _sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _accepted(found: str, expected: str | None) -> bool:
-    return found == expected.lower() if expected is not None else found in KNOWN_SHA256
+def _accepted(found: str, source: ModelSource) -> bool:
+    if source.sha256 is not None:
+        return found == source.sha256.lower()
+    return found in source.model.known_sha256
 
 
-def _require_hash(found: str, expected: str | None, where: str) -> None:
-    if not _accepted(found, expected):
-        wanted = expected or "one of the known " + ", ".join(KNOWN_SHA256)
+def _require_hash(found: str, source: ModelSource, where: str) -> None:
+    if not _accepted(found, source):
+        model = source.model
+        wanted = source.sha256 or "one of the known " + ", ".join(model.known_sha256)
         raise PoseModelMissing(
-            f"the pose model's sha256 must be {wanted}; got {found} from {where}; if you trust "
-            "that file, set METANERF_POSE_MODEL_SHA256 to its hash"
+            f"the {model.name} model's sha256 must be {wanted}; got {found} from {where}; if you "
+            f"trust that file, set {model.setting}_SHA256 to its hash"
         )

@@ -15,7 +15,7 @@ import numpy as np
 from capture.errors import CaptureStopped, UnreadableClip
 from capture.overlay import write_video
 from capture.pipeline import capture_video
-from capture.pose_model import PoseModelSource
+from capture.pose_model import ModelSource
 from capture.quality import CaptureQuality
 from scene.arrays import Array
 
@@ -64,7 +64,7 @@ def capture_webcam(
     *,
     seconds: float = 15.0,
     person: str,
-    pose_model: PoseModelSource | Path,
+    pose_model: ModelSource | Path,
     **options: Any,
 ) -> CaptureQuality:
     """Film with webcam `index`, then capture the clip; see `capture_video` for `options`."""

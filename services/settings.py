@@ -17,7 +17,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from scene.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from capture.pose_model import PoseModelSource
+    from capture.pose_model import ModelSource
 
 _PREFIX = "METANERF_"
 _SHORTEST_SECRET = 32
@@ -139,6 +139,16 @@ class Settings(BaseSettings):
         default=None, description="Where to fetch the landmark model."
     )
     pose_model_sha256: str | None = Field(default=None, description="Its sha256.")
+    face_model: Path | None = Field(
+        default=None, description="The face landmarker's file, for expressions."
+    )
+    face_model_url: str | None = Field(default=None, description="Where to fetch that.")
+    face_model_sha256: str | None = Field(default=None, description="Its sha256.")
+    hand_model: Path | None = Field(
+        default=None, description="The hand landmarker's file, for expressions."
+    )
+    hand_model_url: str | None = Field(default=None, description="Where to fetch that.")
+    hand_model_sha256: str | None = Field(default=None, description="Its sha256.")
     lpips_backbone: Path | None = Field(
         default=None,
         description="Weights (.pth) behind LPIPS; VGG-16 is fetched once where none are named.",
@@ -176,15 +186,39 @@ class Settings(BaseSettings):
         """Where jobs and uploads keep what is under way."""
         return self.data_dir / "scratch"
 
-    def pose_model_source(self) -> PoseModelSource:
-        """Where capture finds the landmark model."""
-        from capture.pose_model import PUBLISHED_ADDRESS, PoseModelSource
+    def pose_model_source(self, *, live: bool = False) -> ModelSource:
+        """Where capture finds the landmark model; where none is named, pages get a smaller one."""
+        from capture.pose_model import FULL_ADDRESS, HEAVY_ADDRESS, ModelSource
 
-        return PoseModelSource(
+        return ModelSource(
             self.pose_model,
-            self.pose_model_url or PUBLISHED_ADDRESS,
+            self.pose_model_url or (FULL_ADDRESS if live else HEAVY_ADDRESS),
             self.pose_model_sha256,
             self.data_dir / "cache",
+        )
+
+    def face_model_source(self) -> ModelSource:
+        """Where the face landmarker is found."""
+        from capture.pose_model import FACE_MODEL, ModelSource
+
+        return ModelSource(
+            self.face_model,
+            self.face_model_url,
+            self.face_model_sha256,
+            self.data_dir / "cache",
+            FACE_MODEL,
+        )
+
+    def hand_model_source(self) -> ModelSource:
+        """Where the hand landmarker is found."""
+        from capture.pose_model import HAND_MODEL, ModelSource
+
+        return ModelSource(
+            self.hand_model,
+            self.hand_model_url,
+            self.hand_model_sha256,
+            self.data_dir / "cache",
+            HAND_MODEL,
         )
 
     def signing_key(self) -> str:

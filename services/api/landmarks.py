@@ -1,4 +1,4 @@
-"""The landmark model for pages that find their own landmarks: the checked file of capture."""
+"""The landmark models for pages that find their own landmarks, checked as those of captures are."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fastapi import APIRouter
 from fastapi.responses import FileResponse
 
 from capture.errors import PoseModelMissing
-from capture.pose_model import pose_model_file
+from capture.pose_model import ModelSource, landmark_model_file
 from services.container import Provided
 from services.problems import ProblemError, problems
 
@@ -28,8 +28,34 @@ _KEPT_S = 86_400
 )
 def read_landmark_model(services: Provided) -> FileResponse:
     """MediaPipe's Pose Landmarker (`.task`), fetched once and checked; the same for everybody."""
+    return _file(services.settings.pose_model_source(live=True))
+
+
+@router.get(
+    "/landmarks/face-model",
+    summary="Get the face's landmark model",
+    response_class=FileResponse,
+    responses={200: {"content": {"application/octet-stream": {}}}},
+)
+def read_face_model(services: Provided) -> FileResponse:
+    """MediaPipe's Face Landmarker; where it can't be had, performers keep a still face."""
+    return _file(services.settings.face_model_source())
+
+
+@router.get(
+    "/landmarks/hand-model",
+    summary="Get the hands' landmark model",
+    response_class=FileResponse,
+    responses={200: {"content": {"application/octet-stream": {}}}},
+)
+def read_hand_model(services: Provided) -> FileResponse:
+    """MediaPipe's Hand Landmarker; where it can't be had, performers keep still hands."""
+    return _file(services.settings.hand_model_source())
+
+
+def _file(source: ModelSource) -> FileResponse:
     try:
-        path = pose_model_file(services.settings.pose_model_source())
+        path = landmark_model_file(source)
     except PoseModelMissing as error:
         log.error("%s", error)
         raise ProblemError(

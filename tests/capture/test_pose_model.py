@@ -10,7 +10,7 @@ import pytest
 
 from capture.errors import PoseModelMissing
 from capture.landmarks import MediaPipeEstimator
-from capture.pose_model import KNOWN_SHA256, PoseModelSource, pose_model_file
+from capture.pose_model import FACE_MODEL, POSE_MODEL, ModelSource, landmark_model_file
 from tests.shared_data import shared_data
 
 BODY = b"a model" * 1000
@@ -47,56 +47,62 @@ def server():
 
 def test_it_is_fetched_once_and_checked(server, tmp_path):
     address, calls = server
-    source = PoseModelSource(address=f"{address}/model.task", sha256=SHA256, folder=tmp_path)
-    assert pose_model_file(source).read_bytes() == BODY
-    assert pose_model_file(source) == tmp_path / "model.task"
+    source = ModelSource(address=f"{address}/model.task", sha256=SHA256, folder=tmp_path)
+    assert landmark_model_file(source).read_bytes() == BODY
+    assert landmark_model_file(source) == tmp_path / "model.task"
     assert calls == ["/model.task"]
 
 
 def test_an_unknown_file_is_refused_with_its_hash_and_leaves_nothing(server, tmp_path):
     address, _ = server
-    source = PoseModelSource(address=f"{address}/model.task", folder=tmp_path)
+    source = ModelSource(address=f"{address}/model.task", folder=tmp_path)
     with pytest.raises(PoseModelMissing, match=f"got {SHA256}.*METANERF_POSE_MODEL_SHA256"):
-        pose_model_file(source)
+        landmark_model_file(source)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["cut.task", "gone.task"])
 def test_a_cut_or_missing_download_leaves_nothing(server, tmp_path, name):
     address, _ = server
-    source = PoseModelSource(address=f"{address}/{name}", sha256=SHA256, folder=tmp_path)
+    source = ModelSource(address=f"{address}/{name}", sha256=SHA256, folder=tmp_path)
     with pytest.raises(PoseModelMissing):
-        pose_model_file(source)
+        landmark_model_file(source)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_spoilt_copy_is_fetched_again(server, tmp_path):
     address, _ = server
     (tmp_path / "model.task").write_bytes(b"spoilt")
-    source = PoseModelSource(address=f"{address}/model.task", sha256=SHA256, folder=tmp_path)
-    assert pose_model_file(source).read_bytes() == BODY
+    source = ModelSource(address=f"{address}/model.task", sha256=SHA256, folder=tmp_path)
+    assert landmark_model_file(source).read_bytes() == BODY
 
 
 def test_no_network_says_what_to_do(tmp_path):
-    source = PoseModelSource(address="http://127.0.0.1:9/model.task", folder=tmp_path)
+    source = ModelSource(address="http://127.0.0.1:9/model.task", folder=tmp_path)
     with pytest.raises(PoseModelMissing, match="set METANERF_POSE_MODEL to the file"):
-        pose_model_file(source)
+        landmark_model_file(source)
+
+
+def test_messages_tell_of_the_model_that_is_meant(tmp_path):
+    absent = ModelSource(tmp_path / "absent.task", model=FACE_MODEL)
+    with pytest.raises(PoseModelMissing, match=r"face model .* METANERF_FACE_MODEL to a face_land"):
+        landmark_model_file(absent)
 
 
 def test_a_path_is_used_as_it_is(tmp_path):
     path = tmp_path / "own.task"
     path.write_bytes(BODY)
-    assert pose_model_file(path) == path
-    assert pose_model_file(PoseModelSource(path=path, sha256=SHA256)) == path
+    assert landmark_model_file(path) == path
+    assert landmark_model_file(ModelSource(path=path, sha256=SHA256)) == path
     with pytest.raises(PoseModelMissing, match="sha256 must be 00"):
-        pose_model_file(PoseModelSource(path=path, sha256="00"))
+        landmark_model_file(ModelSource(path=path, sha256="00"))
     with pytest.raises(PoseModelMissing, match=r"must be a file; got .*absent"):
-        pose_model_file(tmp_path / "absent.task")
+        landmark_model_file(tmp_path / "absent.task")
 
 
 def test_the_tests_own_model_is_among_the_known():
     path = shared_data("models/pose_landmarker_full.task")
-    assert hashlib.sha256(path.read_bytes()).hexdigest() in KNOWN_SHA256
+    assert hashlib.sha256(path.read_bytes()).hexdigest() in POSE_MODEL.known_sha256
 
 
 def test_a_file_that_is_no_model_is_refused(tmp_path):

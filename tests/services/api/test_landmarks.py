@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import httpx
+import pytest
 
 from services.app import create_app
 from services.container import Services
 
 
-async def asked(services: Services, **headers: str) -> httpx.Response:
+async def asked(services: Services, name: str = "model") -> httpx.Response:
     transport = httpx.ASGITransport(create_app(services.settings, services))
     async with httpx.AsyncClient(transport=transport, base_url="http://test") as page:
-        return await page.get("/v1/landmarks/model", headers=headers)
+        return await page.get(f"/v1/landmarks/{name}")
 
 
 async def test_the_checked_file_is_handed_out_and_kept(services: Services, tmp_path):
@@ -25,6 +26,19 @@ async def test_the_checked_file_is_handed_out_and_kept(services: Services, tmp_p
     assert answer.content == file.read_bytes()
     assert "max-age" in answer.headers["cache-control"]
     assert answer.headers["etag"]
+
+
+@pytest.mark.parametrize("name", ["face", "hand"])
+async def test_face_and_hands_have_models_of_their_own(services: Services, tmp_path, name):
+    file = tmp_path / f"{name}.task"
+    file.write_bytes(name.encode())
+    settings = services.settings.model_copy(update={f"{name}_model": file})
+    answer = await asked(replace(services, settings=settings), f"{name}-model")
+    assert (answer.status_code, answer.content) == (200, name.encode())
+    absent = services.settings.model_copy(update={f"{name}_model": tmp_path / "absent.task"})
+    refused = await asked(replace(services, settings=absent), f"{name}-model")
+    assert refused.status_code == 503
+    assert refused.json()["type"].endswith("landmark-model-missing")
 
 
 async def test_a_file_that_is_not_the_one_expected_is_not_handed_out(services: Services, tmp_path):
