@@ -67,7 +67,7 @@ _OUTLIER = 3.0
 """Deviations from which a landmark has no say, once the outline has one."""
 _LIFTED_WEIGHT, _WORLD_WEIGHT, _PRIOR_WEIGHT = 3.0, 0.2, 0.1
 """Of the network's poses, the 3D landmarks and the prior, beside the seen landmarks' sum."""
-_EDGE_WEIGHT = 6.0
+_EDGE_WEIGHT = 18.0
 """Of the outline's mean energy, beside the landmarks' sum."""
 _FACE_DEPTH_TRUST = 0.3
 """Of the face's 3D landmarks, beside the others': the estimator pulls heads towards the camera."""
