@@ -43,16 +43,19 @@ _LIDS = {
     "right": ((160, 144), (159, 145), (158, 153)),
 }
 _CORNERS = {"left": (362, 263), "right": (33, 133)}
-_BROWS = [105, 66, 334, 296]
+_BROWS_TO_LIDS = (65, 158), (52, 159), (295, 385), (282, 386)
 _FOREHEAD, _UNDER_NOSE = 10, 2
 
-USUAL_REST = np.array([0.02, 0.27, 0.27, 0.27, 0.55])
+_JAW_IN_SMILE = 0.6
+"""As a mouth opens its corners sink and draw together: what lips apart give back."""
+
+USUAL_REST = np.array([0.02, 0.27, 0.27, 0.22, -0.2])
 """Measures of a face at rest, of people in general."""
-_REST_PERCENTILES = (10.0, 75.0, 75.0, 50.0, 50.0)
+_REST_PERCENTILES = (10.0, 65.0, 65.0, 40.0, 30.0)
 """Where in a clip's measures the face at rest is found: talk opens a mouth, blinks are short."""
-_FULL_JAW, _FULL_BROWS, _FULL_SMILE = 0.45, 0.10, 0.15
+_FULL_JAW, _FULL_BROWS, _FULL_SMILE = 0.32, 0.045, 0.2
 """What each measure grows by from rest to fully."""
-_CLOSED = 0.75
+_CLOSED = 0.58
 """By which share lids that are shut have come together."""
 
 _FINGERS = ((5, 6, 7, 8), (9, 10, 11, 12), (13, 14, 15, 16), (17, 18, 19, 20))
@@ -76,7 +79,7 @@ class SeenExpression:
 
 
 def face_measures(points: Float[Array, "N 3"]) -> Float[Array, "5"] | None:
-    """Lips apart, left and right lids apart, height of the brows, width of the mouth.
+    """Lips apart, left and right lids apart, brows from lids, and how wide and high the mouth ends.
 
     Args:
         points: landmarks, px of the picture, z as MediaPipe gives it times the picture's width.
@@ -94,14 +97,10 @@ def face_measures(points: Float[Array, "N 3"]) -> Float[Array, "5"] | None:
         np.mean([_apart(points, pair) for pair in _LIDS[side]]) / _apart(points, _CORNERS[side])
         for side in ("left", "right")
     ]
-    return np.array(
-        [
-            _apart(points, _LIPS) / span,
-            *lids,
-            _brow_height(points, across / span) / span,
-            _apart(points, _MOUTH_CORNERS) / span,
-        ]
-    )
+    lips = _apart(points, _LIPS) / span
+    brows = np.mean([_apart(points, pair) for pair in _BROWS_TO_LIDS]) / span
+    smile = (_apart(points, _MOUTH_CORNERS) + _mouth_height(points, across / span)) / span
+    return np.array([lips, *lids, brows, smile + _JAW_IN_SMILE * lips])
 
 
 def resting_face(measures: Float[Array, "F 5"]) -> Float[Array, "5"]:
@@ -131,9 +130,10 @@ def _apart(points: Array, pair: tuple[int, int]) -> float:
     return float(np.linalg.norm(points[pair[0]] - points[pair[1]]))
 
 
-def _brow_height(points: Float[Array, "N 3"], right_to_left: Float[Array, "3"]) -> float:
-    """Of the brows above the eyes' corners, along the face; neither jaw nor lids move it."""
+def _mouth_height(points: Float[Array, "N 3"], right_to_left: Float[Array, "3"]) -> float:
+    """Of the mouth's corners above (below: less than nil) those of the eyes, along the face."""
     up = points[_FOREHEAD] - points[_UNDER_NOSE]
     up = up - (up @ right_to_left) * right_to_left
     eyes = points[[*_CORNERS["left"], *_CORNERS["right"]]].mean(axis=0)
-    return float((points[_BROWS].mean(axis=0) - eyes) @ up / np.linalg.norm(up))
+    mouth = points[list(_MOUTH_CORNERS)].mean(axis=0)
+    return float((mouth - eyes) @ up / np.linalg.norm(up))

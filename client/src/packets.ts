@@ -1,5 +1,6 @@
 /**
- * Packets of the live connection: `view` goes up, 52 bytes; `pose` comes down, 176 bytes. Little endian.
+ * Packets of the live connection: `view` goes up, 52 bytes; `pose` comes down, 176 bytes, and 8 more where
+ * face or hands move. Little endian.
  *
  * Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
  * Flags of a view, bit 0: show only what was filmed of a person; bit 1: this page draws the room, so
@@ -9,9 +10,10 @@
  * f32 vertical field of view (rad), u16 width, u16 height (px).
  * A pose's payload: u8 index of the performer, u8 how many there are, u16 check of the performer's id,
  * f32 pelvis[3] (room, m), then 24 turns of 6 bytes: three components of 15 bits, two bits that say
- * which one was left out.
+ * which one was left out. Expression: u8 of seven numbers (1/255), u8 bits of what is known.
  */
 
+import { EXPRESSION_COUNT } from "./landmarks/expression";
 import type { Quaternion, Vec3 } from "./geometry";
 import { smallestThree } from "./splats/file";
 
@@ -27,6 +29,7 @@ export const POSE_BYTES = 176;
 const JOINTS = 24;
 const TURNS_AT = 32;
 const TURN_STEPS = 32767;
+const LONGER_POSE_BYTES = POSE_BYTES + EXPRESSION_COUNT + 1;
 
 export interface ViewPacket {
   /** Counts up; wraps at 2^32. The newest one wins. */
@@ -61,6 +64,8 @@ export interface PosePacket {
   pelvis: Vec3;
   /** 24 quaternions wxyz: of the pelvis in the room, of every other joint relative to its parent. */
   turns: Float32Array;
+  /** Of face and hands, 0 to 1, in the order of `EXPRESSION_NAMES`; all nil where nothing was sent. */
+  expression: Float32Array;
 }
 
 export function encodeView(packet: ViewPacket): ArrayBuffer {
@@ -83,9 +88,8 @@ export function encodeView(packet: ViewPacket): ArrayBuffer {
 /** The pose in `bytes`, or null for what is no pose packet of this version. */
 export function decodePose(bytes: ArrayBuffer): PosePacket | null {
   const data = new DataView(bytes);
-  if (bytes.byteLength !== POSE_BYTES || data.getUint8(0) !== VERSION || data.getUint8(1) !== KIND_POSE) {
-    return null;
-  }
+  const whole = bytes.byteLength === POSE_BYTES || bytes.byteLength === LONGER_POSE_BYTES;
+  if (!whole || data.getUint8(0) !== VERSION || data.getUint8(1) !== KIND_POSE) return null;
   const turns = new Float32Array(4 * JOINTS);
   for (let joint = 0; joint < JOINTS; joint++) {
     const low = data.getUint32(TURNS_AT + 6 * joint, true);
@@ -101,7 +105,16 @@ export function decodePose(bytes: ArrayBuffer): PosePacket | null {
     check: data.getUint16(18, true),
     pelvis: [data.getFloat32(20, true), data.getFloat32(24, true), data.getFloat32(28, true)],
     turns,
+    expression: expressionOf(bytes),
   };
+}
+
+function expressionOf(bytes: ArrayBuffer): Float32Array {
+  const moved = bytes.byteLength === LONGER_POSE_BYTES;
+  const levels = new Uint8Array(bytes, POSE_BYTES, moved ? EXPRESSION_COUNT : 0);
+  const expression = new Float32Array(EXPRESSION_COUNT);
+  levels.forEach((level, i) => (expression[i] = level / 255));
+  return expression;
 }
 
 /** The low 16 bits of the CRC-32 of a performer's id, by which poses say whom they mean. */

@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { KEYPOINTS_BYTES, LANDMARK_COUNT, encodeKeypoints } from "../src/landmarks/packet";
+import { FACE, LEFT_HAND } from "../src/landmarks/expression";
+import { EXPRESSION_BYTES, KEYPOINTS_BYTES, LANDMARK_COUNT, encodeKeypoints } from "../src/landmarks/packet";
 
 function nobody() {
   return {
@@ -32,6 +33,14 @@ describe("encodeKeypoints", () => {
         "000400f00020" + "000000000000".repeat(31) + "00e0000800fe" + // xyz
         "ff" + "00".repeat(31) + "33", // visibility
     );
+  });
+
+  it("adds eight bytes where face or hands were seen, as the server's encoder does", () => {
+    const values = new Float32Array([0.2, 1, 0, 0.4, 2, -1, 0.6]);
+    const plain = hex(encodeKeypoints(7, 1500, nobody()));
+    const bytes = encodeKeypoints(7, 1500, nobody(), { values, known: FACE | LEFT_HAND });
+    expect(bytes.byteLength).toBe(KEYPOINTS_BYTES + EXPRESSION_BYTES);
+    expect(hex(bytes)).toBe(plain + "33ff0066ff0099" + "03");
   });
 
   it("moves what is out of range to the range's end", () => {

@@ -89,6 +89,13 @@ describe("decodePose", () => {
     [1, 0, 0, 0].forEach((value, i) => expect(turns[4 + i]).toBeCloseTo(value, 4));
   });
 
+  it("reads what face and hands do, and rest where nothing is said", () => {
+    const moved = decodePose(bytes(golden + "33ff0066000099" + "07"));
+    expect([...(moved?.expression ?? [])]).toEqual([0.2, 1, 0, 0.4, 0, 0, 0.6].map((v) => expect.closeTo(v, 6)));
+    expect(moved?.turns).toEqual(decodePose(bytes(golden))?.turns);
+    expect([...(decodePose(bytes(golden))?.expression ?? [])]).toEqual([0, 0, 0, 0, 0, 0, 0]);
+  });
+
   it("takes nothing else for a pose", () => {
     expect(decodePose(bytes(golden.slice(2)))).toBeNull();
     expect(decodePose(bytes("0103" + golden.slice(4)))).toBeNull();

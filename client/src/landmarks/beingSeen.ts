@@ -3,6 +3,7 @@
 import { Problem } from "../problem";
 import { closeCamera, openCamera } from "../record";
 import { KeypointsChannel, type Channel } from "./channel";
+import { ExpressionFinder } from "./expressions";
 import { LandmarkFinder } from "./finder";
 import type { Landmarks } from "./packet";
 
@@ -31,6 +32,7 @@ export class BeingSeen {
   tracking: Tracking = "starting";
   private stream: MediaStream | null = null;
   private finder: LandmarkFinder | null = null;
+  private expressions: ExpressionFinder | null = null;
   private readonly channel: KeypointsChannel;
   private over = false;
   private waiting = 0;
@@ -75,6 +77,7 @@ export class BeingSeen {
     this.over = true;
     this.video.cancelVideoFrameCallback(this.waiting);
     this.finder?.close();
+    this.expressions?.close();
     this.channel.close();
     closeCamera(this.stream);
     this.video.srcObject = null;
@@ -92,11 +95,19 @@ export class BeingSeen {
   private found(seen: Landmarks | null, timeMs: number): void {
     this.hooks.onLandmarks(seen);
     if (seen) this.foundMs = timeMs;
-    const sent = seen !== null && this.channel.send(seen, timeMs);
+    const expression = this.expressions?.at(timeMs) ?? null;
+    const sent = seen !== null && this.channel.send(seen, timeMs, expression);
+    if (seen) this.lookCloser(seen, timeMs);
     if (this.over) return;
     if (sent) this.tell("seen");
     else if (seen) this.tell("waiting");
     else if (timeMs - this.foundMs > LOST_MS) this.tell("looking");
+  }
+
+  private lookCloser(seen: Landmarks, timeMs: number): void {
+    // only now, so that finding the body starts as soon as it can
+    this.expressions ??= new ExpressionFinder(({ x, y, side }) => createImageBitmap(this.video, x, y, side, side));
+    this.expressions.offer(seen, timeMs);
   }
 
   private tell(tracking: Tracking): void {

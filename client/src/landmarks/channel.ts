@@ -1,6 +1,7 @@
 /** Sends keypoints over the meeting's connection, and nothing else; opens anew after it was cut. */
 
 import { Problem, problemOf } from "../problem";
+import type { SeenExpression } from "./expression";
 import { KEYPOINTS_BYTES, encodeKeypoints, type Landmarks } from "./packet";
 
 /** As much of a data channel as is needed. */
@@ -26,12 +27,12 @@ export class KeypointsChannel {
   ) {}
 
   /** Send what the camera saw at `timeMs`, if it can go out at once; says whether it did. */
-  send(seen: Landmarks, timeMs: number): boolean {
+  send(seen: Landmarks, timeMs: number, expression: SeenExpression | null = null): boolean {
     if (this.refused) return false;
     const channel = this.opened();
     if (channel?.readyState !== "open" || channel.bufferedAmount > MOST_WAITING) return false;
     this.sequence = (this.sequence + 1) >>> 0;
-    channel.send(encodeKeypoints(this.sequence, timeMs, seen));
+    channel.send(encodeKeypoints(this.sequence, timeMs, seen, expression));
     return true;
   }
 

@@ -1,12 +1,17 @@
 /**
- * The `keypoints` packet: what the webcam shows of a person, and no picture. Little endian, 383 bytes.
+ * The `keypoints` packet: what the webcam shows of a person, and no picture. Little endian, 383 bytes,
+ * and 8 more where anything is known of face or hands.
  *
  * Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
  * Payload: u16 width, u16 height (px of the picture), then of 33 landmarks i16 xy (1/8192 of the
- * picture's sides), i16 xyz (1/8192 m) and u8 visibility (1/255).
+ * picture's sides), i16 xyz (1/8192 m) and u8 visibility (1/255). Expression: u8 of seven numbers
+ * (1/255), u8 bits of what is known (see `expression.ts`).
  */
 
+import { EXPRESSION_COUNT, type SeenExpression } from "./expression";
+
 export const KEYPOINTS_BYTES = 383;
+export const EXPRESSION_BYTES = EXPRESSION_COUNT + 1;
 export const LANDMARK_COUNT = 33;
 const VERSION = 1;
 const KIND_KEYPOINTS = 1;
@@ -25,8 +30,13 @@ export interface Landmarks {
   visibility: Float32Array;
 }
 
-export function encodeKeypoints(sequence: number, captureTimeMs: number, seen: Landmarks): ArrayBuffer {
-  const bytes = new ArrayBuffer(KEYPOINTS_BYTES);
+export function encodeKeypoints(
+  sequence: number,
+  captureTimeMs: number,
+  seen: Landmarks,
+  expression: SeenExpression | null = null,
+): ArrayBuffer {
+  const bytes = new ArrayBuffer(KEYPOINTS_BYTES + (expression ? EXPRESSION_BYTES : 0));
   const data = new DataView(bytes);
   data.setUint8(0, VERSION);
   data.setUint8(1, KIND_KEYPOINTS);
@@ -41,8 +51,9 @@ export function encodeKeypoints(sequence: number, captureTimeMs: number, seen: L
       at += 2;
     }
   }
-  for (const value of seen.visibility) {
+  for (const value of [...seen.visibility, ...(expression?.values ?? [])]) {
     data.setUint8(at++, Math.round(255 * Math.max(0, Math.min(1, value))));
   }
+  if (expression) data.setUint8(at, expression.known);
   return bytes;
 }

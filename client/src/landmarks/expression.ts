@@ -1,0 +1,180 @@
+/**
+ * What a face and hands do, as a few numbers from 0 to 1, from MediaPipe's landmarks alone.
+ *
+ * Lengths within a face, in 3D and as shares of the distance between the outer corners of the eyes,
+ * change with neither distance nor a turn of the head. The server's twin is capture/expressions.py;
+ * tests hold both to the same numbers (tests/capture/expressions.json).
+ */
+
+/** In the order of the server's `EXPRESSION_NAMES`; left and right are the person's own. */
+export const EXPRESSION_NAMES = [
+  "jaw_open", "blink_left", "blink_right", "brows_up", "smile", "left_hand_curl", "right_hand_curl",
+] as const; // prettier-ignore
+export const EXPRESSION_COUNT = EXPRESSION_NAMES.length;
+/** Numbers that are seen, or not, together: bits. */
+export const FACE = 1;
+export const LEFT_HAND = 2;
+export const RIGHT_HAND = 4;
+/** Of the first five numbers, which are the face's. */
+export const FACE_NUMBERS = 5;
+
+export interface SeenExpression {
+  /** 0 to 1 each; without meaning where not known. */
+  values: Float32Array;
+  /** Bits of the groups that were seen. */
+  known: number;
+}
+
+/** x, y, z: of a picture's landmarks px, with z as MediaPipe gives it times the picture's width. */
+export type Point = readonly [number, number, number];
+
+/** From cheek to cheek, px; of a smaller face the landmarks tell nothing. */
+const SMALLEST_FACE_PX = 40;
+/** Sine of the turn from which the far side of a face is guessed. */
+const MOST_TURNED = 0.7;
+const OUTER_CORNERS = [33, 263] as const;
+const CHEEKS = [234, 454] as const;
+const LIPS = [13, 14] as const;
+const MOUTH_CORNERS = [61, 291] as const;
+const LEFT_LIDS = [[385, 380], [386, 374], [387, 373]] as const; // prettier-ignore
+const RIGHT_LIDS = [[160, 144], [159, 145], [158, 153]] as const; // prettier-ignore
+const LEFT_EYE = [362, 263] as const;
+const RIGHT_EYE = [33, 133] as const;
+const BROWS_TO_LIDS = [[65, 158], [52, 159], [295, 385], [282, 386]] as const; // prettier-ignore
+/** As a mouth opens its corners sink and draw together: what lips apart give back. */
+const JAW_IN_SMILE = 0.6;
+const FOREHEAD = 10;
+const UNDER_NOSE = 2;
+
+/** Measures of a face at rest, of people in general. */
+export const USUAL_REST: readonly number[] = [0.02, 0.27, 0.27, 0.22, -0.2];
+/** Where among measures the face at rest is found, percent: talk opens a mouth, blinks are short. */
+const REST_PERCENTILES = [10, 65, 65, 40, 30] as const;
+/** What each measure grows by from rest to fully. */
+const FULL_JAW = 0.32;
+const FULL_BROWS = 0.045;
+const FULL_SMILE = 0.2;
+/** By which share lids that are shut have come together. */
+const CLOSED = 0.58;
+const FINGERS = [[5, 6, 7, 8], [9, 10, 11, 12], [13, 14, 15, 16], [17, 18, 19, 20]] as const; // prettier-ignore
+/** From wrist to tip, as a share of the way along the bones. */
+const FLAT = 0.95;
+const FIST = 0.45;
+
+/**
+ * Lips apart, left and right lids apart, brows from lids, and how wide and high the mouth ends; null for
+ * a face that is too small or turned too far.
+ */
+export function faceMeasures(points: readonly Point[]): number[] | null {
+  const [right, left] = OUTER_CORNERS.map((i) => at(points, i)) as [Point, Point];
+  const [cheek, other] = CHEEKS.map((i) => at(points, i)) as [Point, Point];
+  if (Math.hypot(other[0] - cheek[0], other[1] - cheek[1]) < SMALLEST_FACE_PX) return null;
+  const across = less(left, right);
+  const span = Math.hypot(...across);
+  if (Math.abs(across[2]) > MOST_TURNED * span) return null;
+  const lips = apart(points, LIPS) / span;
+  const brows = BROWS_TO_LIDS.reduce((sum, pair) => sum + apart(points, pair), 0) / BROWS_TO_LIDS.length;
+  const smile = apart(points, MOUTH_CORNERS) + mouthHeight(points, across.map((value) => value / span) as unknown as Point);
+  return [
+    lips,
+    lidsApart(points, LEFT_LIDS, LEFT_EYE),
+    lidsApart(points, RIGHT_LIDS, RIGHT_EYE),
+    brows / span,
+    smile / span + JAW_IN_SMILE * lips,
+  ];
+}
+
+/** The measures of somebody's face at rest, from those of many pictures. */
+export function restingFace(measures: readonly (readonly number[])[]): number[] {
+  return REST_PERCENTILES.map((percent, i) => {
+    const sorted = measures.map((one) => one[i] ?? 0).sort((a, b) => a - b);
+    const place = ((sorted.length - 1) * percent) / 100;
+    const below = sorted[Math.floor(place)] ?? 0;
+    const above = sorted[Math.ceil(place)] ?? below;
+    return below + (place - Math.floor(place)) * (above - below);
+  });
+}
+
+/** jaw_open, blink_left, blink_right, brows_up and smile. */
+export function faceNumbers(measures: readonly number[], rest: readonly number[]): number[] {
+  const full = [FULL_JAW, -CLOSED * (rest[1] ?? 0), -CLOSED * (rest[2] ?? 0), FULL_BROWS, FULL_SMILE];
+  return full.map((most, i) => clamp(((measures[i] ?? 0) - (rest[i] ?? 0)) / most));
+}
+
+/** How far four fingers are bent, 0 (flat) to 1 (a fist), from 21 points in any one unit. */
+export function handCurl(points: readonly Point[]): number {
+  const wrist = at(points, 0);
+  const shares = FINGERS.map((finger) => {
+    let [along, before] = [0, wrist];
+    for (const joint of finger) {
+      along += Math.hypot(...less(at(points, joint), before));
+      before = at(points, joint);
+    }
+    return Math.hypot(...less(before, wrist)) / Math.max(along, 1e-9);
+  });
+  const mean = shares.reduce((sum, share) => sum + share, 0) / shares.length;
+  return clamp((FLAT - mean) / (FLAT - FIST));
+}
+
+/** Learns somebody's face at rest as it goes: of the last minute, and of people in general at first. */
+export class RestFinder {
+  private readonly measures: number[][] = Array.from({ length: FIRST }, () => [...USUAL_REST]);
+  private nextMs = -Infinity;
+
+  /** Take what was measured at `timeMs`; the face at rest, as far as is known. */
+  learn(measures: number[], timeMs: number): number[] {
+    if (timeMs >= this.nextMs) {
+      this.nextMs = timeMs + EVERY_MS;
+      this.measures.push(measures);
+      if (this.measures.length > KEPT) this.measures.shift();
+    }
+    return restingFace(this.measures);
+  }
+}
+
+const FIRST = 8;
+const EVERY_MS = 250;
+const KEPT = 240;
+
+function at(points: readonly Point[], i: number): Point {
+  return points[i] ?? [0, 0, 0];
+}
+
+function less(a: Point, b: Point): [number, number, number] {
+  return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+}
+
+function apart(points: readonly Point[], [a, b]: readonly [number, number]): number {
+  return Math.hypot(...less(at(points, a), at(points, b)));
+}
+
+function lidsApart(
+  points: readonly Point[],
+  pairs: readonly (readonly [number, number])[],
+  corners: readonly [number, number],
+): number {
+  const sum = pairs.reduce((all, pair) => all + apart(points, pair), 0);
+  return sum / pairs.length / apart(points, corners);
+}
+
+/** Of the mouth's corners above (below: less than nil) those of the eyes, along the face. */
+function mouthHeight(points: readonly Point[], across: Point): number {
+  const nose = less(at(points, FOREHEAD), at(points, UNDER_NOSE));
+  const along = dot(nose, across);
+  const up = nose.map((value, i) => value - along * (across[i] ?? 0)) as unknown as Point;
+  const above = less(mean(points, MOUTH_CORNERS), mean(points, [...LEFT_EYE, ...RIGHT_EYE]));
+  return dot(above, up) / Math.hypot(...up);
+}
+
+function mean(points: readonly Point[], which: readonly number[]): Point {
+  const sum = [0, 1, 2].map((k) => which.reduce((all, i) => all + (at(points, i)[k] ?? 0), 0));
+  return sum.map((value) => value / which.length) as unknown as Point;
+}
+
+function dot(a: Point, b: Point): number {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+function clamp(value: number): number {
+  return Math.max(0, Math.min(1, value));
+}

@@ -1,0 +1,111 @@
+/**
+ * Has a worker of its own look at face and hands, beside the one that finds the body: one part at a
+ * time, never in a queue, a third of its time at most, and not at all where the body's finder is slow.
+ */
+
+import { squareAbout, type Part, type Square } from "./crops";
+import { EXPRESSION_COUNT, FACE, LEFT_HAND, RIGHT_HAND, type SeenExpression } from "./expression";
+import type { Landmarks } from "./packet";
+
+export interface PartPicture {
+  part: Part;
+  bitmap: ImageBitmap;
+  timeMs: number;
+}
+
+export type PartAnswer =
+  | { kind: "ready"; parts: Part[] }
+  /** What the part does: five numbers of a face, one of a hand; null where it was not found. */
+  | { kind: "found"; part: Part; timeMs: number; numbers: number[] | null };
+
+/** As much of a worker as is needed. */
+export interface ExpressionWorker {
+  onmessage: ((event: MessageEvent<PartAnswer>) => void) | null;
+  postMessage(picture: PartPicture, transfer: Transferable[]): void;
+  terminate(): void;
+}
+
+/** What a part tells stands for so long. */
+const HELD_MS = 300;
+/** Time between two looks, in times of a look. */
+const REST = 2;
+/** Between pictures of the body's finder, ms, on average; beyond, everything is left to it. */
+const SLOWEST_MS = 125;
+const USUAL_SHARE = 0.1;
+/** The face in every second look: it does more than hands. */
+const TURNS: readonly Part[] = ["face", "left_hand", "face", "right_hand"];
+const GROUPS: Record<Part, number> = { face: FACE, left_hand: LEFT_HAND, right_hand: RIGHT_HAND };
+const FIRST_NUMBER: Record<Part, number> = { face: 0, left_hand: 5, right_hand: 6 };
+
+export class ExpressionFinder {
+  private parts: Part[] = [];
+  private busy = false;
+  private turn = 0;
+  private startedMs = -Infinity;
+  private nextMs = -Infinity;
+  private lastMs = -Infinity;
+  private betweenMs = 0;
+  private readonly values = new Float32Array(EXPRESSION_COUNT);
+  private readonly seenMs: Record<Part, number> = { face: -Infinity, left_hand: -Infinity, right_hand: -Infinity };
+
+  constructor(
+    private readonly grab: (square: Square) => Promise<ImageBitmap>,
+    private readonly now: () => number = () => performance.now(),
+    private readonly worker: ExpressionWorker = new Worker(new URL("./expressionWorker.ts", import.meta.url), {
+      type: "module",
+    }),
+  ) {
+    worker.onmessage = ({ data }) => this.hear(data);
+  }
+
+  /** The body was found so in the picture of `timeMs`: look at a part of it, if there is time. */
+  offer(seen: Landmarks, timeMs: number): void {
+    if (Number.isFinite(this.lastMs)) this.betweenMs += USUAL_SHARE * (timeMs - this.lastMs - this.betweenMs);
+    this.lastMs = timeMs;
+    if (this.busy || this.now() < this.nextMs || this.betweenMs > SLOWEST_MS) return;
+    for (let tried = 0; tried < TURNS.length; tried++) {
+      const part = TURNS[this.turn++ % TURNS.length] ?? "face";
+      const square = this.parts.includes(part) ? squareAbout(part, seen) : null;
+      if (square) return void this.look(part, square, timeMs);
+    }
+  }
+
+  /** What face and hands do, as far as it was seen shortly before `timeMs`; null: nothing was. */
+  at(timeMs: number): SeenExpression | null {
+    let known = 0;
+    for (const part of this.parts) if (timeMs - this.seenMs[part] <= HELD_MS) known |= GROUPS[part];
+    return known ? { values: this.values.slice(), known } : null;
+  }
+
+  close(): void {
+    this.worker.onmessage = null;
+    this.busy = true;
+    this.worker.terminate();
+  }
+
+  private async look(part: Part, square: Square, timeMs: number): Promise<void> {
+    this.busy = true;
+    this.startedMs = this.now();
+    try {
+      const bitmap = await this.grab(square);
+      this.worker.postMessage({ part, bitmap, timeMs }, [bitmap]);
+    } catch {
+      // the camera has no picture just now: the next one will do
+      this.busy = false;
+    }
+  }
+
+  private hear(answer: PartAnswer): void {
+    if (answer.kind === "ready") {
+      this.parts = answer.parts;
+      return;
+    }
+    const { part, numbers, timeMs } = answer;
+    const nowMs = this.now();
+    this.nextMs = nowMs + REST * (nowMs - this.startedMs);
+    this.busy = false;
+    if (!numbers) return;
+    this.values.set(numbers, FIRST_NUMBER[part]);
+    this.seenMs[part] = timeMs;
+  }
+}
