@@ -129,20 +129,22 @@ def _prepare(folder: Path, performers: int) -> tuple[str, str, list[str]]:
     return meeting_id, token, ids
 
 
-def beside(page: Page, meeting: DrivenMeeting, size: int) -> Page:
+def beside(page: Page, meeting: DrivenMeeting, size: int, *, stamped: bool = True) -> Page:
     """One more viewer in the same browser, who stands elsewhere: nothing is drawn for both."""
     assert page.context.browser is not None
     other = page.context.browser.new_page(viewport=page.viewport_size)
-    look(other, meeting, size)
+    look(other, meeting, size, stamped=stamped)
     other.keyboard.press("d", delay=600)
     return other
 
 
-def look(page: Page, meeting: DrivenMeeting, size: int) -> None:
-    """Have `page` look on, at pictures by the server of `size` px a side."""
+def look(page: Page, meeting: DrivenMeeting, size: int, *, stamped: bool = True) -> None:
+    """Have `page` look on, at pictures by the server of `size` px a side, and read their codes
+    where `stamped`."""
     page.set_default_timeout(_AT_WORST_MS)
     page.add_init_script(_COUNTING)
-    page.goto(f"{meeting.address}?meeting={meeting.meeting_id}&size={size}&stamp")
+    stamp = "&stamp" if stamped else ""
+    page.goto(f"{meeting.address}?meeting={meeting.meeting_id}&size={size}{stamp}")
     page.get_by_test_id("start-join").click()
     page.wait_for_selector("[data-testid=stage-video]")
     page.wait_for_function(
