@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -13,7 +14,14 @@ from capture.archive import read_frames
 from capture.backdrop import FRAMES as BACKDROP_FRAMES
 from capture.backdrop import learn_backdrop
 from capture.body import BodyModel, load_body_model
-from capture.errors import BrokenSequence, NoPersonFound, UnreadableClip
+from capture.errors import (
+    BrokenSequence,
+    CaptureStopped,
+    NoPersonFound,
+    PoseModelMissing,
+    UnreadableClip,
+)
+from capture.expression_finder import ExpressionFinder, clip_expressions
 from capture.fit import Fit, fit_clip
 from capture.fit_world import Placed, place_in_world
 from capture.foreground import premultiplied
@@ -29,7 +37,10 @@ from capture.video import MAX_FRAMES, Clip, read_video, spread
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
 from scene.errors import InvalidInput
+from scene.expression import EXPRESSION_COUNT
 from scene.sequence import Frame
+
+log = logging.getLogger(__name__)
 
 SIZE_PX = 512
 """Longest side of the stored frames."""
@@ -63,6 +74,8 @@ def capture_clip(
     *,
     person: str,
     pose_model: ModelSource | Path | None = None,
+    face_model: ModelSource | Path | None = None,
+    hand_model: ModelSource | Path | None = None,
     estimator: PoseEstimator | None = None,
     lifter: Lifter = closed_form,
     body_model: BodyModel | None = None,
@@ -79,6 +92,8 @@ def capture_clip(
     Args:
         person: name stored with the sequence.
         pose_model: where MediaPipe's model file is; not needed with an `estimator` of one's own.
+        face_model, hand_model: where the models are that tell what face and hands do; without one,
+            or where it can't be had, these stay at rest.
         estimator: finds landmarks and masks instead of MediaPipe.
         lifter: what an `estimator`'s landmarks mean; by default its 3D landmarks are believed as
             they are. MediaPipe's errors are put right by `capture.lifter.lifter_of`.
@@ -122,8 +137,9 @@ def capture_clip(
     else:
         raise InvalidInput("capture must be given a pose_model or an estimator; got neither")
     model = load_body_model() if body_model is None else body_model
+    expressions = _expressions(clip, track, face_model, hand_model, stages)
     seen, quality = _capture(
-        clip, track, lifter, model, out, person, path.name, size, focal_px, stages
+        clip, track, expressions, lifter, model, out, person, path.name, size, focal_px, stages
     )
     if overlay is not None:
         write_video(_overlays(seen), overlay, clip.frames_per_second)
@@ -158,7 +174,7 @@ def _follow(clip: Clip, estimator: PoseEstimator, stages: _Stages) -> Track:
     track = follow(
         clip.images,
         estimator,
-        on_progress=stages.part(0.08, 0.3, "finding the person"),
+        on_progress=stages.part(0.08, 0.28, "finding the person"),
         should_stop=stages.should_stop,
     )
     found = int(track.found.sum())
@@ -171,9 +187,40 @@ def _follow(clip: Clip, estimator: PoseEstimator, stages: _Stages) -> Track:
     return track
 
 
+def _expressions(
+    clip: Clip,
+    track: Track,
+    face_model: ModelSource | Path | None,
+    hand_model: ModelSource | Path | None,
+    stages: _Stages,
+) -> Float[Array, "F E"]:
+    """What face and hands do in each frame, as far as there are models to tell."""
+    files = [None if one is None else _file_or_none(one) for one in (face_model, hand_model)]
+    if not any(files):
+        return np.zeros((len(clip.images), EXPRESSION_COUNT))
+    report = stages.part(0.28, 0.3, "looking at face and hands")
+
+    def look(done: float) -> None:
+        if stages.should_stop():
+            raise CaptureStopped("capture was stopped while looking at face and hands")
+        report(done)
+
+    with ExpressionFinder(*files) as finder:
+        return clip_expressions(clip.images, track.people, finder, look)
+
+
+def _file_or_none(model: ModelSource | Path) -> Path | None:
+    try:
+        return landmark_model_file(model)
+    except PoseModelMissing as error:
+        log.warning("face or hands stay at rest: %s", error)
+        return None
+
+
 def _capture(
     clip: Clip,
     track: Track,
+    expressions: Float[Array, "F E"],
     lifter: Lifter,
     model: BodyModel,
     out: Path,
@@ -200,6 +247,7 @@ def _capture(
         should_stop=stages.should_stop,
     )
     placed = place_in_world(fit, model.body(fit.shape), clip.times_s)
+    placed = replace(placed, motion=replace(placed.motion, expressions=expressions))
     seen = _stored_frames(clip, track, masks, fit, placed, size)
     report = stages.part(0.92, 1.0, "writing the sequence")
     quality = judge(seen)
@@ -261,6 +309,7 @@ def _stored_frames(
             motion.joint_angles[kept],
             motion.root_translation[kept],
             motion.confidence[kept],
+            motion.expressions[kept],
         ),
         fit.landmark_error_px[kept] * scale,
         len(clip.images) - len(kept),

@@ -51,17 +51,21 @@ def capture(
             f"a sequence must be made from pictures of the person; got {source.name}, keypoints "
             "alone, which have no colours; they can drive a model (`metanerf render --motion`)"
         )
-    pose_model = load_settings().pose_model_source()
+    settings = load_settings()
+    pose_model, face_model = settings.pose_model_source(), settings.face_model_source()
+    hand_model = settings.hand_model_source()
     with stop_on_interrupt() as should_stop, progress_bar("capturing") as report:
         if webcam is not None:
             quality = capture_webcam(
                 webcam, out, seconds=seconds(length), person=person, pose_model=pose_model,
+                face_model=face_model, hand_model=hand_model,
                 overlay=overlay, on_progress=report, should_stop=should_stop,
             )  # fmt: skip
         else:
             assert source is not None
             quality = capture_clip(
                 source, out, person=person, pose_model=pose_model,
+                face_model=face_model, hand_model=hand_model,
                 overlay=overlay, on_progress=report, should_stop=should_stop,
             )  # fmt: skip
     typer.echo(str(out))

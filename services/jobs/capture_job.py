@@ -32,6 +32,8 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
             out,
             person=person_name,
             pose_model=services.settings.pose_model_source(),
+            face_model=services.settings.face_model_source(),
+            hand_model=services.settings.hand_model_source(),
             on_progress=lambda done, message: reporter.progress(done * _SHARE_OF_CAPTURE, message),
             should_stop=reporter.should_stop,
         )

@@ -141,7 +141,9 @@ def test_the_face_at_rest_is_found_among_talk_and_blinks():
         np.clip(rng.normal(0.1, 0.3, 200), 0, 1), rng.random(200) < 0.15,
         np.clip(rng.normal(-0.2, 0.4, 200), 0, 1), strict=True,
     )]  # fmt: skip
-    np.testing.assert_allclose(resting_face(np.array(shown)), face_measures(face()), atol=0.02)
+    rest = face_measures(face())
+    assert rest is not None
+    np.testing.assert_allclose(resting_face(np.array(shown)), rest, atol=0.02)
 
 
 def test_fingers_curl_from_flat_to_a_fist_whichever_way_the_hand_is_held():
