@@ -6,6 +6,7 @@ own hashes decide whether they are the ones.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -59,4 +60,6 @@ def _download() -> None:
                 for model in (FACE_MODEL, HAND_MODEL):
                     data = members.read(f"{_MEMBERS}/{model.file_name}")
                     _KEPT.mkdir(parents=True, exist_ok=True)
-                    (_KEPT / model.file_name).write_bytes(data)
+                    part = _KEPT / f"{model.file_name}.{os.getpid()}"
+                    part.write_bytes(data)
+                    part.replace(_KEPT / model.file_name)  # others may be doing the same

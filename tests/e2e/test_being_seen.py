@@ -16,17 +16,19 @@ from playwright.sync_api import Page, Request, WebSocket, expect
 
 from benchmarks.browser import open_page
 from benchmarks.landmark_finder import film
+from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
 from services.app import create_app
 from services.auth import GUEST
 from services.bootstrap import import_model
 from services.build_demo import DEMO_MODEL
 from services.container import build_services
 from services.live.motion import LiveMotion
-from services.live.packets import KEYPOINTS_BYTES
+from services.live.packets import EXPRESSION_BYTES, KEYPOINTS_BYTES
 from services.live.room import Room
 from services.meetings import create_meeting
 from services.settings import load_settings
 from tests.capture.people import JOINT
+from tests.landmark_models import face_model, hand_model
 from tests.services.jobs.waiting import until
 from tests.shared_data import shared_data
 
@@ -38,6 +40,7 @@ LARGEST_FRAME = 16 * 1024
 """Of a WebSocket."""
 FIRST, LAST = 70, 250
 """Frames of the clip in which she signs twice."""
+LIDS = [EXPRESSION_NAMES.index(f"blink_{side}") for side in ("left", "right")]
 
 WATCH = """
 window.peers = []; window.sent = {};
@@ -71,8 +74,9 @@ def meeting_with_ada(data_dir: Path) -> Iterator[tuple[str, dict[str, Room]]]:
     """A server with Ada in a meeting: the page's address, and the rooms that are looked into."""
     pose_model = shared_data("models/pose_landmarker_full.task")
     settings = load_settings(
-        data_dir=data_dir, open_access=True, embedded_worker=False, pose_model=pose_model
-    )
+        data_dir=data_dir, open_access=True, embedded_worker=False, pose_model=pose_model,
+        face_model=face_model(), hand_model=hand_model(),
+    )  # fmt: skip
     services = build_services(settings)
     services.database.migrate()
     ada = import_model(services, DEMO_MODEL, GUEST, "Ada")
@@ -119,7 +123,8 @@ class Wire:
         assert all(len(frame) <= LARGEST_FRAME for frame in self.frames)
         assert "video" not in page.evaluate(OUTGOING)
         sizes = page.evaluate(SENT)
-        assert sizes["keypoints"] == [KEYPOINTS_BYTES]
+        longer = KEYPOINTS_BYTES + EXPRESSION_BYTES
+        assert {longer} <= set(sizes["keypoints"]) <= {KEYPOINTS_BYTES, longer}
         assert max(max(one) for one in sizes.values()) <= 1100
         # what the worker asks for is heard here too
         assert any(request.url.endswith("/v1/landmarks/model") for request in self.requests)
@@ -160,6 +165,16 @@ def test_who_is_seen_by_their_webcam_moves_in_the_meeting_and_no_picture_leaves(
             return bool(np.ptp(wrists, axis=0).max() > 0.15)
 
         until(moved, "moving as she signs")
+        # her face is looked at in crops, by a worker of its own
+        expressions: list[np.ndarray] = []
+
+        def blinked() -> bool:
+            page.wait_for_timeout(50)
+            pose = driven.pose_at(time.monotonic())
+            expressions.append(np.zeros(EXPRESSION_COUNT) if pose is None else pose.expression)
+            return bool(np.ptp(expressions, axis=0)[LIDS].max() > 0.1)
+
+        until(blinked, "blinking as she signs")
         # an upper body alone stands on its feet
         feet = np.array(shown)[:, [JOINT["left_ankle"], JOINT["right_ankle"]]]
         assert np.ptp(feet, axis=0).max() < 0.02

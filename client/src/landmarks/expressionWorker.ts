@@ -6,42 +6,57 @@
 import { FaceLandmarker, HandLandmarker, type NormalizedLandmark } from "@mediapipe/tasks-vision";
 import wasmLoaderPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.js?url";
 import wasmBinaryPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.wasm?url";
+import { asProblem, problemOf } from "../problem";
 import { RestFinder, faceMeasures, faceNumbers, handCurl, type Point } from "./expression";
 import type { Part } from "./crops";
 import type { PartAnswer, PartPicture } from "./expressions";
 
-const FILES = { wasmLoaderPath, wasmBinaryPath };
+/** How a landmarker's program is made, once from each address; a second landmarker needs one of its own. */
+const FACE_FILES = { wasmLoaderPath, wasmBinaryPath };
+const HAND_FILES = { wasmLoaderPath: `${wasmLoaderPath}?hands`, wasmBinaryPath };
 const rest = new RestFinder();
-let faces: FaceLandmarker | null = null;
-let hands: HandLandmarker | null = null;
 
 // a dedicated worker's own scope speaks as a port does
 const page = self as unknown as MessagePort;
 
-/** The options with which a landmarker of `model` opens; null where the server has none. */
+/** The options with which a landmarker of `model` opens. Throws a Problem where the server has none. */
 async function optionsOf(model: string) {
   const response = await fetch(`/v1/landmarks/${model}`);
-  if (!response.ok) return null;
+  if (!response.ok) throw problemOf(response.status, await response.text());
   const modelAssetBuffer = new Uint8Array(await response.arrayBuffer());
   return { baseOptions: { modelAssetBuffer, delegate: "CPU" }, runningMode: "IMAGE" } as const;
 }
 
-async function open(): Promise<Part[]> {
-  const face = await optionsOf("face-model");
-  if (face) {
-    const confidences = { minFaceDetectionConfidence: 0.3, minFacePresenceConfidence: 0.3 };
-    faces = await FaceLandmarker.createFromOptions(FILES, { ...face, ...confidences, numFaces: 1 });
-  }
-  const hand = await optionsOf("hand-model");
-  if (hand) hands = await HandLandmarker.createFromOptions(FILES, { ...hand, numHands: 1 });
-  return [...(faces ? (["face"] as const) : []), ...(hands ? (["left_hand", "right_hand"] as const) : [])];
+async function openFaces(): Promise<FaceLandmarker> {
+  const confidences = { minFaceDetectionConfidence: 0.3, minFacePresenceConfidence: 0.3 };
+  return FaceLandmarker.createFromOptions(FACE_FILES, { ...(await optionsOf("face-model")), ...confidences });
 }
 
-open().then(
-  (parts) => tell({ kind: "ready", parts }),
-  // without them everything else goes on
-  () => tell({ kind: "ready", parts: [] }),
-);
+async function openHands(): Promise<HandLandmarker> {
+  return HandLandmarker.createFromOptions(HAND_FILES, await optionsOf("hand-model"));
+}
+
+/** What opens; null where it does not: without it everything else goes on. */
+async function opened<Of>(open: () => Promise<Of>): Promise<Of | null> {
+  try {
+    return await open();
+  } catch (error) {
+    console.warn(asProblem(error).detail);
+    return null;
+  }
+}
+
+let faces: FaceLandmarker | null = null;
+let hands: HandLandmarker | null = null;
+
+async function open(): Promise<void> {
+  faces = await opened(openFaces);
+  if (faces) tell({ kind: "ready", parts: ["face"] });
+  hands = await opened(openHands);
+  const parts: Part[] = faces ? ["face"] : [];
+  if (hands) tell({ kind: "ready", parts: [...parts, "left_hand", "right_hand"] });
+}
+void open();
 
 page.onmessage = ({ data: { part, bitmap, timeMs } }: MessageEvent<PartPicture>): void => {
   let numbers: number[] | null = null;

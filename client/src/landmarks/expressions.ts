@@ -29,8 +29,10 @@ export interface ExpressionWorker {
 const HELD_MS = 300;
 /** Time between two looks, in times of a look. */
 const REST = 2;
+/** The first look at a part takes long. */
+const MOST_REST_MS = 500;
 /** Between pictures of the body's finder, ms, on average; beyond, everything is left to it. */
-const SLOWEST_MS = 125;
+const SLOWEST_MS = 200;
 const USUAL_SHARE = 0.1;
 /** The face in every second look: it does more than hands. */
 const TURNS: readonly Part[] = ["face", "left_hand", "face", "right_hand"];
@@ -102,7 +104,7 @@ export class ExpressionFinder {
     }
     const { part, numbers, timeMs } = answer;
     const nowMs = this.now();
-    this.nextMs = nowMs + REST * (nowMs - this.startedMs);
+    this.nextMs = nowMs + Math.min(REST * (nowMs - this.startedMs), MOST_REST_MS);
     this.busy = false;
     if (!numbers) return;
     this.values.set(numbers, FIRST_NUMBER[part]);
