@@ -144,7 +144,18 @@ describe("ExpressionFinder", () => {
     const seen = finder.at(250);
     expect(seen?.known).toBe(FACE | LEFT_HAND);
     expect([...(seen?.values ?? [])]).toEqual([1, 0, 0, 0, 0.5, 0.25, 0]);
-    expect(finder.at(450)?.known).toBe(LEFT_HAND);
-    expect(finder.at(600)).toBeNull();
+    // at first a second, since nobody knows when the next look will be
+    expect(finder.at(1150)?.known).toBe(LEFT_HAND);
+    expect(finder.at(1250)).toBeNull();
+  });
+
+  it("holds what it saw for longer where it looks less often", async () => {
+    const { worker, finder, offer } = setUp();
+    worker.say({ kind: "ready", parts: ["face"] });
+    await offer(0, 5);
+    await offer(100, 5);
+    expect([finder.at(390)?.known, finder.at(410)?.known]).toEqual([FACE, undefined]);
+    await offer(500, 5);
+    expect([finder.at(1090)?.known, finder.at(1110)?.known]).toEqual([FACE, undefined]);
   });
 });

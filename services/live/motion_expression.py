@@ -17,8 +17,8 @@ from capture.live_filter import low_pass_share
 from scene.arrays import Array, Bool, Float
 from scene.expression import EXPRESSION_COUNT, neutral
 
-HELD_S = 0.4
-"""So long what was seen stands, although nobody looked again."""
+HELD_S = 0.3
+"""So long what was seen stands, although no packet told of it; pages hold it for themselves."""
 EASE_S = 0.5
 """From there to rest."""
 _CUTOFF_HZ = 3.0

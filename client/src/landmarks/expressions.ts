@@ -25,8 +25,10 @@ export interface ExpressionWorker {
   terminate(): void;
 }
 
-/** What a part tells stands for so long. */
-const HELD_MS = 300;
+/** What a part tells stands half as long again as until it was last looked at anew, within these. */
+const LEAST_HELD_MS = 300;
+const MOST_HELD_MS = 1000;
+const HELD = 1.5;
 /** Time between two looks, in times of a look. */
 const REST = 2;
 /** The first look at a part takes long. */
@@ -49,6 +51,7 @@ export class ExpressionFinder {
   private betweenMs = 0;
   private readonly values = new Float32Array(EXPRESSION_COUNT);
   private readonly seenMs: Record<Part, number> = { face: -Infinity, left_hand: -Infinity, right_hand: -Infinity };
+  private readonly heldMs: Record<Part, number> = { face: 0, left_hand: 0, right_hand: 0 };
 
   constructor(
     private readonly grab: (square: Square) => Promise<ImageBitmap>,
@@ -75,7 +78,7 @@ export class ExpressionFinder {
   /** What face and hands do, as far as it was seen shortly before `timeMs`; null: nothing was. */
   at(timeMs: number): SeenExpression | null {
     let known = 0;
-    for (const part of this.parts) if (timeMs - this.seenMs[part] <= HELD_MS) known |= GROUPS[part];
+    for (const part of this.parts) if (timeMs - this.seenMs[part] <= this.heldMs[part]) known |= GROUPS[part];
     return known ? { values: this.values.slice(), known } : null;
   }
 
@@ -108,6 +111,8 @@ export class ExpressionFinder {
     this.busy = false;
     if (!numbers) return;
     this.values.set(numbers, FIRST_NUMBER[part]);
+    const heldMs = HELD * (timeMs - this.seenMs[part]);
+    this.heldMs[part] = Math.min(MOST_HELD_MS, Math.max(LEAST_HELD_MS, heldMs));
     this.seenMs[part] = timeMs;
   }
 }
