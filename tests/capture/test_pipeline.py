@@ -14,6 +14,7 @@ from capture.errors import (
     PoseModelMissing,
     UnreadableClip,
 )
+from capture.expressions import FACE_NUMBERS
 from capture.overlay import project_surface, write_video
 from capture.pipeline import capture_clip, capture_frames, capture_video
 from capture.store import open_sequence, read_quality
@@ -28,6 +29,7 @@ from tests.capture.people import (
     seen_by,
     standing,
 )
+from tests.landmark_models import face_model
 from tests.shared_data import shared_data
 
 FRAMES = 10
@@ -221,8 +223,9 @@ def test_a_real_clip_with_others_behind_becomes_a_sequence(tmp_path):
 def test_an_upper_body_is_captured_standing(tmp_path):
     clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
     quality = capture_video(
-        clip, tmp_path / "out", person="p", pose_model=shared_data(MODEL), max_frames=10
-    )
+        clip, tmp_path / "out", person="p", pose_model=shared_data(MODEL), max_frames=10,
+        face_model=face_model(), hand_model=tmp_path / "absent.task",
+    )  # fmt: skip
     assert not quality.legs_seen
     assert any("upper body" in line for line in quality.advice)
     assert quality.mask_overlap > 0.8
@@ -232,3 +235,6 @@ def test_an_upper_body_is_captured_standing(tmp_path):
     )[..., :3, 3]
     assert joints[:, 15, 1].min() > 1.35  # the head is up
     assert joints[:, [7, 8], 1].max() < 0.25  # the feet are down
+    # her lids move; of her hands nobody could tell
+    assert sequence.motion.expressions[:, :FACE_NUMBERS].any()
+    assert not sequence.motion.expressions[:, FACE_NUMBERS:].any()
