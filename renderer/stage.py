@@ -133,7 +133,8 @@ class Stage:
 
             self._models, self._splats = models, splat_renderer(models)
         moved, placements = [_moved(p) for p in performers], [p.placement for p in performers]
-        return self._splats.render(camera, moved, lighting, placements)
+        shown = [p.pose.expression for p in performers]
+        return self._splats.render(camera, moved, lighting, placements, shown)
 
 
 def warm_up() -> None:

@@ -14,10 +14,13 @@ from capture.studio.wardrobe import Outfit, albedo, cloth_albedo, make_outfit
 from scene.arrays import Array, Float
 from scene.body import Body, vertex_normals
 from scene.camera import Camera
+from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
 from scene.motion import Pose
 
 SUPERSAMPLING = 4
 """Samples a pixel side: a camera's pixel is the mean of the light that falls on all of it."""
+_OWN_STRENGTH = (0.7, 1.3)
+"""How far a performer's own expressions go, as a share of the body model's; lids just close."""
 _KEY_LIGHT = np.array([0.6, 0.55, 0.58])
 """Direction towards the key light of the lit room (front, left, above), unit length below."""
 
@@ -33,6 +36,8 @@ class StudioPerformer:
     rest_normals: Float[Array, "V 3"]
     garments: tuple[Garment, ...]
     """Loose clothes, worn in the look `loose` only."""
+    known_body: Body
+    """What a capture would know of the body: it has the body model's expressions, not their own."""
     face: Face | None = None
     """What a face that moves shows; None where it can't."""
 
@@ -47,14 +52,21 @@ def make_performer(seed: int, *, expressive: bool = False) -> StudioPerformer:
     if expressive:
         assert model.parts is not None
         face = Face.of(body, model.parts)
+        known = body
     else:
-        body = replace(body, expression_directions=None)
+        known = body = replace(body, expression_directions=None)
     assert body.rest_vertices is not None
     assert body.blend_weights is not None
     assert body.faces is not None
     normals = vertex_normals(body.rest_vertices, body.faces)
     joint = body.blend_weights.argmax(axis=1)
-    return StudioPerformer(body, make_outfit(rng), joint, normals, make_garments(body), face)
+    outfit = make_outfit(rng)
+    if known.expression_directions is not None:
+        strength = rng.uniform(*_OWN_STRENGTH, EXPRESSION_COUNT)
+        strength[[name.startswith("blink") for name in EXPRESSION_NAMES]] = 1.0
+        own = strength[:, None, None] * known.expression_directions
+        body = replace(known, expression_directions=own)
+    return StudioPerformer(body, outfit, joint, normals, make_garments(body), known, face)
 
 
 def film(

@@ -182,7 +182,7 @@ def make_sequence(
             out,
             person=f"studio performer {seed}" if performer is None else performer,
             frames_per_second=frames_per_second,
-            body=actor.body,
+            body=actor.known_body,
             train=training_shots(writer),
             test={
                 NOVEL_VIEW: shots(trained, novel, ring),

@@ -16,7 +16,7 @@ from renderer.splats.layout import (
     POSITION,
     ROTATION,
 )
-from scene.arrays import Float, Tensor
+from scene.arrays import Float, Int, Tensor
 
 
 def skin_and_project(
@@ -48,6 +48,21 @@ def skin_and_project(
     spread = jacobian @ rotation @ linear @ (turned * scales[:, None, :])
     covariance = spread @ spread.mT + dilation * torch.eye(2, dtype=parameters.dtype)
     return torch.stack([fx * x / z + cx, fy * y / z + cy], -1), covariance, z
+
+
+def expressed(
+    parameters: Float[Tensor, "N 14"],
+    splats: Int[Tensor, "M"],
+    offsets: Float[Tensor, "M E 3"],
+    expression: Float[Tensor, "E"],
+) -> Float[Tensor, "N 14"]:
+    """`parameters` with `splats` moved at rest by the sum of each expression times its offset."""
+    moved = parameters.clone()
+    place = slice(POSITION, POSITION + 3)
+    moved[splats, place] = parameters[splats, place] + torch.einsum(
+        "e,mex->mx", expression, offsets
+    )
+    return moved
 
 
 def quaternion_matrix(wxyz: Float[Tensor, "N 4"]) -> Float[Tensor, "N 3 3"]:

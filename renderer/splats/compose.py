@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.relight import Relighting, normals_of
+from renderer.splats.expressions import MovedRests
 from renderer.splats.layout import BLUE, BOX_FILTER_PX2, PROJECTED, RED, TILE
 from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Bool, Float
@@ -86,6 +87,7 @@ class SplatRenderer:
         self._relighting: Relighting | None = None
         self._has_light = any(model.light is not None for model in models)
         self._lit = self._as_filmed = self._parameters
+        self._expressive = MovedRests(models)
         self._workspace = Workspace(len(self._parameters))
         self._out = np.zeros((0, 0, 4), np.float32)
 
@@ -95,6 +97,7 @@ class SplatRenderer:
         transforms: Many[Float[Array, "K 4 4"]],
         lighting: Lighting | None = None,
         placements: Many[Float[Array, "4 4"]] | None = None,
+        expressions: Many[Float[Array, "E"]] | None = None,
     ) -> Float[Array, "H W 4"]:
         """Premultiplied sRGB and alpha.
 
@@ -105,16 +108,27 @@ class SplatRenderer:
                 their clip, where the model knows it.
             placements: per model, from the world of its clip to this one, as it is part of
                 `transforms`; None: they are the same. The light of a clip goes with it.
+            expressions: per model, what its face and hands do (`scene.expression`); None: nothing.
         Returns:
             float32 buffer that the next call overwrites.
         """
         moved = np.concatenate(list(transforms)).astype(np.float32)
+        if self._expressive.any:
+            self._show(expressions)
         shown = self._parameters
         if lighting is not None:
             shown = self._shaded(moved, camera, lighting)
         elif self._has_light:
             shown = self._shaded_as_filmed(moved, camera, placements)
         return self._rasterise(shown, moved, camera)
+
+    def _show(self, expressions: Many[Float[Array, "E"]] | None) -> None:
+        """Move the splats of face and hands, before light that depends on where they are."""
+        self._expressive.show(expressions)
+        self._expressive.move(self._parameters)
+        for lit in (self._lit, self._as_filmed):
+            if lit is not self._parameters:
+                self._expressive.move(lit)
 
     def _rasterise(
         self, parameters: Float[Array, "N P"], moved: Float[Array, "K 4 4"], camera: Camera

@@ -2,19 +2,23 @@
 
 Layout, also in docs/splats.md:
 
-    char[4] "MNSP", u16 version (3), u16 joints K, u32 splats N
+    char[4] "MNSP", u16 version (4), u16 joints K, u32 splats N
     f32[3] lowest and f32[3] highest position (m), f32 lowest and f32 highest log scale (log m)
     f32[9 3] harmonics of the light that the person was filmed in, all nil where it is not known
+    u32 splats M that expressions move, f32 offset (m) that 127 stands for
     f32[K 3] joints at rest (m), i16[K] parents (-1: none)
     N records: u16[3] position, u8[3] log scale, u8 presence, u32 rotation, u8[3] colour,
                u8 opacity, u8[4] joints, u8[4] blend weights, u8[3] albedo, i8[3] normal
+    M entries, by rising index: u32 index of a record, i8[7 3] offsets, u8[3] nil
 
 Positions and log scales run linearly from lowest to highest; colour and albedo (sRGB), opacity and
 presence from 0 to 1; a normal, at rest and outwards, is 127 long; weights sum to 255; the rotation
 is packed by `scene.smallest_three` in 10 bits a component. Colour is the mean as filmed; albedo and
 normal are what light falls on, a room's or that of the clip (`renderer.relight`). Presence says how
 much of a splat was filmed (`renderer.splats.unseen`). Records come in order of importance: the
-first n alone are a model, once their scales are multiplied by (N / n)^1/4.
+first n alone are a model, once their scales are multiplied by (N / n)^1/4; entries of others are
+then left out. At rest a splat lies at its position plus the sum over expressions, in the order of
+`scene.expression`, of each value (0 to 1) times its offset.
 """
 
 from __future__ import annotations
@@ -29,19 +33,21 @@ from renderer.splats.export_order import importance_order
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION, ROTATION
 from renderer.splats.model import SplatModel
 from renderer.splats.unseen import presence
-from scene.arrays import Array, Float, UInt8
+from scene.arrays import Array, Float, Int, UInt8
 from scene.colour import to_srgb
+from scene.expression import EXPRESSION_COUNT
 from scene.lighting import HARMONICS
 from scene.smallest_three import pack_quaternions
 
-MAGIC, VERSION = b"MNSP", 3
+MAGIC, VERSION = b"MNSP", 4
 ROTATION_BITS = 10
-HEAD = struct.Struct(f"<4sHHI8f{3 * HARMONICS}f")
+HEAD = struct.Struct(f"<4sHHI8f{3 * HARMONICS}fIf")
 RECORD = np.dtype(
     [("position", "<u2", 3), ("log_scale", "u1", 3), ("presence", "u1"), ("rotation", "<u4"),
      ("colour", "u1", 3), ("opacity", "u1"), ("joints", "u1", 4), ("weights", "u1", 4),
      ("albedo", "u1", 3), ("normal", "i1", 3)]
 )  # fmt: skip
+MOVED = np.dtype([("index", "<u4"), ("offsets", "i1", (EXPRESSION_COUNT, 3)), ("nil", "u1", 3)])
 
 
 def write_viewer_file(model: SplatModel, path: Path) -> None:
@@ -69,17 +75,34 @@ def encode(model: SplatModel) -> bytes:
     records["normal"] = np.rint(127.0 * normals_of(model))
     skeleton = model.skeleton
     light = np.zeros((HARMONICS, 3)) if model.light is None else model.light
+    order = importance_order(model)
+    moved, far = _moved(model, order)
     head = HEAD.pack(
-        MAGIC, VERSION, len(skeleton.names), len(model), *low, *high, thin, wide, *light.ravel()
-    )
+        MAGIC, VERSION, len(skeleton.names), len(model), *low, *high, thin, wide, *light.ravel(),
+        len(moved), far,
+    )  # fmt: skip
     return b"".join(
         [
             head,
             skeleton.rest_joints.astype("<f4").tobytes(),
             np.array(skeleton.parents, "<i2").tobytes(),
-            records[importance_order(model)].tobytes(),
+            records[order].tobytes(),
+            moved.tobytes(),
         ]
     )
+
+
+def _moved(model: SplatModel, order: Int[Array, "N"]) -> tuple[Array, float]:
+    """Entries of the splats that expressions move, in file order, and how far 127 is, m."""
+    place = np.empty(len(model), np.int64)
+    place[order] = np.arange(len(model))
+    index = place[model.expression_splats]
+    rising = np.argsort(index)
+    far = float(np.abs(model.expression_offsets).max(initial=0.0))
+    entries = np.zeros(len(index), MOVED)
+    entries["index"] = index[rising]
+    entries["offsets"] = np.rint(model.expression_offsets[rising] * (127.0 / max(far, 1e-9)))
+    return entries, far
 
 
 def _levels(values: Array, low: Array | float, high: Array | float, steps: int) -> Array:

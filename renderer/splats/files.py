@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from renderer.splats.expressions import no_offsets, no_splats
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, POSITION, ROTATION
 from renderer.splats.model import SplatModel
 from scene.arrays import Array
@@ -34,6 +35,14 @@ def pack(model: SplatModel) -> dict[str, Array]:
         "joints": model.joints,
         "weights": model.weights.astype(np.float16),
         "seen": model.seen,
+        **(_expressions(model) if len(model.expression_splats) else {}),
+    }
+
+
+def _expressions(model: SplatModel) -> dict[str, Array]:
+    return {
+        "expression_splats": model.expression_splats.astype(np.uint32),
+        "expression_offsets": model.expression_offsets.astype(np.float16),
     }
 
 
@@ -46,6 +55,8 @@ def unpack(
     parameters[:, POSITION : POSITION + 3] = positions
     parameters[:, LOG_SCALE:] = tensors["appearance"]
     weights = tensors["weights"].astype(np.float32)
+    splats = tensors.get("expression_splats", no_splats()).astype(np.int32)
+    offsets = tensors.get("expression_offsets", no_offsets()).astype(np.float32)
     return SplatModel(
         parameters,
         tensors["joints"],
@@ -58,6 +69,8 @@ def unpack(
         about["metrics"],
         **{name: tensors[name].astype(np.float32) for name in _SURFACE if name in tensors},
         light=tensors.get("light"),
+        expression_splats=splats,
+        expression_offsets=offsets,
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 
 from renderer.splats.compose import Geometry, SplatRenderer, pack_camera
-from renderer.splats.layout import BOX_FILTER_PX2, COLOUR, TILE
+from renderer.splats.layout import BOX_FILTER_PX2, COLOUR, POSITION, TILE
 from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Bool, Float, Tensor
 from scene.camera import Camera
@@ -50,6 +50,10 @@ class GpuSplatRenderer(SplatRenderer):
         self._on_device = torch.from_numpy(self._parameters.copy()).to(device)
         self._device_joints = torch.from_numpy(self._joints.astype(np.int32)).to(device)
         self._device_weights = torch.from_numpy(self._weights).to(device)
+        self._device_splats = torch.from_numpy(self._expressive.splats).long().to(device)
+        self._device_rest = torch.from_numpy(self._expressive.rest).to(device)
+        self._device_offsets = torch.from_numpy(self._expressive.offsets).to(device)
+        self._device_owner = torch.from_numpy(self._expressive.owner).long().to(device)
         self._lit_once = False
         self._buffers: _Buffers | None = None
         self._camera: Camera | None = None
@@ -62,6 +66,8 @@ class GpuSplatRenderer(SplatRenderer):
             colours = np.ascontiguousarray(parameters[:, COLOUR : COLOUR + 3])
             self._on_device[:, COLOUR : COLOUR + 3] = torch.from_numpy(colours).to(self._device)
             self._lit_once = lit
+        if self._expressive.any:
+            self._show_expressions()
         self._camera = camera
         buffers = self.draw(moved, camera)
         buffers.host.copy_(buffers.out, non_blocking=True)
@@ -69,6 +75,11 @@ class GpuSplatRenderer(SplatRenderer):
         if self._device.type == "cuda":
             torch.cuda.current_stream(self._device).synchronize()
         return buffers.host.numpy()
+
+    def _show_expressions(self) -> None:
+        shown = torch.from_numpy(self._expressive.shown).to(self._device)[self._device_owner]
+        places = self._device_rest + torch.einsum("me,mex->mx", shown, self._device_offsets)
+        self._on_device[self._device_splats, POSITION : POSITION + 3] = places
 
     def draw(self, moved: Float[Array, "K 4 4"], camera: Camera) -> _Buffers:
         """Draw on the device, unlit or as lit last; returns without waiting for it."""

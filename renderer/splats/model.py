@@ -6,10 +6,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from renderer.splats.compose import SplatRenderer
+from renderer.splats.expressions import no_offsets, no_splats
 from renderer.splats.layout import PARAMETERS
-from scene.arrays import Array, Bool, Float, UInt8
+from scene.arrays import Array, Bool, Float, Int, UInt8
 from scene.camera import Camera
-from scene.errors import require_finite, require_shape
+from scene.errors import InvalidInput, require_finite, require_shape
+from scene.expression import EXPRESSION_COUNT
 from scene.lighting import HARMONICS
 from scene.motion import Motion, Pose
 from scene.skeleton import Skeleton
@@ -38,6 +40,10 @@ class SplatModel:
     light: Float[Array, "9 3"] | None = None
     """Harmonics (`scene.lighting`) of the light that the person was filmed in: times the albedo it
     gives linear colour. None: where no other light falls, colours are those of `parameters`."""
+    expression_splats: Int[Array, "M"] = field(default_factory=no_splats)
+    """Rows of the splats that the person's expressions move, of head and hands; none: not known."""
+    expression_offsets: Float[Array, "M E 3"] = field(default_factory=no_offsets)
+    """Metres at rest that each expression (`scene.expression`) at 1 moves them."""
 
     def __post_init__(self) -> None:
         require_shape("parameters", self.parameters, (None, PARAMETERS))
@@ -47,6 +53,16 @@ class SplatModel:
         for name in ("albedo", "normals"):
             if (known := getattr(self, name)) is not None:
                 require_shape(name, known, (len(self.parameters), 3))
+        sizes = (len(self.expression_splats), EXPRESSION_COUNT, 3)
+        require_shape("expression_offsets", self.expression_offsets, sizes)
+        require_finite("expression_offsets", self.expression_offsets)
+        if self.expression_splats.size and not (
+            0 <= self.expression_splats.min() <= self.expression_splats.max() < len(self)
+        ):
+            raise InvalidInput(
+                f"expression_splats must be of {len(self)} splats; got "
+                f"{self.expression_splats.min()}..{self.expression_splats.max()}"
+            )
         if self.light is not None:
             require_shape("light", self.light, (HARMONICS, 3))
             require_finite("light", self.light)
@@ -57,4 +73,4 @@ class SplatModel:
     def render(self, camera: Camera, pose: Pose) -> Float[Array, "H W 4"]:
         """Premultiplied sRGB and alpha, float32. For many views keep a `SplatRenderer`."""
         transforms = self.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
-        return SplatRenderer((self,)).render(camera, [transforms])
+        return SplatRenderer((self,)).render(camera, [transforms], expressions=[pose.expression])

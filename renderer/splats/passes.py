@@ -12,6 +12,7 @@ import numpy as np
 from renderer.photometry import FREE, SHARED, Points, normal_equations
 from renderer.splats.clip_wide import ClipEquations
 from renderer.splats.compose import Workspace, pack_camera
+from renderer.splats.expressions import ShownExpressions
 from renderer.splats.layout import FRONT_DILATION_PX2
 from renderer.splats.poses import PoseRefinement
 from renderer.splats.views import View
@@ -54,9 +55,9 @@ class Passes:
 
     def equations(
         self, points: Points, parameters: Float[Array, "N P"], poses: PoseRefinement,
-        fraction: float, dilation: float,
+        fraction: float, dilation: float, expressions: ShownExpressions,
     ) -> ClipEquations:  # fmt: skip
-        """What all frames ask for, with the splats as they are."""
+        """What all frames ask for, with the splats as they are and each frame shows them."""
         if len(self._work.projected) != len(parameters):
             self._work = Workspace(len(parameters))
         level = min(int(len(self._levels) * fraction / _LAST), len(self._levels) - 1)
@@ -64,8 +65,9 @@ class Passes:
         matrices, vectors = np.zeros((frames, size, size)), np.zeros((frames, size))
         cost, pixels = 0.0, 0.0
         for frame, (truth, camera) in enumerate(self._levels[level]):
-            made = _boxed(self._drawn(frame, parameters, points, poses, dilation), truth.shape[:2])
-            front = self._front(camera, parameters, points, poses.transforms(frame))
+            shown = expressions.moved(parameters, frame)
+            made = _boxed(self._drawn(frame, shown, points, poses, dilation), truth.shape[:2])
+            front = self._front(camera, shown, points, poses.transforms(frame))
             asked = normal_equations(
                 made, truth, front, points, poses.skeleton, camera, poses.pose(frame), shared=True
             )

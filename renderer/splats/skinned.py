@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
-from scene.arrays import Array, Float, UInt8
+from scene.arrays import Array, Float, Int, UInt8
 from scene.skeleton import Skeleton
 
 
@@ -26,3 +26,7 @@ class SkinnedSplats(Protocol):
     def normals(self) -> Float[Array, "N 3"] | None: ...
     @property
     def light(self) -> Float[Array, "9 3"] | None: ...
+    @property
+    def expression_splats(self) -> Int[Array, "M"]: ...
+    @property
+    def expression_offsets(self) -> Float[Array, "M E 3"]: ...

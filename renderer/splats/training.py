@@ -13,6 +13,7 @@ import numpy as np
 
 from renderer.photometry import Points
 from renderer.splats.compose import SplatRenderer, Workspace
+from renderer.splats.expressions import ShownExpressions
 from renderer.splats.filmed_light import FilmedLight
 from renderer.splats.initialise import first_splats, moved_with_bones, splats_of_model
 from renderer.splats.layout import (
@@ -83,6 +84,9 @@ class SplatTrainer:
         self.parameters, self._joints, self._weights = (
             first.parameters.copy(), first.joints, first.weights
         )  # fmt: skip
+        self._expressions = ShownExpressions(
+            first.expression_splats, first.expression_offsets, sequence.motion.expressions
+        )
         count = len(self.parameters)
         self._passes = Passes(self._views, known=self._warm) if self._poses.active else None
         self._surface = first.parameters
@@ -133,13 +137,13 @@ class SplatTrainer:
         if not self._queue:
             self._queue = self._rng.permutation(len(self._views)).tolist()
         frame = self._queue.pop()
-        transforms, shown = self._draw(
+        transforms, drawn, shown = self._draw(
             frame, self._dilation(fraction), self._rng.uniform(size=3).astype(np.float32)
         )
         view, work = self._views[frame], self._work
         self._by_transform[:] = 0.0
         chain_rule(
-            self.parameters, self._joints, self._weights, transforms, view.camera,
+            drawn, self._joints, self._weights, transforms, view.camera,
             work.projected, work.boxes, self._by_projected, self._by_parameter, self._by_transform,
         )  # fmt: skip
         if self._light is not None:
@@ -157,10 +161,11 @@ class SplatTrainer:
 
     def _draw(
         self, frame: int, dilation: float, background: Float[Array, "3"]
-    ) -> tuple[Float[Array, "K 4 4"], Float[Array, "N P"]]:
+    ) -> tuple[Float[Array, "K 4 4"], Float[Array, "N P"], Float[Array, "N P"]]:
         """Draw `frame` and compare: fills the gradient by what was projected, and the losses.
 
-        Returns the transforms and the parameters that it was drawn with.
+        Returns the transforms, the parameters as the frame's expression moves them, and these as
+        light shows them.
         """
         from renderer.splats.adam_kernels import sum_threads
         from renderer.splats.tile_kernels import draw_and_differentiate
@@ -168,10 +173,10 @@ class SplatTrainer:
         view, work = self._views[frame], self._work
         transforms = self._poses.transforms(frame)
         height, width = view.rgba.shape[:2]
-        shown = self.parameters
+        shown = drawn = self._expressions.moved(self.parameters, frame)
         if self._light is not None:
             shown = self._light.lit(
-                shown, self._joints, self._weights, transforms, view.window.position
+                drawn, self._joints, self._weights, transforms, view.window.position
             )
         work.arrange(
             shown, self._joints, self._weights, transforms, view.camera,
@@ -182,7 +187,7 @@ class SplatTrainer:
             self._thread_gradients, self._losses,
         )  # fmt: skip
         sum_threads(self._thread_gradients, self._by_projected)
-        return transforms, shown
+        return transforms, drawn, shown
 
     def _refine_poses(self, passes: Passes, fraction: float) -> None:
         """One pass over the clip; what is bound to bones that get longer moves with them."""
@@ -197,6 +202,7 @@ class SplatTrainer:
                 self._poses,
                 fraction,
                 self._dilation(fraction),
+                self._expressions,
             )
         )
         self.parameters = self._moved_with_bones(self.parameters, before)
@@ -223,7 +229,10 @@ class SplatTrainer:
         scale = _PREVIEW_PX / max(camera.width, camera.height)
         small = camera.resized(round(camera.width * scale), round(camera.height * scale))
         model = self._model(self.parameters, np.ones(len(self.parameters), bool), {})
-        picture = SplatRenderer((model,)).render(small, [self._poses.transforms(0)])
+        shown = self._sequence.motion.expressions[:1]
+        picture = SplatRenderer((model,)).render(
+            small, [self._poses.transforms(0)], expressions=list(shown)
+        )
         return picture[..., :3] + (1.0 - picture[..., 3:]) * np.float32(0.93)
 
     def state(self) -> dict[str, Array]:
@@ -287,6 +296,8 @@ class SplatTrainer:
             albedo=albedo,
             normals=normals,
             light=None if light is None else light.harmonics.astype(np.float32),
+            expression_splats=self._expressions.splats,
+            expression_offsets=self._expressions.offsets,
         )
 
     def _baked(self, parameters: Float[Array, "N P"]) -> Float[Array, "N P"]:
@@ -298,7 +309,7 @@ class SplatTrainer:
         every = max(1, len(self._views) // _VISIBILITY_FRAMES)
         seen = np.zeros(len(self.parameters), bool)
         for frame in range(0, len(self._views), every):
-            transforms, _ = self._draw(frame, BOX_FILTER_PX2, np.zeros(3, np.float32))
+            transforms, _, _ = self._draw(frame, BOX_FILTER_PX2, np.zeros(3, np.float32))
             p = self._work.projected
             # a splat alone would blend its opacity times the area of its Gaussian, 2 pi / sqrt(det)
             density = np.maximum(p[:, CONIC_A] * p[:, CONIC_C] - p[:, CONIC_B] ** 2, 1e-12)

@@ -71,6 +71,7 @@ class DrawnFrames:
             renderer.render(
                 self._camera,
                 [model.skeleton.skinning_transforms(p.joint_angles, p.root_translation)],
+                expressions=[p.expression],
             ).copy()
             for p in (motion.pose(i) for i in range(len(motion)))
         ]

@@ -1,0 +1,226 @@
+"""What moving splats of face and hands is worth, on studio performers who talk, blink and wave.
+
+Truth: a face is filmed as head and shoulders, hands with the whole body; splats are then judged in
+poses, expressions and from cameras that training never saw, on the crop of the face or a hand. Each
+expression is also left out alone, from training and test: the difference is its own worth.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import milliseconds, write_report
+from capture.store import open_sequence
+from capture.studio import make_sequence
+from capture.studio.moves import gestures
+from capture.studio.performer import StudioPerformer, film, make_performer
+from renderer.evaluation import evaluate
+from renderer.metrics import psnr
+from renderer.presets import find_preset
+from renderer.splats.compose import SplatRenderer
+from renderer.splats.model import SplatModel
+from renderer.training import train
+from scene.arrays import Array, Float
+from scene.camera import Camera, orbit_camera
+from scene.expression import EXPRESSION_NAMES, neutral
+from scene.motion import Pose
+from scene.sequence import NOVEL_VIEW, Sequence
+from scene.skeleton import JOINT_NAMES
+
+SEEDS = (2, 6, 9)
+FRAMES, ITERATIONS, TESTS = 60, 800, 16
+_FACE_M = np.array([0.0, 0.01, 0.08])
+"""From the head's joint to the middle of the face."""
+_TIMED_PX, _TIMED = 512, 200
+
+
+@dataclass(frozen=True)
+class Part:
+    """Of whom what is judged."""
+
+    name: str
+    framing: str
+    size: int
+    distance_m: float
+    """Of the test cameras."""
+    round_rad: float
+    """How far round the part they stand, either way."""
+    half_m: float
+    """Half the side of the crop."""
+    joints: tuple[str, ...]
+    expressions: tuple[str, ...]
+
+
+FACE = Part("face", "head", 256, 0.9, 0.8, 0.085, ("head",), EXPRESSION_NAMES[:5])
+HANDS = Part(
+    "hands", "body", 320, 3.3, np.pi, 0.12, ("left_hand", "right_hand"), EXPRESSION_NAMES[5:]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A test picture and the crops of it that count."""
+
+    pose: Pose
+    camera: Camera
+    image: Float[Array, "H W 3"]
+    crops: tuple[tuple[slice, slice], ...]
+
+
+def run(json_file: Path | None) -> None:
+    """Measure and report, anew after every performer."""
+    rows: list[dict[str, Any]] = []
+    figures: dict[str, Any] = {
+        "frames": FRAMES, "iterations": ITERATIONS, "performers": list(SEEDS), "tests": TESTS,
+        "unit": "dB, mean over crops of unseen poses, expressions and views",
+    }  # fmt: skip
+    for seed in SEEDS:
+        for part in (FACE, HANDS):
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "sequence"
+                make_sequence(
+                    path, seed=seed, frames=FRAMES, size=part.size, expressions=True,
+                    framing=part.framing,
+                )  # fmt: skip
+                clip = open_sequence(path)
+                rows.append({"seed": seed, "part": part.name, **measured(part, clip, seed)})
+                if "frame_ms" not in figures:
+                    figures["frame_ms"] = frame_times(trained(clip, seed))
+        write_report(json_file, "expressions", {**figures, "worth": worth(rows), "rows": rows})
+
+
+def measured(part: Part, clip: Sequence, seed: int) -> dict[str, Any]:
+    """dB of every way to train one performer's `part`."""
+    shots = unseen_shots(part, make_performer(seed, expressive=True), seed)
+    unknown = replace(clip, body=replace(clip.body, expression_directions=None))
+    ways: dict[str, tuple[Sequence, float, tuple[str, ...]]] = {
+        "off": (unknown, 1.0, ()),
+        "off, denser": (without(clip, EXPRESSION_NAMES), _density(), EXPRESSION_NAMES),
+        "even": (clip, 1.0, ()),
+        "on": (clip, _density(), ()),
+        **{f"without {n}": (without(clip, (n,)), _density(), (n,)) for n in part.expressions},
+    }
+    made: dict[str, Any] = {"db": {}, "body_crop_db": {}}
+    for way, (sequence, density, hidden) in ways.items():
+        model = trained(sequence, seed, density)
+        made["db"][way] = judged(model, shots, hidden)
+        if part is HANDS and way in ("off", "even", "on"):
+            figures = evaluate(model, sequence)["psnr"][NOVEL_VIEW]["body_crop"]
+            made["body_crop_db"][way] = figures
+        print(seed, part.name, way, made["db"][way], flush=True)
+    return made
+
+
+def trained(sequence: Sequence, seed: int, density: float | None = None) -> SplatModel:
+    """Splats of `sequence`, by `density` denser on face and hands (None: as the preset has it)."""
+    preset = find_preset("splats")
+    if density is not None:
+        preset = replace(preset, settings=replace(preset.settings, expressive_density=density))
+    clock = time.perf_counter
+    model = train(sequence, preset=preset, iterations=ITERATIONS, seed=seed, clock=clock)
+    assert isinstance(model, SplatModel)
+    return model
+
+
+def without(clip: Sequence, names: tuple[str, ...]) -> Sequence:
+    """`clip` as if nobody knew that it shows the expressions `names`."""
+    motion = clip.motion
+    return replace(clip, motion=replace(motion, expressions=_hidden(motion.expressions, names)))
+
+
+def unseen_shots(part: Part, performer: StudioPerformer, seed: int) -> list[Shot]:
+    """Pictures of poses, expressions and from cameras that no clip has."""
+    rng, skeleton = np.random.default_rng(seed + 1000), performer.body.skeleton
+    moves, shots = gestures(TESTS, 10.0), []
+    for index in range(TESTS):
+        shown = np.clip(rng.uniform(-0.4, 1.2, len(EXPRESSION_NAMES)), 0.0, 1.0)
+        pose = replace(moves.pose(index), expression=shown)
+        joints = skeleton.joint_transforms(pose.joint_angles, pose.root_translation)
+        head = joints[JOINT_NAMES.index("head")]
+        aim = head[:3, 3] if part is FACE else np.array([0.0, 0.55 * skeleton.height_m, 0.0])
+        facing = np.arctan2(head[0, 2], head[2, 2])
+        camera = orbit_camera(
+            aim, part.distance_m, facing + rng.uniform(-part.round_rad, part.round_rad),
+            rng.uniform(-0.1, 0.3), part.size, part.size, 0.6,
+        )  # fmt: skip
+        image, _ = film(performer, pose, camera, "plain")
+        middles = [joints[JOINT_NAMES.index(name)] for name in part.joints]
+        places = [j[:3, 3] + (j[:3, :3] @ _FACE_M if part is FACE else 0.0) for j in middles]
+        shots.append(Shot(pose, camera, image, tuple(_crop(camera, p, part) for p in places)))
+    return shots
+
+
+def judged(model: SplatModel, shots: list[Shot], hidden: tuple[str, ...]) -> float:
+    """Mean PSNR, dB, over the crops of `shots`, drawn without the expressions `hidden`."""
+    found = []
+    for shot in shots:
+        pose = replace(shot.pose, expression=_hidden(shot.pose.expression, hidden))
+        made = np.clip(model.render(shot.camera, pose)[..., :3], 0.0, 1.0)
+        found += [psnr(made[crop], shot.image[crop]) for crop in shot.crops]
+    return round(float(np.mean(found)), 3)
+
+
+def worth(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """Of every step and expression the gain, dB: mean over performers, and its spread."""
+    steps: dict[str, Callable[[dict[str, float]], float]] = {
+        "expressions at even density": lambda db: db["even"] - db["off"],
+        "density alone": lambda db: db["off, denser"] - db["off"],
+        "both": lambda db: db["on"] - db["off"],
+    }
+    made = {}
+    for part in (FACE, HANDS):
+        mine = [row["db"] for row in rows if row["part"] == part.name]
+        gains = {f"{part.name}: {step}": [gain(db) for db in mine] for step, gain in steps.items()}
+        gains |= {n: [db["on"] - db[f"without {n}"] for db in mine] for n in part.expressions}
+        for name, gain in gains.items():
+            spread = round(float(np.std(gain)), 3)
+            made[name] = {"gain_db": round(float(np.mean(gain)), 3), "spread_db": spread}
+    return made
+
+
+def frame_times(model: SplatModel) -> dict[str, Any]:
+    """Pose to picture with everything shown, and by a model that knows no expressions."""
+    plain = replace(
+        model, expression_splats=model.expression_splats[:0],
+        expression_offsets=model.expression_offsets[:0],
+    )  # fmt: skip
+    camera = orbit_camera((0.0, 0.9, 0.0), 3.0, 0.3, 0.1, _TIMED_PX, _TIMED_PX)
+    pose = model.motion.pose(0)
+    moved = [model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)]
+    ways = {"without": SplatRenderer([plain]), "with": SplatRenderer([model])}
+    seconds: dict[str, list[float]] = {way: [] for way in ways}
+    shown = [np.full(len(EXPRESSION_NAMES), 0.5)]
+    for _ in range(_TIMED):  # in turns, as the host is others' too
+        for way, renderer in ways.items():
+            begun = time.perf_counter()
+            renderer.render(camera, moved, expressions=shown)
+            seconds[way].append(time.perf_counter() - begun)
+    times = {way: milliseconds(taken[10:]) for way, taken in seconds.items()}
+    return {"size": _TIMED_PX, "moved_splats": len(model.expression_splats), **times}
+
+
+def _density() -> float:
+    settings = find_preset("splats").settings
+    return settings.expressive_density  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _hidden(expressions: Float[Array, "*F E"], names: tuple[str, ...]) -> Float[Array, "*F E"]:
+    kept = np.array([name not in names for name in EXPRESSION_NAMES])
+    return np.where(kept, expressions, neutral())
+
+
+def _crop(camera: Camera, place: Float[Array, "3"], part: Part) -> tuple[slice, slice]:
+    pixels, depth = camera.project(place[None])
+    half = part.half_m * camera.intrinsics[0, 0] / depth[0]
+    spans = [
+        slice(max(0, round(at - half)), min(side, round(at + half)))
+        for at, side in zip(pixels[0], (camera.width, camera.height), strict=True)
+    ]
+    return spans[1], spans[0]

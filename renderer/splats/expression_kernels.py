@@ -1,0 +1,29 @@
+"""Splats moved at rest by what a face and hands do.
+
+Letters: M splats that expressions move, E expressions, C models of a cast.
+"""
+
+from __future__ import annotations
+
+import numba
+
+from renderer.splats.layout import POSITION
+from scene.arrays import Array
+
+
+@numba.njit(nogil=True, cache=True)
+def move_rests(
+    parameters: Array,  # [N P] float32, positions of the M changed
+    splats: Array,  # [M] int32
+    owner: Array,  # [M] int32: the model in the cast
+    rest: Array,  # [M 3] float32: positions where nothing is shown, m
+    offsets: Array,  # [M E 3] float32, m
+    shown: Array,  # [C E] float32
+) -> None:
+    """Rest positions plus the sum of each expression times its offset."""
+    for m in range(splats.shape[0]):
+        for x in range(3):
+            place = rest[m, x]
+            for e in range(shown.shape[1]):
+                place += shown[owner[m], e] * offsets[m, e, x]
+            parameters[splats[m], POSITION + x] = place

@@ -1,0 +1,55 @@
+"""The benchmark of expressions: what it hides is hidden, and its crops show face and hands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.expressions import FACE, HANDS, SEEDS, Part, Shot, unseen_shots, without, worth
+from capture.studio.performer import make_performer
+from scene import EXPRESSION_NAMES
+from tests.renderer.studio import make_sequence
+
+
+@pytest.fixture(scope="module", params=[FACE, HANDS], ids=["face", "hands"])
+def filmed(request) -> tuple[Part, list[Shot]]:
+    performer = make_performer(SEEDS[0], expressive=True)
+    return request.param, unseen_shots(request.param, performer, SEEDS[0])
+
+
+def test_crops_show_skin(filmed):
+    part, shots = filmed
+    skin, shown = make_performer(SEEDS[0]).outfit.skin, []
+    for shot in shots:
+        for crop in shot.crops:
+            patch = shot.image[crop]
+            assert min(patch.shape[:2]) > 15
+            shown.append((np.abs(patch - skin).max(axis=2) < 0.15).mean())
+    assert np.median(shown) > (0.4 if part is FACE else 0.05)
+
+
+def test_test_pictures_differ_by_expression(filmed):
+    shown = np.array([shot.pose.expression for shot in filmed[1]])
+    assert (np.ptp(shown, axis=0) > 0.8).all()
+
+
+def test_what_is_left_out_is_gone():
+    clip = make_sequence(frames=4)
+    moving = without(clip, ())
+    assert not moving.motion.expressions.any()  # the box shows nothing
+    clip.motion.expressions[:] = 0.5
+    left = without(clip, ("smile",)).motion.expressions
+    assert not left[:, EXPRESSION_NAMES.index("smile")].any()
+    assert (np.delete(left, EXPRESSION_NAMES.index("smile"), axis=1) == 0.5).all()
+
+
+def test_worth_is_the_mean_gain_and_its_spread():
+    def row(part, best: float) -> dict:
+        db = {"off": 20.0, "off, denser": 20.5, "even": 22.0, "on": best}
+        return {"part": part.name, "db": db | {f"without {n}": 21.0 for n in part.expressions}}
+
+    made = worth([row(FACE, 23.0), row(FACE, 24.0), row(HANDS, 22.0)])
+    assert made["face: both"] == {"gain_db": 3.5, "spread_db": 0.5}
+    assert made["face: density alone"]["gain_db"] == 0.5
+    assert made["smile"]["gain_db"] == 2.5
+    assert made["left_hand_curl"] == {"gain_db": 1.0, "spread_db": 0.0}
