@@ -16,7 +16,7 @@ from benchmarks.pose_errors import Joints
 from benchmarks.report import write_report
 from capture.fit import STAGES
 from capture.landmarks import Landmarks, MediaPipeEstimator, PoseEstimator
-from capture.lifter import lifter_of
+from capture.lifter import lift
 from capture.overlay import write_video
 from capture.pipeline import capture_clip
 from capture.store import open_sequence
@@ -47,8 +47,8 @@ def run(json_file: Path | None, motions: Path, pose_model: Path) -> None:
             size = read_video(path, max_frames=2).images[0].shape[1]
             focal_px = truth.train.camera(0).focal_px * size / truth.train.camera(0).width
             capture_clip(
-                path, folder / f"{row}.seq", person=row, estimator=seen_by,
-                lifter=lifter_of(pose_model), on_fit=watch.fitted,
+                path, folder / f"{row}.seq", person=row, estimator=seen_by, lifter=lift,
+                on_fit=watch.fitted,
                 max_frames=_MOST_FRAMES, focal_px=focal_px if focal_known else None,
             )  # fmt: skip
             last = watch.stages[STAGES[-1]]

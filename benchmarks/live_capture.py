@@ -84,9 +84,7 @@ def _film(folder: Path) -> tuple[_Known, Path]:
 
 
 def _measure(clip: Clip, truth: _Known | None) -> dict[str, Any]:
-    with MediaPipeEstimator(
-        landmark_model_file(load_settings().pose_model_source(live=True))
-    ) as estimator:
+    with MediaPipeEstimator(landmark_model_file(load_settings().pose_model_source())) as estimator:
         track = follow(clip.images, estimator)
     found = [(i, person) for i, person in enumerate(track.people) if person is not None]
     if len(found) <= _SETTLED:

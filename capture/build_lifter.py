@@ -1,10 +1,9 @@
-"""Makes `assets/lifter*.npz`: `python -m capture.build_lifter POSE_MODEL FOLDER PERFORMERS`.
+"""Makes `capture/assets/lifter.npz`: `python -m capture.build_lifter POSE_MODEL FOLDER PERFORMERS`.
 
 Studio performers in random poses are rendered and shown to the estimator; what it saw and what was
 true is kept in FOLDER, a file a performer, so that a cut run goes on. Then the network of
 `capture.lifter` learns to turn the one into the other. Nobody of the cast and no recorded motion
-is among what it learns from. The shipped ones: 160 performers for MediaPipe's full network; for its
-heavy one, which errs much alike, 59, beginning from what the full one's has learnt.
+is among what it learns from.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ import torch
 from capture.fit_initial import TO_Y_UP
 from capture.fit_landmarks import MIRROR
 from capture.landmarks import Landmarks, MediaPipeEstimator
-from capture.lifter import WEIGHTS_FILES, Inputs, inputs_of, network_of
+from capture.lifter import WEIGHTS_FILE, Inputs, inputs_of
 from capture.lifter_network import Network, forward_kinematics, local_turns
 from capture.studio.performer import film, make_performer
 from capture.studio.poses import random_pose
@@ -36,8 +35,6 @@ _SIZE_PX = 448
 _UPPER_BODIES = 0.12
 """Share of cameras that see no legs, as webcams do."""
 _EPOCHS, _BATCH, _RATE, _WEIGHT_DECAY = 40, 256, 1e-3, 0.02
-_GOING_ON_EPOCHS, _GOING_ON_RATE = 30, 5e-4
-"""Where another network's weights are the beginning."""
 _WARM_UP_STEPS = 200
 _JOINT_WEIGHT, _WORLD_TURN_WEIGHT, _SPREAD_WEIGHT = 8.0, 0.5, 0.1
 """Beside an error of 1 rad in a joint's own turn: of 1 m, of its turn in the world, and of the
@@ -58,15 +55,9 @@ def main() -> None:
     seeds = range(FIRST_SEED, FIRST_SEED + performers)
     film_missing(seeds, folder, pose_model)
     shards = [dict(np.load(folder / f"{seed}.npz")) for seed in seeds]
-    shard = {name: np.concatenate([s[name] for s in shards]) for name in shards[0]}
-    estimator = network_of(pose_model)
-    if estimator == "full":
-        network = learn(shard)
-    else:
-        begun = load_network(WEIGHTS_FILES["full"])
-        network = learn(shard, _GOING_ON_EPOCHS, _GOING_ON_RATE, begun)
+    network = learn({name: np.concatenate([s[name] for s in shards]) for name in shards[0]})
     halves = {name: value.numpy().astype(np.float16) for name, value in network.exported().items()}
-    np.savez_compressed(WEIGHTS_FILES[estimator], allow_pickle=False, **halves)
+    np.savez_compressed(WEIGHTS_FILE, allow_pickle=False, **halves)
 
 
 def film_missing(seeds: Iterable[int], folder: Path, pose_model: Path) -> None:
@@ -141,31 +132,19 @@ def mirrored(shard: Shard) -> Shard:
     }
 
 
-def load_network(weights_file: Path) -> Network:
-    """The network whose weights are in `weights_file`."""
-    with np.load(weights_file) as file:
-        weights = {name: torch.tensor(file[name].astype(np.float32)) for name in file.files}
-    network = Network(weights["mean"], weights["deviation"])
-    network.load_state_dict(weights)
-    return network
-
-
-def learn(
-    shard: Shard, epochs: int = _EPOCHS, rate: float = _RATE, begun: Network | None = None
-) -> Network:
-    """The network that explains `shard` and its mirror image, from scratch or from `begun` on.
-    The same input, the same network."""
+def learn(shard: Shard, epochs: int = _EPOCHS) -> Network:
+    """The network that explains `shard` and its mirror image. The same input, the same network."""
     torch.manual_seed(0)
     both = {name: np.concatenate([shard[name], other]) for name, other in mirrored(shard).items()}
     features, closed_form, truth, rest = _tensors(both)
-    network = begun or Network(features.mean(0), features.std(0) + 1e-3)
-    adam = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=_WEIGHT_DECAY)
+    network = Network(features.mean(0), features.std(0) + 1e-3)
+    adam = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_WEIGHT_DECAY)
     total, step = epochs * (len(features) // _BATCH), 0
     warm_up = min(_WARM_UP_STEPS, max(total // 4, 1))
     for epoch in range(epochs):
         for chosen in torch.randperm(len(features))[: total // epochs * _BATCH].split(_BATCH):
             fade = 0.5 * (1.0 + np.cos(np.pi * step / total)) + 0.01
-            adam.param_groups[0]["lr"] = rate * fade * min(1.0, step / warm_up)
+            adam.param_groups[0]["lr"] = _RATE * fade * min(1.0, step / warm_up)
             turns, log_spread = network(features[chosen], closed_form[chosen])
             loss = _loss(turns, log_spread, truth[chosen], rest[chosen])
             adam.zero_grad()

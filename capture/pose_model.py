@@ -38,22 +38,13 @@ class LandmarkModel:
         return self.address.rsplit("/", 1)[-1]
 
 
-FULL_ADDRESS = (
-    f"{_PUBLISHED}/pose_landmarker/pose_landmarker_full/float16/1/pose_landmarker_full.task"
-)
-HEAVY_ADDRESS = (
-    f"{_PUBLISHED}/pose_landmarker/pose_landmarker_heavy/float16/1/pose_landmarker_heavy.task"
-)
 POSE_MODEL = LandmarkModel(
     "pose",
-    HEAVY_ADDRESS,
+    f"{_PUBLISHED}/pose_landmarker/pose_landmarker_full/float16/1/pose_landmarker_full.task",
     {
-        "5134a3aad27a58b93da0088d431f366da362b44e3ccfbe3462b3827a839011b1": "full, published, "
-        "version 1",
-        "64437af838a65d18e5ba7a0d39b465540069bc8aae8308de3e318aad31fcbc7b": "heavy, published, "
-        "version 1",
-        "6864611cbbb7ab26be3507a5db5bd6ab69fd24aa1f1813ace1cc2f7e71bf8093": "full, bundled from "
-        "the networks of the mediapipe 0.10.21 wheel",
+        "5134a3aad27a58b93da0088d431f366da362b44e3ccfbe3462b3827a839011b1": "published, version 1",
+        "6864611cbbb7ab26be3507a5db5bd6ab69fd24aa1f1813ace1cc2f7e71bf8093": "bundled from the "
+        "networks of the mediapipe 0.10.21 wheel",
     },
 )
 FACE_MODEL = LandmarkModel(

@@ -186,13 +186,13 @@ class Settings(BaseSettings):
         """Where jobs and uploads keep what is under way."""
         return self.data_dir / "scratch"
 
-    def pose_model_source(self, *, live: bool = False) -> ModelSource:
-        """Where capture finds the landmark model; where none is named, pages get a smaller one."""
-        from capture.pose_model import FULL_ADDRESS, HEAVY_ADDRESS, ModelSource
+    def pose_model_source(self) -> ModelSource:
+        """Where captures and pages find the landmark model."""
+        from capture.pose_model import ModelSource
 
         return ModelSource(
             self.pose_model,
-            self.pose_model_url or (FULL_ADDRESS if live else HEAVY_ADDRESS),
+            self.pose_model_url,
             self.pose_model_sha256,
             self.data_dir / "cache",
         )

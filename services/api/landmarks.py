@@ -28,7 +28,7 @@ _KEPT_S = 86_400
 )
 def read_landmark_model(services: Provided) -> FileResponse:
     """MediaPipe's Pose Landmarker (`.task`), fetched once and checked; the same for everybody."""
-    return _file(services.settings.pose_model_source(live=True))
+    return _file(services.settings.pose_model_source())
 
 
 @router.get(

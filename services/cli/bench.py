@@ -86,7 +86,7 @@ def meeting(
     from capture.pose_model import landmark_model_file
     from services.settings import load_settings
 
-    run(json_file, clip, landmark_model_file(load_settings().pose_model_source(live=True)))
+    run(json_file, clip, landmark_model_file(load_settings().pose_model_source()))
 
 
 @app.command("local-view")

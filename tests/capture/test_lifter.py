@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pytest
 import torch
 
-from capture.build_lifter import Shard, learn, load_network, mirrored
+from capture.build_lifter import Shard, learn, mirrored
 from capture.fit_initial import TO_Y_UP
-from capture.lifter import WEIGHTS_FILES, NetworkSize, closed_form, inputs_of, lift, lifter_of
-from capture.lifter_network import forward_kinematics, local_turns
+from capture.lifter import WEIGHTS_FILE, closed_form, inputs_of, lift
+from capture.lifter_network import Network, forward_kinematics, local_turns
 from capture.studio.poses import random_pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from tests.capture.people import body, mark_points, up_is_down
@@ -49,10 +47,12 @@ def _turned_deg(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.degrees(np.linalg.norm(matrix_to_axis_angle(between), axis=-1)).mean())
 
 
-@pytest.mark.parametrize("size", ["full", "heavy"])
-def test_numpy_runs_the_networks_that_torch_has_taught(size):
+def test_numpy_runs_the_network_that_torch_has_taught():
     shard = _shard(8, 1, 0.8)
-    network = load_network(WEIGHTS_FILES[size]).eval()
+    with np.load(WEIGHTS_FILE) as file:
+        weights = {name: torch.tensor(file[name].astype(np.float32)) for name in file.files}
+    network = Network(weights["mean"], weights["deviation"]).eval()
+    network.load_state_dict(weights)
     inputs = inputs_of(
         shard["pixels"], shard["world"], shard["visibility"], shard["focal_px"], np.zeros(2)
     )
@@ -60,23 +60,9 @@ def test_numpy_runs_the_networks_that_torch_has_taught(size):
         turns, log_spread = network(
             torch.tensor(inputs.features), torch.tensor(inputs.closed_form, dtype=torch.float32)
         )
-    said = lift(
-        shard["pixels"], shard["world"], shard["visibility"], FOCAL_PX, np.zeros(2), network=size
-    )
+    said = lift(shard["pixels"], shard["world"], shard["visibility"], FOCAL_PX, np.zeros(2))
     assert said.spread_rad == pytest.approx(np.exp(log_spread.numpy()), rel=1e-3)
     assert said.rotations[:, 1:] == pytest.approx(local_turns(turns).numpy()[:, 1:], abs=1e-3)
-
-
-def test_the_size_of_the_estimators_file_says_which_network_lifts_its_landmarks(tmp_path):
-    shard = _shard(4, 3, 0.8)
-    sizes: dict[NetworkSize, int] = {"full": 9, "heavy": 30}
-    for size, megabytes in sizes.items():
-        file = tmp_path / f"{size}.task"
-        with file.open("wb") as out:
-            out.truncate(megabytes * 2**20)
-        by_file = _lifted(shard, lifter=lifter_of(file))
-        assert by_file == pytest.approx(_lifted(shard, lifter=partial(lift, network=size)))
-    assert by_file != pytest.approx(_lifted(shard))
 
 
 def test_where_in_the_picture_somebody_stands_changes_only_where_they_face():
