@@ -1,6 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { castOf, shareWithin } from "../src/splats/cast";
 import { matrixOf, readSplats, smallestThree, type SplatFile } from "../src/splats/file";
+import { emptyOffsets, moveSplats } from "../src/splats/moved";
 import { contactShadows, screenHalves } from "../src/splats/room";
 import { moved, skin, TRANSFORM } from "../src/splats/skeleton";
 import { depthOrder, depthRows, depths, emptyOrder } from "../src/splats/sort";
@@ -8,20 +9,25 @@ import { loadSplats } from "../src/splats/load";
 import { WayChooser } from "../src/splats/way";
 import { fakeFetch } from "./fakes";
 
-/** A file of `count` splats on two joints; the n-th lies n cm up, whole, red, on joint n mod 2. */
-function fileOf(count: number, light = 0): ArrayBuffer {
-  const bytes = new ArrayBuffer(152 + 28 + 32 * count);
+/**
+ * A file of `count` splats on two joints; the n-th lies n cm up, whole, red, on joint n mod 2. Splats
+ * `moved` go 2 cm up as the jaw opens, and a hundredth of that aside with the last number.
+ */
+function fileOf(count: number, light = 0, moved: readonly number[] = []): ArrayBuffer {
+  const bytes = new ArrayBuffer(160 + 28 + 32 * count + 28 * moved.length);
   const data = new DataView(bytes);
   [..."MNSP"].forEach((letter, i) => data.setUint8(i, letter.charCodeAt(0)));
-  data.setUint16(4, 3, true);
+  data.setUint16(4, 4, true);
+  data.setUint32(152, moved.length, true);
+  data.setFloat32(156, 0.02, true);
   data.setUint16(6, 2, true);
   data.setUint32(8, count, true);
   [0, 0, 0, 1, 655.35, 1, Math.log(0.01), 0].forEach((value, i) => data.setFloat32(12 + 4 * i, value, true));
-  [0, 1, 0, 0, 2, 0].forEach((value, i) => data.setFloat32(152 + 4 * i, value, true));
+  [0, 1, 0, 0, 2, 0].forEach((value, i) => data.setFloat32(160 + 4 * i, value, true));
   for (let i = 0; i < 27; i++) data.setFloat32(44 + 4 * i, light * i, true);
-  [-1, 0].forEach((value, i) => data.setInt16(176 + 2 * i, value, true));
+  [-1, 0].forEach((value, i) => data.setInt16(184 + 2 * i, value, true));
   for (let n = 0; n < count; n++) {
-    const at = 180 + 32 * n;
+    const at = 188 + 32 * n;
     data.setUint16(at + 2, n, true);
     data.setUint8(at + 9, 255);
     // half a turn about z: x and y keep their variance
@@ -32,6 +38,12 @@ function fileOf(count: number, light = 0): ArrayBuffer {
     data.setUint8(at + 22, 255);
     [0, 128, 0, 0, -127, 0].forEach((value, i) => data.setInt8(at + 26 + i, value));
   }
+  moved.forEach((splat, i) => {
+    const at = 188 + 32 * count + 28 * i;
+    data.setUint32(at, splat, true);
+    data.setInt8(at + 4 + 1, 127);
+    data.setInt8(at + 4 + 18, -1);
+  });
   return bytes;
 }
 
@@ -61,9 +73,21 @@ describe("readSplats", () => {
     expect([...(readSplats(fileOf(1, 0.5)).light ?? [])]).toEqual(Array.from({ length: 27 }, (_, i) => 0.5 * i));
   });
 
+  it("reads which splats face and hands move, as far as they are drawn", () => {
+    const { moved } = readSplats(fileOf(8, 0, [1, 3, 6]));
+    expect([...moved.splats]).toEqual([1, 3, 6]);
+    const offsets = emptyOffsets(4);
+    moveSplats(moved, [0.5, 0, 0, 0, 0, 0, 1], offsets, 1);
+    const [up, aside] = [0.01, -0.02 / 127].map((value) => expect.closeTo(value, 6));
+    expect([...offsets.slice(4, 10)]).toEqual([aside, up, 0, 0, aside, up]);
+    expect([...offsets.slice(0, 4)]).toEqual([0, 0, 0, 0]);
+    expect([...readSplats(fileOf(8, 0, [1, 3, 6]), 0.5).moved.splats]).toEqual([1, 3]);
+  });
+
   it("says what is wrong with anything else", () => {
-    expect(() => readSplats(new ArrayBuffer(3))).toThrow("must begin with MNSP, version 3; got less");
-    expect(() => readSplats(fileOf(2).slice(0, -1))).toThrow("2 splats must have 244 bytes; got 243");
+    expect(() => readSplats(new ArrayBuffer(3))).toThrow("must begin with MNSP, version 4; got less");
+    expect(() => readSplats(fileOf(2).slice(0, -1))).toThrow("2 splats must have 252 bytes; got 251");
+    expect(() => readSplats(fileOf(2, 0, [1]).slice(0, -1))).toThrow("2 splats must have 280 bytes; got 279");
   });
 });
 
@@ -152,6 +176,14 @@ describe("depths", () => {
 });
 
 describe("castOf", () => {
+  it("tells of each splat that moves where its offset is found, whoever it belongs to", () => {
+    const cast = castOf([readSplats(fileOf(3, 0, [2])), readSplats(fileOf(2, 0, [0, 1]))]);
+    expect(cast.moved).toBe(3);
+    const owners = [0, 1, 2, 3, 4].map((splat) => cast.table[16 * splat + 15] ?? 0);
+    expect(owners.map((packed) => packed & 255)).toEqual([0, 0, 0, 1, 1]);
+    expect(owners.map((packed) => packed >> 8)).toEqual([0, 0, 1, 2, 3]);
+  });
+
   it("puts people one after the other, each on joints of their own", () => {
     const cast = castOf([readSplats(fileOf(2)), readSplats(fileOf(3))]);
     expect([cast.count, cast.joints]).toEqual([5, 4]);
@@ -233,7 +265,7 @@ describe("loadSplats", () => {
     const { request, calls } = fakeFetch(({ path }) =>
       path.includes("field") ? new Response("{}", { status: 404 }) : new Response(fileOf(1)),
     );
-    expect((await loadSplats("m", "seat", request))?.byteLength).toBe(212);
+    expect((await loadSplats("m", "seat", request))?.byteLength).toBe(220);
     expect(calls[0]).toMatchObject({ path: "/v1/models/m/files/viewer.splats", token: "Bearer seat" });
     expect(await loadSplats("field", "seat", request)).toBeNull();
   });

@@ -21,6 +21,7 @@ from renderer.splats.model import SplatModel
 from renderer.stage import Stage
 from scene import orbit_camera
 from scene.camera import Camera
+from scene.expression import EXPRESSION_COUNT
 from scene.rotations import matrix_to_quaternion
 from services.api.environments import Light
 from services.environments import environment, find_theme
@@ -125,6 +126,30 @@ def test_the_page_draws_everybody_in_the_light_of_their_own_clip(page: Page, dem
     assert psnr(straight, local) < 40.0
     flat = Room("m", tuple(replace(member, model=dull) for member in places))
     assert psnr(local, Stage().render(flat.scene_at(now_s), camera)) < 35.0
+
+
+def test_the_page_moves_faces_and_hands_as_the_server_does(page: Page, demo: SplatModel):
+    """Of two who stand there the first opens their mouth; so it does with half of the splats."""
+    rng, head = np.random.default_rng(3), demo.skeleton.rest_joints[15]
+    near = np.linalg.norm(demo.parameters[:, :3] - head, axis=1) < 0.25
+    moving = np.flatnonzero(near)
+    offsets = np.zeros((len(moving), EXPRESSION_COUNT, 3), np.float32)
+    offsets[:, 0] = [0.0, -0.03, 0.02]
+    offsets[:, 4] = rng.normal(0.0, 0.004, (len(moving), 3))
+    face = replace(demo, expression_splats=moving, expression_offsets=offsets)
+    still = room_of(face, 2)
+    shown = np.zeros((len(demo.motion), EXPRESSION_COUNT))
+    shown[:, [0, 4]] = 0.8, 0.5
+    talking = replace(still.cast[0], motion=replace(demo.motion, expressions=shown))
+    room, now_s = Room("m", (talking, still.cast[1])), 0.4
+    x, _, z = talking.position
+    camera = orbit_camera((x, 1.4, z), 1.6, 0.3, 0.0, 384, 384)
+    local, resting = (drawn(page, asked(one, camera, now_s)) for one in (room, still))
+    assert psnr(local, Stage().render(room.scene_at(now_s), camera)) > 44.0
+    assert psnr(resting, Stage().render(still.scene_at(now_s), camera)) > 44.0
+    assert psnr(local, resting) < 35.0
+    few = {"most": len(demo)}
+    assert psnr(drawn(page, asked(room, camera, now_s, **few)), local) > psnr(local, resting)
 
 
 @pytest.mark.parametrize(

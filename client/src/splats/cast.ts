@@ -7,6 +7,7 @@ import type { Bound } from "./sort";
 export const MOST_SPLATS = 60_000;
 /** Numbers a splat in the shader's table: four texels of four. */
 export const SPLAT_NUMBERS = 16;
+export const OWNER_BITS = 8;
 
 export interface Cast {
   people: readonly SplatFile[];
@@ -14,7 +15,12 @@ export interface Cast {
   /** Rows of the table of transforms: joints of all. */
   joints: number;
   bound: Bound;
-  /** Four texels a splat: place, joints | xx xy xz yy | yz zz, joints, weights | surface, owner. */
+  /** Splats that faces and hands move, of all; each person's come one after the other. */
+  moved: number;
+  /**
+   * Four texels a splat: place, joints | xx xy xz yy | yz zz, joints, weights | surface, owner and,
+   * above its `OWNER_BITS`, one more than its row among the moved; nil: it does not move.
+   */
   table: Uint32Array;
 }
 
@@ -34,15 +40,19 @@ export function castOf(people: readonly SplatFile[]): Cast {
   const table = new Uint32Array(SPLAT_NUMBERS * count);
   let first = 0;
   let joints = 0;
+  let moved = 0;
   for (const [owner, person] of people.entries()) {
     bound.positions.set(person.positions, 3 * first);
     bound.weights.set(person.weights, 4 * first);
     for (let k = 0; k < 4 * person.count; k++) bound.joints[4 * first + k] = joints + person.joints[k]!;
     fillTable(person, owner, bound.joints.subarray(4 * first), table.subarray(SPLAT_NUMBERS * first));
+    for (const splat of person.moved.splats) {
+      table[SPLAT_NUMBERS * (first + splat) + SPLAT_NUMBERS - 1]! |= ++moved << OWNER_BITS;
+    }
     first += person.count;
     joints += person.parents.length;
   }
-  return { people, count, joints, bound, table };
+  return { people, count, joints, bound, moved, table };
 }
 
 function fillTable(person: SplatFile, owner: number, joints: Uint16Array, table: Uint32Array): void {

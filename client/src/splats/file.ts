@@ -2,16 +2,21 @@
  * A person's splats as the server hands them out (docs/splats.md tells the layout).
  *
  * 32 bytes a splat, the most important first: the first n alone are a model, once their scales are
- * multiplied by (N / n)^1/4.
+ * multiplied by (N / n)^1/4. 28 bytes more a splat that a face or hand moves.
  */
 
+import { EXPRESSION_COUNT } from "../landmarks/expression";
+import { NOTHING_MOVES, type MovedSplats } from "./moved";
+
 const MAGIC = "MNSP";
-const VERSION = 3;
+const VERSION = 4;
 const LIGHT_AT = 44;
 /** Three colours of nine harmonics. */
 const LIGHT_NUMBERS = 27;
-const HEAD_BYTES = LIGHT_AT + 4 * LIGHT_NUMBERS;
+const MOVED_AT = LIGHT_AT + 4 * LIGHT_NUMBERS;
+const HEAD_BYTES = MOVED_AT + 8;
 const RECORD_BYTES = 32;
+const MOVED_BYTES = 28;
 const ROTATION_STEPS = 1023;
 
 /** The splats of one person at rest. */
@@ -40,6 +45,7 @@ export interface SplatFile {
   restJoints: Float32Array;
   /** Of each joint; -1: none. A parent comes before its children. */
   parents: Int16Array;
+  moved: MovedSplats;
 }
 
 /** The first `share` of the splats in `bytes`. Throws for what is no such file. */
@@ -52,10 +58,10 @@ export function readSplats(bytes: ArrayBuffer, share = 1): SplatFile {
   const joints = data.getUint16(6, true);
   const whole = data.getUint32(8, true);
   const start = HEAD_BYTES + 14 * joints;
-  if (bytes.byteLength !== start + whole * RECORD_BYTES) {
-    throw new Error(
-      `a file of ${whole} splats must have ${start + whole * RECORD_BYTES} bytes; got ${bytes.byteLength}`,
-    );
+  const movedStart = start + whole * RECORD_BYTES;
+  const wanted = movedStart + data.getUint32(MOVED_AT, true) * MOVED_BYTES;
+  if (bytes.byteLength !== wanted) {
+    throw new Error(`a file of ${whole} splats must have ${wanted} bytes; got ${bytes.byteLength}`);
   }
   const bounds = Array.from({ length: 8 }, (_, i) => data.getFloat32(12 + 4 * i, true));
   const file = emptyFile(Math.round(whole * share), joints);
@@ -67,6 +73,7 @@ export function readSplats(bytes: ArrayBuffer, share = 1): SplatFile {
   });
   const light = Float32Array.from({ length: LIGHT_NUMBERS }, (_, i) => data.getFloat32(LIGHT_AT + 4 * i, true));
   file.light = light.some((value) => value !== 0) ? light : null;
+  file.moved = readMoved(data, movedStart, file.count);
   const growth = growthOf(whole, file.count);
   for (let i = 0; i < file.count; i++) {
     readRecord(data, start + i * RECORD_BYTES, i, bounds, growth, file);
@@ -94,7 +101,23 @@ function emptyFile(count: number, joints: number): SplatFile {
     weights: new Uint8Array(4 * count),
     restJoints: new Float32Array(3 * joints),
     parents: new Int16Array(joints),
+    moved: NOTHING_MOVES,
   };
+}
+
+/** Of the moved splats at `start`, which come in order, those among the first `count`. */
+function readMoved(data: DataView, start: number, count: number): MovedSplats {
+  let end = start;
+  while (end < data.byteLength && data.getUint32(end, true) < count) end += MOVED_BYTES;
+  const moved = (end - start) / MOVED_BYTES;
+  const numbers = 3 * EXPRESSION_COUNT;
+  const offsets = new Int8Array(numbers * moved);
+  const splats = Uint32Array.from({ length: moved }, (_, i) => {
+    const at = start + MOVED_BYTES * i;
+    offsets.set(new Int8Array(data.buffer, at + 4, numbers), numbers * i);
+    return data.getUint32(at, true);
+  });
+  return { splats, offsets, unitM: data.getFloat32(MOVED_AT + 4, true) };
 }
 
 function readRecord(

@@ -6,6 +6,7 @@ import type { Performer } from "../types";
 import type { CameraPose } from "../viewpoint";
 import { castOf, shareWithin, type Cast } from "./cast";
 import { growthOf, readSplats, type SplatFile } from "./file";
+import { emptyOffsets, moveSplats } from "./moved";
 import { passCamera, SplatPass, type Eye, type PassCamera, type PassPeople } from "./pass";
 import { contactShadows, type Place, type Shadow } from "./room";
 import { skin, TRANSFORM } from "./skeleton";
@@ -18,6 +19,7 @@ const TRIAL_FRAMES = 3;
 const SERVER_ONLY = "Somebody here can only be drawn by the server";
 const NOBODY: PassPeople = {
   transforms: new Float32Array(TRANSFORM),
+  offsets: emptyOffsets(0),
   order: emptyOrder(0),
   count: 0,
   growth: [],
@@ -47,6 +49,8 @@ export class LocalRoom {
   private heardMs = -Infinity;
   private posed = false;
   private transforms = new Float32Array(0);
+  private offsets = emptyOffsets(0);
+  private expressed = "";
   private shadows: Shadow[] = [];
   private sorted: Sorted | null = null;
   private spare: Uint32Array<ArrayBuffer> | null = null;
@@ -281,6 +285,8 @@ export class LocalRoom {
     const cast = castOf(people);
     this.cast = cast;
     this.transforms = new Float32Array(TRANSFORM * cast.joints);
+    this.offsets = emptyOffsets(cast.moved);
+    this.expressed = "";
     this.sorted = null;
     this.spare = emptyOrder(cast.count);
     this.pass?.setCast(cast);
@@ -292,6 +298,7 @@ export class LocalRoom {
   /** Transforms and shadows of everybody: as they stand, or at rest at the given places. */
   private pose(cast: Cast, place?: (index: number) => readonly number[] | undefined): void {
     let at = 0;
+    this.express(cast);
     this.shadows = cast.people.flatMap((person, index) => {
       const [x = 0, y = 0, z = 0] = place?.(index) ?? [];
       const [px = 0, py = 0, pz = 0] = person.restJoints;
@@ -302,6 +309,20 @@ export class LocalRoom {
       at += TRANSFORM * person.parents.length;
       return shadows;
     });
+  }
+
+  /** Move the splats of faces and hands, where anybody's changed. */
+  private express(cast: Cast): void {
+    const shown = this.performers.map((_, index) => this.poses[index]?.expression ?? []);
+    const key = shown.join(";");
+    if (key === this.expressed) return;
+    this.expressed = key;
+    this.offsets = emptyOffsets(cast.moved); // another array: the card's is to be written anew
+    let first = 0;
+    for (const [index, { moved }] of cast.people.entries()) {
+      moveSplats(moved, shown[index] ?? [], this.offsets, first);
+      first += moved.splats.length;
+    }
   }
 
   /** Have the worker sort for the newest view, unless it is still at the last one. */
@@ -316,10 +337,10 @@ export class LocalRoom {
   }
 
   private people(cast: Cast, { order, count, kept }: Omit<Sorted, "cast">, filmedOnly: boolean): PassPeople {
-    const { transforms, shadows } = this;
+    const { transforms, offsets, shadows } = this;
     const growth = cast.bound.counts.map((whole, person) => growthOf(whole, kept[person] ?? whole));
     const yawsRad = this.performers.map((performer) => performer.yaw_rad);
-    return { transforms, shadows, order, count, growth, yawsRad, filmedOnly };
+    return { transforms, offsets, shadows, order, count, growth, yawsRad, filmedOnly };
   }
 
   private take(sorted: Sorted): void {

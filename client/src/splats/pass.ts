@@ -10,6 +10,7 @@
 import { SPLAT_NUMBERS, type Cast } from "./cast";
 import { matrixOf } from "./file";
 import { Lights } from "./lights";
+import { MOVED_COLUMNS } from "./moved";
 import { program, uniformsOf, type Uniforms } from "./program";
 import { ORDER_COLUMNS } from "./sort";
 import {
@@ -67,6 +68,8 @@ export interface Eye {
 export interface PassPeople {
   /** A transform a joint of the cast, one person after the other. */
   transforms: Float32Array;
+  /** Of the cast's moved splats, see `moveSplats`; another array where anything changed. */
+  offsets: Float32Array;
   /** Splats by rising depth, of which the first `count` are drawn. */
   order: Uint32Array;
   count: number;
@@ -100,6 +103,7 @@ export class SplatPass {
   private readonly order: WebGLTexture;
   private readonly table: WebGLTexture;
   private readonly transforms: WebGLTexture;
+  private readonly offsets: WebGLTexture;
   /** What `PLACE_FRAGMENT` writes, a texel a splat in the order of drawing. */
   private readonly middles: WebGLTexture;
   private readonly looks: WebGLTexture;
@@ -112,6 +116,7 @@ export class SplatPass {
   private readonly screen: WebGLTexture;
   private screenHalves: readonly [number, number] | null = null;
   private orderOnCard: Uint32Array | null = null;
+  private offsetsOnCard: Float32Array | null = null;
   private size = { width: 0, height: 0 };
 
   /** Throws where the browser has no WebGL2. `xrCompatible`: a headset is to show what is drawn. */
@@ -128,6 +133,7 @@ export class SplatPass {
     this.roomUniforms = uniformsOf(gl, this.room);
     this.table = texture(gl);
     this.transforms = texture(gl);
+    this.offsets = texture(gl);
     this.middles = texture(gl);
     this.looks = texture(gl);
     this.placed = gl.createFramebuffer();
@@ -225,8 +231,9 @@ export class SplatPass {
     this.gl.getExtension("WEBGL_lose_context")?.loseContext();
   }
 
-  private upload({ transforms, order }: PassPeople): void {
+  private upload({ transforms, offsets, order }: PassPeople): void {
     const { gl } = this;
+    this.uploadOffsets(offsets);
     gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(gl.TEXTURE_2D, this.transforms);
     gl.texImage2D(
@@ -240,6 +247,16 @@ export class SplatPass {
       gl.TEXTURE_2D, 0, gl.R32UI, ORDER_COLUMNS, rows, 0, gl.RED_INTEGER, gl.UNSIGNED_INT, order,
     );
     this.orderOnCard = order;
+  }
+
+  private uploadOffsets(offsets: Float32Array): void {
+    const { gl } = this;
+    if (this.offsetsOnCard === offsets) return;
+    gl.activeTexture(gl.TEXTURE3);
+    gl.bindTexture(gl.TEXTURE_2D, this.offsets);
+    const rows = offsets.length / (4 * MOVED_COLUMNS);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, MOVED_COLUMNS, rows, 0, gl.RGBA, gl.FLOAT, offsets);
+    this.offsetsOnCard = offsets;
   }
 
   private makePlaces(count: number): void {
@@ -264,8 +281,11 @@ export class SplatPass {
     gl.useProgram(this.placing);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.table);
+    gl.activeTexture(gl.TEXTURE3);
+    gl.bindTexture(gl.TEXTURE_2D, this.offsets);
     gl.uniform1i(at("transforms"), 1);
     gl.uniform1i(at("order"), 2);
+    gl.uniform1i(at("offsets"), 3);
     gl.uniform1i(at("filmedOnly"), filmedOnly ? 1 : 0);
     if (growth.length > 0) gl.uniform1fv(at("growth"), growth.slice(0, MOST_PEOPLE));
     this.setCamera(at, camera);

@@ -10,6 +10,8 @@
  * and on a processor, where they are dear, that is most of what splats cost.
  */
 
+import { OWNER_BITS } from "./cast";
+import { MOVED_COLUMNS } from "./moved";
 import { NEAR_M, ORDER_COLUMNS } from "./sort";
 
 /** Variance of a pixel's box filter, px^2: BOX_FILTER_PX2 of the server. */
@@ -40,6 +42,7 @@ precision highp usampler2D;
 uniform usampler2D table;
 uniform usampler2D order;
 uniform sampler2D transforms;
+uniform sampler2D offsets; // m, at rest, of the splats that faces and hands move
 uniform mat3 rotation; // world -> camera
 uniform vec3 translation;
 uniform vec2 focal; // px
@@ -105,12 +108,15 @@ void main() {
   uvec4 t2 = texelFetch(table, at + ivec2(2, 0), 0);
   uvec4 t3 = texelFetch(table, at + ivec2(3, 0), 0);
   vec4 x = vec4(uintBitsToFloat(t0.xyz), 1.0);
+  uint owner = t3.w & ${(1 << OWNER_BITS) - 1}u;
+  int moved = int(t3.w >> ${OWNER_BITS}u) - 1;
+  if (moved >= 0) x.xyz += texelFetch(offsets, ivec2(moved % ${MOVED_COLUMNS}, moved / ${MOVED_COLUMNS}), 0).xyz;
   vec4 v = uintBitsToFloat(t1);
   vec2 w = uintBitsToFloat(t2.xy);
   uvec4 joints = uvec4(t0.w & 0xffffu, t0.w >> 16u, t2.z & 0xffffu, t2.z >> 16u);
   uvec4 weights = (uvec4(t2.w) >> uvec4(0u, 8u, 16u, 24u)) & 0xffu;
   float opacity = float(t3.y >> 24u) / 255.0;
-  mat3 covariance = mat3(v.x, v.y, v.z, v.y, v.w, w.x, v.z, w.x, w.y) * growth[t3.w];
+  mat3 covariance = mat3(v.x, v.y, v.z, v.y, v.w, w.x, v.z, w.x, w.y) * growth[owner];
   if (filmedOnly) {
     opacity *= float(t3.x >> 24u) / 255.0;
     covariance *= ${float(WIDER)};
@@ -149,9 +155,9 @@ void main() {
   // what lies wholly beside the picture costs no quad
   if (any(lessThan(pixel, vec2(-extent))) || any(greaterThan(pixel, size + extent))) return;
   vec3 rgb = bytes(t3.x);
-  if (lit[t3.w]) {
+  if (lit[owner]) {
     vec3 normal = normalOf(t3.z) * mat3(m0.xyz, m1.xyz, m2.xyz);
-    rgb = relit(t3.w, bytes(t3.y), normal, eye - place);
+    rgb = relit(owner, bytes(t3.y), normal, eye - place);
   }
   middle = floatBitsToUint(vec4(pixel, axis * sqrt(longest)));
   look = uvec4(

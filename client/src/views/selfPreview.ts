@@ -2,6 +2,7 @@
 
 import type { Api } from "../api";
 import { castOf, type Cast } from "../splats/cast";
+import { emptyOffsets } from "../splats/moved";
 import { readSplats } from "../splats/file";
 import { passCamera, SplatPass } from "../splats/pass";
 import { contactShadows } from "../splats/room";
@@ -64,6 +65,7 @@ function standing(pass: SplatPass, cast: Cast): (azimuthRad: number) => void {
   const turns = person.parents.length;
   skin(person, pelvis, Array.from({ length: 4 * turns }, (_, i) => (i % 4 === 0 ? 1 : 0)), transforms);
   const shadows = contactShadows(person, transforms, 0);
+  const offsets = emptyOffsets(cast.moved);
   pass.setCast(cast);
   const depth = new Float32Array(cast.count);
   const order = emptyOrder(cast.count);
@@ -73,6 +75,7 @@ function standing(pass: SplatPass, cast: Cast): (azimuthRad: number) => void {
     depths(cast.bound, depthRows(transforms, camera.worldToCamera), depth);
     const count = depthOrder(depth, order);
     // a fresh view of the same numbers: the pass uploads an order that it does not know yet
-    pass.draw({ camera, transforms, shadows, order: order.slice(), count, growth: [1], yawsRad: [0], filmedOnly: false });
+    const shown = { transforms, offsets, shadows, order: order.slice(), count, growth: [1], yawsRad: [0] };
+    pass.draw({ camera, ...shown, filmedOnly: false });
   };
 }

@@ -3,6 +3,7 @@
 import { decodePose } from "../../../client/src/packets";
 import { castOf, shareWithin } from "../../../client/src/splats/cast";
 import { growthOf, readSplats } from "../../../client/src/splats/file";
+import { emptyOffsets, moveSplats } from "../../../client/src/splats/moved";
 import { passCamera, SplatPass, type PassFrame } from "../../../client/src/splats/pass";
 import { contactShadows, decodePicture } from "../../../client/src/splats/room";
 import { skin, TRANSFORM } from "../../../client/src/splats/skeleton";
@@ -42,10 +43,14 @@ function frameOf(asked: Asked): PassFrame {
   const cast = castOf(share < 1 ? files.map((file) => readSplats(file, share)) : whole);
   pass.setCast(cast);
   const transforms = new Float32Array(TRANSFORM * cast.joints);
+  const offsets = emptyOffsets(cast.moved);
+  let moved = 0;
   const shadows = cast.people.flatMap((person, index) => {
     const pose = decodePose(bytes(asked.poses[index] ?? ""));
     if (!pose) throw new Error("a pose packet was expected");
     const at = index * TRANSFORM * person.parents.length;
+    moveSplats(person.moved, pose.expression, offsets, moved);
+    moved += person.moved.splats.length;
     skin(person, pose.pelvis, pose.turns, transforms, at);
     return contactShadows(person, transforms, at);
   });
@@ -56,7 +61,7 @@ function frameOf(asked: Asked): PassFrame {
   depths(cast.bound, depthRows(transforms, camera.worldToCamera), depth, kept);
   const count = depthOrder(depth, order);
   const growth = cast.bound.counts.map((whole, person) => growthOf(whole, kept[person] ?? whole));
-  return { camera, transforms, order, count, growth, yawsRad: asked.yawsRad, shadows, filmedOnly: asked.filmedOnly };
+  return { camera, transforms, offsets, order, count, growth, yawsRad: asked.yawsRad, shadows, filmedOnly: asked.filmedOnly };
 }
 
 function testScreen(): HTMLCanvasElement {
