@@ -7,7 +7,8 @@ demo: setup
 # Everything that continuous integration checks: format, lint, types, imports, all tests.
 test: setup-test check
 	cd client && npm test --silent
-	.venv/bin/python -m pytest $(ARGS)
+	.venv/bin/python -m pytest -m "not e2e" -n 2 --dist loadfile $(ARGS)
+	.venv/bin/python -m pytest -m e2e $(ARGS)
 
 # Tests without a browser and without servers: seconds, while you work.
 unit: setup-test
