@@ -116,13 +116,17 @@ export function handCurl(points: readonly Point[]): number {
   return clamp((FLAT - mean) / (FLAT - FIST));
 }
 
-/** Learns somebody's face at rest as it goes: of the last minute, and of people in general at first. */
+/** Learns somebody's face at rest as it goes, of the last minute; at first it is how they look then, mouth shut. */
 export class RestFinder {
-  private readonly measures: number[][] = Array.from({ length: FIRST }, () => [...USUAL_REST]);
+  private readonly measures: number[][] = [];
   private nextMs = -Infinity;
 
   /** Take what was measured at `timeMs`; the face at rest, as far as is known. */
   learn(measures: number[], timeMs: number): number[] {
+    if (this.measures.length === 0) {
+      const first = [USUAL_REST[0] ?? 0, ...measures.slice(1)];
+      this.measures.push(...Array.from({ length: FIRST }, () => first));
+    }
     if (timeMs >= this.nextMs) {
       this.nextMs = timeMs + EVERY_MS;
       this.measures.push(measures);

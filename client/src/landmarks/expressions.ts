@@ -25,10 +25,10 @@ export interface ExpressionWorker {
   terminate(): void;
 }
 
-/** What a part tells stands half as long again as until it was last looked at anew, within these. */
+/** What a part tells stands twice as long as until it was last looked at anew, within these. */
 const LEAST_HELD_MS = 300;
-const MOST_HELD_MS = 1000;
-const HELD = 1.5;
+const MOST_HELD_MS = 1500;
+const HELD = 2;
 /** Time between two looks, in times of a look. */
 const REST = 2;
 /** The first look at a part takes long. */
