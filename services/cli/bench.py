@@ -225,6 +225,14 @@ def live_capture(
 
 
 @app.command()
+def expressions(json_file: JsonFile = None) -> None:
+    """What moving splats of face and hands is worth, each expression by itself; and its time."""
+    from benchmarks.expressions import run
+
+    run(json_file)
+
+
+@app.command()
 def refinement(json_file: JsonFile = None, clock: ClockName = "wall") -> None:
     """Noise on every joint, and what refining poses wins back: splats, and the paper's MLP."""
     from benchmarks.refinement import run
