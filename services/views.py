@@ -96,6 +96,7 @@ def _own_pose(asked: ViewPose) -> Pose:
     return Pose(
         _array("joint_angles", asked.joint_angles),
         _array("root_translation", asked.root_translation),
+        expression=_array("expression", asked.expression),
     )
 
 

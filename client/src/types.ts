@@ -655,6 +655,8 @@ export interface ViewPose {
   joint_angles: number[][];
   /** m */
   root_translation?: number[];
+  /** Face, hands. */
+  expression?: number[];
 }
 
 /** Who wants to look on. */

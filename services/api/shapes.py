@@ -21,6 +21,7 @@ from db.models import (
     SequenceState,
     Standing,
 )
+from scene.expression import EXPRESSION_COUNT
 from services.problems import Problem
 
 Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=120)]
@@ -364,14 +365,15 @@ class ViewCamera(Body):
     world_to_camera: list[list[float]] | None = Field(default=None, description="3 x 4, m.")
 
 
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
 class ViewPose(Body):
     """A pose of one's own."""
 
     joint_angles: list[list[float]] = Field(description="24 x 3, axis-angle, rad.")
     root_translation: list[float] = Field(default_factory=lambda: [0.0, 0.0, 0.0], description="m")
-
-
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
+    expression: list[Share] = Field(default=[0.0] * EXPRESSION_COUNT, description="Face, hands.")
 
 
 class NewView(Body):
