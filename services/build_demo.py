@@ -1,8 +1,8 @@
 """Makes the demo's performer: `python -m services.build_demo MOTION.bvh` (two minutes, two cores).
 
-A studio performer is filmed while they move to a recorded motion and turn once; the model trained
-on those frames then plays the recording itself. The bundled file comes from CMU's trial 141_16,
-"Wave Hello" (mocap.cs.cmu.edu; see NOTICE).
+A studio performer is filmed while they talk, move to a recorded motion and turn once; the model
+trained on those frames then plays the recording itself. The bundled file comes from CMU's trial
+141_16, "Wave Hello" (mocap.cs.cmu.edu; see NOTICE).
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ def build(
         clip_folder = Path(folder) / "sequence"
         make_sequence(
             clip_folder, motion=motion, look="lit", frames=_FRAMES, size=_SIZE, seed=_SEED,
+            expressions=True,
             on_progress=lambda done, message: report(0.3 * done, message),
         )  # fmt: skip
         clip = open_sequence(clip_folder)
