@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from benchmarks.expressions import FACE, HANDS, SEEDS, Part, Shot, unseen_shots, without, worth
-from capture.studio.performer import make_performer
+from benchmarks.expressions import (
+    FACE,
+    HANDS,
+    LIDS,
+    SEEDS,
+    Part,
+    Shot,
+    unseen_shots,
+    without,
+    worth,
+)
+from capture.studio.performer import film, make_performer
 from scene import EXPRESSION_NAMES
 from tests.renderer.studio import make_sequence
 
@@ -21,11 +33,25 @@ def test_crops_show_skin(filmed):
     part, shots = filmed
     skin, shown = make_performer(SEEDS[0]).outfit.skin, []
     for shot in shots:
-        for crop in shot.crops:
+        for crop in shot.crops[part.name]:
             patch = shot.image[crop]
             assert min(patch.shape[:2]) > 15
             shown.append((np.abs(patch - skin).max(axis=2) < 0.15).mean())
     assert np.median(shown) > (0.4 if part is FACE else 0.05)
+
+
+def test_an_eye_that_shuts_changes_its_crop():
+    performer, pictures = make_performer(SEEDS[0], expressive=True), {}
+    shot = unseen_shots(FACE, performer, SEEDS[0])[3]  # both eyes show
+    for lid in (*LIDS, None):
+        shown = [float(name == lid) for name in EXPRESSION_NAMES]
+        pose = replace(shot.pose, expression=np.array(shown))
+        pictures[lid] = film(performer, pose, shot.camera, "plain")[0]
+    left, right = LIDS
+    (crop,) = shot.crops[left]
+    changed = {lid: np.abs(pictures[lid] - pictures[None])[crop].mean() for lid in LIDS}
+    assert changed[left] > 0.01
+    assert changed[right] < 0.2 * changed[left]
 
 
 def test_test_pictures_differ_by_expression(filmed):
@@ -46,7 +72,9 @@ def test_what_is_left_out_is_gone():
 def test_worth_is_the_mean_gain_and_its_spread():
     def row(part, best: float) -> dict:
         db = {"off": 20.0, "off, denser": 20.5, "even": 22.0, "on": best}
-        return {"part": part.name, "db": db | {f"without {n}": 21.0 for n in part.expressions}}
+        db |= {f"without {n}": 21.0 for n in part.expressions}
+        crops = {part.name, *(part.crop_of(n) for n in part.expressions)}
+        return {"part": part.name, "db": {way: dict.fromkeys(crops, v) for way, v in db.items()}}
 
     made = worth([row(FACE, 23.0), row(FACE, 24.0), row(HANDS, 22.0)])
     assert made["face: both"] == {"gain_db": 3.5, "spread_db": 0.5}
