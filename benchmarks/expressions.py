@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from benchmarks.report import milliseconds, write_report
@@ -40,6 +41,8 @@ FRAMES, ITERATIONS, TESTS = 60, 800, 16
 _FACE_M = np.array([0.0, 0.01, 0.08])
 """From the head's joint to the middle of the face."""
 _TIMED_PX, _TIMED = 512, 200
+_ASIDE_RAD = 0.35
+"""From the way that a face looks to the side that it is drawn from."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +87,8 @@ class Shot:
     """Of the part, and of each eye under the name of its lid."""
 
 
-def run(json_file: Path | None) -> None:
-    """Measure and report, anew after every performer."""
+def run(json_file: Path | None, picture: Path | None) -> None:
+    """Measure and report, anew after every performer; draw the first one's face."""
     rows: list[dict[str, Any]] = []
     figures: dict[str, Any] = {
         "frames": FRAMES, "iterations": ITERATIONS, "performers": list(SEEDS), "tests": TESTS,
@@ -101,6 +104,9 @@ def run(json_file: Path | None) -> None:
                 )  # fmt: skip
                 clip = open_sequence(path)
                 rows.append({"seed": seed, "part": part.name, **measured(part, clip, seed)})
+                if picture is not None and part is FACE and seed == SEEDS[0]:
+                    drawn = (faces(clip, seed)[..., ::-1] * 255.0 + 0.5).astype(np.uint8)
+                    cv2.imwrite(str(picture), drawn)
                 if "frame_ms" not in figures:
                     figures["frame_ms"] = frame_times(trained(clip, seed))
         write_report(json_file, "expressions", {**figures, "worth": worth(rows), "rows": rows})
@@ -182,6 +188,29 @@ def _eyes(body: Body) -> dict[str, Float[Array, "3"]]:
         lid: body.rest_vertices[moved[EXPRESSION_NAMES.index(lid)]].mean(axis=0) - head
         for lid in LIDS
     }
+
+
+def faces(clip: Sequence, seed: int) -> Float[Array, "H W 3"]:
+    """Above the truth, below the model, from one side: at rest, then one expression after another,
+    both lids together."""
+    performer, model = make_performer(seed, expressive=True), trained(clip, seed)
+    pose, skeleton = clip.test[NOVEL_VIEW].pose(0), performer.body.skeleton
+    head = skeleton.joint_transforms(pose.joint_angles, pose.root_translation)[
+        JOINT_NAMES.index("head")
+    ]
+    facing, side = float(np.arctan2(head[0, 2], head[2, 2])), FACE.size
+    camera = orbit_camera(
+        head[:3, 3], FACE.distance_m, facing + _ASIDE_RAD, 0.05, side, side, 0.6
+    )  # fmt: skip
+    crop = _crop(camera, head[:3, 3] + head[:3, :3] @ _FACE_M, 1.3 * FACE.half_m)
+    columns = []
+    for shown in ((), ("jaw_open",), LIDS, ("brows_up",), ("smile",)):
+        values = np.array([float(name in shown) for name in EXPRESSION_NAMES])
+        posed = replace(pose, expression=values)
+        truth, _ = film(performer, posed, camera, "plain")
+        made = np.clip(model.render(camera, posed)[..., :3], 0.0, 1.0)
+        columns.append(np.vstack([truth[crop], made[crop]]))
+    return np.hstack(columns)
 
 
 def judged(model: SplatModel, shots: list[Shot], hidden: tuple[str, ...]) -> dict[str, float]:

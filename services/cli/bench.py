@@ -225,11 +225,14 @@ def live_capture(
 
 
 @app.command()
-def expressions(json_file: JsonFile = None) -> None:
+def expressions(
+    json_file: JsonFile = None,
+    picture: Annotated[Path | None, typer.Option(help="Draw the faces here.")] = None,
+) -> None:
     """What moving splats of face and hands is worth, each expression by itself; and its time."""
     from benchmarks.expressions import run
 
-    run(json_file)
+    run(json_file, picture)
 
 
 @app.command()
