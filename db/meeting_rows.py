@@ -7,15 +7,13 @@ from __future__ import annotations
 
 from datetime import datetime
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sqlalchemy import ForeignKey, LargeBinary, String, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column, relationship
 
 from db.base import Base, Id, new_id, words
-
-if TYPE_CHECKING:
-    from db.models import PersonRow
+from db.person_rows import PersonRow
 
 
 class Role(StrEnum):

@@ -27,6 +27,7 @@ from db.meeting_rows import ParticipantRow as ParticipantRow
 from db.meeting_rows import PerformerRow as PerformerRow
 from db.meeting_rows import Role as Role
 from db.meeting_rows import Standing as Standing
+from db.person_rows import PersonRow as PersonRow
 from db.recording_rows import RecordingChunkRow as RecordingChunkRow
 from db.recording_rows import RecordingExportRow as RecordingExportRow
 from db.recording_rows import RecordingMemberRow as RecordingMemberRow
@@ -77,18 +78,6 @@ class JobState(StrEnum):
     def final(self) -> bool:
         """Whether nothing more happens unless somebody resumes the job."""
         return self in (JobState.SUCCEEDED, JobState.FAILED, JobState.CANCELLED)
-
-
-class PersonRow(Base):
-    """Somebody who is, or will be, met."""
-
-    __tablename__ = "person"
-
-    id: Mapped[str] = mapped_column(Id, primary_key=True, default=new_id)
-    account: Mapped[str] = mapped_column(String(120), index=True)
-    """Whose person this is: the subject of the token that made it."""
-    name: Mapped[str] = mapped_column(String(120))
-    created_at: Mapped[datetime]
 
 
 class UploadRow(Base):

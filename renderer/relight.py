@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from renderer.splats.layout import COLOUR, POSITION, ROTATION
+from renderer.splats.layout import COLOUR, NOBODYS, POSITION, ROTATION
 from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Float, Int
 from scene.colour import to_linear, to_srgb
@@ -24,8 +24,6 @@ _NEIGHBOURS = 16
 """Splats whose normals make up one; at 10,000 a person they lie within 3 cm."""
 _ALIKE = 0.3
 """Cosine from which a neighbour lies on the same side: a finger's back is not its front."""
-NOBODYS = 255
-"""Number, in place of a light's, of splats that none falls on."""
 _ROWS = 1024
 """Distances are taken in blocks of so many rows, to bound memory."""
 _TABLE_STEPS = 1024

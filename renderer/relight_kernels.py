@@ -10,8 +10,7 @@ import math
 import numba
 import numpy as np
 
-from renderer.relight import NOBODYS
-from renderer.splats.layout import COLOUR, POSITION
+from renderer.splats.layout import COLOUR, NOBODYS, POSITION
 from scene.arrays import Array
 
 _F = np.float32
