@@ -6,6 +6,7 @@ import type { Line, LineHooks } from "../src/meeting/line";
 import type { Environment, Meeting, Roster, Said, ToServer } from "../src/types";
 import { captions } from "../src/views/captions";
 import { notesOn } from "../src/views/notes";
+import { peoplePanel } from "../src/views/peoplePanel";
 import { placeChoice } from "../src/views/placeChoice";
 import { screenView } from "../src/views/screenView";
 import { waitingNote } from "../src/views/waitingNote";
@@ -118,6 +119,35 @@ describe("choosing a place", () => {
     await vi.waitFor(() => expect(calls.at(-1)).toMatchObject({ method: "PUT", path: "/v1/meetings/m/panorama" }));
     roster({ environment: "own-1" });
     expect(box.closest("label")?.classList.contains("chosen-place")).toBe(true);
+  });
+});
+
+describe("the lobby's switch", () => {
+  function panel() {
+    vi.useFakeTimers();
+    const there = inside();
+    const { element, update } = peoplePanel(there.attendance);
+    document.body.append(element);
+    there.attendance.watch(update);
+    return { ...there, box: find<HTMLInputElement>(element, "lobby") };
+  }
+
+  it("stands as it was set while the server still tells of others", () => {
+    const { box, sent, roster } = panel();
+    box.click();
+    expect(sent).toContainEqual({ type: "lobby", on: true });
+    roster({ members: [HOST] }); // sent before the wish came
+    expect(box.checked).toBe(true);
+    roster({ lobby: true });
+    vi.advanceTimersByTime(3000);
+    expect(box.checked).toBe(true);
+  });
+
+  it("goes back where the server does not do it", () => {
+    const { box } = panel();
+    box.click();
+    vi.advanceTimersByTime(3000);
+    expect(box.checked).toBe(false);
   });
 });
 

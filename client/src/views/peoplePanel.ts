@@ -171,19 +171,30 @@ function hostWays(attendance: Attendance): Row {
   };
 }
 
+/** So long a switch stands as it was set, whatever else the server says. */
+const ANSWERED_IN_MS = 2000;
+
 function lobbySwitch(attendance: Attendance): { element: HTMLElement; update(): void } {
   const box = h("input", { type: "checkbox", id: "lobby-switch", testId: "lobby", attributes: { role: "switch" } });
+  let askedAtMs = -Infinity;
+  const update = (): void => {
+    const said = attendance.state.lobby;
+    // the server's word counts; what it said of others meanwhile is no answer
+    if (said !== box.checked && performance.now() - askedAtMs < ANSWERED_IN_MS) return;
+    box.checked = said;
+  };
   box.addEventListener("change", () => {
-    // the server's word counts, and comes at once
     const on = box.checked;
     if (!attendance.wish({ type: "lobby", on })) box.checked = !on;
+    else {
+      askedAtMs = performance.now();
+      setTimeout(update, ANSWERED_IN_MS);
+    }
   });
   const label = h("label", { attributes: { for: box.id } }, "Let people in one by one");
   return {
     element: h("div", { className: "switch-line" }, label, box),
-    update: () => {
-      box.checked = attendance.state.lobby;
-    },
+    update,
   };
 }
 
