@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import TracebackType
 
 import cv2
 import numpy as np
@@ -41,7 +40,7 @@ _ENOUGH = 10
 
 
 class ExpressionFinder:
-    """Looks at one person, picture by picture. Use it as a context, or `close` it.
+    """Looks at one person, picture by picture; `close` it (`contextlib.closing`).
 
     Raises PoseModelMissing if a file is no model.
     """
@@ -80,17 +79,6 @@ class ExpressionFinder:
                 "METANERF_FACE_MODEL to a face_landmarker.task, METANERF_HAND_MODEL to a "
                 "hand_landmarker.task"
             ) from error
-
-    def __enter__(self) -> ExpressionFinder:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Free the networks."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -204,7 +205,7 @@ def _expressions(
             raise CaptureStopped("capture was stopped while looking at face and hands")
         report(done)
 
-    with ExpressionFinder(*files) as finder:
+    with closing(ExpressionFinder(*files)) as finder:
         return clip_expressions(clip.images, track.people, finder, look)
 
 

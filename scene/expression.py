@@ -1,8 +1,8 @@
 """Expressions: what a face and fingers do beyond the 24 joints, as a few numbers from 0 to 1.
 
-They are few because a webcam's landmarks drive them and a clip must show each often enough to be
-learnt. Left and right are the person's own. A model that knows them moves its splats at rest by the
-sum of each number times a learnt offset; one that does not ignores them.
+They are few because a webcam's landmarks drive them. Left and right are the person's own. A model
+that knows them moves its splats at rest by the sum of each number times an offset; one that does
+not ignores them.
 """
 
 from __future__ import annotations
