@@ -3,7 +3,7 @@
 SPIN's idea (Kolotouros et al. 2019) of regression followed by optimisation: a network lifts each
 frame's landmarks to a pose (`capture.lifter`), then everything is refined together. Terms: seen
 landmarks (robust), lifted poses, 3D landmarks, pose prior and joint limits, accelerations, feet
-that stand, then the silhouette.
+that stand, then the silhouette and how the surface moves from picture to picture.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from capture.fit_data import bridged
 from capture.fit_problem import Fit, Problem
 from capture.landmarks import LANDMARK_NAMES, Landmarks
 from capture.lifter import Lifter, closed_form
-from scene.arrays import Array, Float
+from scene.arrays import Array, Float, UInt8
 
 __all__ = ["STAGES", "Fit", "fit_clip"]
 
@@ -43,6 +43,7 @@ def fit_clip(
     *,
     focal_px: float | None = None,
     lifter: Lifter = closed_form,
+    images: Sequence[UInt8[Array, "H W 3"]] | None = None,
     on_progress: Callable[[float], None] = lambda _: None,
     on_stage: Callable[[str, Fit], None] = lambda *_: None,
     should_stop: Callable[[], bool] = lambda: False,
@@ -50,7 +51,8 @@ def fit_clip(
     """Fit `model` to one person's landmarks and masks over a clip (None: lost frames, bridged).
 
     `focal_px` is in pixels of the masks; None estimates it about that of usual cameras. `lifter`
-    is what the landmarks' estimator is believed to mean by them, to start from. `on_stage`
+    is what the landmarks' estimator is believed to mean by them, to start from. `images` are the
+    frames' pictures; without them nothing is known of motion but what landmarks say. `on_stage`
     is shown what each of `STAGES` made of the clip, so that its worth can be measured. Raises
     NoPersonFound for a clip without a person, CaptureStopped when asked to stop. The same input
     gives the same result.
@@ -66,6 +68,7 @@ def fit_clip(
         model,
         focal_px,
         lifter,
+        None if images is None else [images[index] for index in found],
     )
 
     def result() -> Fit:
@@ -109,7 +112,7 @@ def _minimise(
     on_stage: Callable[[str], None],
     should_stop: Callable[[], bool],
 ) -> None:
-    """First landmarks alone, then the silhouette too, twice, each with a falling rate."""
+    """First landmarks alone, then silhouette and flow too, twice, each with a falling rate."""
     total = _LANDMARK_STEPS + 2 * _SILHOUETTE_STEPS
     done = 0
     on_stage(STAGES[0])
@@ -120,18 +123,18 @@ def _minimise(
         )
         if edge:
             problem.let_go(problem.doubted())
+            problem.watch()
         optimiser = _optimiser(problem, rate)
-        nearest = None
+        look = None
         for step in range(steps):
             if should_stop():
                 raise CaptureStopped("capture was stopped while fitting the body")
             if edge and step % _NEAREST_EVERY == 0:
-                with torch.no_grad():
-                    nearest = problem.silhouettes.nearest(problem.surface_pixels(*problem.posed()))
+                look = problem.look()
             for group in optimiser.param_groups:
                 group["lr"] = group["initial"] * (1.0 - 0.95 * step / steps)
             optimiser.zero_grad()
-            problem.energy(nearest).backward()
+            problem.energy(look).backward()
             optimiser.step()
             done += 1
             on_progress(done / total)

@@ -18,6 +18,7 @@ from capture.fit_data import (
     person_height_px,
     sampled_vertices,
 )
+from capture.fit_flow import Aims, Pictures, find_flow, flow_energy, look_up, seen_vertices
 from capture.fit_initial import TO_Y_UP, solve_translation
 from capture.fit_landmarks import MIRROR, LandmarkModel, place_landmarks
 from capture.fit_silhouette import Silhouettes, prepare_silhouettes, silhouette_energy
@@ -35,7 +36,8 @@ from capture.fit_terms import (
 )
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
 from capture.lifter import Lifted, Lifter
-from scene.arrays import Array, Bool, Float, Tensor
+from scene.arrays import Array, Bool, Float, Tensor, UInt8
+from scene.body import vertex_normals
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES
 
@@ -69,6 +71,12 @@ _LIFTED_WEIGHT, _WORLD_WEIGHT, _PRIOR_WEIGHT = 3.0, 0.2, 0.1
 """Of the network's poses, the 3D landmarks and the prior, beside the seen landmarks' sum."""
 _EDGE_WEIGHT = 18.0
 """Of the outline's mean energy, beside the landmarks' sum."""
+_FLOW_DEVIATION = 0.004
+"""Of how far the surface moves between two pictures, in heights of the person."""
+_FLOW_WEIGHT = 60.0
+"""Of the flow's mean energy, beside the landmarks' sum."""
+_CELL = 0.03
+"""Side of a cell in which near vertices hide far ones, in heights of the person."""
 _FACE_DEPTH_TRUST = 0.3
 """Of the face's 3D landmarks, beside the others': the estimator pulls heads towards the camera."""
 _FAR_OFF = 4.0
@@ -95,6 +103,16 @@ class Fit:
     """Trust in each landmark, 0 to 1."""
 
 
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What the pictures say of the present poses; looked up every few steps only."""
+
+    nearest: Tensor
+    """Index [F P] of the vertex nearest to each point of the outline."""
+    aims: Aims | None
+    """Where the flow wants the vertices."""
+
+
 class Problem:
     """Data and unknowns of one clip, as tensors."""
 
@@ -107,9 +125,12 @@ class Problem:
         model: BodyModel,
         focal_px: float | None,
         lifter: Lifter,
+        images: Sequence[UInt8[Array, "H W 3"]] | None,
     ) -> None:
         self.model, self.marks = model, place_landmarks(model)
         self.silhouettes: Silhouettes = prepare_silhouettes(masks)
+        self.pictures = None if images is None else Pictures(images, masks)
+        self.flow = None
         self.width, self.height = self.silhouettes.width, self.silhouettes.height
         self.centre = torch.tensor([0.5 * self.width, 0.5 * self.height])
         self.focal_known = focal_px is not None
@@ -140,6 +161,11 @@ class Problem:
         self.skin0 = tensor(model.rest_vertices[chosen])
         self.skin1 = tensor(model.vertex_directions[chosen])
         self.skin_weights = tensor(model.blend_weights[chosen])
+        faces = model.body(np.zeros(model.shape_count)).faces
+        assert faces is not None
+        self.skin_normals = tensor(vertex_normals(model.rest_vertices, faces)[chosen])
+        owners = model.blend_weights[chosen].argmax(axis=1)
+        self.skin_owners = torch.tensor(owners)
         self.seen_pixels, self.seen_weights = tensor(self.pixels), tensor(self.weights)
         self.seen_world = tensor(self.world * TO_Y_UP)
         self.lifted_turns = tensor(self.lifted.rotations)
@@ -149,7 +175,6 @@ class Problem:
         self.depth_trust[:FACE_LANDMARKS] = _FACE_DEPTH_TRUST
         hidden = hidden_joints(self.weights)
         self.prior, self.hidden = pose_prior(), tensor(hardly_shown(hidden))
-        owners = model.blend_weights[chosen].argmax(axis=1)
         self.shown = tensor(1.0 - beyond_hidden(hidden)[:, owners])
 
     def _start(self) -> None:
@@ -171,9 +196,32 @@ class Problem:
         return edges > _FAR_OFF * np.median(edges)
 
     @torch.no_grad()
+    def watch(self) -> None:
+        """Find the flow between the pictures, begun with the present motion."""
+        if self.pictures is not None:
+            posed = self.posed()
+            skin, pixels = self._surface(*posed)
+            seen = self._seen(posed[0], skin, pixels)
+            self.flow = find_flow(self.pictures, self.takes, pixels.numpy(), seen.numpy())
+
+    @torch.no_grad()
+    def look(self) -> Look:
+        """What outlines and flow say of the present poses."""
+        posed = self.posed()
+        skin, pixels = self._surface(*posed)
+        aims = None
+        if self.flow is not None:
+            aims = look_up(self.flow, pixels, self._seen(posed[0], skin, pixels))
+        return Look(self.silhouettes.nearest(pixels), aims)
+
+    def _seen(self, turned: Tensor, skin: Tensor, pixels: Tensor) -> Tensor:
+        normals = (turned[:, self.skin_owners] @ self.skin_normals[..., None])[..., 0]
+        return seen_vertices(skin, pixels, normals, _CELL * self.extent)
+
+    @torch.no_grad()
     def edges(self) -> Float[Array, "F"]:
         """Energy of each frame's outline (`silhouette_energy`)."""
-        pixels = self.surface_pixels(*self.posed())
+        _, pixels = self._surface(*self.posed())
         nearest = self.silhouettes.nearest(pixels)
         return self._edge_energy(pixels, nearest).numpy()
 
@@ -215,19 +263,20 @@ class Problem:
         points = self.marks0 + self.marks1 @ self.shape + 0.5 * (self.offsets + mirrored)
         return rigid_points(turned, placed, rest, points, self.mark_joints)
 
-    def surface_pixels(self, turned: Tensor, placed: Tensor, rest: Tensor) -> Tensor:
+    def _surface(self, turned: Tensor, placed: Tensor, rest: Tensor) -> tuple[Tensor, Tensor]:
+        """The sampled vertices [F V 3] and their pixels [F V 2]."""
         points = self.skin0 + self.skin1 @ self.shape
         skin = skinned_points(turned, placed, rest, points, self.skin_weights)
-        return project(skin, self.focal(), self.centre)
+        return skin, project(skin, self.focal(), self.centre)
 
-    def energy(self, nearest: Tensor | None) -> Tensor:
-        """Mean over frames of all terms; the silhouette joins in when `nearest` is given."""
+    def energy(self, look: Look | None) -> Tensor:
+        """Mean over frames of all terms; outlines and flow join in with a `look` at them."""
         turned, placed, rest = self.posed()
         marks = self.landmarks(turned, placed, rest)
         off = (project(marks, self.focal(), self.centre) - self.seen_pixels) / (
             _PIXEL_DEVIATION * self.extent
         )
-        kernel = robust if nearest is None else lambda squared: very_robust(squared, _OUTLIER)
+        kernel = robust if look is None else lambda squared: very_robust(squared, _OUTLIER)
         seen = (kernel(off.square().sum(-1)) * self.seen_weights).sum(1)
         depth = self._world_energy(marks)
         steady = unsteadiness(placed, *self.steps, _ACCELERATION_M_S2).sum() / len(placed)
@@ -238,9 +287,12 @@ class Problem:
             + steady
         )
         total = total + self._once_a_clip() + self._feet_slide(placed)
-        if nearest is not None:
-            edge = self._edge_energy(self.surface_pixels(turned, placed, rest), nearest)
-            total = total + _EDGE_WEIGHT * edge.mean()
+        if look is not None:
+            _, pixels = self._surface(turned, placed, rest)
+            total = total + _EDGE_WEIGHT * self._edge_energy(pixels, look.nearest).mean()
+            if look.aims is not None:
+                flow = flow_energy(look.aims, pixels, _FLOW_DEVIATION * self.extent)
+                total = total + _FLOW_WEIGHT * flow
         return total
 
     def _edge_energy(self, pixels: Tensor, nearest: Tensor) -> Tensor:

@@ -242,6 +242,7 @@ def _capture(
         model,
         focal_px=None if focal_px is None else focal_px * scale,
         lifter=lifter,
+        images=clip.images,
         on_progress=stages.part(0.38, 0.92, "fitting the body"),
         on_stage=stages.on_fit,
         should_stop=stages.should_stop,

@@ -104,7 +104,7 @@ def test_poses_that_the_outline_contradicts_are_taken_from_their_neighbours(moti
     takes = np.array([0, 0, 0, 0, 0, 1, 1, 1])
     problem = Problem(
         people, [p.mask for p in people], motion.times_s, takes, load_body_model(),
-        camera().focal_px, closed_form,
+        camera().focal_px, closed_form, None,
     )  # fmt: skip
     assert not problem.doubted().any()
     with torch.no_grad():

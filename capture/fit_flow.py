@@ -1,0 +1,222 @@
+"""The flow term: what moved from picture to picture must be where the surface moved.
+
+Landmarks tell where joints are, each frame with an error of its own; optical flow (DIS, Kroeger et
+al. 2016, by OpenCV) tells how every seen place of skin and cloth moves between frames, finer than
+any landmark and, for limbs that turn about themselves, what no landmark shows. Only differences of
+frames enter, so it draws a clip together and moves nobody by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+import torch.nn.functional as nnf
+
+from capture.fit_terms import very_robust
+from scene.arrays import Array, Bool, Float, Int, Tensor, UInt8
+
+STRIDES = (1, 3)
+"""Frames between the two pictures of a pair: near ones move little, far ones drift less."""
+_SIDE_PX = 448
+"""Longest side of the window, that holds the person in all frames, in which flow is found."""
+_MARGIN = 0.05
+_BEHIND = 128.0
+"""Grey level in place of the room, which stands still."""
+_GRID_PX = 8
+_REACH_PX = 25.0
+"""How far from a seen vertex, px of the window, the search still begins with its motion."""
+_RETURNS_PX, _RETURNS_SHARE = 1.0, 0.05
+"""There and back may miss so many pixels, and so much of the way."""
+_ON_PERSON = 0.9
+_FACING = 0.35
+"""Cosine between a vertex' normal and the way to the camera from which it is taken for seen."""
+_IN_FRONT_M = 0.1
+"""Vertices deeper than the nearest in their cell by more are hidden."""
+_OUTLIER = 3.0
+_FEW = 20.0
+"""Seen vertices below which a pair of frames loses its say."""
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """The part of the pictures that holds the person, and its scale."""
+
+    x: int
+    y: int
+    width: int
+    """Of the window, px of the full picture."""
+    height: int
+    scale: float
+    """Pixels of the window a pixel of the picture."""
+
+    def inside(self, pixels: Array) -> Array:
+        """Pixels of the picture as pixels of the window."""
+        return (pixels - np.array([self.x, self.y], dtype=np.float32)) * np.float32(self.scale)
+
+
+class Pictures:
+    """The person alone, grey, in all frames."""
+
+    def __init__(
+        self, images: Sequence[UInt8[Array, "H W 3"]], masks: Sequence[Float[Array, "H W"] | None]
+    ) -> None:
+        self.window = _window(masks)
+        cut = [self._cut(image, mask) for image, mask in zip(images, masks, strict=True)]
+        self.grey: list[UInt8[Array, "h w"]] = [grey for grey, _ in cut]
+        self.person: list[Bool[Array, "h w"]] = [person for _, person in cut]
+
+    def _cut(self, image: Array, mask: Array | None) -> tuple[Array, Array]:
+        w = self.window
+        size = (max(1, round(w.width * w.scale)), max(1, round(w.height * w.scale)))
+        part = (slice(w.y, w.y + w.height), slice(w.x, w.x + w.width))
+        grey = cv2.cvtColor(np.ascontiguousarray(image[part]), cv2.COLOR_RGB2GRAY)
+        grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        if mask is None:
+            return np.full(grey.shape, _BEHIND, np.uint8), np.zeros(grey.shape, bool)
+        alpha = cv2.resize(mask[part].astype(np.float32), size, interpolation=cv2.INTER_AREA)
+        alone = alpha * grey + (1.0 - alpha) * _BEHIND
+        return np.clip(alone, 0.0, 255.0).astype(np.uint8), alpha > _ON_PERSON
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """How far each place moves, px of the full picture, for every stride; NaN where unknown."""
+
+    window: Window
+    moved: dict[int, Float[Tensor, "pairs h w 2"]]
+
+    def at(self, stride: int, pixels: Float[Tensor, "pairs V 2"]) -> Float[Tensor, "pairs V 2"]:
+        """The motion at `pixels` of each pair's first picture; NaN outside and where unknown."""
+        found = self.moved[stride]
+        pairs, height, width, _ = found.shape
+        w = self.window
+        place = ((pixels - torch.tensor([w.x, w.y])) * w.scale).floor().long()
+        x, y = place.unbind(-1)
+        inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
+        pair = torch.arange(pairs)[:, None]
+        values = found[pair, y.clamp(0, height - 1), x.clamp(0, width - 1)].float()
+        return torch.where(inside[..., None], values, torch.nan)
+
+
+def find_flow(
+    pictures: Pictures,
+    takes: Int[Array, "F"],
+    pixels: Float[Array, "F V 2"],
+    seen: Bool[Array, "F V"],
+) -> Flow:
+    """Flow between frames of the same take, begun with the motion of the fit's `seen` vertices.
+
+    `pixels` is where the vertices are in the full picture. Where the way there and back does not
+    return, something was hidden or mistaken: nothing is known there.
+    """
+    search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    inside = pictures.window.inside(pixels.astype(np.float32))
+    moved: dict[int, Tensor] = {}
+    for stride in (s for s in STRIDES if s < len(pictures.grey)):
+        pairs = [
+            _between(search, pictures, first, first + stride, inside, seen)
+            if takes[first] == takes[first + stride] else _unknown(pictures.grey[first])
+            for first in range(len(pictures.grey) - stride)
+        ]  # fmt: skip
+        moved[stride] = torch.from_numpy(np.stack(pairs))
+    return Flow(pictures.window, moved)
+
+
+def seen_vertices(
+    skin: Float[Tensor, "F V 3"],
+    pixels: Float[Tensor, "F V 2"],
+    normals: Float[Tensor, "F V 3"],
+    cell_px: float,
+) -> Bool[Tensor, "F V"]:
+    """Vertices that face the camera (at the origin) with nothing before them in their cell."""
+    facing = (normals * nnf.normalize(-skin, dim=-1)).sum(-1) > _FACING
+    depth = -skin[..., 2]
+    cells = (pixels / cell_px).long().clamp(-(2**14), 2**14) + 2**14
+    frame = torch.arange(len(skin))[:, None] * 2**32
+    _, cell = torch.unique(frame + cells[..., 1] * 2**16 + cells[..., 0], return_inverse=True)
+    nearest = torch.full((int(cell.max()) + 1,), torch.inf)
+    nearest = nearest.scatter_reduce(0, cell.flatten(), depth.flatten(), "amin")
+    return facing & (depth < nearest[cell] + _IN_FRONT_M)
+
+
+@dataclass(frozen=True, eq=False)
+class Aims:
+    """Where the flow wants the vertices, as last looked up."""
+
+    moved: dict[int, Float[Tensor, "pairs V 2"]]
+    trusted: dict[int, Float[Tensor, "pairs V"]]
+
+
+def look_up(flow: Flow, pixels: Float[Tensor, "F V 2"], seen: Bool[Tensor, "F V"]) -> Aims:
+    """The flow at the vertices' present places, trusted where both frames show them."""
+    aims = Aims({}, {})
+    for stride in flow.moved:
+        moved = flow.at(stride, pixels[:-stride])
+        known = torch.isfinite(moved[..., 0]) & seen[:-stride] & seen[stride:]
+        aims.trusted[stride] = known.float()
+        aims.moved[stride] = torch.where(known[..., None], moved, 0.0)
+    return aims
+
+
+def flow_energy(aims: Aims, pixels: Float[Tensor, "F V 2"], deviation_px: float) -> Tensor:
+    """Mean over pairs, strides and seen vertices of how far these miss the flow."""
+    total = pixels.new_zeros(())
+    for stride, moved in aims.moved.items():
+        off = (pixels[stride:] - pixels[:-stride] - moved) / deviation_px
+        trusted = aims.trusted[stride]
+        missed = (very_robust(off.square().sum(-1), _OUTLIER) * trusted).sum(1)
+        total = total + (missed / (trusted.sum(1) + _FEW)).mean()
+    return total / max(len(aims.moved), 1)
+
+
+def _window(masks: Sequence[Array | None]) -> Window:
+    ever = np.max([mask > 0.5 for mask in masks if mask is not None], axis=0)
+    height, width = ever.shape
+    rows, columns = np.flatnonzero(ever.any(axis=1)), np.flatnonzero(ever.any(axis=0))
+    if not len(rows):
+        rows, columns = np.arange(height), np.arange(width)
+    margin = int(_MARGIN * max(len(rows), len(columns))) + 1
+    x, y = max(0, int(columns[0]) - margin), max(0, int(rows[0]) - margin)
+    wide = min(width, int(columns[-1]) + 1 + margin) - x
+    high = min(height, int(rows[-1]) + 1 + margin) - y
+    return Window(x, y, wide, high, min(1.0, _SIDE_PX / max(wide, high)))
+
+
+def _between(
+    search: cv2.DISOpticalFlow, pictures: Pictures, first: int, second: int,
+    pixels: Array, seen: Array,
+) -> Float[Array, "h w 2"]:  # fmt: skip
+    a, b = pictures.grey[first], pictures.grey[second]
+    there = search.calc(a, b, _begun(a.shape, pixels[first], pixels[second], seen[first]))
+    back = search.calc(b, a, _begun(a.shape, pixels[second], pixels[first], seen[second]))
+    y, x = np.mgrid[: a.shape[0], : a.shape[1]].astype(np.float32)
+    returned = cv2.remap(
+        back, x + there[..., 0], y + there[..., 1], cv2.INTER_LINEAR, borderValue=(1e4, 1e4)
+    )
+    missed = np.linalg.norm(there + returned, axis=-1)
+    way = np.linalg.norm(there, axis=-1)
+    known = (missed < _RETURNS_PX + _RETURNS_SHARE * way) & pictures.person[first]
+    flow = there / np.float32(pictures.window.scale)
+    return np.where(known[..., None], flow, np.nan).astype(np.float16)
+
+
+def _begun(shape: tuple[int, ...], here: Array, there: Array, seen: Array) -> Array:
+    """Flow [h w 2] of the nearest seen vertex, none where all are far."""
+    height, width = shape
+    if not seen.any():
+        return np.zeros((height, width, 2), np.float32)
+    half = _GRID_PX // 2
+    y, x = np.mgrid[half : height + half : _GRID_PX, half : width + half : _GRID_PX]
+    grid = np.stack([x, y], axis=-1).astype(np.float32)
+    apart = np.linalg.norm(grid[:, :, None] - here[seen], axis=-1)
+    begun = (there - here)[seen][apart.argmin(axis=-1)]
+    begun[apart.min(axis=-1) > _REACH_PX] = 0.0
+    return cv2.resize(begun.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+
+
+def _unknown(like: Array) -> Float[Array, "h w 2"]:
+    return np.full((*like.shape, 2), np.nan, np.float16)
