@@ -1,5 +1,7 @@
 """What a live view costs: pose and camera to picture, then all the way into a browser.
 
+Trained: one step of training splats (a frame drawn, compared, gone back through, all splats moved)
+on every core, through a whole short schedule, since steps become cheaper as splats shrink.
 Drawn: float RGBA by one renderer of all performers, p50 and p95, transforms made anew each frame,
 batch 1, no cache. Coded: the same and the room behind, to a packet of video, processor time a step.
 Served: a service and a headless Chromium's pages, each a viewer; see benchmarks/meeting.py.
@@ -8,6 +10,7 @@ Served: a service and a headless Chromium's pages, each a viewer; see benchmarks
 from __future__ import annotations
 
 import resource
+import tempfile
 import time
 from itertools import product
 from pathlib import Path
@@ -35,6 +38,7 @@ PERFORMERS = (1, 2, 4, 8)
 VIEWERS = ((1, 512), (3, 512), (1, 1024))
 """How many watch, and how many pixels a side."""
 _VIEWS, _WARM_UPS = 100, 10
+_TRAINING_FRAMES, _STEPS = 60, 1500
 _FRAMES_OF_ONE_SESSION = 10_000
 _BESIDE_M = 0.8
 _BITRATE = 2_500_000
@@ -43,6 +47,7 @@ _BITRATE = 2_500_000
 def run(json_file: Path | None) -> None:
     """Measure and report."""
     figures: dict[str, Any] = {"batch": 1, "threads": numba.get_num_threads()}
+    figures["trained"] = _training_step()
     figures["drawn"] = [
         _drawn(count, performers, size)
         for count, performers, size in product(COUNTS, PERFORMERS, SIZES)
@@ -51,6 +56,30 @@ def run(json_file: Path | None) -> None:
     figures["session"] = _long_session()
     figures["served"] = [_served(viewers, size) for viewers, size in VIEWERS]
     write_report(json_file, "serve", figures)
+
+
+def _training_step() -> dict[str, Any]:
+    """Time of a step of the preset `splats` on a studio performer, exact poses, one camera."""
+    from capture.store import open_sequence
+    from capture.studio import make_sequence
+    from renderer.splats.settings import SplatSettings
+    from renderer.splats.training import SplatTrainer
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "clip"
+        make_sequence(path, frames=_TRAINING_FRAMES, size=SIZES[0])
+        trainer = SplatTrainer(open_sequence(path), SplatSettings(), seed=0)
+    trainer.warm_up()
+    seconds, began = [], time.process_time()
+    for step in range(_STEPS):
+        started = time.perf_counter()
+        trainer.step(step / _STEPS)
+        seconds.append(time.perf_counter() - started)
+    spent_ms = 1e3 * (time.process_time() - began) / _STEPS
+    row = {"splats": len(trainer.parameters), "frames": _TRAINING_FRAMES, "size": SIZES[0],
+           "steps": _STEPS, **milliseconds(seconds), "cpu_ms": round(spent_ms, 2)}  # fmt: skip
+    print(row, flush=True)
+    return row
 
 
 def _drawn(count: int, performers: int, size: int) -> dict[str, Any]:

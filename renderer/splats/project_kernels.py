@@ -1,4 +1,4 @@
-"""Skin and project splats, and the chain rule back: pixels -> parameters and skinning transforms.
+"""Skin and project splats, and the chain rule back: pixels -> parameters.
 
 Letters: M = sum_k w_k T_k (3x4) blended transform, x rest position, p = R (M x) + t camera point,
 J perspective Jacobian (2x3), B = J R A Q S with A = M[:, :3], Q rotation, S scales; the covariance
@@ -199,7 +199,6 @@ def _chain_rule_range(
     stop: int,
     on_picture: Array,  # [N Q] float32: gradient by what was projected; last: contribution
     gradient: Array,  # [N P] float32, written
-    by_transform: Array,  # [K 3 4] float32, added to
 ) -> None:
     """`chain_rule` for splats [start, stop)."""
     blended = np.empty((3, 4), np.float32)
@@ -208,7 +207,7 @@ def _chain_rule_range(
     point = np.empty(3, np.float32)
     by_b, by_spread = np.empty((2, 3), np.float32), np.empty((3, 3), np.float32)
     by_q, by_point = np.empty((3, 3), np.float32), np.empty(3, np.float32)
-    by_linear, by_world = np.empty((3, 3), np.float32), np.empty(3, np.float32)
+    by_world = np.empty(3, np.float32)
     for i in range(start, stop):
         if boxes[i, 0] == EMPTY_BOX or on_picture[i, CONTRIBUTION] == 0.0:
             gradient[i, :] = 0.0
@@ -287,26 +286,6 @@ def _chain_rule_range(
             gradient[i, COLOUR + k] = on_picture[i, RED + k]
         through = _F(1.0) / (_F(1.0) + math.exp(parameters[i, OPACITY]))
         gradient[i, OPACITY] = on_picture[i, ALPHA] * alpha * through
-        # by A (3x3): R^T (dL/dspread) (Q S)^T
-        for r in range(3):
-            for k in range(3):
-                total = _F(0.0)
-                for m in range(3):
-                    qs = q[k, m] * math.exp(parameters[i, LOG_SCALE + m])
-                    total += qs * (
-                        camera[0, r] * by_spread[0, m]
-                        + camera[1, r] * by_spread[1, m]
-                        + camera[2, r] * by_spread[2, m]
-                    )
-                by_linear[r, k] = total + by_world[r] * parameters[i, POSITION + k]
-        for s in range(4):
-            share = weights[i, s]
-            if share == 0.0:
-                continue
-            for r in range(3):
-                for k in range(3):
-                    by_transform[joints[i, s], r, k] += share * by_linear[r, k]
-                by_transform[joints[i, s], r, 3] += share * by_world[r]
 
 
 @numba.njit(parallel=True, fastmath=True, nogil=True, cache=True)
@@ -319,16 +298,16 @@ def chain_rule(
     projected: Array,  # [N Q] float32
     boxes: Array,  # [N 4] int32
     on_picture: Array,  # [N Q] float32: gradient by what was projected; last: contribution
+    threads: int,
     gradient: Array,  # [N P] float32, written
-    by_transform: Array,  # [threads K 3 4] float32, added to
 ) -> None:
-    """Gradients of all splats by their parameters, and by the skinning transforms."""
-    threads, count = by_transform.shape[0], parameters.shape[0]
+    """Gradients of all splats by their parameters."""
+    count = parameters.shape[0]
     for thread in numba.prange(threads):
         _chain_rule_range(
             parameters, joints, weights, transforms, camera, projected, boxes,
             count * thread // threads, count * (thread + 1) // threads,
-            on_picture, gradient, by_transform[thread],
+            on_picture, gradient,
         )  # fmt: skip
 
 

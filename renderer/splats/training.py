@@ -100,9 +100,6 @@ class SplatTrainer:
         self._thread_gradients = np.zeros((threads, count, PROJECTED), np.float32)
         self._by_projected = np.zeros((count, PROJECTED), np.float32)
         self._by_parameter = np.zeros((count, PARAMETERS), np.float32)
-        self._by_transform = np.zeros(
-            (threads, len(sequence.body.skeleton.names), 3, 4), np.float32
-        )
         self._losses = np.zeros(threads)
         self._linear_from = (
             settings.linear_from if sequence.exact_poses else settings.uncertain_linear_from
@@ -141,10 +138,9 @@ class SplatTrainer:
             frame, self._dilation(fraction), self._rng.uniform(size=3).astype(np.float32)
         )
         view, work = self._views[frame], self._work
-        self._by_transform[:] = 0.0
         chain_rule(
             drawn, self._joints, self._weights, transforms, view.camera,
-            work.projected, work.boxes, self._by_projected, self._by_parameter, self._by_transform,
+            work.projected, work.boxes, self._by_projected, len(self._losses), self._by_parameter,
         )  # fmt: skip
         if self._light is not None:
             self._light.pull_albedo(self._by_parameter, self.parameters, shown)
