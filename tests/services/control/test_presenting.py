@@ -32,8 +32,9 @@ async def presented(page: Page, presenter: str | None, asks: str | None = None) 
     """Wait until the newest roster names these."""
 
     def fits() -> bool:
-        newest = [m for m in page.heard if m["type"] == "roster"][-1]
-        return (newest["presenter_id"], newest["presenter_asks_id"]) == (presenter, asks)
+        rosters = [m for m in page.heard if m["type"] == "roster"]
+        told = [(m["presenter_id"], m["presenter_asks_id"]) for m in rosters]
+        return told[-1:] == [(presenter, asks)]  # maybe none was heard yet
 
     await page._until(fits, f"{presenter} presenting, {asks} asking")
 
