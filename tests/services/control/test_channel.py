@@ -82,6 +82,7 @@ async def test_silence_means_away_and_longer_silence_gone(caller, timed, meeting
     bo = await join(caller, meeting["id"], "Bo", headers=header(timed, "neighbours"))
     async with ada, bo:
         await ada.roster(lambda who: set(who) == {"Ada", "Bo"} and who["Bo"]["present"])
+        await bo.hear("welcome")  # from here on, silence is counted
         for _ in range(2):
             clock.advance(seconds=SILENCE_S / 2 + 0.5)
             await ada.beat()
