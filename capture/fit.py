@@ -42,6 +42,7 @@ def fit_clip(
     model: BodyModel,
     *,
     focal_px: float | None = None,
+    height_m: float | None = None,
     lifter: Lifter = closed_form,
     images: Sequence[UInt8[Array, "H W 3"]] | None = None,
     on_progress: Callable[[float], None] = lambda _: None,
@@ -50,12 +51,14 @@ def fit_clip(
 ) -> Fit:
     """Fit `model` to one person's landmarks and masks over a clip (None: lost frames, bridged).
 
-    `focal_px` is in pixels of the masks; None estimates it about that of usual cameras. `lifter`
-    is what the landmarks' estimator is believed to mean by them, to start from. `images` are the
-    frames' pictures; without them nothing is known of motion but what landmarks say. `on_stage`
-    is shown what each of `STAGES` made of the clip, so that its worth can be measured. Raises
-    NoPersonFound for a clip without a person, CaptureStopped when asked to stop. The same input
-    gives the same result.
+    `focal_px` is in pixels of the masks; None estimates it about that of usual cameras. `height_m`
+    is the person's, barefoot; None guesses it, and with it how far away they are, which one camera
+    can't tell. `lifter` is what the landmarks' estimator is believed to mean by them, to start
+    from. `images` are the frames' pictures; without them nothing is known of motion but what
+    landmarks say. `on_stage` is shown what each of `STAGES` made of the clip, so that its worth can
+    be measured. The same input gives the same result.
+
+    Raises NoPersonFound for a clip without a person, CaptureStopped when asked to stop.
     """
     found = [index for index, person in enumerate(people) if person is not None]
     if not found:
@@ -67,6 +70,7 @@ def fit_clip(
         np.asarray(takes)[found],
         model,
         focal_px,
+        height_m,
         lifter,
         None if images is None else [images[index] for index in found],
     )

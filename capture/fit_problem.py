@@ -52,6 +52,8 @@ _HABIT_RAD, _HABIT_WEIGHT = 0.25, 0.05
 is once a clip, beside the frames' mean energy."""
 _SHAPE_WEIGHT = 0.1
 """Of the shape's prior, once a clip, beside the frames' mean energy."""
+_HEIGHT_DEVIATION_M = 0.003
+"""Of the height that somebody says they have."""
 _PLANTED_M_S = 0.2
 """Speed of a foot that stands, with what the noise of its pose adds."""
 _SWINGS = 3.0
@@ -124,6 +126,7 @@ class Problem:
         takes: Array,
         model: BodyModel,
         focal_px: float | None,
+        height_m: float | None,
         lifter: Lifter,
         images: Sequence[UInt8[Array, "H W 3"]] | None,
     ) -> None:
@@ -134,6 +137,7 @@ class Problem:
         self.width, self.height = self.silhouettes.width, self.silhouettes.height
         self.centre = torch.tensor([0.5 * self.width, 0.5 * self.height])
         self.focal_known = focal_px is not None
+        self.height_m = height_m
         self.focal0 = focal_px or USUAL_FOCAL * max(self.width, self.height)
         self.pixels, self.world, self.weights = landmark_arrays(people, self.width, self.height)
         self.lifted = self._lift(people, lifter)
@@ -161,6 +165,9 @@ class Problem:
         self.skin0 = tensor(model.rest_vertices[chosen])
         self.skin1 = tensor(model.vertex_directions[chosen])
         self.skin_weights = tensor(model.blend_weights[chosen])
+        ends = [model.rest_vertices[:, 1].argmax(), model.rest_vertices[:, 1].argmin()]
+        top_and_sole = model.rest_vertices[ends, 1], model.vertex_directions[ends, 1]
+        self.height0, self.height1 = (tensor(top - sole) for top, sole in top_and_sole)
         faces = model.body(np.zeros(model.shape_count)).faces
         assert faces is not None
         self.skin_normals = tensor(vertex_normals(model.rest_vertices, faces)[chosen])
@@ -184,11 +191,18 @@ class Problem:
         body[:, 0] = 0.0
         self.angles = body.requires_grad_()
         self.pelvis = torch.tensor(pelvis, dtype=torch.float32).requires_grad_()
-        self.shape = torch.zeros(self.model.shape_count, requires_grad=True)
+        self.shape = self._likely_shape().requires_grad_()
         self.log_focal = torch.zeros((), requires_grad=True)
         self.log_scale = torch.zeros((), requires_grad=True)
         self.habits = torch.zeros(JOINT_COUNT, 3, requires_grad=True)
         self.offsets = torch.zeros(len(LANDMARK_NAMES), 3, requires_grad=True)
+
+    def _likely_shape(self) -> Tensor:
+        """The likeliest shape of somebody of this height."""
+        if self.height_m is None:
+            return torch.zeros(self.model.shape_count)
+        spread = torch.tensor(_SHAPE_DEVIATION).square() * self.height1
+        return spread * (self.height_m - self.height0) / (spread @ self.height1)
 
     def doubted(self) -> Bool[Array, "F"]:
         """Frames whose outline lies far off the mask's, beside the others' of the clip."""
@@ -329,9 +343,12 @@ class Problem:
     def _once_a_clip(self) -> Tensor:
         shape = (self.shape / torch.tensor(_SHAPE_DEVIATION)).square().sum()
         offsets = (self.offsets / _OFFSET_DEVIATION_M).square().sum()
+        height = self.height0 + self.height1 @ self.shape
+        told = 0.0 if self.height_m is None else (height - self.height_m) / _HEIGHT_DEVIATION_M
         return (
             _HABIT_WEIGHT * (self.habits / _HABIT_RAD).square().sum()
             + _SHAPE_WEIGHT * shape
+            + 0.5 * told**2
             + 0.1 * offsets
             + 0.5 * (self.log_focal / _FOCAL_DEVIATION).square()
         )

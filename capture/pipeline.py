@@ -47,6 +47,8 @@ SIZE_PX = 512
 """Longest side of the stored frames."""
 MIN_FRAMES = 8
 """Fewer frames with the person say too little about a body."""
+HEIGHTS_M = (0.5, 2.5)
+"""How tall people are believed to be."""
 MIN_FOUND = 0.25
 """Share of the sampled frames in which the person must be found."""
 _CROP_MARGIN = 0.06
@@ -83,6 +85,7 @@ def capture_clip(
     max_frames: int = MAX_FRAMES,
     size: int = SIZE_PX,
     focal_px: float | None = None,
+    height_m: float | None = None,
     overlay: Path | None = None,
     on_progress: Progress = lambda *_: None,
     on_fit: Callable[[str, Fit], None] = lambda *_: None,
@@ -102,6 +105,8 @@ def capture_clip(
         max_frames: frames used, spread evenly over the clip.
         size: longest side of the stored frames, px; never enlarged.
         focal_px: focal length of the clip's own pixels where known; else it is estimated.
+        height_m: how tall the person is, barefoot, where known; else it is guessed, and with it
+            how far away they stand: one camera can't tell.
         overlay: where to write a video (.mp4) of the clip, whole pictures, with all that was found.
         on_progress: called with the share done and what is being done.
         on_fit: called with each stage of the fit and what it made of the clip (`fit.STAGES`).
@@ -116,6 +121,8 @@ def capture_clip(
         raise InvalidInput(
             f"overlay must be an .mp4 file in a folder that exists; got {overlay}; rename it"
         )
+    if height_m is not None:
+        require_height(height_m)
     stages = _Stages(on_progress, should_stop, on_fit)
     read = read_frames if path.is_dir() or _is_zip(path) else read_video
     clip = read(
@@ -139,11 +146,22 @@ def capture_clip(
     model = load_body_model() if body_model is None else body_model
     expressions = _expressions(clip, track, face_model, hand_model, stages)
     seen, quality = _capture(
-        clip, track, expressions, lifter, model, out, person, path.name, size, focal_px, stages
-    )
+        clip, track, expressions, lifter, model, out, person, path.name, size, focal_px, height_m,
+        stages,
+    )  # fmt: skip
     if overlay is not None:
         write_video(_overlays(seen), overlay, clip.frames_per_second)
     return quality
+
+
+def require_height(height_m: float) -> None:
+    """Raise InvalidInput where nobody is as tall."""
+    low, high = HEIGHTS_M
+    if not low <= height_m <= high:
+        raise InvalidInput(
+            f"height_m must be metres between {low:g} and {high:g}; got {height_m:g}; leave it out "
+            "where it is not known"
+        )
 
 
 def capture_video(path: Path, out: Path, *, person: str, **options) -> CaptureQuality:
@@ -228,6 +246,7 @@ def _capture(
     source: str,
     size: int,
     focal_px: float | None,
+    height_m: float | None,
     stages: _Stages,
 ) -> tuple[Seen, CaptureQuality]:
     report = stages.part(0.3, 0.38, "cutting out the person")
@@ -241,6 +260,7 @@ def _capture(
         track.takes,
         model,
         focal_px=None if focal_px is None else focal_px * scale,
+        height_m=height_m,
         lifter=lifter,
         images=clip.images,
         on_progress=stages.part(0.38, 0.92, "fitting the body"),

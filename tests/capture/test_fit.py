@@ -70,6 +70,21 @@ def test_joints_are_found_in_place(fit, motion):
     assert np.linalg.norm(rooted, axis=-1)[:, :22].mean() < 0.03
 
 
+def test_who_tells_their_height_is_fitted_as_tall_and_as_far_away(motion):
+    truth = body().rest_vertices
+    assert truth is not None
+    for tall in (1.0, 1.05):  # the same pictures would show somebody taller further away
+        height_m = tall * float(np.ptp(truth[:, 1]))
+        told = _fit(list(_people(motion)), motion, focal_px=camera().focal_px, height_m=height_m)
+        vertices = load_body_model().body(told.shape).rest_vertices
+        assert vertices is not None
+        assert np.ptp(vertices[:, 1]) == pytest.approx(height_m, abs=0.004)
+        away = np.linalg.norm(told.pelvis, axis=-1) / np.linalg.norm(
+            _in_camera(motion)[:, 0], axis=-1
+        )
+        assert np.median(away) == pytest.approx(tall, rel=0.02)
+
+
 def test_landmarks_are_explained(fit):
     assert np.nanmean(fit.landmark_error_px) < 1.0
     assert fit.focal_px == pytest.approx(camera().focal_px)
@@ -104,7 +119,7 @@ def test_poses_that_the_outline_contradicts_are_taken_from_their_neighbours(moti
     takes = np.array([0, 0, 0, 0, 0, 1, 1, 1])
     problem = Problem(
         people, [p.mask for p in people], motion.times_s, takes, load_body_model(),
-        camera().focal_px, closed_form, None,
+        camera().focal_px, None, closed_form, None,
     )  # fmt: skip
     assert not problem.doubted().any()
     with torch.no_grad():
