@@ -17,13 +17,14 @@ import torch
 import torch.nn.functional as nnf
 
 from capture.fit_terms import very_robust
+from capture.masks import window_of
 from scene.arrays import Array, Bool, Float, Int, Tensor, UInt8
 
 STRIDES = (1, 3)
 """Frames between the two pictures of a pair: near ones move little, far ones drift less."""
 _SIDE_PX = 448
 """Longest side of the window, that holds the person in all frames, in which flow is found."""
-_MARGIN = 0.05
+_SOLID, _MARGIN = 0.5, 0.05
 _BEHIND = 128.0
 """Grey level in place of the room, which stands still."""
 _GRID_PX = 8
@@ -173,16 +174,9 @@ def flow_energy(aims: Aims, pixels: Float[Tensor, "F V 2"], deviation_px: float)
     return total / max(len(aims.moved), 1)
 
 
-def _window(masks: Sequence[Array | None]) -> Window:
-    ever = np.max([mask > 0.5 for mask in masks if mask is not None], axis=0)
-    height, width = ever.shape
-    rows, columns = np.flatnonzero(ever.any(axis=1)), np.flatnonzero(ever.any(axis=0))
-    if not len(rows):
-        rows, columns = np.arange(height), np.arange(width)
-    margin = int(_MARGIN * max(len(rows), len(columns))) + 1
-    x, y = max(0, int(columns[0]) - margin), max(0, int(rows[0]) - margin)
-    wide = min(width, int(columns[-1]) + 1 + margin) - x
-    high = min(height, int(rows[-1]) + 1 + margin) - y
+def _window(masks: Sequence[Float[Array, "H W"] | None]) -> Window:
+    height, width = next(mask.shape for mask in masks if mask is not None)
+    x, y, wide, high = window_of(masks, _SOLID, _MARGIN) or (0, 0, width, height)
     return Window(x, y, wide, high, min(1.0, _SIDE_PX / max(wide, high)))
 
 

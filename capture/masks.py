@@ -10,6 +10,7 @@ furniture) is dropped. At last neighbouring frames agree on what did not move be
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import cv2
@@ -80,6 +81,24 @@ def steady_masks(
         others = [(images[i], other) for i in near if (other := masks[i]) is not None]
         steady.append(None if mask is None else _agreed(images[index], mask, others))
     return steady
+
+
+def window_of(
+    masks: Sequence[Float[Array, "H W"] | None], above: float, margin_share: float
+) -> tuple[int, int, int, int] | None:
+    """x, y, width, height, px, of what holds all masks where they are `above`, with a margin.
+
+    `margin_share` is of the person's longer side. None where nobody is anywhere.
+    """
+    ever = np.max([mask > above for mask in masks if mask is not None], axis=0)
+    rows, columns = np.flatnonzero(ever.any(axis=1)), np.flatnonzero(ever.any(axis=0))
+    if not len(rows):
+        return None
+    margin = math.ceil(margin_share * max(len(rows), len(columns)))
+    x, y = max(0, int(columns[0]) - margin), max(0, int(rows[0]) - margin)
+    height, width = ever.shape
+    right, below = int(columns[-1]) + 1 + margin, int(rows[-1]) + 1 + margin
+    return x, y, min(width, right) - x, min(height, below) - y
 
 
 def occupied(person: Landmarks) -> UInt8[Array, "H W"]:

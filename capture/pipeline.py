@@ -28,7 +28,7 @@ from capture.fit_world import Placed, place_in_world
 from capture.foreground import premultiplied
 from capture.landmarks import MediaPipeEstimator, PoseEstimator
 from capture.lifter import Lifter, closed_form, lift
-from capture.masks import occupied, refine_mask, steady_masks
+from capture.masks import occupied, refine_mask, steady_masks, window_of
 from capture.overlay import draw_overlay, write_video
 from capture.pose_model import ModelSource, landmark_model_file
 from capture.quality import CaptureQuality, Seen, judge
@@ -51,7 +51,7 @@ HEIGHTS_M = (0.5, 2.5)
 """How tall people are believed to be."""
 MIN_FOUND = 0.25
 """Share of the sampled frames in which the person must be found."""
-_CROP_MARGIN = 0.06
+_FAINT, _CROP_MARGIN = 0.1, 0.06
 _ZIP_MAGIC = b"PK"
 
 Progress = Callable[[float, str], None]
@@ -307,7 +307,13 @@ def _stored_frames(
     """The frames in which the person was found, cropped around them all and made smaller."""
     height, width = clip.images[0].shape[:2]
     kept = np.flatnonzero(track.found)
-    x, y, w, h = _crop([masks[i] for i in kept], width, height)
+    window = window_of(masks, _FAINT, _CROP_MARGIN)
+    if window is None:
+        raise NoPersonFound(
+            "the person's mask must not be empty; got nothing in any frame; film against a plain, "
+            "well lit background"
+        )
+    x, y, w, h = window
     scale = min(1.0, size / max(w, h))
     target = (max(1, round(w * scale)), max(1, round(h * scale)))
 
@@ -337,21 +343,6 @@ def _stored_frames(
         track.takes[-1] + 1,
         placed.legs_seen,
     )
-
-
-def _crop(masks: list[Array], width: int, height: int) -> tuple[int, int, int, int]:
-    """x, y, width, height of the window that holds the person in all frames."""
-    ever = np.max([mask > 0.1 for mask in masks], axis=0)
-    rows, columns = np.flatnonzero(ever.any(axis=1)), np.flatnonzero(ever.any(axis=0))
-    if not len(rows):
-        raise NoPersonFound(
-            "the person's mask must not be empty; got nothing in any frame; film against a plain, "
-            "well lit background"
-        )
-    margin = int(np.ceil(_CROP_MARGIN * max(len(rows), len(columns))))
-    x0, y0 = max(0, int(columns[0]) - margin), max(0, int(rows[0]) - margin)
-    x1, y1 = min(width, int(columns[-1]) + 1 + margin), min(height, int(rows[-1]) + 1 + margin)
-    return x0, y0, x1 - x0, y1 - y0
 
 
 def _frames(seen: Seen, report: Callable[[float], None]) -> Iterator[Frame]:

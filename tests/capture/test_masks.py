@@ -17,6 +17,7 @@ from capture.masks import (
     occupied,
     refine_mask,
     steady_masks,
+    window_of,
 )
 from tests.capture.people import body, camera, picture, seen_by, standing
 
@@ -140,3 +141,13 @@ def test_bones_reach_the_toes(person):
     x, y = person.pixels[31].astype(int)  # the left foot
     assert drawn[y - 1 : y + 2, x - 1 : x + 2].any()
     assert not draw_bones(replace(person, visibility=np.zeros(33)), (64, 64), 3).any()
+
+
+def test_a_window_holds_the_person_of_all_frames_and_a_margin_inside_the_picture():
+    masks = [np.zeros((60, 80), np.float32), None, np.zeros((60, 80), np.float32)]
+    masks[0][20:40, 30:34] = masks[2][21:41, 40:44] = 1.0
+    masks[2][50, 70] = 0.2
+    assert window_of(masks, 0.5, 0.1) == (27, 17, 20, 27)  # 21 rows: a margin of 3
+    assert window_of(masks, 0.1, 0.1) == (27, 17, 47, 37)
+    assert window_of(masks, 0.5, 2.0) == (0, 0, 80, 60)
+    assert window_of(masks, 1.0, 0.1) is None
