@@ -15,7 +15,7 @@ from scene.camera import Camera
 from scene.errors import InvalidInput
 from scene.motion import Motion, Pose
 from scene.skeleton import Skeleton
-from services.api.shapes import NewView, Orbit, ViewCamera, ViewPose
+from services.api.view_shapes import NewView, Orbit, ViewCamera, ViewPose
 from services.person_view import person_camera
 
 _ENCODERS = {

@@ -12,6 +12,7 @@ from db.models import ModelRow
 from db.repositories import UnitOfWork
 from services.access import model_of, sequence_of
 from services.api import shapes
+from services.api.view_shapes import NewView
 from services.auth import GUEST, Joiner, Principal, Reader
 from services.container import Provided, Services
 from services.motions import motion_of
@@ -88,7 +89,7 @@ def read_file(
     response_class=Response,
     responses={200: {"content": {kind: {} for kind in MEDIA_TYPES.values()}}},
 )
-def make_view(model_id: str, body: shapes.NewView, services: Provided, caller: Reader) -> Response:
+def make_view(model_id: str, body: NewView, services: Provided, caller: Reader) -> Response:
     """A picture of the person, from any side, at any moment of a motion or in any pose."""
     longest = services.settings.max_view_px
     if max(body.width, body.height) > longest:

@@ -10,7 +10,7 @@ from renderer.splats.model import SplatModel
 from scene import Motion, Pose
 from scene.camera import Camera
 from scene.rotations import axis_angle_to_matrix
-from services.api.shapes import NewView, Orbit, ViewCamera, ViewPose
+from services.api.view_shapes import NewView, Orbit, ViewCamera, ViewPose
 from services.person_view import person_camera
 from services.video import camera_path, over_backdrop
 from services.views import render_view, view_camera
