@@ -30,7 +30,7 @@ from capture.landmarks import MediaPipeEstimator, PoseEstimator
 from capture.lifter import Lifter, closed_form, lift
 from capture.masks import occupied, refine_mask, steady_masks, window_of
 from capture.overlay import draw_overlay, write_video
-from capture.pose_model import ModelSource, landmark_model_file
+from capture.pose_model import ModelSource, landmark_model_file, require_given
 from capture.quality import CaptureQuality, Seen, judge
 from capture.store import write_sequence
 from capture.tracking import Track, follow
@@ -97,7 +97,7 @@ def capture_clip(
         person: name stored with the sequence.
         pose_model: where MediaPipe's model file is; not needed with an `estimator` of one's own.
         face_model, hand_model: where the models are that tell what face and hands do; without one,
-            or where it can't be had, these stay at rest.
+            or where it can't be fetched, these stay at rest.
         estimator: finds landmarks and masks instead of MediaPipe.
         lifter: what an `estimator`'s landmarks mean; by default its 3D landmarks are believed as
             they are. What is known of MediaPipe's errors is put right by `capture.lifter.lift`.
@@ -121,6 +121,7 @@ def capture_clip(
         raise InvalidInput(
             f"overlay must be an .mp4 file in a folder that exists; got {overlay}; rename it"
         )
+    require_given(pose_model, face_model, hand_model)
     if height_m is not None:
         require_height(height_m)
     stages = _Stages(on_progress, should_stop, on_fit)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import http.client
 import os
 import tempfile
-import urllib.error
 import urllib.request
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +14,8 @@ from pathlib import Path
 from capture.errors import PoseModelMissing
 
 _PUBLISHED = "https://storage.googleapis.com/mediapipe-models"
+_PATIENCE_WITHOUT_S = 5.0
+"""For models that captures do without: offline, each capture waits for each of them."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,8 @@ class LandmarkModel:
     """Where its maker publishes it."""
     known_sha256: Mapping[str, str]
     """Files that are known to be good, and what they are; others are accepted by their hash."""
+    patience_s: float = 30.0
+    """How long a server may stay silent while the file is fetched."""
 
     @property
     def setting(self) -> str:
@@ -51,14 +55,15 @@ FACE_MODEL = LandmarkModel(
     "face",
     f"{_PUBLISHED}/face_landmarker/face_landmarker/float16/1/face_landmarker.task",
     {"64184e229b263107bc2b804c6625db1341ff2bb731874b0bcc2fe6544e0bc9ff": "published, version 1"},
+    _PATIENCE_WITHOUT_S,
 )
 HAND_MODEL = LandmarkModel(
     "hand",
     f"{_PUBLISHED}/hand_landmarker/hand_landmarker/float16/1/hand_landmarker.task",
     {"fbc2a30080c3c557093b5ddfc334698132eb341044ccee322ccf8bcf3607cde1": "published, version 1"},
+    _PATIENCE_WITHOUT_S,
 )
 MAX_BYTES = 200 * 2**20
-_TIMEOUT_S = 30.0
 _BLOCK = 1 << 20
 
 
@@ -84,23 +89,43 @@ def landmark_model_file(source: ModelSource | Path) -> Path:
     """
     if isinstance(source, Path):
         source = ModelSource(source)
-    model = source.model
     if source.path is not None:
-        if not source.path.is_file():
-            raise PoseModelMissing(
-                f"the {model.name} model must be a file; got {source.path}; set {model.setting} to "
-                f"a {model.file_name}, or unset it to have it fetched"
-            )
-        if source.sha256 is not None:
-            _require_hash(_sha256(source.path), source, str(source.path))
+        _require_file(source, source.path)
         return source.path
-    address = source.address or model.address
+    address = source.address or source.model.address
     kept = source.folder / address.rsplit("/", 1)[-1]
     if kept.is_file():
         if _accepted(_sha256(kept), source):
             return kept
         kept.unlink()
     return _fetch(source, address, kept)
+
+
+def require_given(
+    pose: ModelSource | Path | None,
+    face: ModelSource | Path | None,
+    hand: ModelSource | Path | None,
+) -> None:
+    """Raise PoseModelMissing where a path is given that is not that of its model's file.
+
+    Nothing is fetched: what must be, is not looked at.
+    """
+    for model, source in ((POSE_MODEL, pose), (FACE_MODEL, face), (HAND_MODEL, hand)):
+        if isinstance(source, Path):
+            source = ModelSource(source, model=model)
+        if source is not None and source.path is not None:
+            _require_file(source, source.path)
+
+
+def _require_file(source: ModelSource, path: Path) -> None:
+    model = source.model
+    if not path.is_file():
+        raise PoseModelMissing(
+            f"the {model.name} model must be a file; got {path}; set {model.setting} to "
+            f"a {model.file_name}, or unset it to have it fetched"
+        )
+    if source.sha256 is not None:
+        _require_hash(_sha256(path), source, str(path))
 
 
 def _fetch(source: ModelSource, address: str, kept: Path) -> Path:
@@ -112,7 +137,7 @@ def _fetch(source: ModelSource, address: str, kept: Path) -> Path:
             digest = _download(model, address, file)
         _require_hash(digest, source, address)
         arriving.replace(kept)
-    except (urllib.error.URLError, OSError, ValueError) as error:
+    except (OSError, ValueError, http.client.HTTPException) as error:
         if isinstance(error, PoseModelMissing):
             raise
         raise PoseModelMissing(
@@ -126,7 +151,7 @@ def _fetch(source: ModelSource, address: str, kept: Path) -> Path:
 
 def _download(model: LandmarkModel, address: str, file) -> str:
     digest, size = hashlib.sha256(), 0
-    with urllib.request.urlopen(address, timeout=_TIMEOUT_S) as response:
+    with urllib.request.urlopen(address, timeout=model.patience_s) as response:
         while block := response.read(_BLOCK):
             size += len(block)
             if size > MAX_BYTES:

@@ -15,7 +15,7 @@ import numpy as np
 from capture.errors import CaptureStopped, UnreadableClip
 from capture.overlay import write_video
 from capture.pipeline import capture_video
-from capture.pose_model import ModelSource
+from capture.pose_model import ModelSource, require_given
 from capture.quality import CaptureQuality
 from scene.arrays import Array
 
@@ -68,6 +68,8 @@ def capture_webcam(
     **options: Any,
 ) -> CaptureQuality:
     """Film with webcam `index`, then capture the clip; see `capture_video` for `options`."""
+    # told now: what was filmed would be lost
+    require_given(pose_model, options.get("face_model"), options.get("hand_model"))
     with tempfile.TemporaryDirectory(prefix="metanerf-webcam-") as folder:
         stop = options.get("should_stop", lambda: False)
         clip = record_webcam(index, seconds, stop, folder=Path(folder))

@@ -7,10 +7,13 @@ own hashes decide whether they are the ones.
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 import tempfile
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -38,6 +41,13 @@ def face_model() -> Path:
 def hand_model() -> Path:
     """The hand landmarker, or skip the test that asks for it."""
     return _model(HAND_MODEL)
+
+
+@contextmanager
+def silent_server() -> Iterator[str]:
+    """The address of a server that takes calls and never answers."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        yield f"http://127.0.0.1:{listening.getsockname()[1]}"
 
 
 def _model(model: LandmarkModel) -> Path:

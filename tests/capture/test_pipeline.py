@@ -17,6 +17,7 @@ from capture.errors import (
 from capture.expressions import FACE_NUMBERS
 from capture.overlay import project_surface, write_video
 from capture.pipeline import capture_clip, capture_frames, capture_video
+from capture.pose_model import HAND_MODEL, ModelSource
 from capture.store import open_sequence, read_quality
 from capture.video import read_video
 from scene.errors import InvalidInput
@@ -29,7 +30,7 @@ from tests.capture.people import (
     seen_by,
     standing,
 )
-from tests.landmark_models import face_model
+from tests.landmark_models import face_model, silent_server
 from tests.shared_data import shared_data
 
 FRAMES = 10
@@ -198,6 +199,12 @@ def test_wrong_doors_are_named(zipped, tmp_path):
         capture_clip(zipped, tmp_path / "out", person="p")
     with pytest.raises(PoseModelMissing, match="set METANERF_POSE_MODEL"):
         capture_clip(zipped, tmp_path / "out", person="p", pose_model=tmp_path / "absent.task")
+    with pytest.raises(PoseModelMissing, match="set METANERF_FACE_MODEL"):
+        capture_clip(
+            zipped, tmp_path / "out", person="p", pose_model=shared_data(MODEL),
+            face_model=tmp_path / "absent.task",
+        )  # fmt: skip
+    assert _nothing_left(tmp_path)
 
 
 def test_a_real_clip_with_others_behind_becomes_a_sequence(tmp_path):
@@ -222,10 +229,12 @@ def test_a_real_clip_with_others_behind_becomes_a_sequence(tmp_path):
 
 def test_an_upper_body_is_captured_standing(tmp_path):
     clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
-    quality = capture_video(
-        clip, tmp_path / "out", person="p", pose_model=shared_data(MODEL), max_frames=10,
-        face_model=face_model(), hand_model=tmp_path / "absent.task",
-    )  # fmt: skip
+    with silent_server() as address:
+        hands = ModelSource(address=f"{address}/m.task", folder=tmp_path / "kept", model=HAND_MODEL)
+        quality = capture_video(
+            clip, tmp_path / "out", person="p", pose_model=shared_data(MODEL), max_frames=10,
+            face_model=face_model(), hand_model=hands,
+        )  # fmt: skip
     assert not quality.legs_seen
     assert any("upper body" in line for line in quality.advice)
     assert quality.mask_overlap > 0.8
@@ -235,6 +244,6 @@ def test_an_upper_body_is_captured_standing(tmp_path):
     )[..., :3, 3]
     assert joints[:, 15, 1].min() > 1.35  # the head is up
     assert joints[:, [7, 8], 1].max() < 0.25  # the feet are down
-    # her lids move; of her hands nobody could tell
+    # her lids move; the model that tells of hands could not be had
     assert sequence.motion.expressions[:, :FACE_NUMBERS].any()
     assert not sequence.motion.expressions[:, FACE_NUMBERS:].any()

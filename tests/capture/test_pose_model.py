@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import hashlib
+import socket
 import threading
+import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
 from capture.errors import PoseModelMissing
 from capture.landmarks import MediaPipeEstimator
-from capture.pose_model import FACE_MODEL, POSE_MODEL, ModelSource, landmark_model_file
+from capture.pose_model import (
+    FACE_MODEL,
+    HAND_MODEL,
+    POSE_MODEL,
+    ModelSource,
+    landmark_model_file,
+    require_given,
+)
+from tests.landmark_models import silent_server
 from tests.shared_data import shared_data
 
 BODY = b"a model" * 1000
@@ -81,6 +91,47 @@ def test_no_network_says_what_to_do(tmp_path):
     source = ModelSource(address="http://127.0.0.1:9/model.task", folder=tmp_path)
     with pytest.raises(PoseModelMissing, match="set METANERF_POSE_MODEL to the file"):
         landmark_model_file(source)
+
+
+@pytest.mark.parametrize("model", [FACE_MODEL, HAND_MODEL])
+def test_nobody_waits_long_for_a_model_that_captures_do_without(tmp_path, model):
+    with silent_server() as address:
+        source = ModelSource(address=f"{address}/model.task", folder=tmp_path, model=model)
+        begun = time.monotonic()
+        with pytest.raises(PoseModelMissing, match=f"{model.name} model must be fetched .* timed"):
+            landmark_model_file(source)
+    assert time.monotonic() - begun < 8.0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_server_of_something_else_is_told(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def greet():
+            caller, _ = listening.accept()
+            with caller:
+                caller.recv(1024)
+                caller.sendall(b"220 mail.example ready\r\n")
+
+        thread = threading.Thread(target=greet)
+        thread.start()
+        address = f"http://127.0.0.1:{listening.getsockname()[1]}/model.task"
+        with pytest.raises(PoseModelMissing, match=r"fetched once .* 220 mail"):
+            landmark_model_file(ModelSource(address=address, folder=tmp_path))
+        thread.join()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_only_a_path_that_was_given_must_be_there(tmp_path):
+    to_fetch = ModelSource(address="http://127.0.0.1:9/model.task", folder=tmp_path)
+    own = tmp_path / "own.task"
+    own.write_bytes(BODY)
+    require_given(to_fetch, None, own)
+    with pytest.raises(PoseModelMissing, match=r"hand model .*; set METANERF_HAND_MODEL to a hand"):
+        require_given(own, own, tmp_path / "absent.task")
+    other = ModelSource(own, sha256="00", model=FACE_MODEL)
+    with pytest.raises(PoseModelMissing, match="face model's sha256 must be 00"):
+        require_given(own, other, own)
 
 
 def test_messages_tell_of_the_model_that_is_meant(tmp_path):

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import capture.webcam
-from capture.errors import CaptureStopped, UnreadableClip
+from capture.errors import CaptureStopped, PoseModelMissing, UnreadableClip
 from capture.overlay import write_video
+from capture.pose_model import ModelSource
 from capture.video import read_video
 from capture.webcam import capture_webcam, record_webcam
 
@@ -59,5 +60,11 @@ def test_stopping_before_the_first_picture_is_a_stop(device, tmp_path):
 
 def test_no_webcam_is_told_with_its_number(tmp_path):
     with pytest.raises(UnreadableClip, match="webcam 63 must be one that can be opened"):
-        capture_webcam(63, tmp_path / "out", person="p", pose_model=tmp_path / "m.task")
+        capture_webcam(63, tmp_path / "out", person="p", pose_model=ModelSource())
     assert not (tmp_path / "out").exists()
+
+
+def test_a_model_that_is_not_where_it_was_said_is_told_before_anybody_films(tmp_path):
+    given = {"pose_model": ModelSource(), "face_model": tmp_path / "absent.task"}
+    with pytest.raises(PoseModelMissing, match=r"face model must be a file; got .*absent"):
+        capture_webcam(63, tmp_path / "out", person="p", **given)
