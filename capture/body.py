@@ -16,12 +16,14 @@ import numpy as np
 
 from scene.arrays import Array, Float, Int
 from scene.body import Body
-from scene.errors import require_shape
+from scene.errors import InvalidInput, require_shape
 from scene.skeleton import Skeleton
 
 ASSET = Path(__file__).parent / "assets" / "body.npz"
 SHAPE_NAMES = ("height", "weight", "gender", "muscle", "proportions")
 """What the shape numbers change, in the order of `BodyModel.body`'s argument."""
+HEIGHTS_M = (0.5, 2.5)
+"""How tall people are believed to be."""
 MOUTH, TONGUE, EYES = 1, 2, (3, 4)
 """Parts of the surface that a face at rest hides, eyes left and right; 0 is skin."""
 
@@ -99,6 +101,16 @@ class LinearBodyModel:
             self.faces,
             self.blend_weights,
             None if expressions is None else scale * expressions,
+        )
+
+
+def require_height(height_m: float) -> None:
+    """Raise InvalidInput where nobody is as tall."""
+    low, high = HEIGHTS_M
+    if not low <= height_m <= high:
+        raise InvalidInput(
+            f"height_m must be metres between {low:g} and {high:g}; got {height_m:g}; leave it out "
+            "where it is not known"
         )
 
 

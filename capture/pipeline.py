@@ -14,7 +14,7 @@ import numpy as np
 from capture.archive import read_frames
 from capture.backdrop import FRAMES as BACKDROP_FRAMES
 from capture.backdrop import learn_backdrop
-from capture.body import BodyModel, load_body_model
+from capture.body import BodyModel, load_body_model, require_height
 from capture.errors import (
     BrokenSequence,
     CaptureStopped,
@@ -47,8 +47,6 @@ SIZE_PX = 512
 """Longest side of the stored frames."""
 MIN_FRAMES = 8
 """Fewer frames with the person say too little about a body."""
-HEIGHTS_M = (0.5, 2.5)
-"""How tall people are believed to be."""
 MIN_FOUND = 0.25
 """Share of the sampled frames in which the person must be found."""
 _FAINT, _CROP_MARGIN = 0.1, 0.06
@@ -153,16 +151,6 @@ def capture_clip(
     if overlay is not None:
         write_video(_overlays(seen), overlay, clip.frames_per_second)
     return quality
-
-
-def require_height(height_m: float) -> None:
-    """Raise InvalidInput where nobody is as tall."""
-    low, high = HEIGHTS_M
-    if not low <= height_m <= high:
-        raise InvalidInput(
-            f"height_m must be metres between {low:g} and {high:g}; got {height_m:g}; leave it out "
-            "where it is not known"
-        )
 
 
 def capture_video(path: Path, out: Path, *, person: str, **options) -> CaptureQuality:

@@ -34,6 +34,7 @@ def upload(
     person: str,
     token: str | None = None,
     *,
+    height_m: float | None = None,
     on_progress: Callable[[float, str], None] = lambda done, message: None,
     should_stop: Callable[[], bool] = lambda: False,
     transport: httpx.BaseTransport | None = None,
@@ -42,8 +43,9 @@ def upload(
     """Upload `source` as a clip of `person`; returns the service's sequence.
 
     A folder with images (a sequence) travels as a zip of its frames. `person` is an id, or the name
-    of a person who is made if there is none. Raises UploadFailed with what the service said, and
-    CaptureStopped; both leave what has come, and the same call goes on from there.
+    of a person who is made if there is none; `height_m`, barefoot, is told as they are made. Raises
+    UploadFailed with what the service said, and CaptureStopped; both leave what has come, and the
+    same call goes on from there.
     """
     headers = {"Authorization": f"Bearer {token}"} if token else {}
     with (
@@ -53,8 +55,8 @@ def upload(
         if token is None:
             client.headers["Authorization"] = f"Bearer {_ask(client, 'POST', '/v1/guest')['token']}"
         file = _zipped(source, Path(folder)) if source.is_dir() else source
-        known = _known_person(client, person)
-        person_id = known or _ask(client, "POST", "/v1/people", json={"name": person})["id"]
+        known = _known_person(client, person, height_m)
+        person_id = known or _new_person(client, person, height_m)
         try:
             begun = _begin(client, file, person_id)
             if "sequence" in begun:
@@ -121,12 +123,24 @@ def _offset(client: httpx.Client, path: str, known: int) -> int:
     return int(answer.headers.get("Upload-Offset", known)) if answer.is_success else known
 
 
-def _known_person(client: httpx.Client, person: str) -> str | None:
+def _known_person(client: httpx.Client, person: str, height_m: float | None) -> str | None:
     people = _ask(client, "GET", "/v1/people")["items"]
     for one in people:
         if person in (one["id"], one["name"]):
+            if height_m not in (None, one["height_m"]):
+                has = "not known" if one["height_m"] is None else f"{one['height_m']:g} m"
+                raise UploadFailed(
+                    "height_m must be told of somebody new, or be what they told before; got "
+                    f"{height_m:g} for {one['name']}, whose height is {has}; leave it out, or name "
+                    "somebody else"
+                )
             return one["id"]
     return None
+
+
+def _new_person(client: httpx.Client, name: str, height_m: float | None) -> str:
+    about = {"name": name} if height_m is None else {"name": name, "height_m": height_m}
+    return _ask(client, "POST", "/v1/people", json=about)["id"]
 
 
 def _ask(client: httpx.Client, method: str, path: str, **options: Any) -> dict[str, Any]:

@@ -20,3 +20,5 @@ class PersonRow(Base):
     """Whose person this is: the subject of the token that made it."""
     name: Mapped[str] = mapped_column(String(120))
     created_at: Mapped[datetime]
+    height_m: Mapped[float | None]
+    """Barefoot, as they told it; None is guessed from each clip."""

@@ -172,6 +172,8 @@ export interface ListedPerson {
   id: string;
   name: string;
   created_at: string;
+  /** Barefoot, as they told it. */
+  height_m: number | null;
   /** Whether they are the token's account's, to change and erase. */
   mine: boolean;
 }
@@ -283,6 +285,8 @@ export interface NewPerformer {
 /** Somebody to enrol. */
 export interface NewPerson {
   name: string;
+  /** Barefoot; empty: guessed from each clip, and with it their size. */
+  height_m?: number | null;
 }
 
 /** A file that will come in pieces. */
@@ -368,6 +372,8 @@ export interface Person {
   id: string;
   name: string;
   created_at: string;
+  /** Barefoot, as they told it. */
+  height_m: number | null;
 }
 
 /** A person with all that was made of theirs. */
@@ -375,6 +381,8 @@ export interface PersonInFull {
   id: string;
   name: string;
   created_at: string;
+  /** Barefoot, as they told it. */
+  height_m: number | null;
   sequences: Sequence[];
   models: Model[];
 }

@@ -22,7 +22,13 @@ router = APIRouter(prefix="/v1/people", tags=["people"], responses=PROBLEMS)
 def add_person(body: shapes.NewPerson, services: Provided, caller: Writer) -> shapes.Person:
     """A person to whom clips and models will belong."""
     now = services.clock()
-    person = PersonRow(id=new_id(), account=caller.account, name=body.name, created_at=now)
+    person = PersonRow(
+        id=new_id(),
+        account=caller.account,
+        name=body.name,
+        created_at=now,
+        height_m=body.height_m,
+    )
     with services.unit_of_work() as unit:
         unit.people.add(person)
         unit.flush()
@@ -67,9 +73,7 @@ def read_person(person_id: str, services: Provided, caller: Reader) -> shapes.Pe
         ]
         models = [shapes.Model.of(row) for row in unit.models.of_person(person_id)]
     return shapes.PersonInFull(
-        id=person.id,
-        name=person.name,
-        created_at=person.created_at,
+        **dict(shapes.Person.of(person)),
         sequences=sequences,
         models=models,
     )

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
+from capture.body import HEIGHTS_M
 from db.models import (
     JobKind,
     JobRow,
@@ -37,6 +38,13 @@ class NewPerson(Body):
     """Somebody to enrol."""
 
     name: Name = Field(examples=["Ada"])
+    height_m: float | None = Field(
+        default=None,
+        ge=HEIGHTS_M[0],
+        le=HEIGHTS_M[1],
+        description="Barefoot; empty: guessed from each clip, and with it their size.",
+        examples=[1.78],
+    )
 
 
 class Person(BaseModel):
@@ -45,10 +53,11 @@ class Person(BaseModel):
     id: str
     name: str
     created_at: datetime
+    height_m: float | None = Field(description="Barefoot, as they told it.")
 
     @classmethod
     def of(cls, row: PersonRow) -> Person:
-        return cls(id=row.id, name=row.name, created_at=row.created_at)
+        return cls(id=row.id, name=row.name, created_at=row.created_at, height_m=row.height_m)
 
 
 class Sequence(BaseModel):

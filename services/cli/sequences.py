@@ -18,6 +18,11 @@ from services.cli.terminal import (
 
 app = typer.Typer()
 
+Height = Annotated[
+    float | None,
+    typer.Option(help="Of the person, barefoot, in metres; guessed without, and their size too."),
+]
+
 
 @app.command()
 def capture(
@@ -28,6 +33,7 @@ def capture(
     webcam: Annotated[int | None, typer.Option(help="Film with this webcam instead.")] = None,
     length: Annotated[str, typer.Option(help="How long the webcam films.")] = "15s",
     person: Annotated[str, typer.Option(help="Name stored with the sequence.")] = "someone",
+    height: Height = None,
     overlay: Annotated[
         Path | None,
         typer.Option(
@@ -36,6 +42,7 @@ def capture(
     ] = None,
 ) -> None:
     """Turn one clip of one person into a sequence: masks, camera, body and motion."""
+    from capture.body import require_height
     from capture.keypoints import read_keypoints
     from capture.pipeline import capture_clip
     from capture.webcam import capture_webcam
@@ -44,6 +51,8 @@ def capture(
     if (source is None) == (webcam is None):
         given = "neither" if source is None else "both"
         raise InvalidInput(f"capture must be given a clip or --webcam; got {given}")
+    if height is not None:
+        require_height(height)
     require_writable(out)
     if source is not None and source.suffix.lower() == ".json":
         read_keypoints(source)
@@ -57,15 +66,15 @@ def capture(
     with stop_on_interrupt() as should_stop, progress_bar("capturing") as report:
         if webcam is not None:
             quality = capture_webcam(
-                webcam, out, seconds=seconds(length), person=person, pose_model=pose_model,
-                face_model=face_model, hand_model=hand_model,
+                webcam, out, seconds=seconds(length), person=person, height_m=height,
+                pose_model=pose_model, face_model=face_model, hand_model=hand_model,
                 overlay=overlay, on_progress=report, should_stop=should_stop,
             )  # fmt: skip
         else:
             assert source is not None
             quality = capture_clip(
-                source, out, person=person, pose_model=pose_model,
-                face_model=face_model, hand_model=hand_model,
+                source, out, person=person, height_m=height,
+                pose_model=pose_model, face_model=face_model, hand_model=hand_model,
                 overlay=overlay, on_progress=report, should_stop=should_stop,
             )  # fmt: skip
     typer.echo(str(out))
@@ -149,15 +158,22 @@ def upload(
     source: Annotated[Path, typer.Argument(help="A video, a sequence folder or keypoints JSON.")],
     to: Annotated[str, typer.Option(help="Address of the service, such as http://host:8000.")],
     person: Annotated[str, typer.Option(help="Id or name; made if there is none.")] = "someone",
+    height: Height = None,
     token: Annotated[
         str | None, typer.Option(envvar="METANERF_TOKEN", help="Without, a guest's is asked for.")
     ] = None,
 ) -> None:
     """Send a clip or keypoints to a service; run it again after a cut and it goes on."""
+    from capture.body import require_height
     from capture.upload import upload as send
 
+    if height is not None:
+        require_height(height)
     if not source.exists():
         raise InvalidInput(f"source must exist; got {source}")
     with stop_on_interrupt() as should_stop, progress_bar("uploading") as report:
-        sequence = send(source, to, person, token, on_progress=report, should_stop=should_stop)
+        sequence = send(
+            source, to, person, token,
+            height_m=height, on_progress=report, should_stop=should_stop,
+        )  # fmt: skip
     typer.echo(f"sequence {sequence['id']}  {sequence['state']}")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from capture.errors import CaptureStopped
 from capture.store import open_sequence, read_quality
-from db.models import JobRow, MotionRow, SequenceKind, SequenceRow, SequenceState
+from db.models import JobRow, MotionRow, PersonRow, SequenceKind, SequenceRow, SequenceState
 from db.objects import fetch
 from db.repositories import UnitOfWork
 from scene.sequence import Sequence
@@ -22,7 +22,7 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
     """Capture the job's sequence in `folder`. Raises CaptureError, JobStopped."""
     from capture.pipeline import capture_clip
 
-    sequence, person_name = _begin(services, job)
+    sequence, person = _begin(services, job)
     source = folder / f"source{_suffix(sequence)}"
     fetch(services.objects, job.person_id, sequence.source_sha256, source)
     out = folder / "sequence"
@@ -30,7 +30,8 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
         capture_clip(
             source,
             out,
-            person=person_name,
+            person=person.name,
+            height_m=person.height_m,
             pose_model=services.settings.pose_model_source(),
             face_model=services.settings.face_model_source(),
             hand_model=services.settings.hand_model_source(),
@@ -44,15 +45,15 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
     _store(services, job, out)
 
 
-def _begin(services: Services, job: JobRow) -> tuple[SequenceRow, str]:
+def _begin(services: Services, job: JobRow) -> tuple[SequenceRow, PersonRow]:
     if job.sequence_id is None:
         raise JobStopped
     with services.unit_of_work() as unit:
         sequence = unit.sequences.get(job.sequence_id)
         sequence.state = SequenceState.CAPTURING
-        name = unit.people.get(job.person_id).name
+        person = unit.people.get(job.person_id)
         unit.commit()
-    return sequence, name
+    return sequence, person
 
 
 def _suffix(sequence: SequenceRow) -> str:

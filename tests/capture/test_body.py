@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from capture.body import SHAPE_NAMES, load_body_model
+from capture.body import SHAPE_NAMES, load_body_model, require_height
 from scene import JOINT_NAMES, InvalidInput
 from tests.capture.sequences import surface
 
@@ -106,3 +106,11 @@ def test_scale_sizes_joints_and_surface_alike():
 def test_wrong_number_of_shape_numbers_is_refused():
     with pytest.raises(InvalidInput, match="shape must be 5; got 3"):
         load_body_model().body(np.zeros(3))
+
+
+def test_a_height_is_refused_where_nobody_is_as_tall():
+    require_height(0.5)
+    require_height(2.5)
+    for height_m in (0.49, 178.0, float("nan")):
+        with pytest.raises(InvalidInput, match=r"metres between 0\.5 and 2\.5; got"):
+            require_height(height_m)

@@ -28,7 +28,7 @@ class Service:
         if path == "/v1/people" and request.method == "GET":
             return httpx.Response(200, json={"items": self.people})
         if path == "/v1/people":
-            self.people.append({"id": "p1", **json.loads(request.content)})
+            self.people.append({"id": "p1", "height_m": None, **json.loads(request.content)})
             return httpx.Response(201, json=self.people[-1])
         if path == "/v1/people/p1" and request.method == "DELETE":
             self.people.clear()
@@ -111,10 +111,28 @@ def test_a_refusal_is_told_in_the_services_words(clip):
 @pytest.mark.parametrize("there_before", [False, True])
 def test_a_person_made_for_a_refused_clip_goes_with_it(clip, there_before):
     service = Service(refuse="a clip must be a video")
-    service.people = [{"id": "p1", "name": "Ada"}] if there_before else []
+    service.people = [{"id": "p1", "name": "Ada", "height_m": None}] if there_before else []
     with pytest.raises(UploadFailed):
         send(service, clip)
     assert bool(service.people) is there_before
+
+
+def test_a_height_is_told_as_a_person_is_made_and_may_be_told_again(clip):
+    service = Service()
+    send(service, clip, height_m=1.78)
+    assert service.people == [{"id": "p1", "name": "Ada", "height_m": 1.78}]
+    assert send(service, clip, height_m=1.78)["state"] == "ready"
+    assert send(service, clip)["state"] == "ready"
+
+
+@pytest.mark.parametrize(("known", "told"), [(1.7, "is 1.7 m"), (None, "is not known")])
+def test_another_height_than_a_person_has_is_refused_before_anything_is_sent(clip, known, told):
+    service = Service()
+    service.people = [{"id": "p1", "name": "Ada", "height_m": known}]
+    with pytest.raises(UploadFailed, match=f"got 1.78 for Ada, whose height {told}"):
+        send(service, clip, height_m=1.78)
+    assert service.data == b""
+    assert service.people
 
 
 def test_a_dead_service_is_named(clip):

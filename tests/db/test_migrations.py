@@ -55,3 +55,19 @@ def test_processes_that_start_together_don_t_race(url: str):
     with context.Pool(3) as pool:
         pool.map(migrations.migrate, [url] * 3)
     migrations.check(url)
+
+
+def test_people_from_before_heights_have_none(url: str):
+    migrations.migrate(url)
+    migrations.downgrade(url, "0008")
+    engine = make_engine(url)
+    ada = (
+        "INSERT INTO person (id, account, name, created_at) VALUES ('a', 'b', 'Ada', '2026-01-01')"
+    )
+    with engine.begin() as connection:
+        connection.execute(text(ada))
+    migrations.migrate(url)
+    with engine.begin() as connection:
+        found = connection.execute(text("SELECT name, height_m FROM person")).one()
+    engine.dispose()
+    assert (found.name, found.height_m) == ("Ada", None)

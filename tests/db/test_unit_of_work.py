@@ -41,6 +41,7 @@ def test_rolls_back_on_error(database: Database):
 
 def test_rows_come_back_as_they_went_with_utc_moments(database: Database):
     ada = person()
+    ada.height_m = 1.785
     with database.unit_of_work() as unit:
         unit.people.add(ada)
         unit.flush()
@@ -48,7 +49,7 @@ def test_rows_come_back_as_they_went_with_utc_moments(database: Database):
         unit.commit()
     with database.reading() as unit:
         found = unit.people.get(ada.id)
-        assert (found.name, found.created_at) == ("Ada", NOW)
+        assert (found.name, found.created_at, found.height_m) == ("Ada", NOW, 1.785)
         assert found.created_at.tzinfo is not None
 
 

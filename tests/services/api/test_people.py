@@ -22,6 +22,15 @@ async def test_a_person_is_added_and_read(client: httpx.AsyncClient):
     assert (await client.get("/v1/people")).json()["items"] == [added.json() | {"mine": True}]
 
 
+async def test_a_height_is_kept_and_told_where_it_was_given(client: httpx.AsyncClient):
+    tall = (await client.post("/v1/people", json={"name": "Ada", "height_m": 1.785})).json()
+    assert tall["height_m"] == 1.785
+    assert (await client.get(f"/v1/people/{tall['id']}")).json()["height_m"] == 1.785
+    await client.post("/v1/people", json={"name": "Bo"})
+    people = (await client.get("/v1/people")).json()["items"]
+    assert {one["name"]: one["height_m"] for one in people} == {"Ada": 1.785, "Bo": None}
+
+
 async def test_a_body_that_is_no_json_is_told_where(client: httpx.AsyncClient):
     headers = {"Content-Type": "application/json"}
     answer = await client.post("/v1/people", content=b"{oops", headers=headers)
@@ -53,6 +62,9 @@ async def test_a_body_that_would_fill_the_memory_is_cut_off(client: httpx.AsyncC
         ({"name": "x" * 121}, "at most 120"),
         ({}, "Field required"),
         ({"name": "Ada", "nmae": 1}, "body.nmae"),
+        ({"name": "Ada", "height_m": 178}, "body.height_m: Input should be less than or equal"),
+        ({"name": "Ada", "height_m": 0.4}, "body.height_m: Input should be greater than or equal"),
+        ({"name": "Ada", "height_m": "tall"}, "body.height_m"),
     ],
 )
 async def test_bad_bodies_are_told_by_field_and_value(

@@ -126,6 +126,14 @@ def test_presets_are_listed():
         (["render", "nowhere", "--out", "x.png"], "must be a model file"),
         (["capture", "--out", "x.seq"], "must be given a clip or --webcam; got neither"),
         (
+            ["capture", "--webcam", "0", "--out", "x.seq", "--height", "178"],
+            "height_m must be metres between 0.5 and 2.5; got 178",
+        ),
+        (
+            ["upload", ".", "--to", "http://127.0.0.1:9", "--height", "0.1"],
+            "height_m must be metres between 0.5 and 2.5; got 0.1",
+        ),
+        (
             ["capture", "gone.mp4", "--out", "x.seq"],
             "the clip must be a file; got none at gone.mp4",
         ),
