@@ -17,7 +17,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from scene.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from capture.pose_model import ModelSource
+    from capture.pose_model import LandmarkModel, ModelSource
 
 _PREFIX = "METANERF_"
 _SHORTEST_SECRET = 32
@@ -188,38 +188,29 @@ class Settings(BaseSettings):
 
     def pose_model_source(self) -> ModelSource:
         """Where captures and pages find the landmark model."""
-        from capture.pose_model import ModelSource
+        from capture.pose_model import POSE_MODEL
 
-        return ModelSource(
-            self.pose_model,
-            self.pose_model_url,
-            self.pose_model_sha256,
-            self.data_dir / "cache",
-        )
+        return self._model_source(POSE_MODEL)
 
     def face_model_source(self) -> ModelSource:
         """Where the face landmarker is found."""
-        from capture.pose_model import FACE_MODEL, ModelSource
+        from capture.pose_model import FACE_MODEL
 
-        return ModelSource(
-            self.face_model,
-            self.face_model_url,
-            self.face_model_sha256,
-            self.data_dir / "cache",
-            FACE_MODEL,
-        )
+        return self._model_source(FACE_MODEL)
 
     def hand_model_source(self) -> ModelSource:
         """Where the hand landmarker is found."""
-        from capture.pose_model import HAND_MODEL, ModelSource
+        from capture.pose_model import HAND_MODEL
 
-        return ModelSource(
-            self.hand_model,
-            self.hand_model_url,
-            self.hand_model_sha256,
-            self.data_dir / "cache",
-            HAND_MODEL,
+        return self._model_source(HAND_MODEL)
+
+    def _model_source(self, model: LandmarkModel) -> ModelSource:
+        from capture.pose_model import ModelSource
+
+        path, url, sha256 = (
+            getattr(self, f"{model.name}_model{part}") for part in ("", "_url", "_sha256")
         )
+        return ModelSource(path, url, sha256, self.data_dir / "cache", model)
 
     def signing_key(self) -> str:
         """The secret that signs tokens, made once where it is not set."""

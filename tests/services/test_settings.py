@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from capture.pose_model import ModelSource
 from scene.errors import InvalidInput
 from services.settings import Settings, load_settings
 
@@ -57,9 +58,13 @@ def test_a_child_reads_the_same_settings(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert load_settings() == made
 
 
-def test_pose_model_source_follows_the_settings(tmp_path: Path):
-    source = load_settings(
-        data_dir=tmp_path, pose_model_url="http://a/b.task", pose_model_sha256="ab"
-    ).pose_model_source()
-    assert (source.address, source.sha256) == ("http://a/b.task", "ab")
+@pytest.mark.parametrize("name", ["pose", "face", "hand"])
+def test_a_models_source_follows_the_settings(tmp_path: Path, name: str):
+    given = {"": tmp_path / "a.task", "_url": "http://a/b.task", "_sha256": "ab"}
+    settings = load_settings(
+        data_dir=tmp_path, **{f"{name}_model{part}": value for part, value in given.items()}
+    )
+    source: ModelSource = getattr(settings, f"{name}_model_source")()
+    assert (source.path, source.address, source.sha256) == tuple(given.values())
+    assert source.model.name == name
     assert source.folder.is_relative_to(tmp_path)
