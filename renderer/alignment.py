@@ -11,7 +11,7 @@ import numpy as np
 
 from renderer.model import PersonModel
 from renderer.photometry import FREE, Points, moved_pose, normal_equations, robust_cost
-from renderer.splats.compose import Workspace, pack_camera
+from renderer.splats.compose import Workspace
 from renderer.splats.initialise import first_splats
 from renderer.splats.layout import FRONT_DILATION_PX2, POSITION
 from renderer.splats.model import SplatModel
@@ -88,20 +88,13 @@ class Aligner:
         return robust_cost(self._model.render(camera, pose) - truth)
 
     def _front(self, camera: Camera, pose: Pose) -> Int[Array, "H W"]:
-        from renderer.splats.front_kernels import front_splats
-
         transforms = self._model.skeleton.skinning_transforms(
             pose.joint_angles, pose.root_translation
         )
-        work = self._work
-        work.arrange(
+        return self._work.front(
             self._parameters, self._points.joints, self._points.weights,
-            transforms.astype(np.float32), pack_camera(camera), camera.width, camera.height,
-            FRONT_DILATION_PX2,
+            transforms.astype(np.float32), camera, FRONT_DILATION_PX2,
         )  # fmt: skip
-        front = np.empty((camera.height, camera.width), np.int32)
-        front_splats(work.projected, work.starts, work.entries, front)
-        return front
 
 
 def _reduced(

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.relight import mean_of_alike, neighbours, normals_of
-from renderer.splats.compose import Workspace, pack_camera
+from renderer.splats.compose import Workspace
 from renderer.splats.filmed_light import FilmedLight
 from renderer.splats.layout import BOX_FILTER_PX2, POSITION
 from renderer.splats.model import SplatModel
@@ -112,7 +112,10 @@ def _observe(
         basis = harmonic_basis(posed)
         total += np.maximum(facing, 0.0)[:, None] * basis
         share += np.maximum(facing, 0.0)
-        front = _front(model, transforms, camera, work)
+        front = work.front(
+            model.parameters, model.joints.astype(np.uint16), model.weights, transforms, camera,
+            BOX_FILTER_PX2,
+        )  # fmt: skip
         image = source.image(frame)
         clear = (image < _CLIPPED).all(axis=2) & (image > _BLACK).any(axis=2)
         shown = (front >= 0) & (source.mask(frame) > 0.99) & clear
@@ -218,18 +221,3 @@ def _turned(
     place = np.einsum("nij,nj->ni", blended[:, :, :3], rest) + blended[:, :, 3]
     away = camera.position - place
     return posed, (posed * away).sum(axis=1) / np.maximum(np.linalg.norm(away, axis=1), 1e-9)
-
-
-def _front(
-    model: SplatModel, transforms: Float[Array, "K 4 4"], camera: Camera, work: Workspace
-) -> Int[Array, "H W"]:
-    """Which splat each pixel shows; -1 where there is none."""
-    from renderer.splats.front_kernels import front_splats
-
-    front = np.empty((camera.height, camera.width), np.int32)
-    work.arrange(
-        model.parameters, model.joints.astype(np.uint16), model.weights, transforms,
-        pack_camera(camera), camera.width, camera.height, BOX_FILTER_PX2,
-    )  # fmt: skip
-    front_splats(work.projected, work.starts, work.entries, front)
-    return front

@@ -11,7 +11,7 @@ from renderer.relight import Relighting, normals_of
 from renderer.splats.expressions import MovedRests
 from renderer.splats.layout import BLUE, BOX_FILTER_PX2, PROJECTED, RED, TILE
 from renderer.splats.skinned import SkinnedSplats
-from scene.arrays import Array, Bool, Float
+from scene.arrays import Array, Bool, Float, Int
 from scene.camera import Camera
 from scene.lighting import Lighting
 
@@ -70,6 +70,26 @@ class Workspace:
         if length > len(self.entries):
             self.entries = np.zeros(int(1.5 * length), np.int32)
         fill_entries(self.boxes, self.order, drawn, tiles_x, self.starts, self._fill, self.entries)
+
+    def front(
+        self,
+        parameters: Float[Array, "N P"],
+        joints: Array,
+        weights: Float[Array, "N 4"],
+        transforms: Float[Array, "K 4 4"],
+        camera: Camera,
+        dilation: float,
+    ) -> Int[Array, "H W"]:
+        """Which splat each pixel shows: the one that gives it most; -1 where none does."""
+        from renderer.splats.front_kernels import front_splats
+
+        self.arrange(
+            parameters, joints, weights, transforms, pack_camera(camera),
+            camera.width, camera.height, dilation,
+        )  # fmt: skip
+        front = np.empty((camera.height, camera.width), np.int32)
+        front_splats(self.projected, self.starts, self.entries, front)
+        return front
 
 
 class SplatRenderer:

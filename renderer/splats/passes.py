@@ -11,12 +11,12 @@ import numpy as np
 
 from renderer.photometry import FREE, SHARED, Points, normal_equations
 from renderer.splats.clip_wide import ClipEquations
-from renderer.splats.compose import Workspace, pack_camera
+from renderer.splats.compose import Workspace
 from renderer.splats.expressions import ShownExpressions
 from renderer.splats.layout import FRONT_DILATION_PX2
 from renderer.splats.poses import PoseRefinement
 from renderer.splats.views import View
-from scene.arrays import Array, Float, Int
+from scene.arrays import Array, Float
 from scene.camera import Camera
 
 _HEIGHTS_PX = (48.0, 96.0)
@@ -67,7 +67,10 @@ class Passes:
         for frame, (truth, camera) in enumerate(self._levels[level]):
             shown = expressions.moved(parameters, frame)
             made = _boxed(self._drawn(frame, shown, points, poses, dilation), truth.shape[:2])
-            front = self._front(camera, shown, points, poses.transforms(frame))
+            front = self._work.front(
+                shown, points.joints, points.weights, poses.transforms(frame), camera,
+                FRONT_DILATION_PX2,
+            )  # fmt: skip
             asked = normal_equations(
                 made, truth, front, points, poses.skeleton, camera, poses.pose(frame), shared=True
             )
@@ -100,20 +103,6 @@ class Passes:
         picture = np.empty((height, width, 4), np.float32)
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), picture)
         return picture
-
-    def _front(
-        self, camera: Camera, parameters: Array, points: Points, transforms: Array
-    ) -> Int[Array, "h w"]:
-        """Which splat each pixel of the smaller picture shows."""
-        from renderer.splats.front_kernels import front_splats
-
-        work, front = self._work, np.empty((camera.height, camera.width), np.int32)
-        work.arrange(
-            parameters, points.joints, points.weights, transforms, pack_camera(camera),
-            camera.width, camera.height, FRONT_DILATION_PX2,
-        )  # fmt: skip
-        front_splats(work.projected, work.starts, work.entries, front)
-        return front
 
 
 def _smaller(view: View, share: int) -> tuple[Float[Array, "h w 4"], Camera]:
