@@ -67,8 +67,8 @@ export class Api {
     }
   }
 
-  createPerson(name: string): Promise<Person> {
-    return this.json("POST", "/v1/people", { name } satisfies NewPerson);
+  createPerson(person: NewPerson): Promise<Person> {
+    return this.json("POST", "/v1/people", person);
   }
 
   /** Every row and object of theirs. */

@@ -7,7 +7,7 @@ import type { Api } from "./api";
 import { isFinal } from "./api";
 import { MOTION_ONLY } from "./keypoints";
 import { Problem, asProblem } from "./problem";
-import type { Job, NewModel, Sequence } from "./types";
+import type { Job, NewModel, NewPerson, Sequence } from "./types";
 
 export type Step = "upload" | "capture" | "train";
 
@@ -67,12 +67,12 @@ export class Enrolment {
     private readonly onBookmark: (bookmark: Bookmark | null) => void,
   ) {}
 
-  /** Upload `clip` as a new person called `name` and see it through to a model. */
-  start(name: string, clip: Clip): Promise<void> {
+  /** Upload `clip` as a new person and see it through to a model. */
+  start(newcomer: NewPerson, clip: Clip): Promise<void> {
     this.modelOnly = clip.modelOnly ?? false;
     return this.attempt(async (signal) => {
-      this.change({ name });
-      const person = await this.api.createPerson(name);
+      this.change({ name: newcomer.name });
+      const person = await this.api.createPerson(newcomer);
       try {
         signal.throwIfAborted();
         const onProgress = (fraction: number): void => this.change({ fraction });

@@ -55,7 +55,7 @@ export async function meetMoving(
   // before it is sent: whatever else the file is, the server would take it for a clip of theirs
   if (!(await isJson(file))) throw NO_KEYPOINTS;
   const { modelId, name } = somebody;
-  const personId = somebody.mine ? somebody.personId : (await api.createPerson(name)).id;
+  const personId = somebody.mine ? somebody.personId : (await api.createPerson({ name })).id;
   const sequence = await api.uploadSequence(personId, file, file.name, () => undefined, signal);
   const meeting = await api.createMeeting(`${name} by keypoints`, []);
   await api.addPerformer(meeting.id, modelId, sequence.id);

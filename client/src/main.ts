@@ -21,7 +21,7 @@ import { Attendance, type Ticket, type TicketStore } from "./meeting/attendance"
 import type { LineState } from "./meeting/line";
 import { myself } from "./meeting/state";
 import { Problem, asProblem } from "./problem";
-import type { Meeting } from "./types";
+import type { Meeting, NewPerson } from "./types";
 import { h, prefersStillness } from "./views/dom";
 import { goodbyeView, lobbyView } from "./views/lobby";
 import { meetingTools } from "./views/meetingTools";
@@ -211,8 +211,8 @@ function giveUpSeat(): void {
   leaveMeeting();
 }
 
-function enrol(name: string, clip: Clip): void {
-  watch(clip, (enrolment) => enrolment.start(name, clip));
+function enrol(newcomer: NewPerson, clip: Clip): void {
+  watch(clip, (enrolment) => enrolment.start(newcomer, clip));
 }
 
 /** Into a meeting in which `somebody` moves by the keypoints in `file`. */

@@ -2,9 +2,10 @@ import { describe, expect, it } from "vitest";
 import type { Api } from "../src/api";
 import { Enrolment, type Bookmark, type EnrolState } from "../src/enrol";
 import { NO_SERVER, Problem } from "../src/problem";
-import type { Job, Sequence } from "../src/types";
+import type { Job, NewPerson, Sequence } from "../src/types";
 import { job, sequence } from "./fakes";
 
+const ADA = { name: "Ada", height_m: 1.78 };
 const CLIP = { blob: new Blob(["clip"]), fileName: "me.mp4" };
 const CAPTURE = job({ id: "c", kind: "capture" });
 
@@ -20,8 +21,8 @@ class FakeServer {
   held: { id: string; end: (job: Job) => void } | null = null;
   hold: string | null = null;
 
-  async createPerson(name: string): Promise<object> {
-    this.calls.push(`person ${name}`);
+  async createPerson({ name, height_m }: NewPerson): Promise<object> {
+    this.calls.push(`person ${name} ${height_m}`);
     return { id: "p", name };
   }
   async erasePerson(id: string): Promise<void> {
@@ -80,9 +81,9 @@ function setUp(server = new FakeServer()) {
 describe("Enrolment", () => {
   it("leads from a clip to a model", async () => {
     const { server, states, bookmarks, enrolment } = setUp();
-    await enrolment.start("Ada", CLIP);
+    await enrolment.start(ADA, CLIP);
     expect(server.calls).toEqual([
-      "person Ada",
+      "person Ada 1.78",
       "upload me.mp4",
       'train s {"preset":"splats","budget_s":20,"seed":0}',
     ]);
@@ -100,7 +101,7 @@ describe("Enrolment", () => {
   it("can be met as soon as there is a first model", async () => {
     const { server, states, enrolment } = setUp();
     server.outcome["j"] = job({ model_id: "early" });
-    await enrolment.start("Ada", CLIP);
+    await enrolment.start(ADA, CLIP);
     const first = states.find(({ modelId }) => modelId !== null);
     expect(first).toMatchObject({ status: "working", step: "train", modelId: "early" });
   });
@@ -122,7 +123,7 @@ describe("Enrolment", () => {
   it("stops an upload", async () => {
     const { server, enrolment } = setUp();
     server.hold = "upload";
-    const running = enrolment.start("Ada", CLIP);
+    const running = enrolment.start(ADA, CLIP);
     await new Promise((resolve) => setTimeout(resolve));
     await enrolment.cancel();
     await running;
@@ -134,7 +135,7 @@ describe("Enrolment", () => {
   it("stops a training and takes it up again", async () => {
     const { server, enrolment, soon } = setUp();
     server.hold = "j";
-    const running = enrolment.start("Ada", CLIP);
+    const running = enrolment.start(ADA, CLIP);
     await soon();
     await enrolment.cancel();
     await running;
@@ -148,7 +149,7 @@ describe("Enrolment", () => {
   it("stops a capture, which can't be taken up again", async () => {
     const { server, enrolment, soon } = setUp();
     server.hold = "c";
-    const running = enrolment.start("Ada", CLIP);
+    const running = enrolment.start(ADA, CLIP);
     await soon();
     await enrolment.cancel();
     await running;
@@ -166,7 +167,7 @@ describe("Enrolment", () => {
       status: 422,
     };
     server.outcome["c"] = { ...CAPTURE, state: "failed", error, sequence_id: null };
-    await enrolment.start("Ada", CLIP);
+    await enrolment.start(ADA, CLIP);
     expect(enrolment.state.status).toBe("failed");
     expect(enrolment.state.problem).toMatchObject({
       title: "Nobody found",
@@ -182,7 +183,7 @@ describe("Enrolment", () => {
     const error = { type: "urn:metanerf:no-space-left", title: "No space left", detail: "", status: 507 };
     const captured = server.outcome["c"] as Job;
     server.outcome["c"] = { ...CAPTURE, state: "failed", error };
-    await enrolment.start("Ada", CLIP);
+    await enrolment.start(ADA, CLIP);
     expect(enrolment.canResume).toBe(true);
     expect(bookmarks.at(-1)).toMatchObject({ sequenceId: "s", jobId: null });
     server.outcome["c"] = captured;
@@ -196,7 +197,7 @@ describe("Enrolment", () => {
     const { server, enrolment, bookmarks } = setUp();
     const error = { type: "urn:metanerf:worker-died", title: "Worker died", detail: "", status: 500 };
     server.outcome["j"] = job({ state: "failed", error });
-    await enrolment.start("Ada", CLIP);
+    await enrolment.start(ADA, CLIP);
     expect(enrolment.state.problem).toBeInstanceOf(Problem);
     expect(enrolment.canResume).toBe(true);
     expect(bookmarks.at(-1)).toMatchObject({ jobId: "j" });
@@ -206,7 +207,7 @@ describe("Enrolment", () => {
   it("refuses movement alone as a person", async () => {
     const { server, enrolment } = setUp();
     server.captured = sequence({ kind: "keypoints" });
-    await enrolment.start("Ada", { blob: new Blob(["{}"]), fileName: "walk.json" });
+    await enrolment.start(ADA, { blob: new Blob(["{}"]), fileName: "walk.json" });
     expect(enrolment.state.problem?.title).toBe("This file holds movement only");
     expect(server.calls.some((call) => call.startsWith("train"))).toBe(false);
   });
@@ -215,7 +216,7 @@ describe("Enrolment", () => {
     const { server, enrolment, bookmarks } = setUp();
     const watchJob = server.watchJob.bind(server);
     server.watchJob = () => Promise.reject(NO_SERVER);
-    await enrolment.start("Ada", CLIP);
+    await enrolment.start(ADA, CLIP);
     expect(enrolment.state).toMatchObject({ status: "failed", problem: NO_SERVER });
     expect(bookmarks.at(-1)).toMatchObject({ name: "Ada", sequenceId: "s" });
     expect(enrolment.canReconnect).toBe(true);
@@ -229,7 +230,7 @@ describe("Enrolment", () => {
   it("says nothing more once it is left", async () => {
     const { server, enrolment, states } = setUp();
     server.hold = "upload";
-    const running = enrolment.start("Ada", CLIP);
+    const running = enrolment.start(ADA, CLIP);
     await new Promise((resolve) => setTimeout(resolve));
     const before = states.length;
     enrolment.leave();

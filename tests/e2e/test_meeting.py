@@ -208,6 +208,7 @@ def test_a_real_clip_becomes_somebody_in_the_meeting_and_only_their_likeness_is_
     ):
         page.goto(address)
         page.get_by_test_id("enrol-name").fill("Test person")
+        page.get_by_test_id("enrol-height").fill("178")
         page.get_by_test_id("enrol-file").set_input_files(str(clip))
         page.get_by_test_id("enrol-model-only").check()
         page.get_by_test_id("enrol-submit").click()
@@ -215,6 +216,8 @@ def test_a_real_clip_becomes_somebody_in_the_meeting_and_only_their_likeness_is_
         expect(page.get_by_test_id("quality")).to_be_visible(timeout=4 * MINUTES)
         expect(page.get_by_test_id("preview")).to_be_visible(timeout=2 * MINUTES)
         film = the_film(services)
+        with services.reading() as unit:
+            assert unit.people.get(film.person_id).height_m == 1.78
         meet = page.get_by_test_id("meet")
         expect(meet).to_be_visible(timeout=3 * MINUTES)
         meet.click()

@@ -2,8 +2,10 @@
 
 import type { Clip } from "../enrol";
 import { MOTION_ONLY, isJson } from "../keypoints";
+import type { NewPerson } from "../types";
 import { announce, h } from "./dom";
 import { described, fileDrop } from "./fileDrop";
+import { heightField } from "./heightField";
 import { keypointsForm, type KeypointsHooks } from "./keypointsForm";
 import { recorder } from "./recorder";
 import { button, type View } from "./shell";
@@ -12,7 +14,7 @@ const ACCEPTED = "video/*,.mp4,.mov,.webm,.mkv,.avi,.zip,.json";
 const NAME_KEY = "metanerf.name";
 
 export interface EnrolHooks extends KeypointsHooks {
-  onEnrol(name: string, clip: Clip): void;
+  onEnrol(newcomer: NewPerson, clip: Clip): void;
 }
 
 export function enrolForm(hooks: EnrolHooks): View {
@@ -26,9 +28,10 @@ export function enrolForm(hooks: EnrolHooks): View {
     type: "text",
     maxLength: 80,
     autocomplete: "name",
-    placeholder: "The name others will see",
+    placeholder: "Shown to others",
     value: localStorage.getItem(NAME_KEY) ?? "",
   });
+  const height = heightField();
   const complaint = h("p", { className: "complaint", testId: "complaint", attributes: { role: "alert" } });
   const drop = fileDrop({
     title: "Choose a clip, or drop it here",
@@ -62,8 +65,13 @@ export function enrolForm(hooks: EnrolHooks): View {
     "form",
     { noValidate: true },
     body,
-    h("label", { className: "label", htmlFor: "enrol-name" }, "Your name"),
-    name,
+    h(
+      "div",
+      { className: "newcomer" },
+      h("div", {}, h("label", { className: "label", htmlFor: name.id }, "Your name"), name),
+      height.element,
+      height.words,
+    ),
     h(
       "label",
       { className: "small model-only", htmlFor: modelOnly.id },
@@ -84,8 +92,10 @@ export function enrolForm(hooks: EnrolHooks): View {
       complaint.textContent = "Tell us your name.";
       name.focus();
     } else {
+      const height_m = height.read();
+      if (height_m === undefined) return;
       localStorage.setItem(NAME_KEY, called);
-      hooks.onEnrol(called, { ...clip, modelOnly: modelOnly.checked });
+      hooks.onEnrol({ name: called, height_m }, { ...clip, modelOnly: modelOnly.checked });
     }
   });
 

@@ -10,7 +10,7 @@ const LEAVES = [
   "Your viewpoint and your name, while you are in a meeting.",
   "Your movements, as 33 points of your body and seven numbers of your face and hands, while you are seen. The camera’s pictures stay here.",
   "Your voice and your screen, while you switch them on.",
-  "The clip that you film of yourself, once, to make your model. Erasing you erases it.",
+  "The clip that you film of yourself, once, to make your model, and your height if you tell it. Erasing you erases both.",
 ];
 
 /** `onErased` hears of each person of ours who is gone. */
