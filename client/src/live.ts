@@ -2,10 +2,11 @@
 
 import type { Api } from "./api";
 import type { Vec3 } from "./geometry";
-import { FEW_FPS, SIDES, fittingSize, highestStep, type Size } from "./framing";
+import { FEW_FPS, SIDES } from "./framing";
 import { LocalDrawing } from "./localDrawing";
 import { Pacer, StallWatch, encodeView } from "./packets";
 import { PictureFlow } from "./pictureFlow";
+import { PictureSize } from "./pictureSize";
 import type { Choice, Drawing } from "./splats/way";
 import { LatencyMeter } from "./stamp";
 import { Sway } from "./sway";
@@ -47,7 +48,6 @@ const ROSTER_S = 10;
 /** Of somebody of usual height who stands. */
 const PELVIS_M = 0.95;
 const HEAD_ABOVE_PELVIS_M = 0.65;
-const RESIZE_MS = 250;
 
 export class LiveView {
   readonly video = document.createElement("video");
@@ -68,10 +68,7 @@ export class LiveView {
   private readonly stalls = new StallWatch();
   private readonly latency: LatencyMeter | null;
   private readonly timers: ReturnType<typeof setInterval>[] = [];
-  private readonly resizes = new ResizeObserver(() => this.resized());
-  private resizing: ReturnType<typeof setTimeout> | undefined;
-  private box: Size = { width: 16, height: 16 };
-  private size: Size = { width: 512, height: 512 };
+  private readonly size: PictureSize;
   private resent = true;
   /** The connection stands; for the viewer it is live with its first picture. */
   private connected = false;
@@ -94,6 +91,7 @@ export class LiveView {
     this.latency = options.stamped ? new LatencyMeter(this.video) : null;
     this.video.autoplay = this.video.muted = this.video.playsInline = true;
     this.video.disablePictureInPicture = true;
+    this.size = new PictureSize(this.video, options.pinned, () => this.measure());
     this.local = new LocalDrawing(api, meeting, {
       onSwitch: (drawing) => {
         this.resent = true;
@@ -102,7 +100,7 @@ export class LiveView {
       },
       onSeen: () => this.measureAnew(),
       onStrangers: () => void this.roster(),
-      trialView: () => ({ camera: this.viewpoint.camera, size: this.size }),
+      trialView: () => ({ camera: this.viewpoint.camera, size: this.size.now }),
     });
     this.link = new WhepLink({
       seat: (stale) => this.seat(stale),
@@ -127,7 +125,7 @@ export class LiveView {
     this.tick = requestAnimationFrame((ms) => this.frame(ms));
     this.framing = this.video.requestVideoFrameCallback(() => this.pictureShown());
     this.measure();
-    this.resizes.observe(this.video);
+    this.size.follow();
     // timers run in hidden pages too, where animation frames do not: the seat must not be lost
     this.timers.push(setInterval(() => this.send(false), 450));
     this.timers.push(setInterval(() => void this.everySecond(), 1000));
@@ -184,7 +182,7 @@ export class LiveView {
   /** Have a headset draw into `canvas` from now on, until `endVisit`. */
   beginVisit(canvas: HTMLCanvasElement): Visit {
     this.resent = true;
-    return this.local.beginVisit(canvas, this.viewpoint.camera, this.size);
+    return this.local.beginVisit(canvas, this.viewpoint.camera, this.size.now);
   }
 
   /** The headset drew a picture from where its visit says, with people in it or not yet. */
@@ -227,8 +225,7 @@ export class LiveView {
     this.link.close();
     cancelAnimationFrame(this.tick);
     this.video.cancelVideoFrameCallback(this.framing);
-    this.resizes.disconnect();
-    clearTimeout(this.resizing);
+    this.size.close();
     this.timers.forEach(clearInterval);
     this.local.close();
     this.video.srcObject = null;
@@ -256,7 +253,7 @@ export class LiveView {
   }
 
   private showPerformers(performers: readonly Performer[]): void {
-    this.viewpoint.rehome(homeOrbit(performers, this.box.width / this.box.height));
+    this.viewpoint.rehome(homeOrbit(performers, this.size.aspect));
     this.meeting.performers = [...performers];
     this.onPerformers(performers);
     void this.local.fetchPeople();
@@ -279,7 +276,7 @@ export class LiveView {
     const moved = this.viewpoint.step(seconds);
     if (this.local.visit) return;
     this.send(moved);
-    if (this.local.draw(this.viewpoint.camera, this.size, this.filmedOnly)) {
+    if (this.local.draw(this.viewpoint.camera, this.size.now, this.filmedOnly)) {
       this.drawn += 1;
       this.shown += 1;
       // the code goes into the picture, and is read from it as it is seen
@@ -302,31 +299,20 @@ export class LiveView {
       drawsItself: this.local.ready,
       soundOnly: this.flow.silent && !this.local.visit,
       stalled: this.connected && !this.flow.silent && !document.hidden && this.stalls.stalled(performance.now()),
-      ...(this.local.visit?.size ?? this.size),
+      ...(this.local.visit?.size ?? this.size.now),
     });
     // what could not be sent is still news at the next tick
     this.resent = !this.link.send(packet);
   }
 
-  private resized(): void {
-    clearTimeout(this.resizing);
-    this.resizing = setTimeout(() => this.measure(), RESIZE_MS);
-  }
-
   private measure(): void {
-    const { clientWidth: width, clientHeight: height } = this.video;
-    if (width === 0 || height === 0) return;
-    this.box = { width, height };
+    if (!this.size.measure()) return;
     this.showPerformers(this.meeting.performers);
     this.fit();
   }
 
   private fit(): void {
-    const { pinned } = this.options;
-    const { width, height } = this.box;
-    this.size = pinned
-      ? { width: pinned, height: pinned }
-      : fittingSize(width, height, this.flow.side);
+    this.size.fit(this.flow.side);
     this.resent = true;
   }
 
@@ -379,7 +365,7 @@ export class LiveView {
 
   private showNumbers(fps: number, { framesDecoded, roundTripMs }: LinkNumbers): void {
     const { videoWidth, videoHeight } = this.video;
-    const drawn = this.local.seen ? this.size : { width: videoWidth, height: videoHeight };
+    const drawn = this.local.seen ? this.size.now : { width: videoWidth, height: videoHeight };
     const { width, height } = this.local.visit?.size ?? drawn;
     if (width >= SMALLEST_PX) {
       this.onNumbers({ fps, framesDecoded: framesDecoded + this.drawn, width, height, roundTripMs });
@@ -389,11 +375,10 @@ export class LiveView {
   /** Ask for what the pictures of the last second say that can come. */
   private judge(fps: number, { received, lost }: LinkNumbers): void {
     const { live } = this;
-    const [pinned, visits] = [this.options.pinned !== null, this.local.visit !== null];
+    const [pinned, visits] = [this.size.pinned !== null, this.local.visit !== null];
     if (live && this.local.seen && !visits) this.local.keepUp(fps, pinned || this.flow.side === SIDES[0]);
-    const { width, height } = this.box;
-    const highest = highestStep(width * devicePixelRatio, height * devicePixelRatio);
     const adapts = !pinned && !visits;
+    const { highest } = this.size;
     const step = this.flow.observe({ fps, received, lost, live, adapts, highest, patienceS: this.patienceS });
     if (step === "renew") this.link.restart();
     if (step === "ask") {
