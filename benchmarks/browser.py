@@ -78,24 +78,6 @@ def running_demo(data_dir: Path, **environment: str) -> Iterator[str]:
             process.kill()
 
 
-def frames_shown(page: Page) -> int:
-    """Frames that the stage's video has decoded."""
-    return int(page.get_by_test_id("fps").get_attribute("data-frames") or 0)
-
-
-def picture(page: Page) -> bytes:
-    """What the stage's video shows now, as raw RGBA of a 64 x 64 copy."""
-    values = page.evaluate(
-        """() => {
-            const video = document.querySelector('[data-testid=stage-video]');
-            const canvas = new OffscreenCanvas(64, 64), context = canvas.getContext('2d');
-            context.drawImage(video, 0, 0, 64, 64);
-            return Array.from(context.getImageData(0, 0, 64, 64).data);
-        }"""
-    )
-    return bytes(values)
-
-
 def metric(address: str, name: str) -> float:
     """One figure of the service at `address`."""
     page = urllib.request.urlopen(f"{address}metrics", timeout=10).read().decode()

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from benchmarks.browser import open_page, picture, running_demo
+from benchmarks.browser import open_page, running_demo
 from services.auth import GUEST
 from services.bootstrap import import_model
 from services.container import build_services
 from services.meetings import create_meeting
 from services.settings import load_settings
+from tests.e2e.stage import picture
 from tests.e2e.test_meeting import MINUTES, difference, watch
 from tests.services import seeds
 

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from benchmarks.browser import frames_shown, metric, open_page, picture, running_demo
+from benchmarks.browser import metric, open_page, running_demo
 from db.models import ModelRow
 from services.auth import ALL_SCOPES
 from services.bootstrap import import_model
@@ -28,6 +28,7 @@ from services.container import Services
 from services.live.packets import decode_view, encode_keypoints
 from services.meetings import create_meeting
 from tests.e2e.serving import WATCH
+from tests.e2e.stage import frames_shown, picture
 from tests.e2e.test_control import HUM, LOUDNESS, beside
 from tests.e2e.test_meeting import looking_into
 from tests.e2e.test_replay import KEEP_PICTURES, RUNNING, difference, shown

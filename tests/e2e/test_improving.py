@@ -7,12 +7,13 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from benchmarks.browser import frames_shown, open_page
+from benchmarks.browser import open_page
 from db.models import SequenceRow
 from services.bootstrap import import_model
 from services.build_demo import DEMO_MODEL
 from services.meetings import create_meeting
 from tests.e2e.serving import Gateway, serving
+from tests.e2e.stage import frames_shown
 from tests.e2e.test_being_seen import webcam
 from tests.services.jobs.waiting import until
 from tests.shared_data import shared_data

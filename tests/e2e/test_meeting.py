@@ -17,10 +17,11 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from benchmarks.browser import frames_shown, open_page, picture, running_demo
+from benchmarks.browser import open_page, running_demo
 from db.models import SequenceRow, SequenceState
 from services.container import Services, build_services
 from services.settings import load_settings
+from tests.e2e.stage import frames_shown, picture
 from tests.services import seeds
 from tests.services.jobs.waiting import until
 from tests.shared_data import shared_data

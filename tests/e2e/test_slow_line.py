@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from benchmarks.browser import frames_shown, open_page, running_demo
+from benchmarks.browser import open_page, running_demo
 from tests.e2e.slow_line import SlowLine, slow_line
+from tests.e2e.stage import frames_shown
 from tests.e2e.test_control import HUM, beside, come, serious_faults
 from tests.e2e.test_meeting import watch
 
