@@ -9,7 +9,7 @@ as it came and as fits best, one for the whole clip.
 from __future__ import annotations
 
 import tempfile
-import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 import cv2
 import numpy as np
 
+from benchmarks.budget import clock_named
 from benchmarks.report import write_report
 from capture.landmarks import MediaPipeEstimator
 from capture.masks import refine_mask
@@ -28,12 +29,14 @@ from capture.tracking import follow
 from capture.video import read_video
 from renderer.model import PersonModel
 from renderer.training import train
-from scene.arrays import Array, Float
+from scene.arrays import Array, Bool, Float, UInt8
 from scene.camera import Camera
+from scene.motion import Pose
 from scene.sequence import Sequence
 
 _UNITS_A_PIXEL = 64.0
 _MM = 1e-3
+_TRAINING_S = 60.0
 _EVERY = 4
 """Frames judged: one in so many."""
 _SCALES = np.linspace(0.8, 1.25, 19)
@@ -61,38 +64,77 @@ def run(json_file: Path | None, footage: Path, pose_model: Path, picture: Path |
             focal_px=float(first.intrinsics[0, 0]),
         )  # fmt: skip
         clip = open_sequence(out)
-        model = train(clip, preset="splats", budget_s=20.0, clock=time.perf_counter)
-        seen = read_video(footage / "cam02.mp4")
-        with MediaPipeEstimator(pose_model) as estimator:
-            people = follow(seen.images, estimator).people
-        truth = {
-            index: refine_mask(seen.images[index], person) > 0.5
-            for index, person in enumerate(people) if person is not None and index % _EVERY == 0
-        }  # fmt: skip
-        height, width = seen.images[0].shape[:2]
-        small = width / seen.source_size[0]
+        clock = clock_named("processor")
+        model = train(clip, preset="splats", budget_s=_TRAINING_S, clock=clock.now)
+        other = _second_camera(clip, footage, first, second, pose_model)
 
-        def overlap(scale: float) -> float:
-            view = _second_view(clip, first, second, scale, (width, height), small)
-            return float(np.mean([
-                _iou(project_surface(view, clip.body, clip.train.pose(index)) > 0, mask)
-                for index, mask in truth.items()
-            ]))  # fmt: skip
+        def fitted(view: Camera, pose: Pose) -> Array:
+            return project_surface(view, clip.body, pose) > 0
 
-        overlaps = [overlap(scale) for scale in _SCALES]
-        best = float(_SCALES[int(np.argmax(overlaps))])
-        figures: dict[str, Any] = {
-            "frames_judged": len(truth),
-            "mask_iou_in_the_second_camera": round(overlap(1.0), 3),
-            "mask_iou_with_one_scale": round(max(overlaps), 3),
-            "scale": round(best, 3),
-            "fit_in_the_first_camera": {key: report.as_json()[key] for key in _REPORTED},
+        def refined(view: Camera, pose: Pose) -> Array:
+            return fitted(view, model.motion.pose_at(pose.time_s))
+
+        def drawn(view: Camera, pose: Pose) -> Array:
+            return model.render(view, model.motion.pose_at(pose.time_s))[..., 3] > 0.5
+
+        overlaps = {
+            "body_as_fitted": other.overlap(fitted),
+            "body_refined_while_training": other.overlap(refined),
+            "model": other.overlap(drawn),
         }
+        figures: dict[str, Any] = {
+            "frames_judged": len(other.truth), "training_s": _TRAINING_S, **clock.about(),
+            "mask_iou_in_the_second_camera": overlaps,
+            "fit_in_the_first_camera": {key: report.as_json()[key] for key in _REPORTED},
+        }  # fmt: skip
         write_report(json_file, "two_cameras", figures)
         if picture is not None:
-            view = _second_view(clip, first, second, best, (width, height), small)
-            window = _around(truth[_SHOWN])
-            _draw(picture, model, clip, seen.images[_SHOWN], view, window)
+            view, window = other.view(overlaps["model"]["scale"]), _around(other.truth[_SHOWN])
+            _draw(picture, model, clip, other.images[_SHOWN], view, window)
+
+
+@dataclass(frozen=True, eq=False)
+class _SecondCamera:
+    """What the second camera saw, and where it stood in the capture's world."""
+
+    clip: Sequence
+    images: tuple[UInt8[Array, "H W 3"], ...]
+    truth: dict[int, Bool[Array, "H W"]]
+    """The person's outline, filled, in the frames that are judged."""
+    view: Callable[[float], Camera]
+    """The camera, where the capture's metre is `1 / scale` of the true one."""
+
+    def overlap(self, outline: Callable[[Camera, Pose], Array]) -> dict[str, float]:
+        """Of `outline` with the truth: as it came, and with the one scale that fits best."""
+
+        def mean(scale: float) -> float:
+            view, train = self.view(scale), self.clip.train
+            return float(np.mean([
+                _iou(outline(view, train.pose(index)), mask) for index, mask in self.truth.items()
+            ]))  # fmt: skip
+
+        scaled = [mean(scale) for scale in _SCALES]
+        best = float(_SCALES[int(np.argmax(scaled))])
+        found = {"as_it_came": mean(1.0), "with_one_scale": max(scaled), "scale": best}
+        return {key: round(value, 3) for key, value in found.items()}
+
+
+def _second_camera(
+    clip: Sequence, footage: Path, first: _Calibrated, second: _Calibrated, pose_model: Path
+) -> _SecondCamera:
+    seen = read_video(footage / "cam02.mp4")
+    with MediaPipeEstimator(pose_model) as estimator:
+        people = follow(seen.images, estimator).people
+    truth = {
+        index: refine_mask(seen.images[index], person) > 0.5
+        for index, person in enumerate(people) if person is not None and index % _EVERY == 0
+    }  # fmt: skip
+    height, width = seen.images[0].shape[:2]
+    small = width / seen.source_size[0]
+    return _SecondCamera(
+        clip, seen.images, truth,
+        lambda scale: _second_view(clip, first, second, scale, (width, height), small),
+    )  # fmt: skip
 
 
 def _calibrated(file: Path, serial: str) -> _Calibrated:
