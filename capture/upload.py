@@ -127,8 +127,9 @@ def _known_person(client: httpx.Client, person: str, height_m: float | None) -> 
     people = _ask(client, "GET", "/v1/people")["items"]
     for one in people:
         if person in (one["id"], one["name"]):
-            if height_m not in (None, one["height_m"]):
-                has = "not known" if one["height_m"] is None else f"{one['height_m']:g} m"
+            known = one.get("height_m")
+            if height_m not in (None, known):
+                has = "not known" if known is None else f"{known:g} m"
                 raise UploadFailed(
                     "height_m must be told of somebody new, or be what they told before; got "
                     f"{height_m:g} for {one['name']}, whose height is {has}; leave it out, or name "

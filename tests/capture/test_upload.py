@@ -28,7 +28,7 @@ class Service:
         if path == "/v1/people" and request.method == "GET":
             return httpx.Response(200, json={"items": self.people})
         if path == "/v1/people":
-            self.people.append({"id": "p1", "height_m": None, **json.loads(request.content)})
+            self.people.append({"id": "p1", **json.loads(request.content)})
             return httpx.Response(201, json=self.people[-1])
         if path == "/v1/people/p1" and request.method == "DELETE":
             self.people.clear()
@@ -111,7 +111,7 @@ def test_a_refusal_is_told_in_the_services_words(clip):
 @pytest.mark.parametrize("there_before", [False, True])
 def test_a_person_made_for_a_refused_clip_goes_with_it(clip, there_before):
     service = Service(refuse="a clip must be a video")
-    service.people = [{"id": "p1", "name": "Ada", "height_m": None}] if there_before else []
+    service.people = [{"id": "p1", "name": "Ada"}] if there_before else []
     with pytest.raises(UploadFailed):
         send(service, clip)
     assert bool(service.people) is there_before
