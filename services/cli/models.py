@@ -61,9 +61,10 @@ def train(
     from renderer.training import train as train_model
 
     require_writable(out)
+    budget_s = None if iterations else seconds(budget)
     clip = open_folder(sequence)
-    out.parent.mkdir(parents=True, exist_ok=True)
     on_patches = trains_on_patches(find_preset(preset))
+    out.parent.mkdir(parents=True, exist_ok=True)
     require_poses_on_mask(clip, out.with_suffix(".poses.png"))
     if on_patches:
         lpips_backbone = _backbone(lpips_backbone)
@@ -77,7 +78,7 @@ def train(
             model = train_model(
                 clip,
                 preset=preset,
-                budget_s=None if iterations else seconds(budget),
+                budget_s=budget_s,
                 iterations=iterations,
                 seed=seed,
                 lpips_backbone=lpips_backbone,

@@ -40,6 +40,14 @@ def trained(filmed: Path) -> Path:
     return out
 
 
+@pytest.mark.parametrize("wrong", [["--budget", "soon"], ["--preset", "nope"]])
+def test_training_that_is_refused_leaves_nothing(filmed: Path, tmp_path: Path, wrong: list[str]):
+    out = tmp_path / "new" / "model.safetensors"
+    refused = runner.invoke(app, ["train", str(filmed), "--out", str(out), *wrong])
+    assert refused.exit_code != 0
+    assert not out.parent.exists()
+
+
 def test_a_folder_of_humannerfs_is_trained_on_as_it_is(tmp_path):
     theirs, model = tmp_path / "theirs", tmp_path / "model.safetensors"
     made = runner.invoke(
