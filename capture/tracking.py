@@ -2,7 +2,8 @@
 
 Who it is, is decided once, over a sample of the whole clip. From the frame where they are seen best
 they are followed forwards and backwards: each frame is looked at in a window around where they just
-were, so that they fill the estimator's small input, and somebody else becomes no candidate.
+were, so that they fill the estimator's small input. Who wears something else is somebody else
+(`capture.likeness`): an estimator that saw nobody but them looks again with them painted over.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import cv2
 import numpy as np
 
 from capture.errors import CaptureStopped, NoPersonFound
 from capture.landmarks import Landmarks, PoseEstimator
+from capture.likeness import ALIKE, Likeness
 from scene.arrays import Array, Bool, Float, UInt8
 
 SAMPLES = 9
@@ -33,6 +36,10 @@ _REMEMBERED = 9
 _SHRUNK = 0.85
 """Share of that height below which a frame is looked at again."""
 _OTHER_GROWS = (0.15, 0.7)
+_OTHERS = 3
+"""Looks at a window, each with those painted over who are somebody else."""
+_PAINTED, _GREY = 0.3, 128
+"""Mask from which somebody else is painted over, and with what."""
 _CUT_CHANGE = 0.03
 _CUT_RATIO = 5.0
 
@@ -64,17 +71,18 @@ def follow(
     Raises NoPersonFound if nobody of use is in the sampled frames, CaptureStopped when asked.
     """
     start, first = _choose(images, estimator)
+    takes = find_takes(images)
     people: list[Landmarks | None] = [None] * len(images)
     people[start] = first
     done = 0
     for order in (range(start + 1, len(images)), range(start - 1, -1, -1)):
-        for index, person in _walk(images, estimator, order, first):
+        for index, person in _walk(images, takes, estimator, (start, *order), first):
             if should_stop():
                 raise CaptureStopped("capture was stopped while following the person")
             people[index] = person
             done += 1
             on_progress(done / max(len(images) - 1, 1))
-    return Track(tuple(people), tuple(find_takes(images).tolist()))
+    return Track(tuple(people), tuple(takes.tolist()))
 
 
 def find_takes(images: Sequence[UInt8[Array, "H W 3"]]) -> Array:
@@ -132,57 +140,83 @@ def _choose(images: Sequence[Array], estimator: PoseEstimator) -> tuple[int, Lan
 
 
 def _walk(
-    images: Sequence[Array], estimator: PoseEstimator, order: Iterable[int], first: Landmarks
-) -> Iterable[tuple[int, Landmarks | None]]:
+    images: Sequence[Array], takes: Array, estimator: PoseEstimator, order: Sequence[int],
+    first: Landmarks,
+) -> Iterable[tuple[int, Landmarks | None]]:  # fmt: skip
+    """The person in the frames `order` but for its first, which shows `first`."""
     boxes, missed = deque([first.box], maxlen=_REMEMBERED), 0
-    for index in order:
-        person = _look(images[index], estimator, boxes[-1], whole=missed >= _GONE_AFTER)
+    likeness = Likeness()
+    likeness.remember(images[order[0]], first)
+    for before, index in pairwise(order):
+        if takes[index] != takes[before]:  # another light, or another part of them
+            likeness = Likeness()
+        looks = _Looks(images[index], estimator, likeness)
+        person = looks.at(boxes[-1], whole=missed >= _GONE_AFTER)
         usual = float(np.median([_larger_side(box) for box in boxes]))
         if person is not None and _larger_side(person.box) < _SHRUNK * usual:
-            person = _looked_again(images[index], estimator, boxes, person)
+            person = looks.again(boxes, person)
         if person is None:
             missed += 1
         else:
             boxes.append(person.box)
+            likeness.remember(images[index], person)
             missed = 0
         yield index, person
 
 
-def _looked_again(
-    image: Array, estimator: PoseEstimator, boxes: Iterable[Array], person: Landmarks
-) -> Landmarks:
-    """The person once more, through other windows round where they lately were; the tallest counts.
+@dataclass(frozen=True, eq=False)
+class _Looks:
+    """Looks at one frame, for one person."""
 
-    Now and then an estimator puts a whole body into half of it, though a window a little larger or
-    smaller shows it the truth; and the next window, cut round half a body, would make it worse.
-    """
-    lately = np.stack(list(boxes))
-    everywhere = np.concatenate([lately[:, :2].min(axis=0), lately[:, 2:].max(axis=0)])
-    others = (_look(image, estimator, everywhere, whole=False, grow=grow) for grow in _OTHER_GROWS)
-    return max((person, *(o for o in others if o)), key=lambda p: _larger_side(p.box))
+    image: UInt8[Array, "H W 3"]
+    estimator: PoseEstimator
+    likeness: Likeness
+
+    def at(self, box: Array, *, whole: bool, grow: float = WINDOW_GROW) -> Landmarks | None:
+        """The person in a window round `box`, or wherever they are now."""
+        height, width = self.image.shape[:2]
+        x0, y0, x1, y1 = (0, 0, width, height) if whole else window(box, width, height, grow)
+        if x1 - x0 < MIN_SIDE_PX or y1 - y0 < MIN_SIDE_PX:
+            return None
+        found = self._alike(x0, y0, x1, y1)
+        if not found:
+            return None
+        if whole:  # long gone: the most prominent one that is not tiny beside the one who left
+            person = max(found, key=lambda p: prominence(p, width, height))
+            alike = (person.box[3] - person.box[1]) > 0.4 * (box[3] - box[1])
+            return person if alike else None
+        person = max(found, key=lambda p: overlap(p.box, box))
+        return person if overlap(person.box, box) >= MIN_OVERLAP else None
+
+    def again(self, boxes: Iterable[Array], person: Landmarks) -> Landmarks:
+        """The person once more, through other windows round where they lately were; the tallest
+        counts.
+
+        Now and then an estimator puts a whole body into half of it, though a window a little larger
+        or smaller shows it the truth; and the next window, cut round half a body, would make it
+        worse.
+        """
+        lately = np.stack(list(boxes))
+        everywhere = np.concatenate([lately[:, :2].min(axis=0), lately[:, 2:].max(axis=0)])
+        others = (self.at(everywhere, whole=False, grow=grow) for grow in _OTHER_GROWS)
+        return max((person, *(o for o in others if o)), key=lambda p: _larger_side(p.box))
+
+    def _alike(self, x0: int, y0: int, x1: int, y1: int) -> list[Landmarks]:
+        """Everybody in a window who wears what the person wears."""
+        height, width = self.image.shape[:2]
+        cut = self.image[y0:y1, x0:x1]
+        for _ in range(_OTHERS):
+            found = self.estimator.detect(cut)
+            alike = [p for p in found if self.likeness.of(cut, p) >= ALIKE]
+            if alike or not found:
+                return [person.moved(x0, y0, width, height) for person in alike]
+            cut = cut.copy()
+            cut[np.max([person.mask for person in found], axis=0) > _PAINTED] = _GREY
+        return []
 
 
 def _larger_side(box: Float[Array, "4"]) -> float:
     return float((box[2:] - box[:2]).max())
-
-
-def _look(
-    image: Array, estimator: PoseEstimator, box: Array, *, whole: bool, grow: float = WINDOW_GROW
-) -> Landmarks | None:
-    height, width = image.shape[:2]
-    x0, y0, x1, y1 = (0, 0, width, height) if whole else window(box, width, height, grow)
-    if x1 - x0 < MIN_SIDE_PX or y1 - y0 < MIN_SIDE_PX:
-        return None
-    found = estimator.detect(image[y0:y1, x0:x1])
-    found = [person.moved(x0, y0, width, height) for person in found]
-    if not found:
-        return None
-    if whole:  # long gone: the most prominent one that is not tiny beside the one who left
-        person = max(found, key=lambda p: prominence(p, width, height))
-        alike = (person.box[3] - person.box[1]) > 0.4 * (box[3] - box[1])
-        return person if alike else None
-    person = max(found, key=lambda p: overlap(p.box, box))
-    return person if overlap(person.box, box) >= MIN_OVERLAP else None
 
 
 def window(

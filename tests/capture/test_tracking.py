@@ -97,6 +97,40 @@ def test_whom_the_estimator_halves_is_looked_at_again(subject):
         assert person.box == pytest.approx(truth.box, abs=6)
 
 
+class _OneAtATime:
+    """Finds one person in each picture, and somebody else before the subject."""
+
+    def __init__(self, inner: FakeEstimator) -> None:
+        self._inner = inner
+
+    def detect(self, image: np.ndarray) -> list[Landmarks]:
+        found = self._inner.detect(image)
+        others = [p for p in found if tuple(image[p.mask > 0.5][0]) == OTHER]
+        return (others or found)[:1]
+
+
+def test_whom_a_passer_by_hides_from_the_estimator_is_seen_once_they_are_painted_over(subject):
+    others = [_beside(person, 30, 1.0) for person in subject]
+    images = _film(subject)
+    for index in (3, 4, 5):  # as tall as the subject, and half over them
+        images[index][others[index].mask > 0.5] = OTHER
+    track = follow(images, _OneAtATime(FakeEstimator({SUBJECT: subject, OTHER: others})))
+    assert track.found.all()
+    for index, person in enumerate(track.people):
+        assert person is not None
+        assert (images[index][person.mask > 0.5] == SUBJECT).all(axis=1).mean() > 0.98
+
+
+def test_a_new_take_may_be_of_another_light(subject):
+    dark = (70, 20, 15)
+    images = [picture(person, SUBJECT) for person in subject[:4]]
+    images += [picture(person, dark) // 2 for person in subject[4:]]
+    told = {SUBJECT: subject, tuple(c // 2 for c in dark): subject}
+    track = follow(images, FakeEstimator(told))
+    assert set(track.takes) == {0, 1}
+    assert track.found.all()
+
+
 def test_frames_are_looked_at_in_a_window(subject):
     small = [_beside(person, 0) for person in subject]
     estimator = FakeEstimator({SUBJECT: small})
