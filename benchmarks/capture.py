@@ -2,7 +2,8 @@
 
 Studio performers move to real, recorded motion in a room, through a lens and a sensor; truth is
 known. One camera can't tell a small person nearby from a tall one further away: where figures say
-`one_scale`, one scale a clip was taken out, about the camera.
+`one_scale`, one scale a clip was taken out, about the camera. `height_told`: a capture that knows
+how tall the performer is.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from benchmarks.pose_errors import (
 )
 from benchmarks.report import write_report
 from capture.body import load_body_model
-from capture.fit import Fit
+from capture.fit import STAGES, Fit
 from capture.fit_world import SEEN_TO_CAMERA
 from capture.pipeline import capture_clip
 from capture.store import open_sequence
@@ -45,6 +46,7 @@ from scene.sequence import FrameSource, Sequence
 FRAMES, RATE, SIZE_PX = 90, 15.0, 512
 NOISE, BLUR_PX = 3.0, 0.6
 TRAINING_S = 60.0
+_WITH_HEIGHT = ("joint_mm", "joint_procrustes_mm", "turn_deg", "root_mm", "scale")
 _SPLITS = ("novel_view", "unseen_pose")
 
 
@@ -123,6 +125,11 @@ def _judged(folder: Path, pose_model: Path, backbone: Path | None, clock: Clock)
         folder / "raw.mp4", folder / "captured", person="captured", pose_model=pose_model,
         focal_px=truth.train.camera(0).focal_px, on_progress=watch.progress, on_fit=watch.fitted,
     )  # fmt: skip
+    told = StageWatch(truth_joints(truth), clock)
+    capture_clip(
+        folder / "raw.mp4", folder / "told", person="told", pose_model=pose_model,
+        focal_px=truth.train.camera(0).focal_px, height_m=_height_m(truth), on_fit=told.fitted,
+    )  # fmt: skip
     captured = open_sequence(folder / "captured")
     models = {"captured": captured, "exact": truth}
     accuracy: dict[str, Any] = {}
@@ -143,8 +150,14 @@ def _judged(folder: Path, pose_model: Path, backbone: Path | None, clock: Clock)
         "mask_iou": round(_mask_iou(captured, truth), 4),
         "stages": watch.stages,
         "turn_deg": watch.turns,
+        "height_told": {key: told.stages[STAGES[-1]][key] for key in _WITH_HEIGHT},
         "accuracy": accuracy,
     }
+
+
+def _height_m(truth: Sequence) -> float:
+    assert truth.body.rest_vertices is not None
+    return float(np.ptp(truth.body.rest_vertices[:, 1]))
 
 
 class StageWatch:

@@ -43,6 +43,12 @@ def milliseconds(seconds: list[float]) -> dict[str, float]:
     return {f"p{q}_ms": round(float(np.percentile(seconds, q)) * 1e3, 3) for q in (50, 95)}
 
 
+def late_share(seconds: list[float]) -> dict[str, float]:
+    """Share of those that took more than twice the median."""
+    taken = np.array(seconds)
+    return {"over_twice_p50": round(float((taken > 2.0 * np.median(taken)).mean()), 4)}
+
+
 def _processor() -> str:
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()

@@ -2,8 +2,8 @@
 
 Trained: one step of training splats (a frame drawn, compared, gone back through, all splats moved)
 on every core, through a whole short schedule, since steps become cheaper as splats shrink.
-Drawn: float RGBA by one renderer of all performers, p50 and p95, transforms made anew each frame,
-batch 1, no cache. Coded: the same and the room behind, to a packet of video, processor time a step.
+Drawn: float RGBA by one renderer of all performers, p50, p95 and the share of frames over twice the
+median, transforms made anew each frame, batch 1, no cache. Coded: the same and the room behind, to a packet of video, processor time a step.
 Served: a service and a headless Chromium's pages, each a viewer; see benchmarks/meeting.py.
 """
 
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numba
 import numpy as np
 
-from benchmarks.report import milliseconds, write_report
+from benchmarks.report import late_share, milliseconds, write_report
 from capture.studio.moves import turning
 from capture.studio.performer import make_performer
 from renderer.splats.compose import SplatRenderer
@@ -91,7 +91,8 @@ def _drawn(count: int, performers: int, size: int) -> dict[str, Any]:
         cast.draw(view, size)
         if view >= 0:
             seconds.append(time.perf_counter() - started)
-    row = {"splats": count, "performers": performers, "size": size, **milliseconds(seconds)}
+    row = {"splats": count, "performers": performers, "size": size, **milliseconds(seconds),
+           **late_share(seconds)}  # fmt: skip
     print(row, flush=True)
     return row
 
@@ -158,13 +159,18 @@ class Cast:
 
 
 def _long_session() -> dict[str, Any]:
-    """Peak memory of this process before and after many frames of one session, MiB."""
-    cast, peaks = Cast(10_000, 1), []
+    """Of many frames of one session: how much this process' peak memory grew, MiB, and how many
+    frames came late."""
+    cast, peaks, seconds = Cast(10_000, 1), [], []
     for frames in (_FRAMES_OF_ONE_SESSION // 10, _FRAMES_OF_ONE_SESSION):
         for view in range(frames):
+            started = time.perf_counter()
             cast.draw(view, SIZES[0])
+            seconds.append(time.perf_counter() - started)
         peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0)
-    return {"frames": _FRAMES_OF_ONE_SESSION, "grown_mib": round(peaks[1] - peaks[0], 1)}
+    grown_mib = round(peaks[1] - peaks[0], 1)
+    return {"frames": _FRAMES_OF_ONE_SESSION, "grown_mib": grown_mib,
+            **milliseconds(seconds), **late_share(seconds)}  # fmt: skip
 
 
 def _served(viewers: int, size: int) -> dict[str, Any]:
