@@ -3,7 +3,8 @@
 Trained: one step of training splats (a frame drawn, compared, gone back through, all splats moved)
 on every core, through a whole short schedule, since steps become cheaper as splats shrink.
 Drawn: float RGBA by one renderer of all performers, p50, p95 and the share of frames over twice the
-median, transforms made anew each frame, batch 1, no cache. Coded: the same and the room behind, to a packet of video, processor time a step.
+median, transforms made anew each frame, batch 1, no cache. Coded: the same and the room behind, to
+a packet of video, processor time a step.
 Served: a service and a headless Chromium's pages, each a viewer; see benchmarks/meeting.py.
 """
 

@@ -43,6 +43,7 @@ def export_recording(
     settings = load_settings(**({} if data_dir is None else {"data_dir": data_dir}))
     services = build_services(settings)
     try:
+        services.database.migrate()  # a folder in which no server ran has no recordings
         recorded = load(services, recording)
         shot = Shot(_stops(path), width, height, math.radians(fov))
         with progress_bar("filming") as report:

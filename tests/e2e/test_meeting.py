@@ -9,6 +9,7 @@ import re
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -38,7 +39,7 @@ def short_clip(source: Path, out: Path, every: int) -> Path:
         for number, frame in enumerate(clip.decode(video=0)):
             if number % every == 0:
                 small = frame.reformat(width=540, height=960, format="yuv420p")
-                small.pts = None
+                small.pts, small.time_base = number // every, Fraction(every, 60)
                 short.mux(stream.encode(small))
         short.mux(stream.encode())
     return out
