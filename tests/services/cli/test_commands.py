@@ -163,6 +163,14 @@ def test_mistakes_are_told_in_one_line(arguments, words, monkeypatch, capsys, tm
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_folder_of_no_server_has_no_recordings(monkeypatch, capsys, tmp_path):
+    arguments = ["export-recording", "nope", "--out", "a.mp4", "--data-dir", str(tmp_path)]
+    monkeypatch.setattr("sys.argv", ["metanerf", *arguments])
+    with pytest.raises(SystemExit):
+        main()
+    assert "must be that of a recording; got 'nope'" in capsys.readouterr().err
+
+
 def test_keypoints_alone_make_no_sequence(monkeypatch, capsys, tmp_path):
     frames = [{"joint_angles": [[0, 0, 0]] * 24}] * 2
     keypoints = tmp_path / "wave.json"
