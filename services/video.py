@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -95,9 +96,11 @@ def _parse_camera(camera: str) -> tuple[float, float, float]:
         return _SIDES[camera], 5.0, 0.0
     try:
         azimuth_deg, elevation_deg = (float(part) for part in camera.split(","))
-    except ValueError as error:
+    except ValueError:
+        azimuth_deg = elevation_deg = math.nan
+    if not (math.isfinite(azimuth_deg) and -90.0 < elevation_deg < 90.0):
         raise InvalidInput(
-            f"camera must be orbit, {', '.join(_SIDES)} or AZIMUTH,ELEVATION in degrees; "
-            f"got {camera!r}"
-        ) from error
+            f"camera must be orbit, {', '.join(_SIDES)} or AZIMUTH,ELEVATION in degrees, "
+            f"the latter between -90 and 90; got {camera!r}"
+        )
     return azimuth_deg, elevation_deg, 0.0

@@ -110,7 +110,8 @@ def render(
         Path | None, typer.Option(help="Keypoints JSON that drive the model in place of its own.")
     ] = None,
     distance_m: Annotated[
-        float | None, typer.Option("--distance", help="Camera's distance, m.")
+        float | None,
+        typer.Option("--distance", help="Camera's distance, m.", min=0.1, max=100.0),
     ] = None,
 ) -> None:
     """Render a model from any side: a picture or a video."""

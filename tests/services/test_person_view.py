@@ -9,6 +9,7 @@ import pytest
 from renderer.splats.model import SplatModel
 from scene import Motion, Pose
 from scene.camera import Camera
+from scene.errors import InvalidInput
 from scene.rotations import axis_angle_to_matrix
 from services.api.view_shapes import NewView, Orbit, ViewCamera, ViewPose
 from services.person_view import person_camera
@@ -59,6 +60,12 @@ def test_rest_and_command_line_show_the_same_side():
     picture = next(camera_path(MODEL, motion, "40,5", 64, None, 0.0, 1.0))
     shown = MODEL.render(by_rest, motion.pose(0))
     np.testing.assert_allclose(over_backdrop(shown), picture, atol=1.0)
+
+
+@pytest.mark.parametrize("wrong", ["above", "40", "0,90", "0,nan", "inf,0"])
+def test_a_camera_that_is_nowhere_is_refused(wrong: str):
+    with pytest.raises(InvalidInput, match=f"between -90 and 90; got '{wrong}'"):
+        next(camera_path(MODEL, facing(0.0), wrong, 64, None, 0.0, 1.0))
 
 
 def test_azimuth_0_shows_the_front_of_whoever_moves_the_model():
