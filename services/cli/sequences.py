@@ -170,7 +170,7 @@ def upload(
     if height is not None:
         require_height(height)
     if not source.exists():
-        raise InvalidInput(f"source must exist; got {source}")
+        raise InvalidInput(f"source must exist; got {source}; look at its name")
     with stop_on_interrupt() as should_stop, progress_bar("uploading") as report:
         sequence = send(
             source, to, person, token,
