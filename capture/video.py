@@ -23,6 +23,9 @@ MAX_SIDE_PX = 1024
 """Frames are made smaller to this longest side: the landmark network sees 256 px of a person."""
 MAX_PIXELS = 8192 * 8192
 """A picture that claims more is refused before it is decoded."""
+_FASTEST, _USUAL_RATE = 240.0, 30.0
+"""Frames a second that cameras film at most, and that a clip is believed to have that claims more:
+its time stamps were never set."""
 _MAX_PACKETS = 200_000
 """About an hour at 60 frames/s: a longer clip is no enrolment."""
 
@@ -78,7 +81,8 @@ def probe_video(path: Path) -> VideoInfo:
                     "the 10 to 30 seconds that show the person"
                 )
         rate = stream.average_rate or stream.guessed_rate
-        return VideoInfo(stream.width, stream.height, frames, float(rate) if rate else 30.0)
+        believed = float(rate) if rate and rate <= _FASTEST else _USUAL_RATE
+        return VideoInfo(stream.width, stream.height, frames, believed)
 
 
 def read_video(
@@ -97,6 +101,7 @@ def read_video(
     wanted = set(spread(info.frames, max_frames).tolist())
     images: list[Array] = []
     times: list[float] = []
+    numbers: list[int] = []
     size, decoded = (info.width, info.height), 0
     with _opened(path) as container:
         for decoded, frame in enumerate(_decoded(container, path), start=1):
@@ -110,9 +115,10 @@ def read_video(
             images.append(shrink(picture, max_side))
             time_s = frame.time if frame.time is not None else decoded / info.frames_per_second
             times.append(float(time_s))
+            numbers.append(decoded - 1)
     if not images:
         raise UnreadableClip(f"{path.name} must hold at least one frame; got none; film it again")
-    return Clip(tuple(images), increasing(times, info.frames_per_second), size, decoded)
+    return Clip(tuple(images), increasing(times, numbers, info.frames_per_second), size, decoded)
 
 
 def spread(count: int, at_most: int) -> Array:
@@ -130,11 +136,15 @@ def shrink(picture: UInt8[Array, "H W 3"], max_side: int) -> UInt8[Array, "h w 3
     return cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
 
 
-def increasing(times_s: list[float], frames_per_second: float) -> Float[Array, "F"]:
-    """Times from 0; broken time stamps (repeated or going back) give way to an even rate."""
-    times = np.asarray(times_s) - times_s[0]
-    if (np.diff(times) <= 0.0).any():
-        return np.arange(len(times)) / frames_per_second
+def increasing(
+    times_s: list[float], numbers: list[int], frames_per_second: float
+) -> Float[Array, "F"]:
+    """Times from 0 of the frames `numbers`; broken time stamps (repeated, going back, closer than
+    any camera films) give way to an even rate."""
+    times, counted = np.asarray(times_s) - times_s[0], np.asarray(numbers) - numbers[0]
+    steps = np.diff(times)
+    if (steps <= 0.0).any() or (np.diff(counted) > _FASTEST * steps).mean() > 0.5:
+        return counted / frames_per_second
     return times
 
 

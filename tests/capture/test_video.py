@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from fractions import Fraction
 
 import av
 import numpy as np
@@ -107,8 +108,27 @@ def test_shrink_leaves_small_pictures_alone():
 
 
 def test_broken_time_stamps_give_way_to_an_even_rate():
-    assert increasing([1.0, 1.5, 2.0], 30.0) == pytest.approx([0.0, 0.5, 1.0])
-    assert increasing([1.0, 1.0, 2.0], 10.0) == pytest.approx([0.0, 0.1, 0.2])
+    assert increasing([1.0, 1.5, 2.0], [0, 1, 2], 30.0) == pytest.approx([0.0, 0.5, 1.0])
+    assert increasing([1.0, 1.0, 2.0], [0, 1, 2], 10.0) == pytest.approx([0.0, 0.1, 0.2])
+    assert increasing([1.0, 1.0, 2.0], [0, 2, 4], 10.0) == pytest.approx([0.0, 0.2, 0.4])
+    fast = [i / 1500.0 for i in range(4)]
+    assert increasing(fast, [3, 4, 5, 6], 30.0) == pytest.approx([0.0, 1 / 30, 2 / 30, 0.1])
+    assert increasing([0.0, 0.5, 1.0], [0, 100, 200], 200.0) == pytest.approx([0.0, 0.5, 1.0])
+
+
+def test_a_clip_written_without_time_stamps_is_read_at_a_usual_rate(tmp_path):
+    path = tmp_path / "clip.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=30)
+        stream.width = stream.height = 64
+        stream.pix_fmt = "yuv420p"
+        for number in range(12):
+            frame = av.VideoFrame.from_ndarray(np.full((64, 64, 3), 20 * number, np.uint8))
+            frame.pts, frame.time_base = number, Fraction(1, 1500)
+            container.mux(stream.encode(frame.reformat(format="yuv420p")))
+        container.mux(stream.encode())
+    clip = read_video(path)
+    assert np.diff(clip.times_s) == pytest.approx(1.0 / 30.0, rel=0.05)
 
 
 def test_a_phone_held_upright_is_shown_upright(tmp_path):
