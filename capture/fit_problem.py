@@ -69,7 +69,7 @@ _EDGE_DEVIATION = 0.008
 """Of a silhouette, in the same."""
 _OUTLIER = 3.0
 """Deviations from which a landmark has no say, once the outline has one."""
-_LIFTED_WEIGHT, _WORLD_WEIGHT, _PRIOR_WEIGHT = 3.0, 0.2, 0.1
+_LIFTED_WEIGHT, _WORLD_WEIGHT, _PRIOR_WEIGHT = 5.0, 0.2, 0.1
 """Of the network's poses, the 3D landmarks and the prior, beside the seen landmarks' sum."""
 _EDGE_WEIGHT = 18.0
 """Of the outline's mean energy, beside the landmarks' sum."""
