@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import cv2
 import numpy as np
 
 from renderer.model import PersonModel
+from renderer.splats.compose import Geometry, SplatRenderer
 from renderer.splats.model import SplatModel
 from renderer.splats.unseen import filmed_only
 from scene.arrays import Array, Float
@@ -23,22 +25,28 @@ _ENCODERS = {
     "jpeg": (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 92]),
     "webp": (".webp", [cv2.IMWRITE_WEBP_QUALITY, 92]),
 }
+_SOLID = 0.5
+"""Alpha from which a pixel has a depth."""
 MEDIA_TYPES = {"png": "image/png", "jpeg": "image/jpeg", "webp": "image/webp"}
 
 
 def render_view(model: PersonModel, motion: Motion, asked: NewView) -> bytes:
-    """The picture that `asked` describes. Raises InvalidInput for a bad camera or pose."""
+    """The picture that `asked` describes. Raises InvalidInput for a bad camera or pose, and for
+    what the model can't tell."""
     pose = view_pose(motion, asked)
-    if asked.hide_unseen:
-        if not isinstance(model, SplatModel):
-            raise InvalidInput(
-                f"hide_unseen must be asked of a model of splats, which know what was filmed; got "
-                f"preset {model.preset!r}; leave it out"
-            )
-        model = filmed_only(model)
     shown = motion if asked.pose is None else Motion.from_poses([pose])
     camera = view_camera(model.skeleton, shown, pose, asked.camera, asked.width, asked.height)
-    return encode(model.render(camera, pose), asked.background, asked.format)
+    if asked.hide_unseen:
+        model = filmed_only(_of_splats(model, "hide_unseen", "which know what was filmed"))
+    if asked.shows == "colour":
+        return encode(model.render(camera, pose), asked.background, asked.format)
+    if asked.format != "png" or asked.background is not None:
+        raise InvalidInput(
+            f"{asked.shows} must be asked for as png without a background, which keeps every bit; "
+            f"got {asked.format}{'' if asked.background is None else ' with a background'}"
+        )
+    model = _of_splats(model, asked.shows, "whose surface is known")
+    return _encode_geometry(_geometry(model, camera, pose), asked.shows)
 
 
 def view_pose(motion: Motion, asked: NewView) -> Pose:
@@ -90,6 +98,38 @@ def encode(
     data = (np.clip(pixels, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
     suffix, options = _ENCODERS[kind]
     return cv2.imencode(suffix, np.ascontiguousarray(data), options)[1].tobytes()
+
+
+def _of_splats(model: PersonModel, asked: str, why: str) -> SplatModel:
+    if not isinstance(model, SplatModel):
+        raise InvalidInput(
+            f"{asked} must be asked of a model of splats, {why}; got preset {model.preset!r}; "
+            "leave it out"
+        )
+    return model
+
+
+def _geometry(model: SplatModel, camera: Camera, pose: Pose) -> Geometry:
+    renderer = SplatRenderer((model,))
+    transforms = model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
+    renderer.render(camera, [transforms], expressions=[pose.expression])
+    return renderer.geometry([transforms])
+
+
+def _encode_geometry(geometry: Geometry, shows: Literal["depth", "normal"]) -> bytes:
+    """A PNG of depth, mm, or of normals, where the person hides more than shines through."""
+    alpha = geometry.alpha
+    solid = alpha > _SOLID
+    if shows == "depth":
+        depth = np.where(solid, geometry.depth / np.maximum(alpha, _SOLID), 0.0)
+        pixels = np.clip(1000.0 * depth + 0.5, 0, 65535).astype(np.uint16)
+    else:
+        length = np.linalg.norm(geometry.normal, axis=2, keepdims=True)
+        shown = 0.5 + 0.5 * geometry.normal / np.maximum(length, 1e-6)
+        colours = np.concatenate([shown[..., ::-1], solid[..., None]], axis=2)
+        pixels = (255.0 * colours * solid[..., None] + 0.5).astype(np.uint8)
+    suffix, options = _ENCODERS["png"]
+    return cv2.imencode(suffix, np.ascontiguousarray(pixels), options)[1].tobytes()
 
 
 def _own_pose(asked: ViewPose) -> Pose:

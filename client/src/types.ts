@@ -322,6 +322,8 @@ export interface NewView {
   background?: readonly [number, number, number] | null;
   /** Show only what was filmed: the rest, filled in by guess, fades away. */
   hide_unseen?: boolean;
+  /** What pixels tell: colour; depth along the camera's axis, 16 bits, mm, 0 where nobody is; or the surface's normal, xyz from -1 to 1 in the world's axes as 8 bits. */
+  shows?: "colour" | "depth" | "normal";
   format?: "png" | "jpeg" | "webp";
 }
 

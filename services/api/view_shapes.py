@@ -64,4 +64,9 @@ class NewView(Body):
         default=False,
         description="Show only what was filmed: the rest, filled in by guess, fades away.",
     )
+    shows: Literal["colour", "depth", "normal"] = Field(
+        default="colour",
+        description="What pixels tell: colour; depth along the camera's axis, 16 bits, mm, 0 where "
+        "nobody is; or the surface's normal, xyz from -1 to 1 in the world's axes as 8 bits.",
+    )
     format: Literal["png", "jpeg", "webp"] = "png"

@@ -83,6 +83,42 @@ def test_azimuth_0_shows_the_front_of_whoever_moves_the_model():
     assert _is_blue(_rest(MODEL, facing(2.5), back))
 
 
+def test_depth_and_normals_agree_with_where_the_camera_stands():
+    away = NewView(width=64, height=64, camera=ViewCamera(orbit=Orbit(distance_m=2.0)))
+    pose = facing(0.0).pose(0)
+    camera = view_camera(MODEL.skeleton, facing(0.0), pose, away.camera, 64, 64)
+
+    def told(shows: str) -> np.ndarray:
+        asked = away.model_copy(update={"shows": shows})
+        data = np.frombuffer(render_view(MODEL, facing(0.0), asked), np.uint8)
+        return np.asarray(cv2.imdecode(data, cv2.IMREAD_UNCHANGED))
+
+    depth, normal, alpha = told("depth"), told("normal"), MODEL.render(camera, pose)[..., 3]
+    assert depth.dtype == np.uint16
+    solid = alpha > 0.55
+    assert (depth[alpha < 0.45] == 0).all()
+    assert (normal[alpha < 0.45] == 0).all()
+    reach = np.ptp(MODEL.parameters[:, :3], axis=0).max()
+    assert np.abs(depth[solid] / 1000.0 - 2.0).max() < reach
+    # what is seen faces the camera, nearly everywhere
+    facing_it = 2.0 * normal[solid][:, 2::-1] / 255.0 - 1.0
+    assert np.linalg.norm(facing_it, axis=1) == pytest.approx(1.0, abs=0.02)
+    towards = -camera.world_to_camera[2, :3]
+    assert ((facing_it @ towards) > 0.0).mean() > 0.95
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"format": "jpeg"}, "as png without a background.*got jpeg"),
+        ({"background": (0.0, 0.0, 0.0)}, "as png without a background.*with a background"),
+    ],
+)
+def test_depth_is_told_in_full_or_not_at_all(wrong: dict, words: str):
+    with pytest.raises(InvalidInput, match=words):
+        render_view(MODEL, facing(0.0), NewView(shows="depth", width=64, height=64, **wrong))
+
+
 def _of(pose: Pose) -> tuple[np.ndarray, np.ndarray]:
     return pose.joint_angles, pose.root_translation
 

@@ -171,6 +171,18 @@ async def test_an_erased_model_is_gone_from_memory_too(client: httpx.AsyncClient
     assert (await _view(client, model)).status_code == 404
 
 
+async def test_depth_may_be_asked_for_in_millimetres(client: httpx.AsyncClient, model: ModelRow):
+    orbit = {"orbit": {"distance_m": 3.0}}
+    view = await _view(client, model, shows="depth", camera=orbit)
+    assert view.headers["content-type"] == "image/png"
+    depth = _pixels(view)
+    assert depth.dtype == np.uint16
+    assert 2000 < np.median(depth[depth > 0]) < 4000
+    refused = await _view(client, model, shows="depth", format="jpeg")
+    assert refused.status_code == 422
+    assert "must be asked for as png" in refused.json()["detail"]
+
+
 async def test_only_what_was_filmed_may_be_asked_for(
     client: httpx.AsyncClient, services: Services, model: ModelRow
 ):
