@@ -27,7 +27,7 @@ BLOCKS = 2
 FEATURES = LANDMARK_COUNT * (2 + 3 + 1 + 3 + 3) + 1 + 6 * (JOINT_COUNT - 1) + 9
 OUTPUTS = 7 * JOINT_COUNT
 """Two columns of a rotation and the logarithm of a spread for each joint."""
-_CLOSED_FORM_SPREAD_RAD = 0.35
+_CLOSED_FORM_SPREAD_RAD = 0.45
 _FARTHEST = 6.0
 """Spreads from the middle beyond which a landmark (a guess outside the picture) is cut off."""
 _LEAST_TRUST = 0.02
