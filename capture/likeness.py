@@ -36,17 +36,20 @@ class Likeness:
     def of(self, image: UInt8[Array, "H W 3"], person: Landmarks) -> float:
         """0 to 1; 1 where nothing is known of them."""
         seen = _colours(image, person)
-        if seen is None or self._first is None:
-            return 1.0
-        return max(float((seen * known).sum()) for known in (self._first, *self._lately))
+        return 1.0 if seen is None else self._of(seen)
 
     def remember(self, image: UInt8[Array, "H W 3"], person: Landmarks) -> None:
         """The person looks like this now: people turn, and walk into the shade."""
         seen = _colours(image, person)
-        if seen is None or self.of(image, person) < _CERTAIN:
+        if seen is None or self._of(seen) < _CERTAIN:
             return
         self._first = seen if self._first is None else self._first
         self._lately.append(seen)
+
+    def _of(self, seen: Float[Array, "6 6 6"]) -> float:
+        if self._first is None:
+            return 1.0
+        return max(float((seen * known).sum()) for known in (self._first, *self._lately))
 
 
 def _colours(image: Array, person: Landmarks) -> Float[Array, "6 6 6"] | None:
