@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,10 @@ _LEADER = {"arrowstyle": "-", "lw": 0.4, "color": "#999999"}
 
 
 def draw_charts(figures: dict[str, Any], points: list[dict[str, Any]], json_file: Path) -> None:
-    """`NAME.svg` and `.png` beside the JSON, and the same with `-training` and `-steps`."""
+    """`NAME.svg` and `.png` beside the JSON, and the same with `-training` and `-steps`.
+
+    What `bench distil` left there, of the same performer, joins the chart of training.
+    """
     import matplotlib
 
     matplotlib.use("Agg")
@@ -41,7 +45,7 @@ def draw_charts(figures: dict[str, Any], points: list[dict[str, Any]], json_file
     stem = json_file.with_suffix("")
     for name, chart in (
         ("", _frontier(figures, points)),
-        ("-training", _training(figures)),
+        ("-training", _training(figures, json_file.with_name("distil.json"))),
         ("-steps", _steps(figures)),
     ):
         for suffix in (".svg", ".png"):
@@ -148,7 +152,7 @@ def _meet(one: Any, other: Any) -> bool:
     return bool(one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3])
 
 
-def _training(figures: dict[str, Any]) -> Figure:
+def _training(figures: dict[str, Any], distilled: Path) -> Figure:
     from matplotlib import pyplot
 
     chart, axes = pyplot.subplots(figsize=(7, 4.2), layout="constrained")
@@ -161,6 +165,9 @@ def _training(figures: dict[str, Any]) -> Figure:
             color=_COLOURS[family(name)], mfc="white" if scaled else None, mew=1.5,
             label=short_name(name) + (f" (scaled: {line[0]['steps']} steps)" if scaled else ""),
         )  # fmt: skip
+    if distilled.is_file():
+        point = _distilled(json.loads(distilled.read_text())["psnr"])
+        axes.plot(*point, "^", color=_COLOURS["splats"], label="splats, distilled from fast")
     axes.set(
         xscale="log", xlabel=f"training, s ({_conditions(figures)}; scaled runs: one thread)",
         ylabel="PSNR of unseen views, dB (body crop)",
@@ -170,6 +177,14 @@ def _training(figures: dict[str, Any]) -> Figure:
     if rows:
         axes.legend(frameon=False, fontsize=8)
     return chart
+
+
+def _distilled(psnr: dict[str, dict[str, float]]) -> tuple[float, float]:
+    """Seconds of a field's training and of the splats' that learn from it, and their accuracy."""
+    seconds = {name: float(name.split(", ")[-1].removesuffix(" s")) for name in psnr}
+    field = next(name for name in psnr if name.startswith("fast"))
+    splats = next(name for name in psnr if "distilled" in name)
+    return seconds[field] + seconds[splats], psnr[splats]["novel_view"]
 
 
 def _steps(figures: dict[str, Any]) -> Figure:
