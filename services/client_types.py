@@ -17,8 +17,8 @@ CLIENT_TYPES = Path(__file__).resolve().parents[1] / "client" / "src" / "types.t
 _HEAD = """\
 /**
  * What travels as JSON between server and page. Written from the server's OpenAPI document by
- * `python -m services.client_types`; change services/api/shapes.py or services/control/messages.py
- * and run that, never this file.
+ * `python -m services.client_types`; change services/api/shapes.py, view_shapes.py or
+ * services/control/messages.py and run that, never this file.
  */
 """
 _PLAIN = {
