@@ -30,7 +30,7 @@ STAGES = ("lifted", "landmarks", "silhouette", "second look")
 lies far off theirs are let go and begun anew from their neighbours."""
 
 _LANDMARK_STEPS, _LANDMARK_RATE = 260, 0.03
-_SILHOUETTE_STEPS, _SILHOUETTE_RATE = 240, 0.012
+_SILHOUETTE_STEPS, _SILHOUETTE_RATE = 240, 0.03
 _NEAREST_EVERY = 8
 
 

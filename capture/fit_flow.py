@@ -17,22 +17,30 @@ import torch
 import torch.nn.functional as nnf
 
 from capture.fit_terms import very_robust
-from capture.masks import window_of
+from capture.fit_window import Window, window_around
 from scene.arrays import Array, Bool, Float, Int, Tensor, UInt8
 
 STRIDES = (1, 3)
 """Frames between the two pictures of a pair: near ones move little, far ones drift less."""
 _SIDE_PX = 448
-"""Longest side of the window, that holds the person in all frames, in which flow is found."""
-_SOLID, _MARGIN = 0.5, 0.05
-_BEHIND = 128.0
+"""Longest side of the window in which flow is found."""
+_BEHIND = 128
 """Grey level in place of the room, which stands still."""
 _GRID_PX = 8
+_DESCENTS, _REFINEMENTS = 12, 2
+"""Iterations on every scale, down to the pictures' own."""
 _REACH_PX = 25.0
 """How far from a seen vertex, px of the window, the search still begins with its motion."""
 _RETURNS_PX, _RETURNS_SHARE = 1.0, 0.05
 """There and back may miss so many pixels, and so much of the way."""
-_ON_PERSON = 0.9
+_ALIKE = 24
+"""Grey levels that two places of a match may differ by."""
+_ON_PERSON, _EDGE_PX = 0.9, 2
+"""Alpha from which a pixel shows nothing but the person, and how far from others it must lie."""
+_ROUND_PX = 24
+"""Room kept round the person."""
+_FILLED_PX = 24
+"""How far the person's colours are drawn out over the room, which would hold edges back."""
 _FACING = 0.35
 """Cosine between a vertex' normal and the way to the camera from which it is taken for seen."""
 _IN_FRONT_M = 0.1
@@ -42,45 +50,25 @@ _FEW = 20.0
 """Seen vertices below which a pair of frames loses its say."""
 
 
-@dataclass(frozen=True, eq=False)
-class Window:
-    """The part of the pictures that holds the person, and its scale."""
-
-    x: int
-    y: int
-    width: int
-    """Of the window, px of the full picture."""
-    height: int
-    scale: float
-    """Pixels of the window a pixel of the picture."""
-
-    def inside(self, pixels: Array) -> Array:
-        """Pixels of the picture as pixels of the window."""
-        return (pixels - np.array([self.x, self.y], dtype=np.float32)) * np.float32(self.scale)
-
-
 class Pictures:
     """The person alone, grey, in all frames."""
 
     def __init__(
         self, images: Sequence[UInt8[Array, "H W 3"]], masks: Sequence[Float[Array, "H W"] | None]
     ) -> None:
-        self.window = _window(masks)
+        self.window = window_around(masks, _SIDE_PX)
         cut = [self._cut(image, mask) for image, mask in zip(images, masks, strict=True)]
         self.grey: list[UInt8[Array, "h w"]] = [grey for grey, _ in cut]
         self.person: list[Bool[Array, "h w"]] = [person for _, person in cut]
 
     def _cut(self, image: Array, mask: Array | None) -> tuple[Array, Array]:
-        w = self.window
-        size = (max(1, round(w.width * w.scale)), max(1, round(w.height * w.scale)))
-        part = (slice(w.y, w.y + w.height), slice(w.x, w.x + w.width))
-        grey = cv2.cvtColor(np.ascontiguousarray(image[part]), cv2.COLOR_RGB2GRAY)
-        grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
+        grey = self.window.cut(grey)
         if mask is None:
             return np.full(grey.shape, _BEHIND, np.uint8), np.zeros(grey.shape, bool)
-        alpha = cv2.resize(mask[part].astype(np.float32), size, interpolation=cv2.INTER_AREA)
-        alone = alpha * grey + (1.0 - alpha) * _BEHIND
-        return np.clip(alone, 0.0, 255.0).astype(np.uint8), alpha > _ON_PERSON
+        person = self.window.cut(mask) > _ON_PERSON
+        edge = cv2.erode(person.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=_EDGE_PX)
+        return _without_room(grey.astype(np.uint8), person), edge > 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +103,9 @@ def find_flow(
     return, something was hidden or mistaken: nothing is known there.
     """
     search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    search.setFinestScale(0)
+    search.setGradientDescentIterations(_DESCENTS)
+    search.setVariationalRefinementIterations(_REFINEMENTS)
     inside = pictures.window.inside(pixels.astype(np.float32))
     moved: dict[int, Tensor] = {}
     for stride in (s for s in STRIDES if s < len(pictures.grey)):
@@ -163,39 +154,46 @@ def look_up(flow: Flow, pixels: Float[Tensor, "F V 2"], seen: Bool[Tensor, "F V"
     return aims
 
 
-def flow_energy(aims: Aims, pixels: Float[Tensor, "F V 2"], deviation_px: float) -> Tensor:
-    """Mean over pairs, strides and seen vertices of how far these miss the flow."""
-    total = pixels.new_zeros(())
+def flow_energies(
+    aims: Aims, pixels: Float[Tensor, "F V 2"], deviation_px: float
+) -> list[Float[Tensor, "pairs"]]:
+    """For every stride, how far the seen vertices of each pair miss the flow in the mean."""
+    energies = []
     for stride, moved in aims.moved.items():
         off = (pixels[stride:] - pixels[:-stride] - moved) / deviation_px
         trusted = aims.trusted[stride]
         missed = (very_robust(off.square().sum(-1), _OUTLIER) * trusted).sum(1)
-        total = total + (missed / (trusted.sum(1) + _FEW)).mean()
-    return total / max(len(aims.moved), 1)
-
-
-def _window(masks: Sequence[Float[Array, "H W"] | None]) -> Window:
-    height, width = next(mask.shape for mask in masks if mask is not None)
-    x, y, wide, high = window_of(masks, _SOLID, _MARGIN) or (0, 0, width, height)
-    return Window(x, y, wide, high, min(1.0, _SIDE_PX / max(wide, high)))
+        energies.append(missed / (trusted.sum(1) + _FEW))
+    return energies
 
 
 def _between(
     search: cv2.DISOpticalFlow, pictures: Pictures, first: int, second: int,
     pixels: Array, seen: Array,
 ) -> Float[Array, "h w 2"]:  # fmt: skip
-    a, b = pictures.grey[first], pictures.grey[second]
-    there = search.calc(a, b, _begun(a.shape, pixels[first], pixels[second], seen[first]))
-    back = search.calc(b, a, _begun(a.shape, pixels[second], pixels[first], seen[second]))
+    """Flow where the two pictures show the person, whom it is sought round."""
+    person = pictures.person[first]
+    flow = _unknown(person)
+    shown = np.argwhere(person | pictures.person[second])
+    if not len(shown):
+        return flow
+    first_px, last_px = shown.min(axis=0) - _ROUND_PX, shown.max(axis=0) + _ROUND_PX
+    part = tuple(slice(max(int(low), 0), int(high) + 1)
+                 for low, high in zip(first_px, last_px, strict=True))  # fmt: skip
+    a, b = (np.ascontiguousarray(pictures.grey[f][part]) for f in (first, second))
+    before, after = (pixels[f] - (part[1].start, part[0].start) for f in (first, second))
+    there = search.calc(a, b, _begun(a.shape, before, after, seen[first]))
+    back = search.calc(b, a, _begun(a.shape, after, before, seen[second]))
     y, x = np.mgrid[: a.shape[0], : a.shape[1]].astype(np.float32)
-    returned = cv2.remap(
-        back, x + there[..., 0], y + there[..., 1], cv2.INTER_LINEAR, borderValue=(1e4, 1e4)
-    )
+    arrived = (x + there[..., 0], y + there[..., 1])
+    returned = cv2.remap(back, *arrived, cv2.INTER_LINEAR, borderValue=(1e4, 1e4))
+    alike = np.less(cv2.absdiff(a, cv2.remap(b, *arrived, cv2.INTER_LINEAR)), _ALIKE)
     missed = np.linalg.norm(there + returned, axis=-1)
     way = np.linalg.norm(there, axis=-1)
-    known = (missed < _RETURNS_PX + _RETURNS_SHARE * way) & pictures.person[first]
-    flow = there / np.float32(pictures.window.scale)
-    return np.where(known[..., None], flow, np.nan).astype(np.float16)
+    known = alike & np.asarray(missed < _RETURNS_PX + _RETURNS_SHARE * way) & person[part]
+    there = np.asarray(there) / np.float32(pictures.window.scale)
+    flow[part] = np.where(known[..., None], there, np.nan)
+    return flow
 
 
 def _begun(shape: tuple[int, ...], here: Array, there: Array, seen: Array) -> Array:
@@ -214,3 +212,16 @@ def _begun(shape: tuple[int, ...], here: Array, there: Array, seen: Array) -> Ar
 
 def _unknown(like: Array) -> Float[Array, "h w 2"]:
     return np.full((*like.shape, 2), np.nan, np.float16)
+
+
+def _without_room(grey: UInt8[Array, "h w"], person: Bool[Array, "h w"]) -> UInt8[Array, "h w"]:
+    """Each pixel near the person with the colour of the person's nearest."""
+    if not person.any():
+        return np.full(grey.shape, _BEHIND, np.uint8)
+    away, labels = cv2.distanceTransformWithLabels(
+        1 - person.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    nearest = np.asarray(labels, dtype=np.int64)
+    colours = np.zeros(nearest.max() + 1, np.uint8)
+    colours[nearest[person]] = grey[person]
+    return np.where(np.less(away, _FILLED_PX), colours[nearest], np.uint8(_BEHIND))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+import torch.nn.functional as nnf
 
 from capture.body import BodyModel
 from capture.fit_data import (
@@ -16,12 +17,12 @@ from capture.fit_data import (
     hidden_joints,
     landmark_arrays,
     person_height_px,
-    sampled_vertices,
 )
-from capture.fit_flow import Aims, Pictures, find_flow, flow_energy, look_up, seen_vertices
+from capture.fit_flow import Aims, Pictures, find_flow, flow_energies, look_up, seen_vertices
 from capture.fit_initial import TO_Y_UP, solve_translation
 from capture.fit_landmarks import MIRROR, LandmarkModel, place_landmarks
 from capture.fit_silhouette import Silhouettes, prepare_silhouettes, silhouette_energy
+from capture.fit_skin import Skin
 from capture.fit_terms import (
     forward,
     pose_prior,
@@ -29,7 +30,6 @@ from capture.fit_terms import (
     rigid_points,
     robust,
     rotation_matrices,
-    skinned_points,
     time_steps,
     unsteadiness,
     very_robust,
@@ -37,7 +37,6 @@ from capture.fit_terms import (
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
 from capture.lifter import Lifted, Lifter
 from scene.arrays import Array, Bool, Float, Tensor, UInt8
-from scene.body import vertex_normals
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES
 
@@ -86,7 +85,9 @@ _FAR_OFF = 4.0
 estimator puts crouching people into half of themselves, and backs before fronts."""
 _DOUBTED = 0.1
 """Weight of what the estimator says of such a frame."""
-_VERTEX_SPACING_M = 0.05
+_VERTEX_SPACING_M = 0.065
+_RIM_SPACING_M = 0.025
+"""Of the vertices that outlines are looked up among: coarser ones leave gaps of pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +111,7 @@ class Look:
     """What the pictures say of the present poses; looked up every few steps only."""
 
     nearest: Tensor
-    """Index [F P] of the vertex nearest to each point of the outline."""
+    """Index [F P] of the rim's vertex that makes each point of the outline."""
     aims: Aims | None
     """Where the flow wants the vertices."""
 
@@ -158,21 +159,14 @@ class Problem:
             return torch.tensor(value, dtype=torch.float32)
 
         model = self.model
-        chosen = sampled_vertices(model.rest_vertices, _VERTEX_SPACING_M)
         self.joints0, self.joints1 = tensor(model.rest_joints), tensor(model.joint_directions)
         self.marks0, self.marks1 = tensor(marks.rest), tensor(marks.directions)
         self.mark_joints = torch.tensor(marks.joints)
-        self.skin0 = tensor(model.rest_vertices[chosen])
-        self.skin1 = tensor(model.vertex_directions[chosen])
-        self.skin_weights = tensor(model.blend_weights[chosen])
+        self.skin = Skin.of(model, _VERTEX_SPACING_M)
+        self.rim = Skin.of(model, _RIM_SPACING_M)
         ends = [model.rest_vertices[:, 1].argmax(), model.rest_vertices[:, 1].argmin()]
         top_and_sole = model.rest_vertices[ends, 1], model.vertex_directions[ends, 1]
         self.height0, self.height1 = (tensor(top - sole) for top, sole in top_and_sole)
-        faces = model.body(np.zeros(model.shape_count)).faces
-        assert faces is not None
-        self.skin_normals = tensor(vertex_normals(model.rest_vertices, faces)[chosen])
-        owners = model.blend_weights[chosen].argmax(axis=1)
-        self.skin_owners = torch.tensor(owners)
         self.seen_pixels, self.seen_weights = tensor(self.pixels), tensor(self.weights)
         self.seen_world = tensor(self.world * TO_Y_UP)
         self.lifted_turns = tensor(self.lifted.rotations)
@@ -182,7 +176,7 @@ class Problem:
         self.depth_trust[:FACE_LANDMARKS] = _FACE_DEPTH_TRUST
         hidden = hidden_joints(self.weights)
         self.prior, self.hidden = pose_prior(), tensor(hardly_shown(hidden))
-        self.shown = tensor(1.0 - beyond_hidden(hidden)[:, owners])
+        self.shown = tensor(1.0 - beyond_hidden(hidden)[:, self.skin.owners.numpy()])
 
     def _start(self) -> None:
         angles, pelvis = start_poses(self)
@@ -222,22 +216,28 @@ class Problem:
     def look(self) -> Look:
         """What outlines and flow say of the present poses."""
         posed = self.posed()
-        skin, pixels = self._surface(*posed)
         aims = None
         if self.flow is not None:
+            skin, pixels = self._surface(*posed)
             aims = look_up(self.flow, pixels, self._seen(posed[0], skin, pixels))
-        return Look(self.silhouettes.nearest(pixels), aims)
+        return Look(self._nearest(*posed), aims)
 
     def _seen(self, turned: Tensor, skin: Tensor, pixels: Tensor) -> Tensor:
-        normals = (turned[:, self.skin_owners] @ self.skin_normals[..., None])[..., 0]
+        normals = self.skin.turned_normals(turned)
         return seen_vertices(skin, pixels, normals, _CELL * self.extent)
+
+    def _nearest(self, turned: Tensor, placed: Tensor, rest: Tensor) -> Tensor:
+        rim = self.rim.posed(turned, placed, rest, self.shape)
+        normals = self.rim.turned_normals(turned)
+        pixels = project(rim, self.focal(), self.centre)
+        return self.silhouettes.nearest(pixels, normals, rim)
 
     @torch.no_grad()
     def edges(self) -> Float[Array, "F"]:
         """Energy of each frame's outline (`silhouette_energy`)."""
-        _, pixels = self._surface(*self.posed())
-        nearest = self.silhouettes.nearest(pixels)
-        return self._edge_energy(pixels, nearest).numpy()
+        posed = self.posed()
+        _, pixels = self._surface(*posed)
+        return self._edge_energy(self._nearest(*posed), pixels, *posed).numpy()
 
     @torch.no_grad()
     def let_go(self, frames: Bool[Array, "F"]) -> None:
@@ -279,12 +279,15 @@ class Problem:
 
     def _surface(self, turned: Tensor, placed: Tensor, rest: Tensor) -> tuple[Tensor, Tensor]:
         """The sampled vertices [F V 3] and their pixels [F V 2]."""
-        points = self.skin0 + self.skin1 @ self.shape
-        skin = skinned_points(turned, placed, rest, points, self.skin_weights)
+        skin = self.skin.posed(turned, placed, rest, self.shape)
         return skin, project(skin, self.focal(), self.centre)
 
     def energy(self, look: Look | None) -> Tensor:
         """Mean over frames of all terms; outlines and flow join in with a `look` at them."""
+        return self.frame_energies(look).mean() + self._once_a_clip()
+
+    def frame_energies(self, look: Look | None) -> Float[Tensor, "F"]:
+        """What each frame has a part in; what joins frames counts in the first of them."""
         turned, placed, rest = self.posed()
         marks = self.landmarks(turned, placed, rest)
         off = (project(marks, self.focal(), self.centre) - self.seen_pixels) / (
@@ -292,26 +295,33 @@ class Problem:
         )
         kernel = robust if look is None else lambda squared: very_robust(squared, _OUTLIER)
         seen = (kernel(off.square().sum(-1)) * self.seen_weights).sum(1)
-        depth = self._world_energy(marks)
-        steady = unsteadiness(placed, *self.steps, _ACCELERATION_M_S2).sum() / len(placed)
+        said = seen + _WORLD_WEIGHT * self._world_energy(marks)
         total = (
-            (self.belief * (seen + _WORLD_WEIGHT * depth)).mean()
-            + _PRIOR_WEIGHT * self.prior.energy(self.angles, self.hidden).mean()
-            + _LIFTED_WEIGHT * (self.belief * self._lifted_energy()).mean()
-            + steady
+            self.belief * (said + _LIFTED_WEIGHT * self._lifted_energy())
+            + _PRIOR_WEIGHT * self.prior.energy(self.angles, self.hidden)
+            + self._joined(unsteadiness(placed, *self.steps, _ACCELERATION_M_S2).sum(1))
+            + self._joined(self._feet_slide(placed))
         )
-        total = total + self._once_a_clip() + self._feet_slide(placed)
         if look is not None:
             _, pixels = self._surface(turned, placed, rest)
-            total = total + _EDGE_WEIGHT * self._edge_energy(pixels, look.nearest).mean()
+            edges = self._edge_energy(look.nearest, pixels, turned, placed, rest)
+            total = total + _EDGE_WEIGHT * edges
             if look.aims is not None:
-                flow = flow_energy(look.aims, pixels, _FLOW_DEVIATION * self.extent)
-                total = total + _FLOW_WEIGHT * flow
+                for flow in flow_energies(look.aims, pixels, _FLOW_DEVIATION * self.extent):
+                    share = _FLOW_WEIGHT * len(total) / (len(flow) * len(look.aims.moved))
+                    total = total + share * self._joined(flow)
         return total
 
-    def _edge_energy(self, pixels: Tensor, nearest: Tensor) -> Tensor:
+    def _joined(self, energies: Float[Tensor, "P"]) -> Float[Tensor, "F"]:
+        return nnf.pad(energies, (0, len(self.angles) - len(energies)))
+
+    def _edge_energy(
+        self, nearest: Tensor, pixels: Tensor, turned: Tensor, placed: Tensor, rest: Tensor
+    ) -> Tensor:
+        rim = self.rim.posed_at(nearest, turned, placed, rest, self.shape)
+        reached = project(rim, self.focal(), self.centre)
         deviation = _EDGE_DEVIATION * self.extent
-        return silhouette_energy(self.silhouettes, pixels, nearest, self.shown, deviation)
+        return silhouette_energy(self.silhouettes, pixels, reached, self.shown, deviation)
 
     def _lifted_energy(self) -> Tensor:
         """Away from the poses that the network believes, in its own usual errors [F].
@@ -324,12 +334,11 @@ class Problem:
         off = 0.5 * (self.rotations() - believed).square().sum((-1, -2))
         return (robust(off / self.lifted_spread.square()) * (1.0 - self.hidden)).sum(1)
 
-    def _feet_slide(self, placed: Tensor) -> Tensor:
+    def _feet_slide(self, placed: Tensor) -> Float[Tensor, "F-1"]:
         """Slow feet are held where they stand, so that they neither slide nor let the body drift
         in depth; fast ones swing."""
         speed = (placed[1:, _FEET] - placed[:-1, _FEET]) / self.steps[0][:, None, None]
-        slid = very_robust((speed / _PLANTED_M_S).square().sum(-1), _SWINGS)
-        return slid.sum() / len(placed)
+        return very_robust((speed / _PLANTED_M_S).square().sum(-1), _SWINGS).sum(1)
 
     def _world_energy(self, marks: Tensor) -> Tensor:
         """Off the estimator's 3D landmarks [F], whose size is its own guess: one scale a clip."""
