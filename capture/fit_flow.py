@@ -154,17 +154,15 @@ def look_up(flow: Flow, pixels: Float[Tensor, "F V 2"], seen: Bool[Tensor, "F V"
     return aims
 
 
-def flow_energies(
-    aims: Aims, pixels: Float[Tensor, "F V 2"], deviation_px: float
-) -> list[Float[Tensor, "pairs"]]:
-    """For every stride, how far the seen vertices of each pair miss the flow in the mean."""
-    energies = []
+def flow_energy(aims: Aims, pixels: Float[Tensor, "F V 2"], deviation_px: float) -> Tensor:
+    """Mean over pairs, strides and seen vertices of how far these miss the flow."""
+    total = pixels.new_zeros(())
     for stride, moved in aims.moved.items():
         off = (pixels[stride:] - pixels[:-stride] - moved) / deviation_px
         trusted = aims.trusted[stride]
         missed = (very_robust(off.square().sum(-1), _OUTLIER) * trusted).sum(1)
-        energies.append(missed / (trusted.sum(1) + _FEW))
-    return energies
+        total = total + (missed / (trusted.sum(1) + _FEW)).mean()
+    return total / max(len(aims.moved), 1)
 
 
 def _between(

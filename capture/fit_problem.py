@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-import torch.nn.functional as nnf
 
 from capture.body import BodyModel
 from capture.fit_data import (
@@ -18,7 +17,7 @@ from capture.fit_data import (
     landmark_arrays,
     person_height_px,
 )
-from capture.fit_flow import Aims, Pictures, find_flow, flow_energies, look_up, seen_vertices
+from capture.fit_flow import Aims, Pictures, find_flow, flow_energy, look_up, seen_vertices
 from capture.fit_initial import TO_Y_UP, solve_translation
 from capture.fit_landmarks import MIRROR, LandmarkModel, place_landmarks
 from capture.fit_silhouette import Silhouettes, prepare_silhouettes, silhouette_energy
@@ -284,10 +283,6 @@ class Problem:
 
     def energy(self, look: Look | None) -> Tensor:
         """Mean over frames of all terms; outlines and flow join in with a `look` at them."""
-        return self.frame_energies(look).mean() + self._once_a_clip()
-
-    def frame_energies(self, look: Look | None) -> Float[Tensor, "F"]:
-        """What each frame has a part in; what joins frames counts in the first of them."""
         turned, placed, rest = self.posed()
         marks = self.landmarks(turned, placed, rest)
         off = (project(marks, self.focal(), self.centre) - self.seen_pixels) / (
@@ -295,25 +290,23 @@ class Problem:
         )
         kernel = robust if look is None else lambda squared: very_robust(squared, _OUTLIER)
         seen = (kernel(off.square().sum(-1)) * self.seen_weights).sum(1)
-        said = seen + _WORLD_WEIGHT * self._world_energy(marks)
+        depth = self._world_energy(marks)
+        steady = unsteadiness(placed, *self.steps, _ACCELERATION_M_S2).sum() / len(placed)
         total = (
-            self.belief * (said + _LIFTED_WEIGHT * self._lifted_energy())
-            + _PRIOR_WEIGHT * self.prior.energy(self.angles, self.hidden)
-            + self._joined(unsteadiness(placed, *self.steps, _ACCELERATION_M_S2).sum(1))
-            + self._joined(self._feet_slide(placed))
+            (self.belief * (seen + _WORLD_WEIGHT * depth)).mean()
+            + _PRIOR_WEIGHT * self.prior.energy(self.angles, self.hidden).mean()
+            + _LIFTED_WEIGHT * (self.belief * self._lifted_energy()).mean()
+            + steady
         )
+        total = total + self._once_a_clip() + self._feet_slide(placed)
         if look is not None:
             _, pixels = self._surface(turned, placed, rest)
             edges = self._edge_energy(look.nearest, pixels, turned, placed, rest)
-            total = total + _EDGE_WEIGHT * edges
+            total = total + _EDGE_WEIGHT * edges.mean()
             if look.aims is not None:
-                for flow in flow_energies(look.aims, pixels, _FLOW_DEVIATION * self.extent):
-                    share = _FLOW_WEIGHT * len(total) / (len(flow) * len(look.aims.moved))
-                    total = total + share * self._joined(flow)
+                flow = flow_energy(look.aims, pixels, _FLOW_DEVIATION * self.extent)
+                total = total + _FLOW_WEIGHT * flow
         return total
-
-    def _joined(self, energies: Float[Tensor, "P"]) -> Float[Tensor, "F"]:
-        return nnf.pad(energies, (0, len(self.angles) - len(energies)))
 
     def _edge_energy(
         self, nearest: Tensor, pixels: Tensor, turned: Tensor, placed: Tensor, rest: Tensor
@@ -334,11 +327,12 @@ class Problem:
         off = 0.5 * (self.rotations() - believed).square().sum((-1, -2))
         return (robust(off / self.lifted_spread.square()) * (1.0 - self.hidden)).sum(1)
 
-    def _feet_slide(self, placed: Tensor) -> Float[Tensor, "F-1"]:
+    def _feet_slide(self, placed: Tensor) -> Tensor:
         """Slow feet are held where they stand, so that they neither slide nor let the body drift
         in depth; fast ones swing."""
         speed = (placed[1:, _FEET] - placed[:-1, _FEET]) / self.steps[0][:, None, None]
-        return very_robust((speed / _PLANTED_M_S).square().sum(-1), _SWINGS).sum(1)
+        slid = very_robust((speed / _PLANTED_M_S).square().sum(-1), _SWINGS)
+        return slid.sum() / len(placed)
 
     def _world_energy(self, marks: Tensor) -> Tensor:
         """Off the estimator's 3D landmarks [F], whose size is its own guess: one scale a clip."""

@@ -1,8 +1,9 @@
 """The silhouette term: the surface stays inside the mask, and the mask's edge is reached by it.
 
-Both directions are distances in pixels of a small picture. Inside-ness is read from a distance map;
-reach is the distance from points of the mask's contour to the nearest projected vertex, whose index
-is looked up every few steps only.
+Inside-ness is read from a distance map, small but counted from the edge itself. Reach is how far,
+across the outline, its points lie from the vertex that makes them: one of a dense skin that is seen
+from the side, close by, and faces the way the outline does, as iterative closest points with
+normals pick theirs (Rusinkiewicz and Levoy 2001). Which it is, is looked up every few steps only.
 """
 
 from __future__ import annotations
@@ -35,13 +36,16 @@ _SLIDES = 0.3
 _RIM = 600
 """Vertices of a frame that may lie on its outline: those seen most from the side."""
 _FACES_PX = 15.0
-"""How far away a vertex counts whose normal in the picture is square to the outline's."""
+"""Pixels that a vertex counts as further off for each unit between its normal and the outline's."""
 
 
 @dataclass(frozen=True)
 class Silhouettes:
     """Masks of all frames, prepared for the fit."""
 
+    width: int
+    """Of the full picture, px."""
+    height: int
     window: Window
     distance: Float[Tensor, "F h w 3"]
     """From the middle of each of the window's pixels to the person, in its pixels (0 on them), and
@@ -71,9 +75,6 @@ class Silhouettes:
         seen = ((pixels > 0.0) & (pixels < size)).all(-1)
         return found * seen * self.known[:, None]
 
-    width: int
-    height: int
-
     @torch.no_grad()
     def nearest(
         self,
@@ -98,7 +99,7 @@ class Silhouettes:
 def prepare_silhouettes(masks: Sequence[Float[Array, "H W"] | None]) -> Silhouettes:
     """Distance maps and outlines of `masks` (None: the person was lost)."""
     window = window_around(masks, SIDE_PX)
-    full_height, full_width = next(m.shape for m in masks if m is not None)
+    height, width = next(m.shape for m in masks if m is not None)
     size = window.size
     distances = np.zeros((len(masks), size[1], size[0], 3), dtype=np.float32)
     contour = np.zeros((len(masks), CONTOUR_POINTS, 2), dtype=np.float32)
@@ -117,14 +118,14 @@ def prepare_silhouettes(masks: Sequence[Float[Array, "H W"] | None]) -> Silhouet
         distances[index] = np.stack([distance, *np.gradient(distance)[::-1]], axis=-1)
         contour[index], normals[index], weight[index] = _outline(mask)
     return Silhouettes(
+        width,
+        height,
         window,
         torch.from_numpy(distances),
         torch.from_numpy(contour),
         torch.from_numpy(normals),
         torch.from_numpy(weight),
         torch.from_numpy(known),
-        full_width,
-        full_height,
     )
 
 
