@@ -148,7 +148,7 @@ def _minimise(
 def _optimiser(problem: Problem, rate: float) -> torch.optim.Adam:
     groups = [(problem.angles, rate), (problem.pelvis, rate), (problem.shape, 0.4 * rate),
               (problem.habits, 0.3 * rate), (problem.offsets, 0.1 * rate),
-              (problem.log_scale, 0.3 * rate)]  # fmt: skip
+              (problem.log_scale, 0.3 * rate), (problem.clothes_m, 0.03 * rate)]  # fmt: skip
     if not problem.focal_known:
         groups.append((problem.log_focal, 0.2 * rate))
     return torch.optim.Adam(

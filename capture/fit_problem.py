@@ -48,8 +48,12 @@ _SHAPE_DEVIATION = (0.06, 0.2, 0.2, 0.2, 0.2)
 _HABIT_RAD, _HABIT_WEIGHT = 0.25, 0.05
 """How far somebody's way of holding a joint lies from what the network takes for usual; the weight
 is once a clip, beside the frames' mean energy."""
-_SHAPE_WEIGHT = 0.1
+_SHAPE_WEIGHT = 0.5
 """Of the shape's prior, once a clip, beside the frames' mean energy."""
+_FARTHEST_SHAPE, _SHAPE_WALL = 0.5, 0.05
+"""Where the body model ends, and how softly: loose clothes would make it something else."""
+_CLOTHES_DEVIATION_M = 0.01
+"""Of how far a clip's outlines lie from the skin."""
 _HEIGHT_DEVIATION_M = 0.003
 """Of the height that somebody says they have."""
 _PLANTED_M_S = 0.2
@@ -187,6 +191,7 @@ class Problem:
         self.shape = self._likely_shape().requires_grad_()
         self.log_focal = torch.zeros((), requires_grad=True)
         self.log_scale = torch.zeros((), requires_grad=True)
+        self.clothes_m = torch.zeros((), requires_grad=True)
         self.habits = torch.zeros(JOINT_COUNT, 3, requires_grad=True)
         self.offsets = torch.zeros(len(LANDMARK_NAMES), 3, requires_grad=True)
 
@@ -313,8 +318,11 @@ class Problem:
     ) -> Tensor:
         rim = self.rim.posed_at(nearest, turned, placed, rest, self.shape)
         reached = project(rim, self.focal(), self.centre)
+        clothes_px = self.focal() * self.clothes_m / -placed[:, 0, 2].clamp_max(-0.1)
         deviation = _EDGE_DEVIATION * self.extent
-        return silhouette_energy(self.silhouettes, pixels, reached, self.shown, deviation)
+        return silhouette_energy(
+            self.silhouettes, pixels, reached, self.shown, clothes_px, deviation
+        )
 
     def _lifted_energy(self) -> Tensor:
         """Away from the poses that the network believes, in its own usual errors [F].
@@ -345,12 +353,15 @@ class Problem:
 
     def _once_a_clip(self) -> Tensor:
         shape = (self.shape / torch.tensor(_SHAPE_DEVIATION)).square().sum()
+        beyond = torch.relu(self.shape.abs() - _FARTHEST_SHAPE) / _SHAPE_WALL
         offsets = (self.offsets / _OFFSET_DEVIATION_M).square().sum()
         height = self.height0 + self.height1 @ self.shape
         told = 0.0 if self.height_m is None else (height - self.height_m) / _HEIGHT_DEVIATION_M
         return (
             _HABIT_WEIGHT * (self.habits / _HABIT_RAD).square().sum()
             + _SHAPE_WEIGHT * shape
+            + beyond.square().sum()
+            + 0.5 * (self.clothes_m / _CLOTHES_DEVIATION_M) ** 2
             + 0.5 * told**2
             + 0.1 * offsets
             + 0.5 * (self.log_focal / _FOCAL_DEVIATION).square()

@@ -134,16 +134,19 @@ def silhouette_energy(
     pixels: Float[Tensor, "F V 2"],
     reached: Float[Tensor, "F P 2"],
     shown: Float[Tensor, "F V"],
+    clothes_px: Float[Tensor, "F"],
     deviation_px: float,
 ) -> Float[Tensor, "F"]:
     """Mean energy of both directions, a frame.
 
     `pixels` stay inside unless they are not `shown` (0: a limb behind a table may lie outside the
-    mask); `reached` is where the vertices lie that make the outline.
+    mask); `reached` is where the vertices lie that make the outline, `clothes_px` how much further
+    out it is.
     """
     outside = silhouettes.outside(pixels) / deviation_px
     inwards = _INWARDS * (robust(outside.square()) * shown).mean(1)
-    gap = (reached - silhouettes.contour) / deviation_px
+    worn = clothes_px[:, None, None] * silhouettes.normals
+    gap = (reached + worn - silhouettes.contour) / deviation_px
     across = (gap * silhouettes.normals).sum(-1).square()
     squared = across + _SLIDES**2 * (gap.square().sum(-1) - across)
     reach = very_robust(squared, _GIVES_UP) * silhouettes.contour_weight

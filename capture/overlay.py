@@ -22,6 +22,8 @@ from scene.skeleton import JOINT_NAMES, PARENTS
 
 _LEFT, _RIGHT, _MIDDLE = (255, 140, 30), (40, 160, 255), (255, 240, 120)
 _SURFACE, _SILHOUETTE, _BOX = (60, 255, 120), (255, 60, 220), (255, 255, 255)
+_FINER = 4
+"""Times as fine as the picture is what a surface is first drawn on."""
 
 
 def draw_overlay(frame: Frame, body: Body) -> UInt8[Array, "H W 3"]:
@@ -47,16 +49,18 @@ def surface_mask(frame: Frame, body: Body) -> UInt8[Array, "H W"] | None:
 
 
 def project_surface(camera: Camera, body: Body, pose: Pose) -> UInt8[Array, "H W"]:
-    """1 where `body` in `pose` covers a pixel of `camera`; the body needs a surface."""
-    covered = np.zeros((camera.height, camera.width), dtype=np.uint8)
+    """1 where `body` in `pose` covers most of a pixel of `camera`; the body needs a surface."""
+    covered = np.zeros((_FINER * camera.height, _FINER * camera.width), dtype=np.uint8)
     pixels, depth = camera.project(body.posed_vertices(pose))
     assert body.faces is not None  # posed_vertices has refused a body without
     whole = (depth[body.faces] > 0.05).all(axis=1)
-    corners = pixels[body.faces[whole]] - 0.5  # cv2 counts from pixel centres
-    scaled = np.round(np.clip(corners, -4000, 8000) * 16.0).astype(np.int32)
+    corners = _FINER * pixels[body.faces[whole]] - 0.5  # cv2 counts from pixel centres
+    scaled = np.round(np.clip(corners, -16000, 32000) * 16.0).astype(np.int32)
     for triangle in scaled:
         cv2.fillConvexPoly(covered, triangle, 1, shift=4)
-    return covered
+    # a polygon is drawn with all that its edge touches: finer pixels leave little of that
+    share = cv2.resize(255 * covered, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+    return np.greater(share, 127).astype(np.uint8)
 
 
 def write_overlay_video(sequence: Sequence, path: Path) -> None:

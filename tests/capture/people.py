@@ -64,20 +64,13 @@ def seen_by(view: Camera, person: Body, pose: Pose) -> Landmarks:
     points = mark_points(person, pose)
     pixels, _ = view.project(points)
     hips = 0.5 * (points[LANDMARK["left_hip"]] + points[LANDMARK["right_hip"]])
-    mask = _shown(view, person, pose)
+    mask = project_surface(view, person, pose)
     return Landmarks(
         pixels,
         (points - hips) @ view.rotation.T,
         np.ones(len(LANDMARK_NAMES)),
         mask.astype(np.float32),
     )
-
-
-def _shown(view: Camera, person: Body, pose: Pose) -> Array:
-    """Pixels half covered by the person and more; whatever a polygon touches would be too much."""
-    finer = view.resized(4 * view.width, 4 * view.height)
-    covered = project_surface(finer, person, pose).astype(np.float32)
-    return cv2.resize(covered, (view.width, view.height), interpolation=cv2.INTER_AREA) > 0.5
 
 
 def picture(person: Landmarks, colour: tuple[int, int, int] = (200, 60, 40)) -> Array:

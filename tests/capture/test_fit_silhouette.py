@@ -96,20 +96,32 @@ def test_the_outline_draws_across_and_hardly_along():
     outline = prepare_silhouettes([disc()])
     inside = torch.tensor(CENTRE, dtype=torch.float32).expand(1, 10, 2)
 
-    def energy(reached: Tensor) -> float:
+    def energy(reached: Tensor, worn: float = 0.0) -> float:
         shown = torch.ones(1, 10)
-        return float(silhouette_energy(outline, inside, reached, shown, 2.0))
+        return float(silhouette_energy(outline, inside, reached, shown, torch.tensor([worn]), 2.0))
 
     along = outline.normals @ torch.tensor([[0.0, 1.0], [-1.0, 0.0]])
     assert energy(outline.contour) == 0.0
     across = energy(outline.contour + 3.0 * outline.normals)
     assert energy(outline.contour + 3.0 * along) == pytest.approx(0.09 * across, rel=0.05)
+    # clothes lie outside the skin that makes the outline
+    assert energy(outline.contour - 3.0 * outline.normals, 3.0) == pytest.approx(0.0, abs=1e-4)
     outside = inside + torch.tensor([100.0, 0.0])
     assert (
-        float(silhouette_energy(outline, outside, outline.contour, torch.zeros(1, 10), 2.0)) == 0.0
+        float(
+            silhouette_energy(
+                outline, outside, outline.contour, torch.zeros(1, 10), torch.zeros(1), 2.0
+            )
+        )
+        == 0.0
     )
     assert (
-        float(silhouette_energy(outline, outside, outline.contour, torch.ones(1, 10), 2.0)) > 10.0
+        float(
+            silhouette_energy(
+                outline, outside, outline.contour, torch.ones(1, 10), torch.zeros(1), 2.0
+            )
+        )
+        > 10.0
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from capture.overlay import draw_overlay, surface_mask, write_overlay_video
+from capture.overlay import draw_overlay, project_surface, surface_mask, write_overlay_video
 from capture.store import open_sequence, write_sequence
 from capture.video import read_video
 from scene.body import Body
@@ -41,6 +41,13 @@ def test_the_surface_covers_the_true_mask(frame):
     covered = surface_mask(frame, body())
     assert covered is not None
     assert (covered == frame.mask).all()
+
+
+def test_small_pictures_show_the_surface_as_large_as_large_ones():
+    """A pixel whose corner alone is touched is not covered."""
+    pose = standing(1).pose(0)
+    shares = [project_surface(camera(size), body(), pose).mean() for size in (256, 1024)]
+    assert shares[0] == pytest.approx(shares[1], rel=0.03)
 
 
 def test_a_body_of_joints_alone_still_has_its_skeleton(frame):
