@@ -68,7 +68,7 @@ class Pictures:
             return np.full(grey.shape, _BEHIND, np.uint8), np.zeros(grey.shape, bool)
         person = self.window.cut(mask) > _ON_PERSON
         edge = cv2.erode(person.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=_EDGE_PX)
-        return _without_room(grey.astype(np.uint8), person), edge > 0
+        return _without_room(grey, person), edge > 0
 
 
 @dataclass(frozen=True, eq=False)
