@@ -18,6 +18,7 @@ import torch
 from capture.body import BodyModel
 from capture.errors import CaptureStopped, NoPersonFound
 from capture.fit_data import bridged
+from capture.fit_descent import Descent
 from capture.fit_problem import Fit, Problem
 from capture.landmarks import LANDMARK_NAMES, Landmarks
 from capture.lifter import Lifter, closed_form
@@ -127,32 +128,14 @@ def _minimise(
         )
         if edge:
             problem.let_go(problem.doubted())
-            problem.watch()
-        optimiser = _optimiser(problem, rate)
-        look = None
+            problem.watch(coarse=stage == STAGES[2])
+        descent, look = Descent(problem, rate), None
         for step in range(steps):
             if should_stop():
                 raise CaptureStopped("capture was stopped while fitting the body")
             if edge and step % _NEAREST_EVERY == 0:
                 look = problem.look()
-            for group in optimiser.param_groups:
-                group["lr"] = group["initial"] * (1.0 - 0.95 * step / steps)
-            optimiser.zero_grad()
-            problem.energy(look).backward()
-            optimiser.step()
+            descent.step(problem.energy(look), step / steps)
             done += 1
             on_progress(done / total)
         on_stage(stage)
-
-
-def _optimiser(problem: Problem, rate: float) -> torch.optim.Adam:
-    groups = [(problem.angles, rate), (problem.pelvis, rate), (problem.shape, 0.4 * rate),
-              (problem.habits, 0.3 * rate), (problem.offsets, 0.1 * rate),
-              (problem.log_scale, 0.3 * rate), (problem.clothes_m, 0.03 * rate)]  # fmt: skip
-    if not problem.focal_known:
-        groups.append((problem.log_focal, 0.2 * rate))
-    return torch.optim.Adam(
-        [{"params": [value], "lr": lr, "initial": lr} for value, lr in groups],
-        betas=(0.9, 0.99),
-        eps=1e-5,
-    )

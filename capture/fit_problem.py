@@ -62,7 +62,7 @@ _SWINGS = 3.0
 """In the same, from where a foot is let go."""
 _FEET = [JOINT_NAMES.index(f"{side}_{part}")
          for side in ("left", "right") for part in ("ankle", "foot")]  # fmt: skip
-_ACCELERATION_M_S2 = 12.0
+_ACCELERATION_M_S2 = 9.0
 _WORLD_DEVIATION_M = 0.07
 _OFFSET_DEVIATION_M = 0.01
 _PIXEL_DEVIATION = 0.016
@@ -71,13 +71,13 @@ _EDGE_DEVIATION = 0.008
 """Of a silhouette, in the same."""
 _OUTLIER = 3.0
 """Deviations from which a landmark has no say, once the outline has one."""
-_LIFTED_WEIGHT, _WORLD_WEIGHT, _PRIOR_WEIGHT = 5.0, 0.2, 0.1
+_LIFTED_WEIGHT, _WORLD_WEIGHT, _PRIOR_WEIGHT = 5.0, 0.05, 0.1
 """Of the network's poses, the 3D landmarks and the prior, beside the seen landmarks' sum."""
 _EDGE_WEIGHT = 18.0
 """Of the outline's mean energy, beside the landmarks' sum."""
 _FLOW_DEVIATION = 0.004
 """Of how far the surface moves between two pictures, in heights of the person."""
-_FLOW_WEIGHT = 60.0
+_FLOW_WEIGHT = 120.0
 """Of the flow's mean energy, beside the landmarks' sum."""
 _CELL = 0.03
 """Side of a cell in which near vertices hide far ones, in heights of the person."""
@@ -208,13 +208,15 @@ class Problem:
         return edges > _FAR_OFF * np.median(edges)
 
     @torch.no_grad()
-    def watch(self) -> None:
-        """Find the flow between the pictures, begun with the present motion."""
+    def watch(self, *, coarse: bool) -> None:
+        """Find the flow between the pictures, begun with the present motion (`find_flow`)."""
         if self.pictures is not None:
             posed = self.posed()
             skin, pixels = self._surface(*posed)
             seen = self._seen(posed[0], skin, pixels)
-            self.flow = find_flow(self.pictures, self.takes, pixels.numpy(), seen.numpy())
+            self.flow = find_flow(
+                self.pictures, self.takes, pixels.numpy(), seen.numpy(), coarse=coarse
+            )
 
     @torch.no_grad()
     def look(self) -> Look:
