@@ -27,10 +27,10 @@ class Descent:
 
     def __init__(self, problem: Problem, rate: float) -> None:
         self._problem = problem
-        self._basis = hierarchical_basis(problem.times_s, problem.takes)
+        self.basis = hierarchical_basis(problem.times_s, problem.takes)
         self._motion = (problem.angles, problem.pelvis)
         # moved along the basis, and nil again after each step
-        self._along = [x.new_zeros(self._basis.shape[1], *x.shape[1:]) for x in self._motion]
+        self._along = [x.new_zeros(self.basis.shape[1], *x.shape[1:]) for x in self._motion]
         groups = [(self._along[0], rate), (self._along[1], rate), (problem.shape, 0.4 * rate),
                   (problem.habits, 0.3 * rate), (problem.offsets, 0.1 * rate),
                   (problem.log_scale, 0.3 * rate), (problem.clothes_m, 0.03 * rate)]  # fmt: skip
@@ -50,11 +50,11 @@ class Descent:
         for group, rate in zip(self._adam.param_groups, self._rates, strict=True):
             group["lr"] = rate * (1.0 - (1.0 - _SLOWEST) * done)
         for along, unknown in zip(self._along, self._motion, strict=True):
-            along.grad = torch.tensordot(self._basis.T, unknown.grad, 1)
+            along.grad = torch.tensordot(self.basis.T, unknown.grad, 1)
         self._adam.step()
         with torch.no_grad():
             for along, unknown in zip(self._along, self._motion, strict=True):
-                unknown += torch.tensordot(self._basis, along, 1)
+                unknown += torch.tensordot(self.basis, along, 1)
                 along.zero_()
 
 
