@@ -3,7 +3,7 @@
 A clip's frames hold each other: steadiness, feet and flow let one of them move by itself only a
 little a step, so that errors which last for seconds would take thousands of steps. In a
 hierarchical basis (Szeliski 1990: hat functions, wide ones over narrow ones) each step also moves
-stretches of a quarter of a second and of a whole one. Adam (Kingma & Ba 2015) gives every
+stretches of a third of a second and of a whole one. Adam (Kingma & Ba 2015) gives every
 function its own length.
 """
 
@@ -26,7 +26,6 @@ class Descent:
     """Makes the energy of `problem` small, in steps of `rate` (rad and m) at first."""
 
     def __init__(self, problem: Problem, rate: float) -> None:
-        self._problem = problem
         self.basis = hierarchical_basis(problem.times_s, problem.takes)
         self._motion = (problem.angles, problem.pelvis)
         # moved along the basis, and nil again after each step
