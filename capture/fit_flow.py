@@ -3,7 +3,8 @@
 Landmarks tell where joints are, each frame with an error of its own; optical flow (DIS, Kroeger et
 al. 2016, by OpenCV) tells how every seen place of skin and cloth moves between frames, finer than
 any landmark and, for limbs that turn about themselves, what no landmark shows. Only differences of
-frames enter, so it draws a clip together and moves nobody by itself.
+frames enter, so it draws a clip together and moves nobody by itself. Plain places get whatever the
+search fills them in with, so each is believed as far as its texture tells (`certainty`).
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ _REACH_PX = 25.0
 """How far from a seen vertex, px of the window, the search still begins with its motion."""
 _RETURNS_PX, _RETURNS_SHARE = 1.0, 0.05
 """There and back may miss so many pixels, and so much of the way."""
+_TEXTURE_PX, _NOISE = 4.0, 2.0
+"""Deviation of the window in which texture counts, and its slope, grey levels a pixel, at which
+motion across it is half believed."""
 _ALIKE = 24
 """Grey levels that two places of a match may differ by."""
 _ON_PERSON, _EDGE_PX = 0.9, 2
@@ -61,6 +65,8 @@ class Pictures:
         cut = [self._cut(image, mask) for image, mask in zip(images, masks, strict=True)]
         self.grey: list[UInt8[Array, "h w"]] = [grey for grey, _ in cut]
         self.person: list[Bool[Array, "h w"]] = [person for _, person in cut]
+        self.certainty = torch.from_numpy(np.stack([certainty(grey) for grey in self.grey]))
+        """Of each place's motion [F h w 3] (`certainty`)."""
 
     def _cut(self, image: Array, mask: Array | None) -> tuple[Array, Array]:
         grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
@@ -78,16 +84,26 @@ class Flow:
 
     window: Window
     moved: dict[int, Float[Tensor, "pairs h w 2"]]
+    certainty: Float[Tensor, "F h w 3"]
+    """Of the motion from each frame on (`certainty`)."""
 
     def at(self, stride: int, pixels: Float[Tensor, "pairs V 2"]) -> Float[Tensor, "pairs V 2"]:
         """The motion at `pixels` of each pair's first picture; NaN outside and where unknown."""
-        found = self.moved[stride]
-        pairs, height, width, _ = found.shape
+        return self._look_up(self.moved[stride], pixels)
+
+    def certainty_at(self, pixels: Float[Tensor, "pairs V 2"]) -> Float[Tensor, "pairs V 3"]:
+        """How far that motion is to be believed; NaN outside."""
+        return self._look_up(self.certainty, pixels)
+
+    def _look_up(
+        self, found: Float[Tensor, "F h w C"], pixels: Float[Tensor, "pairs V 2"]
+    ) -> Float[Tensor, "pairs V C"]:
+        _, height, width, _ = found.shape
         w = self.window
         place = ((pixels - torch.tensor([w.x, w.y])) * w.scale).floor().long()
         x, y = place.unbind(-1)
         inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
-        pair = torch.arange(pairs)[:, None]
+        pair = torch.arange(len(pixels))[:, None]
         values = found[pair, y.clamp(0, height - 1), x.clamp(0, width - 1)].float()
         return torch.where(inside[..., None], values, torch.nan)
 
@@ -119,7 +135,7 @@ def find_flow(
             for first in range(len(pictures.grey) - stride)
         ]  # fmt: skip
         moved[stride] = torch.from_numpy(np.stack(pairs))
-    return Flow(pictures.window, moved)
+    return Flow(pictures.window, moved, pictures.certainty)
 
 
 def seen_vertices(
@@ -145,26 +161,32 @@ class Aims:
 
     moved: dict[int, Float[Tensor, "pairs V 2"]]
     trusted: dict[int, Float[Tensor, "pairs V"]]
+    certainty: dict[int, Float[Tensor, "pairs V 3"]]
 
 
 def look_up(flow: Flow, pixels: Float[Tensor, "F V 2"], seen: Bool[Tensor, "F V"]) -> Aims:
     """The flow at the vertices' present places, trusted where both frames show them."""
-    aims = Aims({}, {})
+    aims = Aims({}, {}, {})
     for stride in flow.moved:
         moved = flow.at(stride, pixels[:-stride])
         known = torch.isfinite(moved[..., 0]) & seen[:-stride] & seen[stride:]
         aims.trusted[stride] = known.float()
         aims.moved[stride] = torch.where(known[..., None], moved, 0.0)
+        sure = flow.certainty_at(pixels[:-stride])
+        aims.certainty[stride] = torch.where(known[..., None], sure, 0.0)
     return aims
 
 
 def flow_energy(aims: Aims, pixels: Float[Tensor, "F V 2"], deviation_px: float) -> Tensor:
-    """Mean over pairs, strides and seen vertices of how far these miss the flow."""
+    """Mean over pairs, strides and seen vertices of how far these miss the flow, as far as its
+    certainty goes."""
     total = pixels.new_zeros(())
     for stride, moved in aims.moved.items():
         off = (pixels[stride:] - pixels[:-stride] - moved) / deviation_px
         trusted = aims.trusted[stride]
-        missed = (very_robust(off.square().sum(-1), _OUTLIER) * trusted).sum(1)
+        (x, y), (xx, xy, yy) = off.unbind(-1), aims.certainty[stride].unbind(-1)
+        squared = xx * x * x + 2.0 * xy * x * y + yy * y * y
+        missed = (very_robust(squared, _OUTLIER) * trusted).sum(1)
         total = total + (missed / (trusted.sum(1) + _FEW)).mean()
     return total / max(len(aims.moved), 1)
 
@@ -210,6 +232,22 @@ def _begun(shape: tuple[int, ...], here: Array, there: Array, seen: Array) -> Ar
     begun = (there - here)[seen][apart.argmin(axis=-1)]
     begun[apart.min(axis=-1) > _REACH_PX] = 0.0
     return cv2.resize(begun.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+
+
+def certainty(grey: UInt8[Array, "h w"]) -> Float[Array, "h w 3"]:
+    """xx, xy and yy of S (S + n 1)^-1, with S the structure tensor (Foerstner & Guelch 1987) and n
+    what noise makes of it.
+
+    Where there is texture nearly the unit matrix, in plain places nil; along an edge, what moves
+    across it is known and what moves along it is not.
+    """
+    x, y = (cv2.Sobel(grey, cv2.CV_32F, 1 - down, down, scale=0.125) for down in (0, 1))
+    xx, xy, yy = (
+        cv2.GaussianBlur(product, (0, 0), _TEXTURE_PX) for product in (x * x, x * y, y * y)
+    )
+    xx, yy, noise = xx + _NOISE**2, yy + _NOISE**2, _NOISE**2
+    share = noise / (xx * yy - xy * xy)
+    return np.stack([1.0 - share * yy, share * xy, 1.0 - share * xx], axis=-1).astype(np.float16)
 
 
 def _unknown(like: Array) -> Float[Array, "h w 2"]:

@@ -48,7 +48,7 @@ _SHAPE_DEVIATION = (0.06, 0.2, 0.2, 0.2, 0.2)
 _HABIT_RAD, _HABIT_WEIGHT = 0.25, 0.05
 """How far somebody's way of holding a joint lies from what the network takes for usual; the weight
 is once a clip, beside the frames' mean energy."""
-_SHAPE_WEIGHT = 0.5
+_SHAPE_WEIGHT = 2.0
 """Of the shape's prior, once a clip, beside the frames' mean energy."""
 _FARTHEST_SHAPE, _SHAPE_WALL = 0.5, 0.05
 """Where the body model ends, and how softly: loose clothes would make it something else."""

@@ -15,6 +15,7 @@ from capture.fit_flow import (
     STRIDES,
     Aims,
     Pictures,
+    certainty,
     find_flow,
     flow_energy,
     look_up,
@@ -105,20 +106,48 @@ def test_vertices_are_seen_that_face_the_camera_with_nothing_before_them():
 def test_the_energy_pulls_towards_the_flow_and_lets_go_of_what_is_far_off():
     pixels = torch.zeros(3, 40, 2, requires_grad=True)
     moved = torch.tensor([2.0, 0.0]).expand(2, 40, 2).clone()
-    aims = Aims({1: moved}, {1: torch.ones(2, 40)})
+    sure = torch.tensor([1.0, 0.0, 1.0]).expand(2, 40, 3)
+    aims = Aims({1: moved}, {1: torch.ones(2, 40)}, {1: sure})
     flow_energy(aims, pixels, 1.0).backward()
     assert pixels.grad is not None
     assert (pixels.grad[0, :, 0] > 0.0).all()
     assert (pixels.grad[2, :, 0] < 0.0).all()
     met = torch.arange(3.0)[:, None, None] * torch.tensor([2.0, 0.0]).expand(1, 40, 2)
     assert float(flow_energy(aims, met, 1.0)) == 0.0
-    far = Aims({1: 100.0 * moved}, aims.trusted)
+    far = Aims({1: 100.0 * moved}, aims.trusted, aims.certainty)
     loose = pixels.detach().clone().requires_grad_()
     flow_energy(far, loose, 1.0).backward()
     assert loose.grad is not None
     assert loose.grad.abs().max() < 1e-4
-    unseen = Aims(aims.moved, {1: torch.zeros(2, 40)})
+    unseen = Aims(aims.moved, {1: torch.zeros(2, 40)}, aims.certainty)
     assert float(flow_energy(unseen, pixels.detach(), 1.0)) == 0.0
+
+
+def test_only_what_texture_shows_of_a_motion_counts():
+    """Along an edge anything may move; in a plain place everything."""
+    rng = np.random.default_rng(0)
+    edge = np.zeros((60, 60), np.uint8)
+    edge[:, 30:] = 80
+    spots = 128.0 + 6.0 * cv2.GaussianBlur(rng.normal(0.0, 30.0, (60, 60)), (0, 0), 2.0)
+    plain = 128.0 + rng.normal(0.0, 1.0, (60, 60))  # noise of the sensor
+    told = {
+        name: certainty(np.clip(picture, 0, 255).astype(np.uint8))[30, 30]
+        for name, picture in {"edge": edge, "spots": spots, "plain": plain}.items()
+    }
+    np.testing.assert_allclose(told["edge"], [1.0, 0.0, 0.0], atol=0.05)
+    assert min(told["spots"][[0, 2]]) > 0.8
+    assert np.abs(told["plain"]).max() < 0.1
+    sure = {name: torch.from_numpy(value.astype(np.float32)) for name, value in told.items()}
+    moved = {1: torch.tensor([2.0, 2.0]).expand(1, 40, 2)}
+    energies = {
+        name: float(
+            flow_energy(
+                Aims(moved, {1: torch.ones(1, 40)}, {1: value.expand(1, 40, 3)}),
+                torch.zeros(2, 40, 2), 1.0,
+            )
+        ) for name, value in sure.items()
+    }  # fmt: skip
+    assert energies["plain"] < 0.2 * energies["edge"] < 0.2 * energies["spots"]
 
 
 def test_flow_is_looked_up_where_both_frames_show_the_vertex():
@@ -130,6 +159,7 @@ def test_flow_is_looked_up_where_both_frames_show_the_vertex():
     assert list(aims.trusted) == [1]
     assert aims.trusted[1].tolist() == [[1.0, 0.0], [1.0, 0.0]]
     assert torch.isfinite(aims.moved[1]).all()
+    assert (aims.certainty[1][..., 0] > 0.5).tolist() == [[True, False], [True, False]]
 
 
 def _filmed(motion: Motion) -> tuple[list[Array], list[Landmarks]]:

@@ -102,7 +102,7 @@ def test_another_estimator_and_another_body_model_make_a_sequence(theirs, tmp_pa
         turns = [axis_angle_to_matrix(angles[:, JOINT[name]]) for angles in (ours, truth)]
         gaps = matrix_to_axis_angle(np.swapaxes(turns[0], -1, -2) @ turns[1])
         missed = np.linalg.norm(gaps, axis=-1)
-        assert missed[0] < 0.35, name
+        assert max(missed[0], missed[-1]) < 0.35, name
         assert missed.mean() < 0.3, name
 
 
