@@ -19,7 +19,7 @@ from renderer.splats.views import View
 from scene.arrays import Array, Float
 from scene.camera import Camera
 
-_HEIGHTS_PX = (48.0, 96.0)
+_HEIGHTS_PX = (48.0, 96.0, 192.0)
 """Of the person in the pictures that are compared, from the first passes to the last."""
 _FIRST, _LAST = 0.15, 0.8
 """Shares of the training between which passes lie: before, splats do not know the person's colours;
