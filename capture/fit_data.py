@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
-from scene.arrays import Array, Float
+from scene.arrays import Array, Float, Int
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, slerp
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
 
@@ -16,6 +17,8 @@ _SHOWN_BY = {"shoulder": "elbow", "elbow": "wrist", "wrist": "index", "hip": "kn
 """The landmark beyond a joint, which shows how the joint moves."""
 _STIFF_SPINE = 0.15
 """How far the spine counts as hidden without legs, whose pelvis could tilt unseen."""
+_LONGEST_GAP_S = 0.6
+"""How long a landmark may be missing to be bridged."""
 _NEARLY_ALWAYS = 0.85
 """Share of a clip's frames."""
 
@@ -34,6 +37,32 @@ def landmark_arrays(
     trust[trust < 0.1] = 0.0
     trust[:, 1:FACE_LANDMARKS] *= 0.35  # ten points of one rigid face must not outvote the limbs
     return pixels, world, trust
+
+
+def without_gaps(
+    people: Sequence[Landmarks], times_s: Float[Array, "F"], takes: Int[Array, "F"]
+) -> tuple[Array, Array, Array]:
+    """Pixels [F 33 2], world [F 33 3] and visibility [F 33], with landmarks that are missing for
+    moments put on the line between where they were and where they come back in the same take.
+
+    A network that never missed one makes much of it. Missing is what has no visibility at all; a
+    guess at what is hidden, which has some, tells more than its neighbours.
+    """
+    whole = np.stack([
+        np.concatenate([p.pixels, p.world, p.visibility[:, None]], axis=1) for p in people
+    ])  # fmt: skip
+    visibility = whole[..., -1].copy()
+    for landmark in range(len(LANDMARK_NAMES)):
+        seen = np.flatnonzero(visibility[:, landmark] > 0.0)
+        for before, after in pairwise(seen):
+            gap_s = times_s[after] - times_s[before]
+            if takes[before] != takes[after] or gap_s > _LONGEST_GAP_S:
+                continue
+            inside = slice(before + 1, after)
+            share = ((times_s[inside] - times_s[before]) / gap_s)[:, None]
+            ends = whole[before, landmark], whole[after, landmark]
+            whole[inside, landmark] = (1.0 - share) * ends[0] + share * ends[1]
+    return whole[..., :2], whole[..., 2:5], whole[..., 5]
 
 
 def hidden_joints(trust: Float[Array, "F 33"]) -> Float[Array, "F 24"]:

@@ -16,6 +16,7 @@ from capture.fit_data import (
     hidden_joints,
     landmark_arrays,
     person_height_px,
+    without_gaps,
 )
 from capture.fit_flow import Aims, Pictures, find_flow, flow_energy, look_up, seen_vertices
 from capture.fit_initial import TO_Y_UP, solve_translation
@@ -144,8 +145,8 @@ class Problem:
         self.height_m = height_m
         self.focal0 = focal_px or USUAL_FOCAL * max(self.width, self.height)
         self.pixels, self.world, self.weights = landmark_arrays(people, self.width, self.height)
-        self.lifted = self._lift(people, lifter)
         self.times_s, self.takes = times_s, np.asarray(takes)
+        self.lifted = self._lift(people, lifter)
         self.steps = time_steps(times_s, takes)
         self.belief = torch.ones(len(people))
         self.extent = person_height_px(self.pixels)
@@ -153,9 +154,8 @@ class Problem:
         self._start()
 
     def _lift(self, people: Sequence[Landmarks], lifter: Lifter) -> Lifted:
-        visibility = np.stack([person.visibility for person in people])
         centre = np.array([0.5 * self.width, 0.5 * self.height])
-        return lifter(self.pixels, self.world, visibility, self.focal0, centre)
+        return lifter(*without_gaps(people, self.times_s, self.takes), self.focal0, centre)
 
     def _tensors(self, marks: LandmarkModel) -> None:
         def tensor(value: Array) -> Tensor:
