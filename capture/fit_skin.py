@@ -9,7 +9,7 @@ import torch
 
 from capture.body import BodyModel
 from capture.fit_data import sampled_vertices
-from capture.fit_terms import skinned_points
+from capture.fit_terms import blend_rows, blend_transforms, skinned_points
 from scene.arrays import Array, Float, Int, Tensor
 from scene.body import vertex_normals
 
@@ -62,11 +62,8 @@ class Skin:
     ) -> Float[Tensor, "F P 3"]:  # fmt: skip
         """Those vertices that each frame asks for."""
         points = (self.rest + self.directions @ shape)[which]
-        shift = placed - (turned @ rest_joints[None, :, :, None])[..., 0]
-        homogeneous = torch.cat([points, torch.ones_like(points[..., :1])], -1)
-        rows = (self.weights[which][..., None] * homogeneous[..., None, :]).flatten(2)
-        transforms = torch.cat([turned, shift[..., None]], -1)  # [F 24 3 4]
-        columns = transforms.permute(0, 1, 3, 2).flatten(1, 2)
+        rows = blend_rows(points, self.weights[which])
+        columns = blend_transforms(turned, placed, rest_joints).permute(0, 1, 3, 2).flatten(1, 2)
         return rows @ columns
 
     def turned_normals(self, turned: Float[Tensor, "F 24 3 3"]) -> Float[Tensor, "F V 3"]:

@@ -81,16 +81,26 @@ def skinned_points(
     points: Float[Tensor, "V 3"],
     weights: Float[Tensor, "V 24"],
 ) -> Float[Tensor, "F V 3"]:
-    """Rest `points` by linear blend skinning, as one product of matrices.
+    """Rest `points` by linear blend skinning, as one product of matrices."""
+    transforms = blend_transforms(turned, placed, rest_joints)
+    columns = transforms.permute(1, 3, 0, 2).reshape(4 * JOINT_COUNT, -1)
+    return (blend_rows(points, weights) @ columns).reshape(len(points), -1, 3).transpose(0, 1)
 
-    x = sum_k w_k (R_k p + s_k): rows [w_k p, w_k] of all joints, times the stacked [R_k | s_k].
-    """
-    shift = placed - (turned @ rest_joints[None, :, :, None])[..., 0]
-    homogeneous = torch.cat([points, torch.ones_like(points[:, :1])], 1)
-    rows = (weights[:, :, None] * homogeneous[:, None]).flatten(1)
-    transforms = torch.cat([turned, shift[..., None]], -1)  # [F 24 3 4]
-    columns = transforms.permute(1, 3, 0, 2).reshape(rows.shape[1], -1)
-    return (rows @ columns).reshape(len(points), -1, 3).transpose(0, 1)
+
+def blend_transforms(
+    turned: Float[Tensor, "F 24 3 3"], placed: Float[Tensor, "F 24 3"], rest: Float[Tensor, "24 3"]
+) -> Float[Tensor, "F 24 3 4"]:
+    """[R_k | s_k] of every joint, in x = sum_k w_k (R_k p + s_k)."""
+    shift = placed - (turned @ rest[None, :, :, None])[..., 0]
+    return torch.cat([turned, shift[..., None]], -1)
+
+
+def blend_rows(
+    points: Float[Tensor, "*batch 3"], weights: Float[Tensor, "*batch 24"]
+) -> Float[Tensor, "*batch 96"]:
+    """[w_k p, w_k] of all joints in the same; times the stacked transforms, the posed points."""
+    homogeneous = torch.cat([points, torch.ones_like(points[..., :1])], -1)
+    return (weights[..., None] * homogeneous[..., None, :]).flatten(-2)
 
 
 def project(
