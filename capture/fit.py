@@ -17,9 +17,9 @@ import torch
 
 from capture.body import BodyModel
 from capture.errors import CaptureStopped, NoPersonFound
-from capture.fit_data import bridged
+from capture.fit_data import Fit, bridged
 from capture.fit_descent import Descent
-from capture.fit_problem import Fit, Problem
+from capture.fit_problem import Problem
 from capture.landmarks import LANDMARK_NAMES, Landmarks
 from capture.lifter import Lifter, closed_form
 from scene.arrays import Array, Float, UInt8

@@ -1,8 +1,10 @@
-"""What the fit is given: landmarks with trust, sizes, hidden joints; and bridges over gaps."""
+"""What the fit is given, landmarks with trust, sizes, hidden joints; what it finds; and bridges
+over gaps."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -21,6 +23,24 @@ _LONGEST_GAP_S = 0.6
 """How long a landmark may be missing to be bridged."""
 _NEARLY_ALWAYS = 0.85
 """Share of a clip's frames."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What the fit found. Frame "seen": y up, z towards the camera, origin at the camera."""
+
+    shape: Float[Array, "B"]
+    focal_px: float
+    joint_angles: Float[Array, "F 24 3"]
+    """rad; joint 0 turns the body in the seen frame."""
+    pelvis: Float[Array, "F 3"]
+    """Place of joint 0, m, seen frame."""
+    landmark_error_px: Float[Array, "F 33"]
+    """Distance of the projected landmark from the seen one; NaN where it was not seen."""
+    weights: Float[Array, "F 33"]
+    """Trust in each landmark, 0 to 1."""
+    up: Float[Array, "3"] | None
+    """The floor's normal (unit), where feet show a floor."""
 
 
 def landmark_arrays(

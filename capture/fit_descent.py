@@ -32,7 +32,8 @@ class Descent:
         self._along = [x.new_zeros(self.basis.shape[1], *x.shape[1:]) for x in self._motion]
         groups = [(self._along[0], rate), (self._along[1], rate), (problem.shape, 0.4 * rate),
                   (problem.habits, 0.3 * rate), (problem.offsets, 0.1 * rate),
-                  (problem.log_scale, 0.3 * rate), (problem.clothes_m, 0.03 * rate)]  # fmt: skip
+                  (problem.log_scale, 0.3 * rate), (problem.clothes_m, 0.03 * rate),
+                  (problem.floor.plane, 0.3 * rate)]  # fmt: skip
         if not problem.focal_known:
             groups.append((problem.log_focal, 0.2 * rate))
         self._rates = [rate for _, rate in groups]

@@ -10,6 +10,7 @@ import torch
 
 from capture.body import BodyModel
 from capture.fit_data import (
+    Fit,
     beyond_hidden,
     bridged,
     hardly_shown,
@@ -18,6 +19,7 @@ from capture.fit_data import (
     person_height_px,
     without_gaps,
 )
+from capture.fit_floor import Floor
 from capture.fit_flow import Aims, Pictures, find_flow, flow_energy, look_up, seen_vertices
 from capture.fit_initial import TO_Y_UP, solve_translation
 from capture.fit_landmarks import MIRROR, LandmarkModel, place_landmarks
@@ -95,22 +97,6 @@ _RIM_SPACING_M = 0.025
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """What the fit found. Frame "seen": y up, z towards the camera, origin at the camera."""
-
-    shape: Float[Array, "B"]
-    focal_px: float
-    joint_angles: Float[Array, "F 24 3"]
-    """rad; joint 0 turns the body in the seen frame."""
-    pelvis: Float[Array, "F 3"]
-    """Place of joint 0, m, seen frame."""
-    landmark_error_px: Float[Array, "F 33"]
-    """Distance of the projected landmark from the seen one; NaN where it was not seen."""
-    weights: Float[Array, "F 33"]
-    """Trust in each landmark, 0 to 1."""
-
-
-@dataclass(frozen=True, eq=False)
 class Look:
     """What the pictures say of the present poses; looked up every few steps only."""
 
@@ -179,7 +165,9 @@ class Problem:
         self.depth_trust[:FACE_LANDMARKS] = _FACE_DEPTH_TRUST
         hidden = hidden_joints(self.weights)
         self.prior, self.hidden = pose_prior(), tensor(hardly_shown(hidden))
-        self.shown = tensor(1.0 - beyond_hidden(hidden)[:, self.skin.owners.numpy()])
+        shown = 1.0 - beyond_hidden(hidden)
+        self.shown = tensor(shown[:, self.skin.owners.numpy()])
+        self.floor = Floor(model, tensor(shown))
 
     def _start(self) -> None:
         angles, pelvis = start_poses(self)
@@ -209,7 +197,8 @@ class Problem:
 
     @torch.no_grad()
     def watch(self, *, coarse: bool) -> None:
-        """Find the flow between the pictures, begun with the present motion (`find_flow`)."""
+        """Find the floor, and the flow between the pictures, from the present motion."""
+        self.floor.find(*self.posed(), self.shape)
         if self.pictures is not None:
             posed = self.posed()
             skin, pixels = self._surface(*posed)
@@ -310,6 +299,7 @@ class Problem:
             _, pixels = self._surface(turned, placed, rest)
             edges = self._edge_energy(look.nearest, pixels, turned, placed, rest)
             total = total + _EDGE_WEIGHT * edges.mean()
+            total = total + self.floor.energy(turned, placed, rest, self.shape)
             if look.aims is not None:
                 flow = flow_energy(look.aims, pixels, _FLOW_DEVIATION * self.extent)
                 total = total + _FLOW_WEIGHT * flow
@@ -383,6 +373,7 @@ class Problem:
                 self.pelvis.numpy().astype(np.float64),
                 np.where(self.weights > 0.0, error, np.nan),
                 self.weights,
+                self.floor.up(),
             )
 
 

@@ -30,11 +30,15 @@ class Skin:
     @classmethod
     def of(cls, model: BodyModel, spacing_m: float) -> Skin:
         """One vertex for each cell of a grid."""
+        return cls.at(model, sampled_vertices(model.rest_vertices, spacing_m))
+
+    @classmethod
+    def at(cls, model: BodyModel, chosen: Int[Array, "V"]) -> Skin:
+        """The vertices `chosen`."""
 
         def tensor(value: Array) -> Tensor:
             return torch.tensor(value, dtype=torch.float32)
 
-        chosen = sampled_vertices(model.rest_vertices, spacing_m)
         faces = model.body(np.zeros(model.shape_count)).faces
         assert faces is not None
         weights = model.blend_weights[chosen]

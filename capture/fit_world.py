@@ -1,10 +1,4 @@
-"""From the camera's frame to the world: where up is, where the floor is, where the person stands.
-
-One fixed camera doesn't know gravity, but people stand upright: in frames where trunk and legs are
-in line, the line from the ankles to the neck is close to the vertical. Where no legs are seen, the
-trunk and the picture's own up share the word, since a trunk's lean in depth is the estimator's
-weakest guess.
-"""
+"""From the camera's frame to the world: where the floor is, where the person stands."""
 
 from __future__ import annotations
 
@@ -12,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capture.fit_problem import Fit
+from capture.fit_data import Fit
+from capture.fit_floor import upward
 from capture.landmarks import LANDMARK_NAMES
 from scene.arrays import Array, Float
 from scene.body import Body
@@ -22,10 +17,8 @@ from scene.skeleton import JOINT_COUNT, JOINT_NAMES
 
 SEEN_TO_CAMERA = np.diag([1.0, -1.0, -1.0])
 """The fit's frame (y up, z towards the camera) to OpenCV's camera frame."""
-_STRAIGHT_RAD = np.deg2rad(12.0)
 _LEGS_SEEN = 0.3
 _FLOOR_PERCENTILE = 10.0
-_MEDIAN_ROUNDS = 30
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 _LANDMARK_OF_JOINT = {"shoulder": "shoulder", "elbow": "elbow", "wrist": "wrist", "hand": "index",
@@ -55,7 +48,7 @@ def place_in_world(fit: Fit, body: Body, times_s: Float[Array, "F"]) -> Placed:
     legs_seen = bool(np.median(confidence[:, legs]) > _LEGS_SEEN)
     shift = fit.pelvis - body.skeleton.rest_joints[0]
     joints = body.skeleton.joint_transforms(fit.joint_angles, shift)[..., :3, 3]
-    turn = _upright(upward(joints, legs_seen))
+    turn = _upright(upward(joints, legs_seen) if fit.up is None else fit.up)
     pelvis = fit.pelvis @ turn.T
     angles = fit.joint_angles.copy()
     angles[:, 0] = matrix_to_axis_angle(turn @ axis_angle_to_matrix(angles[:, 0]))
@@ -67,19 +60,6 @@ def place_in_world(fit: Fit, body: Body, times_s: Float[Array, "F"]) -> Placed:
     rotation = SEEN_TO_CAMERA @ turn.T
     world_to_camera = np.concatenate([rotation, (rotation @ origin)[:, None]], axis=1)
     return Placed(body, motion, world_to_camera, legs_seen)
-
-
-def upward(joints: Float[Array, "F 24 3"], legs_seen: bool) -> Float[Array, "3"]:
-    """The vertical (unit) of the seen frame, from joint positions of a person mostly upright."""
-    neck, pelvis = joints[:, _J["neck"]], joints[:, _J["pelvis"]]
-    trunk = _unit(neck - pelvis)
-    if not legs_seen:
-        return _unit(_median_direction(trunk, np.ones(len(trunk))) + np.array([0.0, 1.0, 0.0]))
-    ankles = 0.5 * (joints[:, _J["left_ankle"]] + joints[:, _J["right_ankle"]])
-    legs = _unit(pelvis - ankles)
-    bend = np.arccos(np.clip((trunk * legs).sum(1), -1.0, 1.0))
-    straight = np.exp(-((bend / _STRAIGHT_RAD) ** 2)) + 1e-3
-    return _median_direction(_unit(neck - ankles), straight)
 
 
 def joint_confidence(weights: Float[Array, "F 33"]) -> Float[Array, "F 24"]:
@@ -113,15 +93,6 @@ def _floor(body: Body, angles: Array, root: Array) -> float:
         for frame in np.unique(np.linspace(0, len(angles) - 1, 24).astype(int))
     ]
     return float(np.percentile(lowest, _FLOOR_PERCENTILE))
-
-
-def _median_direction(directions: Array, weights: Array) -> Array:
-    """Geometric median on the sphere (Weiszfeld): a minority that leans has no pull."""
-    middle = _unit(np.average(directions, axis=0, weights=weights))
-    for _ in range(_MEDIAN_ROUNDS):
-        near = weights / np.maximum(np.linalg.norm(directions - middle, axis=1), 1e-3)
-        middle = _unit((directions * near[:, None]).sum(axis=0))
-    return middle
 
 
 def _unit(vector: Array) -> Array:

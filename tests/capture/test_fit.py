@@ -244,7 +244,7 @@ def test_bridges_follow_the_shortest_turn():
     assert np.abs(out[2, 0, 1]) == pytest.approx(np.pi, abs=1e-6)
 
 
-def test_standing_feet_do_not_slide():
+def test_standing_feet_neither_slide_nor_sink():
     motion, rng = standing(16, frames_per_second=15.0), np.random.default_rng(0)
     noisy: list[Landmarks | None] = [
         replace(
@@ -254,6 +254,11 @@ def test_standing_feet_do_not_slide():
         )
         for person in _people(motion)
     ]
-    feet = _fitted(_fit(noisy, motion, focal_px=camera().focal_px))[:, [10, 11]]
-    speed = np.linalg.norm(np.diff(feet, axis=0), axis=2) * 15.0
+    fit = _fit(noisy, motion, focal_px=camera().focal_px)
+    speed = np.linalg.norm(np.diff(_fitted(fit)[:, [10, 11]], axis=0), axis=2) * 15.0
     assert speed.mean() < 0.1
+    placed = place_in_world(fit, load_body_model().body(fit.shape), motion.times_s)
+    lowest = [
+        placed.body.posed_vertices(placed.motion.pose(frame))[:, 1].min() for frame in range(16)
+    ]
+    assert np.abs(lowest).max() < 0.004
