@@ -39,8 +39,8 @@ class Fit:
     """Distance of the projected landmark from the seen one; NaN where it was not seen."""
     weights: Float[Array, "F 33"]
     """Trust in each landmark, 0 to 1."""
-    up: Float[Array, "3"] | None
-    """The floor's normal (unit), where feet show a floor."""
+    floor: Float[Array, "4"] | None
+    """Normal (unit, up) and distance from the camera along it, m, where feet show a floor."""
 
 
 def landmark_arrays(

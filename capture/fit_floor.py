@@ -75,7 +75,10 @@ class Floor:
     """y = a x + b z + c about the middle of the person's places, in the seen frame, m."""
 
     def __init__(self, model: BodyModel, shown: Float[Tensor, "F 24"]) -> None:
-        self._soles = Skin.at(model, sole_vertices(model))
+        chosen = sole_vertices(model)
+        self._soles = Skin.at(model, chosen)
+        arched = model.rest_vertices[chosen, 1] - model.rest_vertices[:, 1].min()
+        self._arched = torch.tensor([0.0, 1.0, 0.0]) * torch.tensor(arched[:, None]).float()
         self._shown = shown[:, self._soles.owners]
         self._upright: Tensor | None = None
         self._middle = torch.zeros(3)
@@ -88,24 +91,29 @@ class Floor:
         up = upward(placed.detach().numpy().astype(np.float64), legs_seen=True)
         self._upright = torch.tensor([-up[0] / up[1], -up[2] / up[1]], dtype=torch.float32)
         self._middle = placed[:, 0].mean(0)
-        points = self._soles.posed(turned, placed, rest, shape) - self._middle
+        soles = self._placed(turned, placed, rest, shape)
         with torch.no_grad():
-            self.plane[:] = find_floor(points, self._shown, self._upright)
+            self.plane[:] = find_floor(soles, self._shown, self._upright)
 
     def energy(self, turned: Tensor, placed: Tensor, rest: Tensor, shape: Tensor) -> Tensor:
         """Of soles off the floor, and of a floor on which nobody would stand upright."""
         if self._upright is None:
             return torch.zeros(())
-        points = self._soles.posed(turned, placed, rest, shape) - self._middle
-        lean = lean_energy(self.plane, self._upright)
-        return floor_energy(above(points, self.plane), self._shown) + lean
+        heights = above(self._placed(turned, placed, rest, shape), self.plane)
+        return floor_energy(heights, self._shown) + lean_energy(self.plane, self._upright)
 
-    def up(self) -> Float[Array, "3"] | None:
-        """The floor's normal (unit), where there is a floor."""
+    def found(self) -> Float[Array, "4"] | None:
+        """Normal (unit, up) and distance along it, m, where there is a floor."""
         if self._upright is None:
             return None
-        a, b, _ = self.plane.tolist()
-        return _unit(np.array([-a, 1.0, -b]))
+        a, b, c = self.plane.tolist()
+        up = _unit(np.array([-a, 1.0, -b]))
+        below = self._middle.numpy() + np.array([0.0, c, 0.0])
+        return np.append(up, up @ below)
+
+    def _placed(self, turned: Tensor, placed: Tensor, rest: Tensor, shape: Tensor) -> Tensor:
+        """The soles [F 8 3], as low as a foot's lowest place where it stands flat."""
+        return self._soles.posed(turned, placed, rest, shape) - self._middle - self._arched
 
 
 def above(points: Float[Tensor, "F P 3"], plane: Float[Tensor, "3"]) -> Float[Tensor, "F P"]:

@@ -373,7 +373,7 @@ class Problem:
                 self.pelvis.numpy().astype(np.float64),
                 np.where(self.weights > 0.0, error, np.nan),
                 self.weights,
-                self.floor.up(),
+                self.floor.found(),
             )
 
 

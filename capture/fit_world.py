@@ -18,7 +18,7 @@ from scene.skeleton import JOINT_COUNT, JOINT_NAMES
 SEEN_TO_CAMERA = np.diag([1.0, -1.0, -1.0])
 """The fit's frame (y up, z towards the camera) to OpenCV's camera frame."""
 _LEGS_SEEN = 0.3
-_FLOOR_PERCENTILE = 10.0
+_LOWEST_PERCENTILE = 10.0
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 _LANDMARK_OF_JOINT = {"shoulder": "shoulder", "elbow": "elbow", "wrist": "wrist", "hand": "index",
@@ -40,21 +40,22 @@ class Placed:
 def place_in_world(fit: Fit, body: Body, times_s: Float[Array, "F"]) -> Placed:
     """Turn the fit upright, put the floor at y = 0 and the person about x = z = 0.
 
-    The camera ends up on the side of +z. Floor: where the lowest point of the surface is in nearly
-    all frames.
+    The camera ends up on the side of +z. Where the fit found no floor, it is where the lowest point
+    of the surface is in nearly all frames.
     """
     confidence = joint_confidence(fit.weights)
     legs = [_J["left_knee"], _J["right_knee"], _J["left_ankle"], _J["right_ankle"]]
     legs_seen = bool(np.median(confidence[:, legs]) > _LEGS_SEEN)
     shift = fit.pelvis - body.skeleton.rest_joints[0]
     joints = body.skeleton.joint_transforms(fit.joint_angles, shift)[..., :3, 3]
-    turn = _upright(upward(joints, legs_seen) if fit.up is None else fit.up)
+    turn = _upright(upward(joints, legs_seen) if fit.floor is None else fit.floor[:3])
     pelvis = fit.pelvis @ turn.T
     angles = fit.joint_angles.copy()
     angles[:, 0] = matrix_to_axis_angle(turn @ axis_angle_to_matrix(angles[:, 0]))
     root = pelvis - body.skeleton.rest_joints[0]
     middle = np.median(pelvis, axis=0)
-    origin = np.array([middle[0], _floor(body, angles, root), middle[2]])
+    level = _lowest(body, angles, root) if fit.floor is None else fit.floor[3]
+    origin = np.array([middle[0], level, middle[2]])
     motion = Motion(times_s, angles, root - origin, confidence)
     # x_seen = turn^T (x_world + origin)
     rotation = SEEN_TO_CAMERA @ turn.T
@@ -87,12 +88,12 @@ def _upright(up: Array) -> Array:
     return np.stack([np.cross(up, z), up, z])
 
 
-def _floor(body: Body, angles: Array, root: Array) -> float:
+def _lowest(body: Body, angles: Array, root: Array) -> float:
     lowest = [
         body.posed_vertices(Pose(angles[frame], root[frame]))[:, 1].min()
         for frame in np.unique(np.linspace(0, len(angles) - 1, 24).astype(int))
     ]
-    return float(np.percentile(lowest, _FLOOR_PERCENTILE))
+    return float(np.percentile(lowest, _LOWEST_PERCENTILE))
 
 
 def _unit(vector: Array) -> Array:

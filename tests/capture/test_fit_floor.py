@@ -101,15 +101,17 @@ def test_without_feet_there_is_no_floor():
     shape = torch.zeros(model.shape_count)
     shown = torch.ones(5, JOINT_COUNT)
     floor = Floor(model, shown)
-    assert floor.up() is None
+    assert floor.found() is None
     floor.find(*poses, rest, shape)
-    up = floor.up()
-    assert up is not None
-    np.testing.assert_allclose(up, [0.0, 1.0, 0.0], atol=0.06)
+    found = floor.found()
+    assert found is not None
+    sole = -float(rest[0, 1])  # the pelvis is at the height of the camera
+    np.testing.assert_allclose(found[:3], [0.0, 1.0, 0.0], atol=0.06)
+    assert abs(found[:3] @ [0.0, sole, -3.0] - found[3]) < 0.02
     assert floor.energy(*poses, rest, shape).item() < 1.0
     for part in ("ankle", "foot"):
         shown[:, [JOINT[f"left_{part}"], JOINT[f"right_{part}"]]] = 0.0
     nowhere = Floor(model, shown)
     nowhere.find(*poses, rest, shape)
-    assert nowhere.up() is None
+    assert nowhere.found() is None
     assert nowhere.energy(*poses, rest, shape).item() == 0.0
