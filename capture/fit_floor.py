@@ -38,6 +38,9 @@ _SLOPES_X, _SLOPES_Z = np.linspace(-0.15, 0.15, 7), np.linspace(-0.2, 0.2, 9)
 """Beside the upright ones."""
 _LOW = (0.1, 0.25, 0.4, 0.55)
 """Shares of the frames whose lowest soles may be below the floor, as it is looked for."""
+_SEEN, _LEVEL = 0.5, 0.5
+"""Share of the frames that must show feet, and the cosine between up and the picture's own from
+which a camera looks too steeply down for slopes."""
 _PLACES = 4
 """A foot's: heel, toes, and the ball on both sides."""
 
@@ -85,10 +88,12 @@ class Floor:
         self.plane = torch.zeros(3, requires_grad=True)
 
     def find(self, turned: Tensor, placed: Tensor, rest: Tensor, shape: Tensor) -> None:
-        """Look for the floor under people of these poses; none where no frame shows a foot."""
-        if not self._shown.any():
-            return
+        """Look for the floor under people of these poses; none where feet are hardly seen, and none
+        under a camera that looks straight down."""
+        self._upright = None
         up = upward(placed.detach().numpy().astype(np.float64), legs_seen=True)
+        if self._shown.mean() < _SEEN or up[1] < _LEVEL:
+            return
         self._upright = torch.tensor([-up[0] / up[1], -up[2] / up[1]], dtype=torch.float32)
         self._middle = placed[:, 0].mean(0)
         soles = self._placed(turned, placed, rest, shape)

@@ -16,7 +16,7 @@ from capture.fit_floor import (
     sole_vertices,
 )
 from capture.fit_terms import forward, rotation_matrices
-from scene.arrays import Tensor
+from scene.arrays import Array, Tensor
 from scene.skeleton import JOINT_COUNT
 from tests.capture.people import JOINT
 
@@ -93,25 +93,38 @@ def test_feet_that_nothing_shows_are_not_drawn():
     assert (_pull([-0.03] * 8, hidden)[LEFT] == 0.0).all()
 
 
-def test_without_feet_there_is_no_floor():
-    model = load_body_model()
-    rest = torch.tensor(model.rest_joints, dtype=torch.float32)
-    turns, pelvis = torch.zeros(5, JOINT_COUNT, 3), torch.tensor([[0.0, 0.0, -3.0]]).expand(5, 3)
-    poses = forward(rotation_matrices(turns), pelvis, rest)
-    shape = torch.zeros(model.shape_count)
-    shown = torch.ones(5, JOINT_COUNT)
-    floor = Floor(model, shown)
+def _posed(pitch_rad: float, frames: int = 6) -> tuple[Tensor, Tensor, Tensor]:
+    """People at rest, 3 m away, before a camera that looks down; and their rest joints."""
+    rest = torch.tensor(load_body_model().rest_joints, dtype=torch.float32)
+    turns = torch.zeros(frames, JOINT_COUNT, 3)
+    turns[:, 0, 0] = pitch_rad
+    pelvis = torch.tensor([[0.0, 0.0, -3.0]]).expand(frames, 3)
+    return *forward(rotation_matrices(turns), pelvis, rest), rest
+
+
+def _floor_under(pitch_rad: float, shown: Tensor) -> tuple[Array | None, float]:
+    """What was found under such people, and its energy."""
+    model, posed = load_body_model(), _posed(pitch_rad)
+    floor, shape = Floor(model, shown), torch.zeros(model.shape_count)
     assert floor.found() is None
-    floor.find(*poses, rest, shape)
-    found = floor.found()
+    floor.find(*posed, shape)
+    return floor.found(), floor.energy(*posed, shape).item()
+
+
+@pytest.mark.parametrize("pitch_rad", [0.0, 0.4])
+def test_the_floor_is_where_people_stand_upright(pitch_rad):
+    found, energy = _floor_under(pitch_rad, torch.ones(6, JOINT_COUNT))
     assert found is not None
-    sole = -float(rest[0, 1])  # the pelvis is at the height of the camera
-    np.testing.assert_allclose(found[:3], [0.0, 1.0, 0.0], atol=0.06)
-    assert abs(found[:3] @ [0.0, sole, -3.0] - found[3]) < 0.02
-    assert floor.energy(*poses, rest, shape).item() < 1.0
+    up = np.array([0.0, np.cos(pitch_rad), np.sin(pitch_rad)])
+    np.testing.assert_allclose(found[:3], up, atol=0.06)
+    pelvis_m = float(load_body_model().rest_joints[0, 1])
+    assert abs(found[:3] @ (np.array([0.0, 0.0, -3.0]) - pelvis_m * up) - found[3]) < 0.02
+    assert energy < 1.0
+
+
+def test_there_is_no_floor_without_feet_nor_straight_from_above():
+    shown = torch.ones(6, JOINT_COUNT)
+    assert _floor_under(1.3, shown) == (None, 0.0)
     for part in ("ankle", "foot"):
-        shown[:, [JOINT[f"left_{part}"], JOINT[f"right_{part}"]]] = 0.0
-    nowhere = Floor(model, shown)
-    nowhere.find(*poses, rest, shape)
-    assert nowhere.found() is None
-    assert nowhere.energy(*poses, rest, shape).item() == 0.0
+        shown[:4, [JOINT[f"left_{part}"], JOINT[f"right_{part}"]]] = 0.0
+    assert _floor_under(0.0, shown) == (None, 0.0)
