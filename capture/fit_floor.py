@@ -17,6 +17,7 @@ import numpy as np
 import torch
 
 from capture.body import BodyModel
+from capture.fit_initial import unit
 from capture.fit_skin import Skin
 from capture.fit_terms import very_robust
 from scene.arrays import Array, Float, Int, Tensor
@@ -50,14 +51,14 @@ _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 def upward(joints: Float[Array, "F 24 3"], legs_seen: bool) -> Float[Array, "3"]:
     """The vertical (unit) of the seen frame, from joint positions of a person mostly upright."""
     neck, pelvis = joints[:, _J["neck"]], joints[:, _J["pelvis"]]
-    trunk = _unit(neck - pelvis)
+    trunk = unit(neck - pelvis)
     if not legs_seen:
-        return _unit(_median_direction(trunk, np.ones(len(trunk))) + np.array([0.0, 1.0, 0.0]))
+        return unit(_median_direction(trunk, np.ones(len(trunk))) + np.array([0.0, 1.0, 0.0]))
     ankles = 0.5 * (joints[:, _J["left_ankle"]] + joints[:, _J["right_ankle"]])
-    legs = _unit(pelvis - ankles)
+    legs = unit(pelvis - ankles)
     bend = np.arccos(np.clip((trunk * legs).sum(1), -1.0, 1.0))
     straight = np.exp(-((bend / _STRAIGHT_RAD) ** 2)) + 1e-3
-    return _median_direction(_unit(neck - ankles), straight)
+    return _median_direction(unit(neck - ankles), straight)
 
 
 def sole_vertices(model: BodyModel) -> Int[Array, "8"]:
@@ -112,7 +113,7 @@ class Floor:
         if self._upright is None:
             return None
         a, b, c = self.plane.tolist()
-        up = _unit(np.array([-a, 1.0, -b]))
+        up = unit(np.array([-a, 1.0, -b]))
         below = self._middle.numpy() + np.array([0.0, c, 0.0])
         return np.append(up, up @ below)
 
@@ -164,12 +165,8 @@ def find_floor(
 
 def _median_direction(directions: Array, weights: Array) -> Array:
     """Geometric median on the sphere (Weiszfeld): a minority that leans has no pull."""
-    middle = _unit(np.average(directions, axis=0, weights=weights))
+    middle = unit(np.average(directions, axis=0, weights=weights))
     for _ in range(_MEDIAN_ROUNDS):
         near = weights / np.maximum(np.linalg.norm(directions - middle, axis=1), 1e-3)
-        middle = _unit((directions * near[:, None]).sum(axis=0))
+        middle = unit((directions * near[:, None]).sum(axis=0))
     return middle
-
-
-def _unit(vector: Array) -> Array:
-    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)

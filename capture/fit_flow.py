@@ -91,8 +91,8 @@ class Flow:
         """The motion at `pixels` of each pair's first picture; NaN outside and where unknown."""
         return self._look_up(self.moved[stride], pixels)
 
-    def certainty_at(self, pixels: Float[Tensor, "pairs V 2"]) -> Float[Tensor, "pairs V 3"]:
-        """How far that motion is to be believed; NaN outside."""
+    def certainty_at(self, pixels: Float[Tensor, "F V 2"]) -> Float[Tensor, "F V 3"]:
+        """How far the motion from there on is to be believed; NaN outside."""
         return self._look_up(self.certainty, pixels)
 
     def _look_up(
@@ -166,14 +166,13 @@ class Aims:
 
 def look_up(flow: Flow, pixels: Float[Tensor, "F V 2"], seen: Bool[Tensor, "F V"]) -> Aims:
     """The flow at the vertices' present places, trusted where both frames show them."""
-    aims = Aims({}, {}, {})
+    aims, sure = Aims({}, {}, {}), flow.certainty_at(pixels)
     for stride in flow.moved:
         moved = flow.at(stride, pixels[:-stride])
         known = torch.isfinite(moved[..., 0]) & seen[:-stride] & seen[stride:]
         aims.trusted[stride] = known.float()
         aims.moved[stride] = torch.where(known[..., None], moved, 0.0)
-        sure = flow.certainty_at(pixels[:-stride])
-        aims.certainty[stride] = torch.where(known[..., None], sure, 0.0)
+        aims.certainty[stride] = torch.where(known[..., None], sure[:-stride], 0.0)
     return aims
 
 

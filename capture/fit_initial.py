@@ -151,8 +151,8 @@ def _two_bones(
     parent: Array, first: Array, second: Array, along: Array, hinge: Array
 ) -> tuple[Array, Array]:
     """World rotations of two bones that lie `along` at rest and bend about `hinge`."""
-    a = _unit(_or_else(first, parent @ along))
-    b = _unit(_or_else(second, a))
+    a = unit(_or_else(first, parent @ along))
+    b = unit(_or_else(second, a))
     normal = np.cross(a, b)
     sine = np.linalg.norm(normal, axis=-1, keepdims=True)
     swung = _swing(parent, along, first) @ hinge
@@ -173,16 +173,16 @@ def _swing(parent: Array, rest: Array, seen: Array) -> Array:
 
 def _frame(x: Array, y: Array) -> Array:
     """Rotation whose x axis is along `x` and whose y axis is nearest to `y`."""
-    right = _unit(x)
-    up = _unit(y - np.sum(y * right, axis=-1, keepdims=True) * right)
+    right = unit(x)
+    up = unit(y - np.sum(y * right, axis=-1, keepdims=True) * right)
     frame = np.stack([right, up, np.cross(right, up)], axis=-1)
     whole = np.abs(np.linalg.det(frame)) > 0.5  # not where landmarks fall into one place or line
     return np.where(whole[..., None, None], frame, np.eye(3))
 
 
 def _orthonormal(first: Array, second: Array) -> Array:
-    a = _unit(first)
-    b = _unit(second - np.sum(second * a, axis=-1, keepdims=True) * a)
+    a = unit(first)
+    b = unit(second - np.sum(second * a, axis=-1, keepdims=True) * a)
     return np.stack([a, b, np.cross(a, b)], axis=-1)
 
 
@@ -209,5 +209,6 @@ def _or_else(direction: Array, other: Array) -> Array:
     return np.where(nil, other, direction)
 
 
-def _unit(vector: Array) -> Array:
+def unit(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+    """`vector` of length one; nil stays nil."""
     return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)

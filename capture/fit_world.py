@@ -8,6 +8,7 @@ import numpy as np
 
 from capture.fit_data import Fit
 from capture.fit_floor import upward
+from capture.fit_initial import unit
 from capture.landmarks import LANDMARK_NAMES
 from scene.arrays import Array, Float
 from scene.body import Body
@@ -84,7 +85,7 @@ def joint_confidence(weights: Float[Array, "F 33"]) -> Float[Array, "F 24"]:
 def _upright(up: Array) -> Array:
     """Rotation seen -> world: `up` becomes y, and the camera's side stays at +z."""
     towards = np.array([0.0, 0.0, 1.0])
-    z = _unit(towards - (towards @ up) * up)
+    z = unit(towards - (towards @ up) * up)
     return np.stack([np.cross(up, z), up, z])
 
 
@@ -94,7 +95,3 @@ def _lowest(body: Body, angles: Array, root: Array) -> float:
         for frame in np.unique(np.linspace(0, len(angles) - 1, 24).astype(int))
     ]
     return float(np.percentile(lowest, _LOWEST_PERCENTILE))
-
-
-def _unit(vector: Array) -> Array:
-    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)
