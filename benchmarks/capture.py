@@ -28,7 +28,6 @@ from benchmarks.pose_errors import (
     seen_joints,
 )
 from benchmarks.report import write_report
-from capture.body import load_body_model
 from capture.fit import STAGES, Fit
 from capture.fit_world import SEEN_TO_CAMERA
 from capture.pipeline import capture_clip
@@ -90,7 +89,7 @@ def truth_joints(truth: Sequence) -> Joints:
 
 def fit_joints(fit: Fit, times_s: Float[Array, "F"]) -> Joints:
     """The fit's joints, as the camera sees them."""
-    skeleton = load_body_model().body(fit.shape).skeleton
+    skeleton = fit.body.skeleton
     root = fit.pelvis - skeleton.rest_joints[0]
     trust = np.ones(fit.joint_angles.shape[:2])
     motion = Motion(times_s, fit.joint_angles, root, trust)

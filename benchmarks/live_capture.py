@@ -164,7 +164,7 @@ def _fitted(clip: Clip, people: tuple[Landmarks | None, ...], takes: tuple[int, 
     ]
     model = load_body_model()
     fit = fit_clip(people, masks, clip.times_s, takes, model, lifter=lift, images=clip.images)
-    placed = place_in_world(fit, model.body(fit.shape), clip.times_s)
+    placed = place_in_world(fit, clip.times_s)
     height, width = clip.images[0].shape[:2]
     k = np.array([[fit.focal_px, 0.0, width / 2], [0.0, fit.focal_px, height / 2], [0.0, 0.0, 1.0]])
     return _Known(placed.body, Camera(k, placed.world_to_camera, width, height), placed.motion)

@@ -61,8 +61,8 @@ class BodyModel(Protocol):
         """B, how many shape numbers there are."""
         ...
 
-    def body(self, shape: Float[Array, "B"]) -> Body:
-        """The body of `shape`, feet on y = 0; zeros are the mean."""
+    def body(self, shape: Float[Array, "B"], scale: float = 1.0) -> Body:
+        """The body of `shape`, sized by `scale`, feet on y = 0; zeros are the mean."""
         ...
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
 from scene.arrays import Array, Float, Int
+from scene.body import Body
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, slerp
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
 
@@ -29,7 +30,7 @@ _NEARLY_ALWAYS = 0.85
 class Fit:
     """What the fit found. Frame "seen": y up, z towards the camera, origin at the camera."""
 
-    shape: Float[Array, "B"]
+    body: Body
     focal_px: float
     joint_angles: Float[Array, "F 24 3"]
     """rad; joint 0 turns the body in the seen frame."""

@@ -21,8 +21,11 @@ from capture.fit_terms import very_robust
 from capture.fit_window import Window, window_around
 from scene.arrays import Array, Bool, Float, Int, Tensor, UInt8
 
-STRIDES = (1, 3)
+_STRIDES = (1, 3)
 """Frames between the two pictures of a pair: near ones move little, far ones drift less."""
+_STRIDES_S = (1 / 15, 3 / 15)
+"""They are so far apart at least: between two of sixty frames a second nothing has moved by more
+than flow is off."""
 _SIDE_PX = 448
 """Longest side of the window in which flow is found."""
 _BEHIND = 128
@@ -108,9 +111,17 @@ class Flow:
         return torch.where(inside[..., None], values, torch.nan)
 
 
+def strides_of(times_s: Float[Array, "F"]) -> tuple[int, ...]:
+    """Frames between the two pictures of a pair, for a clip with pictures at `times_s`."""
+    step_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0
+    long = zip(_STRIDES, _STRIDES_S, strict=True)
+    return tuple(max(frames, round(apart_s / step_s)) for frames, apart_s in long)
+
+
 def find_flow(
     pictures: Pictures,
     takes: Int[Array, "F"],
+    strides: Sequence[int],
     pixels: Float[Array, "F V 2"],
     seen: Bool[Array, "F V"],
     *,
@@ -118,9 +129,9 @@ def find_flow(
 ) -> Flow:
     """Flow between frames of the same take, begun with the motion of the fit's `seen` vertices.
 
-    `pixels` is where the vertices are in the full picture. `coarse` stops at half the resolution,
-    for motions that are still off by more. Where the way there and back does not return, something
-    was hidden or mistaken: nothing is known there.
+    `strides` are those of `strides_of`; `pixels` is where the vertices are in the full picture.
+    `coarse` stops at half the resolution, for motions that are still off by more. Where the way
+    there and back does not return, something was hidden or mistaken: nothing is known there.
     """
     search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     search.setFinestScale(int(coarse))
@@ -128,7 +139,7 @@ def find_flow(
     search.setVariationalRefinementIterations(0)
     inside = pictures.window.inside(pixels.astype(np.float32))
     moved: dict[int, Tensor] = {}
-    for stride in (s for s in STRIDES if s < len(pictures.grey)):
+    for stride in (s for s in strides if s < len(pictures.grey)):
         pairs = [
             _between(search, pictures, first, first + stride, inside, seen)
             if takes[first] == takes[first + stride] else _unknown(pictures.grey[first])

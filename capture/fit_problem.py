@@ -20,7 +20,15 @@ from capture.fit_data import (
     without_gaps,
 )
 from capture.fit_floor import Floor
-from capture.fit_flow import Aims, Pictures, find_flow, flow_energy, look_up, seen_vertices
+from capture.fit_flow import (
+    Aims,
+    Pictures,
+    find_flow,
+    flow_energy,
+    look_up,
+    seen_vertices,
+    strides_of,
+)
 from capture.fit_initial import TO_Y_UP, solve_translation
 from capture.fit_landmarks import MIRROR, LandmarkModel, place_landmarks
 from capture.fit_silhouette import Silhouettes, prepare_silhouettes, silhouette_energy
@@ -51,14 +59,14 @@ _SHAPE_DEVIATION = (0.06, 0.2, 0.2, 0.2, 0.2)
 _HABIT_RAD, _HABIT_WEIGHT = 0.25, 0.05
 """How far somebody's way of holding a joint lies from what the network takes for usual; the weight
 is once a clip, beside the frames' mean energy."""
-_SHAPE_WEIGHT = 2.0
+_SHAPE_WEIGHT = 0.5
 """Of the shape's prior, once a clip, beside the frames' mean energy."""
 _FARTHEST_SHAPE, _SHAPE_WALL = 0.5, 0.05
 """Where the body model ends, and how softly: loose clothes would make it something else."""
 _CLOTHES_DEVIATION_M = 0.01
 """Of how far a clip's outlines lie from the skin."""
-_HEIGHT_DEVIATION_M = 0.003
-"""Of the height that somebody says they have."""
+_SIZE_BELIEVED = 0.3
+"""How much of a fitted height's distance from the usual is believed where nobody told it."""
 _PLANTED_M_S = 0.2
 """Speed of a foot that stands, with what the noise of its pose adds."""
 _SWINGS = 3.0
@@ -153,9 +161,6 @@ class Problem:
         self.mark_joints = torch.tensor(marks.joints)
         self.skin = Skin.of(model, _VERTEX_SPACING_M)
         self.rim = Skin.of(model, _RIM_SPACING_M)
-        ends = [model.rest_vertices[:, 1].argmax(), model.rest_vertices[:, 1].argmin()]
-        top_and_sole = model.rest_vertices[ends, 1], model.vertex_directions[ends, 1]
-        self.height0, self.height1 = (tensor(top - sole) for top, sole in top_and_sole)
         self.seen_pixels, self.seen_weights = tensor(self.pixels), tensor(self.weights)
         self.seen_world = tensor(self.world * TO_Y_UP)
         self.lifted_turns = tensor(self.lifted.rotations)
@@ -176,19 +181,12 @@ class Problem:
         body[:, 0] = 0.0
         self.angles = body.requires_grad_()
         self.pelvis = torch.tensor(pelvis, dtype=torch.float32).requires_grad_()
-        self.shape = self._likely_shape().requires_grad_()
+        self.shape = torch.zeros(self.model.shape_count, requires_grad=True)
         self.log_focal = torch.zeros((), requires_grad=True)
         self.log_scale = torch.zeros((), requires_grad=True)
         self.clothes_m = torch.zeros((), requires_grad=True)
         self.habits = torch.zeros(JOINT_COUNT, 3, requires_grad=True)
         self.offsets = torch.zeros(len(LANDMARK_NAMES), 3, requires_grad=True)
-
-    def _likely_shape(self) -> Tensor:
-        """The likeliest shape of somebody of this height."""
-        if self.height_m is None:
-            return torch.zeros(self.model.shape_count)
-        spread = torch.tensor(_SHAPE_DEVIATION).square() * self.height1
-        return spread * (self.height_m - self.height0) / (spread @ self.height1)
 
     def doubted(self) -> Bool[Array, "F"]:
         """Frames whose outline lies far off the mask's, beside the others' of the clip."""
@@ -204,7 +202,12 @@ class Problem:
             skin, pixels = self._surface(*posed)
             seen = self._seen(posed[0], skin, pixels)
             self.flow = find_flow(
-                self.pictures, self.takes, pixels.numpy(), seen.numpy(), coarse=coarse
+                self.pictures,
+                self.takes,
+                strides_of(self.times_s),
+                pixels.numpy(),
+                seen.numpy(),
+                coarse=coarse,
             )
 
     @torch.no_grad()
@@ -347,34 +350,46 @@ class Problem:
         shape = (self.shape / torch.tensor(_SHAPE_DEVIATION)).square().sum()
         beyond = torch.relu(self.shape.abs() - _FARTHEST_SHAPE) / _SHAPE_WALL
         offsets = (self.offsets / _OFFSET_DEVIATION_M).square().sum()
-        height = self.height0 + self.height1 @ self.shape
-        told = 0.0 if self.height_m is None else (height - self.height_m) / _HEIGHT_DEVIATION_M
         return (
             _HABIT_WEIGHT * (self.habits / _HABIT_RAD).square().sum()
             + _SHAPE_WEIGHT * shape
             + beyond.square().sum()
             + 0.5 * (self.clothes_m / _CLOTHES_DEVIATION_M) ** 2
-            + 0.5 * told**2
             + 0.1 * offsets
             + 0.5 * (self.log_focal / _FOCAL_DEVIATION).square()
         )
 
     def result(self) -> Fit:
+        """The fit, as large as the person likely is."""
         with torch.no_grad():
             turned, placed, rest = self.posed()
             marks = self.landmarks(turned, placed, rest)
             off = project(marks, self.focal(), self.centre) - self.seen_pixels
             error = off.norm(dim=-1).numpy().astype(np.float64)
             angles = matrix_to_axis_angle(self.rotations().numpy().astype(np.float64))
+            shape, scale = self.shape.numpy().astype(np.float64), self._scale()
+            floor = self.floor.found()
             return Fit(
-                self.shape.numpy().astype(np.float64),
+                self.model.body(shape, scale),
                 float(self.focal()),
                 angles,
-                self.pelvis.numpy().astype(np.float64),
+                scale * self.pelvis.numpy().astype(np.float64),
                 np.where(self.weights > 0.0, error, np.nan),
                 self.weights,
-                self.floor.found(),
+                None if floor is None else floor * [1.0, 1.0, 1.0, scale],
             )
+
+    def _scale(self) -> float:
+        """Of everything about the camera, so that the person is as tall as told, or as likely.
+
+        Pictures stay the same. What the shape says of size is by proportions alone, and the body
+        model's own performers are the only ones whom it says it of.
+        """
+        usual = float(np.ptp(self.model.rest_vertices[:, 1]))
+        along = self.model.vertex_directions[:, 1] @ self.shape.numpy()
+        fitted = float(np.ptp(self.model.rest_vertices[:, 1] + along))
+        likely = usual + _SIZE_BELIEVED * (fitted - usual)
+        return (likely if self.height_m is None else self.height_m) / fitted
 
 
 def start_poses(problem: Problem) -> tuple[Array, Array]:

@@ -38,13 +38,13 @@ class Placed:
     legs_seen: bool
 
 
-def place_in_world(fit: Fit, body: Body, times_s: Float[Array, "F"]) -> Placed:
+def place_in_world(fit: Fit, times_s: Float[Array, "F"]) -> Placed:
     """Turn the fit upright, put the floor at y = 0 and the person about x = z = 0.
 
     The camera ends up on the side of +z. Where the fit found no floor, it is where the lowest point
     of the surface is in nearly all frames.
     """
-    confidence = joint_confidence(fit.weights)
+    body, confidence = fit.body, joint_confidence(fit.weights)
     legs = [_J["left_knee"], _J["right_knee"], _J["left_ankle"], _J["right_ankle"]]
     legs_seen = bool(np.median(confidence[:, legs]) > _LEGS_SEEN)
     shift = fit.pelvis - body.skeleton.rest_joints[0]

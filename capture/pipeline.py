@@ -256,7 +256,7 @@ def _capture(
         on_stage=stages.on_fit,
         should_stop=stages.should_stop,
     )
-    placed = place_in_world(fit, model.body(fit.shape), clip.times_s)
+    placed = place_in_world(fit, clip.times_s)
     placed = replace(placed, motion=replace(placed.motion, expressions=expressions))
     seen = _stored_frames(clip, track, masks, fit, placed, size)
     report = stages.part(0.92, 1.0, "writing the sequence")

@@ -35,7 +35,7 @@ def fitted(motion: Motion, people: list[Landmarks], masks: list[Array] | None = 
 
 
 def placed(fit: Fit, motion: Motion) -> Placed:
-    return place_in_world(fit, load_body_model().body(fit.shape), motion.times_s)
+    return place_in_world(fit, motion.times_s)
 
 
 def people_of(motion: Motion) -> list[Landmarks]:
@@ -109,7 +109,7 @@ def test_loose_clothes_make_a_wider_mask_not_a_giant():
     people = people_of(motion)
     wide = [cv2.dilate(person.mask, np.ones((9, 9), np.uint8)) for person in people]
     loose = fitted(motion, people, wide)
-    height_m = load_body_model().body(loose.shape).skeleton.height_m
+    height_m = loose.body.skeleton.height_m
     assert height_m == pytest.approx(body().skeleton.height_m, rel=0.05)
     for name in ("left_elbow", "right_elbow", "left_knee", "right_knee"):
         assert gap_rad(loose, motion, name) < 0.5, name

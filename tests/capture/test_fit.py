@@ -44,7 +44,7 @@ def _in_camera(motion: Motion) -> np.ndarray:
 
 
 def _fitted(fit: Fit) -> np.ndarray:
-    person = load_body_model().body(fit.shape)
+    person = fit.body
     shift = fit.pelvis - person.skeleton.rest_joints[0]
     return person.skeleton.joint_transforms(fit.joint_angles, shift)[..., :3, 3]
 
@@ -70,19 +70,26 @@ def test_joints_are_found_in_place(fit, motion):
     assert np.linalg.norm(rooted, axis=-1)[:, :22].mean() < 0.03
 
 
-def test_who_tells_their_height_is_fitted_as_tall_and_as_far_away(motion):
+def test_who_tells_their_height_is_as_tall_and_as_far_away(fit, motion):
     truth = body().rest_vertices
     assert truth is not None
-    for tall in (1.0, 1.05):  # the same pictures would show somebody taller further away
-        height_m = tall * float(np.ptp(truth[:, 1]))
-        told = _fit(list(_people(motion)), motion, focal_px=camera().focal_px, height_m=height_m)
-        vertices = load_body_model().body(told.shape).rest_vertices
-        assert vertices is not None
-        assert np.ptp(vertices[:, 1]) == pytest.approx(height_m, abs=0.004)
-        away = np.linalg.norm(told.pelvis, axis=-1) / np.linalg.norm(
-            _in_camera(motion)[:, 0], axis=-1
-        )
-        assert np.median(away) == pytest.approx(tall, rel=0.02)
+    tall = 1.05  # the same pictures would show somebody taller further away
+    height_m = tall * float(np.ptp(truth[:, 1]))
+    told = _fit(list(_people(motion)), motion, focal_px=camera().focal_px, height_m=height_m)
+    assert _height_m(told) == pytest.approx(height_m, abs=1e-6)
+    away = np.linalg.norm(told.pelvis, axis=-1) / np.linalg.norm(_in_camera(motion)[:, 0], axis=-1)
+    assert np.median(away) == pytest.approx(tall, rel=0.02)
+    larger = height_m / _height_m(fit)
+    np.testing.assert_allclose(told.joint_angles, fit.joint_angles)
+    np.testing.assert_allclose(_fitted(told), larger * _fitted(fit), atol=1e-6)
+    assert told.floor is not None
+    assert fit.floor is not None
+    np.testing.assert_allclose(told.floor, fit.floor * [1.0, 1.0, 1.0, larger])
+
+
+def _height_m(fit: Fit) -> float:
+    assert fit.body.rest_vertices is not None
+    return float(np.ptp(fit.body.rest_vertices[:, 1]))
 
 
 def test_landmarks_are_explained(fit):
@@ -147,7 +154,7 @@ def test_an_upper_body_keeps_its_legs_straight_and_stands(cut):
         people.append(replace(person, visibility=visibility, mask=mask))
     upper = _fit(people, slow)
     assert np.rad2deg(np.abs(upper.joint_angles[:, LEGS])).max() < 12.0
-    placed = place_in_world(upper, load_body_model().body(upper.shape), slow.times_s)
+    placed = place_in_world(upper, slow.times_s)
     assert not placed.legs_seen
     assert placed.motion.confidence[:, JOINT["left_knee"]].max() == 0.0
     up = axis_angle_to_matrix(placed.motion.joint_angles[:, 0])[:, 1, 1]
@@ -155,7 +162,7 @@ def test_an_upper_body_keeps_its_legs_straight_and_stands(cut):
 
 
 def test_the_world_has_its_floor_under_the_feet_and_y_up(fit, motion):
-    placed = place_in_world(fit, load_body_model().body(fit.shape), motion.times_s)
+    placed = place_in_world(fit, motion.times_s)
     assert placed.legs_seen
     lowest = [placed.body.posed_vertices(placed.motion.pose(i))[:, 1].min() for i in range(FRAMES)]
     assert np.abs(lowest).max() < 0.06
@@ -170,7 +177,7 @@ def test_the_world_has_its_floor_under_the_feet_and_y_up(fit, motion):
 
 
 def test_the_world_keeps_what_the_camera_sees(fit, motion):
-    placed = place_in_world(fit, load_body_model().body(fit.shape), motion.times_s)
+    placed = place_in_world(fit, motion.times_s)
     joints = placed.body.skeleton.joint_transforms(
         placed.motion.joint_angles, placed.motion.root_translation
     )[..., :3, 3]
@@ -257,7 +264,7 @@ def test_standing_feet_neither_slide_nor_sink():
     fit = _fit(noisy, motion, focal_px=camera().focal_px)
     speed = np.linalg.norm(np.diff(_fitted(fit)[:, [10, 11]], axis=0), axis=2) * 15.0
     assert speed.mean() < 0.1
-    placed = place_in_world(fit, load_body_model().body(fit.shape), motion.times_s)
+    placed = place_in_world(fit, motion.times_s)
     lowest = [
         placed.body.posed_vertices(placed.motion.pose(frame))[:, 1].min() for frame in range(16)
     ]

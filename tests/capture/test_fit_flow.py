@@ -12,7 +12,6 @@ import torch
 from capture.body import load_body_model
 from capture.fit import fit_clip
 from capture.fit_flow import (
-    STRIDES,
     Aims,
     Pictures,
     certainty,
@@ -20,6 +19,7 @@ from capture.fit_flow import (
     flow_energy,
     look_up,
     seen_vertices,
+    strides_of,
 )
 from capture.landmarks import Landmarks
 from capture.studio.performer import film, make_performer
@@ -58,8 +58,8 @@ def test_what_moves_is_found_and_what_stands_still_is_unknown(begun):
     images, masks, middles = moving_patch(5)
     pictures = Pictures(images, masks)
     seen = np.full((5, 1), begun)
-    flow = find_flow(pictures, np.zeros(5, int), middles, seen)
-    for stride in STRIDES:
+    flow = find_flow(pictures, np.zeros(5, int), (1, 3), middles, seen)
+    for stride in (1, 3):
         here = torch.from_numpy(middles[:-stride])
         found = flow.at(stride, here).numpy()[:, 0]
         known = np.isfinite(found[:, 0])
@@ -69,14 +69,25 @@ def test_what_moves_is_found_and_what_stands_still_is_unknown(begun):
             assert torch.isnan(flow.at(stride, here + torch.tensor(outside))).all()
 
 
+@pytest.mark.parametrize(
+    ("rate", "strides"), [(8.0, (1, 3)), (15.0, (1, 3)), (30.0, (2, 6)), (60.0, (4, 12))]
+)
+def test_pictures_of_a_pair_are_as_far_apart_at_any_rate(rate, strides):
+    times_s = np.arange(40) / rate
+    assert strides_of(times_s) == strides
+    lost = np.delete(times_s, [3, 4, 5, 20])
+    assert strides_of(lost) == strides
+    assert strides_of(times_s[:1]) == (1, 3)
+
+
 def test_nothing_is_known_across_a_cut_nor_of_lost_frames():
     images, masks, middles = moving_patch(4)
     takes = np.array([0, 0, 1, 1])
-    flow = find_flow(Pictures(images, masks), takes, middles, np.ones((4, 1), bool))
+    flow = find_flow(Pictures(images, masks), takes, (1,), middles, np.ones((4, 1), bool))
     found = flow.at(1, torch.from_numpy(middles[:-1]))[:, 0, 0].numpy()
     assert np.isfinite(found).tolist() == [True, False, True]
     lost = find_flow(
-        Pictures(images, [masks[0], None, masks[2], masks[3]]), np.zeros(4, int), middles,
+        Pictures(images, [masks[0], None, masks[2], masks[3]]), np.zeros(4, int), (1,), middles,
         np.ones((4, 1), bool),
     )  # fmt: skip
     found = lost.at(1, torch.from_numpy(middles[:-1]))[:, 0, 0].numpy()
@@ -88,7 +99,7 @@ def test_large_pictures_are_looked_at_smaller_and_answer_in_their_own_pixels():
     large = [cv2.resize(image, None, fx=8, fy=8) for image in images]
     flow = find_flow(
         Pictures(large, [cv2.resize(mask, None, fx=8, fy=8) for mask in masks]),
-        np.zeros(2, int), 8.0 * middles, np.ones((2, 1), bool),
+        np.zeros(2, int), (1, 3), 8.0 * middles, np.ones((2, 1), bool),
     )  # fmt: skip
     assert max(flow.moved[1].shape[1:3]) == 448
     found = flow.at(1, torch.from_numpy(8.0 * middles[:-1])).numpy()[0, 0]
@@ -152,7 +163,9 @@ def test_only_what_texture_shows_of_a_motion_counts():
 
 def test_flow_is_looked_up_where_both_frames_show_the_vertex():
     images, masks, middles = moving_patch(3)
-    flow = find_flow(Pictures(images, masks), np.zeros(3, int), middles, np.ones((3, 1), bool))
+    flow = find_flow(
+        Pictures(images, masks), np.zeros(3, int), (1, 3), middles, np.ones((3, 1), bool)
+    )
     pixels = torch.from_numpy(np.repeat(middles, 2, axis=1))
     seen = torch.tensor([[True, True], [True, False], [True, True]])
     aims = look_up(flow, pixels, seen)
