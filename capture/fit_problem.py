@@ -40,6 +40,7 @@ from capture.fit_terms import (
     rigid_points,
     robust,
     rotation_matrices,
+    sliding,
     time_steps,
     unsteadiness,
     very_robust,
@@ -48,7 +49,7 @@ from capture.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
 from capture.lifter import Lifted, Lifter
 from scene.arrays import Array, Bool, Float, Tensor, UInt8
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.skeleton import JOINT_COUNT, JOINT_NAMES
+from scene.skeleton import JOINT_COUNT
 
 USUAL_FOCAL = 0.87
 """Focal length of phones and webcams, in longest sides of the picture (60 degrees)."""
@@ -65,15 +66,11 @@ _FARTHEST_SHAPE, _SHAPE_WALL = 0.5, 0.05
 """Where the body model ends, and how softly: loose clothes would make it something else."""
 _CLOTHES_DEVIATION_M = 0.01
 """Of how far a clip's outlines lie from the skin."""
-_SIZE_BELIEVED = 0.3
-"""How much of a fitted height's distance from the usual is believed where nobody told it."""
-_PLANTED_M_S = 0.2
-"""Speed of a foot that stands, with what the noise of its pose adds."""
-_SWINGS = 3.0
-"""In the same, from where a foot is let go."""
-_FEET = [JOINT_NAMES.index(f"{side}_{part}")
-         for side in ("left", "right") for part in ("ankle", "foot")]  # fmt: skip
-_ACCELERATION_M_S2 = 9.0
+_ACCELERATION_M_S2, _PLANTED_M_S = 9.0, 0.2
+"""Of joints, and of feet that stand, with what the noise of a pose adds."""
+_USUAL_RATE = 15.0
+"""Frames a second up to which these hold; beyond, they grow with the rate: frames so close would
+hold each other by its fourth power, and the steps of a fit so stiff creep."""
 _WORLD_DEVIATION_M = 0.07
 _OFFSET_DEVIATION_M = 0.01
 _PIXEL_DEVIATION = 0.016
@@ -142,6 +139,8 @@ class Problem:
         self.times_s, self.takes = times_s, np.asarray(takes)
         self.lifted = self._lift(people, lifter)
         self.steps = time_steps(times_s, takes)
+        closest_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0
+        self.looseness = max(1.0, 1.0 / (_USUAL_RATE * closest_s))
         self.belief = torch.ones(len(people))
         self.extent = person_height_px(self.pixels)
         self._tensors(self.marks)
@@ -290,14 +289,15 @@ class Problem:
         kernel = robust if look is None else lambda squared: very_robust(squared, _OUTLIER)
         seen = (kernel(off.square().sum(-1)) * self.seen_weights).sum(1)
         depth = self._world_energy(marks)
-        steady = unsteadiness(placed, *self.steps, _ACCELERATION_M_S2).sum() / len(placed)
+        steady = unsteadiness(placed, *self.steps, self.looseness * _ACCELERATION_M_S2)
         total = (
             (self.belief * (seen + _WORLD_WEIGHT * depth)).mean()
             + _PRIOR_WEIGHT * self.prior.energy(self.angles, self.hidden).mean()
             + _LIFTED_WEIGHT * (self.belief * self._lifted_energy()).mean()
-            + steady
+            + (steady.sum() / len(placed))
+            + sliding(placed, self.steps[0], self.looseness * _PLANTED_M_S)
         )
-        total = total + self._once_a_clip() + self._feet_slide(placed)
+        total = total + self._once_a_clip()
         if look is not None:
             _, pixels = self._surface(turned, placed, rest)
             edges = self._edge_energy(look.nearest, pixels, turned, placed, rest)
@@ -330,13 +330,6 @@ class Problem:
         off = 0.5 * (self.rotations() - believed).square().sum((-1, -2))
         return (robust(off / self.lifted_spread.square()) * (1.0 - self.hidden)).sum(1)
 
-    def _feet_slide(self, placed: Tensor) -> Tensor:
-        """Slow feet are held where they stand, so that they neither slide nor let the body drift
-        in depth; fast ones swing."""
-        speed = (placed[1:, _FEET] - placed[:-1, _FEET]) / self.steps[0][:, None, None]
-        slid = very_robust((speed / _PLANTED_M_S).square().sum(-1), _SWINGS)
-        return slid.sum() / len(placed)
-
     def _world_energy(self, marks: Tensor) -> Tensor:
         """Off the estimator's 3D landmarks [F], whose size is its own guess: one scale a clip."""
         weight = (self.seen_weights * self.depth_trust)[..., None]
@@ -360,17 +353,20 @@ class Problem:
         )
 
     def result(self) -> Fit:
-        """The fit, as large as the person likely is."""
+        """The fit, as tall as the person told."""
         with torch.no_grad():
             turned, placed, rest = self.posed()
             marks = self.landmarks(turned, placed, rest)
             off = project(marks, self.focal(), self.centre) - self.seen_pixels
             error = off.norm(dim=-1).numpy().astype(np.float64)
             angles = matrix_to_axis_angle(self.rotations().numpy().astype(np.float64))
-            shape, scale = self.shape.numpy().astype(np.float64), self._scale()
-            floor = self.floor.found()
+            shape, floor = self.shape.numpy().astype(np.float64), self.floor.found()
+            model = self.model
+            tall = np.ptp(model.rest_vertices[:, 1] + model.vertex_directions[:, 1] @ shape)
+            # about the camera, so that pictures stay the same
+            scale = 1.0 if self.height_m is None else self.height_m / float(tall)
             return Fit(
-                self.model.body(shape, scale),
+                model.body(shape, scale),
                 float(self.focal()),
                 angles,
                 scale * self.pelvis.numpy().astype(np.float64),
@@ -378,18 +374,6 @@ class Problem:
                 self.weights,
                 None if floor is None else floor * [1.0, 1.0, 1.0, scale],
             )
-
-    def _scale(self) -> float:
-        """Of everything about the camera, so that the person is as tall as told, or as likely.
-
-        Pictures stay the same. What the shape says of size is by proportions alone, and the body
-        model's own performers are the only ones whom it says it of.
-        """
-        usual = float(np.ptp(self.model.rest_vertices[:, 1]))
-        along = self.model.vertex_directions[:, 1] @ self.shape.numpy()
-        fitted = float(np.ptp(self.model.rest_vertices[:, 1] + along))
-        likely = usual + _SIZE_BELIEVED * (fitted - usual)
-        return (likely if self.height_m is None else self.height_m) / fitted
 
 
 def start_poses(problem: Problem) -> tuple[Array, Array]:

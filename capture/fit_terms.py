@@ -17,10 +17,13 @@ from scene.arrays import Array, Float, Tensor
 from scene.limits import ELBOW_HINGE, FARTHEST_BEND_RAD
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
 
+_SWINGS = 3.0
+"""Deviations of a foot's speed from which it is let go."""
 _HELD_RAD = 0.03
 """Deviation of a joint that nothing shows."""
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
+_FEET = [_J[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")]
 
 
 def _levels() -> list[tuple[list[int], list[int], list[int]]]:
@@ -193,6 +196,17 @@ def unsteadiness(
     speed = (joints[1:] - joints[:-1]) / before[:, None, None]
     acceleration = (speed[1:] - speed[:-1]) / after[:, None, None]
     return robust((acceleration / deviation_m_s2).square().sum(-1))
+
+
+def sliding(joints: Float[Tensor, "F 24 3"], before: Tensor, deviation_m_s: float) -> Tensor:
+    """Mean energy of feet that move between frames, `before` s apart.
+
+    Slow ones are held where they stand, so that they neither slide nor let the body drift in
+    depth; fast ones swing.
+    """
+    speed = (joints[1:, _FEET] - joints[:-1, _FEET]) / before[:, None, None]
+    slid = very_robust((speed / deviation_m_s).square().sum(-1), _SWINGS)
+    return slid.sum() / len(joints)
 
 
 def time_steps(times_s: Array, takes: Array) -> tuple[Tensor, Tensor]:

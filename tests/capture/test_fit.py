@@ -92,6 +92,20 @@ def _height_m(fit: Fit) -> float:
     return float(np.ptp(fit.body.rest_vertices[:, 1]))
 
 
+def test_as_many_frames_a_second_as_phones_film_make_nobody_slow_or_small():
+    rng = np.random.default_rng(0)
+    quick = standing(60, turn_rad=1.0, frames_per_second=60.0)
+    people = [
+        replace(person, pixels=person.pixels + rng.normal(0.0, 1.0, person.pixels.shape))
+        for person in _people(quick)
+    ]
+    fitted = _fitted(_fit(people, quick, focal_px=camera().focal_px))
+    truth = _in_camera(quick)
+    scale = float((fitted * truth).sum() / (fitted**2).sum())
+    assert scale == pytest.approx(1.0, abs=0.05)
+    assert np.linalg.norm(scale * fitted - truth, axis=-1)[:, :22].mean() < 0.025
+
+
 def test_landmarks_are_explained(fit):
     assert np.nanmean(fit.landmark_error_px) < 1.0
     assert fit.focal_px == pytest.approx(camera().focal_px)
