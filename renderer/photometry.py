@@ -122,7 +122,29 @@ def displacements(
     joints, weights = points.joints[shown].astype(np.int64), points.weights[shown]
     blended = np.einsum("ps,psij->pij", weights, skinning[joints][:, :, :3])
     world = (blended[:, :, :3] @ points.rest[shown][:, :, None])[..., 0] + blended[:, :, 3]
-    by_world = _by_place(camera, world)  # [P 2 3]
+    dense = np.zeros((len(shown), JOINT_COUNT), np.float32)
+    np.add.at(dense, (np.arange(len(shown))[:, None], joints), weights)
+    share = dense @ descendants(skeleton).T.astype(np.float32)
+    moved = by_pose(world, _by_place(camera, world), share, places, skeleton if shared else None)
+    if not shared:
+        return moved
+    off = camera.project(world)[0] - camera.intrinsics[:2, 2]
+    return np.concatenate([moved, off[:, :, None].astype(np.float32)], axis=2)
+
+
+def by_pose(
+    world: Float[Array, "P 3"],
+    by_world: Float[Array, "P R 3"],
+    share: Float[Array, "P 24"],
+    places: Float[Array, "24 4 4"],
+    stretching: Skeleton | None,
+) -> Float[Array, "P R D"]:
+    """What R figures of each point change by a unit of each of the pose's numbers, then, with a
+    skeleton for `stretching`, of the bone lengths that the clip shares; float32.
+
+    `by_world` is what they change by as the point moves; `share`, how much of it follows each
+    joint; `places`, where the joints are.
+    """
     # a turn w of joint k about c moves x by w x (x - c): a.(w x (x - c)) = w.(x x a) - w.(c x a)
     about = np.cross(world[:, None], by_world)
     frames = places[:, :3, :3]
@@ -130,15 +152,11 @@ def displacements(
     basis = np.concatenate([frames, -lever], axis=1)  # [K 6 3]
     basis = np.moveaxis(basis, 0, 1).reshape(6, -1)
     moved = np.concatenate([about, by_world], axis=2).astype(np.float32) @ basis.astype(np.float32)
-    dense = np.zeros((len(shown), JOINT_COUNT), np.float32)
-    np.add.at(dense, (np.arange(len(shown))[:, None], joints), weights)
-    share = dense @ descendants(skeleton).T.astype(np.float32)  # how much of it follows joint k
     turns = moved * np.repeat(share, 3, axis=1)[:, None]
     parts = [turns, by_world.astype(np.float32)]
-    if shared:
-        bones = by_world.astype(np.float32) @ _bones(skeleton, places).T.astype(np.float32)
-        off = camera.project(world)[0] - camera.intrinsics[:2, 2]
-        parts += [(bones * share[:, None, 1:]) @ _PAIRED, off[:, :, None].astype(np.float32)]
+    if stretching is not None:
+        bones = by_world.astype(np.float32) @ _bones(stretching, places).T.astype(np.float32)
+        parts.append((bones * share[:, None, 1:]) @ _PAIRED)
     return np.concatenate(parts, axis=2)
 
 

@@ -62,6 +62,8 @@ class ClipState:
     """Of the poses as they stand."""
     facing: Float[Array, "F 3 3"]
     """Pelvis -> world."""
+    held: tuple[Float[Array, "F 75 75"], Float[Array, "F 75"]]
+    """Matrices and vectors of what else holds the poses: feet that stand."""
     spreads: Float[Array, "2"]
     """As in `FIRST_SPREADS`."""
 
@@ -92,9 +94,10 @@ class _System:
 
     def __init__(self, equations: ClipEquations, state: ClipState, operator: Accelerations) -> None:
         frames, trust = len(state.correction), 1.0 / (_ALIKE_PX * equations.difference + 1e-9)
-        matrices, vectors = _root_along(equations, state.facing)
-        self._own = trust * matrices[:, :FREE, :FREE]
-        self._cross = trust * matrices[:, :FREE, FREE:]
+        matrices, vectors = _root_along(equations.matrices, equations.vectors, state.facing)
+        held, pulled = _root_along(*state.held, state.facing)
+        self._seen = trust * matrices[:, :FREE, :FREE]
+        self._own, self._cross = self._seen + held, trust * matrices[:, :FREE, FREE:]
         shared = frames * _SHARED**-2.0
         self._across = trust * matrices[:, FREE:, FREE:].sum(axis=0) + shared * np.eye(SHARED)
         self._operator = operator
@@ -107,6 +110,7 @@ class _System:
         self._gauges[:, FREE:, _ROOT] = state.facing
         self.right = (
             trust * vectors[:, :FREE]
+            + pulled
             - self._estimate * state.correction
             - self._gauged(state.correction)
             - operator.transposed(self._steady * state.accelerations)
@@ -138,16 +142,16 @@ class _System:
 
     def determined(self) -> Float[Array, "75"]:
         """How much of each number, added up over the frames, pixels decide rather than priors."""
-        return np.einsum("fij,fji->i", self._inverse, self._own)
+        return np.einsum("fij,fji->i", self._inverse, self._seen)
 
     def _gauged(self, d: Array) -> Array:
         mean = np.einsum("fgi,fi->g", self._gauges, d)
         return np.einsum("fgi,g->fi", self._gauges, mean) / (len(d) * _GAUGE) ** 2
 
 
-def _root_along(equations: ClipEquations, facing: Array) -> tuple[Array, Array]:
-    """Matrices and vectors with the roots' shifts along the axes of `facing`."""
-    matrices, vectors = equations.matrices.copy(), equations.vectors.copy()
+def _root_along(matrices: Array, vectors: Array, facing: Array) -> tuple[Array, Array]:
+    """Both with the roots' shifts along the axes of `facing`."""
+    matrices, vectors = matrices.copy(), vectors.copy()
     matrices[:, _ROOT] = np.swapaxes(facing, 1, 2) @ matrices[:, _ROOT]
     matrices[:, :, _ROOT] = matrices[:, :, _ROOT] @ facing
     vectors[:, _ROOT] = np.einsum("fji,fj->fi", facing, vectors[:, _ROOT])

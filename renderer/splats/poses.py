@@ -13,6 +13,7 @@ import numpy as np
 from renderer.model import PersonModel
 from renderer.photometry import SHARED, stretch_between, stretched
 from renderer.splats.clip_wide import FIRST_SPREADS, ClipEquations, ClipState, solve
+from renderer.splats.standing import Standing
 from scene.arrays import Array, Float
 from scene.motion import Motion, Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -31,6 +32,7 @@ class PoseRefinement:
         self._first_skeleton = self.skeleton = sequence.body.skeleton
         self._estimate = now = sequence.motion
         self._operator = Accelerations.of(self._estimate.times_s)
+        self._standing = Standing.of(self.skeleton, self._estimate)
         self._shared = np.zeros(SHARED)
         if start is not None and start.data_hash == sequence.data_hash:
             now, self.skeleton = start.motion, start.skeleton
@@ -60,7 +62,8 @@ class PoseRefinement:
         turn_rates = self._operator.of_turns(self._angles).reshape(frames, -1)
         root_rates = _into(facing, self._operator(self._root))
         accelerations = np.concatenate([turn_rates, root_rates], axis=1)
-        state = ClipState(correction, self._shared, accelerations, facing, self._spreads)
+        held = self._standing.equations(self.skeleton, self._angles, self._root)
+        state = ClipState(correction, self._shared, accelerations, facing, held, self._spreads)
         step = solve(equations, state, self._operator)
         turns = axis_angle_to_matrix(step.poses[:, :-3].reshape(frames, -1, 3))
         self._angles = matrix_to_axis_angle(now @ turns)

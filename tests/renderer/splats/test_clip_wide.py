@@ -16,11 +16,13 @@ FRAMES, SIZE = 5, FREE + SHARED
 def random_clip(strength: float = 1.0) -> tuple[ClipEquations, ClipState, Accelerations]:
     rng = np.random.default_rng(0)
     half = strength * rng.normal(size=(FRAMES, SIZE, 40))
+    feet = rng.normal(size=(FRAMES, FREE, 4))
     state = ClipState(
         0.02 * rng.normal(size=(FRAMES, FREE)),
         0.01 * rng.normal(size=SHARED),
         rng.normal(size=(FRAMES, FREE)),
         axis_angle_to_matrix(rng.normal(size=(FRAMES, 3))),
+        (feet @ np.swapaxes(feet, 1, 2), rng.normal(size=(FRAMES, FREE))),
         np.array([0.1, 0.05]),
     )
     equations = ClipEquations(
@@ -45,6 +47,8 @@ def test_the_matrix_is_the_second_derivative_of_the_priors_and_pixels():
             np.einsum("fi,fij,fj", pixels, equations.matrices, pixels)
             - 2.0 * (equations.vectors * pixels).sum()
         )
+        matrices, vectors = state.held
+        total += np.einsum("fi,fij,fj", world, matrices, world) - 2.0 * (vectors * world).sum()
         gone = state.correction + d
         total += (gone[:, :-3] ** 2).sum() / state.spreads[0] ** 2
         total += (gone[:, -3:] ** 2).sum() / state.spreads[1] ** 2
@@ -81,7 +85,7 @@ def test_corrections_that_pixels_do_not_ask_for_make_the_estimate_trusted():
     equations, state, operator = random_clip()
     quiet = ClipState(
         np.zeros((FRAMES, FREE)), np.zeros(SHARED), np.zeros((FRAMES, FREE)), state.facing,
-        state.spreads,
+        (np.zeros((FRAMES, FREE, FREE)), np.zeros((FRAMES, FREE))), state.spreads,
     )  # fmt: skip
     calm = ClipEquations(equations.matrices, 0.0 * equations.vectors, equations.difference)
     assert (solve(calm, quiet, operator).spreads < 0.1 * state.spreads).all()
