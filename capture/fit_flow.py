@@ -111,9 +111,8 @@ class Flow:
         return torch.where(inside[..., None], values, torch.nan)
 
 
-def strides_of(times_s: Float[Array, "F"]) -> tuple[int, ...]:
-    """Frames between the two pictures of a pair, for a clip with pictures at `times_s`."""
-    step_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0
+def strides_of(step_s: float) -> tuple[int, ...]:
+    """Frames between the two pictures of a pair, for a clip with a picture every `step_s`."""
     long = zip(_STRIDES, _STRIDES_S, strict=True)
     return tuple(max(frames, round(apart_s / step_s)) for frames, apart_s in long)
 

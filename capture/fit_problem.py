@@ -139,8 +139,8 @@ class Problem:
         self.times_s, self.takes = times_s, np.asarray(takes)
         self.lifted = self._lift(people, lifter)
         self.steps = time_steps(times_s, takes)
-        closest_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0
-        self.looseness = max(1.0, 1.0 / (_USUAL_RATE * closest_s))
+        self.step_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1.0
+        self.looseness = max(1.0, 1.0 / (_USUAL_RATE * self.step_s))
         self.belief = torch.ones(len(people))
         self.extent = person_height_px(self.pixels)
         self._tensors(self.marks)
@@ -203,7 +203,7 @@ class Problem:
             self.flow = find_flow(
                 self.pictures,
                 self.takes,
-                strides_of(self.times_s),
+                strides_of(self.step_s),
                 pixels.numpy(),
                 seen.numpy(),
                 coarse=coarse,
@@ -294,7 +294,7 @@ class Problem:
             (self.belief * (seen + _WORLD_WEIGHT * depth)).mean()
             + _PRIOR_WEIGHT * self.prior.energy(self.angles, self.hidden).mean()
             + _LIFTED_WEIGHT * (self.belief * self._lifted_energy()).mean()
-            + (steady.sum() / len(placed))
+            + steady.sum() / len(placed)
             + sliding(placed, self.steps[0], self.looseness * _PLANTED_M_S)
         )
         total = total + self._once_a_clip()
