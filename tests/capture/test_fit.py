@@ -95,7 +95,7 @@ def _height_m(fit: Fit) -> float:
 def test_as_many_frames_a_second_as_phones_film_make_nobody_slow_or_small():
     rng = np.random.default_rng(0)
     quick = standing(60, turn_rad=1.0, frames_per_second=60.0)
-    people = [
+    people: list[Landmarks | None] = [
         replace(person, pixels=person.pixels + rng.normal(0.0, 1.0, person.pixels.shape))
         for person in _people(quick)
     ]
