@@ -195,9 +195,9 @@ class Problem:
     @torch.no_grad()
     def watch(self, *, coarse: bool) -> None:
         """Find the floor, and the flow between the pictures, from the present motion."""
-        self.floor.find(*self.posed(), self.shape)
+        posed = self.posed()
+        self.floor.find(*posed, self.shape)
         if self.pictures is not None:
-            posed = self.posed()
             skin, pixels = self._surface(*posed)
             seen = self._seen(posed[0], skin, pixels)
             self.flow = find_flow(

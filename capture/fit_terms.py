@@ -15,7 +15,7 @@ import torch
 
 from scene.arrays import Array, Float, Tensor
 from scene.limits import ELBOW_HINGE, FARTHEST_BEND_RAD
-from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
+from scene.skeleton import FOOT_JOINTS, JOINT_COUNT, JOINT_NAMES, PARENTS
 
 _SWINGS = 3.0
 """Deviations of a foot's speed from which it is let go."""
@@ -23,7 +23,7 @@ _HELD_RAD = 0.03
 """Deviation of a joint that nothing shows."""
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
-_FEET = [_J[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")]
+_FEET = list(FOOT_JOINTS)
 
 
 def _levels() -> list[tuple[list[int], list[int], list[int]]]:

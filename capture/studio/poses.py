@@ -13,7 +13,7 @@ from scene.arrays import Array, Float
 from scene.limits import ELBOW_HINGE
 from scene.motion import Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, rotation_between
-from scene.skeleton import JOINT_COUNT, JOINT_NAMES, Skeleton
+from scene.skeleton import FOOT_JOINTS, JOINT_COUNT, JOINT_NAMES, Skeleton
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 _SIDES = (("left", 1.0), ("right", -1.0))
@@ -28,7 +28,7 @@ _TRIES = 48
 _TOUCHED = ("head", "neck", "spine3", "spine1", "pelvis", "left_shoulder", "right_shoulder",
             "left_elbow", "right_elbow", "left_hip", "right_hip", "left_knee",
             "right_knee")  # fmt: skip
-_FEET = [_J[f"{side}_{part}"] for side, _ in _SIDES for part in ("ankle", "foot")]
+_FEET = list(FOOT_JOINTS)
 
 
 def random_pose(rng: np.random.Generator, skeleton: Skeleton) -> Pose:

@@ -14,10 +14,9 @@ import numpy as np
 from renderer.photometry import by_pose, descendants
 from scene.arrays import Array, Float
 from scene.motion import Motion
-from scene.skeleton import JOINT_NAMES, Skeleton
+from scene.skeleton import FOOT_JOINTS, Skeleton
 
-_FEET = [JOINT_NAMES.index(f"{side}_{part}")
-         for side in ("left", "right") for part in ("ankle", "foot")]  # fmt: skip
+_FEET = list(FOOT_JOINTS)
 _SOLES_M = np.array([-0.05, 0.05, -0.05, 0.05])
 """How far before its joint each place of a sole lies: heels behind ankles, toes before balls."""
 _STANDING_M = 0.03
