@@ -1,9 +1,8 @@
 """All poses of a clip, and the body they share, moved at once by one Gauss-Newton step.
 
 Pixels say where each frame's body should go (`renderer.photometry`). What they leave open is held
-by the estimate, by how bodies move (`scene.temporal`), and by the gauge: the same turn of a joint
-in every frame is what a body of another rest shape would look like, and the same shift away from
-the camera one of another size, so the means over the clip stay nil.
+by the estimate, by how bodies move (`scene.temporal`), and by the surface that the splats are drawn
+back to: without it, the same turn of a joint in every frame would be a body of another rest shape.
 
 How far the estimate is to be trusted is not known: it may be exact, or off by many degrees. It is
 read off the clip (evidence framework, MacKay 1992, eq. 4.9): the spread of the corrections is that
@@ -26,18 +25,15 @@ FIRST_SPREADS = (0.1, 0.1)
 those of the root (m)."""
 _SPREADS = (1e-3, 0.3)
 """The least and the most that may be read off a clip."""
-_SHARED = 0.005
-"""Deviation of the logarithms of what the clip shares, in each frame: splats err alike in all of
-them, so that many frames know no more of a bone's length than one."""
-_GAUGE = 3e-5
-"""Deviation of the clip's mean correction, rad and m."""
+_SHARED = np.append(np.full(SHARED - 1, 0.03), 0.005)
+"""Deviations of the logarithms of bone lengths and focal length, in each frame: splats err alike in
+all of them, so that many frames know no more of a bone's length than one."""
 _ALIKE_PX = 4.0
 """Neighbouring pixels that are wrong alike: so many count as one."""
 _ITERATIONS, _PRECISION = 60, 1e-4
 _LARGEST = 0.25
 """rad and m: where a step's linear picture of the body ends."""
-_ROOT = slice(FREE - 3, FREE)
-_PARTS = (slice(0, FREE - 3), _ROOT)
+_PARTS = (slice(0, FREE - 3), slice(FREE - 3, FREE))
 _USUAL = np.concatenate([np.full(FREE - 3, TURN_RAD_S2), np.full(3, PLACE_M_S2)])
 
 
@@ -56,12 +52,10 @@ class ClipState:
     """How far the clip has come from its estimate."""
 
     correction: Float[Array, "F 75"]
-    """Turns in own frames (rad) and shifts of the root along the pelvis' axes (m)."""
+    """Turns in own frames (rad) and shifts of the root (m)."""
     shared: Float[Array, "S"]
     accelerations: Float[Array, "F 75"]
     """Of the poses as they stand."""
-    facing: Float[Array, "F 3 3"]
-    """Pelvis -> world."""
     held: tuple[Float[Array, "F 75 75"], Float[Array, "F 75"]]
     """Matrices and vectors of what else holds the poses: feet that stand."""
     spreads: Float[Array, "2"]
@@ -94,68 +88,41 @@ class _System:
 
     def __init__(self, equations: ClipEquations, state: ClipState, operator: Accelerations) -> None:
         frames, trust = len(state.correction), 1.0 / (_ALIKE_PX * equations.difference + 1e-9)
-        matrices, vectors = _root_along(equations.matrices, equations.vectors, state.facing)
-        held, pulled = _root_along(*state.held, state.facing)
+        matrices, vectors = equations.matrices, equations.vectors
+        held, pulled = state.held
         self._seen = trust * matrices[:, :FREE, :FREE]
         self._own, self._cross = self._seen + held, trust * matrices[:, :FREE, FREE:]
         shared = frames * _SHARED**-2.0
-        self._across = trust * matrices[:, FREE:, FREE:].sum(axis=0) + shared * np.eye(SHARED)
+        self._across = trust * matrices[:, FREE:, FREE:].sum(axis=0) + np.diag(shared)
         self._operator = operator
         self._estimate = np.repeat(state.spreads**-2.0, (FREE - 3, 3))
         squared = (state.accelerations / _USUAL).reshape(frames, -1, 3) ** 2
         robust = 1.0 / np.sqrt(1.0 + squared.mean(axis=2))
         self._steady = np.repeat(robust, 3, axis=1) / _USUAL**2
-        self._gauges = np.zeros((frames, FREE + 3, FREE))
-        self._gauges[:, :FREE] = np.eye(FREE)
-        self._gauges[:, FREE:, _ROOT] = state.facing
         self.right = (
             trust * vectors[:, :FREE]
             + pulled
             - self._estimate * state.correction
-            - self._gauged(state.correction)
             - operator.transposed(self._steady * state.accelerations)
         )
         self.right_shared = trust * vectors[:, FREE:].sum(axis=0) - shared * state.shared
-        self._prepare()
-
-    def _prepare(self) -> None:
-        frames = len(self.right)
-        diagonal = self._estimate + self._operator.diagonal(self._steady)
+        diagonal = self._estimate + operator.diagonal(self._steady)
         self._inverse = np.linalg.inv(self._own + diagonal[:, :, None] * np.eye(FREE))
         self._inverse_shared = np.linalg.inv(self._across)
-        # Woodbury: the gauge couples all frames, but in few directions
-        self._spread = self._inverse @ np.swapaxes(self._gauges, 1, 2)
-        held = np.einsum("fgi,fih->gh", self._gauges, self._spread)
-        self._held = np.linalg.inv(held + (frames * _GAUGE) ** 2 * np.eye(FREE + 3))
 
     def apply(self, d: Array, s: Array) -> tuple[Array, Array]:
         """The system's matrix times steps."""
         moved = (self._own @ d[..., None])[..., 0] + self._cross @ s + self._estimate * d
-        moved += self._gauged(d) + self._operator.transposed(self._steady * self._operator(d))
+        moved += self._operator.transposed(self._steady * self._operator(d))
         return moved, np.einsum("fij,fi->j", self._cross, d) + self._across @ s
 
     def precondition(self, r: Array, rs: Array) -> tuple[Array, Array]:
-        """Nearly the inverse: each frame by itself, and the gauge."""
-        alone = (self._inverse @ r[..., None])[..., 0]
-        along = self._held @ np.einsum("fgi,fi->g", self._gauges, alone)
-        return alone - self._spread @ along, self._inverse_shared @ rs
+        """Nearly the inverse: each frame by itself."""
+        return (self._inverse @ r[..., None])[..., 0], self._inverse_shared @ rs
 
     def determined(self) -> Float[Array, "75"]:
         """How much of each number, added up over the frames, pixels decide rather than priors."""
         return np.einsum("fij,fji->i", self._inverse, self._seen)
-
-    def _gauged(self, d: Array) -> Array:
-        mean = np.einsum("fgi,fi->g", self._gauges, d)
-        return np.einsum("fgi,g->fi", self._gauges, mean) / (len(d) * _GAUGE) ** 2
-
-
-def _root_along(matrices: Array, vectors: Array, facing: Array) -> tuple[Array, Array]:
-    """Both with the roots' shifts along the axes of `facing`."""
-    matrices, vectors = matrices.copy(), vectors.copy()
-    matrices[:, _ROOT] = np.swapaxes(facing, 1, 2) @ matrices[:, _ROOT]
-    matrices[:, :, _ROOT] = matrices[:, :, _ROOT] @ facing
-    vectors[:, _ROOT] = np.einsum("fji,fj->fi", facing, vectors[:, _ROOT])
-    return matrices, vectors
 
 
 def _conjugate_gradients(system: _System) -> tuple[Array, Array]:

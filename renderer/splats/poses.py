@@ -56,18 +56,15 @@ class PoseRefinement:
         now = axis_angle_to_matrix(self._angles)
         turned = matrix_to_axis_angle(np.swapaxes(before, -1, -2) @ now)
         shift = self._root - self._estimate.root_translation
-        # the root's shift is seen from the pelvis, so that its mean is the gauge's
-        facing = now[:, 0]
-        correction = np.concatenate([turned.reshape(frames, -1), _into(facing, shift)], axis=1)
+        correction = np.concatenate([turned.reshape(frames, -1), shift], axis=1)
         turn_rates = self._operator.of_turns(self._angles).reshape(frames, -1)
-        root_rates = _into(facing, self._operator(self._root))
-        accelerations = np.concatenate([turn_rates, root_rates], axis=1)
+        accelerations = np.concatenate([turn_rates, self._operator(self._root)], axis=1)
         held = self._standing.equations(self.skeleton, self._angles, self._root)
-        state = ClipState(correction, self._shared, accelerations, facing, held, self._spreads)
+        state = ClipState(correction, self._shared, accelerations, held, self._spreads)
         step = solve(equations, state, self._operator)
         turns = axis_angle_to_matrix(step.poses[:, :-3].reshape(frames, -1, 3))
         self._angles = matrix_to_axis_angle(now @ turns)
-        self._root = self._root + np.einsum("fij,fj->fi", facing, step.poses[:, -3:])
+        self._root = self._root + step.poses[:, -3:]
         self._shared = self._shared + step.shared
         self._spreads = step.spreads
         self.skeleton = stretched(self._first_skeleton, self._shared)
@@ -94,7 +91,3 @@ class PoseRefinement:
 
     def _all_transforms(self) -> Float[Array, "F K 4 4"]:
         return self.skeleton.skinning_transforms(self._angles, self._root).astype(np.float32)
-
-
-def _into(facing: Float[Array, "F 3 3"], vectors: Float[Array, "F 3"]) -> Float[Array, "F 3"]:
-    return np.einsum("fji,fj->fi", facing, vectors)

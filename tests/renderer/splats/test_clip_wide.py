@@ -7,7 +7,6 @@ import numpy as np
 from renderer.photometry import FREE, SHARED
 from renderer.splats import clip_wide
 from renderer.splats.clip_wide import ClipEquations, ClipState, solve
-from scene.rotations import axis_angle_to_matrix
 from scene.temporal import Accelerations
 
 FRAMES, SIZE = 5, FREE + SHARED
@@ -21,7 +20,6 @@ def random_clip(strength: float = 1.0) -> tuple[ClipEquations, ClipState, Accele
         0.02 * rng.normal(size=(FRAMES, FREE)),
         0.01 * rng.normal(size=SHARED),
         rng.normal(size=(FRAMES, FREE)),
-        axis_angle_to_matrix(rng.normal(size=(FRAMES, 3))),
         (feet @ np.swapaxes(feet, 1, 2), rng.normal(size=(FRAMES, FREE))),
         np.array([0.1, 0.05]),
     )
@@ -39,24 +37,18 @@ def test_the_matrix_is_the_second_derivative_of_the_priors_and_pixels():
 
     def energy(d: np.ndarray, s: np.ndarray) -> float:
         """Half the squares over variances, as the module tells them."""
-        world = np.concatenate(
-            [d[:, :-3], np.einsum("fij,fj->fi", state.facing, d[:, -3:])], axis=1
-        )
-        pixels = np.concatenate([world, np.tile(s, (FRAMES, 1))], axis=1)
+        pixels = np.concatenate([d, np.tile(s, (FRAMES, 1))], axis=1)
         total = trust * (
             np.einsum("fi,fij,fj", pixels, equations.matrices, pixels)
             - 2.0 * (equations.vectors * pixels).sum()
         )
         matrices, vectors = state.held
-        total += np.einsum("fi,fij,fj", world, matrices, world) - 2.0 * (vectors * world).sum()
+        total += np.einsum("fi,fij,fj", d, matrices, d) - 2.0 * (vectors * d).sum()
         gone = state.correction + d
         total += (gone[:, :-3] ** 2).sum() / state.spreads[0] ** 2
         total += (gone[:, -3:] ** 2).sum() / state.spreads[1] ** 2
-        mean = gone.mean(axis=0)
-        shift = np.einsum("fij,fj->fi", state.facing, gone[:, -3:]).mean(axis=0)
-        total += ((mean**2).sum() + (shift**2).sum()) / clip_wide._GAUGE**2
         total += (robust * (state.accelerations + operator(d)) ** 2).sum()
-        total += FRAMES * ((state.shared + s) ** 2).sum() / clip_wide._SHARED**2
+        total += FRAMES * (((state.shared + s) / clip_wide._SHARED) ** 2).sum()
         return 0.5 * total
 
     rng = np.random.default_rng(1)
@@ -84,7 +76,7 @@ def test_the_step_solves_the_system():
 def test_corrections_that_pixels_do_not_ask_for_make_the_estimate_trusted():
     equations, state, operator = random_clip()
     quiet = ClipState(
-        np.zeros((FRAMES, FREE)), np.zeros(SHARED), np.zeros((FRAMES, FREE)), state.facing,
+        np.zeros((FRAMES, FREE)), np.zeros(SHARED), np.zeros((FRAMES, FREE)),
         (np.zeros((FRAMES, FREE, FREE)), np.zeros((FRAMES, FREE))), state.spreads,
     )  # fmt: skip
     calm = ClipEquations(equations.matrices, 0.0 * equations.vectors, equations.difference)

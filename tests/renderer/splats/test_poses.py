@@ -34,7 +34,7 @@ def asking_for(steps: np.ndarray) -> ClipEquations:
 def test_poses_go_where_sure_pixels_say():
     refinement, wanted = make_refinement(), np.zeros((FRAMES, FREE))
     before = refinement.motion()
-    wanted[:, 3 * 16 + 1] = 0.05 * np.array([1.0, -1.0, 0.5, -0.5, 1.0, -1.0])  # no mean
+    wanted[:, 3 * 16 + 1] = 0.05 * np.array([1.0, -1.0, 0.5, -0.5, 1.0, -1.0])
     refinement.move(asking_for(wanted))
     turns = axis_angle_to_matrix(wanted[:, :-3].reshape(FRAMES, 24, 3))
     expected = matrix_to_axis_angle(axis_angle_to_matrix(before.joint_angles) @ turns)
@@ -44,13 +44,18 @@ def test_poses_go_where_sure_pixels_say():
     )
 
 
-def test_what_all_frames_ask_for_is_the_gauges_and_stays():
+def test_what_all_frames_ask_for_alike_they_get():
     refinement, wanted = make_refinement(), np.zeros((FRAMES, FREE))
-    wanted[:, 3 * 16 + 1] = 0.05
-    before = axis_angle_to_matrix(refinement.motion().joint_angles)
+    wanted[:, 3 * 16 + 1], wanted[:, FREE - 1] = 0.05, 0.02
+    before = refinement.motion()
     refinement.move(asking_for(wanted))
-    after = axis_angle_to_matrix(refinement.motion().joint_angles)
-    assert np.abs(after - before).max() < 5e-3
+    turned = axis_angle_to_matrix(refinement.motion().joint_angles[:, 16])
+    expected = axis_angle_to_matrix(before.joint_angles[:, 16]) @ axis_angle_to_matrix(
+        np.array([0.0, 0.05, 0.0])
+    )
+    np.testing.assert_allclose(turned, expected, atol=3e-3)
+    shift = refinement.motion().root_translation - before.root_translation
+    np.testing.assert_allclose(shift, np.tile([0.0, 0.0, 0.02], (FRAMES, 1)), atol=2e-3)
 
 
 def test_longer_bones_reach_the_skeleton():
