@@ -7,8 +7,8 @@ first. Unlike a plain gradient, a step costs each joint what it moves on the pic
 hip turn by what their pixels ask for.
 
 A pose moves by `FREE` = 75 numbers: turns of the 24 joints, each in its own frame (rad; the new
-local rotation is the old one times exp(turn)), then a shift of the root (m, world). Own frames make
-the same turn in every frame of a clip what a body of another rest shape would look like: the gauge.
+local rotation is the old one times exp(turn)), then a shift of the root (m, world). In own frames
+the same turn all through a clip is what a body that rests otherwise would look like.
 
 What a whole clip shares moves by `SHARED` numbers: logarithms of bone lengths, left and right as
 one, then that of the focal length.
