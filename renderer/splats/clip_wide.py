@@ -25,10 +25,9 @@ FIRST_SPREADS = (0.1, 0.1)
 those of the root (m)."""
 _SPREADS = (1e-3, 0.3)
 """The least and the most that may be read off a clip."""
-_SHARED = np.append(np.full(SHARED - 1, 0.012), 0.005)
+_SHARED = np.append(np.full(SHARED - 1, 0.03), 0.005)
 """Deviations of the logarithms of bone lengths and focal length, in each frame: splats err alike in
-all of them, so that many frames know no more of a bone's length than one. Captures would like their
-bones looser (0.03: 1 dB of a jump as it is), but exact poses then drift 4 cm along the view."""
+all of them, so that many frames know no more of a bone's length than one."""
 _ALIKE_PX = 4.0
 """Neighbouring pixels that are wrong alike: so many count as one."""
 _ITERATIONS, _PRECISION = 60, 1e-4

@@ -2,7 +2,7 @@
 
 Pictures are drawn whole, as training draws them, and made smaller as the frames are: drawn small,
 splats that are thinner than a pixel would cover too much of it and push every body away from the
-camera.
+camera. So did blurring them at the start of a training.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from renderer.photometry import FREE, SHARED, Points, normal_equations
 from renderer.splats.clip_wide import ClipEquations
 from renderer.splats.compose import Workspace
 from renderer.splats.expressions import ShownExpressions
-from renderer.splats.layout import FRONT_DILATION_PX2
+from renderer.splats.layout import BOX_FILTER_PX2, FRONT_DILATION_PX2
 from renderer.splats.poses import PoseRefinement
 from renderer.splats.views import View
 from scene.arrays import Array, Float
@@ -55,7 +55,7 @@ class Passes:
 
     def equations(
         self, points: Points, parameters: Float[Array, "N P"], poses: PoseRefinement,
-        fraction: float, dilation: float, expressions: ShownExpressions,
+        fraction: float, expressions: ShownExpressions,
     ) -> ClipEquations:  # fmt: skip
         """What all frames ask for, with the splats as they are and each frame shows them."""
         if len(self._work.projected) != len(parameters):
@@ -66,7 +66,7 @@ class Passes:
         cost, pixels = 0.0, 0.0
         for frame, (truth, camera) in enumerate(self._levels[level]):
             shown = expressions.moved(parameters, frame)
-            made = _boxed(self._drawn(frame, shown, points, poses, dilation), truth.shape[:2])
+            made = _boxed(self._drawn(frame, shown, points, poses), truth.shape[:2])
             front = self._work.front(
                 shown, points.joints, points.weights, poses.transforms(frame), camera,
                 FRONT_DILATION_PX2,
@@ -87,7 +87,7 @@ class Passes:
         self._steps, self._done = (int(count) for count in state["passes"])
 
     def _drawn(
-        self, frame: int, parameters: Array, points: Points, poses: PoseRefinement, dilation: float
+        self, frame: int, parameters: Array, points: Points, poses: PoseRefinement
     ) -> Float[Array, "H W 4"]:
         """The whole picture of `frame`, premultiplied."""
         import numba
@@ -98,7 +98,7 @@ class Passes:
         height, width = view.rgba.shape[:2]
         work.arrange(
             parameters, points.joints, points.weights, poses.transforms(frame), view.camera,
-            width, height, dilation,
+            width, height, BOX_FILTER_PX2,
         )  # fmt: skip
         picture = np.empty((height, width, 4), np.float32)
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), picture)

@@ -50,5 +50,3 @@ class SplatSettings:
     """Where poses are estimated: share by which a step draws places and sizes back to the surface.
     A person who does not turn is never seen sideways, so what they do in depth is else pure noise.
     """
-    first_blur_px2: float = 4.0
-    """Dilation at the start where poses are estimated; gone by half time."""

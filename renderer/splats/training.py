@@ -71,7 +71,7 @@ class SplatTrainer:
     ) -> None:
         import numba
 
-        self._sequence, self._settings, self._warm = sequence, settings, start is not None
+        self._sequence, self._settings = sequence, settings
         self._find_light = find_light
         self._light: FilmedLight | None = None
         self._rng = np.random.default_rng(seed)
@@ -88,7 +88,7 @@ class SplatTrainer:
             first.expression_splats, first.expression_offsets, sequence.motion.expressions
         )
         count = len(self.parameters)
-        self._passes = Passes(self._views, known=self._warm) if self._poses.active else None
+        self._passes = Passes(self._views, known=start is not None) if self._poses.active else None
         self._surface = first.parameters
         self._first = np.zeros_like(self.parameters)
         self._second = np.zeros_like(self.parameters)
@@ -134,9 +134,7 @@ class SplatTrainer:
         if not self._queue:
             self._queue = self._rng.permutation(len(self._views)).tolist()
         frame = self._queue.pop()
-        transforms, drawn, shown = self._draw(
-            frame, self._dilation(fraction), self._rng.uniform(size=3).astype(np.float32)
-        )
+        transforms, drawn, shown = self._draw(frame, self._rng.uniform(size=3).astype(np.float32))
         view, work = self._views[frame], self._work
         chain_rule(
             drawn, self._joints, self._weights, transforms, view.camera,
@@ -156,7 +154,7 @@ class SplatTrainer:
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
 
     def _draw(
-        self, frame: int, dilation: float, background: Float[Array, "3"]
+        self, frame: int, background: Float[Array, "3"]
     ) -> tuple[Float[Array, "K 4 4"], Float[Array, "N P"], Float[Array, "N P"]]:
         """Draw `frame` and compare: fills the gradient by what was projected, and the losses.
 
@@ -176,7 +174,7 @@ class SplatTrainer:
             )
         work.arrange(
             shown, self._joints, self._weights, transforms, view.camera,
-            width, height, dilation,
+            width, height, BOX_FILTER_PX2,
         )  # fmt: skip
         draw_and_differentiate(
             work.projected, work.starts, work.entries, view.rgba, background, self._linear_from,
@@ -197,7 +195,6 @@ class SplatTrainer:
                 self._baked(self.parameters),
                 self._poses,
                 fraction,
-                self._dilation(fraction),
                 self._expressions,
             )
         )
@@ -305,7 +302,7 @@ class SplatTrainer:
         every = max(1, len(self._views) // _VISIBILITY_FRAMES)
         seen = np.zeros(len(self.parameters), bool)
         for frame in range(0, len(self._views), every):
-            transforms, _, _ = self._draw(frame, BOX_FILTER_PX2, np.zeros(3, np.float32))
+            transforms, _, _ = self._draw(frame, np.zeros(3, np.float32))
             p = self._work.projected
             # a splat alone would blend its opacity times the area of its Gaussian, 2 pi / sqrt(det)
             density = np.maximum(p[:, CONIC_A] * p[:, CONIC_C] - p[:, CONIC_B] ** 2, 1e-12)
@@ -328,14 +325,6 @@ class SplatTrainer:
         away = eye - place
         cosine = (normal * away).sum(axis=1) / np.maximum(np.linalg.norm(away, axis=1), 1e-9)
         return cosine > _GRAZING
-
-    def _dilation(self, fraction: float) -> float:
-        """px^2 added to every splat; poses that are estimated start blurred, so that limbs find
-        their place from further away."""
-        if not self._poses.active or self._warm:
-            return BOX_FILTER_PX2
-        left = max(0.0, 1.0 - 2.0 * fraction)
-        return BOX_FILTER_PX2 + left * left * self._settings.first_blur_px2
 
     def _rates(self, fraction: float) -> Float[Array, "P"]:
         s = self._settings

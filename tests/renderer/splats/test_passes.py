@@ -6,7 +6,6 @@ import numpy as np
 
 from renderer.photometry import Points
 from renderer.splats.expressions import ShownExpressions, no_offsets, no_splats
-from renderer.splats.layout import BOX_FILTER_PX2
 from renderer.splats.passes import Passes
 from renderer.splats.poses import PoseRefinement
 from renderer.splats.views import read_views
@@ -49,7 +48,7 @@ def test_the_true_splats_in_true_poses_ask_for_nothing():
     passes, poses = Passes(read_views(sequence.train)), PoseRefinement(sequence)
     points = Points(model.parameters[:, :3], model.joints.astype(np.uint16), model.weights)
     still = ShownExpressions(no_splats(), no_offsets(), sequence.motion.expressions)
-    asked = passes.equations(points, model.parameters, poses, 0.1, BOX_FILTER_PX2, still)
+    asked = passes.equations(points, model.parameters, poses, 0.1, still)
     step = np.linalg.solve(asked.matrices[0] + np.eye(len(asked.matrices[0])), asked.vectors[0])
     assert asked.difference < 1e-4
     assert np.abs(step).max() < 2e-3
