@@ -33,7 +33,8 @@ def clock_named(name: str) -> Clock:
     import numba
 
     one = name == "processor"
-    threads = 1 if one else len(os.sched_getaffinity(0))
+    cores = len(os.sched_getaffinity(0))
+    threads = 1 if one else min(cores, int(os.environ.get("NUMBA_NUM_THREADS", cores)))
     torch.set_num_threads(threads)
     numba.set_num_threads(threads)
     return Clock(name, time.process_time if one else time.perf_counter, threads)

@@ -17,7 +17,7 @@ from capture.errors import BrokenMotionCapture
 from scene.arrays import Array, Float
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, rotation_between
-from scene.skeleton import FOOT_JOINTS, JOINT_COUNT, JOINT_NAMES, PARENTS, Skeleton
+from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS, Skeleton
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 _CHILD_OF = {"left_hip": "left_knee", "left_knee": "left_ankle", "left_shoulder": "left_elbow",
@@ -167,10 +167,7 @@ def _to_t_pose(name: str, mapped: dict[str, int], rest: Array, skeleton: Skeleto
 def _on_the_floor(motion: Motion, skeleton: Skeleton) -> Motion:
     """Lower or lift the clip so that heels and toes, at their lowest in most frames, stand at rest
     height."""
-    heights = skeleton.joint_transforms(motion.joint_angles, motion.root_translation)[..., 1, 3]
-    feet = list(FOOT_JOINTS)
-    above_rest = heights[:, feet] - skeleton.rest_joints[feet, 1]
-    drop = np.percentile(above_rest.min(axis=1), 20)
+    drop = skeleton.ground_height(motion.joint_angles, motion.root_translation)
     root = motion.root_translation - [0.0, drop, 0.0]
     return Motion(motion.times_s, motion.joint_angles, root, motion.confidence)
 

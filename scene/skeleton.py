@@ -80,6 +80,15 @@ class Skeleton:
         skinning[..., :3, 3] -= turned[..., 0]
         return skinning
 
+    def ground_height(
+        self, joint_angles: Float[Array, "F K 3"], root_translation: Float[Array, "F 3"]
+    ) -> float:
+        """Height (m) of what feet stand on: how far above its place at rest the lowest of
+        `FOOT_JOINTS` is, in all but the lowest fifth of the frames."""
+        feet = list(FOOT_JOINTS)
+        heights = self.joint_transforms(joint_angles, root_translation)[:, feet, 1, 3]
+        return float(np.percentile((heights - self.rest_joints[feet, 1]).min(axis=1), 20))
+
     @property
     def height_m(self) -> float:
         """From the floor to the head joint at rest, m."""

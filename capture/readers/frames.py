@@ -19,7 +19,7 @@ from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.motion import Motion, Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, rotation_between
-from scene.skeleton import FOOT_JOINTS, JOINT_NAMES, Skeleton
+from scene.skeleton import JOINT_NAMES, Skeleton
 
 _SOLE_M = 0.02
 """How high the lowest joint, a toe, is above the sole."""
@@ -129,9 +129,7 @@ def upright_world(
         [matrix_to_axis_angle(ours[:3, :3] @ turned)[:, None], body_pose], axis=1
     )
     root = pelvis @ ours[:3, :3].T - skeleton.rest_joints[0]
-    placed = skeleton.joint_transforms(angles, root)[..., 1, 3]
-    feet = list(FOOT_JOINTS)
-    floor = float(np.percentile((placed[:, feet] - skeleton.rest_joints[feet, 1]).min(axis=1), 20))
+    floor = skeleton.ground_height(angles, root)
     if abs(floor) > _FLOOR_TOLERANCE_M:
         ours[1, 3] = -floor
         root = root - [0.0, floor, 0.0]

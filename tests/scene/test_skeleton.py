@@ -106,3 +106,12 @@ def test_nan_in_a_pose_is_named_by_its_place():
 def test_parents_must_precede_children():
     with pytest.raises(InvalidInput, match="parents must name one earlier joint"):
         Skeleton(np.zeros((2, 3)), ("a", "b"), (-1, 1))
+
+
+def test_the_ground_is_under_the_lower_foot_of_most_frames():
+    skeleton = make_skeleton()
+    angles, root = np.zeros((10, 24, 3)), np.zeros((10, 3))
+    root[:, 1] = 0.25
+    root[0, 1], root[7:, 1] = -0.5, 1.0  # one bad frame, then a jump
+    angles[4, JOINT_NAMES.index("left_hip"), 2] = 0.5 * np.pi  # lifts a leg that points along +x
+    assert skeleton.ground_height(angles, root) == pytest.approx(0.25)
