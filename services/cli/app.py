@@ -7,7 +7,8 @@ import sys
 import typer
 
 from scene.errors import SceneError
-from services.cli import bench, models, recordings, sequences, serving
+from services.cli import models, recordings, sequences, serving
+from services.cli.extensions import command_groups
 
 app = typer.Typer(
     name="metanerf",
@@ -18,7 +19,8 @@ app = typer.Typer(
 )
 for module in (serving, sequences, models, recordings):
     app.registered_commands += module.app.registered_commands
-app.add_typer(bench.app, name="bench")
+for name, group in command_groups():
+    app.add_typer(group, name=name)
 
 
 def main() -> None:

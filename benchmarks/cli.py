@@ -1,4 +1,4 @@
-"""`metanerf bench`: what is claimed, measured again on this machine."""
+"""`metanerf bench`: what the pages claim, measured again on this machine."""
 
 from __future__ import annotations
 
