@@ -28,10 +28,10 @@ from benchmarks.pose_errors import (
     seen_joints,
 )
 from benchmarks.report import write_report
-from capture.fit import STAGES, Fit
-from capture.fit_world import SEEN_TO_CAMERA
+from capture.fitting.fit import STAGES, Fit
+from capture.fitting.world import SEEN_TO_CAMERA
 from capture.pipeline import capture_clip
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.footage import Footage
 from renderer.evaluation import evaluate

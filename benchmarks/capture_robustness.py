@@ -14,15 +14,15 @@ from benchmarks.budget import clock_named
 from benchmarks.capture import FRAMES, RATE, StageWatch, film, truth_joints
 from benchmarks.pose_errors import Joints
 from benchmarks.report import write_report
-from capture.fit import STAGES
-from capture.landmarks import Landmarks, MediaPipeEstimator, PoseEstimator
-from capture.lifter import lift
+from capture.detection.landmarks import Landmarks, MediaPipeEstimator, PoseEstimator
+from capture.detection.lifter import lift
+from capture.fitting.fit import STAGES
 from capture.overlay import write_video
 from capture.pipeline import capture_clip
-from capture.store import open_sequence
+from capture.sources.video import read_video
+from capture.storage import open_sequence
 from capture.studio.performer import film as film_performer
 from capture.studio.performer import make_performer
-from capture.video import read_video
 from scene.arrays import Array, UInt8
 from scene.sequence import Sequence
 

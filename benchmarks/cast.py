@@ -17,7 +17,7 @@ from benchmarks.frontier_training import figures_of
 from benchmarks.kept import Kept
 from benchmarks.pages import markdown_table, replace_between
 from benchmarks.report import write_report
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.cast import CAST
 from capture.studio.sequence import LOOKS

@@ -83,7 +83,7 @@ def meeting(
             "run `make setup-test`"
         )
     from benchmarks.meeting import run
-    from capture.pose_model import landmark_model_file
+    from capture.detection.network_files import landmark_model_file
     from services.settings import load_settings
 
     run(json_file, clip, landmark_model_file(load_settings().pose_model_source()))
@@ -201,7 +201,7 @@ def capture_command(
     """Captures of studio performers from pixels alone against the truth, stage by stage."""
     require_motion(motion)
     from benchmarks import capture, capture_robustness
-    from capture.pose_model import landmark_model_file
+    from capture.detection.network_files import landmark_model_file
     from services.settings import load_settings
 
     model_file = landmark_model_file(load_settings().pose_model_source())
@@ -279,7 +279,7 @@ def two_cameras_command(
             "Demo_SinglePerson of Pose2Sim"
         )
     from benchmarks.two_cameras import run
-    from capture.pose_model import landmark_model_file
+    from capture.detection.network_files import landmark_model_file
     from services.settings import load_settings
 
     run(json_file, footage, landmark_model_file(load_settings().pose_model_source()), picture)

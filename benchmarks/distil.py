@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.budget import clock_named
 from benchmarks.report import write_report
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.evaluation import evaluate
 from renderer.model import PersonModel

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from benchmarks.report import milliseconds, write_report
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.moves import gestures
 from capture.studio.performer import StudioPerformer, film, make_performer

@@ -19,7 +19,7 @@ import torch
 from torch.nn import functional
 
 from benchmarks.report import write_report
-from capture.body import load_body_model
+from capture.body.model import load_body_model
 from renderer.field.drawing import FieldRenderer
 from renderer.field.field import PersonField
 from renderer.field.pruning import occupied_cells

@@ -19,7 +19,7 @@ from benchmarks.frontier_training import RUNS, SCALED, accuracy, trained
 from benchmarks.kept import Kept
 from benchmarks.pages import replace_between
 from benchmarks.report import write_report
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.model import PersonModel
 from renderer.presets import EXACT

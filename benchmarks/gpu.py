@@ -23,8 +23,8 @@ from benchmarks.frontier_training import figures_of
 from benchmarks.pages import markdown_table, replace_between
 from benchmarks.report import milliseconds, write_report
 from benchmarks.serve import SIZES, Cast
-from capture.body import load_body_model
-from capture.store import open_sequence
+from capture.body.model import load_body_model
+from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.devices import best_device
 from renderer.evaluation import evaluate

@@ -16,19 +16,19 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import milliseconds, write_report
-from capture.body import load_body_model
+from capture.body.model import load_body_model
+from capture.detection.landmarks import Landmarks, MediaPipeEstimator
+from capture.detection.lifter import lift
+from capture.detection.network_files import landmark_model_file
+from capture.detection.tracking import follow
 from capture.errors import NoPersonFound
-from capture.fit import fit_clip
-from capture.fit_world import place_in_world
-from capture.landmarks import Landmarks, MediaPipeEstimator
-from capture.lifter import lift
-from capture.live import LiveSolver
-from capture.masks import refine_mask
-from capture.pose_model import landmark_model_file
-from capture.store import open_sequence
+from capture.fitting.fit import fit_clip
+from capture.fitting.world import place_in_world
+from capture.live.solver import LiveSolver
+from capture.segmentation.masks import refine_mask
+from capture.sources.video import Clip, read_video
+from capture.storage import open_sequence
 from capture.studio import Footage, make_sequence
-from capture.tracking import follow
-from capture.video import Clip, read_video
 from scene.arrays import Array, Float
 from scene.body import Body
 from scene.camera import Camera

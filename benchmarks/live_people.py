@@ -12,9 +12,9 @@ import httpx
 import numpy as np
 from aiortc import RTCConfiguration, RTCDataChannel, RTCPeerConnection, RTCSessionDescription
 
-from capture.body import load_body_model
-from capture.fit_landmarks import load_landmark_model
-from capture.landmarks import LANDMARK_NAMES
+from capture.body.landmarks import load_landmark_model
+from capture.body.model import load_body_model
+from capture.detection.landmarks import LANDMARK_NAMES
 from capture.studio.moves import turning
 from scene.camera import orbit_camera
 from scene.skeleton import Skeleton

@@ -17,15 +17,15 @@ import cv2
 import numpy as np
 
 from benchmarks.report import write_report
-from capture.backdrop import learn_backdrop
-from capture.foreground import premultiplied
-from capture.landmarks import Landmarks, MediaPipeEstimator
-from capture.masks import occupied, refine_mask, steady_masks
-from capture.pose_model import landmark_model_file
-from capture.store import open_sequence
+from capture.detection.landmarks import Landmarks, MediaPipeEstimator
+from capture.detection.network_files import landmark_model_file
+from capture.detection.tracking import follow
+from capture.segmentation.background import learn_backdrop
+from capture.segmentation.foreground import premultiplied
+from capture.segmentation.masks import occupied, refine_mask, steady_masks
+from capture.sources.video import read_video
+from capture.storage import open_sequence
 from capture.studio import Footage, make_sequence
-from capture.tracking import follow
-from capture.video import read_video
 from scene.arrays import Array
 from services.settings import load_settings
 

@@ -16,7 +16,7 @@ from benchmarks.budget import Clock, clock_named
 from benchmarks.frontier_training import figures_of
 from benchmarks.kept import Kept
 from benchmarks.report import write_report
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.cast import CAST
 from renderer.evaluation import evaluate

@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.budget import Clock, clock_named
 from benchmarks.pose_errors import geodesic_deg
 from benchmarks.report import write_report
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.evaluation import evaluate
 from renderer.training import train

@@ -19,8 +19,8 @@ import numpy as np
 
 from benchmarks.budget import Clock, clock_named
 from benchmarks.report import milliseconds, write_report
-from capture.panorama import read_panorama
-from capture.store import open_sequence
+from capture.sources.panorama import read_panorama
+from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.cast import seed_of
 from capture.studio.light import SurroundingLight

@@ -61,7 +61,7 @@ def run(json_file: Path | None) -> None:
 
 def _training_step() -> dict[str, Any]:
     """Time of a step of the preset `splats` on a studio performer, exact poses, one camera."""
-    from capture.store import open_sequence
+    from capture.storage import open_sequence
     from capture.studio import make_sequence
     from renderer.splats.settings import SplatSettings
     from renderer.splats.training import SplatTrainer

@@ -20,13 +20,13 @@ import numpy as np
 
 from benchmarks.budget import clock_named
 from benchmarks.report import write_report
-from capture.landmarks import MediaPipeEstimator
-from capture.masks import refine_mask
+from capture.detection.landmarks import MediaPipeEstimator
+from capture.detection.tracking import follow
 from capture.overlay import project_surface
 from capture.pipeline import capture_clip
-from capture.store import open_sequence
-from capture.tracking import follow
-from capture.video import read_video
+from capture.segmentation.masks import refine_mask
+from capture.sources.video import read_video
+from capture.storage import open_sequence
 from renderer.model import PersonModel
 from renderer.training import train
 from scene.arrays import Array, Bool, Float, UInt8

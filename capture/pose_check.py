@@ -13,7 +13,7 @@ import numpy as np
 
 from capture.errors import CaptureError
 from capture.overlay import draw_overlay
-from capture.video import spread
+from capture.sources.video import spread
 from scene.sequence import Sequence, read_frame
 
 LEAST_ON_MASK = 0.6

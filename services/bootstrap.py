@@ -15,6 +15,9 @@ from services.jobs.queue import drop_orphans
 from services.meetings import DEMO, add_performer, create_meeting
 from services.person_models import store_files, write_files
 
+DEMO_MODEL = Path(__file__).parent / "assets" / "demo.safetensors"
+"""Made by `python -m tools.build_demo`."""
+
 
 def ensure_demo(services: Services, model_path: Path, name: str) -> str:
     """The id of the demo's meeting, where `model_path` stands as `name`; made if it is not there.

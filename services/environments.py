@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from capture.archive import decode_picture
+from capture.sources.archive import decode_picture
 from db.models import PanoramaRow
 from db.repositories import UnitOfWork
 from scene.arrays import Array, Float

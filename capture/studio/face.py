@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capture.body import EYES, MOUTH, TONGUE
+from capture.body.model import EYES, MOUTH, TONGUE
 from scene.arrays import Array, Float, Int
 from scene.body import Body
 
@@ -25,7 +25,7 @@ class Face:
     """The parts of a body's surface that only a moving face shows."""
 
     parts: Int[Array, "T"]
-    """Of each triangle, see `capture.body`."""
+    """Of each triangle, see `capture.body.model`."""
     eyes: Float[Array, "2 3"]
     """Centres of the eyes at rest, left and right, m."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from capture.body import load_body_model
+from capture.body.model import load_body_model
 from capture.studio.face import Face
 from capture.studio.garments import Garment, make_garments
 from capture.studio.light import SurroundingLight

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from capture.bvh import read_bvh
 from capture.errors import CaptureError
-from capture.store import write_sequence
+from capture.sources.bvh import read_bvh
+from capture.storage import write_sequence
 from capture.studio.acting import acted
 from capture.studio.cast import clip_of, seed_of
 from capture.studio.footage import Footage, FootageWriter

@@ -7,8 +7,8 @@ import logging
 from fastapi import APIRouter
 from fastapi.responses import FileResponse
 
+from capture.detection.network_files import ModelSource, landmark_model_file
 from capture.errors import PoseModelMissing
-from capture.pose_model import ModelSource, landmark_model_file
 from services.container import Provided
 from services.problems import ProblemError, problems
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
-from capture.body import HEIGHTS_M
+from capture.body.model import HEIGHTS_M
 from db.models import (
     JobKind,
     JobRow,

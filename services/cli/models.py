@@ -54,7 +54,7 @@ def train(
     joints miss the person is refused.
     """
     from capture.pose_check import require_poses_on_mask
-    from capture.readers import open_folder
+    from capture.sources.readers import open_folder
     from renderer.checkpoint import save_model
     from renderer.presets import find_preset, trains_on_patches
     from renderer.training import Progress, TrainingStopped
@@ -121,7 +121,7 @@ def render(
     require_writable(out)
     person = load_model(model)
     if motion is not None:
-        from capture.keypoints import read_keypoints
+        from capture.sources.keypoints import read_keypoints
 
         path = read_keypoints(motion)
     else:
@@ -163,7 +163,7 @@ def evaluate(
     ] = None,
 ) -> None:
     """Compare a model with the truth on unseen views and unseen poses: PSNR, SSIM, LPIPS."""
-    from capture.readers import open_folder
+    from capture.sources.readers import open_folder
     from renderer.checkpoint import load_model
     from renderer.evaluation import JudgedView
     from renderer.evaluation import evaluate as evaluate_model

@@ -42,10 +42,10 @@ def capture(
     ] = None,
 ) -> None:
     """Turn one clip of one person into a sequence: masks, camera, body and motion."""
-    from capture.body import require_height
-    from capture.keypoints import read_keypoints
+    from capture.body.model import require_height
     from capture.pipeline import capture_clip
-    from capture.webcam import capture_webcam
+    from capture.sources.keypoints import read_keypoints
+    from capture.sources.webcam import capture_webcam
     from services.settings import load_settings
 
     if (source is None) == (webcam is None):
@@ -146,8 +146,8 @@ def studio(
             on_progress=report,
         )
     if humannerf is not None:
-        from capture.readers import write_humannerf
-        from capture.store import open_sequence
+        from capture.sources.readers import write_humannerf
+        from capture.storage import open_sequence
 
         write_humannerf(open_sequence(out), humannerf)
     typer.echo(str(out))
@@ -164,7 +164,7 @@ def upload(
     ] = None,
 ) -> None:
     """Send a clip or keypoints to a service; run it again after a cut and it goes on."""
-    from capture.body import require_height
+    from capture.body.model import require_height
     from capture.upload import upload as send
 
     if height is not None:

@@ -34,8 +34,7 @@ def demo(
 ) -> None:
     """The meeting on this machine: no server, no account; opens the page in the browser."""
     typer.echo("\n  MetaNeRF is starting")
-    from services.bootstrap import ensure_demo
-    from services.build_demo import DEMO_MODEL
+    from services.bootstrap import DEMO_MODEL, ensure_demo
     from services.container import build_services
 
     settings = load_settings(open_access=True, **_given(port=port, data_dir=data_dir))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from capture.errors import CaptureStopped
-from capture.store import open_sequence, read_quality
+from capture.storage import open_sequence, read_quality
 from db.models import JobRow, MotionRow, PersonRow, SequenceKind, SequenceRow, SequenceState
 from db.objects import fetch
 from db.repositories import UnitOfWork

@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from db.errors import NotFound
 from db.models import JobRow, ModelRow, new_id
 from db.objects import fetch

@@ -15,12 +15,12 @@ from functools import cached_property
 
 import numpy as np
 
-from capture.body import load_body_model
-from capture.fit_landmarks import load_landmark_model
-from capture.landmarks import LANDMARK_NAMES, Landmarks
-from capture.lifter import lift
-from capture.live import LiveSolver
-from capture.live_filter import AT_MOST_S
+from capture.body.landmarks import load_landmark_model
+from capture.body.model import load_body_model
+from capture.detection.landmarks import LANDMARK_NAMES, Landmarks
+from capture.detection.lifter import lift
+from capture.live.filter import AT_MOST_S
+from capture.live.solver import LiveSolver
 from scene.arrays import Array, Float
 from scene.body import Body
 from scene.camera import Camera

@@ -2,7 +2,7 @@
 
 A page looks at faces and hands less often than at bodies, and not always finds them. What it found
 is held for a moment, then eases to rest; what comes back is taken up from where that had come to.
-The filter is a One-Euro filter (Casiez et al. 2012) as that of poses (`capture.live_filter`), quick
+The filter is a One-Euro filter (Casiez et al. 2012) as that of poses (`capture.live.filter`), quick
 enough for a blink.
 """
 
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capture.expressions import SeenExpression
-from capture.live_filter import low_pass_share
+from capture.body.expressions import SeenExpression
+from capture.live.filter import low_pass_share
 from scene.arrays import Array, Bool, Float
 from scene.expression import EXPRESSION_COUNT, neutral
 

@@ -8,15 +8,15 @@ left alone.
 View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
 f32 vertical field of view (rad), u16 width, u16 height (px).
 Keypoints, 367 bytes: u16 width, u16 height (px of the picture), then of MediaPipe's 33 landmarks
-i16 xy (1/8192 of the picture's sides), i16 xyz (1/8192 m, as `capture.landmarks.Landmarks.world`)
-and u8 visibility (1/255).
+i16 xy (1/8192 of the picture's sides), i16 xyz (1/8192 m, as `Landmarks.world` of
+`capture.detection.landmarks`) and u8 visibility (1/255).
 Pose, 160 bytes: u8 index of the performer in the cast, u8 size of the cast, u16 low bits of the
 CRC-32 of the performer's id (a viewer whose list differs reads it anew), f32 pelvis[3] (room, m),
 then 24 turns of 6 bytes as `scene.smallest_three` packs them in 15 bits a component: of the pelvis
 in the room, of every other joint relative to its parent.
 Expression, 8 bytes, may follow the payload of keypoints and of a pose: u8 values[7] (1/255) in the
-order of `scene.expression`, u8 bits of what is known (`capture.expressions`). Where it is left out
-of keypoints nothing is known, where it is left out of a pose all is at rest.
+order of `scene.expression`, u8 bits of what is known (`capture.body.expressions`). Where it is left
+out of keypoints nothing is known, where it is left out of a pose all is at rest.
 
 Channels are unordered and unreliable, so the newest sequence wins and late packets are dropped;
 sequences wrap and are compared as serial numbers (RFC 1982).
@@ -32,7 +32,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from capture.expressions import EVERYTHING, SeenExpression
+from capture.body.expressions import EVERYTHING, SeenExpression
 from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.errors import SceneError

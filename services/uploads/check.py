@@ -7,9 +7,9 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from capture.archive import PICTURES, read_frames
 from capture.errors import UnreadableClip
-from capture.video import probe_video
+from capture.sources.archive import PICTURES, read_frames
+from capture.sources.video import probe_video
 from db.models import SequenceKind
 from scene.motion import Motion
 
@@ -44,7 +44,7 @@ def check_upload(path: Path, name: str) -> Checked:
     """What `path` holds. Raises CaptureError with the rule that it breaks; `name` is for people."""
     kind = sniff(path, name)
     if kind is SequenceKind.KEYPOINTS:
-        from capture.keypoints import read_keypoints
+        from capture.sources.keypoints import read_keypoints
 
         return Checked(kind, read_keypoints(path))
     if kind is SequenceKind.FRAMES:

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from capture.body import load_body_model
-from capture.fit_initial import TO_Y_UP
-from capture.fit_landmarks import load_landmark_model
-from capture.landmarks import LANDMARK_NAMES, Landmarks
+from capture.body.inverse_kinematics import TO_Y_UP
+from capture.body.landmarks import load_landmark_model
+from capture.body.model import load_body_model
+from capture.detection.landmarks import LANDMARK_NAMES, Landmarks
 from capture.overlay import project_surface
 from scene.arrays import Array
 from scene.body import Body

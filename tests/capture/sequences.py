@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from capture.body import load_body_model
-from capture.store import write_sequence
+from capture.body.model import load_body_model
+from capture.storage import write_sequence
 from scene import Body, Camera, Pose, Skeleton, look_at
 from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Frame
 

@@ -1,6 +1,6 @@
 """What docs/capture.md promises of people who do not stand there like a mannequin.
 
-The upper body alone is in tests/capture/test_fit.py, what was never filmed in
+The upper body alone is in tests/capture/fitting/test_fit.py, what was never filmed in
 tests/renderer/splats/test_unseen.py.
 """
 
@@ -12,12 +12,12 @@ import cv2
 import numpy as np
 import pytest
 
-from capture.body import load_body_model
-from capture.fit import Fit, fit_clip
-from capture.fit_world import SEEN_TO_CAMERA, Placed, place_in_world
-from capture.landmarks import FACE_LANDMARKS, Landmarks
-from capture.masks import refine_mask
+from capture.body.model import load_body_model
+from capture.detection.landmarks import FACE_LANDMARKS, Landmarks
+from capture.fitting.fit import Fit, fit_clip
+from capture.fitting.world import SEEN_TO_CAMERA, Placed, place_in_world
 from capture.quality import side_shares
+from capture.segmentation.masks import refine_mask
 from scene.arrays import Array
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix

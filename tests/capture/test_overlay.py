@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from capture.overlay import draw_overlay, project_surface, surface_mask, write_overlay_video
-from capture.store import open_sequence, write_sequence
-from capture.video import read_video
+from capture.sources.video import read_video
+from capture.storage import open_sequence, write_sequence
 from scene.body import Body
 from scene.sequence import Frame
 from scene.skeleton import Skeleton

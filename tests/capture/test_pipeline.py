@@ -7,6 +7,8 @@ import zipfile
 import numpy as np
 import pytest
 
+from capture.body.expressions import FACE_NUMBERS
+from capture.detection.network_files import HAND_MODEL, ModelSource
 from capture.errors import (
     BrokenSequence,
     CaptureStopped,
@@ -14,12 +16,10 @@ from capture.errors import (
     PoseModelMissing,
     UnreadableClip,
 )
-from capture.expressions import FACE_NUMBERS
 from capture.overlay import project_surface, write_video
 from capture.pipeline import capture_clip, capture_frames, capture_video
-from capture.pose_model import HAND_MODEL, ModelSource
-from capture.store import open_sequence, read_quality
-from capture.video import read_video
+from capture.sources.video import read_video
+from capture.storage import open_sequence, read_quality
 from scene.errors import InvalidInput
 from tests.capture.people import (
     FakeEstimator,

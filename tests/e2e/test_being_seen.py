@@ -19,8 +19,7 @@ from benchmarks.landmark_finder import film
 from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
 from services.app import create_app
 from services.auth import GUEST
-from services.bootstrap import import_model
-from services.build_demo import DEMO_MODEL
+from services.bootstrap import DEMO_MODEL, import_model
 from services.container import build_services
 from services.live.motion import LiveMotion
 from services.live.packets import EXPRESSION_BYTES, KEYPOINTS_BYTES

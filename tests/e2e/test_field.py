@@ -26,7 +26,7 @@ _BUDGET_S = 5
 _TRAIN = """
 import sys, time
 from pathlib import Path
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from renderer.checkpoint import save_model
 from renderer.training import train
 clip = open_sequence(Path(sys.argv[1]))

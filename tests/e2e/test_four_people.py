@@ -22,8 +22,7 @@ from playwright.sync_api import Page, expect
 from benchmarks.browser import metric, open_page, running_demo
 from db.models import ModelRow
 from services.auth import ALL_SCOPES
-from services.bootstrap import import_model
-from services.build_demo import DEMO_MODEL
+from services.bootstrap import DEMO_MODEL, import_model
 from services.container import Services
 from services.live.packets import decode_view, encode_keypoints
 from services.meetings import create_meeting

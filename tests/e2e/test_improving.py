@@ -9,8 +9,7 @@ from playwright.sync_api import Page, expect
 
 from benchmarks.browser import open_page
 from db.models import SequenceRow
-from services.bootstrap import import_model
-from services.build_demo import DEMO_MODEL
+from services.bootstrap import DEMO_MODEL, import_model
 from services.meetings import create_meeting
 from tests.e2e.serving import Gateway, serving
 from tests.e2e.stage import frames_shown

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.alignment import Aligner
 from renderer.evaluation import evaluate

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from capture.studio import make_sequence as make_studio_sequence
 from renderer.errors import TrainingError, TrainingStopped, UnknownPreset
 from renderer.evaluation import evaluate

@@ -12,7 +12,7 @@ import av
 import cv2
 import numpy as np
 
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from capture.studio import make_sequence
 from db.models import (
     JobKind,
@@ -37,7 +37,7 @@ def film(folder: Path) -> Path:
 _TRAIN = """
 import sys, time
 from pathlib import Path
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from renderer.checkpoint import save_model
 from renderer.training import train
 model = train(open_sequence(Path(sys.argv[1])), iterations=5, clock=time.perf_counter)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from capture.pose_model import ModelSource
+from capture.detection.network_files import ModelSource
 from scene.errors import InvalidInput
 from services.settings import Settings, load_settings
 

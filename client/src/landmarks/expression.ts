@@ -2,7 +2,7 @@
  * What a face and hands do, as a few numbers from 0 to 1, from MediaPipe's landmarks alone.
  *
  * Lengths within a face, in 3D and as shares of the distance between the outer corners of the eyes,
- * change with neither distance nor a turn of the head. The server's twin is capture/expressions.py;
+ * change with neither distance nor a turn of the head. The server's twin is capture/body/expressions.py;
  * tests hold both to the same numbers (tests/capture/expressions.json).
  */
 

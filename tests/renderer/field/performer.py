@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from capture.body import load_body_model
+from capture.body.model import load_body_model
 from renderer.field.settings import FieldSettings
 from renderer.field.sizes import FieldSizes, GridSize, MlpSize
 from scene import (

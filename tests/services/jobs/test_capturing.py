@@ -11,7 +11,7 @@ import httpx
 import numpy as np
 import pytest
 
-from capture.store import open_sequence
+from capture.storage import open_sequence
 from scene.sequence import Sequence
 from services.container import build_services
 from services.jobs.packing import unpack

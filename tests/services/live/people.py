@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from capture.landmarks import LANDMARK_NAMES
+from capture.detection.landmarks import LANDMARK_NAMES
 from scene.camera import Camera, orbit_camera
 from scene.motion import Pose
 from services.live.packets import KeypointsPacket

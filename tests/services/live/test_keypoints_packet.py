@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from capture.expressions import EVERYTHING, FACE, LEFT_HAND, SeenExpression
-from capture.landmarks import LANDMARK_COUNT
+from capture.body.expressions import EVERYTHING, FACE, LEFT_HAND, SeenExpression
+from capture.detection.landmarks import LANDMARK_COUNT
 from services.live import packets
 from services.live.packets import (
     EXPRESSION_BYTES,

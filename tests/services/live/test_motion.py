@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from capture.live_filter import AT_MOST_S
+from capture.live.filter import AT_MOST_S
 from scene.errors import InvalidInput
 from scene.motion import Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle

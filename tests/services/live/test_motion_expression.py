@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from capture.expressions import FACE, LEFT_HAND, RIGHT_HAND, SeenExpression
+from capture.body.expressions import FACE, LEFT_HAND, RIGHT_HAND, SeenExpression
 from scene.expression import EXPRESSION_NAMES
 from services.live.motion import LiveMotion
 from services.live.motion_expression import EASE_S, HELD_S, ExpressionFilter

@@ -1,0 +1,214 @@
+"""Closed-form inverse kinematics: 33 landmarks in 3D to the joint angles of the 24-joint body.
+
+Axes: y up, z towards the camera, x to the right of the picture, so that a person who faces the
+camera faces +z as at rest. The head is placed by the best rotation between rest and seen landmarks
+(Kabsch), the trunk by hips and shoulders, limbs by the directions of their two bones and the axis
+of the hinge between them. Pure functions, batched over frames.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from capture.body.landmarks import load_landmark_model
+from capture.detection.landmarks import FACE_LANDMARKS, LANDMARK_NAMES
+from scene.arrays import Array, Float
+from scene.limits import ELBOW_HINGE
+from scene.rotations import (
+    axis_angle_to_matrix,
+    matrix_to_axis_angle,
+    rotation_between,
+)
+from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
+
+TO_Y_UP = np.array([1.0, -1.0, -1.0])
+"""MediaPipe's world axes (x right, y down, z away) to ours (x right, y up, z near)."""
+VISIBLE = 0.5
+"""Visibility from which a limb's landmarks are believed; below, the limb stays at rest."""
+_BENT_FROM, _BENT_FULLY = 0.15, 0.5
+"""Sine of the bend between which the hinge's axis goes from the parent's to the seen one."""
+
+_J = {name: index for index, name in enumerate(JOINT_NAMES)}
+_L = {name: index for index, name in enumerate(LANDMARK_NAMES)}
+_HEAD = list(range(FACE_LANDMARKS))
+_TRUNK = [_L[n] for n in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")]
+
+
+def solve_pose(
+    landmarks: Float[Array, "*batch 33 3"], visibility: Float[Array, "*batch 33"] | None = None
+) -> Float[Array, "*batch 24 3"]:
+    """Joint angles (axis-angle, rad) of the body seen as `landmarks` (m, MediaPipe's world axes).
+
+    Only directions count, so any body size will do. Joint 0 is the turn of the whole body. Limbs
+    whose landmarks have `visibility` below 0.5 hang straight (legs) or along the body (arms).
+    """
+    points = np.asarray(landmarks, dtype=np.float64) * TO_Y_UP
+    batch = points.shape[:-2]
+    points = points.reshape(-1, len(LANDMARK_NAMES), 3)
+    seen = np.ones(points.shape[:2], dtype=bool)
+    if visibility is not None:
+        seen = np.asarray(visibility).reshape(seen.shape) >= VISIBLE
+    world = np.tile(np.eye(3), (len(points), JOINT_COUNT, 1, 1))
+    _solve_trunk(points, world)
+    for side, out in (("left", 1.0), ("right", -1.0)):
+        _solve_arm(points, seen, world, side, out)
+        _solve_leg(points, seen, world, side)
+    local = world.copy()
+    for joint in range(1, JOINT_COUNT):
+        local[:, joint] = np.swapaxes(world[:, PARENTS[joint]], -1, -2) @ world[:, joint]
+    return matrix_to_axis_angle(local).reshape(*batch, JOINT_COUNT, 3)
+
+
+def solve_translation(
+    points: Float[Array, "F N 3"],
+    pixels: Float[Array, "F N 2"],
+    weights: Float[Array, "F N"],
+    intrinsics: Float[Array, "3 3"],
+) -> Float[Array, "F 3"]:
+    """The shift that makes `points` (m, camera frame) project onto `pixels`, by least squares.
+
+    From u (z + tz) = x + tx and v (z + tz) = y + ty on the plane z = 1: linear in the shift.
+    """
+    plane = (pixels - intrinsics[:2, 2]) / np.diag(intrinsics)[:2]
+    root = np.sqrt(weights)[..., None, None]
+    rows = np.zeros((*points.shape[:2], 2, 3))
+    rows[..., 0, 0] = rows[..., 1, 1] = 1.0
+    rows[..., 2] = -plane
+    right = (plane * points[..., 2:] - points[..., :2])[..., None]
+    a = (root * rows).reshape(len(points), -1, 3)
+    b = (root * right).reshape(len(points), -1, 1)
+    normal = np.swapaxes(a, 1, 2) @ a + 1e-9 * np.eye(3)
+    return np.linalg.solve(normal, np.swapaxes(a, 1, 2) @ b)[..., 0]
+
+
+def _solve_trunk(points: Array, world: Array) -> None:
+    rest = load_landmark_model().rest
+    hips = _frame(points[:, _TRUNK[2]] - points[:, _TRUNK[3]], _up_of_trunk(points))
+    chest = _frame(points[:, _TRUNK[0]] - points[:, _TRUNK[1]], _up_of_trunk(points))
+    head = _best_rotation(rest[_HEAD], points[:, _HEAD])
+    world[:, _J["pelvis"]] = hips
+    twist = matrix_to_axis_angle(np.swapaxes(hips, -1, -2) @ chest)
+    for share, name in ((1 / 3, "spine1"), (2 / 3, "spine2"), (1.0, "spine3")):
+        world[:, _J[name]] = hips @ axis_angle_to_matrix(share * twist)
+    for name in ("left_collar", "right_collar"):
+        world[:, _J[name]] = chest
+    nod = matrix_to_axis_angle(np.swapaxes(chest, -1, -2) @ head)
+    world[:, _J["neck"]] = chest @ axis_angle_to_matrix(0.5 * nod)
+    world[:, _J["head"]] = head
+
+
+def _up_of_trunk(points: Array) -> Array:
+    shoulders = points[:, _TRUNK[0]] + points[:, _TRUNK[1]]
+    return shoulders - points[:, _TRUNK[2]] - points[:, _TRUNK[3]]
+
+
+def _solve_arm(points: Array, seen: Array, world: Array, side: str, out: float) -> None:
+    shoulder, elbow, wrist = (_L[f"{side}_{n}"] for n in ("shoulder", "elbow", "wrist"))
+    along = np.array([out, 0.0, 0.0])
+    hinge = np.array(ELBOW_HINGE[side])
+    chest = world[:, _J[f"{side}_collar"]]
+    upper_arm = points[:, elbow] - points[:, shoulder]
+    fore_arm = points[:, wrist] - points[:, elbow]
+    hanging = chest @ rotation_between(along, np.array([0.0, -1.0, 0.0]))
+    upper, fore = _two_bones(chest, upper_arm, fore_arm, along, hinge)
+    arm_seen = seen[:, elbow][:, None, None]
+    fore_seen = (seen[:, elbow] & seen[:, wrist])[:, None, None]
+    upper = np.where(arm_seen, upper, hanging)
+    fore = np.where(fore_seen, fore, upper)
+    index, pinky = points[:, _L[f"{side}_index"]], points[:, _L[f"{side}_pinky"]]
+    fingers = 0.5 * (index + pinky) - points[:, wrist]
+    hand = _frame(out * fingers, np.cross(index - pinky, out * fingers))
+    hand = np.where(fore_seen, _at_most(fore, hand, 1.2), fore)
+    # a turned palm turns the forearm too: half of the twist belongs to the elbow
+    twist = matrix_to_axis_angle(np.swapaxes(fore, -1, -2) @ hand) * [0.5, 0.0, 0.0]
+    world[:, _J[f"{side}_shoulder"]] = upper
+    world[:, _J[f"{side}_elbow"]] = fore @ axis_angle_to_matrix(twist)
+    world[:, _J[f"{side}_wrist"]] = world[:, _J[f"{side}_hand"]] = hand
+
+
+def _solve_leg(points: Array, seen: Array, world: Array, side: str) -> None:
+    hip, knee, ankle = (_L[f"{side}_{n}"] for n in ("hip", "knee", "ankle"))
+    along, hinge = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    pelvis = world[:, _J["pelvis"]]
+    thigh, shin = _two_bones(
+        pelvis, points[:, knee] - points[:, hip], points[:, ankle] - points[:, knee], along, hinge
+    )
+    thigh_seen = seen[:, knee][:, None, None]
+    shin_seen = (seen[:, knee] & seen[:, ankle])[:, None, None]
+    thigh = np.where(thigh_seen, thigh, pelvis)
+    shin = np.where(shin_seen, shin, thigh)
+    heel, toe = _L[f"{side}_heel"], _L[f"{side}_foot_index"]
+    rest = load_landmark_model().rest
+    foot = _swing(shin, rest[toe] - rest[heel], points[:, toe] - points[:, heel])
+    foot_seen = shin_seen & (seen[:, heel] & seen[:, toe])[:, None, None]
+    world[:, _J[f"{side}_hip"]] = thigh
+    world[:, _J[f"{side}_knee"]] = shin
+    world[:, _J[f"{side}_ankle"]] = np.where(foot_seen, _at_most(shin, foot, 1.0), shin)
+    world[:, _J[f"{side}_foot"]] = world[:, _J[f"{side}_ankle"]]
+
+
+def _two_bones(
+    parent: Array, first: Array, second: Array, along: Array, hinge: Array
+) -> tuple[Array, Array]:
+    """World rotations of two bones that lie `along` at rest and bend about `hinge`."""
+    a = unit(_or_else(first, parent @ along))
+    b = unit(_or_else(second, a))
+    normal = np.cross(a, b)
+    sine = np.linalg.norm(normal, axis=-1, keepdims=True)
+    swung = _swing(parent, along, first) @ hinge
+    trust = np.clip((sine - _BENT_FROM) / (_BENT_FULLY - _BENT_FROM), 0.0, 1.0)
+    # a hinge opens one way only: a seen axis against the parent's is an error in depth
+    trust = trust * (np.sum(normal * swung, axis=-1, keepdims=True) > -0.3 * sine)
+    axis = trust * normal / np.maximum(sine, 1e-9) + (1.0 - trust) * swung
+    rest = np.stack([along, hinge, np.cross(along, hinge)], axis=-1)
+    upper = _orthonormal(a, axis) @ rest.T
+    return upper, _swing(upper, along, second)
+
+
+def _swing(parent: Array, rest: Array, seen: Array) -> Array:
+    """`parent` turned by the least rotation that takes its `rest` direction to `seen`."""
+    now = parent @ rest
+    return rotation_between(now, _or_else(seen, now)) @ parent
+
+
+def _frame(x: Array, y: Array) -> Array:
+    """Rotation whose x axis is along `x` and whose y axis is nearest to `y`."""
+    right = unit(x)
+    up = unit(y - np.sum(y * right, axis=-1, keepdims=True) * right)
+    frame = np.stack([right, up, np.cross(right, up)], axis=-1)
+    whole = np.abs(np.linalg.det(frame)) > 0.5  # not where landmarks fall into one place or line
+    return np.where(whole[..., None, None], frame, np.eye(3))
+
+
+def _orthonormal(first: Array, second: Array) -> Array:
+    a = unit(first)
+    b = unit(second - np.sum(second * a, axis=-1, keepdims=True) * a)
+    return np.stack([a, b, np.cross(a, b)], axis=-1)
+
+
+def _at_most(parent: Array, child: Array, angle_rad: float) -> Array:
+    """`child` brought to within `angle_rad` of `parent`."""
+    turn = matrix_to_axis_angle(np.swapaxes(parent, -1, -2) @ child)
+    angle = np.linalg.norm(turn, axis=-1, keepdims=True)
+    shorter = np.minimum(angle, angle_rad) / np.maximum(angle, 1e-9)
+    return parent @ axis_angle_to_matrix(turn * shorter)
+
+
+def _best_rotation(rest: Array, seen: Array) -> Array:
+    """Rotations [F 3 3] that best turn `rest` [N 3] into `seen` [F N 3] (Kabsch 1976)."""
+    a = rest - rest.mean(axis=0)
+    b = seen - seen.mean(axis=1, keepdims=True)
+    u, _, vt = np.linalg.svd(np.einsum("fni,nj->fij", b, a))
+    flip = np.sign(np.linalg.det(u @ vt))[:, None, None]
+    return np.concatenate([u[..., :2], u[..., 2:] * flip], axis=-1) @ vt
+
+
+def _or_else(direction: Array, other: Array) -> Array:
+    """`direction`, or `other` where it is nil: two landmarks in one place."""
+    nil = np.linalg.norm(direction, axis=-1, keepdims=True) < 1e-9
+    return np.where(nil, other, direction)
+
+
+def unit(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+    """`vector` of length one; nil stays nil."""
+    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)

@@ -1,0 +1,173 @@
+"""From landmarks to the turns of bones, learnt: what the closed form gets wrong, put right.
+
+The estimator's 3D landmarks flatten people in depth, each pose in its own way. A small network
+(two residual blocks, as in Martinez et al. 2017, "A simple yet effective baseline for 3D human pose
+estimation") sees them, the 2D landmarks and the closed form's answer, and turns each bone of that
+answer. It learnt from rendered people in random poses (`tools.build_lifter`), and tells how far
+off it usually is. Numpy only; frames are independent, so any frame rate will do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from capture.body.inverse_kinematics import TO_Y_UP, solve_pose
+from capture.detection.landmarks import LANDMARK_COUNT
+from scene.arrays import Array, Float
+from scene.rotations import axis_angle_to_matrix
+from scene.skeleton import JOINT_COUNT, PARENTS
+
+WEIGHTS_FILE = Path(__file__).parents[1] / "assets" / "lifter.npz"
+BLOCKS = 2
+FEATURES = LANDMARK_COUNT * (2 + 3 + 1 + 3 + 3) + 1 + 6 * (JOINT_COUNT - 1) + 9
+OUTPUTS = 7 * JOINT_COUNT
+"""Two columns of a rotation and the logarithm of a spread for each joint."""
+_CLOSED_FORM_SPREAD_RAD = 0.45
+_FARTHEST = 6.0
+"""Spreads from the middle beyond which a landmark (a guess outside the picture) is cut off."""
+_LEAST_TRUST = 0.02
+_SMALLEST = 1e-6
+_NORMALISATION_EPS = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Lifted:
+    """Poses as the network believes them."""
+
+    rotations: Float[Array, "F 24 3 3"]
+    """Local; joint 0 turns the body in the frame y up, z towards the camera."""
+    spread_rad: Float[Array, "F 24"]
+    """Usual angle (root mean square) by which each joint's rotation is off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What the network sees, and what its answer is relative to."""
+
+    features: Float[Array, "F N"]
+    closed_form: Float[Array, "F 24 3 3"]
+    """World rotations of the closed form, axes of the view through the person."""
+    view: Float[Array, "F 3 3"]
+    """Camera axes to those whose z goes through the person, x right, y down, z away."""
+
+
+Lifter = Callable[[Array, Array, Array, float, Array], Lifted]
+"""As `lift`."""
+
+
+def closed_form(
+    pixels: Float[Array, "F 33 2"],
+    world: Float[Array, "F 33 3"],
+    visibility: Float[Array, "F 33"],
+    focal_px: float,
+    centre: Float[Array, "2"],
+) -> Lifted:
+    """Believes the 3D landmarks as they are: for estimators the network has not learnt from."""
+    rotations = axis_angle_to_matrix(solve_pose(world, visibility))
+    return Lifted(rotations, np.full(rotations.shape[:2], _CLOSED_FORM_SPREAD_RAD))
+
+
+def lift(
+    pixels: Float[Array, "F 33 2"],
+    world: Float[Array, "F 33 3"],
+    visibility: Float[Array, "F 33"],
+    focal_px: float,
+    centre: Float[Array, "2"],
+) -> Lifted:
+    """Poses of one person from landmarks as the estimator gives them (px; m, x right, y down).
+
+    `visibility` is the estimator's own, 0 to 1; `focal_px` and `centre` are the camera's.
+    """
+    inputs = inputs_of(pixels, world, visibility, focal_px, centre)
+    answer = _network(inputs.features)
+    turns = inputs.closed_form @ _orthonormal(answer[:, : 6 * JOINT_COUNT])
+    back = np.swapaxes(inputs.view, 1, 2) * TO_Y_UP[:, None] * TO_Y_UP
+    local = (back[:, None] @ turns).copy()
+    world_turns = local.copy()
+    for joint in range(1, JOINT_COUNT):
+        above = world_turns[:, PARENTS[joint]]
+        local[:, joint] = np.swapaxes(above, 1, 2) @ world_turns[:, joint]
+    return Lifted(local, np.exp(answer[:, 6 * JOINT_COUNT :]))
+
+
+def inputs_of(
+    pixels: Float[Array, "F 33 2"],
+    world: Float[Array, "F 33 3"],
+    visibility: Float[Array, "F 33"],
+    focal_px: float | Float[Array, "F"],
+    centre: Float[Array, "2"],
+) -> Inputs:
+    """Features: landmarks in the picture and in 3D, in the view's axes and in the body's own."""
+    frames = len(pixels)
+    plane = (pixels - centre) / np.asarray(focal_px, dtype=np.float64).reshape(-1, 1, 1)
+    trust = np.clip(visibility, _LEAST_TRUST, 1.0)[..., None] ** 2
+    total = trust.sum(axis=1)
+    view = _view_through((plane * trust).sum(axis=1) / total)
+    rays = np.concatenate([plane, np.ones_like(plane[..., :1])], 2) @ np.swapaxes(view, 1, 2)
+    seen = rays[..., :2] / np.maximum(rays[..., 2:], 0.2)
+    size = np.sqrt((trust * seen**2).sum(axis=(1, 2))[:, None] / total) + _SMALLEST
+    seen = np.clip(seen / size[..., None], -_FARTHEST, _FARTHEST)
+    local = axis_angle_to_matrix(solve_pose(world, visibility))
+    turned = local.copy()
+    for joint in range(1, JOINT_COUNT):
+        turned[:, joint] = turned[:, PARENTS[joint]] @ local[:, joint]
+    body = turned[:, 0]
+    flat = np.concatenate([seen * TO_Y_UP[:2], np.zeros_like(seen[..., :1])], 2)
+    parts = (seen, 2.0 * world, visibility, np.log(size), 2.0 * (world * TO_Y_UP) @ body,
+             flat @ body, local[:, 1:, :, :2], body)  # fmt: skip
+    features = np.concatenate([part.reshape(frames, -1) for part in parts], axis=1)
+    return Inputs(features.astype(np.float32), turned, view)
+
+
+def _view_through(middle: Float[Array, "F 2"]) -> Float[Array, "F 3 3"]:
+    """Rows: axes of a view whose z goes through `middle` on the plane z = 1, x level."""
+    z = np.concatenate([middle, np.ones((len(middle), 1))], axis=1)
+    z /= np.linalg.norm(z, axis=1, keepdims=True)
+    x = np.cross(np.array([[0.0, 1.0, 0.0]]), z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def _orthonormal(six: Float[Array, "F 144"]) -> Float[Array, "F 24 3 3"]:
+    """Rotations whose first two columns are nearest (Zhou et al. 2019); zeros give the identity."""
+    pair = six.reshape(-1, JOINT_COUNT, 2, 3) + np.eye(3, dtype=six.dtype)[:2]
+    a = pair[..., 0, :] / np.linalg.norm(pair[..., 0, :], axis=-1, keepdims=True)
+    b = pair[..., 1, :] - np.sum(a * pair[..., 1, :], axis=-1, keepdims=True) * a
+    b = b / np.linalg.norm(b, axis=-1, keepdims=True)
+    return np.stack([a, b, np.cross(a, b)], axis=-1)
+
+
+def _network(features: Float[Array, "F N"]) -> Float[Array, "F M"]:
+    weights = _weights()
+
+    def linear(name: str, x: Array) -> Array:
+        return x @ weights[f"{name}.weight"].T + weights[f"{name}.bias"]
+
+    def normalised(name: str, x: Array) -> Array:
+        x = x - x.mean(axis=1, keepdims=True)
+        x = x / np.sqrt((x**2).mean(axis=1, keepdims=True) + _NORMALISATION_EPS)
+        return x * weights[f"{name}.weight"] + weights[f"{name}.bias"]
+
+    hidden = _silu(linear("first", (features - weights["mean"]) / weights["deviation"]))
+    for block in range(BLOCKS):
+        inner = hidden
+        for half in range(2):
+            name = f"blocks.{block}.{half}"
+            inner = _silu(normalised(f"{name}.norm", linear(f"{name}.linear", inner)))
+        hidden = hidden + inner
+    return linear("last", hidden).astype(np.float64)
+
+
+def _silu(x: Array) -> Array:
+    return x / (1.0 + np.exp(-np.clip(x, -80.0, 80.0)))
+
+
+@cache
+def _weights() -> dict[str, Float[Array, "*shape"]]:
+    with np.load(WEIGHTS_FILE) as file:
+        return {name: file[name].astype(np.float32) for name in file.files}

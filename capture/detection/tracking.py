@@ -1,0 +1,230 @@
+"""Follow one person through a clip: the largest, most central one, never a passer-by.
+
+Who it is, is decided once, over a sample of the whole clip. From the frame where they are seen best
+they are followed forwards and backwards: each frame is looked at in a window around where they just
+were, so that they fill the estimator's small input. Who wears something else is somebody else
+(`capture.detection.appearance`): an estimator that saw nobody but them looks again with them
+painted over.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import cv2
+import numpy as np
+
+from capture.detection.appearance import ALIKE, Likeness
+from capture.detection.landmarks import Landmarks, PoseEstimator
+from capture.errors import CaptureStopped, NoPersonFound
+from scene.arrays import Array, Bool, Float, UInt8
+
+SAMPLES = 9
+"""Frames looked at whole to decide whom to follow."""
+WINDOW_GROW = 0.45
+"""The window around the last box, grown by this share of its larger side on every side."""
+MIN_OVERLAP = 0.2
+"""Intersection over union with the last box below which it is another person."""
+MIN_SIDE_PX = 40
+"""A smaller person teaches nothing."""
+_GONE_AFTER = 3
+"""Frames without the person after which the whole picture is searched again."""
+_REMEMBERED = 9
+"""Frames back that tell how tall the person usually is."""
+_SHRUNK = 0.85
+"""Share of that height below which a frame is looked at again."""
+_OTHER_GROWS = (0.15, 0.7)
+_OTHERS = 3
+"""Looks at a window, each with those painted over who are somebody else."""
+_PAINTED, _GREY = 0.3, 128
+"""Mask from which somebody else is painted over, and with what."""
+_CUT_CHANGE = 0.03
+_CUT_RATIO = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One person through a clip."""
+
+    people: tuple[Landmarks | None, ...]
+    """The person in each frame; None where they were lost."""
+    takes: tuple[int, ...]
+    """Take number of each frame: the picture jumps between takes, and so may the person."""
+
+    @property
+    def found(self) -> Bool[Array, "F"]:
+        """Whether the person was found, for each frame."""
+        return np.array([person is not None for person in self.people], dtype=bool)
+
+
+def follow(
+    images: Sequence[UInt8[Array, "H W 3"]],
+    estimator: PoseEstimator,
+    *,
+    on_progress: Callable[[float], None] = lambda _: None,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> Track:
+    """Follow the largest, most central person.
+
+    Raises NoPersonFound if nobody of use is in the sampled frames, CaptureStopped when asked.
+    """
+    start, first = _choose(images, estimator)
+    takes = find_takes(images)
+    people: list[Landmarks | None] = [None] * len(images)
+    people[start] = first
+    done = 0
+    for order in (range(start + 1, len(images)), range(start - 1, -1, -1)):
+        for index, person in _walk(images, takes, estimator, (start, *order), first):
+            if should_stop():
+                raise CaptureStopped("capture was stopped while following the person")
+            people[index] = person
+            done += 1
+            on_progress(done / max(len(images) - 1, 1))
+    return Track(tuple(people), tuple(takes.tolist()))
+
+
+def find_takes(images: Sequence[UInt8[Array, "H W 3"]]) -> Array:
+    """Take number of each frame [F]: a new take begins where the picture jumps.
+
+    A jump changes the small, grey picture by more than 3 % of full scale and five times as much as
+    a usual step of the clip does.
+    """
+    small = np.stack(
+        [cv2.resize(image, (32, 32), interpolation=cv2.INTER_AREA).mean(axis=2) for image in images]
+    )
+    change = np.abs(np.diff(small, axis=0)).mean(axis=(1, 2)) / 255.0
+    usual = float(np.median(change)) if len(change) else 0.0
+    cuts = (change > _CUT_CHANGE) & (change > _CUT_RATIO * usual)
+    return np.concatenate([[0], np.cumsum(cuts)]).astype(int)
+
+
+def prominence(person: Landmarks, width: int, height: int) -> float:
+    """How likely this is the subject: seen area, less with distance from the middle."""
+    left, top, right, bottom = np.clip(person.box, 0, [width, height, width, height])
+    area = max(right - left, 0.0) * max(bottom - top, 0.0) / (width * height)
+    off = np.hypot((left + right) / width - 1.0, 0.5 * ((top + bottom) / height - 1.0))
+    return float(np.sqrt(area) * np.exp(-0.7 * off) * (0.3 + 0.7 * person.visibility.mean()))
+
+
+def overlap(a: Float[Array, "4"], b: Float[Array, "4"]) -> float:
+    """Intersection over union of two boxes (left, top, right, bottom)."""
+    sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
+    inside = float(np.prod(np.maximum(sides, 0.0)))
+    areas = [float(np.prod(np.maximum(box[2:] - box[:2], 0.0))) for box in (a, b)]
+    return inside / max(sum(areas) - inside, 1e-9)
+
+
+def _choose(images: Sequence[Array], estimator: PoseEstimator) -> tuple[int, Landmarks]:
+    height, width = images[0].shape[:2]
+    sampled = np.unique(np.linspace(0, len(images) - 1, min(SAMPLES, len(images))).astype(int))
+    best: tuple[float, int, Landmarks] | None = None
+    for index in sampled:
+        for person in estimator.detect(images[index]):
+            score = prominence(person, width, height)
+            if best is None or score > best[0]:
+                best = (score, int(index), person)
+    if best is None:
+        raise NoPersonFound(
+            f"the clip must show a person; got nobody in {len(sampled)} frames spread over it; "
+            "film one person, well lit, from head to foot or to the hips"
+        )
+    size = float((best[2].box[2:] - best[2].box[:2]).max())
+    if size < MIN_SIDE_PX:
+        raise NoPersonFound(
+            f"the person must be at least {MIN_SIDE_PX} px tall in a picture of {width} x {height};"
+            f" got {size:.0f} px; come closer to the camera"
+        )
+    return best[1], best[2]
+
+
+def _walk(
+    images: Sequence[Array], takes: Array, estimator: PoseEstimator, order: Sequence[int],
+    first: Landmarks,
+) -> Iterable[tuple[int, Landmarks | None]]:  # fmt: skip
+    """The person in the frames `order` but for its first, which shows `first`."""
+    boxes, missed = deque([first.box], maxlen=_REMEMBERED), 0
+    likeness = Likeness()
+    likeness.remember(images[order[0]], first)
+    for before, index in pairwise(order):
+        if takes[index] != takes[before]:  # another light, or another part of them
+            likeness = Likeness()
+        looks = _Looks(images[index], estimator, likeness)
+        person = looks.at(boxes[-1], whole=missed >= _GONE_AFTER)
+        usual = float(np.median([_larger_side(box) for box in boxes]))
+        if person is not None and _larger_side(person.box) < _SHRUNK * usual:
+            person = looks.again(boxes, person)
+        if person is None:
+            missed += 1
+        else:
+            boxes.append(person.box)
+            likeness.remember(images[index], person)
+            missed = 0
+        yield index, person
+
+
+@dataclass(frozen=True, eq=False)
+class _Looks:
+    """Looks at one frame, for one person."""
+
+    image: UInt8[Array, "H W 3"]
+    estimator: PoseEstimator
+    likeness: Likeness
+
+    def at(self, box: Array, *, whole: bool, grow: float = WINDOW_GROW) -> Landmarks | None:
+        """The person in a window round `box`, or wherever they are now."""
+        height, width = self.image.shape[:2]
+        x0, y0, x1, y1 = (0, 0, width, height) if whole else window(box, width, height, grow)
+        if x1 - x0 < MIN_SIDE_PX or y1 - y0 < MIN_SIDE_PX:
+            return None
+        found = self._alike(x0, y0, x1, y1)
+        if not found:
+            return None
+        if whole:  # long gone: the most prominent one that is not tiny beside the one who left
+            person = max(found, key=lambda p: prominence(p, width, height))
+            alike = (person.box[3] - person.box[1]) > 0.4 * (box[3] - box[1])
+            return person if alike else None
+        person = max(found, key=lambda p: overlap(p.box, box))
+        return person if overlap(person.box, box) >= MIN_OVERLAP else None
+
+    def again(self, boxes: Iterable[Array], person: Landmarks) -> Landmarks:
+        """The person once more, through other windows round where they lately were; the tallest
+        counts.
+
+        Now and then an estimator puts a whole body into half of it, though a window a little larger
+        or smaller shows it the truth; and the next window, cut round half a body, would make it
+        worse.
+        """
+        lately = np.stack(list(boxes))
+        everywhere = np.concatenate([lately[:, :2].min(axis=0), lately[:, 2:].max(axis=0)])
+        others = (self.at(everywhere, whole=False, grow=grow) for grow in _OTHER_GROWS)
+        return max((person, *(o for o in others if o)), key=lambda p: _larger_side(p.box))
+
+    def _alike(self, x0: int, y0: int, x1: int, y1: int) -> list[Landmarks]:
+        """Everybody in a window who wears what the person wears."""
+        height, width = self.image.shape[:2]
+        cut = self.image[y0:y1, x0:x1]
+        for _ in range(_OTHERS):
+            found = self.estimator.detect(cut)
+            alike = [p for p in found if self.likeness.of(cut, p) >= ALIKE]
+            if alike or not found:
+                return [person.moved(x0, y0, width, height) for person in alike]
+            cut = cut.copy()
+            cut[np.max([person.mask for person in found], axis=0) > _PAINTED] = _GREY
+        return []
+
+
+def _larger_side(box: Float[Array, "4"]) -> float:
+    return float((box[2:] - box[:2]).max())
+
+
+def window(
+    box: Float[Array, "4"], width: int, height: int, grow: float = WINDOW_GROW
+) -> tuple[int, int, int, int]:
+    """The box grown by `grow` of its larger side on every side, inside the picture."""
+    margin = grow * float((box[2:] - box[:2]).max())
+    low = np.floor(np.maximum(box[:2] - margin, 0.0)).astype(int)
+    high = np.ceil(np.minimum(box[2:] + margin, [width, height])).astype(int)
+    return int(low[0]), int(low[1]), int(high[0]), int(high[1])

@@ -1,0 +1,71 @@
+"""Steps downhill that move a motion's slow and quick parts at once.
+
+A clip's frames hold each other: steadiness, feet and flow let one of them move by itself only a
+little a step, so that errors which last for seconds would take thousands of steps. In a
+hierarchical basis (Szeliski 1990: hat functions, wide ones over narrow ones) each step also moves
+stretches of a third of a second and of a whole one. Adam (Kingma & Ba 2015) gives every
+function its own length.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from capture.fitting.state import Problem
+from scene.arrays import Array, Float, Int, Tensor
+
+_STRETCHES = ((0.3, 0.6), (1.1, 0.4))
+"""Width of the hats on each side, s, and how far they move beside single frames."""
+_SLOWEST = 0.05
+"""Share of the rate that is left at the end."""
+_BETAS, _EPSILON = (0.9, 0.99), 1e-5
+
+
+class Descent:
+    """Makes the energy of `problem` small, in steps of `rate` (rad and m) at first."""
+
+    def __init__(self, problem: Problem, rate: float) -> None:
+        self.basis = hierarchical_basis(problem.times_s, problem.takes)
+        self._motion = (problem.angles, problem.pelvis)
+        # moved along the basis, and nil again after each step
+        self._along = [x.new_zeros(self.basis.shape[1], *x.shape[1:]) for x in self._motion]
+        groups = [(self._along[0], rate), (self._along[1], rate), (problem.shape, 0.4 * rate),
+                  (problem.habits, 0.3 * rate), (problem.offsets, 0.1 * rate),
+                  (problem.log_scale, 0.3 * rate), (problem.clothes_m, 0.03 * rate),
+                  (problem.floor.plane, 0.3 * rate)]  # fmt: skip
+        if not problem.focal_known:
+            groups.append((problem.log_focal, 0.2 * rate))
+        self._rates = [rate for _, rate in groups]
+        self._adam = torch.optim.Adam(
+            [{"params": [value], "lr": rate} for value, rate in groups], betas=_BETAS, eps=_EPSILON
+        )
+
+    def step(self, energy: Tensor, done: float) -> None:
+        """One step down `energy`; `done` is the share of steps before it, by which they shorten."""
+        self._adam.zero_grad()
+        for unknown in self._motion:
+            unknown.grad = None
+        energy.backward()
+        for group, rate in zip(self._adam.param_groups, self._rates, strict=True):
+            group["lr"] = rate * (1.0 - (1.0 - _SLOWEST) * done)
+        for along, unknown in zip(self._along, self._motion, strict=True):
+            along.grad = torch.tensordot(self.basis.T, unknown.grad, 1)
+        self._adam.step()
+        with torch.no_grad():
+            for along, unknown in zip(self._along, self._motion, strict=True):
+                unknown += torch.tensordot(self.basis, along, 1)
+                along.zero_()
+
+
+def hierarchical_basis(times_s: Float[Array, "F"], takes: Int[Array, "F"]) -> Float[Tensor, "F C"]:
+    """Every frame by itself, then ever wider hats in time, none across a cut."""
+    columns = [np.eye(len(times_s))]
+    for width_s, share in _STRETCHES:
+        for take in np.unique(takes):
+            here = takes == take
+            first, last = times_s[here][[0, -1]]
+            knots = np.arange(first, last + width_s, width_s)
+            hats = np.maximum(1.0 - np.abs(times_s[:, None] - knots) / width_s, 0.0)
+            columns.append(share * hats * here[:, None])
+    return torch.tensor(np.concatenate(columns, axis=1), dtype=torch.float32)

@@ -1,0 +1,169 @@
+"""The silhouette term: the surface stays inside the mask, and the mask's edge is reached by it.
+
+Inside-ness is read from a distance map, small but counted from the edge itself. Reach is how far,
+across the outline, its points lie from the vertex that makes them: one of a dense skin that is seen
+from the side, close by, and faces the way the outline does, as iterative closest points with
+normals pick theirs (Rusinkiewicz and Levoy 2001). Which it is, is looked up every few steps only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+import torch.nn.functional as nnf
+
+from capture.fitting.kinematics import robust, very_robust
+from capture.fitting.window import Window, window_around
+from scene.arrays import Array, Float, Tensor
+
+SIDE_PX = 256
+"""Longest side of the pictures in which distances are measured."""
+CONTOUR_POINTS = 128
+_INWARDS = 20.0
+"""Most points lie inside whatever happens: the few that stick out must be heard."""
+_GIVES_UP = 20.0
+"""Deviations from which an outline point is taken for somebody else's."""
+_FAR = 0.15
+"""Distances beyond this share of the window's longest side count as that."""
+_SMOOTH_PX = 2.0
+"""Blur in which the outline's direction is read."""
+_SLIDES = 0.3
+"""How much a point counts that lies along the outline from where it should, beside one across."""
+_RIM = 600
+"""Vertices of a frame that may lie on its outline: those seen most from the side."""
+_FACES_PX = 15.0
+"""Pixels that a vertex counts as further off for each unit between its normal and the outline's."""
+
+
+@dataclass(frozen=True)
+class Silhouettes:
+    """Masks of all frames, prepared for the fit."""
+
+    width: int
+    """Of the full picture, px."""
+    height: int
+    window: Window
+    distance: Float[Tensor, "F h w 3"]
+    """From the middle of each of the window's pixels to the person, in its pixels (0 on them), and
+    by how much it grows to the right and downwards."""
+    contour: Float[Tensor, "F P 2"]
+    """Points of the masks' outlines, px of the full picture."""
+    normals: Float[Tensor, "F P 2"]
+    """Outwards, unit length."""
+    contour_weight: Float[Tensor, "F P"]
+    """0 for points cut off by the picture's border and for lost frames."""
+    known: Float[Tensor, "F"]
+    """1 where the frame has a mask."""
+
+    def outside(self, pixels: Float[Tensor, "F V 2"]) -> Float[Tensor, "F V"]:
+        """Distance (px) of projected points to the mask; 0 inside it and outside the picture."""
+        w = self.window
+        place = (pixels - torch.tensor([w.x, w.y])) * w.scale
+        width, height = w.size
+        x, y = place.detach().floor().long().unbind(-1)
+        x, y = x.clamp(0, width - 1), y.clamp(0, height - 1)
+        frame = torch.arange(len(pixels))[:, None]
+        near = self.distance[frame, y, x]
+        middle = torch.stack([x, y], -1) + 0.5
+        found = near[..., 0] + (near[..., 1:] * (place - middle)).sum(-1)
+        found = found.clamp_min(0.0) / w.scale
+        size = torch.tensor([self.width, self.height])
+        seen = ((pixels > 0.0) & (pixels < size)).all(-1)
+        return found * seen * self.known[:, None]
+
+    @torch.no_grad()
+    def nearest(
+        self,
+        pixels: Float[Tensor, "F V 2"],
+        normals: Float[Tensor, "F V 3"],
+        skin: Float[Tensor, "F V 3"],
+    ) -> Tensor:
+        """Index [F P] of the vertex that makes each point of the outline: one that is seen from
+        the side, nearby, and faces the way the outline does."""
+        facing = (normals * nnf.normalize(skin, dim=-1)).sum(-1).abs()
+        rim = facing.topk(min(_RIM, facing.shape[1]), dim=1, largest=False).indices
+        flat = nnf.normalize(normals[..., :2] * torch.tensor([1.0, -1.0]), dim=-1)
+        ours = torch.cat([pixels, _FACES_PX * flat], -1)
+        ours = torch.gather(ours, 1, rim[..., None].expand(-1, -1, 4))
+        theirs = torch.cat([self.contour, _FACES_PX * self.normals], -1)
+        # |v|^2 - 2 c v orders like the distance, at a third of its cost
+        lengths = ours.square().sum(-1)[:, None]
+        found = torch.baddbmm(lengths, theirs, ours.transpose(1, 2), alpha=-2.0).argmin(-1)
+        return torch.gather(rim, 1, found)
+
+
+def prepare_silhouettes(masks: Sequence[Float[Array, "H W"] | None]) -> Silhouettes:
+    """Distance maps and outlines of `masks` (None: the person was lost)."""
+    window = window_around(masks, SIDE_PX)
+    height, width = next(m.shape for m in masks if m is not None)
+    size = window.size
+    distances = np.zeros((len(masks), size[1], size[0], 3), dtype=np.float32)
+    contour = np.zeros((len(masks), CONTOUR_POINTS, 2), dtype=np.float32)
+    normals, weight = np.zeros_like(contour), np.zeros(contour.shape[:2], np.float32)
+    known = np.zeros(len(masks), dtype=np.float32)
+    for index, mask in enumerate(masks):
+        if mask is None or mask.max() < 0.5:
+            continue
+        small = (window.cut(mask) > 0.5).astype(np.uint8)
+        if not small.any():
+            continue
+        known[index] = 1.0
+        distance = cv2.distanceTransform(1 - small, cv2.DIST_L2, 5)
+        # counted from the middle of the nearest pixel, whose edge is half a pixel nearer
+        distance = np.clip(distance - 0.5, 0.0, _FAR * max(size))
+        distances[index] = np.stack([distance, *np.gradient(distance)[::-1]], axis=-1)
+        contour[index], normals[index], weight[index] = _outline(mask)
+    return Silhouettes(
+        width,
+        height,
+        window,
+        torch.from_numpy(distances),
+        torch.from_numpy(contour),
+        torch.from_numpy(normals),
+        torch.from_numpy(weight),
+        torch.from_numpy(known),
+    )
+
+
+def silhouette_energy(
+    silhouettes: Silhouettes,
+    pixels: Float[Tensor, "F V 2"],
+    reached: Float[Tensor, "F P 2"],
+    shown: Float[Tensor, "F V"],
+    clothes_px: Float[Tensor, "F"],
+    deviation_px: float,
+) -> Float[Tensor, "F"]:
+    """Mean energy of both directions, a frame.
+
+    `pixels` stay inside unless they are not `shown` (0: a limb behind a table may lie outside the
+    mask); `reached` is where the vertices lie that make the outline, `clothes_px` how much further
+    out it is.
+    """
+    outside = silhouettes.outside(pixels) / deviation_px
+    inwards = _INWARDS * (robust(outside.square()) * shown).mean(1)
+    worn = clothes_px[:, None, None] * silhouettes.normals
+    gap = (reached + worn - silhouettes.contour) / deviation_px
+    across = (gap * silhouettes.normals).sum(-1).square()
+    squared = across + _SLIDES**2 * (gap.square().sum(-1) - across)
+    reach = very_robust(squared, _GIVES_UP) * silhouettes.contour_weight
+    return inwards + reach.sum(1) / silhouettes.contour_weight.sum(1).clamp_min(1.0)
+
+
+def _outline(mask: Array) -> tuple[Array, Array, Array]:
+    """Evenly spaced points of the outlines of `mask`, their normals and weights."""
+    solid = (mask > 0.5).astype(np.uint8)
+    contours, _ = cv2.findContours(solid, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    points = np.concatenate(contours)[:, 0].astype(np.int64)
+    chosen = points[np.linspace(0, len(points) - 1, CONTOUR_POINTS).astype(int)]
+    height, width = mask.shape
+    inside = (chosen > 3).all(1) & (chosen[:, 0] < width - 3) & (chosen[:, 1] < height - 3)
+    soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), _SMOOTH_PX)
+    slope = np.stack([cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)], -1)
+    normals = -slope[chosen[:, 1], chosen[:, 0]]
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
+    # the middles of the outermost pixels lie half a pixel within the outline
+    return chosen + 0.5 + 0.5 * normals, normals, inside.astype(np.float32)

@@ -1,0 +1,97 @@
+"""From the camera's frame to the world: where the floor is, where the person stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from capture.body.inverse_kinematics import unit
+from capture.detection.landmarks import LANDMARK_NAMES
+from capture.fitting.observations import Fit
+from capture.fitting.terms.floor import upward
+from scene.arrays import Array, Float
+from scene.body import Body
+from scene.motion import Motion, Pose
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from scene.skeleton import JOINT_COUNT, JOINT_NAMES
+
+SEEN_TO_CAMERA = np.diag([1.0, -1.0, -1.0])
+"""The fit's frame (y up, z towards the camera) to OpenCV's camera frame."""
+_LEGS_SEEN = 0.3
+_LOWEST_PERCENTILE = 10.0
+
+_J = {name: index for index, name in enumerate(JOINT_NAMES)}
+_LANDMARK_OF_JOINT = {"shoulder": "shoulder", "elbow": "elbow", "wrist": "wrist", "hand": "index",
+                      "hip": "hip", "knee": "knee", "ankle": "ankle", "foot": "foot_index",
+                      "collar": "shoulder"}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A fit, standing in the world."""
+
+    body: Body
+    motion: Motion
+    """Confidence says how well each joint was seen."""
+    world_to_camera: Float[Array, "3 4"]
+    legs_seen: bool
+
+
+def place_in_world(fit: Fit, times_s: Float[Array, "F"]) -> Placed:
+    """Turn the fit upright, put the floor at y = 0 and the person about x = z = 0.
+
+    The camera ends up on the side of +z. Where the fit found no floor, it is where the lowest point
+    of the surface is in nearly all frames.
+    """
+    body, confidence = fit.body, joint_confidence(fit.weights)
+    legs = [_J["left_knee"], _J["right_knee"], _J["left_ankle"], _J["right_ankle"]]
+    legs_seen = bool(np.median(confidence[:, legs]) > _LEGS_SEEN)
+    shift = fit.pelvis - body.skeleton.rest_joints[0]
+    joints = body.skeleton.joint_transforms(fit.joint_angles, shift)[..., :3, 3]
+    turn = _upright(upward(joints, legs_seen) if fit.floor is None else fit.floor[:3])
+    pelvis = fit.pelvis @ turn.T
+    angles = fit.joint_angles.copy()
+    angles[:, 0] = matrix_to_axis_angle(turn @ axis_angle_to_matrix(angles[:, 0]))
+    root = pelvis - body.skeleton.rest_joints[0]
+    middle = np.median(pelvis, axis=0)
+    level = _lowest(body, angles, root) if fit.floor is None else fit.floor[3]
+    origin = np.array([middle[0], level, middle[2]])
+    motion = Motion(times_s, angles, root - origin, confidence)
+    # x_seen = turn^T (x_world + origin)
+    rotation = SEEN_TO_CAMERA @ turn.T
+    world_to_camera = np.concatenate([rotation, (rotation @ origin)[:, None]], axis=1)
+    return Placed(body, motion, world_to_camera, legs_seen)
+
+
+def joint_confidence(weights: Float[Array, "F 33"]) -> Float[Array, "F 24"]:
+    """Trust in each joint, from that in the landmarks that show it."""
+    shown = np.sqrt(np.clip(weights, 0.0, 1.0))
+    at = {name: index for index, name in enumerate(LANDMARK_NAMES)}
+    trunk = shown[:, [at["left_shoulder"], at["right_shoulder"]]].mean(axis=1)
+    hips = shown[:, [at["left_hip"], at["right_hip"]]].mean(axis=1)
+    confidence = np.zeros((len(weights), JOINT_COUNT))
+    for name, joint in _J.items():
+        side, _, part = name.partition("_")
+        if part:
+            confidence[:, joint] = shown[:, at[f"{side}_{_LANDMARK_OF_JOINT[part]}"]]
+        elif name == "pelvis":
+            confidence[:, joint] = hips
+        else:
+            confidence[:, joint] = shown[:, at["nose"]] if name in ("head", "neck") else trunk
+    return confidence
+
+
+def _upright(up: Array) -> Array:
+    """Rotation seen -> world: `up` becomes y, and the camera's side stays at +z."""
+    towards = np.array([0.0, 0.0, 1.0])
+    z = unit(towards - (towards @ up) * up)
+    return np.stack([np.cross(up, z), up, z])
+
+
+def _lowest(body: Body, angles: Array, root: Array) -> float:
+    lowest = [
+        body.posed_vertices(Pose(angles[frame], root[frame]))[:, 1].min()
+        for frame in np.unique(np.linspace(0, len(angles) - 1, 24).astype(int))
+    ]
+    return float(np.percentile(lowest, _LOWEST_PERCENTILE))

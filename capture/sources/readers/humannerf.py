@@ -1,0 +1,176 @@
+"""HumanNeRF's prepared layout, read and written: what its tools make of ZJU-MoCap and of videos.
+
+    cameras.pkl           frame -> intrinsics [3 3], extrinsics [4 4] (world -> camera, m),
+                          distortions [5] (may be absent)
+    mesh_infos.pkl        frame -> Rh [3], Th [3], poses [72], joints [24 3], tpose_joints [24 3]
+    canonical_joints.pkl  joints [24 3]
+    images/<frame>.png    with its background        masks/<frame>.png   three channels, 0 to 255
+
+x_world = R(Rh) x_body + Th, and the pelvis of the body stands at tpose_joints[0]. Learnt from
+https://github.com/chungyiweng/humannerf (tools/prepare_zju_mocap, core/data/human_nerf/train.py).
+"""
+
+from __future__ import annotations
+
+import pickle
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from capture.errors import BrokenDataset
+from capture.sources.readers.frames import (
+    DatasetFrames,
+    Shot,
+    data_hash,
+    moved_camera,
+    our_intrinsics,
+    picture_size,
+    rest_skeleton,
+    their_intrinsics,
+    upright_world,
+)
+from capture.sources.readers.pickles import load_pickle, numbers, table
+from capture.sources.readers.surface import with_surface
+from scene.arrays import Array
+from scene.camera import Camera
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from scene.sequence import Sequence
+
+PICKLES = ("cameras.pkl", "mesh_infos.pkl", "canonical_joints.pkl")
+_PICTURES = (".png", ".jpg", ".jpeg")
+FRAMES_PER_SECOND = 30.0
+"""The layout does not say; only the speed of playing depends on it."""
+
+
+def open_humannerf(path: Path) -> Sequence:
+    """The sequence in folder `path`; pictures are read later, one by one.
+
+    The surface is our body model's, fitted to the joints; poses were estimated, so training may
+    refine them. Raises BrokenDataset naming the file and the
+    rule it breaks, also for a pickle with code in it.
+    """
+    cameras, meshes, canonical = (load_pickle(path / name) for name in PICKLES)
+    joints = numbers(table(canonical, PICKLES[2], "joints")["joints"], (24, 3), "joints")
+    skeleton = rest_skeleton(joints)
+    files = [file for ending in _PICTURES for file in (path / "images").glob(f"*{ending}")]
+    names = sorted({file.stem for file in files})
+    if not names:
+        raise BrokenDataset(f"{path / 'images'} must hold .png or .jpg pictures; got none")
+    table(cameras, PICKLES[0], *names)
+    table(meshes, PICKLES[1], *names)
+    poses = [_pose(meshes[name], name) for name in names]
+    orient, pelvis, body_pose = (np.stack([pose[i] for pose in poses]) for i in range(3))
+    times = np.arange(len(names)) / FRAMES_PER_SECOND
+    motion, ours = upright_world(skeleton, orient, pelvis, body_pose, times)
+    size = picture_size(_picture(path / "images", names[0]))
+    shots = [_shot(path, name, cameras[name], size, ours) for name in names]
+    files = [path / name for name in PICKLES]
+    files += [file for shot in shots for file in (shot.picture, *shot.masks) if file.exists()]
+    return Sequence(
+        person=path.resolve().name,
+        frames_per_second=FRAMES_PER_SECOND,
+        body=with_surface(skeleton),
+        train=DatasetFrames(shots, motion, range(len(shots))),
+        data_hash=data_hash(path, files),
+        motion=motion,
+    )
+
+
+def write_humannerf(sequence: Sequence, path: Path) -> None:
+    """Write the training frames of `sequence`. The folder appears at `path` whole, or not at all.
+
+    Where the mask is soft, colours are divided by it, as their code multiplies by it again.
+    Raises BrokenDataset if `path` exists, or for a lens with distortion.
+    """
+    if path.exists():
+        raise BrokenDataset(f"out must not exist yet; got {path}; remove it or choose another")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    building = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    try:
+        cameras: dict[str, Any] = {}
+        meshes: dict[str, Any] = {}
+        for kind in ("images", "masks"):
+            (building / kind).mkdir()
+        for index in range(len(sequence.train)):
+            name = f"frame_{index:06d}"
+            cameras[name] = _camera_of(sequence.train.camera(index))
+            meshes[name] = _mesh_of(sequence, index)
+            _write_pictures(building, name, sequence.train.image(index), sequence.train.mask(index))
+        rest = sequence.body.skeleton.rest_joints.astype(np.float32)
+        for name, held in zip(PICKLES, (cameras, meshes, {"joints": rest}), strict=True):
+            (building / name).write_bytes(pickle.dumps(held, protocol=4))
+        building.chmod(0o755)
+        building.rename(path)
+    except BaseException:
+        shutil.rmtree(building, ignore_errors=True)
+        raise
+
+
+def _pose(mesh: Any, name: str) -> tuple[Array, Array, Array]:
+    """Global orientation [3], place of the pelvis [3], the other joints' angles [23 3]."""
+    mesh = table(mesh, name, "Rh", "Th", "poses", "tpose_joints")
+    poses = numbers(mesh["poses"], (72,), f"poses of {name}").reshape(24, 3)
+    rest = numbers(mesh["tpose_joints"], (24, 3), f"tpose_joints of {name}")
+    turn = axis_angle_to_matrix(numbers(mesh["Rh"], (3,), f"Rh of {name}"))
+    place = numbers(mesh["Th"], (3,), f"Th of {name}")
+    orient = matrix_to_axis_angle(turn @ axis_angle_to_matrix(poses[0]))
+    return orient, turn @ rest[0] + place, poses[1:]
+
+
+def _shot(path: Path, name: str, held: Any, size: tuple[int, int], ours: Array) -> Shot:
+    held = table(held, name, "intrinsics", "extrinsics")
+    intrinsics = numbers(held["intrinsics"], (3, 3), f"intrinsics of {name}")
+    extrinsics = numbers(held["extrinsics"], (4, 4), f"extrinsics of {name}")
+    lens = None
+    if "distortions" in held:
+        distortion = numbers(held["distortions"], (5,), f"distortions of {name}")
+        lens = (intrinsics, distortion) if distortion.any() else None
+    seen = Camera(our_intrinsics(intrinsics), moved_camera(extrinsics[:3], ours), *size)
+    picture, mask = (_picture(path / kind, name) for kind in ("images", "masks"))
+    return Shot(picture, (mask,), seen, lens=lens)
+
+
+def _picture(folder: Path, name: str) -> Path:
+    """The file of that name, whatever its format; the usual one where there is none."""
+    files = [folder / f"{name}{ending}" for ending in _PICTURES]
+    return next((file for file in files if file.exists()), files[0])
+
+
+def _camera_of(camera: Camera) -> dict[str, Array]:
+    if camera.distortion is not None:
+        raise BrokenDataset("cameras must be pinholes to be written; got one with distortion")
+    extrinsics = np.eye(4)
+    extrinsics[:3] = camera.world_to_camera
+    return {
+        "intrinsics": their_intrinsics(camera.intrinsics).astype(np.float32),
+        "extrinsics": extrinsics,
+        "distortions": np.zeros(5, np.float32),
+    }
+
+
+def _mesh_of(sequence: Sequence, index: int) -> dict[str, Array]:
+    pose, skeleton = sequence.train.pose(index), sequence.body.skeleton
+    rest, angles = skeleton.rest_joints, pose.joint_angles.copy()
+    orient = angles[0].copy()
+    angles[0] = 0.0
+    joints = skeleton.joint_transforms(angles, np.zeros(3))[:, :3, 3]
+    place = rest[0] + pose.root_translation - axis_angle_to_matrix(orient) @ rest[0]
+    return {
+        "Rh": orient.astype(np.float32),
+        "Th": place.astype(np.float32),
+        "poses": angles.reshape(72).astype(np.float32),
+        "joints": joints.astype(np.float32),
+        "tpose_joints": rest.astype(np.float32),
+    }
+
+
+def _write_pictures(folder: Path, name: str, image: Array, mask: Array) -> None:
+    colour = image / np.maximum(mask, 1e-3)[..., None]
+    for kind, values in (("images", colour[..., ::-1]), ("masks", np.stack([mask] * 3, axis=-1))):
+        pixels = (np.clip(values, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        data = cv2.imencode(".png", pixels)[1]
+        (folder / kind / f"{name}.png").write_bytes(data.tobytes())

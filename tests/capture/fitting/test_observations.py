@@ -1,0 +1,65 @@
+"""What the fit is given: landmarks that are missing for a moment."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from capture.detection.landmarks import LANDMARK_COUNT, Landmarks
+from capture.fitting.observations import without_gaps
+from scene.arrays import Array
+
+LOST = 15
+TIMES_S = np.array([0.0, 0.1, 0.15, 0.3, 0.4, 0.5])
+
+
+def moving(seen: list[bool]) -> list[Landmarks]:
+    """All landmarks move evenly, as far as the landmark `LOST` is `seen`."""
+    people = []
+    for time_s, there in zip(TIMES_S, seen, strict=True):
+        pixels = np.full((LANDMARK_COUNT, 2), 100.0 + 200.0 * time_s)
+        world = np.full((LANDMARK_COUNT, 3), -0.5 * time_s)
+        visibility = np.full(LANDMARK_COUNT, 0.8)
+        if not there:
+            pixels[LOST], world[LOST], visibility[LOST] = 7.0, 7.0, 0.0
+        people.append(Landmarks(pixels, world, visibility, np.zeros((8, 8), np.float32)))
+    return people
+
+
+def bridged_at(seen: list[bool], takes: list[int] | None = None) -> Array:
+    """Frames [F] that have the landmark where it moved."""
+    takes = takes or [0] * len(TIMES_S)
+    pixels, world, visibility = without_gaps(moving(seen), TIMES_S, np.array(takes))
+    right = np.isclose(pixels[:, LOST], (100.0 + 200.0 * TIMES_S)[:, None]).all(1)
+    right &= np.isclose(world[:, LOST], (-0.5 * TIMES_S)[:, None]).all(1)
+    right &= np.isclose(visibility[:, LOST], 0.8)
+    others = np.arange(LANDMARK_COUNT) != LOST
+    np.testing.assert_array_equal(visibility[:, others], 0.8)
+    return right
+
+
+@pytest.mark.parametrize(
+    ("seen", "right"),
+    [
+        ([True, False, False, True, True, True], [True] * 6),
+        ([False, True, True, True, False, True], [False] + [True] * 5),
+        ([True, True, True, True, False, False], [True] * 4 + [False] * 2),
+        ([False] * 6, [False] * 6),
+    ],
+)
+def test_a_missing_landmark_is_put_between_where_it_was_and_comes_back(seen, right):
+    assert bridged_at(seen).tolist() == right
+
+
+def test_nothing_is_put_across_a_cut_nor_a_long_gap(monkeypatch):
+    seen = [True, False, False, True, True, True]
+    assert bridged_at(seen, [0, 0, 1, 1, 1, 1]).tolist() == seen
+    monkeypatch.setattr("capture.fitting.observations._LONGEST_GAP_S", 0.29)
+    assert bridged_at(seen).tolist() == seen
+
+
+def test_the_estimators_findings_are_left_as_they_are():
+    people = moving([True, False, True, True, True, True])
+    without_gaps(people, TIMES_S, np.zeros(6, int))
+    assert people[1].visibility[LOST] == 0.0
+    assert (people[1].pixels[LOST] == 7.0).all()

