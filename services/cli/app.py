@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import cache
 
 import typer
 
@@ -19,12 +20,11 @@ app = typer.Typer(
 )
 for module in (serving, sequences, models, recordings):
     app.registered_commands += module.app.registered_commands
-for name, group in command_groups():
-    app.add_typer(group, name=name)
 
 
 def main() -> None:
     """Run the command line; errors that we raise on purpose are told, not traced."""
+    _add_command_groups()
     try:
         app()
     except Exception as error:
@@ -33,6 +33,13 @@ def main() -> None:
             raise
         typer.secho(f"metanerf: {told}", fg=typer.colors.RED, err=True)
         sys.exit(1)
+
+
+@cache
+def _add_command_groups() -> None:
+    """Once, and not on import: the modules of the groups import from `services.cli`."""
+    for name, group in command_groups():
+        app.add_typer(group, name=name)
 
 
 def _told(error: Exception) -> str | None:
