@@ -18,8 +18,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.budget import Clock, clock_named
-from benchmarks.kept import Kept
 from benchmarks.pose_errors import (
     Joints,
     gauge_scale,
@@ -27,7 +25,9 @@ from benchmarks.pose_errors import (
     pose_errors,
     seen_joints,
 )
-from benchmarks.report import write_report
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.measurements import MeasurementCache
+from benchmarks.reporting.timing import Clock, clock_named
 from capture.fitting.fit import STAGES, Fit
 from capture.fitting.world import SEEN_TO_CAMERA
 from capture.pipeline import capture_clip
@@ -54,7 +54,7 @@ def run(
     state: Path, clock_name: str, only: str,
 ) -> None:  # fmt: skip
     """Film, capture, train and judge the performers that `state` does not hold yet, and report."""
-    kept, clock = Kept(state, only), clock_named(clock_name)
+    cache, clock = MeasurementCache(state, only), clock_named(clock_name)
     about = {"frames": FRAMES, "frames_per_second": RATE, "size": SIZE_PX, "noise": NOISE,
              "blur_px": BLUR_PX, "background": "textured", "turn_deg": 360,
              "focal_length": "known", "training_s": TRAINING_S, "region": "body crop",
@@ -62,7 +62,7 @@ def run(
     lpips = None if backbone is None else backbone.name
     rows: list[dict[str, Any]] = []
     for seed, motion in enumerate(sorted(motions.glob("*.bvh"))[:clips]):
-        row = kept.measured(
+        row = cache.measured(
             motion.stem, {**about, "seed": seed, "lpips": lpips},
             lambda m=motion, s=seed: _row(m, s, pose_model, backbone, clock),
         )  # fmt: skip

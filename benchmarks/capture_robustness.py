@@ -10,10 +10,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.budget import clock_named
 from benchmarks.capture import FRAMES, RATE, StageWatch, film, truth_joints
 from benchmarks.pose_errors import Joints
-from benchmarks.report import write_report
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.timing import clock_named
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator, PoseEstimator
 from capture.detection.lifter import lift
 from capture.fitting.fit import STAGES

@@ -116,7 +116,7 @@ def frontier(
     only: Only = "",
 ) -> None:
     """Speed against accuracy of all presets on one sequence: charts, tables, the Pareto front."""
-    from benchmarks.frontier import run
+    from benchmarks.frontier.measure import run
 
     run(json_file, page, state, backbone, seconds(scaled), clock, only)
 
@@ -135,7 +135,7 @@ def cast(
 ) -> None:
     """Accuracy on the five studio performers in real motion, in every look."""
     require_motion(motion)
-    from benchmarks.cast import run
+    from benchmarks.performers import run
 
     run(json_file, page, state, motion, backbone, clock, only)
 
@@ -151,7 +151,7 @@ def train_command(
 ) -> None:
     """How soon splats are good: from nothing, and from the same person's earlier model."""
     require_motion(motion)
-    from benchmarks.ready import run
+    from benchmarks.training_time import run
 
     run(json_file, state, motion, backbone, clock, only)
 

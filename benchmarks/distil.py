@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.budget import clock_named
-from benchmarks.report import write_report
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.timing import clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.evaluation import evaluate

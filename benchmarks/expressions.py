@@ -17,7 +17,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.report import milliseconds, write_report
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.timing import milliseconds
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.moves import gestures

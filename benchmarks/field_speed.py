@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from benchmarks.report import write_report
+from benchmarks.reporting.figures import write_report
 from capture.body.model import load_body_model
 from renderer.field.drawing import FieldRenderer
 from renderer.field.field import PersonField

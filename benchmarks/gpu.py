@@ -19,10 +19,11 @@ import numpy as np
 import torch
 
 from benchmarks.field_speed import fitted, with_speed_ups
-from benchmarks.frontier_training import figures_of
-from benchmarks.pages import markdown_table, replace_between
-from benchmarks.report import milliseconds, write_report
-from benchmarks.serve import SIZES, Cast
+from benchmarks.frontier.training import figures_of
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.markdown import markdown_table, replace_between
+from benchmarks.reporting.timing import milliseconds
+from benchmarks.serve import SIZES, StudioPerformers
 from capture.body.model import load_body_model
 from capture.storage import open_sequence
 from capture.studio import make_sequence
@@ -41,7 +42,7 @@ from scene.camera import Camera, orbit_camera
 from scene.motion import Pose
 from scene.skeleton import JOINT_NAMES
 
-CASTS = ((10_000, 1), (10_000, 4), (50_000, 1), (50_000, 8))
+CROWDS = ((10_000, 1), (10_000, 4), (50_000, 1), (50_000, 8))
 FIELD_SIZES = (256, 512, 1024)
 PRESET = "+".join(["paper", *EXACT])
 _VIEWS, _WARM_UPS, _FIELD_VIEWS = 100, 10, 20
@@ -61,7 +62,7 @@ def run(json_file: Path | None, page_file: Path | None, seconds: list[float]) ->
     figures: dict[str, Any] = {"device": torch.cuda.get_device_name(device), "batch": 1}
     figures["torch"], figures["gsplat"] = torch.__version__, find_spec("gsplat") is not None
     figures["splats"] = [
-        _splats(count, people, size, device) for count, people in CASTS for size in SIZES
+        _splats(count, people, size, device) for count, people in CROWDS for size in SIZES
     ]
     figures["fields"] = _fields("paper", device)
     figures["training"] = [_trained(budget_s) for budget_s in seconds]
@@ -104,16 +105,16 @@ def tables(figures: dict[str, Any]) -> str:
 
 
 def _splats(count: int, people: int, size: int, device: torch.device) -> dict[str, Any]:
-    """Milliseconds of one cast at one size, by all who can draw it."""
-    cast = Cast(count, people)
-    ours = GpuSplatRenderer(cast.models, device)
+    """Milliseconds of some performers at one size, by all who can draw it."""
+    performers = StudioPerformers(count, people)
+    ours = GpuSplatRenderer(performers.models, device)
     rasterisers: dict[str, Callable[[Array, Camera], Any]] = {"device": ours.draw}
     if find_spec("gsplat") is not None:
-        rasterisers["gsplat"] = _Gsplat(cast, device)
+        rasterisers["gsplat"] = _Gsplat(performers, device)
     rasterisers["host"] = lambda moved, camera: ours.render(camera, [moved])
     taken: dict[str, list[float]] = {name: [] for name in rasterisers}
     for view in range(-_WARM_UPS, _VIEWS):
-        camera, transforms = cast.camera(view, size), cast.transforms(view)
+        camera, transforms = performers.camera(view, size), performers.transforms(view)
         moved = np.concatenate(transforms).astype(np.float32)
         for name, draw in rasterisers.items():
             spent_s = _seconds(lambda d=draw, m=moved, c=camera: d(m, c))
@@ -139,15 +140,18 @@ def _seconds(draw: Callable[[], Any]) -> float:
 class _Gsplat:
     """gsplat (Ye et al. 2025) of skinned splats: torch skins, gsplat projects, sorts and blends."""
 
-    def __init__(self, cast: Cast, device: torch.device) -> None:
+    def __init__(self, performers: StudioPerformers, device: torch.device) -> None:
         def joined(parts: list[Array]) -> Tensor:
             return torch.from_numpy(np.concatenate(parts)).to(device)
 
         self._device, joints = device, len(JOINT_NAMES)
-        parameters = joined([model.parameters for model in cast.models])
-        self._weights = joined([model.weights for model in cast.models])
+        parameters = joined([model.parameters for model in performers.models])
+        self._weights = joined([model.weights for model in performers.models])
         self._joints = joined(
-            [model.joints.astype(np.int64) + joints * n for n, model in enumerate(cast.models)]
+            [
+                model.joints.astype(np.int64) + joints * n
+                for n, model in enumerate(performers.models)
+            ]
         )
         self._rest = parameters[:, POSITION : POSITION + 3]
         lengths = parameters[:, LOG_SCALE : LOG_SCALE + 3].exp()

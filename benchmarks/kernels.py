@@ -15,7 +15,8 @@ from pathlib import Path
 import torch
 from torch.nn import functional
 
-from benchmarks.report import milliseconds, write_report
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.timing import milliseconds
 from renderer.devices import best_device
 from renderer.fused.mlp import fused_mlp, runs_on
 from renderer.fused.tiny_cuda_nn import has_tiny_cuda_nn

@@ -19,7 +19,7 @@ import av
 from playwright.sync_api import Page, Worker, expect
 
 from benchmarks.browser import open_page, running_demo
-from benchmarks.report import milliseconds
+from benchmarks.reporting.timing import milliseconds
 
 CAMERA = (640, 480)
 """px: what the page asks of a camera."""

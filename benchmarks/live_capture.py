@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report import milliseconds, write_report
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.timing import milliseconds
 from capture.body.model import load_body_model
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
 from capture.detection.lifter import lift

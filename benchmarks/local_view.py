@@ -21,7 +21,7 @@ from typing import Any
 from playwright.sync_api import Page
 
 from benchmarks.browser import open_page, processor_seconds
-from benchmarks.report import write_report
+from benchmarks.reporting.figures import write_report
 from benchmarks.serve import surface_model
 from renderer.splats.export import encode
 from renderer.splats.model import SplatModel

@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.report import write_report
+from benchmarks.reporting.figures import write_report
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
 from capture.detection.network_files import landmark_model_file
 from capture.detection.tracking import follow

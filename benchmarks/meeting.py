@@ -33,7 +33,7 @@ from benchmarks.browser import (
     running_demo,
 )
 from benchmarks.live_people import People
-from benchmarks.report import write_report
+from benchmarks.reporting.figures import write_report
 
 PERFORMERS = (1, 2, 4, 8)
 SIZE_PX = 512

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.budget import Clock, clock_named
 from benchmarks.pose_errors import geodesic_deg
-from benchmarks.report import write_report
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.evaluation import evaluate

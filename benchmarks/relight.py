@@ -17,8 +17,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.budget import Clock, clock_named
-from benchmarks.report import milliseconds, write_report
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.timing import Clock, clock_named, milliseconds
 from capture.sources.panorama import read_panorama
 from capture.storage import open_sequence
 from capture.studio import make_sequence

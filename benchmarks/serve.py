@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any
 import numba
 import numpy as np
 
-from benchmarks.report import late_share, milliseconds, write_report
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.timing import late_share, milliseconds
 from capture.studio.moves import turning
 from capture.studio.performer import make_performer
 from renderer.splats.compose import SplatRenderer
@@ -85,11 +86,11 @@ def _training_step() -> dict[str, Any]:
 
 def _drawn(count: int, performers: int, size: int) -> dict[str, Any]:
     """One view after the other round `performers` who stand side by side."""
-    cast = Cast(count, performers)
+    people = StudioPerformers(count, performers)
     seconds = []
     for view in range(-_WARM_UPS, _VIEWS):
         started = time.perf_counter()
-        cast.draw(view, size)
+        people.draw(view, size)
         if view >= 0:
             seconds.append(time.perf_counter() - started)
     row = {"splats": count, "performers": performers, "size": size, **milliseconds(seconds),
@@ -132,7 +133,7 @@ def _coded(size: int, performers: int, moving: bool) -> dict[str, Any]:
     return row
 
 
-class Cast:
+class StudioPerformers:
     """Performers side by side, and a camera that goes round them."""
 
     def __init__(self, count: int, performers: int) -> None:
@@ -162,11 +163,11 @@ class Cast:
 def _long_session() -> dict[str, Any]:
     """Of many frames of one session: how much this process' peak memory grew, MiB, and how many
     frames came late."""
-    cast, peaks, seconds = Cast(10_000, 1), [], []
+    people, peaks, seconds = StudioPerformers(10_000, 1), [], []
     for frames in (_FRAMES_OF_ONE_SESSION // 10, _FRAMES_OF_ONE_SESSION):
         for view in range(frames):
             started = time.perf_counter()
-            cast.draw(view, SIZES[0])
+            people.draw(view, SIZES[0])
             seconds.append(time.perf_counter() - started)
         peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0)
     grown_mib = round(peaks[1] - peaks[0], 1)

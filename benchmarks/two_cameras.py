@@ -18,8 +18,8 @@ from xml.etree import ElementTree
 import cv2
 import numpy as np
 
-from benchmarks.budget import clock_named
-from benchmarks.report import write_report
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.timing import clock_named
 from capture.detection.landmarks import MediaPipeEstimator
 from capture.detection.tracking import follow
 from capture.overlay import project_surface

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.ready import BUDGETS_S, curve, seconds_to
+from benchmarks.training_time import BUDGETS_S, curve, seconds_to
 
 
 def test_time_to_an_accuracy_is_read_between_budgets():

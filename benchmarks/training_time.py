@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.budget import Clock, clock_named
-from benchmarks.frontier_training import figures_of
-from benchmarks.kept import Kept
-from benchmarks.report import write_report
+from benchmarks.frontier.training import figures_of
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.measurements import MeasurementCache
+from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.cast import CAST
@@ -41,13 +41,13 @@ def run(
     only: str,
 ) -> None:  # fmt: skip
     """Measure what is missing in `state`, report, and draw the chart beside the JSON."""
-    kept, clock = Kept(state, only), clock_named(clock_name)
+    cache, clock = MeasurementCache(state, only), clock_named(clock_name)
     lpips = None if backbone is None else backbone.name
     motions = sorted(motion.glob("*.bvh"))
     rows: list[dict[str, Any]] = []
     for performer in PERFORMERS:
         about = {"performer": performer, "clip": motions[-1].stem, "earlier": motions[0].stem}
-        found = kept.measured(
+        found = cache.measured(
             performer, {**about, "budgets": BUDGETS_S, "lpips": lpips, **clock.about()},
             lambda p=performer: {"rows": _rows(p, motions[-1], motions[0], backbone, clock)},
         )  # fmt: skip

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
 
 
@@ -38,3 +39,14 @@ def clock_named(name: str) -> Clock:
     torch.set_num_threads(threads)
     numba.set_num_threads(threads)
     return Clock(name, time.process_time if one else time.perf_counter, threads)
+
+
+def milliseconds(seconds: list[float]) -> dict[str, float]:
+    """p50 and p95, ms."""
+    return {f"p{q}_ms": round(float(np.percentile(seconds, q)) * 1e3, 3) for q in (50, 95)}
+
+
+def late_share(seconds: list[float]) -> dict[str, float]:
+    """Share of those that took more than twice the median."""
+    taken = np.array(seconds)
+    return {"over_twice_p50": round(float((taken > 2.0 * np.median(taken)).mean()), 4)}

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.budget import Clock, clock_named
-from benchmarks.frontier_training import figures_of
-from benchmarks.kept import Kept
-from benchmarks.pages import markdown_table, replace_between
-from benchmarks.report import write_report
+from benchmarks.frontier.training import figures_of
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.markdown import markdown_table, replace_between
+from benchmarks.reporting.measurements import MeasurementCache
+from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.cast import CAST
@@ -35,7 +35,7 @@ def run(
     backbone: Path | None, clock_name: str, only: str,
 ) -> None:  # fmt: skip
     """Measure what is missing in `state`, report, and write the table."""
-    kept, clock = Kept(state, only), clock_named(clock_name)
+    cache, clock = MeasurementCache(state, only), clock_named(clock_name)
     rows = []
     for look in LOOKS:
         for performer in CAST:
@@ -43,7 +43,7 @@ def run(
                 about = {"look": look, "performer": performer, "preset": preset,
                          "budget_s": budget_s, **clock.about()}  # fmt: skip
                 lpips = None if backbone is None else backbone.name
-                row = kept.measured(
+                row = cache.measured(
                     f"{look}/{performer}/{preset}", {**about, "size": SIZE, "lpips": lpips},
                     lambda a=about: _cell(a, motion, backbone, clock),
                 )  # fmt: skip

@@ -11,14 +11,14 @@ import os
 from pathlib import Path
 from typing import Any
 
-from benchmarks.budget import Clock, clock_named
-from benchmarks.frontier_charts import draw_charts
-from benchmarks.frontier_page import page
-from benchmarks.frontier_speed import STEPS, Draw, timed, timed_steps, weights_of
-from benchmarks.frontier_training import RUNS, SCALED, accuracy, trained
-from benchmarks.kept import Kept
-from benchmarks.pages import replace_between
-from benchmarks.report import write_report
+from benchmarks.frontier.charts import draw_charts
+from benchmarks.frontier.page import page
+from benchmarks.frontier.speed import STEPS, Draw, timed, timed_steps, weights_of
+from benchmarks.frontier.training import RUNS, SCALED, accuracy, trained
+from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.markdown import replace_between
+from benchmarks.reporting.measurements import MeasurementCache
+from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.model import PersonModel
@@ -36,16 +36,20 @@ def run(
     scaled_s: float, clock_name: str, only: str,
 ) -> None:  # fmt: skip
     """Measure what is missing in `state`, report, and draw the charts beside the JSON."""
-    clip, kept, clock = _sequence(state), Kept(state, only), clock_named(clock_name)
+    clip, cache, clock = (
+        _sequence(state),
+        MeasurementCache(state, only),
+        clock_named(clock_name),
+    )
     figures = {
         "sequence": {
             "performer": "studio, seed 0", "look": "plain", "poses": "exact",
             "frames": FRAMES, "size": SIZE, "data_hash": clip.data_hash,
         },
         **clock.about(),
-        "accuracy": _accuracies(clip, kept, state, backbone, scaled_s, clock),
-        "speed": _speeds(clip, kept, state, backbone, clock),
-        "steps": _steps(clip, kept, clock),
+        "accuracy": _accuracies(clip, cache, state, backbone, scaled_s, clock),
+        "speed": _speeds(clip, cache, state, backbone, clock),
+        "steps": _steps(clip, cache, clock),
     }  # fmt: skip
     write_report(json_file, "frontier", {**figures, "points": points(figures)})
     if json_file is not None:
@@ -65,7 +69,12 @@ def _sequence(state: Path) -> Sequence:
 
 
 def _accuracies(
-    clip: Sequence, kept: Kept, state: Path, backbone: Path | None, scaled_s: float, clock: Clock
+    clip: Sequence,
+    cache: MeasurementCache,
+    state: Path,
+    backbone: Path | None,
+    scaled_s: float,
+    clock: Clock,
 ) -> list[dict[str, Any]]:
     """Every preset at every budget; the paper's own in scaled runs, on a thread's own time."""
     rows = []
@@ -77,7 +86,7 @@ def _accuracies(
         of = {**about, "data": clip.data_hash, "lpips": None if backbone is None else backbone.name}
         if name in SCALED:
             of["scale"] = [SCALED[name].patches, SCALED[name].samples]
-        row = kept.measured(
+        row = cache.measured(
             f"accuracy/{name}@{budget_s:g}", of,
             lambda n=name, b=budget_s, c=counted: accuracy(clip, n, b, state, backbone, c),
         )  # fmt: skip
@@ -87,7 +96,7 @@ def _accuracies(
 
 
 def _speeds(
-    clip: Sequence, kept: Kept, state: Path, backbone: Path | None, clock: Clock
+    clip: Sequence, cache: MeasurementCache, state: Path, backbone: Path | None, clock: Clock
 ) -> list[dict[str, Any]]:
     """Times of what trains on a CPU, by the models of the longest budgets."""
     rows = []
@@ -98,7 +107,7 @@ def _speeds(
             return {**timed(clip, _drawing(model), clock), **weights_of(name)}
 
         of = {"preset": name, "data": clip.data_hash, **clock.about()}
-        row = kept.measured(f"speed/{name}", of, measure)
+        row = cache.measured(f"speed/{name}", of, measure)
         rows += [] if row is None else [{"preset": name, **row}]
     return rows
 
@@ -113,12 +122,14 @@ def _drawing(model: PersonModel) -> Draw:
     )
 
 
-def _steps(clip: Sequence, kept: Kept, clock: Clock) -> list[dict[str, Any]]:
+def _steps(clip: Sequence, cache: MeasurementCache, clock: Clock) -> list[dict[str, Any]]:
     fields: dict[str, Any] = {}
     rows = []
     for name in STEPS:
         of = {"preset": name, "data": clip.data_hash, **clock.about()}
-        row = kept.measured(f"steps/{name}", of, lambda n=name: timed_steps(clip, n, clock, fields))
+        row = cache.measured(
+            f"steps/{name}", of, lambda n=name: timed_steps(clip, n, clock, fields)
+        )
         rows += [] if row is None else [{"preset": name, **row}]
     return rows
 

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from benchmarks.kept import Kept
+from benchmarks.reporting.measurements import MeasurementCache
 
 
 def test_a_run_that_was_cut_goes_on(tmp_path):
@@ -23,7 +23,10 @@ def test_a_run_that_was_cut_goes_on(tmp_path):
         return measure
 
     def run():
-        return [Kept(tmp_path).measured(f"speed/{n}", {"of": n}, measuring(n)) for n in "abc"]
+        return [
+            MeasurementCache(tmp_path).measured(f"speed/{n}", {"of": n}, measuring(n))
+            for n in "abc"
+        ]
 
     with pytest.raises(KeyboardInterrupt):
         run()
@@ -36,10 +39,10 @@ def test_a_run_that_was_cut_goes_on(tmp_path):
 
 
 def test_figures_of_something_else_are_measured_anew(tmp_path):
-    kept = Kept(tmp_path)
+    cache = MeasurementCache(tmp_path)
     for clip, wanted in (("one", 1), ("one", 1), ("other", 3)):
         counter = iter([wanted])
-        row = kept.measured("x", {"data": clip, "sizes": (1, 2)}, lambda c=counter: {"n": next(c)})
+        row = cache.measured("x", {"data": clip, "sizes": (1, 2)}, lambda c=counter: {"n": next(c)})
         assert row is not None
         assert row["n"] == wanted
     stored = json.loads((tmp_path / "x.json").read_text())
@@ -47,7 +50,7 @@ def test_figures_of_something_else_are_measured_anew(tmp_path):
 
 
 def test_what_is_left_out_is_shown_only_if_it_is_there(tmp_path):
-    whole, part = Kept(tmp_path), Kept(tmp_path, only="splats")
+    whole, part = MeasurementCache(tmp_path), MeasurementCache(tmp_path, only="splats")
     assert part.measured("speed/fast", {}, dict) is None
     assert part.measured("speed/splats", {}, lambda: {"ms": 2}) is not None
     whole.measured("speed/fast", {}, lambda: {"ms": 7})

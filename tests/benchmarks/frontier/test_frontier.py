@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.budget import Clock
-from benchmarks.frontier import points
-from benchmarks.frontier_charts import draw_charts
-from benchmarks.frontier_page import page
-from benchmarks.frontier_speed import STEPS, timed
-from benchmarks.frontier_training import SCALED, Scale
-from benchmarks.pages import replace_between
-from benchmarks.pareto import pareto_front
+from benchmarks.frontier.charts import draw_charts
+from benchmarks.frontier.measure import points
+from benchmarks.frontier.page import page
+from benchmarks.frontier.pareto import pareto_front
+from benchmarks.frontier.speed import STEPS, timed
+from benchmarks.frontier.training import SCALED, Scale
+from benchmarks.reporting.markdown import replace_between
+from benchmarks.reporting.timing import Clock
 from renderer.field.settings import FieldSettings
 from renderer.presets import EXACT, PRESETS, find_preset
 from scene.camera import Camera

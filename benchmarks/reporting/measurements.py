@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.report import machine
+from benchmarks.reporting.figures import machine
 
 
 @dataclass(frozen=True)
-class Kept:
+class MeasurementCache:
     """Figures in `folder`, each with what it was measured of and where."""
 
     folder: Path

@@ -11,8 +11,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 
 def write_report(path: Path | None, name: str, figures: dict[str, Any]) -> None:
     """Print `figures`, and write them with where they come from to `path` if there is one."""
@@ -36,17 +34,6 @@ def machine() -> dict[str, Any]:
         },
         "commit": _commit(),
     }
-
-
-def milliseconds(seconds: list[float]) -> dict[str, float]:
-    """p50 and p95, ms."""
-    return {f"p{q}_ms": round(float(np.percentile(seconds, q)) * 1e3, 3) for q in (50, 95)}
-
-
-def late_share(seconds: list[float]) -> dict[str, float]:
-    """Share of those that took more than twice the median."""
-    taken = np.array(seconds)
-    return {"over_twice_p50": round(float((taken > 2.0 * np.median(taken)).mean()), 4)}
 
 
 def _processor() -> str:

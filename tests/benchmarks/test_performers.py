@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.cast import means, table
+from benchmarks.performers import means, table
 
 
 def cell(look: str, performer: str, psnr: float, lpips: float | None) -> dict[str, Any]:

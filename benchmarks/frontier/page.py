@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.frontier_charts import ACCURACY, counted, short_name
-from benchmarks.frontier_speed import BASES, SIZES
-from benchmarks.pages import markdown_table
-from benchmarks.pareto import pareto_front
+from benchmarks.frontier.charts import ACCURACY, counted, short_name
+from benchmarks.frontier.pareto import pareto_front
+from benchmarks.frontier.speed import BASES, SIZES
+from benchmarks.reporting.markdown import markdown_table
 from renderer.presets import EXACT
 
 _CHARTS = (

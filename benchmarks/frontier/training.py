@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.budget import Clock
+from benchmarks.reporting.timing import Clock
 from renderer.checkpoint import load_model, save_model
 from renderer.evaluation import MEASURES, evaluate
 from renderer.field.model import FieldModel

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.pareto import pareto_front
+from benchmarks.frontier.pareto import pareto_front
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

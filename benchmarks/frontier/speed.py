@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.budget import Clock
 from benchmarks.field_speed import SAME_WEIGHTS, fitted
-from benchmarks.report import milliseconds
+from benchmarks.reporting.timing import Clock, milliseconds
 from renderer.catalogue import described
 from renderer.field.drawing import FieldRenderer
 from renderer.field.settings import FieldSettings

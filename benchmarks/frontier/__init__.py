@@ -1,0 +1,1 @@
+"""Speed against accuracy of every preset: measured, charted and set as a page."""

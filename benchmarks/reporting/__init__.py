@@ -1,0 +1,1 @@
+"""What every benchmark shares: its clock, its measurements on disk, its file of figures."""
