@@ -35,8 +35,8 @@ from scene.body import Body
 from scene.camera import Camera
 from scene.motion import Motion, Pose
 from scene.skeleton import JOINT_NAMES
-from services.live.keypoints import Inbox
-from services.live.motion import LiveMotion
+from services.live.motion.keypoint_channels import Inbox
+from services.live.motion.live_motion import LiveMotion
 from services.live.packets import KEYPOINTS_BYTES, KeypointsPacket, encode_keypoints
 from services.settings import load_settings
 

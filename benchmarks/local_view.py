@@ -25,8 +25,8 @@ from benchmarks.reporting.figures import write_report
 from benchmarks.serve import surface_model
 from renderer.splats.export import encode
 from renderer.splats.model import SplatModel
-from services.live.poses import packets_of
 from services.live.room import CastMember, Room, circle_places, facing_yaw
+from services.live.streaming.pose_feed import packets_of
 
 SIZES = (256, 512)
 COUNTS = (5_000, 10_000)

@@ -1,8 +1,9 @@
 """From a webcam's landmarks to the picture on a viewer's screen, through a real meeting.
 
 Every performer's landmarks come over WebRTC; a headless Chromium looks on, at the server's pictures
-or at its own. Each shows when the newest landmarks were captured (services.live.stamp); the page
-reads that from the pixels: latency is the age of a picture, ms, when it is handed to the screen.
+or at its own. Each shows when the newest landmarks were captured
+(services.live.streaming.latency_code); the page reads that from the pixels:
+latency is the age of a picture, ms, when it is handed to the screen.
 Processor time holds on a machine that others use as well; frames a second and latency do not: each
 row says how many processes wanted a core (`load`), and how wide the pictures by the server were.
 What a page takes to find the landmarks is measured apart (benchmarks.landmark_finder).

@@ -101,9 +101,9 @@ def _drawn(count: int, performers: int, size: int) -> dict[str, Any]:
 
 def _coded(size: int, performers: int, moving: bool) -> dict[str, Any]:
     """Processor ms a picture: drawing into a frame, and each codec; by a still or moving viewer."""
-    from services.live.encoding import Codec, PictureEncoder
     from services.live.room import CastMember, Room, circle_places
-    from services.live.track import Canvas
+    from services.live.streaming.encoding import Codec, PictureEncoder
+    from services.live.streaming.view_track import Canvas
 
     model = surface_model(10_000)
     cast = (

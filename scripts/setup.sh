@@ -58,7 +58,7 @@ compile_renderer() {
   [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
   echo "setup: compiling the renderer (half a minute)"
   .venv/bin/python -c "from renderer.stage import warm_up; warm_up()"
-  .venv/bin/python -c "from services.live.motion import warm_up; warm_up()"
+  .venv/bin/python -c "from services.live.motion.live_motion import warm_up; warm_up()"
   echo "$wanted" > "$stamp"
 }
 

@@ -30,7 +30,7 @@ from services.container import Services, build_services
 from services.control import channel
 from services.jobs.worker import Worker
 from services.limits import LimitBodies
-from services.live import whep
+from services.live.signalling import whep
 from services.settings import Settings
 
 log = logging.getLogger(__name__)

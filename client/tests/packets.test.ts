@@ -71,7 +71,7 @@ describe("StallWatch", () => {
 });
 
 describe("decodePose", () => {
-  // tests/services/live/test_poses.py holds the server to the same bytes
+  // tests/services/live/test_pose_feed.py holds the server to the same bytes
   const golden =
     "01020000" + "07000000" + "0000000000709740" + "01036887" + "0000003f" + "0000803f" + "000000c0" +
     "b6b6ed6d5b6b" + "004000200010".repeat(23);

@@ -15,7 +15,7 @@ function corner(cells: readonly boolean[], noise = 0): Uint8ClampedArray {
 }
 
 test("a code is what the server writes for the same time", () => {
-  // as services/live/stamp.py has it: 12345 is 0x3039, its nibbles and 5 make 20, of which 4 stays
+  // as services/live/streaming/latency_code.py has it: 12345 is 0x3039, its nibbles and 5 make 20, of which 4 stays
   const bits = "00110000001110010100";
   expect(stampCells(12345).map(Number).join("")).toBe(bits);
   expect(stampCells(12345 + 65536 * 1e6)).toEqual(stampCells(12345));

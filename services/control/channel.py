@@ -36,9 +36,9 @@ from services.control.roster import SILENCE_S
 from services.control.wishes import arrive, fulfil, read_caller
 from services.jobs.events import meeting_topic
 from services.limits import RateLimit
-from services.live.calls import VoiceSessions
-from services.live.voices import router as voice_router
-from services.live.whip import router as whip_router
+from services.live.sessions.voice_sessions import VoiceSessions
+from services.live.signalling.voice import router as voice_router
+from services.live.signalling.whip import router as whip_router
 from services.problems import ProblemError, problem_of
 from services.recording.recorder import Recorders
 

@@ -26,8 +26,8 @@ from db.models import (
     RecordingState,
 )
 from services.container import Services
-from services.live.calls import Listener
-from services.live.forwarding import OpusPacket
+from services.live.sessions.voice_sessions import Listener
+from services.live.streaming.forwarding import OpusPacket
 from services.recording import consent
 from services.recording.chunks import LONGEST_RECORD, Record, pack
 

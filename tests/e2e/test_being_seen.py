@@ -21,7 +21,7 @@ from services.app import create_app
 from services.auth import GUEST
 from services.bootstrap import DEMO_MODEL, import_model
 from services.container import build_services
-from services.live.motion import LiveMotion
+from services.live.motion.live_motion import LiveMotion
 from services.live.packets import EXPRESSION_BYTES, KEYPOINTS_BYTES
 from services.live.room import Room
 from services.meetings import create_meeting

@@ -25,8 +25,8 @@ from scene.expression import EXPRESSION_COUNT
 from scene.rotations import matrix_to_quaternion
 from services.api.environments import Light
 from services.environments import environment, find_theme
-from services.live.poses import packets_of
 from services.live.room import CastMember, Room, circle_places, facing_yaw
+from services.live.streaming.pose_feed import packets_of
 from tests.renderer.splats.viewer_file import demo_model
 
 pytestmark = pytest.mark.e2e

@@ -12,9 +12,9 @@ from services.auth import ALL_SCOPES, GUEST, Principal, Tokens
 from services.bootstrap import ensure_demo, import_model
 from services.container import Services
 from services.jobs.queue import drop_orphans, enqueue, finish
-from services.live.keypoints import _own_member
+from services.live.motion.keypoint_channels import _own_member
 from services.live.room import Room
-from services.live.whep import cast_of
+from services.live.signalling.whep import cast_of
 from services.problems import ProblemError
 from tests.db.rows import NOW, job, sequence
 from tests.fakes import Clock

@@ -9,7 +9,7 @@ from db.models import Role
 from scene.lighting import LUMINANCE, panorama_directions
 from services.api.environments import LARGEST_PICTURE_BYTES
 from services.environments import environment, themes
-from services.live.whep import environment_of
+from services.live.signalling.whep import environment_of
 from tests.services.conftest import bearer
 
 

@@ -16,7 +16,7 @@ from services.auth import GUEST
 from services.bootstrap import ensure_demo, import_model
 from services.container import Services
 from services.live.room import Room
-from services.live.whep import cast_of
+from services.live.signalling.whep import cast_of
 from tests.services import seeds
 from tests.services.conftest import bearer
 

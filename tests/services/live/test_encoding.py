@@ -13,7 +13,13 @@ from aiortc.rtcrtpparameters import RTCRtpCodecParameters
 from av import CodecContext, VideoFrame
 from av.video.codeccontext import VideoCodecContext
 
-from services.live.encoding import BITRATES, BitrateSteps, Codec, PictureEncoder, chosen_codec
+from services.live.streaming.encoding import (
+    BITRATES,
+    BitrateSteps,
+    Codec,
+    PictureEncoder,
+    chosen_codec,
+)
 
 SIZE = 128
 

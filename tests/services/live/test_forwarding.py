@@ -5,7 +5,7 @@ from __future__ import annotations
 from aiortc import RTCPeerConnection
 from aiortc.rtp import RtpPacket
 
-from services.live.forwarding import (
+from services.live.streaming.forwarding import (
     ForwardedVideo,
     ForwardedVoice,
     OpusPacket,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from services.live.pacing import SCALES, TICK_S, FramePacer, ResendBudget, SizeGovernor
+from services.live.streaming.pacing import SCALES, TICK_S, FramePacer, ResendBudget, SizeGovernor
 
 
 def test_a_viewer_gets_one_picture_a_tick():

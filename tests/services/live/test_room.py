@@ -18,7 +18,7 @@ from services.live.room import (
     grounded,
     to_and_fro,
 )
-from services.live.track import frame_size
+from services.live.streaming.view_track import frame_size
 from tests.renderer.studio import make_model, make_motion
 
 

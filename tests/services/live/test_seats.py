@@ -17,7 +17,7 @@ from services import seats
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
-from services.live.sessions import CONNECT_S, SILENCE_S, ViewSessions
+from services.live.sessions.view_sessions import CONNECT_S, SILENCE_S, ViewSessions
 from tests.fakes import Clock
 from tests.services.conftest import bearer
 from tests.services.live.viewer import Viewer, view

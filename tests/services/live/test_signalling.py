@@ -15,7 +15,7 @@ from av import VideoFrame
 
 from services.app import create_app
 from services.container import Services
-from services.live.calls import VoiceSessions
+from services.live.sessions.voice_sessions import VoiceSessions
 from tests.services.conftest import bearer
 from tests.services.control.test_voices import Tone
 

@@ -13,7 +13,7 @@ from db.models import ModelRow
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
-from services.live.sessions import ViewSessions
+from services.live.sessions.view_sessions import ViewSessions
 from tests.services.conftest import bearer
 from tests.services.live.viewer import Viewer, view
 

@@ -13,8 +13,8 @@ from capture.live.filter import AT_MOST_S
 from scene.errors import InvalidInput
 from scene.motion import Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from services.live.feet_kernels import bend, level, reach_with
-from services.live.motion import EASE_S, LiveMotion
+from services.live.motion.foot_locking_kernels import bend, level, reach_with
+from services.live.motion.live_motion import EASE_S, LiveMotion
 from services.live.packets import decode_keypoints, encode_keypoints
 from tests.capture.people import JOINT, body, standing
 from tests.services.live.people import joints, seen

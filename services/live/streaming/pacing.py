@@ -7,7 +7,7 @@ ticks that were missed are gone.
 
 from __future__ import annotations
 
-from services.live.encoding import FRAMES_PER_SECOND
+from services.live.streaming.encoding import FRAMES_PER_SECOND
 
 TICK_S = 1.0 / FRAMES_PER_SECOND
 SCALES = (1.0, 0.75, 0.5)

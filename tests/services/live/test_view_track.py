@@ -23,14 +23,14 @@ from aiortc.rtp import (
 )
 
 from scene import Pose
-from services.live import stamp
-from services.live.encoding import BITRATES, Codec, PictureEncoder
-from services.live.pacing import TICK_S
 from services.live.packets import NewestView, ViewPacket
-from services.live.planes import rows_of
 from services.live.room import CastMember, Room
-from services.live.sessions import heed_feedback
-from services.live.track import Canvas, SharedPictures, ViewTrack, frame_size
+from services.live.sessions.view_sessions import heed_feedback
+from services.live.streaming import latency_code
+from services.live.streaming.encoding import BITRATES, Codec, PictureEncoder
+from services.live.streaming.pacing import TICK_S
+from services.live.streaming.view_track import Canvas, SharedPictures, ViewTrack, frame_size
+from services.live.streaming.yuv_planes import rows_of
 from tests.renderer.studio import make_model, make_motion
 
 VIEW = ViewPacket(1, 0.0, (0.0, 1.0, 3.0), (0.0, 1.0, 0.0, 0.0), 0.7, 128, 128)
@@ -217,10 +217,10 @@ def test_a_canvas_that_was_left_out_for_a_while_shows_the_whole_picture(room):
 def test_where_pictures_are_stamped_they_show_when_the_newest_was_captured(room):
     shared, camera = SharedPictures(room, stamped=True), room.first_view(256, 256)
     frame = shared.frame(Canvas(), 1, 0.0, camera, hide_unseen=False)
-    assert stamp.read(rows_of(frame.planes[0])) is None  # nobody is driven
+    assert latency_code.read(rows_of(frame.planes[0])) is None  # nobody is driven
     room.live["p"] = Driven()
     frame = shared.frame(Canvas(), 2, 0.0, camera, hide_unseen=False)
-    assert stamp.read(rows_of(frame.planes[0])) == int(Driven.captured_ms) % 65536
+    assert latency_code.read(rows_of(frame.planes[0])) == int(Driven.captured_ms) % 65536
 
 
 def test_sizes_shrink_in_blocks_and_keep_their_shape():

@@ -24,8 +24,8 @@ from services.live.packets import (
     encode_pose,
     performer_check,
 )
-from services.live.poses import PoseFeed, packets_of
 from services.live.room import CastMember, Room
+from services.live.streaming.pose_feed import PoseFeed, packets_of
 from tests.renderer.studio import make_model, make_motion
 
 GOLDEN = (

@@ -1,8 +1,8 @@
 """WHEP (draft-ietf-wish-whep): a viewer posts an SDP offer, the answer brings their own view.
 
 `POST /whep/{meeting}` opens a session and `DELETE` on its location ends it, as
-services.live.signalling has it. The view follows the data channel `view` that the viewer opens;
-who opens `pose` as well may draw the room from poses (services.live.packets).
+services.live.signalling.sdp_http has it. The view follows the data channel `view` that the viewer
+opens; who opens `pose` as well may draw the room from poses (services.live.packets).
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from services import seats
 from services.auth import Joiner, Principal
 from services.container import Provided, Services
 from services.environments import environment_in
-from services.live import signalling
 from services.live.room import CastMember
-from services.live.sessions import NoRoom, ViewSessions
-from services.live.signalling import SDP
+from services.live.sessions.view_sessions import NoRoom, ViewSessions
+from services.live.signalling import sdp_http
+from services.live.signalling.sdp_http import SDP
 from services.meetings import performed_motion
 from services.problems import PROBLEMS, ProblemError
 
@@ -104,7 +104,7 @@ async def look(
 ) -> Response:
     """One rendered view; the viewer chooses where to stand by the data channel `view`."""
     caller.require_meeting(meeting_id)
-    sdp_offer = await signalling.read_offer(request)
+    sdp_offer = await sdp_http.read_offer(request)
     await run_in_threadpool(_require_place, services, meeting_id, caller)
     try:
         session_id, sdp_answer = await views.open(
@@ -116,13 +116,13 @@ async def look(
     # whoever is sent out from now on sees nothing more
     request.app.state.hub.stir(meeting_id)
     location, ice_servers = f"/whep/{meeting_id}/{session_id}", services.settings.ice_servers
-    return signalling.created(location, session_id, signalling.mux_only(sdp_answer), ice_servers)
+    return sdp_http.created(location, session_id, sdp_http.mux_only(sdp_answer), ice_servers)
 
 
 @router.options("/whep/{meeting_id}", summary="What a viewer may post", status_code=204)
 async def tell_door(meeting_id: str) -> Response:
     """The methods and types that this door takes."""
-    return signalling.options("POST, OPTIONS")
+    return sdp_http.options("POST, OPTIONS")
 
 
 @router.patch("/whep/{meeting_id}/{session_id}", summary="Add candidates", status_code=204)
@@ -130,14 +130,14 @@ async def trickle(
     meeting_id: str, session_id: str, request: Request, views: Views, caller: Joiner
 ) -> Response:
     """More addresses at which the viewer can be reached."""
-    session = signalling.session_of(views, session_id, meeting_id, caller)
-    return await signalling.trickle(request, session, session_id)
+    session = sdp_http.session_of(views, session_id, meeting_id, caller)
+    return await sdp_http.trickle(request, session, session_id)
 
 
 @router.delete("/whep/{meeting_id}/{session_id}", summary="Look away")
 async def look_away(meeting_id: str, session_id: str, views: Views, caller: Joiner) -> Response:
     """End the session."""
-    return await signalling.end(views, session_id, meeting_id, caller)
+    return await sdp_http.end(views, session_id, meeting_id, caller)
 
 
 def _require_place(services: Services, meeting_id: str, caller: Principal) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from services.live.slots import Slots, is_voice
+from services.live.streaming.voice_slots import Slots, is_voice
 
 
 def test_each_keeps_a_slot_while_there_are_enough():

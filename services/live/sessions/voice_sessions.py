@@ -20,8 +20,9 @@ from aiortc import (
     RTCSessionDescription,
 )
 
-from services.live.call_offer import Direction, Door, read_sections
-from services.live.forwarding import (
+from services.live.sessions.view_sessions import NoRoom, OfferRefused
+from services.live.sessions.voice_offer import Direction, Door, read_sections
+from services.live.streaming.forwarding import (
     ForwardedVideo,
     ForwardedVoice,
     OpusPacket,
@@ -30,8 +31,7 @@ from services.live.forwarding import (
     tap_opus,
     tap_video,
 )
-from services.live.sessions import NoRoom, OfferRefused
-from services.live.slots import Slots
+from services.live.streaming.voice_slots import Slots
 from services.problems import ProblemError
 
 _CONNECT_S = 20.0

@@ -18,7 +18,7 @@ from aiortc import MediaStreamTrack, RTCRtpReceiver
 from aiortc.rtp import RtpPacket
 from av.packet import Packet
 
-from services.live.slots import is_voice
+from services.live.streaming.voice_slots import is_voice
 
 OPUS_RATE = 48_000
 """Hz: of RTP timestamps of Opus, whatever the voice was sampled with (RFC 7587, section 4.1)."""

@@ -22,12 +22,12 @@ from renderer.stage import Stage
 from scene.arrays import Array, Bool, UInt8
 from scene.camera import Camera
 from scene.environment import Scene
-from services.live.encoding import BitrateSteps, PictureEncoder
-from services.live.pacing import TICK_S, FramePacer, ResendBudget, SizeGovernor
 from services.live.packets import NewestView
-from services.live.planes import rows_of
 from services.live.room import Room
-from services.live.stamp import write
+from services.live.streaming.encoding import BitrateSteps, PictureEncoder
+from services.live.streaming.latency_code import write
+from services.live.streaming.pacing import TICK_S, FramePacer, ResendBudget, SizeGovernor
+from services.live.streaming.yuv_planes import rows_of
 
 _SMALLEST_PX, _LARGEST_PX = 128, 1024
 _DEFAULT_SIZE = (512, 512)
@@ -62,7 +62,7 @@ class SharedPictures:
     """What has been drawn of one room at the newest tick."""
 
     def __init__(self, room: Room, *, stamped: bool) -> None:
-        """Pictures of `room`; where `stamped`, with the code of `services.live.stamp`."""
+        """Pictures of `room`; where `stamped`, with the code of `latency_code`."""
         self.room, self._stamped = room, stamped
         self.work_s = 0.0
         """Time spent on pictures of this room so far, s."""

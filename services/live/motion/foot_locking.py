@@ -213,7 +213,7 @@ class Standing:
     def _straighten(self, local: Array) -> None:
         """Have the legs stand as far as they are not seen."""
         from scene.kinematics_kernels import slerp
-        from services.live.feet_kernels import level
+        from services.live.motion.foot_locking_kernels import level
 
         upright = local[0].T @ level(local[0])
         for joint in _LEGS.ravel():
@@ -222,7 +222,7 @@ class Standing:
 
     def _reaching(self, local: Array, pelvis: Array, feet: list[tuple[Array, Array]]) -> Stance:
         """The pose whose ankles are at `feet`; the pelvis sinks where a leg is too short."""
-        from services.live.feet_kernels import reach_with
+        from services.live.motion.foot_locking_kernels import reach_with
 
         ankles, turns = np.array([place for place, _ in feet]), np.array([turn for _, turn in feet])
         local = local.copy()
@@ -241,6 +241,6 @@ class Standing:
 def _flatter(turn: Array, share: float) -> Array:
     """A foot `share` of the way to lying flat on the floor."""
     from scene.kinematics_kernels import slerp
-    from services.live.feet_kernels import level
+    from services.live.motion.foot_locking_kernels import level
 
     return turn if turn[1, 1] > _FLAT else slerp(turn, level(turn), share)

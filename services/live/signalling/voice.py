@@ -1,7 +1,7 @@
 """Voices in a meeting: each speaker's Opus packets go to every other member as they are.
 
-`POST /v1/meetings/{id}/voice` answers an SDP offer (services.live.signalling) from a seat whose
-owner is let in. The offer may have
+`POST /v1/meetings/{id}/voice` answers an SDP offer (services.live.signalling.sdp_http) from a seat
+whose owner is let in. The offer may have
 
 - audio sections that receive, at most `SLOTS`: slot 0 comes in the first of them, and so on.
   Whoever offers fewer hears fewer. A slot carries one speaker at a time; `speaking` on the control
@@ -9,8 +9,8 @@ owner is let in. The offer may have
   can set each voice where its speaker stands.
 - one audio section that sends (it may be one of those): the microphone. It is heard while the
   roster says that it is on.
-- one video section that receives: the screen that somebody shares (services.live.whip), if anybody
-  does.
+- one video section that receives: the screen that somebody shares
+  (services.live.signalling.whip), if anybody does.
 
 It is a connection of its own: a picture that stalls is replaced without cutting anybody off.
 Nothing is decoded or mixed here, so a speaker costs a packet a listener.
@@ -30,11 +30,11 @@ from db.models import MeetingRow
 from services import seats
 from services.auth import Joiner, Principal
 from services.container import Provided, Services
-from services.live import signalling
-from services.live.call_offer import Door
-from services.live.calls import VoiceSessions
-from services.live.sessions import NoRoom
-from services.live.signalling import SDP
+from services.live.sessions.view_sessions import NoRoom
+from services.live.sessions.voice_offer import Door
+from services.live.sessions.voice_sessions import VoiceSessions
+from services.live.signalling import sdp_http
+from services.live.signalling.sdp_http import SDP
 from services.problems import PROBLEMS, ProblemError
 
 router = APIRouter(prefix="/v1/meetings", tags=["meetings"], responses=PROBLEMS)
@@ -59,7 +59,7 @@ async def open_call(
         raise ProblemError(
             403, "no-seat", "the token must be one that joining gave; got one without a seat; join"
         )
-    sdp_offer = await signalling.read_offer(request)
+    sdp_offer = await sdp_http.read_offer(request)
     meeting = await run_in_threadpool(_meeting, services, meeting_id)
     seats.require_admitted(meeting, caller)
     try:
@@ -71,7 +71,7 @@ async def open_call(
     request.app.state.hub.stir(meeting_id)
     location = f"{place}/{call_id}"
     ice_servers = services.settings.ice_servers
-    return signalling.created(location, call_id, signalling.mux_only(answer), ice_servers)
+    return sdp_http.created(location, call_id, sdp_http.mux_only(answer), ice_servers)
 
 
 @router.post(
@@ -94,14 +94,14 @@ async def trickle(
     meeting_id: str, call_id: str, request: Request, voices: Voices, caller: Joiner
 ) -> Response:
     """More addresses at which the caller can be reached."""
-    call = signalling.session_of(voices, call_id, meeting_id, caller)
-    return await signalling.trickle(request, call, call_id)
+    call = sdp_http.session_of(voices, call_id, meeting_id, caller)
+    return await sdp_http.trickle(request, call, call_id)
 
 
 @router.delete("/{meeting_id}/voice/{call_id}", summary="Hang up")
 async def hang_up(meeting_id: str, call_id: str, voices: Voices, caller: Joiner) -> Response:
     """End the connection."""
-    return await signalling.end(voices, call_id, meeting_id, caller)
+    return await sdp_http.end(voices, call_id, meeting_id, caller)
 
 
 def _meeting(services: Services, meeting_id: str) -> MeetingRow:

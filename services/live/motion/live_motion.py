@@ -27,8 +27,8 @@ from scene.camera import Camera
 from scene.errors import InvalidInput
 from scene.motion import Pose
 from scene.skeleton import Skeleton
-from services.live.motion_expression import AT_REST, ExpressionFilter, Shown
-from services.live.motion_feet import Stance, Standing
+from services.live.motion.expression_filter import AT_REST, ExpressionFilter, Shown
+from services.live.motion.foot_locking import Stance, Standing
 from services.live.packets import KeypointsPacket
 
 EASE_S = 1.0

@@ -18,12 +18,12 @@ from prometheus_client import REGISTRY
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
-from services.live.keypoints import Inbox
-from services.live.motion import LiveMotion
+from services.live.motion.keypoint_channels import Inbox
+from services.live.motion.live_motion import LiveMotion
 from services.live.packets import KeypointsPacket, encode_keypoints
 from services.live.room import Room
-from services.live.sessions import ViewSessions
-from services.live.whep import cast_of
+from services.live.sessions.view_sessions import ViewSessions
+from services.live.signalling.whep import cast_of
 from services.meetings import create_meeting
 from tests.capture.people import JOINT, body, standing
 from tests.services.live.people import seen

@@ -1,10 +1,10 @@
-"""WHIP (RFC 9725): a client that is no page of ours sends a member's voice, or their screen.
+"""WHIP (RFC 9725): a client other than our page sends a participant's voice, or their screen.
 
 `POST /whip/{meeting}` with a seat's token and an SDP offer of at most one audio (Opus) and one
-video (VP8), both sendonly; see services.live.signalling for what comes back. The voice is heard as
-that of the seat's owner while their microphone is on by the control channel, in place of the one
-that their page sends. The video is shown to all as a shared screen, and taken only from whom the
-control channel lets present; it ends when somebody else may.
+video (VP8), both sendonly; services.live.signalling.sdp_http describes the answers. While the
+microphone of the seat's owner is on (control channel), their voice is taken from here and not from
+their page. The video is shown to everybody as a shared screen; it is accepted only from the
+presenter that the control channel names, and ends when somebody else becomes presenter.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from fastapi import APIRouter, Request, Response, status
 
 from services.auth import Joiner
 from services.container import Provided
-from services.live import signalling
-from services.live.call_offer import Door
-from services.live.signalling import SDP
-from services.live.voices import Voices, open_call
+from services.live.sessions.voice_offer import Door
+from services.live.signalling import sdp_http
+from services.live.signalling.sdp_http import SDP
+from services.live.signalling.voice import Voices, open_call
 from services.problems import PROBLEMS
 
 router = APIRouter(tags=["meetings"], responses=PROBLEMS)
@@ -40,7 +40,7 @@ async def send(
 @router.options("/whip/{meeting_id}", summary="What may be posted", status_code=204)
 async def tell_door(meeting_id: str) -> Response:
     """The methods and types that this door takes."""
-    return signalling.options("POST, OPTIONS")
+    return sdp_http.options("POST, OPTIONS")
 
 
 @router.patch("/whip/{meeting_id}/{call_id}", summary="Add candidates", status_code=204)
@@ -48,11 +48,11 @@ async def trickle(
     meeting_id: str, call_id: str, request: Request, voices: Voices, caller: Joiner
 ) -> Response:
     """More addresses at which the client can be reached."""
-    call = signalling.session_of(voices, call_id, meeting_id, caller)
-    return await signalling.trickle(request, call, call_id)
+    call = sdp_http.session_of(voices, call_id, meeting_id, caller)
+    return await sdp_http.trickle(request, call, call_id)
 
 
 @router.delete("/whip/{meeting_id}/{call_id}", summary="Send no longer")
 async def stop(meeting_id: str, call_id: str, voices: Voices, caller: Joiner) -> Response:
     """End the connection."""
-    return await signalling.end(voices, call_id, meeting_id, caller)
+    return await sdp_http.end(voices, call_id, meeting_id, caller)

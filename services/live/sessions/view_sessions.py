@@ -32,12 +32,12 @@ from aiortc.rtp import (
 from renderer.stage import warm_up
 from scene.environment import Environment
 from scene.errors import SceneError
-from services.live.encoding import PictureEncoder, chosen_codec
-from services.live.keypoints import Drivers
+from services.live.motion.keypoint_channels import Drivers
 from services.live.packets import NewestView, PacketError, decode_view
-from services.live.poses import PoseFeed, packets_of
 from services.live.room import CastMember, Room
-from services.live.track import SharedPictures, ViewTrack
+from services.live.streaming.encoding import PictureEncoder, chosen_codec
+from services.live.streaming.pose_feed import PoseFeed, packets_of
+from services.live.streaming.view_track import SharedPictures, ViewTrack
 from services.seats import BEAT_S
 
 log = logging.getLogger(__name__)

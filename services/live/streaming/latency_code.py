@@ -17,7 +17,7 @@ import numpy as np
 from av import VideoFrame
 
 from scene.arrays import Array, Bool, UInt8
-from services.live.planes import rows_of
+from services.live.streaming.yuv_planes import rows_of
 
 CELL_PX, COLUMNS, ROWS = 16, 10, 2
 _BITS = np.arange(15, -1, -1)

@@ -19,7 +19,7 @@ from prometheus_client import Counter, Gauge, Histogram
 
 from scene.errors import InvalidInput
 from services.auth import GUEST, is_guest
-from services.live.motion import LiveMotion, warm_up
+from services.live.motion.live_motion import LiveMotion, warm_up
 from services.live.packets import KeypointsPacket, PacketError, decode_keypoints, is_newer
 from services.live.room import CastMember, Room, facing_yaw
 from services.problems import ProblemError

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from av import CodecContext, VideoFrame
 
-from services.live import stamp
-from services.live.encoding import BITRATES, Codec, PictureEncoder
-from services.live.planes import rows_of
+from services.live.streaming import latency_code
+from services.live.streaming.encoding import BITRATES, Codec, PictureEncoder
+from services.live.streaming.yuv_planes import rows_of
 
 
 @pytest.mark.parametrize("codec", Codec)
@@ -23,27 +23,27 @@ def test_a_code_is_read_from_coded_pictures_even_of_the_lowest_bitrate(codec):
         shifted = np.roll(rough, 3 * tick, axis=1)
         frame = VideoFrame.from_ndarray(shifted, format="rgb24").reformat(format="yuv420p")
         captured_ms = 1.7e12 + 33.4 * tick
-        stamp.write(frame, captured_ms)
+        latency_code.write(frame, captured_ms)
         packet = encoder.encode(frame, tick, BITRATES[0], key=False)
         for shown in shows.decode(packet):
             luma = rows_of(cast(VideoFrame, shown).planes[0])
-            assert stamp.read(luma) == int(captured_ms) % 65536
+            assert latency_code.read(luma) == int(captured_ms) % 65536
 
 
 def test_times_of_all_sizes_are_told_apart():
     for value in (0, 1, 255, 4096, 65535):
-        luma = np.kron(stamp.cells(value), np.full((16, 16), 235)).astype(np.uint8)
-        assert stamp.read(luma) == value
+        luma = np.kron(latency_code.cells(value), np.full((16, 16), 235)).astype(np.uint8)
+        assert latency_code.read(luma) == value
 
 
 @pytest.mark.parametrize("shade", [0, 255])
 def test_a_plain_corner_is_no_code(shade):
-    assert stamp.read(np.full((64, 256), shade, np.uint8)) is None
+    assert latency_code.read(np.full((64, 256), shade, np.uint8)) is None
 
 
 def test_one_wrong_cell_is_noticed():
-    code = stamp.cells(12345)
+    code = latency_code.cells(12345)
     for cell in range(20):
         wrong = code.copy()
         wrong.flat[cell] ^= True
-        assert stamp.read(np.kron(wrong, np.full((16, 16), 235)).astype(np.uint8)) is None
+        assert latency_code.read(np.kron(wrong, np.full((16, 16), 235)).astype(np.uint8)) is None

@@ -7,8 +7,8 @@ from typing import Literal
 
 from aiortc.sdp import SessionDescription
 
-from services.live.sessions import OfferRefused
-from services.live.slots import SLOTS
+from services.live.sessions.view_sessions import OfferRefused
+from services.live.streaming.voice_slots import SLOTS
 
 Direction = Literal["sendrecv", "sendonly", "recvonly", "inactive"]
 _REVERSED: dict[str, Direction] = {

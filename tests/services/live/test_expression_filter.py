@@ -8,8 +8,8 @@ import numpy as np
 
 from capture.body.expressions import FACE, LEFT_HAND, RIGHT_HAND, SeenExpression
 from scene.expression import EXPRESSION_NAMES
-from services.live.motion import LiveMotion
-from services.live.motion_expression import EASE_S, HELD_S, ExpressionFilter
+from services.live.motion.expression_filter import EASE_S, HELD_S, ExpressionFilter
+from services.live.motion.live_motion import LiveMotion
 from tests.capture.people import body, standing
 from tests.services.live.people import seen
 

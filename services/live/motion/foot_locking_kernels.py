@@ -1,4 +1,4 @@
-"""Legs that reach where feet are held, compiled; for `services.live.motion_feet`. float64.
+"""Legs that reach where feet are held, compiled; for `services.live.motion.foot_locking`. float64.
 
 A leg is two bones of fixed length: its knee lies where the circle round the way from hip to ankle
 meets the side on which it was.

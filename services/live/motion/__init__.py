@@ -1,0 +1,1 @@
+"""How performers move by the keypoints of their webcams."""

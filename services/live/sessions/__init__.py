@@ -1,0 +1,1 @@
+"""The WebRTC connections of this process, by what they are for."""

@@ -1,0 +1,1 @@
+"""Offers of WebRTC connections over HTTP: WHEP, WHIP, and the voices of pages."""

@@ -1,0 +1,1 @@
+"""What goes out to viewers and listeners: pictures, poses, voices, shared screens."""
