@@ -27,13 +27,15 @@ class Role(StrEnum):
     """Looks on, raises a hand, reacts."""
 
 
-class Standing(StrEnum):
-    """Whether somebody is let in."""
+class Admission(StrEnum):
+    """Whether somebody is let into a meeting; with a lobby, the host decides."""
 
     WAITING = "waiting"
+    """In the lobby."""
     ADMITTED = "admitted"
     DENIED = "denied"
     REMOVED = "removed"
+    """Sent out by the host; their account is banned from the meeting."""
     ENDED = "ended"
     """The meeting was ended for everybody."""
 
@@ -152,7 +154,7 @@ class ParticipantRow(Base):
     seen_at: Mapped[datetime]
     """When their view or page last gave a sign of life; at first, when they joined."""
     role: Mapped[Role] = mapped_column(words(Role), default=Role.SPEAKER)
-    standing: Mapped[Standing] = mapped_column(words(Standing), default=Standing.ADMITTED)
+    admission: Mapped[Admission] = mapped_column(words(Admission), default=Admission.ADMITTED)
     heard_at: Mapped[datetime | None]
     """When their page last spoke on the control channel; empty: it has not come yet."""
     hand_at: Mapped[datetime | None]

@@ -17,6 +17,7 @@ from sqlalchemy.orm import Mapped, mapped_column, relationship
 from db.base import Base as Base
 from db.base import Id, Sha256, words
 from db.base import new_id as new_id
+from db.meeting_rows import Admission as Admission
 from db.meeting_rows import BanRow as BanRow
 from db.meeting_rows import Connection as Connection
 from db.meeting_rows import MeetingRow as MeetingRow
@@ -26,7 +27,6 @@ from db.meeting_rows import PanoramaRow as PanoramaRow
 from db.meeting_rows import ParticipantRow as ParticipantRow
 from db.meeting_rows import PerformerRow as PerformerRow
 from db.meeting_rows import Role as Role
-from db.meeting_rows import Standing as Standing
 from db.person_rows import PersonRow as PersonRow
 from db.recording_rows import RecordingChunkRow as RecordingChunkRow
 from db.recording_rows import RecordingExportRow as RecordingExportRow

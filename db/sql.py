@@ -167,9 +167,9 @@ class SqlModels(_Repository):
         return sorted({performer.meeting_id for performer in performers})
 
     def superseded_before(self, moment: datetime) -> list[ModelRow]:
-        standing = select(PerformerRow.model_id)
+        performing = select(PerformerRow.model_id)
         query = select(ModelRow).where(
-            ModelRow.superseded_at < moment, ModelRow.id.not_in(standing)
+            ModelRow.superseded_at < moment, ModelRow.id.not_in(performing)
         )
         return list(self._session.scalars(query))
 

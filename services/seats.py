@@ -13,7 +13,7 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 from itertools import count
 
-from db.models import BanRow, MeetingRow, ParticipantRow, Role, Standing, new_id
+from db.models import Admission, BanRow, MeetingRow, ParticipantRow, Role, new_id
 from db.repositories import UnitOfWork
 from services.auth import GUEST, INVITED, Principal
 from services.container import Services
@@ -26,10 +26,14 @@ BEAT_S = 10.0
 _RETRY_AFTER_S = 15
 _TOKEN_LIFETIME = timedelta(hours=12)
 _REFUSALS = {
-    Standing.WAITING: ("not-let-in-yet", "one who waits for the host", "wait until you are let in"),
-    Standing.DENIED: ("not-let-in", "one whom the host has not let in", "ask the host"),
-    Standing.REMOVED: ("removed", "one whom the host has sent out", "ask the host"),
-    Standing.ENDED: ("meeting-over", "one of a meeting that is over", "open another meeting"),
+    Admission.WAITING: (
+        "not-let-in-yet",
+        "one who waits for the host",
+        "wait until you are let in",
+    ),
+    Admission.DENIED: ("not-let-in", "one whom the host has not let in", "ask the host"),
+    Admission.REMOVED: ("removed", "one whom the host has sent out", "ask the host"),
+    Admission.ENDED: ("meeting-over", "one of a meeting that is over", "open another meeting"),
 }
 
 
@@ -74,7 +78,7 @@ def take_seat(
         seen_at=now,
         # a host's chair is taken on arrival (services.control), where nobody sits in it
         role=Role.SPEAKER if role is Role.HOST else role,
-        standing=Standing.ADMITTED if let_in else Standing.WAITING,
+        admission=Admission.ADMITTED if let_in else Admission.WAITING,
     )
     meeting.participants.append(participant)
     token, _ = services.tokens.issue(
@@ -96,7 +100,8 @@ def ban(meeting: MeetingRow, sent_out: ParticipantRow, now: datetime) -> None:
 
 def _has_host(meeting: MeetingRow) -> bool:
     return any(
-        one.role is Role.HOST and one.standing is Standing.ADMITTED for one in meeting.participants
+        one.role is Role.HOST and one.admission is Admission.ADMITTED
+        for one in meeting.participants
     )
 
 
@@ -159,8 +164,8 @@ def require_admitted(meeting: MeetingRow, caller: Principal) -> None:
             "the token must be of a seat that is taken; got one whose seat was given back; "
             "join the meeting again",
         )
-    if found.standing is not Standing.ADMITTED:
-        kind, got, mend = _REFUSALS[found.standing]
+    if found.admission is not Admission.ADMITTED:
+        kind, got, mend = _REFUSALS[found.admission]
         raise ProblemError(403, kind, f"the token must be of somebody let in; got {got}; {mend}")
 
 

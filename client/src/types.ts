@@ -4,6 +4,9 @@
  * services/control/messages.py and run that, never this file.
  */
 
+/** Whether somebody is let into a meeting; with a lobby, the host decides. */
+export type Admission = "waiting" | "admitted" | "denied" | "removed" | "ended";
+
 /** The host lets in somebody who waits. */
 export interface Admit {
   type: "admit";
@@ -197,7 +200,7 @@ export interface Member {
   id: string;
   name: string;
   role: Role;
-  standing: Standing;
+  admission: Admission;
   /** False while their connection is lost. */
   present: boolean;
   /** Since when their hand is up. */
@@ -581,7 +584,7 @@ export interface Seat {
   seat: number;
   role: Role;
   /** Whether the host has let you in; no view before that. */
-  standing: Standing;
+  admission: Admission;
   ice_servers: string[];
   whep_url: string;
   control_url: string;
@@ -635,9 +638,6 @@ export interface Speaking {
   /** Whose voice each track of the voice connection carries, from the first. */
   slots: (string | null)[];
 }
-
-/** Whether somebody is let in. */
-export type Standing = "waiting" | "admitted" | "denied" | "removed" | "ended";
 
 export type ToServer = Hello | Beat | Say | React | RaiseHand | Microphone | Caption | Present | Network | Admit | Deny | Remove | Mute | SetRole | SetLobby | LetPresent | EndMeeting | RecordMeeting | Agree | Leave;
 

@@ -84,7 +84,7 @@ describe("our part in a meeting", () => {
     attendance.enter("Ada");
     const hear = hooks().onMessage;
     hear({ type: "welcome", participant_id: "me", seat: 1, silence_s: 5 });
-    hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me", standing: "waiting" })] });
+    hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me", admission: "waiting" })] });
     expect(attendance.admitted).toBe(false);
     hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me" })] });
     expect(attendance.admitted).toBe(true);

@@ -59,7 +59,7 @@ export function sequence(part: Partial<Sequence> = {}): Sequence {
 }
 
 export function member(part: Partial<Member> & { id: string }): Member {
-  return { name: part.id, role: "speaker", standing: "admitted", present: true, hand_at: null, microphone: false, performer_id: null, connection: null, ...part };
+  return { name: part.id, role: "speaker", admission: "admitted", present: true, hand_at: null, microphone: false, performer_id: null, connection: null, ...part };
 }
 
 export interface Call {

@@ -21,7 +21,7 @@ describe("what the page knows of its meeting", () => {
         member({ id: "me", role: "host" }),
         member({ id: "late", hand_at: "2026-01-01T10:00:09Z" }),
         member({ id: "early", hand_at: "2026-01-01T10:00:01Z" }),
-        member({ id: "door", standing: "waiting" }),
+        member({ id: "door", admission: "waiting" }),
       ),
     );
     expect(inside(state).map(({ id }) => id)).toEqual(["early", "late", "me"]);
@@ -56,7 +56,7 @@ describe("what the page knows of its meeting", () => {
       member({ id: "Bo", hand_at: "2026-01-01T10:00:01Z" }),
       member({ id: "Di" }),
       member({ id: "Ed", present: false }),
-      member({ id: "Fay", standing: "waiting" }),
+      member({ id: "Fay", admission: "waiting" }),
       member({ id: "Gus" }),
     ));
     expect(newsOf(before, after)).toEqual([
@@ -71,7 +71,7 @@ describe("what the page knows of its meeting", () => {
   });
 
   it("makes no news of those who were there when we came in", () => {
-    const outside = told(welcome, roster(member({ id: "me", standing: "waiting" })));
+    const outside = told(welcome, roster(member({ id: "me", admission: "waiting" })));
     const in_ = heard(outside, roster(member({ id: "me" }), member({ id: "Bo" })));
     expect(newsOf(outside, in_)).toEqual([]);
     expect(newsOf(NOBODY_YET, in_)).toEqual([]);

@@ -66,7 +66,7 @@ const SEAT: Seat = {
   participant_id: "me",
   seat: 1,
   role: "speaker",
-  standing: "admitted",
+  admission: "admitted",
   control_url: "/v1/meetings/m/control",
   ready: true,
   ice_servers: ["stun:s"],

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Header, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, Field
 
-from db.models import MeetingRow, PanoramaRow, Role, Standing
+from db.models import Admission, MeetingRow, PanoramaRow, Role
 from scene.lighting import Lighting
 from services.api.cast import tell_cast_changed
 from services.api.shapes import Body
@@ -244,7 +244,7 @@ def _require_host(meeting: MeetingRow, caller: Principal) -> None:
         may = any(
             one.id == caller.participant_id
             and one.role is Role.HOST
-            and one.standing is Standing.ADMITTED
+            and one.admission is Admission.ADMITTED
             for one in meeting.participants
         )
     if not may:

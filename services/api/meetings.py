@@ -94,7 +94,7 @@ def join_meeting(
         participant_id=seat.id,
         seat=seat.seat,
         role=seat.role,
-        standing=seat.standing,
+        admission=seat.admission,
         ice_servers=services.settings.ice_servers,
         whep_url=f"/whep/{meeting_id}",
         control_url=f"/v1/meetings/{meeting_id}/control",

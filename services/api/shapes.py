@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from capture.body.model import HEIGHTS_M
 from db.models import (
+    Admission,
     JobKind,
     JobRow,
     JobState,
@@ -20,7 +21,6 @@ from db.models import (
     SequenceKind,
     SequenceRow,
     SequenceState,
-    Standing,
 )
 from services.problems import Problem
 
@@ -327,7 +327,9 @@ class Seat(BaseModel):
     participant_id: str
     seat: int
     role: Role
-    standing: Standing = Field(description="Whether the host has let you in; no view before that.")
+    admission: Admission = Field(
+        description="Whether the host has let you in; no view before that."
+    )
     ice_servers: list[str]
     whep_url: str
     control_url: str

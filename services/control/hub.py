@@ -19,7 +19,7 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel
 
 from db.errors import DatabaseError
-from db.models import MeetingRow, MessageKind, MessageRow, RecordingRow, Standing
+from db.models import Admission, MeetingRow, MessageKind, MessageRow, RecordingRow
 from services.container import Services
 from services.control.messages import (
     Captioned,
@@ -50,10 +50,10 @@ _STALE_S = 10.0
 """Reactions and captions older than that are no news."""
 _OUTBOX = 400
 """Messages that may wait for one page; whose are more is cut off, and comes back for the rest."""
-_ENDS: Mapping[Standing, Reason] = {
-    Standing.DENIED: "denied",
-    Standing.REMOVED: "removed",
-    Standing.ENDED: "ended",
+_ENDS: Mapping[Admission, Reason] = {
+    Admission.DENIED: "denied",
+    Admission.REMOVED: "removed",
+    Admission.ENDED: "ended",
 }
 
 
@@ -248,15 +248,15 @@ class Hub:
             _tell(line, meeting, said, recording, self._services.clock())
         # whoever has just been let in hears what the others were told
         self.tell_speaking(meeting_id)
-        seats = {one.id: one.standing for one in meeting.participants}
+        seats = {one.id: one.admission for one in meeting.participants}
 
         def may_look(participant_id: str | None) -> bool:
             if participant_id is None:
                 return not meeting.lobby and meeting.ended_at is None
-            return seats.get(participant_id) is Standing.ADMITTED
+            return seats.get(participant_id) is Admission.ADMITTED
 
         await self._views.keep_only(meeting_id, may_look)
-        admitted = {one for one, standing in seats.items() if standing is Standing.ADMITTED}
+        admitted = {one for one, admission in seats.items() if admission is Admission.ADMITTED}
         speakers = {one.id for one in meeting.participants if one.microphone}
         await self._voices.allow(meeting_id, admitted, speakers, presenter_of(meeting, now))
         await self._show(meeting)
@@ -302,14 +302,14 @@ def _tell(
     if me is None or not is_there(me, now):
         line.end("given-back")
         return
-    if reason := _ENDS.get(me.standing):
+    if reason := _ENDS.get(me.admission):
         line.end(reason)
         return
     roster = roster_for(meeting, me.id, now, recording)
     if roster != line.told:
         line.told = roster
         line.tell(roster)
-    line.admitted = me.standing is Standing.ADMITTED
+    line.admitted = me.admission is Admission.ADMITTED
     if not line.admitted:
         return
     for message in said:

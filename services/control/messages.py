@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapter
 
-from db.models import Connection, Role, Standing
+from db.models import Admission, Connection, Role
 from services.api.shapes import Name
 from services.problems import Problem
 
@@ -184,7 +184,7 @@ class Member(_Message):
     id: str
     name: str
     role: Role
-    standing: Standing
+    admission: Admission
     present: bool = Field(description="False while their connection is lost.")
     hand_at: datetime | None = Field(description="Since when their hand is up.")
     microphone: bool = Field(description="Whether they are to be heard.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta
 
-from db.models import MeetingRow, ParticipantRow, RecordingRow, Role, Standing
+from db.models import Admission, MeetingRow, ParticipantRow, RecordingRow, Role
 from services.control.messages import Member, RecordingUnderWay, Roster
 from services.recording import consent
 from services.seats import SEAT_LAPSES_S
@@ -22,7 +22,7 @@ def is_there(one: ParticipantRow, now: datetime) -> bool:
 def host_of(meeting: MeetingRow, now: datetime) -> ParticipantRow | None:
     """The host, if one is there."""
     for one in meeting.participants:
-        if one.role is Role.HOST and one.standing is Standing.ADMITTED and is_there(one, now):
+        if one.role is Role.HOST and one.admission is Admission.ADMITTED and is_there(one, now):
             return one
     return None
 
@@ -37,7 +37,7 @@ def _one_who_may_present(
 ) -> str | None:
     for one in meeting.participants:
         if one.id == participant_id and one.role is not Role.VIEWER and is_there(one, now):
-            return one.id if one.standing is Standing.ADMITTED else None
+            return one.id if one.admission is Admission.ADMITTED else None
     return None
 
 
@@ -52,16 +52,16 @@ def roster_for(
     """What a participant sees: everybody let in; the host also those who wait."""
     there = [one for one in meeting.participants if is_there(one, now)]
     me = next((one for one in there if one.id == participant_id), None)
-    seen = {Standing.ADMITTED} if me and me.standing is Standing.ADMITTED else set()
+    seen = {Admission.ADMITTED} if me and me.admission is Admission.ADMITTED else set()
     if me is not None and me.role is Role.HOST:
-        seen.add(Standing.WAITING)
-    shown = [one for one in there if one.standing in seen or one is me]
+        seen.add(Admission.WAITING)
+    shown = [one for one in there if one.admission in seen or one is me]
     shown.sort(key=lambda one: (_ORDER[one.role], one.joined_at, one.id))
     stand_ins = standing_for(meeting, now)
     members = [_member(one, stand_ins.get(one.id), now) for one in shown]
     asks = _one_who_may_present(meeting, meeting.presenter_asks_id, now)
     told = me is not None and (me.role is Role.HOST or me.id == asks)
-    inside = me is not None and me.standing is Standing.ADMITTED
+    inside = me is not None and me.admission is Admission.ADMITTED
     return Roster(
         lobby=meeting.lobby,
         environment=meeting.environment,
@@ -97,7 +97,7 @@ def _member(one: ParticipantRow, performer_id: str | None, now: datetime) -> Mem
         id=one.id,
         name=one.display_name,
         role=one.role,
-        standing=one.standing,
+        admission=one.admission,
         present=now - one.heard_at <= timedelta(seconds=SILENCE_S),
         hand_at=one.hand_at,
         microphone=one.microphone,

@@ -5,12 +5,12 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 
 from db.models import (
+    Admission,
     MeetingRow,
     MessageKind,
     MessageRow,
     ParticipantRow,
     Role,
-    Standing,
 )
 from db.repositories import UnitOfWork
 from services import seats
@@ -76,9 +76,9 @@ def arrive(services: Services, meeting_id: str, caller: Principal, name: str) ->
         me.heard_at = me.seen_at = now
         # a page that comes, or comes again, says itself when it wants to be heard
         me.microphone = False
-        let_in = me.standing in (Standing.ADMITTED, Standing.WAITING)
+        let_in = me.admission in (Admission.ADMITTED, Admission.WAITING)
         if caller.role is Role.HOST and let_in and not host_of(meeting, now):
-            me.role, me.standing = Role.HOST, Standing.ADMITTED
+            me.role, me.admission = Role.HOST, Admission.ADMITTED
         unit.commit()
     return me
 
@@ -90,7 +90,7 @@ def fulfil(services: Services, meeting_id: str, participant_id: str, wish: Wish)
         me = _find(meeting, participant_id)
         if isinstance(wish, Leave):
             meeting.participants.remove(me)
-        elif me.standing is not Standing.ADMITTED:
+        elif me.admission is not Admission.ADMITTED:
             raise ProblemError(
                 403,
                 "not-let-in-yet",
@@ -187,12 +187,12 @@ def _host(
 ) -> None:
     match wish:
         case Admit(participant_id=who):
-            _find(meeting, who, Standing.WAITING).standing = Standing.ADMITTED
+            _find(meeting, who, Admission.WAITING).admission = Admission.ADMITTED
         case Deny(participant_id=who):
-            _find(meeting, who, Standing.WAITING).standing = Standing.DENIED
+            _find(meeting, who, Admission.WAITING).admission = Admission.DENIED
         case Remove(participant_id=who):
             sent_out = _find_other(meeting, who, me)
-            sent_out.standing = Standing.REMOVED
+            sent_out.admission = Admission.REMOVED
             seats.ban(meeting, sent_out, services.clock())
             # otherwise the same link would bring them back at once
             _have_wait(meeting)
@@ -205,7 +205,7 @@ def _host(
             if role is Role.HOST:
                 me.role = Role.SPEAKER
         case LetPresent(participant_id=who, on=on):
-            other = _find(meeting, who, Standing.ADMITTED)
+            other = _find(meeting, who, Admission.ADMITTED)
             if on:
                 meeting.presenter_id, meeting.presenter_asks_id = other.id, None
             else:
@@ -215,11 +215,11 @@ def _host(
         case SetLobby():
             meeting.lobby = False
             for one in meeting.participants:
-                if one.standing is Standing.WAITING:
-                    one.standing = Standing.ADMITTED
+                if one.admission is Admission.WAITING:
+                    one.admission = Admission.ADMITTED
         case EndMeeting():
             for one in meeting.participants:
-                one.standing = Standing.ENDED
+                one.admission = Admission.ENDED
             # one that is found by name goes on for whoever comes next
             if meeting.label is None:
                 meeting.ended_at = services.clock()
@@ -229,8 +229,8 @@ def _have_wait(meeting: MeetingRow) -> None:
     """Turn the lobby on; whoever only looked in so far has not come yet, and waits like others."""
     meeting.lobby = True
     for one in meeting.participants:
-        if one.heard_at is None and one.standing is Standing.ADMITTED:
-            one.standing = Standing.WAITING
+        if one.heard_at is None and one.admission is Admission.ADMITTED:
+            one.admission = Admission.WAITING
 
 
 def _require_speaker(me: ParticipantRow) -> None:
@@ -252,15 +252,15 @@ def _require_host(me: ParticipantRow, wish: Wish) -> None:
 
 
 def _find(
-    meeting: MeetingRow, participant_id: str, standing: Standing | None = None
+    meeting: MeetingRow, participant_id: str, admission: Admission | None = None
 ) -> ParticipantRow:
     for one in meeting.participants:
-        if one.id == participant_id and standing in (None, one.standing):
+        if one.id == participant_id and admission in (None, one.admission):
             return one
-    kind = "somebody in this meeting" if standing is None else f"somebody who is {standing.value}"
+    kind = "somebody in this meeting" if admission is None else f"somebody who is {admission.value}"
     raise ProblemError(
-        403 if standing is None else 404,
-        "seat-given-back" if standing is None else "not-found",
+        403 if admission is None else 404,
+        "seat-given-back" if admission is None else "not-found",
         f"participant_id must be that of {kind}; got {participant_id!r}; look at the roster, "
         "or join again",
     )
@@ -274,7 +274,7 @@ def _find_other(meeting: MeetingRow, participant_id: str, me: ParticipantRow) ->
             "this must be done to somebody else; got the host's own id; make another "
             "the host first",
         )
-    return _find(meeting, participant_id, Standing.ADMITTED)
+    return _find(meeting, participant_id, Admission.ADMITTED)
 
 
 def _message(me: ParticipantRow, kind: MessageKind, text: str, services: Services) -> MessageRow:

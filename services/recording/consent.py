@@ -10,12 +10,12 @@ from collections.abc import Mapping
 from datetime import datetime
 
 from db.models import (
+    Admission,
     MeetingRow,
     ParticipantRow,
     RecordingMemberRow,
     RecordingRow,
     RecordingState,
-    Standing,
     new_id,
 )
 from db.repositories import UnitOfWork
@@ -70,7 +70,7 @@ def end(recording: RecordingRow, why: str, now: datetime) -> None:
 def all_agree(recording: RecordingRow, present: Mapping[str, ParticipantRow]) -> bool:
     """Whether everybody who is there and let in has agreed, and somebody is."""
     agreed = agreed_in(recording)
-    inside = [who for who, one in present.items() if one.standing is Standing.ADMITTED]
+    inside = [who for who, one in present.items() if one.admission is Admission.ADMITTED]
     return bool(inside) and all(who in agreed for who in inside)
 
 

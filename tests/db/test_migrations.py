@@ -71,3 +71,39 @@ def test_people_from_before_heights_have_none(url: str):
         found = connection.execute(text("SELECT name, height_m FROM person")).one()
     engine.dispose()
     assert (found.name, found.height_m) == ("Ada", None)
+
+
+def test_whoever_waited_in_the_lobby_before_the_rename_still_waits(url: str):
+    migrations.migrate(url)
+    migrations.downgrade(url, "0009")
+    engine = make_engine(url)
+    with engine.begin() as connection:
+        connection.execute(
+            text(
+                "INSERT INTO meeting (id, account, name, created_at, lobby, environment) "
+                "VALUES ('m', 'a', 'Room', '2026-01-01', true, 'studio')"
+            )
+        )
+        connection.execute(
+            text(
+                "INSERT INTO participant (id, meeting_id, account, display_name, seat, joined_at, "
+                "seen_at, standing) "
+                "VALUES ('p', 'm', 'a', 'Bo', 0, '2026-01-01', '2026-01-01', 'waiting')"
+            )
+        )
+    migrations.migrate(url)
+    migrations.check(url)
+    with engine.begin() as connection:
+        assert connection.execute(text("SELECT admission FROM participant")).scalar() == "waiting"
+        # what leaves it out is let in, as before
+        connection.execute(
+            text(
+                "INSERT INTO participant (id, meeting_id, account, display_name, seat, joined_at, "
+                "seen_at) VALUES ('q', 'm', 'a', 'Cy', 1, '2026-01-01', '2026-01-01')"
+            )
+        )
+    migrations.downgrade(url, "0009")
+    with engine.begin() as connection:
+        kept = connection.execute(text("SELECT id, standing FROM participant ORDER BY id")).all()
+    engine.dispose()
+    assert [tuple(row) for row in kept] == [("p", "waiting"), ("q", "admitted")]

@@ -96,7 +96,7 @@ export class Attendance {
 
   /** Whether there is anything to see for us. */
   get admitted(): boolean {
-    return myself(this.state)?.standing === "admitted";
+    return myself(this.state)?.admission === "admitted";
   }
 
   /** Ask the server for something; false where the line is down. */

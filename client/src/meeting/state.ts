@@ -94,7 +94,7 @@ export function isHost(state: MeetingState): boolean {
 
 /** Those who are in the meeting, the longest raised hands first. */
 export function inside(state: MeetingState): Member[] {
-  const members = state.members.filter(({ standing }) => standing === "admitted");
+  const members = state.members.filter(({ admission }) => admission === "admitted");
   const since = ({ hand_at }: Member): number => (hand_at === null ? Infinity : Date.parse(hand_at));
   return members
     .map((member, place) => ({ member, place }))
@@ -104,30 +104,30 @@ export function inside(state: MeetingState): Member[] {
 
 /** Those who wait to be let in; only the host is told of them. */
 export function waiting(state: MeetingState): Member[] {
-  return state.members.filter(({ standing, id }) => standing === "waiting" && id !== state.me);
+  return state.members.filter(({ admission, id }) => admission === "waiting" && id !== state.me);
 }
 
 /** What is worth telling of a change, in words; nothing of oneself coming in. */
 export function newsOf(before: MeetingState, after: MeetingState): string[] {
   // whoever is not in yet sees nobody else: that all are there then is no news
-  if (myself(before)?.standing !== "admitted" || before.members === after.members) return [];
+  if (myself(before)?.admission !== "admitted" || before.members === after.members) return [];
   const was = new Map(before.members.map((member) => [member.id, member]));
   const is = new Map(after.members.map((member) => [member.id, member]));
   const news: string[] = [];
   for (const member of after.members) {
     news.push(...newsOfMember(was.get(member.id), member, member.id === after.me));
   }
-  for (const { id, name, standing } of before.members) {
-    if (!is.has(id) && standing === "admitted") news.push(`${name} left`);
+  for (const { id, name, admission } of before.members) {
+    if (!is.has(id) && admission === "admitted") news.push(`${name} left`);
   }
   return news;
 }
 
 function newsOfMember(was: Member | undefined, is: Member, mine: boolean): string[] {
   if (mine) return was && was.role !== is.role ? [MY_ROLE[is.role]] : [];
-  if (!was) return [is.standing === "waiting" ? `${is.name} wants to come in` : `${is.name} is here`];
+  if (!was) return [is.admission === "waiting" ? `${is.name} wants to come in` : `${is.name} is here`];
   const news: string[] = [];
-  if (was.standing === "waiting" && is.standing === "admitted") news.push(`${is.name} is here`);
+  if (was.admission === "waiting" && is.admission === "admitted") news.push(`${is.name} is here`);
   if (was.hand_at === null && is.hand_at !== null) news.push(`${is.name} raised a hand`);
   if (was.present && !is.present) news.push(`${is.name} lost the connection`);
   if (!was.present && is.present) news.push(`${is.name} is back`);

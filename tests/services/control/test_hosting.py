@@ -39,7 +39,7 @@ async def test_the_lobby_shows_nothing_until_the_host_lets_in(caller, timed, cro
         await join(caller, crowd["id"], "Cy", headers=header(timed, "neighbours")) as cy,
     ):
         members = await ada.roster(lambda who: set(who) == {"Ada", "Bo", "Cy"})
-        assert members["Bo"]["standing"] == "waiting"
+        assert members["Bo"]["admission"] == "waiting"
         await ada.say(type="say", text="A secret")
         await ada.hear("said", text="A secret")
         for one in (bo, cy):
@@ -95,7 +95,7 @@ async def test_who_is_sent_out_sees_nothing_more_at_once(caller, timed, crowd, a
             assert (await caller.post(address, json={}, headers=mine)).status_code == 403
             other = await join(caller, crowd["id"], "Cy", headers=header(timed, "y"))
             async with other:
-                await other.roster(lambda who: who["Cy"]["standing"] == "waiting")
+                await other.roster(lambda who: who["Cy"]["admission"] == "waiting")
 
 
 async def test_the_host_hands_over_and_others_have_no_say(caller, timed, meeting):
@@ -131,7 +131,7 @@ async def test_the_host_hands_over_and_others_have_no_say(caller, timed, meeting
             caller, meeting["id"], "Ada", headers={"Authorization": f"Bearer {ada.token}"}
         )
         async with again:
-            await again.roster(lambda who: who["Ada"]["standing"] == "waiting")
+            await again.roster(lambda who: who["Ada"]["admission"] == "waiting")
 
 
 async def test_a_host_comes_back_as_host_unless_another_is_there(caller, timed, meeting):
@@ -183,14 +183,14 @@ async def test_the_demo_is_hosted_by_who_comes_first_and_never_ends(caller, time
             await ada.hear_that("roster", lambda roster: roster["lobby"])
             di = await join(caller, meeting_id, "Di", headers=guest)
             async with di:
-                await di.roster(lambda who: who["Di"]["standing"] == "waiting")
+                await di.roster(lambda who: who["Di"]["admission"] == "waiting")
             await ada.say(type="end")
             assert (await bo.gone())["reason"] == "ended"
     async with await join(caller, meeting_id, "Cy", headers=guest) as cy:
         await cy.roster(lambda who: who["Cy"]["role"] == "host")
         ed = await join(caller, meeting_id, "Ed", headers=guest)
         async with ed:
-            await ed.roster(lambda who: who["Ed"]["standing"] == "waiting")
+            await ed.roster(lambda who: who["Ed"]["admission"] == "waiting")
             await cy.say(type="leave")
             await cy.gone()
         # nobody is left to let him in: who may host needs no one

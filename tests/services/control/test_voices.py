@@ -204,7 +204,7 @@ async def test_nobody_hears_from_the_lobby_and_the_removed_are_cut_off(caller, t
         await headset.peer.close()
         cy = await join(caller, meeting["id"], "Cy", headers=header(timed, "others"))
         async with cy:
-            await cy.roster(lambda who: who["Cy"]["standing"] == "waiting")
+            await cy.roster(lambda who: who["Cy"]["admission"] == "waiting")
             waiting = Headset()
             refused = await waiting.call(caller, meeting["id"], seat_of(cy))
             assert refused.status_code == 403
