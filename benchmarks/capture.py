@@ -34,8 +34,8 @@ from capture.pipeline import capture_clip
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.footage import Footage
-from renderer.evaluation import evaluate
-from renderer.model import PersonModel
+from renderer.evaluation.evaluate import evaluate
+from renderer.performer_model import PerformerModel
 from renderer.training import train
 from scene.arrays import Array, Float
 from scene.camera import Camera
@@ -187,7 +187,7 @@ class StageWatch:
         self.scale = gauge_scale(joints.places, self._truth.places)
         self._began = self._clock.now()
 
-    def refined(self, model: PersonModel, captured: Sequence) -> None:
+    def refined(self, model: PerformerModel, captured: Sequence) -> None:
         """Judge what training made of the captured motion."""
         extrinsics = captured.train.camera(0).world_to_camera
         joints = seen_joints(model.skeleton, model.motion, extrinsics)

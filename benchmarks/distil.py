@@ -18,8 +18,8 @@ from benchmarks.reporting.figures import write_report
 from benchmarks.reporting.timing import clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from renderer.evaluation import evaluate
-from renderer.model import PersonModel
+from renderer.evaluation.evaluate import evaluate
+from renderer.performer_model import PerformerModel
 from renderer.training import train
 from scene.arrays import Array, Float
 from scene.camera import Camera, look_at
@@ -78,7 +78,7 @@ def run(json_file: Path | None, clock_name: str) -> None:
 
 
 def draw_round(
-    model: PersonModel, clip: Sequence, rng: np.random.Generator, views: int = VIEWS
+    model: PerformerModel, clip: Sequence, rng: np.random.Generator, views: int = VIEWS
 ) -> Drawn:
     """`model` from all round, in the clip's poses, each a little changed."""
     drawn = Drawn([], [], [])
@@ -122,6 +122,6 @@ def _carried_round(camera: Camera, clip: Sequence, azimuth_rad: float) -> Camera
     return replace(camera, world_to_camera=look_at(eye, middle))
 
 
-def _judged(model: PersonModel, clip: Sequence) -> dict[str, Any]:
+def _judged(model: PerformerModel, clip: Sequence) -> dict[str, Any]:
     figures = evaluate(model, clip)["psnr"]
     return {split: round(figures[split]["body_crop"], 2) for split in (NOVEL_VIEW, UNSEEN_POSE)}

@@ -23,11 +23,11 @@ from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.moves import gestures
 from capture.studio.performer import StudioPerformer, film, make_performer
-from renderer.evaluation import evaluate
-from renderer.metrics import psnr
+from renderer.evaluation.evaluate import evaluate
+from renderer.evaluation.metrics import psnr
 from renderer.presets import find_preset
-from renderer.splats.compose import SplatRenderer
 from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.training import train
 from scene.arrays import Array, Float
 from scene.body import Body

@@ -20,13 +20,13 @@ from torch.nn import functional
 
 from benchmarks.reporting.figures import write_report
 from capture.body.model import load_body_model
-from renderer.field.drawing import FieldRenderer
+from renderer.evaluation.metrics import psnr
 from renderer.field.field import PersonField
-from renderer.field.pruning import occupied_cells
-from renderer.field.rest_shape import rest_shape
+from renderer.field.rendering.field_renderer import FieldRenderer
 from renderer.field.settings import FieldSettings
 from renderer.field.sizes import FieldSizes
-from renderer.metrics import psnr
+from renderer.field.skinning.rest_shape import rest_shape
+from renderer.field.training.pruning import occupied_cells
 from renderer.presets import EXACT, SPEED_UPS, find_preset
 from scene.arrays import Array
 from scene.body import Body

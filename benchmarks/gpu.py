@@ -28,14 +28,14 @@ from capture.body.model import load_body_model
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.devices import best_device
-from renderer.evaluation import evaluate
-from renderer.field.drawing import FieldRenderer
+from renderer.evaluation.evaluate import evaluate
+from renderer.evaluation.metrics import psnr
+from renderer.field.rendering.field_renderer import FieldRenderer
 from renderer.field.settings import FieldSettings
-from renderer.metrics import psnr
 from renderer.presets import EXACT, find_preset
 from renderer.reference.splats import quaternion_matrix
-from renderer.splats.gpu import GpuSplatRenderer
 from renderer.splats.layout import BOX_FILTER_PX2, COLOUR, LOG_SCALE, OPACITY, POSITION, ROTATION
+from renderer.splats.rasteriser.gpu import GpuSplatRenderer
 from renderer.training import train
 from scene.arrays import Array, Tensor
 from scene.camera import Camera, orbit_camera

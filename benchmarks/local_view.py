@@ -23,7 +23,7 @@ from playwright.sync_api import Page
 from benchmarks.browser import open_page, processor_seconds
 from benchmarks.reporting.figures import write_report
 from benchmarks.serve import surface_model
-from renderer.splats.export import encode
+from renderer.splats.files.viewer_file import encode
 from renderer.splats.model import SplatModel
 from services.live.room import CastMember, Room, circle_places, facing_yaw
 from services.live.streaming.pose_feed import packets_of

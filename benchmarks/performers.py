@@ -21,7 +21,7 @@ from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.cast import CAST
 from capture.studio.sequence import LOOKS
-from renderer.evaluation import evaluate
+from renderer.evaluation.evaluate import evaluate
 from renderer.training import train
 
 BUDGETS_S = {"fast": 90.0, "splats": 20.0}

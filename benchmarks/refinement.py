@@ -19,7 +19,7 @@ from benchmarks.reporting.figures import write_report
 from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from renderer.evaluation import evaluate
+from renderer.evaluation.evaluate import evaluate
 from renderer.training import train
 from scene.arrays import Array, Float
 from scene.camera import Camera

@@ -25,10 +25,10 @@ from capture.studio import make_sequence
 from capture.studio.cast import seed_of
 from capture.studio.light import SurroundingLight
 from capture.studio.performer import StudioPerformer, film, make_performer
-from renderer.metrics import psnr
-from renderer.relight import Relighting
-from renderer.splats.compose import SplatRenderer
+from renderer.evaluation.metrics import psnr
+from renderer.relighting.shading import Relighting
 from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.training import train
 from scene.arrays import Array, Float
 from scene.environment import Environment

@@ -24,10 +24,10 @@ from benchmarks.reporting.figures import write_report
 from benchmarks.reporting.timing import late_share, milliseconds
 from capture.studio.moves import turning
 from capture.studio.performer import make_performer
-from renderer.splats.compose import SplatRenderer
-from renderer.splats.initialise import sample_surface
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, ROTATION
 from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import SplatRenderer
+from renderer.splats.training.initialisation import sample_surface
 from scene.arrays import Array
 from scene.camera import Camera, orbit_camera
 
@@ -65,7 +65,7 @@ def _training_step() -> dict[str, Any]:
     from capture.storage import open_sequence
     from capture.studio import make_sequence
     from renderer.splats.settings import SplatSettings
-    from renderer.splats.training import SplatTrainer
+    from renderer.splats.training.trainer import SplatTrainer
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "clip"

@@ -19,8 +19,8 @@ from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.cast import CAST
-from renderer.evaluation import evaluate
-from renderer.model import PersonModel
+from renderer.evaluation.evaluate import evaluate
+from renderer.performer_model import PerformerModel
 from renderer.training import train
 from scene.sequence import Sequence
 
@@ -67,7 +67,7 @@ def _rows(
 ) -> list[dict[str, Any]]:
     """Every budget of one performer, from nothing and from a model of the other clip."""
 
-    def trained(clip: Sequence, budget_s: float, start: PersonModel | None) -> PersonModel:
+    def trained(clip: Sequence, budget_s: float, start: PerformerModel | None) -> PerformerModel:
         return train(clip, preset="splats", budget_s=budget_s, start=start, clock=clock.now)
 
     with tempfile.TemporaryDirectory() as folder:

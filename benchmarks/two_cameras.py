@@ -27,7 +27,7 @@ from capture.pipeline import capture_clip
 from capture.segmentation.masks import refine_mask
 from capture.sources.video import read_video
 from capture.storage import open_sequence
-from renderer.model import PersonModel
+from renderer.performer_model import PerformerModel
 from renderer.training import train
 from scene.arrays import Array, Bool, Float, UInt8
 from scene.camera import Camera
@@ -190,7 +190,7 @@ def _around(mask: Array) -> tuple[int, int, int, int]:
 
 
 def _draw(
-    path: Path, model: PersonModel, clip: Sequence, other: Array,
+    path: Path, model: PerformerModel, clip: Sequence, other: Array,
     view: Camera, window: tuple[int, int, int, int],
 ) -> None:  # fmt: skip
     """Training frame, the model from there, the second camera's frame, the model from there."""

@@ -7,8 +7,8 @@ from typing import Any
 
 import torch
 
-from renderer.field.encoding import encoded_size
-from renderer.field.networks import (
+from renderer.field.networks.encoding import encoded_size
+from renderer.field.networks.mlps import (
     Mlp,
     PoseRefiner,
     ResidualMotion,
@@ -29,7 +29,7 @@ _SPLAT_BYTES = PARAMETERS * 2 + 4 + 8 + 1
 """Parameters in half precision, four joints and their weights, and whether it was seen."""
 
 
-def described(preset: Preset) -> dict[str, Any]:
+def describe_preset(preset: Preset) -> dict[str, Any]:
     """Parameters of each network, size of the model file in MB, what is on, and all settings.
 
     Counts are for SMPL's 24 joints and, where a grid clings to the skin, for an adult's.

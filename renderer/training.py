@@ -17,7 +17,7 @@ from typing import Any, Protocol, cast, runtime_checkable
 import numpy as np
 
 from renderer.errors import TrainingError, TrainingStopped
-from renderer.model import PersonModel
+from renderer.performer_model import PerformerModel
 from renderer.presets import Preset, find_preset, trains_on_patches
 from scene.arrays import Array, Float
 from scene.sequence import Sequence
@@ -63,7 +63,7 @@ class Trainer(Protocol):
         """Compile whatever is compiled on first use; changes nothing else."""
         ...
 
-    def between(self, fraction: float) -> None:
+    def before_step(self, fraction: float) -> None:
         """What is due before the step at `fraction` and is no training: its time is not counted."""
         ...
 
@@ -84,11 +84,11 @@ class Trainer(Protocol):
         """Go back to `state`."""
         ...
 
-    def slow_down(self) -> None:
+    def halve_learning_rate(self) -> None:
         """Halve all rates."""
         ...
 
-    def finish(self, metrics: dict[str, Any]) -> PersonModel:
+    def finish(self, metrics: dict[str, Any]) -> PerformerModel:
         """The model, with `metrics` inside."""
         ...
 
@@ -101,13 +101,13 @@ def train(
     iterations: int | None = None,
     seed: int = 0,
     lpips_backbone: Path | None = None,
-    start: PersonModel | None = None,
+    start: PerformerModel | None = None,
     find_light: bool = False,
     on_progress: Callable[[Progress], None] = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
     checkpoint: Path | None = None,
     clock: Callable[[], float],
-) -> PersonModel:
+) -> PerformerModel:
     """Train a model of the person in `sequence`.
 
     Args:
@@ -149,7 +149,7 @@ def _make_trainer(
     sequence: Sequence,
     seed: int,
     lpips_backbone: Path | None,
-    start: PersonModel | None,
+    start: PerformerModel | None,
     *,
     find_light: bool,
 ) -> Trainer:
@@ -170,11 +170,11 @@ def _make_trainer(
             f"{start.preset!r} and the preset {preset.name!r}; leave it out"
         )
     if isinstance(settings, FieldSettings):
-        from renderer.field.training import FieldTrainer
+        from renderer.field.training.trainer import FieldTrainer
 
         settings = replace(settings, lpips_backbone=lpips_backbone)
         return FieldTrainer(sequence, preset.name, settings, seed)
-    from renderer.splats.training import SplatTrainer
+    from renderer.splats.training.trainer import SplatTrainer
 
     return SplatTrainer(sequence, settings, seed, start, find_light=find_light)
 
@@ -207,7 +207,7 @@ class _Run:
             if fraction >= 1.0:
                 break
             begun = clock()
-            self.trainer.between(fraction)
+            self.trainer.before_step(fraction)
             started += clock() - begun
             self.loss = self.trainer.step(fraction)
             self.step += 1
@@ -285,7 +285,7 @@ class _Run:
         if len(good) > 1:
             good.pop()
         self.trainer.restore(state)
-        self.trainer.slow_down()
+        self.trainer.halve_learning_rate()
 
     def _progress(self, fraction: float) -> Progress:
         picture = self.trainer.preview()

@@ -1,7 +1,7 @@
 """Rotations and forward kinematics of one body, compiled: what live poses are made with. float64.
 
 `scene.rotations` and `scene.skeleton` say the same for any batch, and are the twins that these are
-tested against; there each of many small steps costs more than the arithmetic. A turn is a rotation
+tested against; there each of many small steps costs more than the arithmetic. A rotation is a
 matrix; angles are axis-angle, rad. All take microseconds, too little to let another thread run
 meanwhile: it would be milliseconds until it is their turn again.
 """
@@ -20,25 +20,25 @@ _SMALL_ANGLE = 1e-4
 
 
 @numba.njit(cache=True)
-def write_turn(x: float, y: float, z: float, turn: Array) -> None:
-    """The turn [3 3] by the angles x, y, z, by Rodrigues' formula."""
+def write_rotation(x: float, y: float, z: float, rotation: Array) -> None:
+    """The rotation [3 3] by the angles x, y, z, by Rodrigues' formula."""
     square = x * x + y * y + z * z
     angle = math.sqrt(square)
     if angle < _SMALL_ANGLE:
         sine, versine = 1.0 - square / 6.0, 0.5 - square / 24.0
     else:
         sine, versine = math.sin(angle) / angle, (1.0 - math.cos(angle)) / square
-    turn[0, 0] = 1.0 - versine * (y * y + z * z)
-    turn[1, 1] = 1.0 - versine * (x * x + z * z)
-    turn[2, 2] = 1.0 - versine * (x * x + y * y)
-    turn[0, 1], turn[1, 0] = versine * x * y - sine * z, versine * x * y + sine * z
-    turn[0, 2], turn[2, 0] = versine * x * z + sine * y, versine * x * z - sine * y
-    turn[1, 2], turn[2, 1] = versine * y * z - sine * x, versine * y * z + sine * x
+    rotation[0, 0] = 1.0 - versine * (y * y + z * z)
+    rotation[1, 1] = 1.0 - versine * (x * x + z * z)
+    rotation[2, 2] = 1.0 - versine * (x * x + y * y)
+    rotation[0, 1], rotation[1, 0] = versine * x * y - sine * z, versine * x * y + sine * z
+    rotation[0, 2], rotation[2, 0] = versine * x * z + sine * y, versine * x * z - sine * y
+    rotation[1, 2], rotation[2, 1] = versine * y * z - sine * x, versine * y * z + sine * x
 
 
 @numba.njit(cache=True)
-def write_angles(m: Array, angles: Array) -> None:
-    """The angles [3] of the turn `m`: Shepperd's quaternion, then its logarithm."""
+def write_axis_angle(m: Array, angles: Array) -> None:
+    """The angles [3] of the rotation `m`: Shepperd's quaternion, then its logarithm."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
     x, y, z = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
     if trace >= max(m[0, 0], m[1, 1], m[2, 2]):
@@ -70,7 +70,7 @@ def multiply(a: Array, b: Array, out: Array) -> None:
 
 
 @numba.njit(cache=True)
-def multiply_back(a: Array, b: Array, out: Array) -> None:
+def multiply_transposed(a: Array, b: Array, out: Array) -> None:
     """a^T b, of 3 x 3 matrices; `out` is neither of them."""
     for r in range(3):
         for c in range(3):
@@ -78,51 +78,55 @@ def multiply_back(a: Array, b: Array, out: Array) -> None:
 
 
 @numba.njit(cache=True)
-def turns_of(angles: Array) -> Array:
-    """The turns [K 3 3] by `angles` [K 3]."""
-    turns = np.empty((len(angles), 3, 3))
+def axis_angles_to_matrices(angles: Array) -> Array:
+    """The rotations [K 3 3] by `angles` [K 3]."""
+    rotations = np.empty((len(angles), 3, 3))
     for k in range(len(angles)):
-        write_turn(angles[k, 0], angles[k, 1], angles[k, 2], turns[k])
-    return turns
+        write_rotation(angles[k, 0], angles[k, 1], angles[k, 2], rotations[k])
+    return rotations
 
 
 @numba.njit(cache=True)
-def angles_of(turns: Array) -> Array:
-    """The angles [K 3] of `turns` [K 3 3]."""
-    angles = np.empty((len(turns), 3))
-    for k in range(len(turns)):
-        write_angles(turns[k], angles[k])
+def matrices_to_axis_angles(rotations: Array) -> Array:
+    """The angles [K 3] of `rotations` [K 3 3]."""
+    angles = np.empty((len(rotations), 3))
+    for k in range(len(rotations)):
+        write_axis_angle(rotations[k], angles[k])
     return angles
 
 
 @numba.njit(cache=True)
-def angles_between(start: Array, end: Array) -> Array:
-    """The angles [K 3] from the turns `start` to `end` [K 3 3], in the frames of `start`."""
+def relative_axis_angles(start: Array, end: Array) -> Array:
+    """The angles [K 3] from the rotations `start` to `end` [K 3 3], in the frames of `start`."""
     angles, step = np.empty((len(start), 3)), np.empty((3, 3))
     for k in range(len(start)):
-        multiply_back(start[k], end[k], step)
-        write_angles(step, angles[k])
+        multiply_transposed(start[k], end[k], step)
+        write_axis_angle(step, angles[k])
     return angles
 
 
 @numba.njit(cache=True)
-def moved_on(turns: Array, turning: Array, share: float) -> Array:
-    """The angles [K 3] of `turns` [K 3 3], each turned on by `share` of `turning` [K 3]."""
-    angles, step, moved = np.empty(turning.shape), np.empty((3, 3)), np.empty((3, 3))
-    for k in range(len(turns)):
-        write_turn(share * turning[k, 0], share * turning[k, 1], share * turning[k, 2], step)
-        multiply(turns[k], step, moved)
-        write_angles(moved, angles[k])
+def integrate_rotations(rotations: Array, angular_velocity: Array, duration: float) -> Array:
+    """The angles [K 3] of `rotations` [K 3 3] after `duration` (s) at `angular_velocity` [K 3].
+
+    The velocity (rad/s) is in each rotation's own frame: R exp(duration * velocity).
+    """
+    angles, step, moved = np.empty(angular_velocity.shape), np.empty((3, 3)), np.empty((3, 3))
+    for k in range(len(rotations)):
+        x, y, z = angular_velocity[k, 0], angular_velocity[k, 1], angular_velocity[k, 2]
+        write_rotation(duration * x, duration * y, duration * z, step)
+        multiply(rotations[k], step, moved)
+        write_axis_angle(moved, angles[k])
     return angles
 
 
 @numba.njit(cache=True)
 def slerp(start: Array, end: Array, share: float) -> Array:
-    """The turn [3 3] `share` of the way from `start` to `end` [3 3] along the shortest arc."""
+    """The rotation [3 3] `share` of the way from `start` to `end` [3 3] along the shortest arc."""
     step, angles, out = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
-    multiply_back(start, end, step)
-    write_angles(step, angles)
-    write_turn(share * angles[0], share * angles[1], share * angles[2], step)
+    multiply_transposed(start, end, step)
+    write_axis_angle(step, angles)
+    write_rotation(share * angles[0], share * angles[1], share * angles[2], step)
     multiply(start, step, out)
     return out
 
@@ -142,12 +146,12 @@ def write_cross(a: Array, b: Array, out: Array) -> None:
 
 
 @numba.njit(cache=True)
-def turn_between(start: Array, end: Array) -> Array:
-    """The smallest turn [3 3] of the direction `start` into the direction `end` [3].
+def rotation_between(start: Array, end: Array) -> Array:
+    """The smallest rotation [3 3] of the direction `start` into the direction `end` [3].
 
     For opposite directions one about an axis across is chosen.
     """
-    turn, axis = np.empty((3, 3)), np.empty(3)
+    rotation, axis = np.empty((3, 3)), np.empty(3)
     cosine = start[0] * end[0] + start[1] * end[1] + start[2] * end[2]
     write_cross(start, end, axis)
     sine, lengths = length(axis), length(start) * length(end)
@@ -161,29 +165,29 @@ def turn_between(start: Array, end: Array) -> Array:
         write_cross(start, weakest, axis)
         sine = length(axis)
     scale = angle / sine
-    write_turn(scale * axis[0], scale * axis[1], scale * axis[2], turn)
-    return turn
+    write_rotation(scale * axis[0], scale * axis[1], scale * axis[2], rotation)
+    return rotation
 
 
 @numba.njit(cache=True)
-def place_joints(
-    local: Array,  # [K 3 3] turns relative to the parent
+def forward_kinematics(
+    local: Array,  # [K 3 3] rotations relative to the parent
     pelvis: Array,  # [3] place of joint 0, m
     rest: Array,  # [K 3]
     parents: Array,  # [K] int64
-    turned: Array,  # [K 3 3], written: world turns
-    placed: Array,  # [K 3], written: world places
+    global_rotations: Array,  # [K 3 3], written: joint -> world
+    joint_positions: Array,  # [K 3], written: world, m
 ) -> None:
     """Forward kinematics."""
-    turned[0], placed[0] = local[0], pelvis
+    global_rotations[0], joint_positions[0] = local[0], pelvis
     for k in range(1, len(local)):
         above = parents[k]
-        multiply(turned[above], local[k], turned[k])
+        multiply(global_rotations[above], local[k], global_rotations[k])
         for r in range(3):
-            place = placed[above, r]
+            place = joint_positions[above, r]
             for c in range(3):
-                place += turned[above, r, c] * (rest[k, c] - rest[above, c])
-            placed[k, r] = place
+                place += global_rotations[above, r, c] * (rest[k, c] - rest[above, c])
+            joint_positions[k, r] = place
 
 
 @numba.njit(cache=True)
@@ -196,15 +200,15 @@ def skinning(
 ) -> Array:
     """Rest -> room of what is bound to each joint: [K 4 4]."""
     count = len(rest)
-    local, out = turns_of(angles), np.zeros((count, 4, 4))
-    turned, placed = np.empty((count, 3, 3)), np.empty((count, 3))
-    place_joints(local, pelvis, rest, parents, turned, placed)
+    local, out = axis_angles_to_matrices(angles), np.zeros((count, 4, 4))
+    global_rotations, joint_positions = np.empty((count, 3, 3)), np.empty((count, 3))
+    forward_kinematics(local, pelvis, rest, parents, global_rotations, joint_positions)
     for k in range(count):
-        multiply(placement, turned[k], out[k])
+        multiply(placement, global_rotations[k], out[k])
         for r in range(3):
             shift = placement[r, 3]
             for c in range(3):
-                shift += placement[r, c] * placed[k, c] - out[k, r, c] * rest[k, c]
+                shift += placement[r, c] * joint_positions[k, c] - out[k, r, c] * rest[k, c]
             out[k, r, 3] = shift
         out[k, 3, 3] = 1.0
     return out

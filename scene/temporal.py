@@ -15,10 +15,10 @@ import numpy as np
 from scene.arrays import Array, Float
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 
-TURN_RAD_S2 = 6.0
+ROTATION_RAD_S2 = 6.0
 """Usual acceleration of a joint's turn about each axis: over ten recorded motions at 15 frames/s
 the median lies between 1.4 (trunk) and 14 (right wrist), the joints' mean at 5.6."""
-PLACE_M_S2 = 1.0
+ROOT_M_S2 = 1.0
 """Usual acceleration of the root along each axis: medians of 0.6 sideways, 1.2 up and down."""
 
 
@@ -54,7 +54,7 @@ class Accelerations:
         before, after = np.roll(self.after, 1) ** 2, np.roll(self.before, -1) ** 2
         return self._sum(weights, before, self.here**2, after)
 
-    def of_turns(self, joint_angles: Float[Array, "F K 3"]) -> Float[Array, "F K 3"]:
+    def of_rotations(self, joint_angles: Float[Array, "F K 3"]) -> Float[Array, "F K 3"]:
         """Accelerations of the joints' turns, each in its own frame, rad/s^2.
 
         To first order they change by this operator of small own-frame turns.

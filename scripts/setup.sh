@@ -57,7 +57,7 @@ compile_renderer() {
   wanted=$(find renderer capture -name '*kernels.py' -print0 | sort -z | xargs -0 cat requirements.lock | sha256sum)
   [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
   echo "setup: compiling the renderer (half a minute)"
-  .venv/bin/python -c "from renderer.stage import warm_up; warm_up()"
+  .venv/bin/python -c "from renderer.scene_renderer import warm_up; warm_up()"
   .venv/bin/python -c "from services.live.motion.live_motion import warm_up; warm_up()"
   echo "$wanted" > "$stamp"
 }

@@ -8,7 +8,7 @@ from pathlib import Path
 from db.models import MeetingRow, ModelRow, PersonRow, new_id
 from db.objects import file_chunks
 from db.repositories import UnitOfWork
-from renderer.checkpoint import load_model
+from renderer.model_files import load_model
 from services.auth import GUEST
 from services.container import Services
 from services.jobs.queue import drop_orphans

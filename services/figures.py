@@ -10,8 +10,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from renderer.contact_sheet import contact_sheet
-from renderer.evaluation import REGIONS, JudgedView
+from renderer.evaluation.contact_sheet import contact_sheet
+from renderer.evaluation.evaluate import REGIONS, EvaluatedView
 from services.video import write_png
 
 _SHOWN = {"psnr": ("PSNR, dB", 1.0, 2), "ssim": ("SSIM", 1.0, 4), "lpips": ("LPIPS x1000", 1e3, 1)}
@@ -57,7 +57,7 @@ def _conditions(about: dict[str, Any]) -> list[str]:
     return [*lines, steps]
 
 
-def write_sheet(path: Path, views: list[JudgedView]) -> None:
+def write_sheet(path: Path, views: list[EvaluatedView]) -> None:
     """The contact sheet of `views` with its captions, as PNG."""
     sheet, captions = contact_sheet(views)
     picture = np.ascontiguousarray((255.0 * sheet + 0.5).astype(np.uint8))

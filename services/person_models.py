@@ -13,20 +13,21 @@ from db.errors import NotFound
 from db.models import ModelFileRow, ModelRow
 from db.objects import Objects, StoredObject, fetch
 from db.unit_of_work import Database
-from renderer.model import PersonModel
+from renderer.performer_model import PerformerModel
 
 WEIGHTS = "model.safetensors"
 """The file of a model that every preset has."""
 SPLATS = "splats.ply"
 """The splats as other viewers open them, where the model is made of such."""
 VIEWER_FILE = "viewer.splats"
-"""The splats as our page draws them (`renderer.splats.export`), where the model is made of such."""
+"""The splats as our page draws them, where the model is made of such; its format is that of
+`renderer.splats.files.viewer_file`."""
 
 
 @dataclass(eq=False)
 class _Entry:
     person_id: str
-    model: PersonModel
+    model: PerformerModel
 
 
 class ModelCache:
@@ -41,13 +42,13 @@ class ModelCache:
         self._guard = threading.Lock()
         self._loading: dict[str, threading.Lock] = {}
 
-    def load(self, model_id: str) -> PersonModel:
+    def load(self, model_id: str) -> PerformerModel:
         """The model of this id. Raises NotFound, or BrokenModel for a file that can't be read."""
         with self._database.reading() as unit:
             row = unit.models.get(model_id)
         return self.load_row(row)
 
-    def load_row(self, row: ModelRow) -> PersonModel:
+    def load_row(self, row: ModelRow) -> PerformerModel:
         """The model of a row read already."""
         sha256 = weights_of(row)
         with self._guard:
@@ -74,8 +75,8 @@ class ModelCache:
             for key in gone:
                 del self._entries[key]
 
-    def _read(self, person_id: str, sha256: str) -> PersonModel:
-        from renderer.checkpoint import load_model
+    def _read(self, person_id: str, sha256: str) -> PerformerModel:
+        from renderer.model_files import load_model
 
         with tempfile.TemporaryDirectory(prefix="metanerf-model-") as folder:
             path = Path(folder) / WEIGHTS
@@ -83,11 +84,11 @@ class ModelCache:
             return load_model(path)
 
 
-def write_files(model: PersonModel, folder: Path) -> list[Path]:
+def write_files(model: PerformerModel, folder: Path) -> list[Path]:
     """Write every file by which `model` is handed out."""
-    from renderer.checkpoint import save_model
-    from renderer.splats.export import write_viewer_file
-    from renderer.splats.files import write_ply
+    from renderer.model_files import save_model
+    from renderer.splats.files.ply import write_ply
+    from renderer.splats.files.viewer_file import write_viewer_file
     from renderer.splats.model import SplatModel
 
     files = [folder / WEIGHTS]

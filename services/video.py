@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from capture.overlay import write_video
-from renderer.model import PersonModel
+from renderer.performer_model import PerformerModel
 from scene.arrays import Array, Float, UInt8
 from scene.errors import InvalidInput
 from scene.motion import Motion
@@ -25,7 +25,7 @@ _FIELD_OF_VIEW_RAD = 0.6
 
 
 def camera_path(
-    model: PersonModel,
+    model: PerformerModel,
     motion: Motion,
     camera: str,
     size: int,

@@ -8,10 +8,10 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from renderer.model import PersonModel
-from renderer.splats.compose import Geometry, SplatRenderer
+from renderer.performer_model import PerformerModel
 from renderer.splats.model import SplatModel
-from renderer.splats.unseen import filmed_only
+from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
+from renderer.splats.unseen import captured_only
 from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.errors import InvalidInput
@@ -30,14 +30,14 @@ _SOLID = 0.5
 MEDIA_TYPES = {"png": "image/png", "jpeg": "image/jpeg", "webp": "image/webp"}
 
 
-def render_view(model: PersonModel, motion: Motion, asked: NewView) -> bytes:
+def render_view(model: PerformerModel, motion: Motion, asked: NewView) -> bytes:
     """The picture that `asked` describes. Raises InvalidInput for a bad camera or pose, and for
     what the model can't tell."""
     pose = view_pose(motion, asked)
     shown = motion if asked.pose is None else Motion.from_poses([pose])
     camera = view_camera(model.skeleton, shown, pose, asked.camera, asked.width, asked.height)
     if asked.hide_unseen:
-        model = filmed_only(_of_splats(model, "hide_unseen", "which know what was filmed"))
+        model = captured_only(_of_splats(model, "hide_unseen", "which know what was filmed"))
     if asked.shows == "colour":
         return encode(model.render(camera, pose), asked.background, asked.format)
     if asked.format != "png" or asked.background is not None:
@@ -100,7 +100,7 @@ def encode(
     return cv2.imencode(suffix, np.ascontiguousarray(data), options)[1].tobytes()
 
 
-def _of_splats(model: PersonModel, asked: str, why: str) -> SplatModel:
+def _of_splats(model: PerformerModel, asked: str, why: str) -> SplatModel:
     if not isinstance(model, SplatModel):
         raise InvalidInput(
             f"{asked} must be asked of a model of splats, {why}; got preset {model.preset!r}; "

@@ -19,7 +19,7 @@ import typer
 from capture.sources.bvh import read_bvh
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from renderer.checkpoint import save_model
+from renderer.model_files import save_model
 from renderer.splats.model import SplatModel
 from renderer.training import train
 from scene.motion import Motion

@@ -21,10 +21,10 @@ from benchmarks.reporting.measurements import MeasurementCache
 from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from renderer.model import PersonModel
+from renderer.performer_model import PerformerModel
 from renderer.presets import EXACT
-from renderer.splats.compose import SplatRenderer
 from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.sequence import Sequence
 
 FRAMES, SIZE = 60, 256
@@ -112,7 +112,7 @@ def _speeds(
     return rows
 
 
-def _drawing(model: PersonModel) -> Draw:
+def _drawing(model: PerformerModel) -> Draw:
     """How a server draws `model`: what lasts is kept between frames, transforms are not."""
     if not isinstance(model, SplatModel):
         return model.render

@@ -16,10 +16,10 @@ import numpy as np
 
 from benchmarks.field_speed import SAME_WEIGHTS, fitted
 from benchmarks.reporting.timing import Clock, milliseconds
-from renderer.catalogue import described
-from renderer.field.drawing import FieldRenderer
+from renderer.catalogue import describe_preset
+from renderer.evaluation.metrics import psnr
+from renderer.field.rendering.field_renderer import FieldRenderer
 from renderer.field.settings import FieldSettings
-from renderer.metrics import psnr
 from renderer.presets import EXACT, find_preset
 from scene.arrays import Array
 from scene.camera import Camera
@@ -97,7 +97,7 @@ def _expected_s(least_s: float, px: int) -> float:
 
 def weights_of(name: str) -> dict[str, Any]:
     """Parameters and megabytes of a preset."""
-    about = described(find_preset(name))
+    about = describe_preset(find_preset(name))
     return {"parameters": sum(about["parameters"].values()), "megabytes": about["megabytes"]}
 
 

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.reporting.timing import Clock
-from renderer.checkpoint import load_model, save_model
-from renderer.evaluation import MEASURES, evaluate
+from renderer.evaluation.evaluate import MEASURES, evaluate
 from renderer.field.model import FieldModel
 from renderer.field.settings import FieldSettings
-from renderer.model import PersonModel
+from renderer.model_files import load_model, save_model
+from renderer.performer_model import PerformerModel
 from renderer.presets import EXACT, Preset, find_preset
 from renderer.training import Progress, train
 from scene.sequence import Sequence
@@ -74,7 +74,7 @@ def accuracy(
     return {"file_megabytes": round(path.stat().st_size / 1e6, 2), **figures}
 
 
-def figures_of(model: PersonModel, figures: dict[str, Any]) -> dict[str, Any]:
+def figures_of(model: PerformerModel, figures: dict[str, Any]) -> dict[str, Any]:
     """An evaluation as one flat row, `MEASURE_SPLIT_REGION`, with what the model says of itself."""
     row = dict(model.metrics)
     for measure in MEASURES:
@@ -86,7 +86,7 @@ def figures_of(model: PersonModel, figures: dict[str, Any]) -> dict[str, Any]:
 
 def trained(
     clip: Sequence, name: str, budget_s: float, folder: Path, backbone: Path | None, clock: Clock
-) -> tuple[PersonModel, Path]:
+) -> tuple[PerformerModel, Path]:
     """The model of preset `name` after `budget_s`, and its file in `folder`, where it is taken from
     if it has been made."""
     path = folder / f"{name}-{budget_s:g}s-{clock.name}.safetensors"

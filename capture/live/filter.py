@@ -71,10 +71,10 @@ class PoseFilter:
         """The pose at `time_s`, moved on at its pace if that is later than the last one seen."""
         if self._time_s is None:
             return Pose.rest(time_s)
-        from scene.kinematics_kernels import moved_on
+        from scene.kinematics_kernels import integrate_rotations
 
         ahead_s = min(max(time_s - self._time_s, 0.0), AT_MOST_S)
-        angles = moved_on(self._turns, self._turning, ahead_s)
+        angles = integrate_rotations(self._turns, self._turning, ahead_s)
         return Pose(angles, self._root + ahead_s * self._moving, time_s)
 
 

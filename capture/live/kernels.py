@@ -16,13 +16,13 @@ import numpy as np
 
 from scene.arrays import Array
 from scene.kinematics_kernels import (
-    angles_between,
-    angles_of,
+    axis_angles_to_matrices,
+    forward_kinematics,
+    matrices_to_axis_angles,
     multiply,
-    multiply_back,
-    place_joints,
-    turns_of,
-    write_turn,
+    multiply_transposed,
+    relative_axis_angles,
+    write_rotation,
 )
 
 JOINTS = 24
@@ -272,8 +272,8 @@ def pose_equations(
     right: Array,  # [75], written
 ) -> float:
     """Energy of a pose and its normal equations."""
-    placed, angles = np.empty((JOINTS, 3)), angles_of(local)
-    place_joints(local, pelvis, known.rest, known.parents, turned, placed)
+    placed, angles = np.empty((JOINTS, 3)), matrices_to_axis_angles(local)
+    forward_kinematics(local, pelvis, known.rest, known.parents, turned, placed)
     normal[:], right[:] = 0.0, 0.0
     return landmark_equations(
         turned, placed, known.rest, known.parents, known.marks, known.joints, seen.pixels,
@@ -289,13 +289,13 @@ def moved_pose(local: Array, turned: Array, parents: Array, step: Array) -> Arra
     """Local turns [24 3 3] after the turns of `step` [75], in world axes: W^T exp(d) W L."""
     out, once, twice = np.empty(local.shape), np.empty((3, 3)), np.empty((3, 3))
     for k in range(JOINTS):
-        write_turn(step[3 * k], step[3 * k + 1], step[3 * k + 2], once)
+        write_rotation(step[3 * k], step[3 * k + 1], step[3 * k + 2], once)
         if k == 0:
             multiply(once, local[0], out[0])
             continue
         above = turned[parents[k]]
         multiply(once, above, twice)
-        multiply_back(above, twice, once)
+        multiply_transposed(above, twice, once)
         multiply(once, local[k], out[k])
     return out
 
@@ -343,14 +343,14 @@ def refined(
         else:
             damping *= 10.0
     # a product of many turns drifts off: the next frame would start from it and drift on
-    return turns_of(angles_of(local)), pelvis, energy
+    return axis_angles_to_matrices(matrices_to_axis_angles(local)), pelvis, energy
 
 
 @numba.njit(cache=True)
 def body_points(local: Array, known: Known) -> Array:
     """The landmarks [33 3] of the body whose pelvis is at the origin."""
     turned, placed = np.empty((JOINTS, 3, 3)), np.empty((JOINTS, 3))
-    place_joints(local, np.zeros(3), known.rest, known.parents, turned, placed)
+    forward_kinematics(local, np.zeros(3), known.rest, known.parents, turned, placed)
     return mark_points(turned, placed, known.rest, known.marks, known.joints)
 
 
@@ -379,7 +379,7 @@ def follow_turns(
     per_turn: float,
 ) -> None:
     """One step of the One-Euro filter, each joint along its geodesic; see `capture.live.filter`."""
-    found, apart = angles_between(before, seen), angles_between(turns, seen)
+    found, apart = relative_axis_angles(before, seen), relative_axis_angles(turns, seen)
     share, step, moved = _share(speed_cutoff_hz, step_s), np.empty((3, 3)), np.empty((3, 3))
     for k in range(len(turns)):
         pace = 0.0
@@ -387,7 +387,7 @@ def follow_turns(
             turning[k, c] += share * (found[k, c] / step_s - turning[k, c])
             pace += turning[k, c] ** 2
         own = _share(cutoff_hz + per_turn * math.sqrt(pace), step_s)
-        write_turn(own * apart[k, 0], own * apart[k, 1], own * apart[k, 2], step)
+        write_rotation(own * apart[k, 0], own * apart[k, 1], own * apart[k, 2], step)
         multiply(turns[k], step, moved)
         turns[k] = moved
 

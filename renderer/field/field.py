@@ -7,12 +7,12 @@ from dataclasses import replace
 import torch
 from torch import nn
 
-from renderer.field.canonical import CanonicalField, Shell
-from renderer.field.cells import LiveCells
-from renderer.field.networks import PoseRefiner, ResidualMotion, SkeletonMotion
-from renderer.field.rest_shape import RestShape, bone_shape, rest_shape
+from renderer.field.networks.canonical import CanonicalField, NarrowBand
+from renderer.field.networks.mlps import PoseRefiner, ResidualMotion, SkeletonMotion
+from renderer.field.rendering.occupancy_grid import OccupancyGrid
 from renderer.field.sizes import FieldSizes
-from renderer.field.skinning import WeightVolume, rotations, skinning_transforms
+from renderer.field.skinning.inverse_skinning import WeightVolume, rotations, skinning_transforms
+from renderer.field.skinning.rest_shape import RestShape, bone_shape, rest_shape
 from scene.arrays import Bool, Float, Tensor
 from scene.body import Body
 from scene.skeleton import Skeleton
@@ -35,7 +35,7 @@ class PersonField(nn.Module):
         prior: Float[Tensor, "C D H W"],
         low: Float[Tensor, "3"],
         high: Float[Tensor, "3"],
-        shell: Shell | None,
+        shell: NarrowBand | None,
     ) -> None:
         super().__init__()
         self.sizes = sizes
@@ -52,7 +52,7 @@ class PersonField(nn.Module):
         self.canonical = CanonicalField(sizes, low, high, shell)
         self.residual_opened: float | None = None
         """Fraction of the residual's window that is open; None: the residual is off."""
-        self.occupied: LiveCells | None = None
+        self.occupied: OccupancyGrid | None = None
         """Where the canonical space of a trained MLP holds anything; None: not known (yet)."""
 
     @classmethod
@@ -72,7 +72,7 @@ class PersonField(nn.Module):
         prior = torch.from_numpy(shape.prior)
         if sizes.grid is None:
             return cls(sizes, skeleton, prior, low, high, None)
-        shell, distance = Shell.around(shape, sizes.grid)
+        shell, distance = NarrowBand.around(shape, sizes.grid)
         field = cls(sizes, skeleton, prior, low, high, shell)
         field.canonical.start_from(shell, distance)
         return field

@@ -1,4 +1,4 @@
-"""FieldModel: a trained field as everyone else sees it (a `PersonModel`)."""
+"""FieldModel: a trained field as everyone else sees it (a `PerformerModel`)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 import torch
 
 from renderer.devices import best_device, on_device, on_host
-from renderer.field.canonical import Shell
-from renderer.field.cells import LiveCells
-from renderer.field.drawing import FieldRenderer
 from renderer.field.field import PersonField
+from renderer.field.networks.canonical import NarrowBand
+from renderer.field.rendering.field_renderer import FieldRenderer
+from renderer.field.rendering.occupancy_grid import OccupancyGrid
 from renderer.field.sizes import FieldSizes
 from scene.arrays import Array, Bool, Float
 from scene.camera import Camera
@@ -104,7 +104,7 @@ class FieldModel:
         shell = None
         if about["grid_shape"] is not None:
             learnt, deep = (_unpacked(tensors[k], about["grid_shape"]) for k in ("shell", "deep"))
-            shell = Shell(learnt, deep)
+            shell = NarrowBand(learnt, deep)
         field = PersonField(sizes, skeleton, prior, low, high, shell).to(device)
         learnt_state = {
             name[len(_LEARNT) :]: on_device(value, device, torch.float32)
@@ -122,7 +122,7 @@ class FieldModel:
         if shape is not None:
             bits = np.frombuffer(zlib.decompress(tensors["occupied"].tobytes()), np.uint8)
             live = on_device(_unpacked(bits, shape).reshape(-1), device)
-            field.occupied = LiveCells(field.low, field.high, tuple(shape), live)
+            field.occupied = OccupancyGrid(field.low, field.high, tuple(shape), live)
         return cls(
             field,
             preset=about["preset"],

@@ -1,4 +1,4 @@
-"""The plain twin of `renderer/panorama_kernels.py`: whole arrays, one formula a line."""
+"""The plain twin of `compositing/panorama_kernels.py`: whole arrays, one formula a line."""
 
 from __future__ import annotations
 

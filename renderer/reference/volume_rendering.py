@@ -1,6 +1,7 @@
 """Volume rendering, one ray and one sample at a time: the twin to trust.
 
-HumanNeRF (Weng et al. 2022, eq. 8-9). Twin of `renderer.field.marching`'s packed version.
+HumanNeRF (Weng et al. 2022, eq. 8-9). Twin of the packed version in
+`renderer.field.rendering.ray_marching`.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from scene.arrays import Array
 
 
 @numba.njit(nogil=True, cache=True)
-def move_rests(
+def apply_blend_shapes(
     parameters: Array,  # [N P] float32, positions of the M changed
     splats: Array,  # [M] int32
     owner: Array,  # [M] int32: the model in the cast

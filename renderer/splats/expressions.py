@@ -41,7 +41,7 @@ def moving_splats(
     return splats.astype(np.int32), offsets[splats].astype(np.float32)
 
 
-class MovedRests:
+class BlendShapes:
     """Rest positions of a cast under everybody's expressions; moves them without allocating."""
 
     def __init__(self, models: Many[SkinnedSplats]) -> None:
@@ -73,13 +73,13 @@ class MovedRests:
 
     def move(self, parameters: Float[Array, "N P"]) -> None:
         """Put the positions of `parameters`, in place, where what is shown takes them."""
-        from renderer.splats.expression_kernels import move_rests
+        from renderer.splats.expression_kernels import apply_blend_shapes
 
-        move_rests(parameters, self.splats, self.owner, self.rest, self.offsets, self.shown)
+        apply_blend_shapes(parameters, self.splats, self.owner, self.rest, self.offsets, self.shown)
 
 
 @dataclass(frozen=True, eq=False)
-class ShownExpressions:
+class ClipBlendShapes:
     """What the frames of a clip show of the expressions that a person of splats knows."""
 
     splats: Int[Array, "M"]
@@ -93,11 +93,11 @@ class ShownExpressions:
         """
         if not len(self.splats) or not self.expressions[frame].any():
             return parameters
-        from renderer.splats.expression_kernels import move_rests
+        from renderer.splats.expression_kernels import apply_blend_shapes
 
         moved = parameters.copy()
         rest = parameters[self.splats, POSITION : POSITION + 3]
         shown = self.expressions[frame : frame + 1].astype(np.float32)
         owner = np.zeros(len(self.splats), np.int32)
-        move_rests(moved, self.splats, owner, rest, self.offsets, shown)
+        apply_blend_shapes(moved, self.splats, owner, rest, self.offsets, shown)
         return moved

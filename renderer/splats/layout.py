@@ -18,7 +18,7 @@ CONTRIBUTION = HALF_HEIGHT
 
 BOX_FILTER_PX2 = 1.0 / 12.0
 """Variance of a pixel's box filter: what a camera adds to every splat's covariance, px^2."""
-FRONT_DILATION_PX2 = 4.0 * BOX_FILTER_PX2
+VISIBILITY_DILATION_PX2 = 4.0 * BOX_FILTER_PX2
 """Dilation for finding which splat a pixel of a smaller picture shows: by the filter alone each is
 too faint there to tell, and poses are fitted 0.5 dB worse."""
 FAINTEST = 1.0 / 255.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from renderer.splats.compose import SplatRenderer
 from renderer.splats.expressions import no_offsets, no_splats
 from renderer.splats.layout import PARAMETERS
+from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.arrays import Array, Bool, Float, Int, UInt8
 from scene.camera import Camera
 from scene.errors import InvalidInput, require_finite, require_shape
@@ -19,7 +19,7 @@ from scene.skeleton import Skeleton
 
 @dataclass(frozen=True, eq=False)
 class SplatModel:
-    """Splats at rest, each bound to at most four joints (a `PersonModel`)."""
+    """Splats at rest, each bound to at most four joints (a `PerformerModel`)."""
 
     parameters: Float[Array, "N 14"]
     """Columns as in `renderer.splats.layout`: position, log scale, rotation, colour, opacity."""

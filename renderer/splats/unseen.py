@@ -10,10 +10,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from renderer.model import PersonModel
+from renderer.nearest import ROWS, nearest_points, squared_distances
+from renderer.performer_model import PerformerModel
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION
 from renderer.splats.model import SplatModel
-from renderer.splats.nearest import ROWS, nearest_points, squared_distances
 from scene.arrays import Array, Bool, Float
 
 _MIRROR_REACH_M = 0.03
@@ -57,23 +57,23 @@ def _about(
     return mean
 
 
-def filmed_only(model: PersonModel) -> PersonModel:
+def captured_only(model: PerformerModel) -> PerformerModel:
     """`model` with what no frame showed faded away; made once and kept as long as `model` lives.
 
     A field keeps no record of what was filmed and is given back as it is.
     """
     if not isinstance(model, SplatModel) or model.seen.all():
         return model
-    if model not in _FILMED_ONLY:
+    if model not in _CAPTURED_ONLY:
         parameters = model.parameters.copy()
         # the far side, which closed what gaps there are between splats, is gone
         parameters[:, LOG_SCALE : LOG_SCALE + 3] += _WIDER
         parameters[:, OPACITY] = _faded(parameters[:, OPACITY], presence(model))
-        _FILMED_ONLY[model] = replace(model, parameters=parameters)
-    return _FILMED_ONLY[model]
+        _CAPTURED_ONLY[model] = replace(model, parameters=parameters)
+    return _CAPTURED_ONLY[model]
 
 
-_FILMED_ONLY: WeakKeyDictionary[SplatModel, SplatModel] = WeakKeyDictionary()
+_CAPTURED_ONLY: WeakKeyDictionary[SplatModel, SplatModel] = WeakKeyDictionary()
 
 
 def presence(model: SplatModel) -> Float[Array, "N"]:

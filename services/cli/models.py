@@ -55,7 +55,7 @@ def train(
     """
     from capture.pose_check import require_poses_on_mask
     from capture.sources.readers import open_folder
-    from renderer.checkpoint import save_model
+    from renderer.model_files import save_model
     from renderer.presets import find_preset, trains_on_patches
     from renderer.training import Progress, TrainingStopped
     from renderer.training import train as train_model
@@ -115,7 +115,7 @@ def render(
     ] = None,
 ) -> None:
     """Render a model from any side: a picture or a video."""
-    from renderer.checkpoint import load_model
+    from renderer.model_files import load_model
     from services.video import FRAMES_PER_SECOND, camera_path, write_mp4, write_png
 
     require_writable(out)
@@ -164,18 +164,18 @@ def evaluate(
 ) -> None:
     """Compare a model with the truth on unseen views and unseen poses: PSNR, SSIM, LPIPS."""
     from capture.sources.readers import open_folder
-    from renderer.checkpoint import load_model
-    from renderer.evaluation import JudgedView
-    from renderer.evaluation import evaluate as evaluate_model
+    from renderer.evaluation.evaluate import EvaluatedView
+    from renderer.evaluation.evaluate import evaluate as evaluate_model
+    from renderer.model_files import load_model
     from services.figures import print_figures, write_sheet
 
     for out in (json_file, sheet):
         if out is not None:
             require_writable(out)
-    clip, person, views = open_folder(sequence), load_model(model), list[JudgedView]()
+    clip, person, views = open_folder(sequence), load_model(model), list[EvaluatedView]()
     backbone = _backbone(lpips_backbone) if lpips else None
 
-    def on_view(view: JudgedView) -> None:
+    def on_view(view: EvaluatedView) -> None:
         if sheet is not None:
             views.append(view)
 
@@ -211,10 +211,10 @@ def presets(
     as_json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
     """List what can be trained: parameters of each network, megabytes, what is switched on."""
-    from renderer.catalogue import described
+    from renderer.catalogue import describe_preset
     from renderer.presets import PRESETS
 
-    listed = {name: described(preset) for name, preset in PRESETS.items()}
+    listed = {name: describe_preset(preset) for name, preset in PRESETS.items()}
     if as_json:
         typer.echo(json.dumps(listed, indent=2, default=str))
         return

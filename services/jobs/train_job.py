@@ -16,7 +16,7 @@ from db.models import JobRow, ModelRow, new_id
 from db.objects import fetch
 from db.repositories import UnitOfWork
 from renderer.errors import TrainingStopped
-from renderer.model import PersonModel
+from renderer.performer_model import PerformerModel
 from renderer.training import Progress, train
 from scene.sequence import Sequence
 from services.container import Services
@@ -67,7 +67,7 @@ class _Training:
         self._clip: Sequence = open_sequence(folder / "sequence")
         self._left = job.checkpoint_sha256
 
-    def start(self) -> PersonModel | None:
+    def start(self) -> PerformerModel | None:
         """What an earlier attempt has handed out, else the model that is to be bettered."""
         known = self._model_id or self._job.params.get("improves")
         if known is None:
@@ -77,7 +77,7 @@ class _Training:
         except NotFound:  # erased meanwhile
             return None
 
-    def round(self, number: int, ends: list[float], start: PersonModel | None) -> PersonModel:
+    def round(self, number: int, ends: list[float], start: PerformerModel | None) -> PerformerModel:
         """Train until the end of round `number`; the model says which rounds are behind it.
 
         The light it was filmed in is found in the last alone: that takes as long as a round.
@@ -113,7 +113,7 @@ class _Training:
         model.metrics.update(round=number + 1, train_seconds=round(ends[number], 3))
         return model
 
-    def hand_in(self, model: PersonModel, *, last: bool) -> None:
+    def hand_in(self, model: PerformerModel, *, last: bool) -> None:
         """Store `model` in the place of what this job has handed in before."""
         files = self._folder / f"files-{model.metrics['round']}"
         files.mkdir()

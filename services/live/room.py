@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from renderer.model import PersonModel
-from renderer.splats.unseen import filmed_only
+from renderer.performer_model import PerformerModel
+from renderer.splats.unseen import captured_only
 from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
 from scene.environment import Environment, Performer, Scene
@@ -25,7 +25,7 @@ class CastMember:
 
     performer_id: str
     name: str
-    model: PersonModel
+    model: PerformerModel
     motion: Motion
     position: tuple[float, float, float]
     yaw_rad: float
@@ -56,7 +56,7 @@ class Room:
     live: dict[str, MovesLive] = field(default_factory=dict)
     """Performer id -> their own motion, for those who are driven live now."""
 
-    def scene_at(self, now_s: float, *, hide_unseen: bool = False) -> Scene[PersonModel]:
+    def scene_at(self, now_s: float, *, hide_unseen: bool = False) -> Scene[PerformerModel]:
         """The scene at `now_s`: performers as they are driven live, or by their motion to and fro.
 
         With `hide_unseen` what was never filmed of them fades away.
@@ -64,7 +64,7 @@ class Room:
         performers = tuple(
             Performer(
                 member.name,
-                filmed_only(member.model) if hide_unseen else member.model,
+                captured_only(member.model) if hide_unseen else member.model,
                 np.array(member.position, dtype=np.float64),
                 member.yaw_rad,
                 self._pose(member, now_s),

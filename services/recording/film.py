@@ -14,7 +14,7 @@ from av.container import OutputContainer
 from av.error import FFmpegError
 from av.video.stream import VideoStream
 
-from renderer.stage import Stage
+from renderer.scene_renderer import SceneRenderer
 from scene.arrays import Array, Float
 from scene.camera import Camera, look_at, orbit_camera
 from scene.errors import InvalidInput
@@ -122,7 +122,7 @@ def _write_video(
     container: OutputContainer, stream: VideoStream, recorded: Recorded, shot: Shot,
     on_progress: Callable[[float], None],
 ) -> None:  # fmt: skip
-    stage = Stage()
+    stage = SceneRenderer()
     count = max(1, int(recorded.duration_s * FRAMES_PER_SECOND))
     for number in range(count):
         at_s = number / FRAMES_PER_SECOND

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from db.models import RecordingChunkRow
-from renderer.model import PersonModel
+from renderer.performer_model import PerformerModel
 from scene.environment import Environment, Performer, Scene
 from scene.motion import Pose
 from scene.rotations import matrix_to_axis_angle, quaternion_to_matrix
@@ -48,11 +48,11 @@ class Recorded:
     motions: dict[str, tuple[list[int], list[PosePacket]]]
     """Performer -> moments (ms) and poses."""
     voices: dict[str, list[Record]]
-    models: dict[str, PersonModel]
+    models: dict[str, PerformerModel]
     own_place: Environment
     """Where the meeting is held that has no place of the library."""
 
-    def scene_at(self, at_s: float) -> Scene[PersonModel]:
+    def scene_at(self, at_s: float) -> Scene[PerformerModel]:
         """Everybody of the room as they stood at a moment, or as they were last seen before it."""
         at_ms = int(1000 * at_s)
         room = self._room(at_ms)
@@ -96,7 +96,7 @@ def load(services: Services, recording_id: str) -> Recorded:
     return Recorded(recording.duration_ms / 1000.0, rooms, motions, voices, models, own_place)
 
 
-def _stand(name: str, model: PersonModel, packet: PosePacket) -> Performer[PersonModel]:
+def _stand(name: str, model: PerformerModel, packet: PosePacket) -> Performer[PerformerModel]:
     """A pose packet is of the room: the performer's own place is in it already."""
     angles = matrix_to_axis_angle(quaternion_to_matrix(packet.turns))
     root = packet.pelvis - model.skeleton.rest_joints[0]

@@ -27,7 +27,7 @@ _TRAIN = """
 import sys, time
 from pathlib import Path
 from capture.storage import open_sequence
-from renderer.checkpoint import save_model
+from renderer.model_files import save_model
 from renderer.training import train
 clip = open_sequence(Path(sys.argv[1]))
 model = train(clip, preset="fast", budget_s=float(sys.argv[3]), clock=time.perf_counter)

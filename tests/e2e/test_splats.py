@@ -16,9 +16,9 @@ import pytest
 from playwright.sync_api import Page
 
 from benchmarks.browser import open_page
-from renderer.splats.export import encode
+from renderer.scene_renderer import SceneRenderer
+from renderer.splats.files.viewer_file import encode
 from renderer.splats.model import SplatModel
-from renderer.stage import Stage
 from scene import orbit_camera
 from scene.camera import Camera
 from scene.expression import EXPRESSION_COUNT
@@ -106,7 +106,7 @@ def test_the_page_draws_what_the_server_draws(
     distance_m = 3.2 if people == 1 else 4.7
     camera = orbit_camera((0.0, 0.9, 0.0), distance_m, azimuth_rad, 0.1, size, size)
     local = drawn(page, asked(room, camera, now_s, filmedOnly=filmed_only))
-    server = Stage().render(room.scene_at(now_s, hide_unseen=filmed_only), camera)
+    server = SceneRenderer().render(room.scene_at(now_s, hide_unseen=filmed_only), camera)
     assert psnr(local, server) > 46.0
 
 
@@ -121,11 +121,11 @@ def test_the_page_draws_everybody_in_the_light_of_their_own_clip(page: Page, dem
     room = Room("m", tuple(cast))
     camera = orbit_camera((0.0, 0.9, 0.0), 4.7, 0.4, 0.1, 384, 384)
     local = drawn(page, asked(room, camera, now_s))
-    assert psnr(local, Stage().render(room.scene_at(now_s), camera)) > 44.0
+    assert psnr(local, SceneRenderer().render(room.scene_at(now_s), camera)) > 44.0
     straight = drawn(page, asked(room, camera, now_s, yawsRad=[0.0, 0.0, 0.0]))
     assert psnr(straight, local) < 40.0
     flat = Room("m", tuple(replace(member, model=dull) for member in places))
-    assert psnr(local, Stage().render(flat.scene_at(now_s), camera)) < 35.0
+    assert psnr(local, SceneRenderer().render(flat.scene_at(now_s), camera)) < 35.0
 
 
 def test_the_page_moves_faces_and_hands_as_the_server_does(page: Page, demo: SplatModel):
@@ -145,8 +145,8 @@ def test_the_page_moves_faces_and_hands_as_the_server_does(page: Page, demo: Spl
     x, _, z = talking.position
     camera = orbit_camera((x, 1.4, z), 1.6, 0.3, 0.0, 384, 384)
     local, resting = (drawn(page, asked(one, camera, now_s)) for one in (room, still))
-    assert psnr(local, Stage().render(room.scene_at(now_s), camera)) > 44.0
-    assert psnr(resting, Stage().render(still.scene_at(now_s), camera)) > 44.0
+    assert psnr(local, SceneRenderer().render(room.scene_at(now_s), camera)) > 44.0
+    assert psnr(resting, SceneRenderer().render(still.scene_at(now_s), camera)) > 44.0
     assert psnr(local, resting) < 35.0
     few = {"most": len(demo)}
     assert psnr(drawn(page, asked(room, camera, now_s, **few)), local) > psnr(local, resting)
@@ -171,9 +171,9 @@ def test_the_page_draws_a_place_and_its_light_as_the_server_does(
         "light": Light.of(about.lighting).model_dump(mode="json"),
     }
     local = drawn(page, asked(room, camera, now_s, place=place))
-    server = Stage().render(room.scene_at(now_s), camera)
+    server = SceneRenderer().render(room.scene_at(now_s), camera)
     assert psnr(local, server) > 40.0
-    people = Stage().render(Room("m", room.cast).scene_at(now_s), camera)
+    people = SceneRenderer().render(Room("m", room.cast).scene_at(now_s), camera)
     assert psnr(local, people) < 25.0
 
 
@@ -193,7 +193,7 @@ def test_a_shared_screen_hangs_behind_everybody(page: Page, demo: SplatModel):
     assert seen(1.1, 1.6) == [0, 0, 255]
     assert seen(-1.1, 2.38) == [255, 255, 255]
     # whoever stands before it hides it; all round it nothing changes
-    body = Stage().render(room.scene_at(0.4), camera)
+    body = SceneRenderer().render(room.scene_at(0.4), camera)
     pixels, _ = camera.project(np.array([[0.0, 1.1, 0.0]]))
     column, row = np.floor(pixels[0]).astype(int)
     assert np.abs(shared[row, column].astype(int) - body[row, column]).max() < 12
@@ -203,7 +203,7 @@ def test_a_shared_screen_hangs_behind_everybody(page: Page, demo: SplatModel):
 def test_where_splats_are_many_everybody_gives_the_least_important(page: Page, demo: SplatModel):
     room = room_of(demo, 3)
     camera = orbit_camera((0.0, 0.9, 0.0), 4.7, 0.2, 0.1, 256, 256)
-    server = Stage().render(room.scene_at(0.0), camera)
+    server = SceneRenderer().render(room.scene_at(0.0), camera)
     whole, half = (drawn(page, asked(room, camera, 0.0, most=most)) for most in (60_000, 15_000))
     assert psnr(whole, server) > psnr(half, server) + 10.0
     assert psnr(half, server) > 27.0

@@ -12,10 +12,10 @@ import triton
 from triton.backends.compiler import GPUTarget
 from triton.compiler import ASTSource
 
-from renderer.field import gpu_kernels as of_fields
+from renderer.field.rendering import gpu_kernels as of_fields
 from renderer.fused import mlp_kernels as of_networks
 from renderer.fused.mlp import WARPS
-from renderer.splats import gpu_kernels as of_splats
+from renderer.splats.rasteriser import gpu_kernels as of_splats
 
 _SHARED_BYTES = 99 * 1024
 """Shared memory that one program may use on every GPU since Ampere."""

@@ -9,13 +9,13 @@ from time import perf_counter
 import numpy as np
 
 from renderer.presets import Preset
-from renderer.reference import relight as twin
-from renderer.relight import normals_of
-from renderer.splats.compose import SplatRenderer
-from renderer.splats.initialise import first_splats
+from renderer.reference import shading as twin
+from renderer.relighting.shading import normals_of
 from renderer.splats.layout import COLOUR, OPACITY
 from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.settings import SplatSettings
+from renderer.splats.training.initialisation import first_splats
 from renderer.training import train
 from scene import Lighting, Motion, Pose, Sequence, Skeleton, orbit_camera
 from scene.body import Body

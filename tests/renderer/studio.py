@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.splats.compose import SplatRenderer
-from renderer.splats.initialise import sample_surface
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, ROTATION
 from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import SplatRenderer
+from renderer.splats.training.initialisation import sample_surface
 from scene import Body, Motion, Pose, Sequence, Skeleton, orbit_camera
 from scene.skeleton import JOINT_COUNT, PARENTS
 

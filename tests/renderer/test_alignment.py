@@ -9,9 +9,9 @@ import pytest
 
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from renderer.alignment import Aligner
-from renderer.evaluation import evaluate
-from renderer.metrics import psnr
+from renderer.evaluation.evaluate import evaluate
+from renderer.evaluation.metrics import psnr
+from renderer.evaluation.pose_alignment import Aligner
 from renderer.training import train
 from scene import NOVEL_VIEW, Pose, Sequence
 from scene.sequence import body_crop, read_frame

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderer.checkpoint import load_model, save_model
 from renderer.errors import BrokenModel
-from renderer.model import PersonModel
-from renderer.splats.files import write_ply
+from renderer.model_files import load_model, save_model
+from renderer.performer_model import PerformerModel
+from renderer.splats.files.ply import write_ply
 from renderer.splats.model import SplatModel
 from tests.renderer.studio import SIZE, make_model, make_sequence
 
@@ -20,7 +20,7 @@ def test_a_model_round_trips(tmp_path):
     save_model(model, path)
     loaded = load_model(path)
     assert isinstance(loaded, SplatModel)
-    assert isinstance(loaded, PersonModel)
+    assert isinstance(loaded, PerformerModel)
     np.testing.assert_array_equal(loaded.parameters[:, :3], model.parameters[:, :3])
     np.testing.assert_allclose(loaded.parameters, model.parameters, atol=4e-3)
     np.testing.assert_allclose(loaded.motion.joint_angles, model.motion.joint_angles, atol=1e-6)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.contact_sheet import CAPTION_PX, CELL_PX, contact_sheet, error_colours
-from renderer.evaluation import JudgedView
+from renderer.evaluation.contact_sheet import CAPTION_PX, CELL_PX, contact_sheet, error_colours
+from renderer.evaluation.evaluate import EvaluatedView
 from scene.errors import InvalidInput
 
 
-def judged(index: int, truth: float, made: float) -> JudgedView:
+def judged(index: int, truth: float, made: float) -> EvaluatedView:
     pictures = [np.full((40, 60, 3), value, np.float32) for value in (truth, made)]
-    return JudgedView("novel_view", index, *pictures, crop=(slice(10, 30), slice(20, 40)))
+    return EvaluatedView("novel_view", index, *pictures, crop=(slice(10, 30), slice(20, 40)))
 
 
 def test_cells_hold_truth_model_and_error_under_their_caption():
@@ -36,7 +36,7 @@ def test_cells_hold_truth_model_and_error_under_their_caption():
 
 
 def test_a_crop_that_is_no_square_stands_in_the_middle_of_black():
-    view = JudgedView("unseen_pose", 0, *2 * (np.ones((40, 60, 3), np.float32),),
+    view = EvaluatedView("unseen_pose", 0, *2 * (np.ones((40, 60, 3), np.float32),),
                       crop=(slice(0, 40), slice(10, 30)))  # fmt: skip
     sheet, (caption,) = contact_sheet([view])
     row = sheet[caption.y + 6 + CELL_PX // 2, caption.x : caption.x + CELL_PX, 0]

@@ -82,7 +82,7 @@ def test_arrays_go_there_and_back():
 
 
 def test_a_field_trains_and_draws_on_the_best_device():
-    from renderer.field.training import FieldTrainer
+    from renderer.field.training.trainer import FieldTrainer
 
     trainer = FieldTrainer(sequence(), "fast", TINY, 0)
     assert np.isfinite(trainer.step(0.0))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderer.evaluation import JudgedView, evaluate, side_of_body
+from renderer.evaluation.evaluate import EvaluatedView, evaluate, side_of_body
 from scene import NOVEL_VIEW, UNSEEN_POSE, Camera, Motion, Pose, Skeleton
 from tests.renderer.field.performer import Frames, body, paint, pose, sequence, view
 from tests.shared_data import shared_data
@@ -120,7 +120,7 @@ def test_the_protocol_judges_one_moment_in_so_many_from_all_cameras():
 
 
 def test_every_picture_is_told_as_it_is_judged():
-    told: list[JudgedView] = []
+    told: list[EvaluatedView] = []
     evaluate(Painted(0.1), sequence(), on_view=told.append)
     assert {v.split for v in told} == {"novel_view", "unseen_pose", "training_view"}
     assert told[0].made.max() <= 1.0

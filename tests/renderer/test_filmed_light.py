@@ -7,16 +7,16 @@ from time import perf_counter
 
 import numpy as np
 
-from renderer.metrics import psnr
-from renderer.model import PersonModel
-from renderer.reference import relight as twin
-from renderer.relight import albedo_of, normals_of
-from renderer.relight_fit import filmed_light
-from renderer.splats.compose import SplatRenderer
+from renderer.evaluation.metrics import psnr
+from renderer.performer_model import PerformerModel
+from renderer.reference import shading as twin
+from renderer.relighting.light_estimation import estimate_light
+from renderer.relighting.shading import albedo_of, normals_of
+from renderer.scene_renderer import SceneRenderer
 from renderer.splats.layout import COLOUR
 from renderer.splats.model import SplatModel
-from renderer.splats.unseen import filmed_only
-from renderer.stage import Stage
+from renderer.splats.rasteriser.renderer import SplatRenderer
+from renderer.splats.unseen import captured_only
 from renderer.training import train
 from scene import Environment, Lighting, Performer, Pose, Scene, orbit_camera
 from scene.environment import placement
@@ -80,9 +80,11 @@ def test_whoever_is_turned_in_the_room_is_turned_with_their_light():
     model = with_light(4)
 
     def seen(yaw: float, azimuth: float) -> np.ndarray:
-        performer: Performer[PersonModel] = Performer("one", model, np.zeros(3), yaw, Pose.rest())
+        performer: Performer[PerformerModel] = Performer(
+            "one", model, np.zeros(3), yaw, Pose.rest()
+        )
         camera = orbit_camera((0.0, 0.8, 0.0), 3.0, azimuth, 0.1, 64, 64)
-        return Stage().render(Scene(Environment(), (performer,)), camera).astype(int)
+        return SceneRenderer().render(Scene(Environment(), (performer,)), camera).astype(int)
 
     # the studio looks the same from both sides
     assert np.abs(seen(np.pi, np.pi) - seen(0.0, 0.0)).max() <= 2
@@ -91,7 +93,7 @@ def test_whoever_is_turned_in_the_room_is_turned_with_their_light():
 def test_what_nobody_filmed_fades_in_the_same_light():
     model = with_light(5)
     seen = model.parameters[:, 2] > -0.05
-    faded = filmed_only(replace(model, seen=seen))
+    faded = captured_only(replace(model, seen=seen))
     assert isinstance(faded, SplatModel)
     assert faded.light is model.light
 
@@ -108,7 +110,7 @@ def test_a_model_that_found_its_light_is_nearer_to_its_frames_by_it():
 def test_even_light_comes_out_even():
     model, albedo, sequence = filmed_pillar()
     even = Lighting(FILMED_IN.harmonics * np.eye(9)[:, :1], UP, np.zeros(3))
-    found = filmed_light(model, replace(sequence, train=LitFrames(model, albedo, even)))
+    found = estimate_light(model, replace(sequence, train=LitFrames(model, albedo, even)))
     assert found is not None
     shading = Lighting(found.harmonics, UP, np.zeros(3)).shading(normals_of(model))
     assert np.abs(shading / np.median(shading, axis=0) - 1.0).max() < 0.08

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from renderer.errors import RendererError
-from renderer.lpips import Lpips
+from renderer.evaluation.lpips import Lpips
 from tests.shared_data import shared_data
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from renderer.metrics import over_black, psnr, ssim
+from renderer.evaluation.metrics import over_black, psnr, ssim
 from scene.errors import InvalidInput
 
 

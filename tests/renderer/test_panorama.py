@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.panorama_kernels import DOME_M, TAKEN_AT_M, compose_panorama
+from renderer.compositing.panorama_kernels import DOME_M, TAKEN_AT_M, compose_panorama
 from renderer.reference import panorama as twin
-from renderer.stage import Stage, panorama_picture
+from renderer.scene_renderer import SceneRenderer, panorama_picture
 from scene import Environment, Performer, Pose, Scene, orbit_camera
 from scene.camera import Camera, look_at
 from scene.colour import to_linear
@@ -48,7 +48,7 @@ def test_from_where_it_was_taken_a_panorama_is_seen_as_it_is():
     camera = Camera.from_field_of_view(look_at(eye, (1.0, TAKEN_AT_M + 0.3, 0.4)), 64, 64, 0.8)
     environment = place(spots())
     assert environment.panorama is not None
-    seen = Stage().render(Scene(environment, ()), camera)
+    seen = SceneRenderer().render(Scene(environment, ()), camera)
     _, directions = camera.rays()
     truth = 0.5 + 0.4 * directions
     gain = environment.panorama.max() / spots().max()
@@ -64,7 +64,7 @@ def test_the_floor_stays_under_the_feet_while_viewers_walk():
     environment = Environment(panorama=ground)
     for azimuth in (0.0, 2.0, 4.0):
         camera = orbit_camera((0.0, 0.5, 0.0), 4.0, azimuth, 0.5, 96, 96, 0.9)
-        seen = Stage().render(Scene(environment, ()), camera).mean(axis=2)
+        seen = SceneRenderer().render(Scene(environment, ()), camera).mean(axis=2)
         pixel, _ = camera.project(np.array([1.0, 0.0, 0.5]))
         rows, columns = np.nonzero(seen > 0.95 * seen.max())
         assert np.hypot(columns.mean() + 0.5 - pixel[0], rows.mean() + 0.5 - pixel[1]) < 3.0
@@ -76,13 +76,13 @@ def test_people_are_lit_by_the_place_and_hide_it():
     camera = orbit_camera((0.0, 0.8, 0.0), 4.0, 0.0, 0.05, 96, 96)
     somebody = Performer("one", make_model(), np.zeros(3), 0.0, Pose.rest())
     middle = (slice(44, 54), slice(44, 52))
-    lit = Stage().render(Scene(bright, (somebody,)), camera)[middle].copy()
-    against = Stage().render(Scene(place(dim), (somebody,)), camera)[middle].copy()
-    empty = Stage().render(Scene(bright, ()), camera)[middle]
+    lit = SceneRenderer().render(Scene(bright, (somebody,)), camera)[middle].copy()
+    against = SceneRenderer().render(Scene(place(dim), (somebody,)), camera)[middle].copy()
+    empty = SceneRenderer().render(Scene(bright, ()), camera)[middle]
     assert lit.max() > 2.0 * against.max()
     assert np.abs(lit.astype(int) - empty.astype(int)).max() > 60
 
 
 def test_a_viewer_outside_the_dome_gets_a_picture():
     camera = orbit_camera((0.0, 0.8, 0.0), 3.0 * DOME_M, 0.4, 0.3, 32, 32)
-    assert Stage().render(Scene(place(spots()), ()), camera).std() > 0.0
+    assert SceneRenderer().render(Scene(place(spots()), ()), camera).std() > 0.0

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.photometry import (
-    FREE,
-    SHARED,
-    Points,
-    displacements,
-    moved_pose,
-    stretch_between,
-    stretched,
+from renderer.pose_refinement.photometry import (
+    POSE_PARAMETERS,
+    SHARED_PARAMETERS,
+    SkinnedPoints,
+    apply_pose_step,
+    log_bone_ratios,
+    pixel_jacobian,
+    with_bone_lengths,
 )
 from scene import Camera, Pose, Skeleton
 from tests.renderer.field.performer import body, pose, view
@@ -21,7 +21,7 @@ from tests.renderer.field.performer import body, pose, view
 CAMERA = view(0.6)
 
 
-def rigid_points() -> Points:
+def rigid_points() -> SkinnedPoints:
     """Every 300th vertex, bound to its strongest joint alone."""
     person = body()
     assert person.rest_vertices is not None
@@ -29,11 +29,11 @@ def rigid_points() -> Points:
     picked = np.arange(0, len(person.rest_vertices), 300)
     joints = np.argsort(-person.blend_weights[picked], axis=1)[:, :4].astype(np.uint16)
     weights = np.tile(np.array([1.0, 0.0, 0.0, 0.0], np.float32), (len(picked), 1))
-    return Points(person.rest_vertices[picked].astype(np.float32), joints, weights)
+    return SkinnedPoints(person.rest_vertices[picked].astype(np.float32), joints, weights)
 
 
 def pixels(
-    points: Points, camera: Camera, moment: Pose, skeleton: Skeleton | None = None
+    points: SkinnedPoints, camera: Camera, moment: Pose, skeleton: Skeleton | None = None
 ) -> np.ndarray:
     """Where the points are seen; they stay where they are on the bones of `skeleton`."""
     given = body().skeleton
@@ -47,29 +47,33 @@ def pixels(
 def test_displacements_match_finite_differences():
     points, moment = rigid_points(), pose(0.4, 0.8)
     shown = np.arange(len(points.rest))
-    jacobian = displacements(points, shown, body().skeleton, CAMERA, moment)
-    for number in range(0, FREE, 4):
-        step = np.zeros(FREE)
+    jacobian = pixel_jacobian(points, shown, body().skeleton, CAMERA, moment)
+    for number in range(0, POSE_PARAMETERS, 4):
+        step = np.zeros(POSE_PARAMETERS)
         step[number] = 1e-5
-        up, down = (pixels(points, CAMERA, moved_pose(moment, s)) for s in (step, -step))
+        up, down = (pixels(points, CAMERA, apply_pose_step(moment, s)) for s in (step, -step))
         np.testing.assert_allclose(jacobian[:, :, number], (up - down) / 2e-5, atol=2e-3)
 
 
 def test_what_the_clip_shares_moves_pixels_as_finite_differences_say():
     points, moment = rigid_points(), pose(0.4, 0.8)
     shown = np.arange(len(points.rest))
-    jacobian = displacements(points, shown, body().skeleton, CAMERA, moment, shared=True)
-    assert jacobian.shape[2] == FREE + SHARED
-    for number in range(SHARED):
-        step = np.zeros(SHARED)
+    jacobian = pixel_jacobian(points, shown, body().skeleton, CAMERA, moment, shared=True)
+    assert jacobian.shape[2] == POSE_PARAMETERS + SHARED_PARAMETERS
+    for number in range(SHARED_PARAMETERS):
+        step = np.zeros(SHARED_PARAMETERS)
         step[number] = 1e-5
         up, down = (
-            pixels(points, longer_lens(CAMERA, s[-1]), moment, stretched(body().skeleton, s))
+            pixels(
+                points, longer_lens(CAMERA, s[-1]), moment, with_bone_lengths(body().skeleton, s)
+            )
             for s in (step, -step)
         )
         expected = (up - down) / 2e-5
         assert number == 7 or np.abs(expected).max() > 1.0
-        np.testing.assert_allclose(jacobian[:, :, FREE + number], expected, atol=2e-3, rtol=1e-4)
+        np.testing.assert_allclose(
+            jacobian[:, :, POSE_PARAMETERS + number], expected, atol=2e-3, rtol=1e-4
+        )
 
 
 def longer_lens(camera: Camera, step: float) -> Camera:
@@ -80,6 +84,8 @@ def longer_lens(camera: Camera, step: float) -> Camera:
 
 
 def test_how_bones_were_stretched_is_read_off_them():
-    step = np.append(np.random.default_rng(0).normal(0.0, 0.05, SHARED - 1), 0.0)
+    step = np.append(np.random.default_rng(0).normal(0.0, 0.05, SHARED_PARAMETERS - 1), 0.0)
     first = body().skeleton
-    np.testing.assert_allclose(stretch_between(first, stretched(first, step)), step, atol=1e-9)
+    np.testing.assert_allclose(
+        log_bone_ratios(first, with_bone_lengths(first, step)), step, atol=1e-9
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from renderer.catalogue import described, field_parameters
+from renderer.catalogue import describe_preset, field_parameters
 from renderer.errors import UnknownPreset
 from renderer.field.settings import FieldSettings
 from renderer.presets import EXACT, PRESETS, find_preset
@@ -43,7 +43,7 @@ def test_names_that_mean_nothing_are_refused(name, words):
 
 
 def test_the_baseline_counts_and_weighs_as_published():
-    about = described(find_preset("humannerf"))
+    about = describe_preset(find_preset("humannerf"))
     counts = about["parameters"]
     assert [counts[k] for k in ("canonical", "residual", "refiner")] == [494_084, 101_123, 233_029]
     assert about["megabytes"] == pytest.approx(258, abs=1.0)
@@ -52,17 +52,19 @@ def test_the_baseline_counts_and_weighs_as_published():
 
 
 def test_baking_takes_the_cnn_out_of_the_file():
-    assert described(find_preset("humannerf+baked"))["megabytes"] == pytest.approx(6.6, abs=0.1)
+    assert describe_preset(find_preset("humannerf+baked"))["megabytes"] == pytest.approx(
+        6.6, abs=0.1
+    )
 
 
 def test_exact_speed_ups_leave_all_networks_as_they_are():
     together = "+".join(["paper", *EXACT])
     assert field_parameters(_sizes(together)) == field_parameters(_sizes("paper"))
-    assert set(EXACT) <= set(described(find_preset(together))["switches_on"])
+    assert set(EXACT) <= set(describe_preset(find_preset(together))["switches_on"])
 
 
 def test_a_grid_takes_the_place_of_the_deep_mlp():
-    counts = described(find_preset("paper+grid"))["parameters"]
+    counts = describe_preset(find_preset("paper+grid"))["parameters"]
     assert counts["canonical"] == 4 * 64 + 64 * 64 + 64 * 3
     assert counts["canonical_grid"] > 1_000_000
 

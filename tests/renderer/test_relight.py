@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderer.reference import relight as twin
-from renderer.relight import Relighting, albedo_of, neighbours, normals_of
-from renderer.relight_fit import filmed_light
-from renderer.splats.compose import SplatRenderer
+from renderer.reference import shading as twin
+from renderer.relighting.light_estimation import estimate_light
+from renderer.relighting.shading import Relighting, albedo_of, neighbours, normals_of
 from renderer.splats.layout import COLOUR, ROTATION
 from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene import Lighting, Sequence, orbit_camera
 from scene.rotations import axis_angle_to_matrix
 from scene.skeleton import JOINT_COUNT
@@ -60,14 +60,14 @@ def test_colours_of_clothes_are_not_taken_for_light(learnt):
 def test_frames_that_show_nothing_tell_of_no_light(filmed):
     model, _, sequence = filmed
     black = LitFrames(model, np.zeros((len(model), 3)), FILMED_IN)
-    assert filmed_light(model, replace(sequence, train=black)) is None
+    assert estimate_light(model, replace(sequence, train=black)) is None
 
 
 def test_colours_survive_the_way_to_albedos_and_back(filmed):
     model, _, sequence = filmed
-    light = filmed_light(model, sequence)
+    light = estimate_light(model, sequence)
     assert light is not None
-    back = light.baked(light.unbaked(model.parameters))
+    back = light.with_mean_light(light.without_light(model.parameters))
     np.testing.assert_allclose(back, model.parameters, atol=1e-4)
 
 
@@ -130,9 +130,9 @@ def test_light_stays_in_the_room_while_a_person_turns(filmed):
 
 def test_the_pull_on_albedos_is_nearly_the_slope_of_what_is_shown(filmed):
     model, _, sequence = filmed
-    light = filmed_light(model, sequence)
+    light = estimate_light(model, sequence)
     assert light is not None
-    roots = light.unbaked(model.parameters)
+    roots = light.without_light(model.parameters)
     moved = model.skeleton.skinning_transforms(np.zeros((JOINT_COUNT, 3)), np.zeros(3))
     place = model.joints.astype(np.uint16), model.weights, moved.astype(np.float32)
     shown, step = light.lit(roots, *place, np.array([0.0, 1.0, 3.0])), 1e-2
@@ -140,7 +140,7 @@ def test_the_pull_on_albedos_is_nearly_the_slope_of_what_is_shown(filmed):
     more[:, COLOUR : COLOUR + 3] += step
     rise = (light.lit(more, *place, np.array([0.0, 1.0, 3.0])) - shown) / step
     pulled = np.ones_like(roots)
-    light.pull_albedo(pulled, roots, shown)
+    light.chain_to_albedo(pulled, roots, shown)
     ratio = pulled[:, COLOUR : COLOUR + 3] / rise[:, COLOUR : COLOUR + 3]
     assert np.percentile(ratio, 2) > 0.8
     assert np.percentile(ratio, 98) < 1.25

@@ -7,9 +7,9 @@ from typing import cast
 import numpy as np
 import pytest
 
-from renderer.model import PersonModel
+from renderer.performer_model import PerformerModel
 from renderer.reference import backdrop as twin
-from renderer.stage import Stage, contact_shadows, shadow_blocks
+from renderer.scene_renderer import SceneRenderer, contact_shadows, shadow_blocks
 from scene import Environment, InvalidInput, Performer, Pose, Scene, orbit_camera
 from tests.renderer.studio import make_model
 
@@ -22,7 +22,7 @@ def stand(x: float, z: float, name: str = "one", yaw: float = 0.0) -> Performer:
 
 
 def test_the_room_matches_its_twin():
-    from renderer.backdrop_kernels import compose
+    from renderer.compositing.backdrop_kernels import compose
 
     camera = orbit_camera((0, 0.8, 0), 3.0, 0.5, 0.2, 80, 56)
     rng = np.random.default_rng(0)
@@ -44,7 +44,9 @@ def test_the_room_matches_its_twin():
 
 
 def test_sky_is_above_floor():
-    picture = Stage().render(Scene(ROOM, ()), orbit_camera((0, 0.8, 0), 3.0, 0.0, 0.05, 64, 64))
+    picture = SceneRenderer().render(
+        Scene(ROOM, ()), orbit_camera((0, 0.8, 0), 3.0, 0.0, 0.05, 64, 64)
+    )
     assert picture.shape == (64, 64, 3)
     assert picture[2].mean(axis=0)[2] > picture[2].mean(axis=0)[0]  # the zenith is blue
     assert picture[-2].mean() < picture[30].mean()  # the floor is darker than the horizon
@@ -52,8 +54,8 @@ def test_sky_is_above_floor():
 
 def test_the_nearer_person_hides_the_other():
     camera = orbit_camera((0, 0.8, 0), 4.0, 0.0, 0.05, 96, 96)
-    alone = Stage().render(Scene(ROOM, (stand(0.0, 1.0),)), camera).copy()
-    both = Stage().render(Scene(ROOM, (stand(0.0, 1.0), stand(0.0, -1.0, "two"))), camera)
+    alone = SceneRenderer().render(Scene(ROOM, (stand(0.0, 1.0),)), camera).copy()
+    both = SceneRenderer().render(Scene(ROOM, (stand(0.0, 1.0), stand(0.0, -1.0, "two"))), camera)
     middle = (slice(46, 52), slice(44, 52))
     # a little of what is behind shines through between splats
     assert np.abs(alone[middle].astype(int) - both[middle].astype(int)).max() <= 12
@@ -61,14 +63,14 @@ def test_the_nearer_person_hides_the_other():
 
 def test_placement_moves_and_turns_a_person():
     camera = orbit_camera((0, 0.8, 0), 4.0, 0.0, 0.05, 96, 96)
-    left = Stage().render(Scene(ROOM, (stand(-0.8, 0.0),)), camera).copy()
-    right = Stage().render(Scene(ROOM, (stand(0.8, 0.0),)), camera)
+    left = SceneRenderer().render(Scene(ROOM, (stand(-0.8, 0.0),)), camera).copy()
+    right = SceneRenderer().render(Scene(ROOM, (stand(0.8, 0.0),)), camera)
     assert left[40:60, 15:35, 1].std() > 3 * max(left[40:60, 60:80, 1].std(), 1)
     assert right[40:60, 60:80, 1].std() > 3 * max(right[40:60, 15:35, 1].std(), 1)
-    back = Stage().render(Scene(ROOM, (stand(0.8, 0.0, yaw=np.pi),)), camera)
+    back = SceneRenderer().render(Scene(ROOM, (stand(0.8, 0.0, yaw=np.pi),)), camera)
     blue = (
         back[40:60, 62:78, 2].mean()
-        - Stage().render(Scene(ROOM, (stand(0.8, 0.0),)), camera)[40:60, 62:78, 2].mean()
+        - SceneRenderer().render(Scene(ROOM, (stand(0.8, 0.0),)), camera)[40:60, 62:78, 2].mean()
     )
     assert blue > 30  # the back is blue
 
@@ -91,20 +93,20 @@ def test_shadows_fade_with_the_height_of_the_foot():
 @pytest.mark.parametrize("size", [(17, 33), (64, 16)])
 def test_any_size_is_drawn(size):
     width, height = size
-    picture = Stage().render(
+    picture = SceneRenderer().render(
         Scene(ROOM, (stand(0, 0),)), orbit_camera((0, 0.8, 0), 4.0, 1.0, 0.1, width, height)
     )
     assert picture.shape == (height, width, 3)
 
 
 def test_a_picture_in_parts_is_the_picture_as_a_whole():
-    stage, camera = Stage(), orbit_camera((0, 0.8, 0), 5.0, 0.0, 0.3, 160, 128)
+    stage, camera = SceneRenderer(), orbit_camera((0, 0.8, 0), 5.0, 0.0, 0.3, 160, 128)
     before = stage.render(Scene(ROOM, (stand(-0.6, 0.0),)), camera).copy()
     assert stage.changed.all()
     for x in (-0.4, 0.1, 0.9):
         scene = Scene(ROOM, (stand(x, 0.0),))
         after = stage.render(scene, camera)
-        np.testing.assert_allclose(after.astype(int), Stage().render(scene, camera), atol=1)
+        np.testing.assert_allclose(after.astype(int), SceneRenderer().render(scene, camera), atol=1)
         differs = (before != after).any(axis=2).reshape(8, 16, 10, 16).any(axis=(1, 3))
         assert not (differs & ~stage.changed).any()
         assert stage.changed.mean() < 0.6
@@ -116,7 +118,7 @@ def test_a_picture_in_parts_is_the_picture_as_a_whole():
 
 
 def test_another_view_or_place_is_drawn_whole():
-    stage, camera = Stage(), orbit_camera((0, 0.8, 0), 5.0, 0.0, 0.3, 64, 64)
+    stage, camera = SceneRenderer(), orbit_camera((0, 0.8, 0), 5.0, 0.0, 0.3, 64, 64)
     people = (stand(0.0, 0.0),)
     stage.render(Scene(ROOM, people), camera)
     for scene, view in (
@@ -124,7 +126,9 @@ def test_another_view_or_place_is_drawn_whole():
         (Scene(Environment(floor=(0.2, 0.3, 0.4)), people), camera),
     ):
         stage.render(Scene(ROOM, people), camera)
-        np.testing.assert_array_equal(stage.render(scene, view), Stage().render(scene, view))
+        np.testing.assert_array_equal(
+            stage.render(scene, view), SceneRenderer().render(scene, view)
+        )
         assert stage.changed.all()
 
 
@@ -132,7 +136,7 @@ def test_shadows_lie_in_their_blocks_however_the_viewer_stands():
     shadows = np.array([[0.0, 0.0, 0.3, 0.45], [1.5, 0.5, 0.2, 0.3]], np.float32)
     nothing = np.zeros((96, 96, 4), np.float32)
     dark, light = np.zeros((96, 96, 3), np.uint8), np.zeros((96, 96, 3), np.uint8)
-    from renderer.backdrop_kernels import compose
+    from renderer.compositing.backdrop_kernels import compose
 
     for azimuth in np.linspace(0.0, 6.0, 7):
         for distance in (0.4, 1.5, 4.0):
@@ -148,7 +152,7 @@ def test_shadows_lie_in_their_blocks_however_the_viewer_stands():
 
 def test_geometry_tells_how_far_people_are_and_which_way_they_face():
     camera = orbit_camera((0, 0.8, 0), 4.0, 0.0, 0.05, 96, 96)
-    stage = Stage()
+    stage = SceneRenderer()
     for z in (0.0, 1.0):
         geometry = stage.geometry(Scene(ROOM, (stand(0.0, z),)), camera)
         solid = geometry.alpha > 0.8
@@ -164,7 +168,7 @@ def test_geometry_tells_how_far_people_are_and_which_way_they_face():
 
 
 def test_geometry_of_a_field_is_refused_in_words():
-    picture = Performer("Ada", cast(PersonModel, object()), np.zeros(3), 0.0, Pose.rest())
+    picture = Performer("Ada", cast(PerformerModel, object()), np.zeros(3), 0.0, Pose.rest())
     camera = orbit_camera((0, 0.8, 0), 4.0, 0.0, 0.05, 32, 32)
     with pytest.raises(InvalidInput, match="performers who are splats; got 'Ada'"):
-        Stage().geometry(Scene(ROOM, (picture,)), camera)
+        SceneRenderer().geometry(Scene(ROOM, (picture,)), camera)

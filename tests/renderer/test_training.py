@@ -12,9 +12,9 @@ import pytest
 from capture.storage import open_sequence
 from capture.studio import make_sequence as make_studio_sequence
 from renderer.errors import TrainingError, TrainingStopped, UnknownPreset
-from renderer.evaluation import evaluate
+from renderer.evaluation.evaluate import evaluate
 from renderer.splats.model import SplatModel
-from renderer.splats.training import SplatTrainer
+from renderer.splats.training.trainer import SplatTrainer
 from renderer.training import Progress, train
 from scene import FrameSource, Motion, Pose
 from tests.renderer.studio import make_sequence

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from av import VideoFrame
 
-from renderer.yuv_kernels import to_yuv420
+from renderer.compositing.yuv_kernels import to_yuv420
 
 
 def _planes(rgb: np.ndarray, padding: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -38,7 +38,7 @@ def test_turns_change_accelerations_as_the_operator_says():
 
     def moved(share: float) -> np.ndarray:
         turned = axis_angle_to_matrix(angles) @ axis_angle_to_matrix(share * turns)
-        return operator.of_turns(matrix_to_axis_angle(turned))
+        return operator.of_rotations(matrix_to_axis_angle(turned))
 
     difference = (moved(step) - moved(-step)) / (2.0 * step)
     expected = operator(turns.reshape(len(TIMES_S), -1)).reshape(angles.shape)

@@ -38,7 +38,7 @@ _TRAIN = """
 import sys, time
 from pathlib import Path
 from capture.storage import open_sequence
-from renderer.checkpoint import save_model
+from renderer.model_files import save_model
 from renderer.training import train
 model = train(open_sequence(Path(sys.argv[1])), iterations=5, clock=time.perf_counter)
 save_model(model, Path(sys.argv[2]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from renderer.checkpoint import load_model
+from renderer.model_files import load_model
 from renderer.splats.model import SplatModel
 from services.bootstrap import DEMO_MODEL
 from services.live.room import facing_yaw

@@ -1,6 +1,6 @@
 /**
- * GLSL of the splat pass. It follows the server's rasteriser (renderer/splats/project_kernels.py and
- * tile_kernels.py), light (renderer/relight_kernels.py) and backdrops (renderer/backdrop_kernels.py,
+ * GLSL of the splat pass. It follows the server's rasteriser (renderer/splats/rasteriser/projection_kernels.py and
+ * tile_kernels.py), light (renderer/relighting/shading_kernels.py) and backdrops (renderer/compositing/backdrop_kernels.py,
  * panorama_kernels.py) formula by formula; a test compares their pictures.
  *
  * Letters: M = sum_k w_k T_k the blended transform, p = R M x + t the camera point, J the perspective's

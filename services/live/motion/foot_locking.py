@@ -174,12 +174,12 @@ class Standing:
 
     def _seen(self, pose: Pose) -> tuple[Array, Array]:
         """Local turns and the pelvis' place."""
-        from scene.kinematics_kernels import turns_of
+        from scene.kinematics_kernels import axis_angles_to_matrices
 
-        return turns_of(pose.joint_angles), self._rest[0] + pose.root_translation
+        return axis_angles_to_matrices(pose.joint_angles), self._rest[0] + pose.root_translation
 
     def _learn_up(self, local: Array, pelvis: Array, legs_seen: bool, step_s: float) -> None:
-        from scene.kinematics_kernels import turn_between
+        from scene.kinematics_kernels import rotation_between
 
         self._known_s += step_s
         _, placed = self._joints(local, pelvis)
@@ -190,7 +190,7 @@ class Standing:
         below = 0.5 * placed[_LEGS[:, 2]].sum(axis=0) if legs_seen else placed[0]
         up = placed[_J["neck"]] - below
         self._up = self._up + share * (up / math.sqrt(float(up @ up)) - self._up)
-        self._turn = self._yaw @ turn_between(self._up, np.array([0.0, 1.0, 0.0]))
+        self._turn = self._yaw @ rotation_between(self._up, np.array([0.0, 1.0, 0.0]))
 
     def _upright(self, local: Array, pelvis: Array) -> tuple[Array, Array]:
         """The same with the vertical where it is."""
@@ -231,10 +231,10 @@ class Standing:
         return Stance(local, pelvis + drop - self._rest[0])
 
     def _joints(self, local: Array, pelvis: Array) -> tuple[Array, Array]:
-        from scene.kinematics_kernels import place_joints
+        from scene.kinematics_kernels import forward_kinematics
 
         turned, placed = np.empty_like(local), np.empty((len(local), 3))
-        place_joints(local, pelvis, self._rest, _PARENTS, turned, placed)
+        forward_kinematics(local, pelvis, self._rest, _PARENTS, turned, placed)
         return turned, placed
 
 

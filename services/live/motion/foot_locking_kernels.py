@@ -13,12 +13,12 @@ import numpy as np
 
 from scene.arrays import Array
 from scene.kinematics_kernels import (
+    forward_kinematics,
     length,
     multiply,
-    multiply_back,
-    place_joints,
-    turn_between,
-    write_turn,
+    multiply_transposed,
+    rotation_between,
+    write_rotation,
 )
 
 REACH = 0.999
@@ -29,7 +29,7 @@ REACH = 0.999
 def level(turn: Array) -> Array:
     """The turn [3 3] about the vertical alone that faces the same way."""
     out = np.empty((3, 3))
-    write_turn(0.0, math.atan2(turn[0, 2], turn[2, 2]), 0.0, out)
+    write_rotation(0.0, math.atan2(turn[0, 2], turn[2, 2]), 0.0, out)
     return out
 
 
@@ -62,7 +62,7 @@ def bend(
     for c in range(3):
         new_thigh[c] = share * reach[c] + pole[c]
         new_shin[c] = distance * reach[c] - new_thigh[c]
-    return turn_between(thigh, new_thigh), turn_between(shin, new_shin)
+    return rotation_between(thigh, new_thigh), rotation_between(shin, new_shin)
 
 
 @numba.njit(cache=True)
@@ -93,7 +93,7 @@ def reach_with(
 ) -> float:
     """Bend both legs to their ankles. Returns how far the pelvis sinks where one falls short, m."""
     turned, placed = np.empty(local.shape), np.empty(rest.shape)
-    place_joints(local, pelvis, rest, parents, turned, placed)
+    forward_kinematics(local, pelvis, rest, parents, turned, placed)
     sink = 0.0
     for side in range(2):
         hip, knee, ankle = legs[side, 0], legs[side, 1], legs[side, 2]
@@ -111,7 +111,7 @@ def reach_with(
         )
         multiply(upper, turned[hip], thigh)
         multiply(lower, turned[knee], shin)
-        multiply_back(turned[0], thigh, local[hip])
-        multiply_back(thigh, shin, local[knee])
-        multiply_back(shin, turns[side], local[ankle])
+        multiply_transposed(turned[0], thigh, local[hip])
+        multiply_transposed(thigh, shin, local[knee])
+        multiply_transposed(shin, turns[side], local[ankle])
     return sink

@@ -82,14 +82,18 @@ class _Moment:
     def pose(self, now_s: float) -> Pose:
         """The pose at `now_s` of our clock."""
         time_s = now_s - self.behind_s
-        from scene.kinematics_kernels import angles_between, moved_on, turns_of
+        from scene.kinematics_kernels import (
+            axis_angles_to_matrices,
+            integrate_rotations,
+            relative_axis_angles,
+        )
 
         ahead = min(max((time_s - self.time_s) / AT_MOST_S, 0.0), 1.0)
-        angles = moved_on(self.now.local, self.ahead, ahead)
+        angles = integrate_rotations(self.now.local, self.ahead, ahead)
         root, share = self.now.root + ahead * self.ahead_m, self.share(time_s)
         if share < 1.0:
-            away = angles_between(self.rest.local, turns_of(angles))
-            angles = moved_on(self.rest.local, away, share)
+            away = relative_axis_angles(self.rest.local, axis_angles_to_matrices(angles))
+            angles = integrate_rotations(self.rest.local, away, share)
             root = self.rest.root + share * (root - self.rest.root)
         return Pose(angles, root, now_s, share * self.expression.at(time_s))
 
@@ -148,11 +152,11 @@ class LiveMotion:
             back_s, back_share = last.back_s, last.back_share
             if step_s > AT_MOST_S:
                 back_s, back_share = time_s, last.share(time_s)
-        from scene.kinematics_kernels import angles_between
+        from scene.kinematics_kernels import relative_axis_angles
 
         placed = standing.follow(now, legs_seen=legs_seen, step_s=step_s)
         later = standing.ahead(ahead)
-        turns = angles_between(placed.local, later.local)
+        turns = relative_axis_angles(placed.local, later.local)
         return _Moment(
             time_s, behind_s, placed, turns, later.root - placed.root, standing.at_rest(),
             back_s, back_share,

@@ -29,7 +29,7 @@ from aiortc.rtp import (
     unpack_remb_fci,
 )
 
-from renderer.stage import warm_up
+from renderer.scene_renderer import warm_up
 from scene.environment import Environment
 from scene.errors import SceneError
 from services.live.motion.keypoint_channels import Drivers

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from aiortc import RTCDataChannel
 
-from renderer.model import PersonModel
+from renderer.performer_model import PerformerModel
 from scene.arrays import Array, Float
 from scene.environment import Performer
 from scene.rotations import axis_angle_to_matrix, matrix_to_quaternion
@@ -112,7 +112,7 @@ def packets_of(
 
 
 def standing(
-    performer: Performer[PersonModel],
+    performer: Performer[PerformerModel],
 ) -> tuple[Float[Array, "3"], Float[Array, "24 4"]]:
     """Where the pelvis is in the room (m), and the turns wxyz of a `PosePacket`."""
     pose, placement = performer.pose, performer.placement

@@ -17,8 +17,8 @@ import numpy as np
 from aiortc import MediaStreamTrack
 from av import Packet, VideoFrame
 
-from renderer.model import PersonModel
-from renderer.stage import Stage
+from renderer.performer_model import PerformerModel
+from renderer.scene_renderer import SceneRenderer
 from scene.arrays import Array, Bool, UInt8
 from scene.camera import Camera
 from scene.environment import Scene
@@ -43,10 +43,10 @@ class Canvas:
     """A stage and the frame that its pictures are laid into; each belongs to one viewer."""
 
     def __init__(self) -> None:
-        self._stage = Stage()
+        self._stage = SceneRenderer()
         self._frame: VideoFrame | None = None
 
-    def paint(self, scene: Scene[PersonModel], camera: Camera) -> VideoFrame:
+    def paint(self, scene: Scene[PerformerModel], camera: Camera) -> VideoFrame:
         """`scene` seen by `camera`, as yuv420p; the frame is reused by the next call."""
         picture = self._stage.render(scene, camera)
         changed = self._stage.changed
@@ -67,7 +67,7 @@ class SharedPictures:
         self.work_s = 0.0
         """Time spent on pictures of this room so far, s."""
         self._tick = -1
-        self._scenes: dict[bool, Scene[PersonModel]] = {}
+        self._scenes: dict[bool, Scene[PerformerModel]] = {}
         self._frames: dict[tuple[bool, int, int, bytes], VideoFrame] = {}
 
     def frame(
@@ -191,7 +191,7 @@ def lay(picture: UInt8[Array, "H W 3"], changed: Bool[Array, "bH bW"], frame: Vi
 
     Going through an RGB frame would copy it and have the encoder convert it on one core.
     """
-    from renderer.yuv_kernels import to_yuv420  # numba takes a second
+    from renderer.compositing.yuv_kernels import to_yuv420  # numba takes a second
 
     to_yuv420(picture, changed, *(rows_of(plane) for plane in frame.planes))
 

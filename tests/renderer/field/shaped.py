@@ -8,10 +8,10 @@ import torch
 from torch.nn import functional
 
 from renderer.field.field import PersonField
-from renderer.field.pruning import occupied_cells
-from renderer.field.rest_shape import rest_shape
 from renderer.field.settings import PAPER
 from renderer.field.sizes import FieldSizes, MlpSize
+from renderer.field.skinning.rest_shape import rest_shape
+from renderer.field.training.pruning import occupied_cells
 from tests.renderer.field.performer import body
 
 SMALL = replace(

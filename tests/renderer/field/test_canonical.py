@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from renderer.field.canonical import CanonicalField
 from renderer.field.field import PersonField
+from renderer.field.networks.canonical import CanonicalField
 from renderer.field.sizes import FieldSizes, MlpSize
 from tests.renderer.field.performer import TINY, body
 

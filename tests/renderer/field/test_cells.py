@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import torch
 
-from renderer.field.cells import LiveCells, cells_a_side, dilated, largest_part
+from renderer.field.rendering.occupancy_grid import (
+    OccupancyGrid,
+    cells_a_side,
+    dilated,
+    largest_part,
+)
 
 LOW, HIGH = torch.tensor([0.0, 0.0, 0.0]), torch.tensor([1.0, 2.0, 0.5])
 
@@ -12,7 +17,7 @@ LOW, HIGH = torch.tensor([0.0, 0.0, 0.0]), torch.tensor([1.0, 2.0, 0.5])
 def test_every_point_in_reach_lies_in_a_live_cell():
     generator = torch.Generator().manual_seed(0)
     places = LOW + torch.rand(5, 3, generator=generator) * (HIGH - LOW)
-    cells = LiveCells.near(places, 0.07, (LOW, HIGH), (9, 30, 16))
+    cells = OccupancyGrid.near(places, 0.07, (LOW, HIGH), (9, 30, 16))
     points = LOW + torch.rand(20_000, 3, generator=generator) * (HIGH - LOW)
     in_reach = torch.cdist(points, places).amin(dim=1) < 0.07
     live = cells.live[cells.index_of(points).long()]
@@ -22,7 +27,7 @@ def test_every_point_in_reach_lies_in_a_live_cell():
 
 
 def test_places_along_rays_agree_with_points():
-    cells = LiveCells(LOW, HIGH, (6, 9, 8), torch.zeros(432, dtype=torch.bool))
+    cells = OccupancyGrid(LOW, HIGH, (6, 9, 8), torch.zeros(432, dtype=torch.bool))
     origins, directions = torch.tensor([[-0.2, 0.3, 0.1]]), torch.tensor([[0.8, 0.6, 0.1]])
     t = torch.linspace(0.0, 2.0, 33)[None]
     points = origins + t.view(-1, 1) * directions
@@ -32,7 +37,7 @@ def test_places_along_rays_agree_with_points():
 def test_live_cells_lie_where_their_corners_say():
     shape = cells_a_side(LOW, HIGH, 0.1)
     assert shape == (7, 22, 12)
-    cells = LiveCells.near(torch.tensor([[0.52, 1.03, 0.21]]), 0.0, (LOW, HIGH), shape)
+    cells = OccupancyGrid.near(torch.tensor([[0.52, 1.03, 0.21]]), 0.0, (LOW, HIGH), shape)
     assert (cells.cell_m <= 0.1).all()
     middles = cells.points_of_live() + 0.5 * cells.cell_m
     assert cells.holds(middles).all()

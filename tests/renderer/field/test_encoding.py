@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from renderer.field.encoding import encoded_size, hann_window, positional_encoding
+from renderer.field.networks.encoding import encoded_size, hann_window, positional_encoding
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,13 @@ import torch
 
 from benchmarks.field_speed import fitted
 from renderer.devices import best_device
-from renderer.field.cells import LiveCells
-from renderer.field.drawing import FieldRenderer
+from renderer.evaluation.metrics import psnr
 from renderer.field.field import PersonField
-from renderer.field.gpu import FusedDrawing, draws
-from renderer.field.posed import Support, occupied_before_residual
+from renderer.field.rendering.field_renderer import FieldRenderer
+from renderer.field.rendering.gpu import FusedDrawing, draws
+from renderer.field.rendering.occupancy_grid import OccupancyGrid
 from renderer.field.settings import PAPER
-from renderer.metrics import psnr
+from renderer.field.skinning.posed_body import Support, occupied_before_residual
 from renderer.presets import EXACT, SPEED_UPS
 from tests.renderer.field.performer import body, pose, view
 
@@ -26,7 +26,7 @@ for name in EXACT:
     SIZES = SPEED_UPS[name].apply(SIZES)
 
 
-def _moved(cells: LiveCells, device: torch.device) -> LiveCells:
+def _moved(cells: OccupancyGrid, device: torch.device) -> OccupancyGrid:
     return replace(
         cells, low=cells.low.to(device), high=cells.high.to(device), live=cells.live.to(device)
     )

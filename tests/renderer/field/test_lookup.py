@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch.nn import functional
 
-from renderer.field.lookup import corners, to_grid, trilinear, weighted_rows
+from renderer.field.networks.grid_interpolation import corners, to_grid, trilinear, weighted_rows
 
 SHAPE = (4, 5, 6)
 

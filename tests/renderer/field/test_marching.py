@@ -6,7 +6,7 @@ import math
 
 import torch
 
-from renderer.field.marching import (
+from renderer.field.rendering.ray_marching import (
     Samples,
     alphas,
     blending_weights,

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderer.checkpoint import load_model, save_model
 from renderer.errors import BrokenModel
 from renderer.field.model import FieldModel
 from renderer.field.sizes import MlpSize
-from renderer.field.training import FieldTrainer
-from renderer.model import PersonModel
+from renderer.field.training.trainer import FieldTrainer
+from renderer.model_files import load_model, save_model
+from renderer.performer_model import PerformerModel
 from scene import look_at
 from scene.camera import Camera
 from tests.renderer.field.performer import TINY, pose, sequence, view
@@ -27,7 +27,7 @@ def model() -> FieldModel:
 
 
 def test_is_a_person_model(model):
-    assert isinstance(model, PersonModel)
+    assert isinstance(model, PerformerModel)
     assert model.data_hash == sequence().data_hash
     assert len(model.motion) == len(sequence().motion)
 

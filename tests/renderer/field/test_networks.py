@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 import torch
 
-from renderer.field.encoding import encoded_size
 from renderer.field.field import PersonField
-from renderer.field.networks import (
+from renderer.field.networks.encoding import encoded_size
+from renderer.field.networks.mlps import (
     Mlp,
     PoseRefiner,
     ResidualMotion,

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 import torch
 
-from renderer.checkpoint import load_model, save_model
 from renderer.errors import TrainingError
 from renderer.field.field import PersonField
-from renderer.field.marching import Samples, alphas, blending_weights, composite
 from renderer.field.model import FieldModel
-from renderer.field.posed import direct_canonical
+from renderer.field.rendering.ray_marching import Samples, alphas, blending_weights, composite
 from renderer.field.settings import HUMANNERF, PAPER, FieldSettings
 from renderer.field.sizes import MlpSize
-from renderer.field.skinning import WeightVolume, rotations, skinning_transforms
-from renderer.field.training import FieldTrainer
+from renderer.field.skinning.inverse_skinning import WeightVolume, rotations, skinning_transforms
+from renderer.field.skinning.posed_body import direct_canonical
+from renderer.field.training.trainer import FieldTrainer
+from renderer.model_files import load_model, save_model
 from renderer.presets import SPEED_UPS
 from renderer.training import train
 from tests.renderer.field.performer import pose, sequence, view

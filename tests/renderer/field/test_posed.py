@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from renderer.field.depths import Depths
-from renderer.field.drawing import FieldRenderer
+from renderer.evaluation.metrics import psnr
 from renderer.field.field import PersonField
-from renderer.field.posed import direct_canonical
-from renderer.field.posed_grid import PosedGrid, posed_grid
-from renderer.field.skinning import WeightVolume, blended
-from renderer.metrics import psnr
+from renderer.field.rendering.field_renderer import FieldRenderer
+from renderer.field.skinning.distance_transform import DistanceTransform
+from renderer.field.skinning.inverse_skinning import WeightVolume, blended
+from renderer.field.skinning.posed_body import direct_canonical
+from renderer.field.skinning.posed_grid import PosedGrid, posed_grid
 from scene import JOINT_NAMES, Pose
 from tests.renderer.field.performer import TINY, body, pose, view
 
@@ -129,7 +129,7 @@ def test_depth_is_the_distance_to_the_rim():
     inside[2:7, 2:7, 2:7] = 1.0
     low, high = torch.zeros(3), torch.full((3,), 0.8)
     volume = WeightVolume.of(torch.stack([inside, 1.0 - inside]), low, high)
-    depths = Depths.of(volume)
+    depths = DistanceTransform.of(volume)
     z, y, x = torch.nonzero(~depths.live.view(depths.shape)).T
     empty = torch.stack([x, y, z], dim=1) * depths.cell_m
     asked = torch.rand(50, 3, generator=torch.Generator().manual_seed(0)) * 0.3 + 0.25

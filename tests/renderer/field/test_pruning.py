@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import torch
 
-from renderer.field.cells import LiveCells
 from renderer.field.field import PersonField
-from renderer.field.pruning import occupied_cells, prune_grid
+from renderer.field.rendering.occupancy_grid import OccupancyGrid
+from renderer.field.training.pruning import occupied_cells, prune_grid
 from tests.renderer.field.performer import TINY, body
 from tests.renderer.field.shaped import SMALL
 
@@ -45,7 +45,7 @@ class Balls(torch.nn.Module):
         return torch.zeros_like(points), 50.0 * (chest | floater).float()
 
 
-def _cells(balls: torch.nn.Module) -> LiveCells:
+def _cells(balls: torch.nn.Module) -> OccupancyGrid:
     field = PersonField.for_body(SMALL, body())
     volume = field.weight_volume()
     everywhere = torch.full_like(volume.channels, 1.0 / len(volume.channels))

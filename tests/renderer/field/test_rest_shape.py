@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.field.rest_shape import RestShape, rest_shape
+from renderer.field.skinning.rest_shape import RestShape, rest_shape
 from scene import JOINT_NAMES, Body
 from tests.renderer.field.performer import body
 

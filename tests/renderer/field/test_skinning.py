@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from renderer.field.rest_shape import rest_shape
-from renderer.field.skinning import (
+from renderer.field.skinning.inverse_skinning import (
     WeightVolume,
     blended_inverse,
     inverse_skinning,
@@ -15,6 +14,7 @@ from renderer.field.skinning import (
     rotations,
     skinning_transforms,
 )
+from renderer.field.skinning.rest_shape import rest_shape
 from renderer.reference import inverse_skinning as twin
 from scene.rotations import axis_angle_to_matrix
 from scene.skeleton import PARENTS

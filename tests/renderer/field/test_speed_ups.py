@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from renderer.field.drawing import FieldRenderer
+from renderer.evaluation.metrics import psnr
 from renderer.field.field import PersonField
-from renderer.field.posed import Support, direct_canonical, reached_cells
-from renderer.metrics import psnr
+from renderer.field.rendering.field_renderer import FieldRenderer
+from renderer.field.skinning.posed_body import Support, direct_canonical, reached_cells
 from renderer.presets import EXACT, SPEED_UPS
 from scene.arrays import Array
 from tests.renderer.field.performer import body, pose, view

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from renderer.devices import best_device
-from renderer.evaluation import evaluate
+from renderer.evaluation.evaluate import evaluate
 from renderer.field.settings import FieldSettings
 from renderer.field.sizes import MlpSize
-from renderer.field.training import FieldTrainer
+from renderer.field.training.trainer import FieldTrainer
 from scene import Motion, Sequence
 from tests.renderer.field.performer import TINY, sequence, without_surface
 from tests.shared_data import shared_data
@@ -52,7 +52,7 @@ def test_slowing_down_halves_what_a_step_moves():
         trainer = FieldTrainer(sequence(), "fast", TINY, 0)
         before = trainer.state()["field.canonical.table"]
         for _ in range(halvings):
-            trainer.slow_down()
+            trainer.halve_learning_rate()
         trainer.step(0.0)
         return float(np.abs(trainer.state()["field.canonical.table"] - before).max())
 

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from renderer.field.field import PersonField
-from renderer.field.posed import Support
-from renderer.field.views import TrainingView, read_views
+from renderer.field.skinning.posed_body import Support
+from renderer.field.training.views import TrainingView, read_views
 from tests.renderer.field.performer import TINY, body, sequence
 
 SIDE = 5

@@ -8,7 +8,7 @@ import sys
 import pytest
 import torch
 
-from renderer.field.networks import Mlp
+from renderer.field.networks.mlps import Mlp
 from renderer.field.sizes import MlpSize
 from renderer.fused.mlp import NotFusible, fused_mlp, require_fusible, runs_on
 from renderer.reference.mlp import mlp as twin
@@ -204,7 +204,7 @@ def test_without_triton_the_plain_network_takes_over():
 import sys
 sys.modules["triton"] = None
 import torch
-from renderer.field.networks import Mlp
+from renderer.field.networks.mlps import Mlp
 from renderer.field.sizes import MlpSize
 size = MlpSize(3, 16, bias=False)
 fused = Mlp(5, 2, size, backend="fused")

@@ -4,26 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.photometry import FREE, SHARED
-from renderer.splats import clip_wide
-from renderer.splats.clip_wide import ClipEquations, ClipState, solve
+from renderer.pose_refinement.bundle_adjustment import ClipNormalEquations, ClipState, solve
+from renderer.pose_refinement.photometry import POSE_PARAMETERS, SHARED_PARAMETERS
 from scene.temporal import Accelerations
 
-FRAMES, SIZE = 5, FREE + SHARED
+FRAMES, SIZE = 5, POSE_PARAMETERS + SHARED_PARAMETERS
 
 
-def random_clip(strength: float = 1.0) -> tuple[ClipEquations, ClipState, Accelerations]:
+def random_clip(strength: float = 1.0) -> tuple[ClipNormalEquations, ClipState, Accelerations]:
     rng = np.random.default_rng(0)
     half = strength * rng.normal(size=(FRAMES, SIZE, 40))
-    feet = rng.normal(size=(FRAMES, FREE, 4))
+    feet = rng.normal(size=(FRAMES, POSE_PARAMETERS, 4))
     state = ClipState(
-        0.02 * rng.normal(size=(FRAMES, FREE)),
-        0.01 * rng.normal(size=SHARED),
-        rng.normal(size=(FRAMES, FREE)),
-        (feet @ np.swapaxes(feet, 1, 2), rng.normal(size=(FRAMES, FREE))),
+        0.02 * rng.normal(size=(FRAMES, POSE_PARAMETERS)),
+        0.01 * rng.normal(size=SHARED_PARAMETERS),
+        rng.normal(size=(FRAMES, POSE_PARAMETERS)),
+        (feet @ np.swapaxes(feet, 1, 2), rng.normal(size=(FRAMES, POSE_PARAMETERS))),
         np.array([0.1, 0.05]),
     )
-    equations = ClipEquations(
+    equations = ClipNormalEquations(
         half @ np.swapaxes(half, 1, 2), 0.3 * rng.normal(size=(FRAMES, SIZE)), 0.05
     )
     return equations, state, Accelerations.of(np.arange(FRAMES) / 10.0)
@@ -31,8 +30,8 @@ def random_clip(strength: float = 1.0) -> tuple[ClipEquations, ClipState, Accele
 
 def test_the_matrix_is_the_second_derivative_of_the_priors_and_pixels():
     equations, state, operator = random_clip()
-    system = clip_wide._System(equations, state, operator)
-    trust = 1.0 / (clip_wide._ALIKE_PX * equations.difference + 1e-9)
+    system = bundle_adjustment._System(equations, state, operator)
+    trust = 1.0 / (bundle_adjustment._ALIKE_PX * equations.difference + 1e-9)
     robust = system._steady
 
     def energy(d: np.ndarray, s: np.ndarray) -> float:
@@ -48,15 +47,18 @@ def test_the_matrix_is_the_second_derivative_of_the_priors_and_pixels():
         total += (gone[:, :-3] ** 2).sum() / state.spreads[0] ** 2
         total += (gone[:, -3:] ** 2).sum() / state.spreads[1] ** 2
         total += (robust * (state.accelerations + operator(d)) ** 2).sum()
-        total += FRAMES * (((state.shared + s) / clip_wide._SHARED) ** 2).sum()
+        total += FRAMES * (((state.shared + s) / bundle_adjustment._SHARED) ** 2).sum()
         return 0.5 * total
 
     rng = np.random.default_rng(1)
-    d, s = 0.1 * rng.normal(size=(FRAMES, FREE)), 0.1 * rng.normal(size=SHARED)
+    d, s = (
+        0.1 * rng.normal(size=(FRAMES, POSE_PARAMETERS)),
+        0.1 * rng.normal(size=SHARED_PARAMETERS),
+    )
     moved, shared = system.apply(d, s)
     gradient, by_shared = moved - system.right, shared - system.right_shared
     for _ in range(8):
-        along, along_shared = rng.normal(size=d.shape), rng.normal(size=SHARED)
+        along, along_shared = rng.normal(size=d.shape), rng.normal(size=SHARED_PARAMETERS)
         up = energy(d + 1e-4 * along, s + 1e-4 * along_shared)
         down = energy(d - 1e-4 * along, s - 1e-4 * along_shared)
         expected = (gradient * along).sum() + by_shared @ along_shared
@@ -65,8 +67,8 @@ def test_the_matrix_is_the_second_derivative_of_the_priors_and_pixels():
 
 def test_the_step_solves_the_system():
     equations, state, operator = random_clip()
-    system = clip_wide._System(equations, state, operator)
-    d, s = clip_wide._conjugate_gradients(system)
+    system = bundle_adjustment._System(equations, state, operator)
+    d, s = bundle_adjustment._conjugate_gradients(system)
     moved, shared = system.apply(d, s)
     left = np.abs(system.right - moved).max()
     assert left < 0.05 * np.abs(system.right).max()
@@ -76,14 +78,17 @@ def test_the_step_solves_the_system():
 def test_corrections_that_pixels_do_not_ask_for_make_the_estimate_trusted():
     equations, state, operator = random_clip()
     quiet = ClipState(
-        np.zeros((FRAMES, FREE)), np.zeros(SHARED), np.zeros((FRAMES, FREE)),
-        (np.zeros((FRAMES, FREE, FREE)), np.zeros((FRAMES, FREE))), state.spreads,
-    )  # fmt: skip
-    calm = ClipEquations(equations.matrices, 0.0 * equations.vectors, equations.difference)
+        np.zeros((FRAMES, POSE_PARAMETERS)),
+        np.zeros(SHARED_PARAMETERS),
+        np.zeros((FRAMES, POSE_PARAMETERS)),
+        (np.zeros((FRAMES, POSE_PARAMETERS, POSE_PARAMETERS)), np.zeros((FRAMES, POSE_PARAMETERS))),
+        state.spreads,
+    )
+    calm = ClipNormalEquations(equations.matrices, 0.0 * equations.vectors, equations.difference)
     assert (solve(calm, quiet, operator).spreads < 0.1 * state.spreads).all()
-    own = equations.matrices[:, :FREE, :FREE]
-    wanted = 0.2 * np.random.default_rng(2).normal(size=(FRAMES, FREE))
+    own = equations.matrices[:, :POSE_PARAMETERS, :POSE_PARAMETERS]
+    wanted = 0.2 * np.random.default_rng(2).normal(size=(FRAMES, POSE_PARAMETERS))
     loud = np.zeros((FRAMES, SIZE))
-    loud[:, :FREE] = np.einsum("fij,fj->fi", own, wanted)
-    asked = ClipEquations(equations.matrices, loud, equations.difference)
+    loud[:, :POSE_PARAMETERS] = np.einsum("fij,fj->fi", own, wanted)
+    asked = ClipNormalEquations(equations.matrices, loud, equations.difference)
     assert (solve(asked, quiet, operator).spreads[0]) > 0.1

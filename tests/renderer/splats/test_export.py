@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderer.relight import albedo_of, normals_of
-from renderer.splats.export import RECORD, encode, write_viewer_file
-from renderer.splats.export_order import importance_order
+from renderer.relighting.shading import albedo_of, normals_of
+from renderer.splats.files.importance import importance_order
+from renderer.splats.files.viewer_file import RECORD, encode, write_viewer_file
 from renderer.splats.layout import LOG_SCALE
 from renderer.splats.unseen import presence
 from scene.colour import to_srgb

@@ -9,19 +9,20 @@ import pytest
 import torch
 
 import renderer.reference.splats as twin
-from renderer.checkpoint import load_model, save_model
 from renderer.devices import best_device
-from renderer.metrics import psnr
+from renderer.evaluation.metrics import psnr
+from renderer.model_files import load_model, save_model
 from renderer.presets import find_preset
-from renderer.splats.compose import SplatRenderer, pack_camera
-from renderer.splats.export import MOVED, RECORD, encode
-from renderer.splats.expressions import ShownExpressions
-from renderer.splats.gpu import GpuSplatRenderer
-from renderer.splats.initialise import first_splats, splats_of_model
+from renderer.scene_renderer import SceneRenderer
+from renderer.splats.expressions import ClipBlendShapes
+from renderer.splats.files.viewer_file import MOVED, RECORD, encode
 from renderer.splats.layout import BOX_FILTER_PX2, POSITION
 from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.gpu import GpuSplatRenderer
+from renderer.splats.rasteriser.renderer import SplatRenderer
+from renderer.splats.rasteriser.workspace import pack_camera
 from renderer.splats.settings import SplatSettings
-from renderer.stage import Stage
+from renderer.splats.training.initialisation import first_splats, splats_of_model
 from renderer.training import train
 from scene import (
     EXPRESSION_COUNT,
@@ -104,7 +105,7 @@ def test_everybody_shows_their_own(person):
     both = SplatRenderer([model, model]).render(
         camera, [transforms, away], expressions=[SHOWN, neutral()]
     )
-    moved = replace(model, parameters=ShownExpressions(
+    moved = replace(model, parameters=ClipBlendShapes(
         model.expression_splats, model.expression_offsets, SHOWN[None]
     ).moved(model.parameters, 0))  # fmt: skip
     expected = SplatRenderer([moved, model]).render(camera, [transforms, away])
@@ -135,7 +136,7 @@ def test_the_stage_and_a_model_draw_what_the_pose_shows():
 
     def staged(pose: Pose) -> np.ndarray:
         somebody = Performer("one", model, np.zeros(3), 0.0, pose)
-        return Stage().render(Scene(Environment(), (somebody,)), camera).astype(int).copy()
+        return SceneRenderer().render(Scene(Environment(), (somebody,)), camera).astype(int).copy()
 
     assert np.abs(staged(shown) - staged(Pose.rest())).max() > 25
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from renderer.devices import best_device
-from renderer.splats.compose import SplatRenderer
-from renderer.splats.gpu import GpuSplatRenderer, splat_renderer
 from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.gpu import GpuSplatRenderer, splat_renderer
+from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene import Motion, Pose, Skeleton
 from scene.lighting import Lighting
 from tests.renderer.splats.test_rasteriser import make_camera, make_scene

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderer.splats.initialise import first_splats, sample_surface
 from renderer.splats.layout import LOG_SCALE, ROTATION
 from renderer.splats.settings import SplatSettings
+from renderer.splats.training.initialisation import first_splats, sample_surface
 from scene import Body, InvalidInput, Skeleton
 from scene.rotations import quaternion_to_matrix
 from tests.renderer.studio import make_body, make_sequence

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.photometry import Points
-from renderer.splats.expressions import ShownExpressions, no_offsets, no_splats
-from renderer.splats.passes import Passes
-from renderer.splats.poses import PoseRefinement
-from renderer.splats.views import read_views
+from renderer.pose_refinement.clip_poses import PoseRefinement
+from renderer.pose_refinement.passes import RefinementPasses
+from renderer.pose_refinement.photometry import SkinnedPoints
+from renderer.splats.expressions import ClipBlendShapes, no_offsets, no_splats
+from renderer.splats.training.views import read_views
 from tests.renderer.studio import make_model, make_sequence
 
 
 def passes_of(steps: int) -> list[float]:
     """Fractions of a training of `steps` at which passes are made."""
-    passes = Passes(read_views(make_sequence(exact=False).train))
+    passes = RefinementPasses(read_views(make_sequence(exact=False).train))
     return [step / steps for step in range(steps) if passes.due(step / steps)]
 
 
@@ -33,7 +33,7 @@ def test_passes_leave_the_beginning_and_the_end_alone():
 
 def test_the_count_goes_on_after_a_restart():
     views = read_views(make_sequence(exact=False).train)
-    first, second = Passes(views), Passes(views)
+    first, second = RefinementPasses(views), RefinementPasses(views)
     for step in range(100):
         first.due(step / 400)
     second.restore(first.state())
@@ -45,9 +45,9 @@ def test_the_count_goes_on_after_a_restart():
 def test_the_true_splats_in_true_poses_ask_for_nothing():
     """A model of pictures that it drew itself: what is left is the pictures' 8 bits."""
     sequence, model = make_sequence(exact=False), make_model()
-    passes, poses = Passes(read_views(sequence.train)), PoseRefinement(sequence)
-    points = Points(model.parameters[:, :3], model.joints.astype(np.uint16), model.weights)
-    still = ShownExpressions(no_splats(), no_offsets(), sequence.motion.expressions)
+    passes, poses = RefinementPasses(read_views(sequence.train)), PoseRefinement(sequence)
+    points = SkinnedPoints(model.parameters[:, :3], model.joints.astype(np.uint16), model.weights)
+    still = ClipBlendShapes(no_splats(), no_offsets(), sequence.motion.expressions)
     asked = passes.equations(points, model.parameters, poses, 0.1, still)
     step = np.linalg.solve(asked.matrices[0] + np.eye(len(asked.matrices[0])), asked.vectors[0])
     assert asked.difference < 1e-4

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.photometry import FREE, SHARED
-from renderer.splats.clip_wide import ClipEquations
-from renderer.splats.poses import PoseRefinement
+from renderer.pose_refinement.bundle_adjustment import ClipNormalEquations
+from renderer.pose_refinement.clip_poses import PoseRefinement
+from renderer.pose_refinement.photometry import POSE_PARAMETERS, SHARED_PARAMETERS
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from tests.renderer.studio import make_motion, make_sequence
 
@@ -22,17 +22,17 @@ def make_refinement() -> PoseRefinement:
     return PoseRefinement(make_sequence(exact=False, motion=claimed, frames=FRAMES))
 
 
-def asking_for(steps: np.ndarray) -> ClipEquations:
+def asking_for(steps: np.ndarray) -> ClipNormalEquations:
     """Pixels that are sure of `steps` [F 75] and know nothing of bones."""
-    size = FREE + SHARED
+    size = POSE_PARAMETERS + SHARED_PARAMETERS
     matrices, vectors = np.zeros((FRAMES, size, size)), np.zeros((FRAMES, size))
-    matrices[:, np.arange(FREE), np.arange(FREE)] = 1e4
-    vectors[:, :FREE] = 1e4 * steps
-    return ClipEquations(matrices, vectors, 1e-3)
+    matrices[:, np.arange(POSE_PARAMETERS), np.arange(POSE_PARAMETERS)] = 1e4
+    vectors[:, :POSE_PARAMETERS] = 1e4 * steps
+    return ClipNormalEquations(matrices, vectors, 1e-3)
 
 
 def test_poses_go_where_sure_pixels_say():
-    refinement, wanted = make_refinement(), np.zeros((FRAMES, FREE))
+    refinement, wanted = make_refinement(), np.zeros((FRAMES, POSE_PARAMETERS))
     before = refinement.motion()
     wanted[:, 3 * 16 + 1] = 0.05 * np.array([1.0, -1.0, 0.5, -0.5, 1.0, -1.0])
     refinement.move(asking_for(wanted))
@@ -45,8 +45,8 @@ def test_poses_go_where_sure_pixels_say():
 
 
 def test_what_all_frames_ask_for_alike_they_get():
-    refinement, wanted = make_refinement(), np.zeros((FRAMES, FREE))
-    wanted[:, 3 * 16 + 1], wanted[:, FREE - 1] = 0.05, 0.02
+    refinement, wanted = make_refinement(), np.zeros((FRAMES, POSE_PARAMETERS))
+    wanted[:, 3 * 16 + 1], wanted[:, POSE_PARAMETERS - 1] = 0.05, 0.02
     before = refinement.motion()
     refinement.move(asking_for(wanted))
     turned = axis_angle_to_matrix(refinement.motion().joint_angles[:, 16])
@@ -60,8 +60,8 @@ def test_what_all_frames_ask_for_alike_they_get():
 
 def test_longer_bones_reach_the_skeleton():
     refinement = make_refinement()
-    equations = asking_for(np.zeros((FRAMES, FREE)))
-    femur = FREE + 2
+    equations = asking_for(np.zeros((FRAMES, POSE_PARAMETERS)))
+    femur = POSE_PARAMETERS + 2
     equations.matrices[:, femur, femur] = 1e6
     equations.vectors[:, femur] = 0.02 * 1e6
     before = refinement.skeleton.rest_joints
@@ -83,7 +83,9 @@ def test_exact_poses_stay():
 def test_state_is_restored():
     refinement = make_refinement()
     before, stood = refinement.state(), refinement.transforms(1).copy()
-    refinement.move(asking_for(0.05 * np.random.default_rng(0).normal(size=(FRAMES, FREE))))
+    refinement.move(
+        asking_for(0.05 * np.random.default_rng(0).normal(size=(FRAMES, POSE_PARAMETERS)))
+    )
     assert np.abs(stood - refinement.transforms(1)).max() > 1e-3
     refinement.restore(before)
     np.testing.assert_array_equal(stood, refinement.transforms(1))

@@ -8,9 +8,9 @@ import pytest
 import torch
 
 from renderer.reference import splats as twin
-from renderer.splats.compose import Workspace, pack_camera
 from renderer.splats.layout import BOX_FILTER_PX2, PARAMETERS
 from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.workspace import Workspace, pack_camera
 from scene import Motion, Pose, Skeleton, look_at
 from scene.camera import Camera
 from scene.rotations import axis_angle_to_matrix
@@ -47,7 +47,7 @@ def dense_weights(weights) -> torch.Tensor:
 
 
 def draw_fast(scene, camera: Camera, dilation: float = DILATION) -> np.ndarray:
-    from renderer.splats.tile_kernels import draw
+    from renderer.splats.rasteriser.tile_kernels import draw
 
     parameters, joints, weights, transforms = scene
     work = Workspace(len(parameters))
@@ -81,7 +81,7 @@ def test_picture_matches_the_twin(count, width, height):
 
 
 def test_depth_is_blended_as_colours_are():
-    from renderer.splats.compose import SplatRenderer
+    from renderer.splats.rasteriser.renderer import SplatRenderer
 
     scene, camera = make_scene(80, seed=4), make_camera(64, 48)
     parameters, joints, weights, transforms = scene
@@ -157,9 +157,9 @@ def test_nearer_splats_hide_farther_ones():
 
 
 def gradients_fast(scene, camera: Camera, target, background):
-    from renderer.splats.adam_kernels import sum_threads
-    from renderer.splats.project_kernels import chain_rule
-    from renderer.splats.tile_kernels import draw_and_differentiate
+    from renderer.splats.rasteriser.projection_kernels import chain_rule
+    from renderer.splats.rasteriser.tile_kernels import draw_and_differentiate
+    from renderer.splats.training.adam_kernels import sum_threads
 
     parameters, joints, weights, transforms = scene
     count, packed = len(parameters), pack_camera(camera)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderer.photometry import FREE, moved_pose
-from renderer.splats.standing import _DEVIATION_M, Standing, _soles
+from renderer.pose_refinement.foot_contacts import _DEVIATION_M, FootContacts, _soles
+from renderer.pose_refinement.photometry import POSE_PARAMETERS, apply_pose_step
 from scene import Motion, Pose, Skeleton
 from scene.skeleton import JOINT_NAMES
 from tests.renderer.field.performer import body
@@ -34,21 +34,21 @@ def heights(skeleton: Skeleton, poses: list[Pose]) -> np.ndarray:
 
 def test_feet_stand_that_are_on_the_floor_and_seen():
     motion = steps_up()
-    standing = Standing.of(body().skeleton, motion)
+    standing = FootContacts.of(body().skeleton, motion)
     assert standing.stands[0] == pytest.approx(1.0)
     left, right = standing.stands[2:, :2], standing.stands[1:, 2:]
     assert (left < 0.1).all()
     assert right == pytest.approx(1.0)
-    unseen = Standing.of(body().skeleton, replace(motion, confidence=0.0 * motion.confidence))
+    unseen = FootContacts.of(body().skeleton, replace(motion, confidence=0.0 * motion.confidence))
     assert (unseen.stands == 0.0).all()
 
 
 def test_the_step_is_the_one_that_the_energys_derivatives_ask_for():
     skeleton, motion = body().skeleton, steps_up()
-    standing = Standing.of(skeleton, motion)
+    standing = FootContacts.of(skeleton, motion)
     rng = np.random.default_rng(0)
-    bobbing = 0.01 * rng.normal(size=(FRAMES, FREE))
-    poses = [moved_pose(motion.pose(f), step) for f, step in enumerate(bobbing)]
+    bobbing = 0.01 * rng.normal(size=(FRAMES, POSE_PARAMETERS))
+    poses = [apply_pose_step(motion.pose(f), step) for f, step in enumerate(bobbing)]
     angles, root = (
         np.stack([getattr(p, name) for p in poses]) for name in ("joint_angles", "root_translation")
     )
@@ -56,12 +56,12 @@ def test_the_step_is_the_one_that_the_energys_derivatives_ask_for():
     level = np.average(standing.heights - heights(skeleton, poses), weights=standing.stands)
 
     def energy(steps: np.ndarray) -> float:
-        moved = [moved_pose(pose, step) for pose, step in zip(poses, steps, strict=True)]
+        moved = [apply_pose_step(pose, step) for pose, step in zip(poses, steps, strict=True)]
         off = standing.heights - heights(skeleton, moved) - level
         return 0.5 * float((standing.stands * off**2).sum()) / _DEVIATION_M**2
 
     for _ in range(4):
-        along = rng.normal(size=(FRAMES, FREE))
+        along = rng.normal(size=(FRAMES, POSE_PARAMETERS))
         up, down, here = (energy(h * along) for h in (1e-4, -1e-4, 0.0))
         assert (down - up) / 2e-4 == pytest.approx((vectors * along).sum(), rel=1e-3)
         curved = np.einsum("fi,fij,fj", along, matrices, along)
@@ -70,7 +70,7 @@ def test_the_step_is_the_one_that_the_energys_derivatives_ask_for():
 
 def test_a_floor_that_is_lower_for_all_is_nobodys_fault():
     skeleton, motion = body().skeleton, steps_up()
-    standing = Standing.of(skeleton, motion)
+    standing = FootContacts.of(skeleton, motion)
     lower = motion.root_translation - np.array([0.0, 0.02, 0.0])
     _, vectors = standing.equations(skeleton, motion.joint_angles, lower)
     assert np.abs(vectors).max() * _DEVIATION_M**2 < 1e-6

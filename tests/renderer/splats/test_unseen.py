@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.splats.layout import COLOUR, OPACITY, PARAMETERS
 from renderer.splats.model import SplatModel
-from renderer.splats.unseen import fill_unseen, filmed_only
+from renderer.splats.unseen import captured_only, fill_unseen
 from scene import Pose, orbit_camera
 from tests.renderer.studio import make_model
 
@@ -64,7 +64,7 @@ def filmed_from_the_front() -> SplatModel:
 
 def test_only_what_was_filmed_stays_and_fades_softly():
     model = filmed_from_the_front()
-    alone = filmed_only(model)
+    alone = captured_only(model)
     assert isinstance(alone, SplatModel)
     before, after = (1.0 / (1.0 + np.exp(-m.parameters[:, OPACITY])) for m in (model, alone))
     share = after / before
@@ -82,7 +82,7 @@ def test_a_lone_unseen_splat_leaves_no_hole():
     model = make_model(3000)
     seen = np.ones(len(model), bool)
     seen[::50] = False
-    alone = filmed_only(replace(model, seen=seen))
+    alone = captured_only(replace(model, seen=seen))
     assert isinstance(alone, SplatModel)
     before, after = (1.0 / (1.0 + np.exp(-m.parameters[:, OPACITY])) for m in (model, alone))
     assert (after / before).min() > 0.85
@@ -90,14 +90,14 @@ def test_a_lone_unseen_splat_leaves_no_hole():
 
 def test_the_faded_model_is_made_once_and_goes_with_its_model():
     model = filmed_from_the_front()
-    assert filmed_only(model) is filmed_only(model)
+    assert captured_only(model) is captured_only(model)
     whole = make_model(50)
-    assert filmed_only(whole) is whole
+    assert captured_only(whole) is whole
 
 
 def test_nothing_filmed_leaves_nobody():
     model = make_model(200)
-    alone = filmed_only(replace(model, seen=np.zeros(200, bool)))
+    alone = captured_only(replace(model, seen=np.zeros(200, bool)))
     camera = orbit_camera((0.0, 0.8, 0.0), 3.0, 0.0, 0.0, 32, 32)
     assert alone.render(camera, Pose.rest())[..., 3].max() < 1e-3
 
@@ -108,7 +108,7 @@ def test_the_front_stays_whole_and_the_guessed_back_goes():
     front, back = (
         [
             m.render(orbit_camera((0.0, 0.8, 0.0), 3.0, azimuth, 0.0, 64, 64), Pose.rest()).copy()
-            for m in (filmed_only(model), model)
+            for m in (captured_only(model), model)
         ]
         for azimuth in (0.0, np.pi)
     )

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from renderer.errors import TrainingError
-from renderer.evaluation import evaluate
-from renderer.splats.initialise import first_splats, splats_of_model
+from renderer.evaluation.evaluate import evaluate
+from renderer.pose_refinement.clip_poses import PoseRefinement
 from renderer.splats.model import SplatModel
-from renderer.splats.poses import PoseRefinement
 from renderer.splats.settings import SplatSettings
+from renderer.splats.training.initialisation import first_splats, splats_of_model
 from renderer.training import train
 from scene import Sequence, Skeleton
 from tests.renderer.studio import make_model, make_motion, make_sequence

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from renderer.checkpoint import load_model
-from renderer.splats.compose import SplatRenderer
+from renderer.model_files import load_model
 from renderer.splats.layout import LOG_SCALE, PARAMETERS
 from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene import Skeleton, orbit_camera
 from scene.colour import to_linear
 from scene.smallest_three import unpack_quaternions

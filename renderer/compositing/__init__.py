@@ -1,0 +1,1 @@
+"""What surrounds the performers, and pictures as an encoder takes them."""

@@ -1,0 +1,1 @@
+"""How good a model is: pictures against the truth of unseen views."""

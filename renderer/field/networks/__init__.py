@@ -1,0 +1,1 @@
+"""The networks of a field, and the encodings and grids before them."""

@@ -1,0 +1,1 @@
+"""A field to pictures: occupancy, ray marching, volume rendering."""

@@ -1,0 +1,1 @@
+"""Canonical space and posed space: inverse linear blend skinning."""

@@ -1,0 +1,1 @@
+"""A field learnt from a sequence."""

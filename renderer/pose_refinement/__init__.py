@@ -1,0 +1,1 @@
+"""Poses of a clip refined by its pixels while splats are trained."""

@@ -1,0 +1,102 @@
+"""Estimated poses get better while the splats are trained: whole passes over the clip.
+
+A pass lets the pixels of all frames say where the body should go, from a coarse picture to a finer
+one, and moves all poses and the bone lengths at once (`bundle_adjustment`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from renderer.performer_model import PerformerModel
+from renderer.pose_refinement.bundle_adjustment import (
+    FIRST_SPREADS,
+    ClipNormalEquations,
+    ClipState,
+    solve,
+)
+from renderer.pose_refinement.foot_contacts import FootContacts
+from renderer.pose_refinement.photometry import (
+    SHARED_PARAMETERS,
+    log_bone_ratios,
+    with_bone_lengths,
+)
+from scene.arrays import Array, Float
+from scene.motion import Motion, Pose
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from scene.sequence import Sequence
+from scene.temporal import Accelerations
+
+
+class PoseRefinement:
+    """Poses of all training frames: fixed where they are exact, else refined.
+
+    What `start`, an earlier model, has refined of the same clip is gone on from.
+    """
+
+    def __init__(self, sequence: Sequence, start: PerformerModel | None = None) -> None:
+        self.active = not sequence.exact_poses
+        self._first_skeleton = self.skeleton = sequence.body.skeleton
+        self._estimate = now = sequence.motion
+        self._operator = Accelerations.of(self._estimate.times_s)
+        self._standing = FootContacts.of(self.skeleton, self._estimate)
+        self._shared = np.zeros(SHARED_PARAMETERS)
+        if start is not None and start.data_hash == sequence.data_hash:
+            now, self.skeleton = start.motion, start.skeleton
+            self._shared = log_bone_ratios(self._first_skeleton, self.skeleton)
+        self._angles, self._root = now.joint_angles.copy(), now.root_translation.copy()
+        self._spreads = np.array(FIRST_SPREADS)
+        self._transforms = self._all_transforms()
+
+    def transforms(self, frame: int) -> Float[Array, "K 4 4"]:
+        """float32 skinning transforms of training frame `frame`."""
+        return self._transforms[frame]
+
+    def pose(self, frame: int) -> Pose:
+        """The pose of `frame` as it stands."""
+        return Pose(self._angles[frame], self._root[frame])
+
+    def move(self, equations: ClipNormalEquations) -> None:
+        """Move all poses and bone lengths by one Gauss-Newton step."""
+        frames = len(self._angles)
+        before = axis_angle_to_matrix(self._estimate.joint_angles)
+        now = axis_angle_to_matrix(self._angles)
+        turned = matrix_to_axis_angle(np.swapaxes(before, -1, -2) @ now)
+        shift = self._root - self._estimate.root_translation
+        correction = np.concatenate([turned.reshape(frames, -1), shift], axis=1)
+        turn_rates = self._operator.of_rotations(self._angles).reshape(frames, -1)
+        accelerations = np.concatenate([turn_rates, self._operator(self._root)], axis=1)
+        held = self._standing.equations(self.skeleton, self._angles, self._root)
+        state = ClipState(correction, self._shared, accelerations, held, self._spreads)
+        step = solve(equations, state, self._operator)
+        turns = axis_angle_to_matrix(step.poses[:, :-3].reshape(frames, -1, 3))
+        self._angles = matrix_to_axis_angle(now @ turns)
+        self._root = self._root + step.poses[:, -3:]
+        self._shared = self._shared + step.shared
+        self._spreads = step.spreads
+        self.skeleton = with_bone_lengths(self._first_skeleton, self._shared)
+        self._transforms = self._all_transforms()
+
+    def motion(self) -> Motion:
+        """All poses as they are now."""
+        if not self.active:
+            return self._estimate
+        return replace(self._estimate, joint_angles=self._angles, root_translation=self._root)
+
+    def state(self) -> dict[str, Array]:
+        """Copies of what `restore` needs."""
+        return {"pose_angles": self._angles.copy(), "pose_root": self._root.copy(),
+                "pose_shared": self._shared.copy(),
+                "pose_spreads": self._spreads.copy()}  # fmt: skip
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Go back to `state`."""
+        self._angles, self._root = state["pose_angles"].copy(), state["pose_root"].copy()
+        self._shared, self._spreads = state["pose_shared"].copy(), state["pose_spreads"].copy()
+        self.skeleton = with_bone_lengths(self._first_skeleton, self._shared)
+        self._transforms = self._all_transforms()
+
+    def _all_transforms(self) -> Float[Array, "F K 4 4"]:
+        return self.skeleton.skinning_transforms(self._angles, self._root).astype(np.float32)

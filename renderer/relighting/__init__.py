@@ -1,0 +1,1 @@
+"""The light a clip was captured in, and people shown in another."""

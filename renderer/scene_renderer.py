@@ -1,0 +1,287 @@
+"""A scene to a picture: all splat performers in one pass, fields at preview size, the room behind.
+
+While the camera rests, only those blocks of 16 x 16 px are drawn anew in which somebody or a shadow
+is or was: what lies beside them is still in the buffer.
+
+Splats hide each other rightly, sample by sample. A field performer is a layer of its own, sorted by
+the distance of its pelvis: right unless people embrace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Many
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from renderer.performer_model import PerformerModel
+from renderer.splats.layout import NEAR_M, PARAMETERS, ROTATION, TILE
+from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
+from scene.arrays import Array, Bool, Float, UInt8
+from scene.camera import Camera, orbit_camera
+from scene.colour import to_srgb
+from scene.environment import Environment, Performer, Scene
+from scene.errors import InvalidInput
+from scene.lighting import HARMONICS, Lighting
+from scene.motion import Motion, Pose
+from scene.skeleton import JOINT_COUNT, Skeleton
+
+FIELD_PREVIEW_PX = 128
+"""Longest side at which a field performer is rendered live; the layer is then enlarged."""
+_ANKLES = (7, 8)
+_SHADOW_RADIUS_M = 0.22
+_FOOT_CLEARANCE_M = 0.35
+"""Height of an ankle above the floor at which its contact shadow has vanished."""
+_FAINTEST_SHADOW = 1.0 / 1024.0
+"""Darkness that changes no byte."""
+
+
+class SceneRenderer:
+    """Renders scenes into buffers that it keeps; one stage belongs to one thread."""
+
+    def __init__(self) -> None:
+        self._models: tuple[SplatModel, ...] = ()
+        self._splats: SplatRenderer | None = None
+        self._blank = np.zeros((0, 0, 4), np.float32)
+        self._picture = np.zeros((0, 0, 3), np.uint8)
+        self._behind: tuple[Environment, Camera] | None = None
+        """The room as the picture shows it, and from where."""
+        self._busy = np.zeros((0, 0), bool)
+        """Blocks of the last picture in which there is more than the room."""
+        self.changed: Bool[Array, "bH bW"] = self._busy
+        """Blocks of 16 x 16 px in which the last picture may differ from the one before."""
+
+    def render(self, scene: Scene[PerformerModel], camera: Camera) -> UInt8[Array, "H W 3"]:
+        """sRGB bytes of `scene` seen by `camera`; the buffer is reused by the next call."""
+        size = (camera.height, camera.width)
+        if self._picture.shape[:2] != size:
+            self._picture = np.zeros((*size, 3), np.uint8)
+            self._blank = np.zeros((*size, 4), np.float32)
+            self._behind = None
+        layers = self._layers(scene, camera)
+        shadows = contact_shadows(scene.environment, scene.performers)
+        busy = self._blocks(scene, camera) | shadow_blocks(shadows, camera)
+        self.changed = busy | self._busy if self._shows(scene, camera) else np.ones_like(busy)
+        _put_behind(self._picture, layers, camera, scene.environment, shadows, self.changed)
+        self._behind, self._busy = (scene.environment, camera), busy
+        return self._picture
+
+    def geometry(self, scene: Scene[PerformerModel], camera: Camera) -> Geometry:
+        """How far away the performers of `scene` are and how their surfaces lie, seen by `camera`.
+
+        Raises InvalidInput for performers who are fields: these are pictures alone.
+        """
+        if fields := [p.name for p in scene.performers if not isinstance(p.model, SplatModel)]:
+            raise InvalidInput(
+                f"geometry must be asked of performers who are splats; got {fields[0]!r}, who is a "
+                "field; train them with a preset of splats"
+            )
+        if not scene.performers:
+            size = (camera.height, camera.width)
+            return Geometry(np.zeros(size), np.zeros((*size, 3)), np.zeros(size))
+        self._splat_layer(scene.performers, camera, None)
+        assert self._splats is not None
+        return self._splats.geometry([_moved(p) for p in scene.performers])
+
+    def _shows(self, scene: Scene[PerformerModel], camera: Camera) -> bool:
+        """Whether the picture's buffer holds the room that is asked for, seen from there."""
+        if self._behind is None:
+            return False
+        environment, before = self._behind
+        return environment is scene.environment and (
+            np.array_equal(before.world_to_camera, camera.world_to_camera)
+            and np.array_equal(before.intrinsics, camera.intrinsics)
+        )
+
+    def _blocks(self, scene: Scene[PerformerModel], camera: Camera) -> Bool[Array, "bH bW"]:
+        """Blocks that performers may be in; a field tells nothing of where it is."""
+        blocks = np.zeros((-(-camera.height // TILE), -(-camera.width // TILE)), bool)
+        for performer in scene.performers:
+            if not isinstance(performer.model, SplatModel):
+                return np.ones_like(blocks)
+        return self._splats.tiles if self._splats and scene.performers else blocks
+
+    def _layers(self, scene: Scene[PerformerModel], camera: Camera) -> Float[Array, "H W 4"]:
+        """All performers, premultiplied, nothing behind them."""
+        performers, lighting = scene.performers, scene.environment.lighting
+        splats = [p for p in performers if isinstance(p.model, SplatModel)]
+        fields = [p for p in performers if not isinstance(p.model, SplatModel)]
+        if splats and not fields:
+            return self._splat_layer(splats, camera, lighting)
+        layers = [(_distance(p, camera), _field_layer(p, camera)) for p in fields]
+        if splats:
+            nearest = min(_distance(p, camera) for p in splats)
+            layers.append((nearest, self._splat_layer(splats, camera, lighting)))
+        if len(layers) == 1:
+            return layers[0][1]
+        blended = self._blank.copy()
+        for _, layer in sorted(layers, key=lambda item: -item[0]):
+            blended = layer + (1.0 - layer[..., 3:]) * blended
+        return blended
+
+    def _splat_layer(
+        self,
+        performers: Many[Performer[PerformerModel]],
+        camera: Camera,
+        lighting: Lighting | None,
+    ) -> Float[Array, "H W 4"]:
+        models = tuple(p.model for p in performers if isinstance(p.model, SplatModel))
+        if self._splats is None or models != self._models:
+            from renderer.splats.rasteriser.gpu import splat_renderer
+
+            self._models, self._splats = models, splat_renderer(models)
+        moved, placements = [_moved(p) for p in performers], [p.placement for p in performers]
+        shown = [p.pose.expression for p in performers]
+        return self._splats.render(camera, moved, lighting, placements, shown)
+
+
+def warm_up() -> None:
+    """Load (or, the first time on a machine, compile) every kernel that a live view needs.
+
+    Fields are drawn by one torch thread from then on: on shared cores small operations
+    lose more by waiting for each other than a second thread brings.
+    """
+    import torch
+
+    from renderer.compositing.yuv_kernels import to_yuv420
+
+    torch.set_num_threads(1)
+    row = np.zeros((1, PARAMETERS), np.float32)
+    row[0, ROTATION] = 1.0
+    rest = Pose.rest()
+    model: PerformerModel = SplatModel(
+        row,
+        np.zeros((1, 4), np.uint8),
+        np.array([[1.0, 0.0, 0.0, 0.0]], np.float32),
+        np.ones(1, bool),
+        Skeleton(np.zeros((JOINT_COUNT, 3))),
+        Motion.from_poses([rest]),
+        data_hash="",
+    )
+    somebody = Performer("", model, np.zeros(3), 0.0, rest)
+    camera = orbit_camera((0.0, 0.0, 0.0), 2.0, 0.0, 0.1, 32, 32)
+    dark = Lighting(np.zeros((HARMONICS, 3)), np.array([0.0, 1.0, 0.0]), np.zeros(3))
+    place = Environment(panorama=np.zeros((8, 16, 3), np.float32), lighting=dark)
+    SceneRenderer().render(Scene(place, (somebody,)), camera)
+    stage = SceneRenderer()
+    picture = stage.render(Scene(Environment(), (somebody,)), camera)
+    luma, chroma = np.zeros((32, 32), np.uint8), np.zeros((2, 16, 16), np.uint8)
+    to_yuv420(picture, stage.changed, luma, *chroma)
+
+
+def _put_behind(
+    out: UInt8[Array, "H W 3"],
+    layers: Float[Array, "H W 4"],
+    camera: Camera,
+    environment: Environment,
+    shadows: Float[Array, "S 4"],
+    drawn: Bool[Array, "bH bW"],
+) -> None:
+    """Write the performers over the room that they are in, in the blocks `drawn`."""
+    view = (camera.intrinsics, camera.rotation, camera.position)
+    if environment.panorama is None:
+        from renderer.compositing.backdrop_kernels import compose
+
+        colours = np.array([environment.horizon, environment.zenith, environment.floor], np.float32)
+        compose(out, layers, *view, colours, shadows, drawn)
+    else:
+        from renderer.compositing.panorama_kernels import compose_panorama
+
+        compose_panorama(out, layers, *view, panorama_picture(environment), shadows, drawn)
+
+
+def panorama_picture(environment: Environment) -> Float[Array, "h _ 3"]:
+    """The environment's panorama in sRGB, its first column once more at the end; made once."""
+    if environment not in _PICTURES:
+        assert environment.panorama is not None
+        shown = to_srgb(environment.panorama).astype(np.float32)
+        _PICTURES[environment] = np.concatenate([shown, shown[:, :1]], axis=1)
+    return _PICTURES[environment]
+
+
+_PICTURES: WeakKeyDictionary[Environment, Float[Array, "h w 3"]] = WeakKeyDictionary()
+
+
+def contact_shadows(
+    environment: Environment, performers: Many[Performer[PerformerModel]]
+) -> Float[Array, "S 4"]:
+    """x, z, radius (m) and strength of the soft shadow under each ankle."""
+    rows = []
+    for performer in performers:
+        for joint in _ANKLES:
+            ankle = _place(performer, joint)
+            rest = performer.model.skeleton.rest_joints[joint, 1]
+            lifted = max(0.0, float(ankle[1] - rest)) / _FOOT_CLEARANCE_M
+            strength = environment.shadow_strength * max(0.0, 1.0 - lifted)
+            rows.append((ankle[0], ankle[2], _SHADOW_RADIUS_M * (1.0 + lifted), strength))
+    return np.array(rows, np.float32).reshape(-1, 4)
+
+
+def shadow_blocks(shadows: Float[Array, "S 4"], camera: Camera) -> Bool[Array, "bH bW"]:
+    """Blocks of 16 x 16 px in which a shadow changes a byte: those round the square it lies in."""
+    blocks = np.zeros((-(-camera.height // TILE), -(-camera.width // TILE)), bool)
+    for x, z, radius, strength in shadows:
+        if strength < _FAINTEST_SHADOW:
+            continue
+        reach = radius * np.sqrt(np.log(strength / _FAINTEST_SHADOW))
+        corners = np.array([(x + a, 0.0, z + b) for a in (-reach, reach) for b in (-reach, reach)])
+        seen = corners @ camera.rotation.T + camera.world_to_camera[:, 3]
+        if seen[:, 2].max() < NEAR_M:
+            continue
+        if seen[:, 2].min() < NEAR_M:
+            return np.ones_like(blocks)
+        points = seen @ camera.intrinsics.T
+        tiles = points[:, :2] / (points[:, 2:] * TILE)
+        left, top = np.maximum(tiles.min(axis=0), 0.0).astype(int)
+        right, bottom = np.maximum(tiles.max(axis=0) + 1.0, 0.0).astype(int)
+        blocks[top:bottom, left:right] = True
+    return blocks
+
+
+def _moved(performer: Performer[PerformerModel]) -> Float[Array, "K 4 4"]:
+    """Skinning transforms, rest -> room; worked out once for all who look at this moment."""
+    from scene.kinematics_kernels import skinning
+
+    if performer not in _MOVED:
+        skeleton, pose = performer.model.skeleton, performer.pose
+        # copies: what was loaded or sliced is of another kind, for which kernels compile anew
+        rest, angles = np.array(skeleton.rest_joints), np.array(pose.joint_angles)
+        _MOVED[performer] = skinning(
+            angles, rest[0] + pose.root_translation, rest, np.array(skeleton.parents),
+            performer.placement,
+        )  # fmt: skip
+    return _MOVED[performer]
+
+
+_MOVED: WeakKeyDictionary[Performer[PerformerModel], Float[Array, "K 4 4"]] = WeakKeyDictionary()
+
+
+def _place(performer: Performer[PerformerModel], joint: int) -> Float[Array, "3"]:
+    """Where a joint is in the room, m."""
+    moved = _moved(performer)[joint]
+    return moved[:3, :3] @ performer.model.skeleton.rest_joints[joint] + moved[:3, 3]
+
+
+def _distance(performer: Performer[PerformerModel], camera: Camera) -> float:
+    return float(np.linalg.norm(_place(performer, 0) - camera.position))
+
+
+def _field_layer(performer: Performer[PerformerModel], camera: Camera) -> Float[Array, "H W 4"]:
+    """The performer's field at preview size, enlarged to the camera's."""
+    import torch
+
+    scale = min(1.0, FIELD_PREVIEW_PX / max(camera.width, camera.height))
+    small = camera.resized(
+        max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
+    )
+    inside = np.vstack([small.world_to_camera, [0.0, 0.0, 0.0, 1.0]]) @ performer.placement
+    layer = performer.model.render(replace(small, world_to_camera=inside[:3]), performer.pose)
+    enlarged = torch.nn.functional.interpolate(
+        torch.from_numpy(np.ascontiguousarray(layer)).permute(2, 0, 1)[None],
+        size=(camera.height, camera.width),
+        mode="bilinear",
+        align_corners=False,
+    )
+    return enlarged[0].permute(1, 2, 0).contiguous().numpy()

@@ -1,0 +1,62 @@
+"""The order of splats in a file of which any beginning is a model.
+
+Splats are drawn by lot, one after the other, each with a chance in proportion to the light it
+blends into pictures from all round (Efraimidis and Spirakis 2006): a beginning then keeps what is
+seen most, and some of everything. Of the demo's performer three quarters, half and a quarter of
+the splats come 0.8, 0.5 and 0.4 dB worse by plain lot.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.splats.layout import BOX_FILTER_PX2, CONTRIBUTION, PROJECTED
+from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.workspace import Workspace, pack_camera
+from scene.arrays import Array, Float, Int
+from scene.camera import orbit_camera
+
+_VIEWS, _SIZE_PX = 8, 256
+_DISTANCE_HEIGHTS = 2.0
+_ELEVATIONS_RAD = (0.1, 0.5)
+_TURN_RAD = 2.4
+"""The golden angle: any number of views go evenly all round."""
+_LEAST = 1e-3
+"""Light, in pixels, of a splat that nothing showed."""
+
+
+def importance_order(model: SplatModel) -> Int[Array, "N"]:
+    """Rows of `model`, the most important first; the same for the same model."""
+    light = _light(model)
+    chance = np.random.default_rng(0).gumbel(size=len(model))
+    return np.argsort(-(np.log(light + _LEAST) + chance), kind="stable")
+
+
+def _light(model: SplatModel) -> Float[Array, "N"]:
+    """Blending weight of each splat, in pixels, summed over views all round in poses of its own."""
+    import numba
+
+    from renderer.splats.rasteriser.tile_kernels import draw_and_differentiate
+
+    size = (_SIZE_PX, _SIZE_PX)
+    work, threads = Workspace(len(model)), numba.get_num_threads()
+    nothing = np.zeros((*size, 4), np.uint8)
+    summed = np.zeros((threads, len(model), PROJECTED), np.float32)
+    height_m = model.skeleton.height_m
+    for view in range(_VIEWS):
+        pose = model.motion.pose(view * len(model.motion) // _VIEWS)
+        upright = np.array([0.0, pose.root_translation[1], 0.0])
+        camera = orbit_camera(
+            (0.0, 0.55 * height_m, 0.0), _DISTANCE_HEIGHTS * height_m, view * _TURN_RAD,
+            _ELEVATIONS_RAD[view % 2], *size,
+        )  # fmt: skip
+        transforms = model.skeleton.skinning_transforms(pose.joint_angles, upright)
+        work.arrange(
+            model.parameters, model.joints, model.weights, transforms.astype(np.float32),
+            pack_camera(camera), *size, BOX_FILTER_PX2,
+        )  # fmt: skip
+        draw_and_differentiate(
+            work.projected, work.starts, work.entries, nothing, np.zeros(3, np.float32), 1.0,
+            summed, np.zeros(threads),
+        )  # fmt: skip
+    return summed[:, :, CONTRIBUTION].sum(axis=0)

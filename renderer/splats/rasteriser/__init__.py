@@ -1,0 +1,1 @@
+"""Splats to pictures: projection, tiles, alpha compositing, and the way back."""

@@ -1,0 +1,152 @@
+"""The renderer of splats on a GPU, by our own Triton kernels; what calls it sees no difference.
+
+Splats, blend weights and joints stay on the device; what goes there each frame are the transforms
+and the camera, and colours where a room's light falls on people. The picture comes back to the host
+in single precision, since rooms, shadows and the encoder's planes are made there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Many
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import torch
+
+from renderer.splats.layout import BOX_FILTER_PX2, COLOUR, POSITION, TILE
+from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
+from renderer.splats.rasteriser.workspace import pack_camera
+from renderer.splats.skinned import SkinnedSplats
+from scene.arrays import Array, Bool, Float, Tensor
+from scene.camera import Camera
+
+_BLOCK_TILES = 4
+"""Tiles a side of a block: few enough blocks that each may go through all splats."""
+_SPLATS_A_PROGRAM = 128
+_LISTED_AT_ONCE = 1024
+_BLENDED_AT_ONCE = 256
+
+
+def splat_renderer(models: Many[SkinnedSplats]) -> SplatRenderer:
+    """The fastest renderer that this machine has for a cast of models."""
+    if torch.cuda.is_available() and find_spec("triton") is not None:
+        return GpuSplatRenderer(models, torch.device("cuda"))
+    return SplatRenderer(models)
+
+
+def _kernels() -> Any:
+    """The Triton kernels, imported when first needed: renderer/ runs without Triton too."""
+    from renderer.splats.rasteriser import gpu_kernels
+
+    return gpu_kernels
+
+
+class GpuSplatRenderer(SplatRenderer):
+    """Renders one cast of models on `device`: CUDA, or the CPU under Triton's interpreter."""
+
+    def __init__(self, models: Many[SkinnedSplats], device: torch.device) -> None:
+        super().__init__(models)
+        self._device = device
+        self._on_device = torch.from_numpy(self._parameters.copy()).to(device)
+        self._device_joints = torch.from_numpy(self._joints.astype(np.int32)).to(device)
+        self._device_weights = torch.from_numpy(self._weights).to(device)
+        self._device_splats = torch.from_numpy(self._expressive.splats).long().to(device)
+        self._device_rest = torch.from_numpy(self._expressive.rest).to(device)
+        self._device_offsets = torch.from_numpy(self._expressive.offsets).to(device)
+        self._device_owner = torch.from_numpy(self._expressive.owner).long().to(device)
+        self._lit_once = False
+        self._buffers: _Buffers | None = None
+        self._camera: Camera | None = None
+
+    def _rasterise(
+        self, parameters: Float[Array, "N P"], moved: Float[Array, "K 4 4"], camera: Camera
+    ) -> Float[Array, "H W 4"]:
+        lit = parameters is not self._parameters
+        if lit or self._lit_once:
+            colours = np.ascontiguousarray(parameters[:, COLOUR : COLOUR + 3])
+            self._on_device[:, COLOUR : COLOUR + 3] = torch.from_numpy(colours).to(self._device)
+            self._lit_once = lit
+        if self._expressive.any:
+            self._show_expressions()
+        self._camera = camera
+        buffers = self.draw(moved, camera)
+        buffers.host.copy_(buffers.out, non_blocking=True)
+        buffers.busy_on_host.copy_(buffers.busy, non_blocking=True)
+        if self._device.type == "cuda":
+            torch.cuda.current_stream(self._device).synchronize()
+        return buffers.host.numpy()
+
+    def _show_expressions(self) -> None:
+        shown = torch.from_numpy(self._expressive.shown).to(self._device)[self._device_owner]
+        places = self._device_rest + torch.einsum("me,mex->mx", shown, self._device_offsets)
+        self._on_device[self._device_splats, POSITION : POSITION + 3] = places
+
+    def draw(self, moved: Float[Array, "K 4 4"], camera: Camera) -> _Buffers:
+        """Draw on the device, unlit or as lit last; returns without waiting for it."""
+        kernels = _kernels()
+        count, width, height = len(self._on_device), camera.width, camera.height
+        b = self._buffers
+        if b is None or b.size != (width, height):
+            b = self._buffers = _Buffers(count, width, height, self._device)
+        sent = torch.from_numpy(np.concatenate([moved, pack_camera(camera)[None]]))
+        moved_and_camera = sent.to(self._device)
+        grid = (-(-count // _SPLATS_A_PROGRAM),)
+        kernels.project[grid](
+            self._on_device, self._device_joints, self._device_weights, moved_and_camera,
+            moved_and_camera[-1], count, width, height, BOX_FILTER_PX2,
+            b.shown, b.depth, b.boxes, BLOCK=_SPLATS_A_PROGRAM,
+        )  # fmt: skip
+        order = torch.argsort(b.depth)
+        kernels.list_blocks[(b.blocks,)](
+            order, b.boxes, count, b.blocks_x, b.lists, b.lengths,
+            SIDE=_BLOCK_TILES, PIECE=_LISTED_AT_ONCE,
+        )  # fmt: skip
+        kernels.blend[(len(b.busy),)](
+            b.shown, b.boxes, b.lists, b.lengths, count, width, height, b.tiles_x, b.blocks_x,
+            b.kept, b.busy, b.out, SIDE=_BLOCK_TILES, PIECE=_BLENDED_AT_ONCE,
+        )  # fmt: skip
+        return b
+
+    def geometry(self, transforms: Many[Float[Array, "K 4 4"]]) -> Geometry:
+        """Of the picture that was rendered last, worked out on the CPU: no live view asks."""
+        assert self._camera is not None
+        moved = np.concatenate(list(transforms)).astype(np.float32)
+        super()._rasterise(self._parameters, moved, self._camera)
+        return super().geometry(transforms)
+
+    @property
+    def tiles(self) -> Bool[Array, "tH tW"]:
+        """Which tiles of the last picture anybody is in."""
+        assert self._buffers is not None
+        return self._buffers.busy_on_host.numpy().reshape(self._buffers.tiles_y, -1)
+
+
+class _Buffers:
+    """All that a picture of one size needs."""
+
+    def __init__(self, count: int, width: int, height: int, device: torch.device) -> None:
+        self.size = (width, height)
+        self.tiles_x, self.tiles_y = -(-width // TILE), -(-height // TILE)
+        self.blocks_x = -(-self.tiles_x // _BLOCK_TILES)
+        self.blocks = self.blocks_x * -(-self.tiles_y // _BLOCK_TILES)
+        tiles = self.tiles_x * self.tiles_y
+
+        def made(*shape: int, dtype: torch.dtype = torch.float32) -> Tensor:
+            return torch.zeros(*shape, dtype=dtype, device=device)
+
+        def on_host(like: Tensor) -> Tensor:
+            return torch.zeros(
+                like.shape, dtype=like.dtype, device="cpu", pin_memory=device.type == "cuda"
+            )
+
+        self.shown = made(count, _kernels().SHOWN)
+        self.depth = made(count)
+        self.boxes = made(count, 4, dtype=torch.int32)
+        self.lists = made(self.blocks, count, dtype=torch.int32)
+        self.lengths = made(self.blocks, dtype=torch.int32)
+        self.kept = made(tiles, _BLENDED_AT_ONCE, dtype=torch.int32)
+        self.busy = made(tiles, dtype=torch.bool)
+        self.busy_on_host = on_host(self.busy)
+        self.out = made(height, width, 4)
+        self.host = on_host(self.out)

@@ -1,0 +1,166 @@
+"""Draws any number of people's splats into one picture; they hide each other splat by splat."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Many
+from dataclasses import dataclass
+
+import numpy as np
+
+from renderer.relighting.shading import Relighting, normals_of
+from renderer.splats.expressions import BlendShapes
+from renderer.splats.layout import BLUE, BOX_FILTER_PX2, RED, TILE
+from renderer.splats.rasteriser.workspace import Workspace, pack_camera
+from renderer.splats.skinned import SkinnedSplats
+from scene.arrays import Array, Bool, Float
+from scene.camera import Camera
+from scene.lighting import Lighting
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Where the people of a picture are; all premultiplied: divided by `alpha` it is the mean of
+    what shows in a pixel, each splat counted as much as its colour is."""
+
+    depth: Float[Array, "H W"]
+    """Along the camera's axis, m."""
+    normal: Float[Array, "H W 3"]
+    """Outwards, world; between nil and unit length before it is premultiplied."""
+    alpha: Float[Array, "H W"]
+
+
+class SplatRenderer:
+    """Renders one cast of models; keep it as long as the cast stays."""
+
+    def __init__(self, models: Many[SkinnedSplats]) -> None:
+        offsets = np.cumsum([0] + [len(m.skeleton.names) for m in models])
+        self._parameters = np.concatenate([m.parameters for m in models]).astype(np.float32)
+        self._weights = np.concatenate([m.weights for m in models]).astype(np.float32)
+        # two performers have 48 joints: one table of transforms serves all
+        self._joints = np.concatenate(
+            [m.joints.astype(np.uint16) + o for m, o in zip(models, offsets, strict=False)]
+        ).astype(np.uint16)
+        self._models = tuple(models)
+        self._relighting: Relighting | None = None
+        self._has_light = any(model.light is not None for model in models)
+        self._lit = self._as_filmed = self._parameters
+        self._expressive = BlendShapes(models)
+        self._workspace = Workspace(len(self._parameters))
+        self._out = np.zeros((0, 0, 4), np.float32)
+
+    def render(
+        self,
+        camera: Camera,
+        transforms: Many[Float[Array, "K 4 4"]],
+        lighting: Lighting | None = None,
+        placements: Many[Float[Array, "4 4"]] | None = None,
+        expressions: Many[Float[Array, "E"]] | None = None,
+    ) -> Float[Array, "H W 4"]:
+        """Premultiplied sRGB and alpha.
+
+        Args:
+            camera: its distortion, if any, is not drawn.
+            transforms: per model, skinning transforms (rest -> world) with its placement.
+            lighting: what falls on everybody; None shows them as they were filmed: in the light of
+                their clip, where the model knows it.
+            placements: per model, from the world of its clip to this one, as it is part of
+                `transforms`; None: they are the same. The light of a clip goes with it.
+            expressions: per model, what its face and hands do (`scene.expression`); None: nothing.
+        Returns:
+            float32 buffer that the next call overwrites.
+        """
+        moved = np.concatenate(list(transforms)).astype(np.float32)
+        if self._expressive.any:
+            self._show(expressions)
+        shown = self._parameters
+        if lighting is not None:
+            shown = self._shaded(moved, camera, lighting)
+        elif self._has_light:
+            shown = self._shaded_as_filmed(moved, camera, placements)
+        return self._rasterise(shown, moved, camera)
+
+    def _show(self, expressions: Many[Float[Array, "E"]] | None) -> None:
+        """Move the splats of face and hands, before light that depends on where they are."""
+        self._expressive.show(expressions)
+        self._expressive.move(self._parameters)
+        for lit in (self._lit, self._as_filmed):
+            if lit is not self._parameters:
+                self._expressive.move(lit)
+
+    def _rasterise(
+        self, parameters: Float[Array, "N P"], moved: Float[Array, "K 4 4"], camera: Camera
+    ) -> Float[Array, "H W 4"]:
+        """The picture of splats with these `parameters`, skinned by `moved`."""
+        import numba
+
+        from renderer.splats.rasteriser.tile_kernels import draw
+
+        if self._out.shape[:2] != (camera.height, camera.width):
+            self._out = np.zeros((camera.height, camera.width, 4), np.float32)
+        work = self._workspace
+        work.arrange(
+            parameters, self._joints, self._weights, moved, pack_camera(camera),
+            camera.width, camera.height, BOX_FILTER_PX2,
+        )  # fmt: skip
+        draw(work.projected, work.starts, work.entries, numba.get_num_threads(), self._out)
+        return self._out
+
+    def geometry(self, transforms: Many[Float[Array, "K 4 4"]]) -> Geometry:
+        """Of the picture that was rendered last, by the same `transforms`."""
+        work = self._workspace
+        depth = self._blend(np.broadcast_to(work.depth[:, None], (len(work.depth), 3)))
+        turns = np.concatenate(list(transforms))[self._joints, :3, :3]
+        rest = np.concatenate([normals_of(model) for model in self._models])
+        normals = np.einsum("nk,nkij,nj->ni", self._weights, turns, rest)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
+        shown = self._blend(normals)
+        return Geometry(depth[..., 0], shown[..., :3], shown[..., 3])
+
+    def _blend(self, values: Float[Array, "N 3"]) -> Float[Array, "H W 4"]:
+        """A picture of `values` in place of colours, and alpha."""
+        import numba
+
+        from renderer.splats.rasteriser.tile_kernels import draw
+
+        work, out = self._workspace, np.empty_like(self._out)
+        projected = work.projected.copy()
+        projected[:, RED : BLUE + 1] = values
+        draw(projected, work.starts, work.entries, numba.get_num_threads(), out)
+        return out
+
+    @property
+    def tiles(self) -> Bool[Array, "tH tW"]:
+        """Which tiles of the last picture anybody is in."""
+        height, width = self._out.shape[:2]
+        return (np.diff(self._workspace.starts) > 0).reshape(-(-height // TILE), -(-width // TILE))
+
+    def _shaded(
+        self, transforms: Float[Array, "K 4 4"], camera: Camera, lighting: Lighting
+    ) -> Float[Array, "N P"]:
+        """The parameters with colours as they are in `lighting`."""
+        if self._lit is self._parameters:
+            self._lit = self._parameters.copy()
+        self._light_on_them().shade(
+            self._lit, self._joints, self._weights, transforms, camera.position, lighting
+        )
+        return self._lit
+
+    def _shaded_as_filmed(
+        self,
+        transforms: Float[Array, "K 4 4"],
+        camera: Camera,
+        placements: Many[Float[Array, "4 4"]] | None,
+    ) -> Float[Array, "N P"]:
+        """The parameters with colours as they are in the light of everybody's own clip."""
+        if self._as_filmed is self._parameters:
+            self._as_filmed = self._parameters.copy()
+        self._light_on_them().shade_as_captured(
+            self._as_filmed, self._joints, self._weights, transforms, camera.position,
+            placements or [np.eye(4)] * len(self._models),
+        )  # fmt: skip
+        return self._as_filmed
+
+    def _light_on_them(self) -> Relighting:
+        if self._relighting is None:
+            self._relighting = Relighting(self._models)
+        return self._relighting

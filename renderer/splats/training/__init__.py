@@ -1,0 +1,1 @@
+"""Splats learnt from a sequence."""

@@ -1,0 +1,246 @@
+"""First splats: spread over the rest surface or, where none is known, over capsules round bones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from renderer.nearest import nearest_points
+from renderer.splats.expressions import moving_splats, no_offsets, no_splats
+from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, POSITION, ROTATION
+from renderer.splats.model import SplatModel
+from renderer.splats.settings import SplatSettings
+from scene.arrays import Array, Bool, Float, Int
+from scene.body import Body
+from scene.errors import InvalidInput
+from scene.rotations import rotation_between
+from scene.sequence import Sequence
+from scene.skeleton import JOINT_NAMES, Skeleton
+
+_CAPSULE_RADIUS_M = {"spine": 0.13, "pelvis": 0.14, "hip": 0.1, "knee": 0.08, "ankle": 0.06,
+                     "foot": 0.05, "neck": 0.07, "head": 0.11, "collar": 0.1, "shoulder": 0.08,
+                     "elbow": 0.06, "wrist": 0.05, "hand": 0.05}  # fmt: skip
+_CANDIDATES = 3
+"""Points drawn on the capsules for every one kept after the masks have cut."""
+_MOVED_M = 1e-3
+"""How far an expression must move the surface for more splats to lie there."""
+_MASK_VOTES = 0.9
+"""Share of the frames whose mask must cover a capsule's point."""
+
+
+@dataclass(frozen=True, eq=False)
+class FirstSplats:
+    """Splats at rest, before training."""
+
+    parameters: Float[Array, "N P"]
+    joints: Array
+    """[N 4] uint16."""
+    weights: Float[Array, "N 4"]
+    normals: Float[Array, "N 3"]
+    """Outward, unit length."""
+    expression_splats: Int[Array, "M"] = field(default_factory=no_splats)
+    expression_offsets: Float[Array, "M E 3"] = field(default_factory=no_offsets)
+    """As the body's surface moves, m; empty where that is not known."""
+
+
+def first_splats(
+    sequence: Sequence, settings: SplatSettings, rng: np.random.Generator
+) -> FirstSplats:
+    """`settings.count` splats at rest.
+
+    Raises InvalidInput where capsules and masks have nothing in common.
+    """
+    body = sequence.body
+    splats, offsets = no_splats(), no_offsets()
+    if body.has_surface:
+        places = SurfacePlaces.drawn(body, settings.count, rng, settings.expressive_density)
+        points, normals, weights, _ = places.sampled(body)
+        spacing = places.spacing[:, None]
+        if body.expression_directions is not None:
+            splats, offsets = moving_splats(places.blended(body, body.expression_directions))
+    else:
+        points, normals, weights, area = _sample_capsules(sequence, settings.count, rng)
+        spacing = np.sqrt(area / len(points))
+    strongest = np.argsort(-weights, axis=1)[:, :4]
+    top = np.take_along_axis(weights, strongest, axis=1)
+    top /= top.sum(axis=1, keepdims=True)
+    parameters = np.zeros((len(points), PARAMETERS), np.float32)
+    parameters[:, POSITION : POSITION + 3] = points - settings.inset_m * normals
+    share = settings.scale_share if sequence.exact_poses else settings.uncertain_scale_share
+    parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(share * spacing)
+    parameters[:, LOG_SCALE + 2] += np.log(settings.thickness)
+    parameters[:, ROTATION : ROTATION + 4] = _from_z_axis(normals)
+    parameters[:, COLOUR : COLOUR + 3] = 0.5
+    parameters[:, OPACITY] = settings.opacity_logit
+    return FirstSplats(
+        parameters, strongest.astype(np.uint16), top.astype(np.float32), normals.astype(np.float32),
+        splats, offsets,
+    )  # fmt: skip
+
+
+def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -> FirstSplats:
+    """The splats of an earlier `model` on `skeleton`.
+
+    Their normals are those of `first`; so are offsets of expressions where the model knows none.
+    """
+    joints = model.joints.astype(np.uint16)
+    parameters = moved_with_bones(model.parameters, joints, model.weights, model.skeleton, skeleton)
+    place = slice(POSITION, POSITION + 3)
+    _, nearest = nearest_points(parameters[:, place], first.parameters[:, place])
+    splats, offsets = model.expression_splats, model.expression_offsets
+    if not len(splats) and len(first.expression_splats):
+        known = np.zeros((len(first.parameters), *offsets.shape[1:]), np.float32)
+        known[first.expression_splats] = first.expression_offsets
+        splats, offsets = moving_splats(known[nearest])
+    return FirstSplats(parameters, joints, model.weights, first.normals[nearest], splats, offsets)
+
+
+def moved_with_bones(
+    parameters: Float[Array, "N P"], joints: Array, weights: Float[Array, "N 4"],
+    before: Skeleton, after: Skeleton,
+) -> Float[Array, "N P"]:  # fmt: skip
+    """`parameters` of splats on the skeleton `before`, on the one of other bone lengths `after`."""
+    moved, longer = parameters.copy(), after.rest_joints - before.rest_joints
+    shift = np.einsum("ns,nsx->nx", weights, longer[joints])
+    moved[:, POSITION : POSITION + 3] += shift.astype(np.float32)
+    return moved
+
+
+def _from_z_axis(directions: Float[Array, "N 3"]) -> Float[Array, "N 4"]:
+    """Quaternions (w, x, y, z) that turn +z to unit `directions`, the shortest way."""
+    x, y, z = directions.T
+    turns = np.stack([1.0 + z, -y, x, np.zeros_like(z)], axis=1)
+    turns[turns[:, 0] < 1e-6] = [0.0, 1.0, 0.0, 0.0]
+    return turns / np.linalg.norm(turns, axis=1, keepdims=True)
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePlaces:
+    """Places spread over a rest surface, evenly by area but for face and hands."""
+
+    face: Int[Array, "N"]
+    mix: Float[Array, "N 3"]
+    """Barycentric coordinates in it."""
+    normals: Float[Array, "N 3"]
+    spacing: Float[Array, "N"]
+    """Between neighbours, m."""
+    area: float
+    """Of the whole surface, m^2."""
+
+    @classmethod
+    def drawn(
+        cls, body: Body, count: int, rng: np.random.Generator, expressive_density: float = 1.0
+    ) -> SurfacePlaces:
+        """`count` places on `body`, so much denser where expressions move it.
+
+        Raises InvalidInput for a body without a surface.
+        """
+        if body.rest_vertices is None or body.faces is None:
+            raise InvalidInput("body must have a surface to be sampled; got joints only")
+        corners = body.rest_vertices[body.faces]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        areas = 0.5 * np.linalg.norm(normal, axis=1)
+        density = np.where(_moves(body), expressive_density, 1.0)
+        share = areas * density
+        # stratified along the faces' running area: more even than independent draws
+        at = (np.arange(count) + rng.uniform(size=count)) / count * share.sum()
+        face = np.minimum(np.searchsorted(np.cumsum(share), at), len(areas) - 1)
+        root = np.sqrt(rng.uniform(size=count))
+        v = rng.uniform(size=count)
+        mix = np.stack([1.0 - root, root * (1.0 - v), root * v], axis=1)
+        unit = normal[face] / np.maximum(2.0 * areas[face, None], 1e-12)
+        spacing = np.sqrt(share.sum() / count / density[face])
+        return cls(face, mix, unit, spacing, float(areas.sum()))
+
+    def blended(self, body: Body, directions: Float[Array, "E V 3"]) -> Float[Array, "N E 3"]:
+        """`directions` of the vertices of `body`, at the places."""
+        assert body.faces is not None
+        return np.einsum("nc,encx->nex", self.mix, directions[:, body.faces[self.face]])
+
+    def sampled(
+        self, body: Body
+    ) -> tuple[Float[Array, "N 3"], Float[Array, "N 3"], Float[Array, "N K"], float]:
+        """Points, normals, blend weights, and the surface's area (m^2)."""
+        assert body.rest_vertices is not None
+        assert body.faces is not None
+        assert body.blend_weights is not None
+        corners = body.faces[self.face]
+        points = np.einsum("nc,ncx->nx", self.mix, body.rest_vertices[corners])
+        weights = np.einsum("nc,nck->nk", self.mix, body.blend_weights[corners])
+        return points, self.normals, weights, self.area
+
+
+def _moves(body: Body) -> Bool[Array, "T"]:
+    """Which triangles of `body` expressions move."""
+    assert body.faces is not None
+    if body.expression_directions is None:
+        return np.zeros(len(body.faces), bool)
+    far = np.linalg.norm(body.expression_directions, axis=2).max(axis=0) > _MOVED_M
+    return far[body.faces].any(axis=1)
+
+
+def sample_surface(
+    body: Body, count: int, rng: np.random.Generator
+) -> tuple[Float[Array, "N 3"], Float[Array, "N 3"], Float[Array, "N K"], float]:
+    """Points spread evenly by area over the rest surface, normals, blend weights, area (m^2)."""
+    return SurfacePlaces.drawn(body, count, rng).sampled(body)
+
+
+def _sample_capsules(
+    sequence: Sequence, count: int, rng: np.random.Generator
+) -> tuple[Float[Array, "N 3"], Float[Array, "N 3"], Float[Array, "N K"], float]:
+    skeleton = sequence.body.skeleton
+    points, normals, joints, area = _capsule_points(skeleton, _CANDIDATES * count, rng)
+    weights = np.zeros((len(points), len(JOINT_NAMES)))
+    # a point follows its bone, and shares the next one near the joint between them
+    weights[np.arange(len(points)), joints] = 1.0
+    votes, frames = np.zeros(len(points)), range(0, len(sequence.train), 4)
+    for index in frames:
+        votes += _inside_mask(sequence, index, points, joints)
+    kept = np.flatnonzero(votes >= _MASK_VOTES * len(frames))
+    if len(kept) < 100:
+        raise InvalidInput(
+            f"masks must cover the skeleton; got {len(kept)} of {len(points)} points of the "
+            "limbs inside them; check the camera and the poses"
+        )
+    picked = rng.choice(kept, count, replace=len(kept) < count)
+    return points[picked], normals[picked], weights[picked], area
+
+
+def _capsule_points(
+    skeleton: Skeleton, count: int, rng: np.random.Generator
+) -> tuple[Float[Array, "N 3"], Float[Array, "N 3"], Array, float]:
+    """Points on the capsules, normals, the joint that moves each, and the capsules' area."""
+    rest, bones = skeleton.rest_joints, []
+    for child, parent in enumerate(skeleton.parents):
+        name = skeleton.names[child].split("_")[-1].rstrip("123")
+        end = rest[child] + ([0.0, 0.14, 0.0] if name == "head" else 0.0)
+        if parent >= 0:
+            mover = child if name == "head" else parent
+            bones.append((rest[parent], end, mover, _CAPSULE_RADIUS_M[name]))
+    areas = np.array([2 * np.pi * r * (np.linalg.norm(b - a) + r) for a, b, _, r in bones])
+    shares = rng.multinomial(count, areas / areas.sum())
+    points, normals, joints = [], [], []
+    for (start, end, mover, radius), share in zip(bones, shares, strict=True):
+        turn = rotation_between(np.array([0.0, 1.0, 0.0]), end - start + 1e-9)
+        angle = rng.uniform(0.0, 2.0 * np.pi, share)
+        ring = radius * np.stack([np.cos(angle), np.zeros(share), np.sin(angle)], axis=1)
+        along = rng.uniform(size=(share, 1))
+        points.append(start + along * (end - start) + ring @ turn.T)
+        normals.append(ring @ turn.T / radius)
+        joints.append(np.full(share, mover))
+    total = float(areas.sum())
+    return np.concatenate(points), np.concatenate(normals), np.concatenate(joints), total
+
+
+def _inside_mask(sequence: Sequence, index: int, points: Array, joints: Array) -> Array:
+    camera, pose, mask = (
+        sequence.train.camera(index), sequence.train.pose(index), sequence.train.mask(index)
+    )  # fmt: skip
+    moved = sequence.body.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
+    posed = np.einsum("nij,nj->ni", moved[joints][:, :3, :3], points) + moved[joints][:, :3, 3]
+    pixels, _ = camera.project(posed)
+    column = np.clip(pixels[:, 0].astype(int), 0, camera.width - 1)
+    row = np.clip(pixels[:, 1].astype(int), 0, camera.height - 1)
+    return mask[row, column] > 0.5
