@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.pose_refinement import bundle_adjustment
 from renderer.pose_refinement.bundle_adjustment import ClipNormalEquations, ClipState, solve
 from renderer.pose_refinement.photometry import POSE_PARAMETERS, SHARED_PARAMETERS
 from scene.temporal import Accelerations
