@@ -28,8 +28,9 @@ from benchmarks.pose_errors import (
 from benchmarks.reporting.figures import write_report
 from benchmarks.reporting.measurements import MeasurementCache
 from benchmarks.reporting.timing import Clock, clock_named
-from capture.fitting.fit import STAGES, Fit
-from capture.fitting.world import SEEN_TO_CAMERA
+from capture.fitting.fit import STAGES
+from capture.fitting.result import Fit
+from capture.fitting.world import OPENGL_TO_OPENCV
 from capture.pipeline import capture_clip
 from capture.storage import open_sequence
 from capture.studio import make_sequence
@@ -93,7 +94,9 @@ def fit_joints(fit: Fit, times_s: Float[Array, "F"]) -> Joints:
     root = fit.pelvis - skeleton.rest_joints[0]
     trust = np.ones(fit.joint_angles.shape[:2])
     motion = Motion(times_s, fit.joint_angles, root, trust)
-    return seen_joints(skeleton, motion, np.concatenate([SEEN_TO_CAMERA, np.zeros((3, 1))], axis=1))
+    return seen_joints(
+        skeleton, motion, np.concatenate([OPENGL_TO_OPENCV, np.zeros((3, 1))], axis=1)
+    )
 
 
 def mean_of(rows: list[dict[str, Any]]) -> dict[str, Any]:

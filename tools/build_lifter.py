@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import torch
 
-from capture.body.inverse_kinematics import TO_Y_UP
+from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from capture.body.landmarks import MIRROR
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
 from capture.detection.lifter import WEIGHTS_FILE, Inputs, inputs_of
@@ -161,7 +161,7 @@ def _tensors(shard: Shard) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     inputs: Inputs = inputs_of(
         shard["pixels"], shard["world"], shard["visibility"], shard["focal_px"], np.zeros(2)
     )
-    truth = (TO_Y_UP[:, None] * inputs.view)[:, None] @ shard["turns"]
+    truth = (OPENCV_TO_OPENGL[:, None] * inputs.view)[:, None] @ shard["turns"]
     parts = (inputs.features, inputs.closed_form, truth, shard["rest"])
     features, closed_form, turns, rest = (torch.tensor(p, dtype=torch.float32) for p in parts)
     return features, closed_form, turns, rest

@@ -21,8 +21,9 @@ from scene.rotations import (
 )
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
 
-TO_Y_UP = np.array([1.0, -1.0, -1.0])
-"""MediaPipe's world axes (x right, y down, z away) to ours (x right, y up, z near)."""
+OPENCV_TO_OPENGL = np.array([1.0, -1.0, -1.0])
+"""Axes of OpenCV's and MediaPipe's cameras (x right, y down, z away) to OpenGL's (y up, z towards
+the viewer), and back."""
 VISIBLE = 0.5
 """Visibility from which a limb's landmarks are believed; below, the limb stays at rest."""
 _BENT_FROM, _BENT_FULLY = 0.15, 0.5
@@ -42,7 +43,7 @@ def solve_pose(
     Only directions count, so any body size will do. Joint 0 is the turn of the whole body. Limbs
     whose landmarks have `visibility` below 0.5 hang straight (legs) or along the body (arms).
     """
-    points = np.asarray(landmarks, dtype=np.float64) * TO_Y_UP
+    points = np.asarray(landmarks, dtype=np.float64) * OPENCV_TO_OPENGL
     batch = points.shape[:-2]
     points = points.reshape(-1, len(LANDMARK_NAMES), 3)
     seen = np.ones(points.shape[:2], dtype=bool)

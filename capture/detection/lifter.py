@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from capture.body.inverse_kinematics import TO_Y_UP, solve_pose
+from capture.body.inverse_kinematics import OPENCV_TO_OPENGL, solve_pose
 from capture.detection.landmarks import LANDMARK_COUNT
 from scene.arrays import Array, Float
 from scene.rotations import axis_angle_to_matrix
@@ -86,7 +86,7 @@ def lift(
     inputs = inputs_of(pixels, world, visibility, focal_px, centre)
     answer = _network(inputs.features)
     turns = inputs.closed_form @ _orthonormal(answer[:, : 6 * JOINT_COUNT])
-    back = np.swapaxes(inputs.view, 1, 2) * TO_Y_UP[:, None] * TO_Y_UP
+    back = np.swapaxes(inputs.view, 1, 2) * OPENCV_TO_OPENGL[:, None] * OPENCV_TO_OPENGL
     local = (back[:, None] @ turns).copy()
     world_turns = local.copy()
     for joint in range(1, JOINT_COUNT):
@@ -117,8 +117,8 @@ def inputs_of(
     for joint in range(1, JOINT_COUNT):
         turned[:, joint] = turned[:, PARENTS[joint]] @ local[:, joint]
     body = turned[:, 0]
-    flat = np.concatenate([seen * TO_Y_UP[:2], np.zeros_like(seen[..., :1])], 2)
-    parts = (seen, 2.0 * world, visibility, np.log(size), 2.0 * (world * TO_Y_UP) @ body,
+    flat = np.concatenate([seen * OPENCV_TO_OPENGL[:2], np.zeros_like(seen[..., :1])], 2)
+    parts = (seen, 2.0 * world, visibility, np.log(size), 2.0 * (world * OPENCV_TO_OPENGL) @ body,
              flat @ body, local[:, 1:, :, :2], body)  # fmt: skip
     features = np.concatenate([part.reshape(frames, -1) for part in parts], axis=1)
     return Inputs(features.astype(np.float32), turned, view)

@@ -1,154 +1,138 @@
-"""What the fit is given, landmarks with trust, sizes, hidden joints; what it finds; and bridges
-over gaps."""
+"""What is known of a clip before the fit begins, and what the fit never changes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
+import torch
 
-from capture.detection.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
-from scene.arrays import Array, Float, Int
-from scene.body import Body
-from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, slerp
-from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
+from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
+from capture.detection.landmark_arrays import (
+    always_hidden,
+    hidden_joints,
+    hidden_subtrees,
+    interpolate_gaps,
+    landmark_arrays,
+    person_height_px,
+)
+from capture.detection.landmarks import Landmarks
+from capture.detection.lifter import Lifter
+from scene.arrays import Array, Float, Int, Tensor, UInt8
 
-_SHOWN_BY = {"shoulder": "elbow", "elbow": "wrist", "wrist": "index", "hip": "knee",
-             "knee": "ankle", "ankle": "foot_index"}  # fmt: skip
-"""The landmark beyond a joint, which shows how the joint moves."""
-_STIFF_SPINE = 0.15
-"""How far the spine counts as hidden without legs, whose pelvis could tilt unseen."""
-_LONGEST_GAP_S = 0.6
-"""How long a landmark may be missing to be bridged."""
-_NEARLY_ALWAYS = 0.85
-"""Share of a clip's frames."""
+USUAL_FOCAL = 0.87
+"""Focal length of phones and webcams, in longest sides of the picture (60 degrees)."""
+_USUAL_RATE = 15.0
+"""Frames a second up to which deviations of speeds hold."""
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """What the fit found. Frame "seen": y up, z towards the camera, origin at the camera."""
+class Observations:
+    """One person in F frames: what was seen of them, and how far it is believed."""
 
-    body: Body
+    images: Sequence[UInt8[Array, "H W 3"]] | None
+    """sRGB; None where motion between pictures is not to be looked at."""
+    masks: Sequence[Float[Array, "H W"] | None]
+    width: int
+    """Of the pictures, px."""
+    height: int
+    times_s: Float[Array, "F"]
+    takes: Int[Array, "F"]
+    """Number of the continuous recording that each frame belongs to."""
     focal_px: float
-    joint_angles: Float[Array, "F 24 3"]
-    """rad; joint 0 turns the body in the seen frame."""
-    pelvis: Float[Array, "F 3"]
-    """Place of joint 0, m, seen frame."""
-    landmark_error_px: Float[Array, "F 33"]
-    """Distance of the projected landmark from the seen one; NaN where it was not seen."""
-    weights: Float[Array, "F 33"]
-    """Trust in each landmark, 0 to 1."""
-    floor: Float[Array, "4"] | None
-    """Normal (unit, up) and distance from the camera along it, m, where feet show a floor."""
+    """Where known; else that of usual cameras."""
+    focal_known: bool
+    landmarks_px: Float[Tensor, "F 33 2"]
+    landmarks_m: Float[Tensor, "F 33 3"]
+    """The estimator's own 3D guess, axes of OpenGL's camera."""
+    landmark_weights: Float[Tensor, "F 33"]
+    """0 to 1."""
+    lifted_rotations: Float[Tensor, "F 24 3 3"]
+    """Local rotations as the lifter believes them; joint 0 to the camera frame."""
+    lifted_spread_rad: Float[Tensor, "F 24"]
+    hidden: Float[Tensor, "24"]
+    """How far nothing ever shows each joint's rotation, 0 to 1."""
+    shown: Float[Tensor, "F 24"]
+    """1 for joints that something shows in the frame, as all joints above them."""
+    steps_s: Float[Tensor, "F-1"]
+    """Between neighbouring frames; infinite at cuts."""
+    mid_steps_s: Float[Tensor, "F-2"]
+    """Between the middles of neighbouring steps; infinite at cuts."""
+    person_px: float
+    """About the standing person's height in the pictures: the unit of deviations there."""
+
+    @property
+    def centre(self) -> Float[Tensor, "2"]:
+        """Principal point, px."""
+        return torch.tensor([0.5 * self.width, 0.5 * self.height])
+
+    @property
+    def step_s(self) -> float:
+        """The usual time between frames."""
+        return float(np.median(np.diff(self.times_s))) if len(self.times_s) > 1 else 1.0
+
+    @property
+    def rate_factor(self) -> float:
+        """By how much deviations of speeds and accelerations grow with the frame rate.
+
+        Frames close in time would hold each other by the fourth power of the rate, and so stiff a
+        problem converges slowly.
+        """
+        return max(1.0, 1.0 / (_USUAL_RATE * self.step_s))
 
 
-def landmark_arrays(
-    people: Sequence[Landmarks], width: int, height: int
-) -> tuple[Array, Array, Array]:
-    """Pixels [F 33 2], world [F 33 3] and trust [F 33] of all frames; no trust outside."""
-    pixels = np.zeros((len(people), len(LANDMARK_NAMES), 2))
-    world = np.zeros((len(people), len(LANDMARK_NAMES), 3))
-    trust = np.zeros((len(people), len(LANDMARK_NAMES)))
-    for frame, person in enumerate(people):
-        pixels[frame], world[frame] = person.pixels, person.world
-        inside = (person.pixels >= 0).all(1) & (person.pixels <= [width, height]).all(1)
-        trust[frame] = np.where(inside, person.visibility, 0.0) ** 2
-    trust[trust < 0.1] = 0.0
-    trust[:, 1:FACE_LANDMARKS] *= 0.35  # ten points of one rigid face must not outvote the limbs
-    return pixels, world, trust
-
-
-def without_gaps(
-    people: Sequence[Landmarks], times_s: Float[Array, "F"], takes: Int[Array, "F"]
-) -> tuple[Array, Array, Array]:
-    """Pixels [F 33 2], world [F 33 3] and visibility [F 33], with landmarks that are missing for
-    moments put on the line between where they were and where they come back in the same take.
-
-    A network that never missed one makes much of it. Missing is what has no visibility at all; a
-    guess at what is hidden, which has some, tells more than its neighbours.
-    """
-    whole = np.stack([
-        np.concatenate([p.pixels, p.world, p.visibility[:, None]], axis=1) for p in people
-    ])  # fmt: skip
-    visibility = whole[..., -1].copy()
-    for landmark in range(len(LANDMARK_NAMES)):
-        seen = np.flatnonzero(visibility[:, landmark] > 0.0)
-        for before, after in pairwise(seen):
-            gap_s = times_s[after] - times_s[before]
-            if takes[before] != takes[after] or gap_s > _LONGEST_GAP_S:
-                continue
-            inside = slice(before + 1, after)
-            share = ((times_s[inside] - times_s[before]) / gap_s)[:, None]
-            ends = whole[before, landmark], whole[after, landmark]
-            whole[inside, landmark] = (1.0 - share) * ends[0] + share * ends[1]
-    return whole[..., :2], whole[..., 2:5], whole[..., 5]
-
-
-def hidden_joints(trust: Float[Array, "F 33"]) -> Float[Array, "F 24"]:
-    """1 for each limb joint whose motion nothing shows: the landmark beyond it is not seen."""
-    hidden = np.zeros((len(trust), JOINT_COUNT))
-    for joint, landmark in _SHOWN_BY.items():
-        for side in ("left", "right"):
-            unseen = trust[:, LANDMARK_NAMES.index(f"{side}_{landmark}")] <= 0.0
-            hidden[:, JOINT_NAMES.index(f"{side}_{joint}")] = unseen
-    knees = [LANDMARK_NAMES.index("left_knee"), LANDMARK_NAMES.index("right_knee")]
-    no_legs = (trust[:, knees] <= 0.0).all(axis=1)
-    for joint in ("spine1", "spine2", "spine3"):
-        hidden[:, JOINT_NAMES.index(joint)] = _STIFF_SPINE * no_legs
-    return hidden
-
-
-def hardly_shown(hidden: Float[Array, "F 24"]) -> Float[Array, "24"]:
-    """How far each joint counts as hidden in the whole clip: as a mean, where nearly always.
-
-    What is out of sight for a while goes on as its neighbours in time and the network's guess have
-    it; what never shows stays at rest.
-    """
-    return hidden.mean(axis=0) * ((hidden > 0.0).mean(axis=0) > _NEARLY_ALWAYS)
-
-
-def beyond_hidden(hidden: Float[Array, "F 24"]) -> Float[Array, "F 24"]:
-    """1 for joints that are hidden themselves or hang on one that is."""
-    beyond = (hidden >= 1.0).astype(float)
-    for joint in range(1, JOINT_COUNT):
-        beyond[:, joint] = np.maximum(beyond[:, joint], beyond[:, PARENTS[joint]])
-    return beyond
-
-
-def person_height_px(pixels: Float[Array, "F 33 2"]) -> float:
-    """About the standing person's height in px, from the trunk's length (robust over the clip)."""
-    left, right = LANDMARK_NAMES.index("left_shoulder"), LANDMARK_NAMES.index("right_shoulder")
-    hips = [LANDMARK_NAMES.index(n) for n in ("left_hip", "right_hip")]
-    shoulders = 0.5 * (pixels[:, left] + pixels[:, right])
-    trunk = np.linalg.norm(shoulders - pixels[:, hips].mean(1), axis=1)
-    return height_of_trunk(float(np.percentile(trunk, 75)))
-
-
-def height_of_trunk(trunk_px: float) -> float:
-    """About the standing person's height in px, whose trunk is so long."""
-    return max(3.4 * trunk_px, 20.0)
-
-
-def sampled_vertices(vertices: Float[Array, "V 3"], spacing_m: float) -> Array:
-    """Indices of one vertex for each occupied cell of a grid."""
-    cells = np.floor(vertices / spacing_m).astype(np.int64)
-    return np.sort(np.unique(cells, axis=0, return_index=True)[1])
-
-
-def bridged(found: Array, angles: Array, pelvis: Array, times_s: Array) -> tuple[Array, Array]:
-    """Poses of `found` frames spread to all frames: slerp between, the nearest outside."""
-    rotations = axis_angle_to_matrix(angles)
-    out_angles = np.zeros((len(times_s), *angles.shape[1:]))
-    out_pelvis = np.stack(
-        [np.interp(times_s, times_s[found], pelvis[:, axis]) for axis in range(3)], 1
+def observe(
+    people: Sequence[Landmarks],
+    masks: Sequence[Float[Array, "H W"] | None],
+    times_s: Float[Array, "F"],
+    takes: Int[Array, "F"],
+    lifter: Lifter,
+    *,
+    focal_px: float | None = None,
+    images: Sequence[UInt8[Array, "H W 3"]] | None = None,
+) -> Observations:
+    """Observations of one person in frames that all show them; see `fit_clip` for the arguments."""
+    height, width = next(mask.shape for mask in masks if mask is not None)
+    focal = focal_px or USUAL_FOCAL * max(width, height)
+    pixels, world, weights = landmark_arrays(people, width, height)
+    centre = np.array([0.5 * width, 0.5 * height])
+    lifted = lifter(*interpolate_gaps(people, times_s, takes), focal, centre)
+    hidden = hidden_joints(weights)
+    steps, mid_steps = time_steps(times_s, takes)
+    return Observations(
+        images,
+        masks,
+        width,
+        height,
+        times_s,
+        takes,
+        focal,
+        focal_px is not None,
+        _tensor(pixels),
+        _tensor(world * OPENCV_TO_OPENGL),
+        _tensor(weights),
+        _tensor(lifted.rotations),
+        _tensor(lifted.spread_rad),
+        _tensor(always_hidden(hidden)),
+        _tensor(1.0 - hidden_subtrees(hidden)),
+        steps,
+        mid_steps,
+        person_height_px(pixels),
     )
-    for frame, time_s in enumerate(times_s):
-        after = int(np.clip(np.searchsorted(found, frame), 0, len(found) - 1))
-        before = max(after - 1, 0) if found[after] > frame else after
-        span = times_s[found[after]] - times_s[found[before]]
-        share = (time_s - times_s[found[before]]) / span if span > 0.0 else 0.0
-        blend = slerp(rotations[before], rotations[after], float(np.clip(share, 0.0, 1.0)))
-        out_angles[frame] = matrix_to_axis_angle(blend)
-    return out_angles, out_pelvis
+
+
+def time_steps(
+    times_s: Float[Array, "F"], takes: Int[Array, "F"]
+) -> tuple[Float[Tensor, "F-1"], Float[Tensor, "F-2"]]:
+    """Steps between neighbours and between the middles of those, s; infinite at cuts."""
+    steps = np.diff(times_s)
+    middles = 0.5 * (steps[1:] + steps[:-1])
+    cut = np.diff(takes) != 0
+    middles = np.where(cut[1:] | cut[:-1], np.inf, middles)
+    steps = np.where(cut, np.inf, steps)
+    return _tensor(steps), _tensor(middles)
+
+
+def _tensor(value: Array) -> Tensor:
+    return torch.tensor(value, dtype=torch.float32)

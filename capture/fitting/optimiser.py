@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from capture.fitting.state import Problem
+from capture.fitting.observations import Observations
+from capture.fitting.state import FitState
 from scene.arrays import Array, Float, Int, Tensor
 
 _STRETCHES = ((0.3, 0.6), (1.1, 0.4))
@@ -23,19 +24,20 @@ _BETAS, _EPSILON = (0.9, 0.99), 1e-5
 
 
 class Descent:
-    """Makes the energy of `problem` small, in steps of `rate` (rad and m) at first."""
+    """Adam on a fit's state, whose motion moves along a hierarchical basis as well."""
 
-    def __init__(self, problem: Problem, rate: float) -> None:
-        self.basis = hierarchical_basis(problem.times_s, problem.takes)
-        self._motion = (problem.angles, problem.pelvis)
-        # moved along the basis, and nil again after each step
+    def __init__(self, state: FitState, seen: Observations, rate: float) -> None:
+        """Steps of about `rate` (rad and m) at first."""
+        self.basis = hierarchical_basis(seen.times_s, seen.takes)
+        self._motion = (state.joint_angles, state.pelvis)
+        # moved along the basis, and zero again after each step
         self._along = [x.new_zeros(self.basis.shape[1], *x.shape[1:]) for x in self._motion]
-        groups = [(self._along[0], rate), (self._along[1], rate), (problem.shape, 0.4 * rate),
-                  (problem.habits, 0.3 * rate), (problem.offsets, 0.1 * rate),
-                  (problem.log_scale, 0.3 * rate), (problem.clothes_m, 0.03 * rate),
-                  (problem.floor.plane, 0.3 * rate)]  # fmt: skip
-        if not problem.focal_known:
-            groups.append((problem.log_focal, 0.2 * rate))
+        groups = [(self._along[0], rate), (self._along[1], rate), (state.shape, 0.4 * rate),
+                  (state.habits, 0.3 * rate), (state.landmark_offsets, 0.1 * rate),
+                  (state.log_landmark_scale, 0.3 * rate), (state.clothing_m, 0.03 * rate),
+                  (state.floor_plane, 0.3 * rate)]  # fmt: skip
+        if not seen.focal_known:
+            groups.append((state.log_focal, 0.2 * rate))
         self._rates = [rate for _, rate in groups]
         self._adam = torch.optim.Adam(
             [{"params": [value], "lr": rate} for value, rate in groups], betas=_BETAS, eps=_EPSILON

@@ -1,4 +1,4 @@
-"""Places of the body's surface that the fit looks at, at rest and posed."""
+"""Vertices of the body's surface that the fit compares with pictures, at rest and posed."""
 
 from __future__ import annotations
 
@@ -8,14 +8,18 @@ import numpy as np
 import torch
 
 from capture.body.model import BodyModel
-from capture.fitting.kinematics import blend_rows, blend_transforms, skinned_points
-from capture.fitting.observations import sampled_vertices
+from capture.fitting.kinematics import (
+    PosedBody,
+    blended_rows,
+    skinned_points,
+    skinning_transforms,
+)
 from scene.arrays import Array, Float, Int, Tensor
 from scene.body import vertex_normals
 
 
 @dataclass(frozen=True, eq=False)
-class Skin:
+class SurfaceSamples:
     """Some vertices of a body model, spread evenly over it."""
 
     rest: Float[Tensor, "V 3"]
@@ -28,12 +32,12 @@ class Skin:
     """The joint that moves each most."""
 
     @classmethod
-    def of(cls, model: BodyModel, spacing_m: float) -> Skin:
+    def spread(cls, model: BodyModel, spacing_m: float) -> SurfaceSamples:
         """One vertex for each cell of a grid."""
         return cls.at(model, sampled_vertices(model.rest_vertices, spacing_m))
 
     @classmethod
-    def at(cls, model: BodyModel, chosen: Int[Array, "V"]) -> Skin:
+    def at(cls, model: BodyModel, chosen: Int[Array, "V"]) -> SurfaceSamples:
         """The vertices `chosen`."""
 
         def tensor(value: Array) -> Tensor:
@@ -50,26 +54,22 @@ class Skin:
             torch.tensor(weights.argmax(axis=1)),
         )
 
-    def posed(
-        self, turned: Float[Tensor, "F 24 3 3"], placed: Float[Tensor, "F 24 3"],
-        rest_joints: Float[Tensor, "24 3"], shape: Float[Tensor, "B"],
-    ) -> Float[Tensor, "F V 3"]:  # fmt: skip
-        """All vertices in every frame."""
-        return skinned_points(
-            turned, placed, rest_joints, self.rest + self.directions @ shape, self.weights
-        )
+    def posed(self, posed: PosedBody) -> Float[Tensor, "F V 3"]:
+        """All vertices in every frame, m."""
+        return skinned_points(posed, self.rest + self.directions @ posed.shape, self.weights)
 
-    def posed_at(
-        self, which: Int[Tensor, "F P"], turned: Float[Tensor, "F 24 3 3"],
-        placed: Float[Tensor, "F 24 3"], rest_joints: Float[Tensor, "24 3"],
-        shape: Float[Tensor, "B"],
-    ) -> Float[Tensor, "F P 3"]:  # fmt: skip
-        """Those vertices that each frame asks for."""
-        points = (self.rest + self.directions @ shape)[which]
-        rows = blend_rows(points, self.weights[which])
-        columns = blend_transforms(turned, placed, rest_joints).permute(0, 1, 3, 2).flatten(1, 2)
-        return rows @ columns
+    def posed_at(self, posed: PosedBody, which: Int[Tensor, "F P"]) -> Float[Tensor, "F P 3"]:
+        """Those vertices that each frame asks for, m."""
+        points = (self.rest + self.directions @ posed.shape)[which]
+        rows = blended_rows(points, self.weights[which])
+        return rows @ skinning_transforms(posed).permute(0, 1, 3, 2).flatten(1, 2)
 
-    def turned_normals(self, turned: Float[Tensor, "F 24 3 3"]) -> Float[Tensor, "F V 3"]:
-        """Normals as each vertex' own joint turns them."""
-        return (turned[:, self.owners] @ self.normals[..., None])[..., 0]
+    def normals_of(self, posed: PosedBody) -> Float[Tensor, "F V 3"]:
+        """Normals, each rotated with the joint that moves its vertex most."""
+        return (posed.global_rotations[:, self.owners] @ self.normals[..., None])[..., 0]
+
+
+def sampled_vertices(vertices: Float[Array, "V 3"], spacing_m: float) -> Array:
+    """Indices of one vertex for each occupied cell of a grid."""
+    cells = np.floor(vertices / spacing_m).astype(np.int64)
+    return np.sort(np.unique(cells, axis=0, return_index=True)[1])

@@ -7,24 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from capture.body.inverse_kinematics import unit
-from capture.detection.landmarks import LANDMARK_NAMES
-from capture.fitting.observations import Fit
+from capture.detection.landmark_arrays import joint_confidence
+from capture.fitting.result import Fit
 from capture.fitting.terms.floor import upward
 from scene.arrays import Array, Float
 from scene.body import Body
 from scene.motion import Motion, Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.skeleton import JOINT_COUNT, JOINT_NAMES
+from scene.skeleton import JOINT_NAMES
 
-SEEN_TO_CAMERA = np.diag([1.0, -1.0, -1.0])
+OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0])
 """The fit's frame (y up, z towards the camera) to OpenCV's camera frame."""
 _LEGS_SEEN = 0.3
 _LOWEST_PERCENTILE = 10.0
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
-_LANDMARK_OF_JOINT = {"shoulder": "shoulder", "elbow": "elbow", "wrist": "wrist", "hand": "index",
-                      "hip": "hip", "knee": "knee", "ankle": "ankle", "foot": "foot_index",
-                      "collar": "shoulder"}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,27 +56,9 @@ def place_in_world(fit: Fit, times_s: Float[Array, "F"]) -> Placed:
     origin = np.array([middle[0], level, middle[2]])
     motion = Motion(times_s, angles, root - origin, confidence)
     # x_seen = turn^T (x_world + origin)
-    rotation = SEEN_TO_CAMERA @ turn.T
+    rotation = OPENGL_TO_OPENCV @ turn.T
     world_to_camera = np.concatenate([rotation, (rotation @ origin)[:, None]], axis=1)
     return Placed(body, motion, world_to_camera, legs_seen)
-
-
-def joint_confidence(weights: Float[Array, "F 33"]) -> Float[Array, "F 24"]:
-    """Trust in each joint, from that in the landmarks that show it."""
-    shown = np.sqrt(np.clip(weights, 0.0, 1.0))
-    at = {name: index for index, name in enumerate(LANDMARK_NAMES)}
-    trunk = shown[:, [at["left_shoulder"], at["right_shoulder"]]].mean(axis=1)
-    hips = shown[:, [at["left_hip"], at["right_hip"]]].mean(axis=1)
-    confidence = np.zeros((len(weights), JOINT_COUNT))
-    for name, joint in _J.items():
-        side, _, part = name.partition("_")
-        if part:
-            confidence[:, joint] = shown[:, at[f"{side}_{_LANDMARK_OF_JOINT[part]}"]]
-        elif name == "pelvis":
-            confidence[:, joint] = hips
-        else:
-            confidence[:, joint] = shown[:, at["nose"]] if name in ("head", "neck") else trunk
-    return confidence
 
 
 def _upright(up: Array) -> Array:

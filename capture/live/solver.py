@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from capture.body.inverse_kinematics import TO_Y_UP, solve_translation
+from capture.body.inverse_kinematics import OPENCV_TO_OPENGL, solve_translation
 from capture.body.landmarks import load_landmark_model
 from capture.body.model import load_body_model
+from capture.detection.landmark_arrays import height_from_trunk_px, landmark_arrays
 from capture.detection.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
 from capture.detection.lifter import Lifter, closed_form
-from capture.fitting.observations import height_of_trunk, landmark_arrays
 from capture.live.filter import PoseFilter, Smoothing
 from scene.arrays import Array, Float
 from scene.body import Body
@@ -96,7 +96,7 @@ class LiveSolver:
             raise InvalidInput(f"latency_s must be between 0 and 10; got {latency_s!r}")
         self.latency_s, self._lifter = latency_s, lifter
         self._camera, self._rest = camera, body.skeleton.rest_joints
-        self._to_world = camera.rotation.T @ np.diag(TO_Y_UP)
+        self._to_world = camera.rotation.T @ np.diag(OPENCV_TO_OPENGL)
         self._known = _known(body, camera)
         self._filter = None if smoothing is None else PoseFilter(smoothing)
         self._last: _State | None = None
@@ -139,8 +139,8 @@ class LiveSolver:
             k, distortion = camera.intrinsics, np.asarray(camera.distortion, dtype=np.float64)
             pixels = cv2.undistortPoints(pixels, k, distortion, P=k).reshape(pixels.shape)
         across, down = 0.5 * (pixels[_SHOULDERS] - pixels[_HIPS]).sum(axis=0)
-        height_px = height_of_trunk(math.hypot(across, down))
-        seen = np.ascontiguousarray((world * TO_Y_UP) @ self._to_world.T)
+        height_px = height_from_trunk_px(math.hypot(across, down))
+        seen = np.ascontiguousarray((world * OPENCV_TO_OPENGL) @ self._to_world.T)
         return Seen(np.ascontiguousarray(pixels), trust, seen, 1.0 / (_PIXEL_DEVIATION * height_px))
 
     def _solved(self, landmarks: Landmarks, seen: Seen, step_s: float) -> _State:
@@ -193,7 +193,7 @@ class LiveSolver:
 
 def _known(body: Body, camera: Camera) -> Known:
     """What the kernels are told of a body, its camera and the prior of poses."""
-    from capture.fitting.kinematics import pose_prior  # imports torch
+    from capture.body.pose_prior import pose_prior  # imports torch
     from capture.live.kernels import Known
 
     marks, joints = marks_on(body)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from capture.body.inverse_kinematics import TO_Y_UP
+from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from capture.body.landmarks import load_landmark_model
 from capture.body.model import load_body_model
 from capture.detection.landmarks import LANDMARK_NAMES, Landmarks
@@ -109,7 +109,7 @@ class FakeEstimator:
 
 def up_is_down(points: Array) -> Array:
     """World (y up) to MediaPipe's world axes; its own inverse."""
-    return points * TO_Y_UP
+    return points * OPENCV_TO_OPENGL
 
 
 def write_clip(path, images: Sequence[Array], frames_per_second: int = 30) -> None:

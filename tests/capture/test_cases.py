@@ -14,8 +14,9 @@ import pytest
 
 from capture.body.model import load_body_model
 from capture.detection.landmarks import FACE_LANDMARKS, Landmarks
-from capture.fitting.fit import Fit, fit_clip
-from capture.fitting.world import SEEN_TO_CAMERA, Placed, place_in_world
+from capture.fitting.fit import fit_clip
+from capture.fitting.result import Fit
+from capture.fitting.world import OPENGL_TO_OPENCV, Placed, place_in_world
 from capture.quality import side_shares
 from capture.segmentation.masks import refine_mask
 from scene.arrays import Array
@@ -81,7 +82,7 @@ def test_who_is_turned_away_is_seen_from_behind():
         person.visibility[:FACE_LANDMARKS] = 0.0
     fit = fitted(away, people)
     view = camera()
-    truth = SEEN_TO_CAMERA @ view.rotation @ axis_angle_to_matrix(away.joint_angles[:, 0])
+    truth = OPENGL_TO_OPENCV @ view.rotation @ axis_angle_to_matrix(away.joint_angles[:, 0])
     cosine = np.einsum("fij,fij->f", truth, axis_angle_to_matrix(fit.joint_angles[:, 0]))
     assert np.arccos(np.clip(0.5 * (cosine - 1.0), -1.0, 1.0)).max() < 0.25
     world = placed(fit, away)

@@ -1,4 +1,4 @@
-"""Where up is, and the floor that people stand on.
+"""Floor contact: where up is, and the plane that people stand on.
 
 One fixed camera doesn't know gravity, but people stand upright: in frames where trunk and legs are
 in line, the line from the ankles to the neck is close to the vertical. Where no legs are seen, the
@@ -18,8 +18,11 @@ import torch
 
 from capture.body.inverse_kinematics import unit
 from capture.body.model import BodyModel
-from capture.fitting.kinematics import very_robust
-from capture.fitting.surface import Skin
+from capture.fitting.observations import Observations
+from capture.fitting.robust import geman_mcclure
+from capture.fitting.state import FitBody, FitState, PosedClip
+from capture.fitting.surface import SurfaceSamples
+from capture.fitting.term import Term
 from scene.arrays import Array, Float, Int, Tensor
 from scene.skeleton import JOINT_NAMES
 
@@ -49,7 +52,7 @@ _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 
 
 def upward(joints: Float[Array, "F 24 3"], legs_seen: bool) -> Float[Array, "3"]:
-    """The vertical (unit) of the seen frame, from joint positions of a person mostly upright."""
+    """The vertical (unit) in the camera frame, from joint positions of a person mostly upright."""
     neck, pelvis = joints[:, _J["neck"]], joints[:, _J["pelvis"]]
     trunk = unit(neck - pelvis)
     if not legs_seen:
@@ -75,51 +78,55 @@ def sole_vertices(model: BodyModel) -> Int[Array, "8"]:
     return np.array(chosen)
 
 
-class Floor:
-    """y = a x + b z + c about the middle of the person's places, in the seen frame, m."""
+class FloorContact(Term):
+    """The lower foot's sole lies on one plane, nothing sinks into it; none where no floor shows.
 
-    def __init__(self, model: BodyModel, shown: Float[Tensor, "F 24"]) -> None:
-        chosen = sole_vertices(model)
-        self._soles = Skin.at(model, chosen)
-        arched = model.rest_vertices[chosen, 1] - model.rest_vertices[:, 1].min()
-        self._arched = torch.tensor([0.0, 1.0, 0.0]) * torch.tensor(arched[:, None]).float()
-        self._shown = shown[:, self._soles.owners]
+    Points are counted from `FitState.floor_origin`, the middle of the person's positions.
+    """
+
+    def __init__(self, body: FitBody, seen: Observations) -> None:
+        super().__init__(body, seen)
+        chosen = sole_vertices(body.model)
+        rest = body.model.rest_vertices
+        self._soles = SurfaceSamples.at(body.model, chosen)
+        arch_m = rest[chosen, 1] - rest[:, 1].min()
+        self._arch = torch.tensor([0.0, 1.0, 0.0]) * torch.tensor(arch_m[:, None]).float()
+        self._shown = seen.shown[:, self._soles.owners]
         self._upright: Tensor | None = None
-        self._middle = torch.zeros(3)
-        self.plane = torch.zeros(3, requires_grad=True)
 
-    def find(self, turned: Tensor, placed: Tensor, rest: Tensor, shape: Tensor) -> None:
-        """Look for the floor under people of these poses; none where feet are hardly seen, and none
-        under a camera that looks straight down."""
-        self._upright = None
-        up = upward(placed.detach().numpy().astype(np.float64), legs_seen=True)
+    def prepare(self, clip: PosedClip, *, coarse: bool) -> None:
+        """Look for the floor; there is none where feet are hardly seen, nor straight from above."""
+        state, joints = clip.state, clip.posed.joint_positions
+        self._upright = state.floor_origin = None
+        up = upward(joints.numpy().astype(np.float64), legs_seen=True)
         if self._shown.mean() < _SEEN or up[1] < _LEVEL:
             return
         self._upright = torch.tensor([-up[0] / up[1], -up[2] / up[1]], dtype=torch.float32)
-        self._middle = placed[:, 0].mean(0)
-        soles = self._placed(turned, placed, rest, shape)
-        with torch.no_grad():
-            self.plane[:] = find_floor(soles, self._shown, self._upright)
+        state.floor_origin = joints[:, 0].mean(0)
+        soles = self._soles_of(clip, state.floor_origin)
+        state.floor_plane[:] = find_floor(soles, self._shown, self._upright)
 
-    def energy(self, turned: Tensor, placed: Tensor, rest: Tensor, shape: Tensor) -> Tensor:
+    def energy(self, clip: PosedClip) -> Float[Tensor, ""]:
         """Of soles off the floor, and of a floor on which nobody would stand upright."""
-        if self._upright is None:
+        state = clip.state
+        if self._upright is None or state.floor_origin is None:
             return torch.zeros(())
-        heights = above(self._placed(turned, placed, rest, shape), self.plane)
-        return floor_energy(heights, self._shown) + lean_energy(self.plane, self._upright)
+        heights = above(self._soles_of(clip, state.floor_origin), state.floor_plane)
+        return floor_energy(heights, self._shown) + lean_energy(state.floor_plane, self._upright)
 
-    def found(self) -> Float[Array, "4"] | None:
-        """Normal (unit, up) and distance along it, m, where there is a floor."""
-        if self._upright is None:
-            return None
-        a, b, c = self.plane.tolist()
-        up = unit(np.array([-a, 1.0, -b]))
-        below = self._middle.numpy() + np.array([0.0, c, 0.0])
-        return np.append(up, up @ below)
+    def _soles_of(self, clip: PosedClip, origin: Tensor) -> Float[Tensor, "F 8 3"]:
+        """The soles, as low as a foot's lowest vertex where it stands flat."""
+        return self._soles.posed(clip.posed) - origin - self._arch
 
-    def _placed(self, turned: Tensor, placed: Tensor, rest: Tensor, shape: Tensor) -> Tensor:
-        """The soles [F 8 3], as low as a foot's lowest place where it stands flat."""
-        return self._soles.posed(turned, placed, rest, shape) - self._middle - self._arched
+
+def floor_of(state: FitState) -> Float[Array, "4"] | None:
+    """Normal (unit, up) and distance along it, m, where a floor was found."""
+    if state.floor_origin is None:
+        return None
+    a, b, c = state.floor_plane.tolist()
+    up = unit(np.array([-a, 1.0, -b]))
+    below = state.floor_origin.numpy() + np.array([0.0, c, 0.0])
+    return np.append(up, up @ below)
 
 
 def above(points: Float[Tensor, "F P 3"], plane: Float[Tensor, "3"]) -> Float[Tensor, "F P"]:
@@ -131,12 +138,12 @@ def above(points: Float[Tensor, "F P 3"], plane: Float[Tensor, "3"]) -> Float[Te
 
 def floor_energy(heights: Float[Tensor, "F 8"], shown: Float[Tensor, "F 8"]) -> Tensor:
     """Mean over frames of how far soles of `heights` miss the floor, as far as they are `shown`."""
-    off = very_robust((heights / _DEVIATION_M).square(), _OUTLIER) * shown
+    off = geman_mcclure((heights / _DEVIATION_M).square(), _OUTLIER) * shown
     feet = off.unflatten(1, (2, _PLACES)).mean(2)
     lowest = heights.detach().unflatten(1, (2, _PLACES)).amin(2)
     left = (lowest[:, 0] <= lowest[:, 1]).float()
     stands = torch.stack([left, 1.0 - left], 1)
-    sunk = very_robust((torch.relu(-heights) / _SUNK_M).square(), _FAR_SUNK) * shown
+    sunk = geman_mcclure((torch.relu(-heights) / _SUNK_M).square(), _FAR_SUNK) * shown
     return (_STANDS * (feet * stands).sum(1) + _SINKS * sunk.sum(1)).mean()
 
 

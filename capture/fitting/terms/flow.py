@@ -1,4 +1,4 @@
-"""The flow term: what moved from picture to picture must be where the surface moved.
+"""Optical flow: what moved from picture to picture is where the surface moved.
 
 Landmarks tell where joints are, each frame with an error of its own; optical flow (DIS, Kroeger et
 al. 2016, by OpenCV) tells how every seen place of skin and cloth moves between frames, finer than
@@ -17,7 +17,10 @@ import numpy as np
 import torch
 import torch.nn.functional as nnf
 
-from capture.fitting.kinematics import very_robust
+from capture.fitting.observations import Observations
+from capture.fitting.robust import geman_mcclure
+from capture.fitting.state import FitBody, PosedClip
+from capture.fitting.term import Term
 from capture.fitting.window import Window, window_around
 from scene.arrays import Array, Bool, Float, Int, Tensor, UInt8
 
@@ -56,6 +59,51 @@ _IN_FRONT_M = 0.1
 _OUTLIER = 3.0
 _FEW = 20.0
 """Seen vertices below which a pair of frames loses its say."""
+
+
+_DEVIATION = 0.004
+"""Of how far the surface moves between two pictures, in heights of the person."""
+_CELL = 0.03
+"""Side of a cell in which near vertices hide far ones, in heights of the person."""
+
+
+class OpticalFlow(Term):
+    """How far visible vertices miss the motion between pictures, where pictures were given."""
+
+    weight = 120.0
+
+    def __init__(self, body: FitBody, seen: Observations) -> None:
+        super().__init__(body, seen)
+        self._pictures = None if seen.images is None else Pictures(seen.images, seen.masks)
+        self._flow: Flow | None = None
+        self._targets: FlowTargets | None = None
+
+    def prepare(self, clip: PosedClip, *, coarse: bool) -> None:
+        if self._pictures is None:
+            return
+        visible = self._visible(clip)
+        self._flow = find_flow(
+            self._pictures,
+            self.seen.takes,
+            strides_of(self.seen.step_s),
+            clip.surface_px.numpy(),
+            visible.numpy(),
+            coarse=coarse,
+        )
+
+    def associate(self, clip: PosedClip) -> None:
+        if self._flow is not None:
+            self._targets = flow_targets(self._flow, clip.surface_px, self._visible(clip))
+
+    def energy(self, clip: PosedClip) -> Float[Tensor, ""]:
+        if self._targets is None:
+            return torch.zeros(())
+        return flow_energy(self._targets, clip.surface_px, _DEVIATION * self.seen.person_px)
+
+    def _visible(self, clip: PosedClip) -> Bool[Tensor, "F V"]:
+        normals = self.body.surface.normals_of(clip.posed)
+        cell_px = _CELL * self.seen.person_px
+        return visible_vertices(clip.surface, clip.surface_px, normals, cell_px)
 
 
 class Pictures:
@@ -148,17 +196,17 @@ def find_flow(
     return Flow(pictures.window, moved, pictures.certainty)
 
 
-def seen_vertices(
-    skin: Float[Tensor, "F V 3"],
+def visible_vertices(
+    surface: Float[Tensor, "F V 3"],
     pixels: Float[Tensor, "F V 2"],
     normals: Float[Tensor, "F V 3"],
     cell_px: float,
 ) -> Bool[Tensor, "F V"]:
     """Vertices that face the camera (at the origin) with nothing before them in their cell."""
-    facing = (normals * nnf.normalize(-skin, dim=-1)).sum(-1) > _FACING
-    depth = -skin[..., 2]
+    facing = (normals * nnf.normalize(-surface, dim=-1)).sum(-1) > _FACING
+    depth = -surface[..., 2]
     cells = (pixels / cell_px).long().clamp(-(2**14), 2**14) + 2**14
-    frame = torch.arange(len(skin))[:, None] * 2**32
+    frame = torch.arange(len(surface))[:, None] * 2**32
     _, cell = torch.unique(frame + cells[..., 1] * 2**16 + cells[..., 0], return_inverse=True)
     nearest = torch.full((int(cell.max()) + 1,), torch.inf)
     nearest = nearest.scatter_reduce(0, cell.flatten(), depth.flatten(), "amin")
@@ -166,38 +214,42 @@ def seen_vertices(
 
 
 @dataclass(frozen=True, eq=False)
-class Aims:
-    """Where the flow wants the vertices, as last looked up."""
+class FlowTargets:
+    """How far the flow says that vertices move, as last looked up."""
 
     moved: dict[int, Float[Tensor, "pairs V 2"]]
     trusted: dict[int, Float[Tensor, "pairs V"]]
     certainty: dict[int, Float[Tensor, "pairs V 3"]]
 
 
-def look_up(flow: Flow, pixels: Float[Tensor, "F V 2"], seen: Bool[Tensor, "F V"]) -> Aims:
+def flow_targets(
+    flow: Flow, pixels: Float[Tensor, "F V 2"], seen: Bool[Tensor, "F V"]
+) -> FlowTargets:
     """The flow at the vertices' present places, trusted where both frames show them."""
-    aims, sure = Aims({}, {}, {}), flow.certainty_at(pixels)
+    targets, sure = FlowTargets({}, {}, {}), flow.certainty_at(pixels)
     for stride in flow.moved:
         moved = flow.at(stride, pixels[:-stride])
         known = torch.isfinite(moved[..., 0]) & seen[:-stride] & seen[stride:]
-        aims.trusted[stride] = known.float()
-        aims.moved[stride] = torch.where(known[..., None], moved, 0.0)
-        aims.certainty[stride] = torch.where(known[..., None], sure[:-stride], 0.0)
-    return aims
+        targets.trusted[stride] = known.float()
+        targets.moved[stride] = torch.where(known[..., None], moved, 0.0)
+        targets.certainty[stride] = torch.where(known[..., None], sure[:-stride], 0.0)
+    return targets
 
 
-def flow_energy(aims: Aims, pixels: Float[Tensor, "F V 2"], deviation_px: float) -> Tensor:
+def flow_energy(
+    targets: FlowTargets, pixels: Float[Tensor, "F V 2"], deviation_px: float
+) -> Tensor:
     """Mean over pairs, strides and seen vertices of how far these miss the flow, as far as its
     certainty goes."""
     total = pixels.new_zeros(())
-    for stride, moved in aims.moved.items():
+    for stride, moved in targets.moved.items():
         off = (pixels[stride:] - pixels[:-stride] - moved) / deviation_px
-        trusted = aims.trusted[stride]
-        (x, y), (xx, xy, yy) = off.unbind(-1), aims.certainty[stride].unbind(-1)
+        trusted = targets.trusted[stride]
+        (x, y), (xx, xy, yy) = off.unbind(-1), targets.certainty[stride].unbind(-1)
         squared = xx * x * x + 2.0 * xy * x * y + yy * y * y
-        missed = (very_robust(squared, _OUTLIER) * trusted).sum(1)
+        missed = (geman_mcclure(squared, _OUTLIER) * trusted).sum(1)
         total = total + (missed / (trusted.sum(1) + _FEW)).mean()
-    return total / max(len(aims.moved), 1)
+    return total / max(len(targets.moved), 1)
 
 
 def _between(

@@ -1,9 +1,9 @@
-"""The silhouette term: the surface stays inside the mask, and the mask's edge is reached by it.
+"""The silhouette: the surface stays inside the mask, and reaches the mask's outline.
 
-Inside-ness is read from a distance map, small but counted from the edge itself. Reach is how far,
-across the outline, its points lie from the vertex that makes them: one of a dense skin that is seen
-from the side, close by, and faces the way the outline does, as iterative closest points with
-normals pick theirs (Rusinkiewicz and Levoy 2001). Which it is, is looked up every few steps only.
+How far outside a vertex lies is read from a distance map, small but counted from the edge itself.
+An outline is reached by the vertex that makes it: one that is seen from the side, close by, and
+faces the way the outline does, as iterative closest points with normals pick theirs (Rusinkiewicz
+and Levoy 2001). Which it is, is looked up every few steps.
 """
 
 from __future__ import annotations
@@ -16,10 +16,21 @@ import numpy as np
 import torch
 import torch.nn.functional as nnf
 
-from capture.fitting.kinematics import robust, very_robust
+from capture.fitting.observations import Observations
+from capture.fitting.robust import geman_mcclure, pseudo_huber
+from capture.fitting.state import FitBody, PosedClip
+from capture.fitting.surface import SurfaceSamples
+from capture.fitting.term import Term
 from capture.fitting.window import Window, window_around
-from scene.arrays import Array, Float, Tensor
+from scene.arrays import Array, Float, Int, Tensor
 
+DEVIATION = 0.008
+"""Of an outline, in heights of the person."""
+FAR_OFF = 4.0
+"""Times the clip's median energy from which a frame's landmarks are taken for something else's: the
+estimator puts crouching people into half of themselves, and backs before fronts."""
+_CONTOUR_SPACING_M = 0.025
+"""Of the vertices that outlines are looked up among: coarser ones leave gaps of pixels."""
 SIDE_PX = 256
 """Longest side of the pictures in which distances are measured."""
 CONTOUR_POINTS = 128
@@ -33,10 +44,42 @@ _SMOOTH_PX = 2.0
 """Blur in which the outline's direction is read."""
 _SLIDES = 0.3
 """How much a point counts that lies along the outline from where it should, beside one across."""
-_RIM = 600
+_CANDIDATES = 600
 """Vertices of a frame that may lie on its outline: those seen most from the side."""
 _FACES_PX = 15.0
 """Pixels that a vertex counts as further off for each unit between its normal and the outline's."""
+
+
+class SilhouetteDistance(Term):
+    """Mean energy a frame of the surface outside the mask and of the outline off the surface."""
+
+    weight = 18.0
+
+    def __init__(self, body: FitBody, seen: Observations) -> None:
+        super().__init__(body, seen)
+        self.silhouettes = prepare_silhouettes(seen.masks)
+        self._contour = SurfaceSamples.spread(body.model, _CONTOUR_SPACING_M)
+        self._nearest: Int[Tensor, "F P"] | None = None
+        self._shown = seen.shown[:, body.surface.owners]
+
+    def associate(self, clip: PosedClip) -> None:
+        contour = self._contour.posed(clip.posed)
+        normals = self._contour.normals_of(clip.posed)
+        self._nearest = self.silhouettes.nearest(clip.project(contour), normals, contour)
+
+    def energy(self, clip: PosedClip) -> Float[Tensor, ""]:
+        return self.frame_energies(clip).mean()
+
+    def frame_energies(self, clip: PosedClip) -> Float[Tensor, "F"]:
+        """The energy of each frame, between what was last associated."""
+        assert self._nearest is not None
+        reached = clip.project(self._contour.posed_at(clip.posed, self._nearest))
+        depth = -clip.posed.joint_positions[:, 0, 2].clamp_max(-0.1)
+        clothing_px = clip.focal_px * clip.state.clothing_m / depth
+        deviation_px = DEVIATION * self.seen.person_px
+        return silhouette_energy(
+            self.silhouettes, clip.surface_px, reached, self._shown, clothing_px, deviation_px
+        )
 
 
 @dataclass(frozen=True)
@@ -85,15 +128,15 @@ class Silhouettes:
         """Index [F P] of the vertex that makes each point of the outline: one that is seen from
         the side, nearby, and faces the way the outline does."""
         facing = (normals * nnf.normalize(skin, dim=-1)).sum(-1).abs()
-        rim = facing.topk(min(_RIM, facing.shape[1]), dim=1, largest=False).indices
+        seen_sideways = facing.topk(min(_CANDIDATES, facing.shape[1]), dim=1, largest=False).indices
         flat = nnf.normalize(normals[..., :2] * torch.tensor([1.0, -1.0]), dim=-1)
         ours = torch.cat([pixels, _FACES_PX * flat], -1)
-        ours = torch.gather(ours, 1, rim[..., None].expand(-1, -1, 4))
+        ours = torch.gather(ours, 1, seen_sideways[..., None].expand(-1, -1, 4))
         theirs = torch.cat([self.contour, _FACES_PX * self.normals], -1)
         # |v|^2 - 2 c v orders like the distance, at a third of its cost
         lengths = ours.square().sum(-1)[:, None]
         found = torch.baddbmm(lengths, theirs, ours.transpose(1, 2), alpha=-2.0).argmin(-1)
-        return torch.gather(rim, 1, found)
+        return torch.gather(seen_sideways, 1, found)
 
 
 def prepare_silhouettes(masks: Sequence[Float[Array, "H W"] | None]) -> Silhouettes:
@@ -134,22 +177,22 @@ def silhouette_energy(
     pixels: Float[Tensor, "F V 2"],
     reached: Float[Tensor, "F P 2"],
     shown: Float[Tensor, "F V"],
-    clothes_px: Float[Tensor, "F"],
+    clothing_px: Float[Tensor, "F"],
     deviation_px: float,
 ) -> Float[Tensor, "F"]:
     """Mean energy of both directions, a frame.
 
     `pixels` stay inside unless they are not `shown` (0: a limb behind a table may lie outside the
-    mask); `reached` is where the vertices lie that make the outline, `clothes_px` how much further
+    mask); `reached` is where the vertices lie that make the outline, `clothing_px` how much further
     out it is.
     """
     outside = silhouettes.outside(pixels) / deviation_px
-    inwards = _INWARDS * (robust(outside.square()) * shown).mean(1)
-    worn = clothes_px[:, None, None] * silhouettes.normals
+    inwards = _INWARDS * (pseudo_huber(outside.square()) * shown).mean(1)
+    worn = clothing_px[:, None, None] * silhouettes.normals
     gap = (reached + worn - silhouettes.contour) / deviation_px
     across = (gap * silhouettes.normals).sum(-1).square()
     squared = across + _SLIDES**2 * (gap.square().sum(-1) - across)
-    reach = very_robust(squared, _GIVES_UP) * silhouettes.contour_weight
+    reach = geman_mcclure(squared, _GIVES_UP) * silhouettes.contour_weight
     return inwards + reach.sum(1) / silhouettes.contour_weight.sum(1).clamp_min(1.0)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from capture.body.inverse_kinematics import TO_Y_UP
+from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from capture.detection.lifter import WEIGHTS_FILE, closed_form, inputs_of, lift
 from capture.detection.lifter_network import Network, forward_kinematics, local_turns
 from capture.studio.poses import random_pose
@@ -30,7 +30,7 @@ def _shard(count: int, seed: int, flattened: float) -> Shard:
         "pixels": FOCAL_PX * away[..., :2] / away[..., 2:],
         "world": world * [1.0, 1.0, flattened],
         "visibility": np.full(world.shape[:2], 0.9),
-        "turns": TO_Y_UP[:, None] * moved[..., :3, :3],
+        "turns": OPENCV_TO_OPENGL[:, None] * moved[..., :3, :3],
         "rest": np.repeat(person.skeleton.rest_joints[None], count, axis=0),
         "focal_px": np.full(count, FOCAL_PX),
     }
@@ -73,7 +73,7 @@ def test_where_in_the_picture_somebody_stands_changes_only_where_they_face():
     there = _lifted(shard)
     # the person is not a point: their middle moves a little with the perspective
     assert _turned_deg(aside[:, 1:], there[:, 1:]) < 1.0
-    flipped = TO_Y_UP[:, None] * turn * TO_Y_UP
+    flipped = OPENCV_TO_OPENGL[:, None] * turn * OPENCV_TO_OPENGL
     assert _turned_deg(aside[:, 0], flipped @ there[:, 0]) < 1.5
 
 
@@ -88,7 +88,7 @@ def test_rotations_are_rotations_even_of_landmarks_in_one_place():
 def test_the_closed_form_is_believed_of_other_estimators():
     shard = _shard(4, 3, 1.0)
     truth = local_turns(torch.tensor(shard["turns"])).numpy()
-    pelvis = TO_Y_UP[:, None] * shard["turns"][:, 0]
+    pelvis = OPENCV_TO_OPENGL[:, None] * shard["turns"][:, 0]
     said = _lifted(shard, closed_form)
     assert _turned_deg(said[:, 0], pelvis) < 10.0
     knee = 4
@@ -112,7 +112,7 @@ def test_what_flattens_people_is_learnt():
     with torch.no_grad():
         turns, _ = network(torch.tensor(inputs.features), closed)
     truth = torch.tensor(
-        (TO_Y_UP[:, None] * inputs.view)[:, None] @ asked["turns"], dtype=torch.float32
+        (OPENCV_TO_OPENGL[:, None] * inputs.view)[:, None] @ asked["turns"], dtype=torch.float32
     )
     rest = torch.tensor(asked["rest"], dtype=torch.float32)
     places = forward_kinematics(truth, rest)

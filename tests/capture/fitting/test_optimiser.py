@@ -12,8 +12,9 @@ import torch
 
 from capture.body.model import load_body_model
 from capture.detection.lifter import closed_form
+from capture.fitting.fit import ClipFit
+from capture.fitting.observations import observe
 from capture.fitting.optimiser import Descent, hierarchical_basis
-from capture.fitting.state import Problem
 from tests.capture.people import JOINT, body, camera, seen_by, standing
 
 FRAMES, HIP = 30, JOINT["left_hip"]
@@ -28,13 +29,13 @@ def one_thread() -> Iterator[None]:
     torch.set_num_threads(before)
 
 
-def _problem(focal_px: float | None) -> Problem:
+def _fit(focal_px: float | None) -> ClipFit:
     motion = standing(FRAMES, frames_per_second=15.0)
     people = [seen_by(camera(), body(), motion.pose(frame)) for frame in range(len(motion))]
-    return Problem(
-        people, [person.mask for person in people], motion.times_s, np.zeros(FRAMES, int),
-        load_body_model(), focal_px, None, closed_form, None,
-    )  # fmt: skip
+    masks = [person.mask for person in people]
+    takes = np.zeros(FRAMES, int)
+    seen = observe(people, masks, motion.times_s, takes, closed_form, focal_px=focal_px)
+    return ClipFit(load_body_model(), seen)
 
 
 def test_wide_hats_reach_every_frame_of_their_take_alike_and_none_of_another():
@@ -55,30 +56,30 @@ def test_hats_are_as_wide_in_seconds_at_any_rate_of_frames():
 
 
 def test_an_error_of_seconds_is_left_sooner_than_frame_by_frame():
-    problem = _problem(camera().focal_px)
-    descent = Descent(problem, 0.02)
+    fit = _fit(camera().focal_px)
+    descent = Descent(fit.state, fit.seen, 0.02)
     for step in range(40):
-        descent.step(problem.energy(None), step / 40)
+        descent.step(fit.energy(pictures=False), step / 40)
     swing = 0.6 * torch.sin(torch.linspace(0.0, math.pi, FRAMES))
     left = {}
     for alone in (False, True):
-        wrong = deepcopy(problem)
+        wrong = deepcopy(fit)
         with torch.no_grad():
-            wrong.angles[:, HIP, 0] += swing
-        descent = Descent(wrong, 0.01)
+            wrong.state.joint_angles[:, HIP, 0] += swing
+        descent = Descent(wrong.state, wrong.seen, 0.01)
         if alone:
             descent.basis[:, FRAMES:] = 0.0
         for step in range(25):
-            descent.step(wrong.energy(None), step / 25)
-        left[alone] = wrong.energy(None).item()
+            descent.step(wrong.energy(pictures=False), step / 25)
+        left[alone] = wrong.energy(pictures=False).item()
     assert left[False] < 0.5 * left[True]
 
 
 @pytest.mark.parametrize("known", [True, False])
 def test_a_known_focal_length_stays_as_it_is(known):
-    problem = _problem(1.1 * camera().focal_px if known else None)
-    before = problem.focal().item()
-    descent = Descent(problem, 0.02)
+    fit = _fit(1.1 * camera().focal_px if known else None)
+    before = fit.clip().focal_px.item()
+    descent = Descent(fit.state, fit.seen, 0.02)
     for step in range(5):
-        descent.step(problem.energy(None), step / 5)
-    assert (problem.focal().item() == before) == known
+        descent.step(fit.energy(pictures=False), step / 5)
+    assert (fit.clip().focal_px.item() == before) == known

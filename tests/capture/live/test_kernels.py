@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from capture.fitting.kinematics import pose_prior
+from capture.body.pose_prior import pose_prior
 from capture.live.kernels import (
     UNKNOWNS,
     body_points,

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from capture.body.model import load_body_model
-from capture.fitting.kinematics import forward, rotation_matrices
+from capture.detection.lifter import closed_form
+from capture.fitting.observations import observe
+from capture.fitting.state import FitBody, PosedClip, initial_state
 from capture.fitting.terms.floor import (
-    Floor,
+    FloorContact,
     above,
     find_floor,
     floor_energy,
+    floor_of,
     lean_energy,
     sole_vertices,
 )
 from scene.arrays import Array, Tensor
 from scene.skeleton import JOINT_COUNT
-from tests.capture.people import JOINT
+from tests.capture.people import JOINT, body, camera, seen_by, standing
 
 LEFT, RIGHT = slice(0, 4), slice(4, 8)
 SHOWN = torch.ones(1, 8)
@@ -93,22 +98,22 @@ def test_feet_that_nothing_shows_are_not_drawn():
     assert (_pull([-0.03] * 8, hidden)[LEFT] == 0.0).all()
 
 
-def _posed(pitch_rad: float, frames: int = 6) -> tuple[Tensor, Tensor, Tensor]:
-    """People at rest, 3 m away, before a camera that looks down; and their rest joints."""
-    rest = torch.tensor(load_body_model().rest_joints, dtype=torch.float32)
-    turns = torch.zeros(frames, JOINT_COUNT, 3)
-    turns[:, 0, 0] = pitch_rad
-    pelvis = torch.tensor([[0.0, 0.0, -3.0]]).expand(frames, 3)
-    return *forward(rotation_matrices(turns), pelvis, rest), rest
-
-
 def _floor_under(pitch_rad: float, shown: Tensor) -> tuple[Array | None, float]:
-    """What was found under such people, and its energy."""
-    model, posed = load_body_model(), _posed(pitch_rad)
-    floor, shape = Floor(model, shown), torch.zeros(model.shape_count)
-    assert floor.found() is None
-    floor.find(*posed, shape)
-    return floor.found(), floor.energy(*posed, shape).item()
+    """What is found under people at rest, 3 m before a camera that looks down, and its energy."""
+    motion, view = standing(6), camera()
+    people = [seen_by(view, body(), motion.pose(frame)) for frame in range(6)]
+    masks = [person.mask for person in people]
+    seen = observe(people, masks, motion.times_s, np.zeros(6, int), closed_form)
+    model = FitBody(load_body_model())
+    state = initial_state(model, seen)
+    angles = np.zeros((6, JOINT_COUNT, 3))
+    angles[:, 0, 0] = pitch_rad
+    state.set_poses(np.arange(6), angles, np.tile([0.0, 0.0, -3.0], (6, 1)))
+    term = FloorContact(model, replace(seen, shown=shown))
+    assert floor_of(state) is None
+    with torch.no_grad():
+        term.prepare(PosedClip(state, model, seen), coarse=True)
+    return floor_of(state), term.energy(PosedClip(state, model, seen)).item()
 
 
 @pytest.mark.parametrize("pitch_rad", [0.0, 0.4])

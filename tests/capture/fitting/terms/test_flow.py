@@ -13,14 +13,14 @@ from capture.body.model import load_body_model
 from capture.detection.landmarks import Landmarks
 from capture.fitting.fit import fit_clip
 from capture.fitting.terms.flow import (
-    Aims,
+    FlowTargets,
     Pictures,
     certainty,
     find_flow,
     flow_energy,
-    look_up,
-    seen_vertices,
+    flow_targets,
     strides_of,
+    visible_vertices,
 )
 from capture.studio.performer import film, make_performer
 from scene.arrays import Array
@@ -107,26 +107,26 @@ def test_vertices_are_seen_that_face_the_camera_with_nothing_before_them():
     pixels = 100.0 + 500.0 * skin[..., :2] / -skin[..., 2:]
     towards, away = [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]
     normals = torch.tensor([[towards, away, towards, towards]])
-    assert seen_vertices(skin, pixels, normals, 6.0).tolist() == [[True, False, False, True]]
+    assert visible_vertices(skin, pixels, normals, 6.0).tolist() == [[True, False, False, True]]
 
 
 def test_the_energy_pulls_towards_the_flow_and_lets_go_of_what_is_far_off():
     pixels = torch.zeros(3, 40, 2, requires_grad=True)
     moved = torch.tensor([2.0, 0.0]).expand(2, 40, 2).clone()
     sure = torch.tensor([1.0, 0.0, 1.0]).expand(2, 40, 3)
-    aims = Aims({1: moved}, {1: torch.ones(2, 40)}, {1: sure})
-    flow_energy(aims, pixels, 1.0).backward()
+    targets = FlowTargets({1: moved}, {1: torch.ones(2, 40)}, {1: sure})
+    flow_energy(targets, pixels, 1.0).backward()
     assert pixels.grad is not None
     assert (pixels.grad[0, :, 0] > 0.0).all()
     assert (pixels.grad[2, :, 0] < 0.0).all()
     met = torch.arange(3.0)[:, None, None] * torch.tensor([2.0, 0.0]).expand(1, 40, 2)
-    assert float(flow_energy(aims, met, 1.0)) == 0.0
-    far = Aims({1: 100.0 * moved}, aims.trusted, aims.certainty)
+    assert float(flow_energy(targets, met, 1.0)) == 0.0
+    far = FlowTargets({1: 100.0 * moved}, targets.trusted, targets.certainty)
     loose = pixels.detach().clone().requires_grad_()
     flow_energy(far, loose, 1.0).backward()
     assert loose.grad is not None
     assert loose.grad.abs().max() < 1e-4
-    unseen = Aims(aims.moved, {1: torch.zeros(2, 40)}, aims.certainty)
+    unseen = FlowTargets(targets.moved, {1: torch.zeros(2, 40)}, targets.certainty)
     assert float(flow_energy(unseen, pixels.detach(), 1.0)) == 0.0
 
 
@@ -149,7 +149,7 @@ def test_only_what_texture_shows_of_a_motion_counts():
     energies = {
         name: float(
             flow_energy(
-                Aims(moved, {1: torch.ones(1, 40)}, {1: value.expand(1, 40, 3)}),
+                FlowTargets(moved, {1: torch.ones(1, 40)}, {1: value.expand(1, 40, 3)}),
                 torch.zeros(2, 40, 2), 1.0,
             )
         ) for name, value in sure.items()
@@ -164,11 +164,11 @@ def test_flow_is_looked_up_where_both_frames_show_the_vertex():
     )
     pixels = torch.from_numpy(np.repeat(middles, 2, axis=1))
     seen = torch.tensor([[True, True], [True, False], [True, True]])
-    aims = look_up(flow, pixels, seen)
-    assert list(aims.trusted) == [1]
-    assert aims.trusted[1].tolist() == [[1.0, 0.0], [1.0, 0.0]]
-    assert torch.isfinite(aims.moved[1]).all()
-    assert (aims.certainty[1][..., 0] > 0.5).tolist() == [[True, False], [True, False]]
+    targets = flow_targets(flow, pixels, seen)
+    assert list(targets.trusted) == [1]
+    assert targets.trusted[1].tolist() == [[1.0, 0.0], [1.0, 0.0]]
+    assert torch.isfinite(targets.moved[1]).all()
+    assert (targets.certainty[1][..., 0] > 0.5).tolist() == [[True, False], [True, False]]
 
 
 def _filmed(motion: Motion) -> tuple[list[Array], list[Landmarks]]:

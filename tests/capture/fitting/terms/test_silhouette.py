@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from capture.body.model import load_body_model
-from capture.fitting.kinematics import forward, rotation_matrices
-from capture.fitting.surface import Skin
 from capture.fitting.terms.silhouette import (
     SIDE_PX,
     Silhouettes,
@@ -16,7 +13,6 @@ from capture.fitting.terms.silhouette import (
     silhouette_energy,
 )
 from scene.arrays import Array, Tensor
-from scene.skeleton import JOINT_COUNT
 
 CENTRE, RADIUS = np.array([150.0, 120.0]), 60.0
 
@@ -127,24 +123,4 @@ def test_the_outline_draws_across_and_hardly_along():
             )
         )
         > 10.0
-    )
-
-
-def test_chosen_vertices_are_where_all_of_them_are():
-    model = load_body_model()
-    skin = Skin.of(model, 0.1)
-    generator = torch.Generator().manual_seed(1)
-    turns = rotation_matrices(0.4 * torch.randn(3, JOINT_COUNT, 3, generator=generator))
-    shape = 0.1 * torch.randn(model.shape_count, generator=generator)
-    rest = torch.tensor(model.rest_joints, dtype=torch.float32) + (
-        torch.tensor(model.joint_directions, dtype=torch.float32) @ shape
-    )
-    turned, placed = forward(turns, torch.zeros(3, 3), rest)
-    every = skin.posed(turned, placed, rest, shape)
-    which = torch.randint(len(skin.rest), (3, 7), generator=generator)
-    some = skin.posed_at(which, turned, placed, rest, shape)
-    expected = torch.gather(every, 1, which[..., None].expand(-1, -1, 3))
-    torch.testing.assert_close(some, expected, atol=1e-5, rtol=0.0)
-    torch.testing.assert_close(
-        skin.turned_normals(turned).norm(dim=-1), torch.ones(every.shape[:2]), atol=1e-4, rtol=0.0
     )

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from capture.detection.landmark_arrays import LONGEST_GAP_S, hidden_joints, interpolate_gaps
 from capture.detection.landmarks import LANDMARK_COUNT, Landmarks
-from capture.fitting.observations import without_gaps
 from scene.arrays import Array
+from tests.capture.people import JOINT, LANDMARK
 
 LOST = 15
 TIMES_S = np.array([0.0, 0.1, 0.15, 0.3, 0.4, 0.5])
@@ -26,10 +27,14 @@ def moving(seen: list[bool]) -> list[Landmarks]:
     return people
 
 
-def bridged_at(seen: list[bool], takes: list[int] | None = None) -> Array:
+def interpolated_at(
+    seen: list[bool], takes: list[int] | None = None, longest_gap_s: float = LONGEST_GAP_S
+) -> Array:
     """Frames [F] that have the landmark where it moved."""
     takes = takes or [0] * len(TIMES_S)
-    pixels, world, visibility = without_gaps(moving(seen), TIMES_S, np.array(takes))
+    pixels, world, visibility = interpolate_gaps(
+        moving(seen), TIMES_S, np.array(takes), longest_gap_s
+    )
     right = np.isclose(pixels[:, LOST], (100.0 + 200.0 * TIMES_S)[:, None]).all(1)
     right &= np.isclose(world[:, LOST], (-0.5 * TIMES_S)[:, None]).all(1)
     right &= np.isclose(visibility[:, LOST], 0.8)
@@ -48,18 +53,24 @@ def bridged_at(seen: list[bool], takes: list[int] | None = None) -> Array:
     ],
 )
 def test_a_missing_landmark_is_put_between_where_it_was_and_comes_back(seen, right):
-    assert bridged_at(seen).tolist() == right
+    assert interpolated_at(seen).tolist() == right
 
 
-def test_nothing_is_put_across_a_cut_nor_a_long_gap(monkeypatch):
+def test_nothing_is_put_across_a_cut_nor_a_long_gap():
     seen = [True, False, False, True, True, True]
-    assert bridged_at(seen, [0, 0, 1, 1, 1, 1]).tolist() == seen
-    monkeypatch.setattr("capture.fitting.observations._LONGEST_GAP_S", 0.29)
-    assert bridged_at(seen).tolist() == seen
+    assert interpolated_at(seen, [0, 0, 1, 1, 1, 1]).tolist() == seen
+    assert interpolated_at(seen, longest_gap_s=0.29).tolist() == seen
 
 
 def test_the_estimators_findings_are_left_as_they_are():
     people = moving([True, False, True, True, True, True])
-    without_gaps(people, TIMES_S, np.zeros(6, int))
+    interpolate_gaps(people, TIMES_S, np.zeros(6, int))
     assert people[1].visibility[LOST] == 0.0
     assert (people[1].pixels[LOST] == 7.0).all()
+
+
+def test_a_joint_is_hidden_when_nothing_beyond_it_is_seen():
+    trust = np.ones((1, 33))
+    trust[0, LANDMARK["left_ankle"]] = 0.0
+    hidden = np.flatnonzero(hidden_joints(trust)[0])
+    assert hidden.tolist() == [JOINT["left_knee"]]

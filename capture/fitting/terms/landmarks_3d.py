@@ -1,0 +1,33 @@
+"""The estimator's own 3D landmarks, whose size is its guess: one scale a clip."""
+
+from __future__ import annotations
+
+import torch
+
+from capture.detection.landmarks import FACE_LANDMARKS, LANDMARK_COUNT
+from capture.fitting.robust import pseudo_huber
+from capture.fitting.state import PosedClip
+from capture.fitting.term import Term
+from scene.arrays import Float, Tensor
+
+DEVIATION_M = 0.07
+FACE_DEPTH_WEIGHT = 0.3
+"""Of the face's landmarks, beside the others': the estimator pulls heads towards the camera."""
+
+
+class Landmarks3D(Term):
+    """Squared distance between both sets of landmarks about their weighted means, robust."""
+
+    weight = 0.05
+
+    def energy(self, clip: PosedClip) -> Float[Tensor, ""]:
+        trust = torch.ones(LANDMARK_COUNT)
+        trust[:FACE_LANDMARKS] = FACE_DEPTH_WEIGHT
+        weight = (self.seen.landmark_weights * trust)[..., None]
+        total = weight.sum(1, keepdim=True).clamp_min(1e-6)
+        ours, theirs = clip.landmarks, self.seen.landmarks_m
+        ours = ours - (ours * weight).sum(1, keepdim=True) / total
+        theirs = theirs - (theirs * weight).sum(1, keepdim=True) / total
+        error = (ours - theirs * torch.exp(clip.state.log_landmark_scale)) / DEVIATION_M
+        frames = (pseudo_huber(error.square().sum(-1)) * weight[..., 0]).sum(1)
+        return (clip.state.frame_confidence * frames).mean()
