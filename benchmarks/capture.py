@@ -31,7 +31,7 @@ from benchmarks.reporting.timing import Clock, clock_named
 from capture.fitting.fit import STAGES
 from capture.fitting.result import Fit
 from capture.fitting.world import OPENGL_TO_OPENCV
-from capture.pipeline import capture_clip
+from capture.pipeline import CaptureOptions, capture_clip
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.footage import Footage
@@ -123,15 +123,16 @@ def _judged(folder: Path, pose_model: Path, backbone: Path | None, clock: Clock)
     """Capture what was filmed into `folder`, train on that and on the truth, judge both."""
     truth = open_sequence(folder / "truth")
     watch = StageWatch(truth_joints(truth), clock)
+    options = CaptureOptions(
+        person="captured", pose_model=pose_model, focal_px=truth.train.camera(0).focal_px
+    )
     capture_clip(
-        folder / "raw.mp4", folder / "captured", person="captured", pose_model=pose_model,
-        focal_px=truth.train.camera(0).focal_px, on_progress=watch.progress, on_fit=watch.fitted,
+        folder / "raw.mp4", folder / "captured", options,
+        on_progress=watch.progress, on_fit=watch.fitted,
     )  # fmt: skip
     told = StageWatch(truth_joints(truth), clock)
-    capture_clip(
-        folder / "raw.mp4", folder / "told", person="told", pose_model=pose_model,
-        focal_px=truth.train.camera(0).focal_px, height_m=_height_m(truth), on_fit=told.fitted,
-    )  # fmt: skip
+    with_height = replace(options, height_m=_height_m(truth))
+    capture_clip(folder / "raw.mp4", folder / "told", with_height, on_fit=told.fitted)
     captured = open_sequence(folder / "captured")
     models = {"captured": captured, "exact": truth}
     accuracy: dict[str, Any] = {}

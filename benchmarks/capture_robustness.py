@@ -18,7 +18,7 @@ from capture.detection.landmarks import Landmarks, MediaPipeEstimator, PoseEstim
 from capture.detection.lifter import lift
 from capture.fitting.fit import STAGES
 from capture.overlay import write_video
-from capture.pipeline import capture_clip
+from capture.pipeline import CaptureOptions, capture_clip
 from capture.sources.video import read_video
 from capture.storage import open_sequence
 from capture.studio.performer import film as film_performer
@@ -46,11 +46,11 @@ def run(json_file: Path | None, motions: Path, pose_model: Path) -> None:
             watch = StageWatch(_at_rate(truth, rate), clock_named("wall"))
             size = read_video(path, max_frames=2).images[0].shape[1]
             focal_px = truth.train.camera(0).focal_px * size / truth.train.camera(0).width
-            capture_clip(
-                path, folder / f"{row}.seq", person=row, estimator=seen_by, lifter=lift,
-                on_fit=watch.fitted,
-                max_frames=_MOST_FRAMES, focal_px=focal_px if focal_known else None,
+            options = CaptureOptions(
+                person=row, estimator=seen_by, lifter=lift, max_frames=_MOST_FRAMES,
+                focal_px=focal_px if focal_known else None,
             )  # fmt: skip
+            capture_clip(path, folder / f"{row}.seq", options, on_fit=watch.fitted)
             last = watch.stages[STAGES[-1]]
             rows[row] = {key: last[key] for key in _KEPT}
             print(row, rows[row], flush=True)

@@ -83,10 +83,10 @@ def meeting(
             "run `make setup-test`"
         )
     from benchmarks.meeting import run
-    from capture.detection.network_files import landmark_model_file
+    from capture.detection.network_files import landmark_network_file
     from services.settings import load_settings
 
-    run(json_file, clip, landmark_model_file(load_settings().pose_model_source()))
+    run(json_file, clip, landmark_network_file(load_settings().pose_model_source()))
 
 
 @app.command("local-view")
@@ -201,10 +201,10 @@ def capture_command(
     """Captures of studio performers from pixels alone against the truth, stage by stage."""
     require_motion(motion)
     from benchmarks import capture, capture_robustness
-    from capture.detection.network_files import landmark_model_file
+    from capture.detection.network_files import landmark_network_file
     from services.settings import load_settings
 
-    model_file = landmark_model_file(load_settings().pose_model_source())
+    model_file = landmark_network_file(load_settings().pose_model_source())
     if robustness:
         capture_robustness.run(json_file, motion, model_file)
     else:
@@ -279,7 +279,7 @@ def two_cameras_command(
             "Demo_SinglePerson of Pose2Sim"
         )
     from benchmarks.two_cameras import run
-    from capture.detection.network_files import landmark_model_file
+    from capture.detection.network_files import landmark_network_file
     from services.settings import load_settings
 
-    run(json_file, footage, landmark_model_file(load_settings().pose_model_source()), picture)
+    run(json_file, footage, landmark_network_file(load_settings().pose_model_source()), picture)

@@ -20,8 +20,8 @@ from benchmarks.reporting.timing import milliseconds
 from capture.body.model import load_body_model
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
 from capture.detection.lifter import lift
-from capture.detection.network_files import landmark_model_file
-from capture.detection.tracking import follow
+from capture.detection.network_files import landmark_network_file
+from capture.detection.tracking import track_person
 from capture.errors import NoPersonFound
 from capture.fitting.fit import fit_clip
 from capture.fitting.world import place_in_world
@@ -85,8 +85,10 @@ def _film(folder: Path) -> tuple[_Known, Path]:
 
 
 def _measure(clip: Clip, truth: _Known | None) -> dict[str, Any]:
-    with MediaPipeEstimator(landmark_model_file(load_settings().pose_model_source())) as estimator:
-        track = follow(clip.images, estimator)
+    with MediaPipeEstimator(
+        landmark_network_file(load_settings().pose_model_source())
+    ) as estimator:
+        track = track_person(clip.images, estimator)
     found = [(i, person) for i, person in enumerate(track.people) if person is not None]
     if len(found) <= _SETTLED:
         raise NoPersonFound(f"the person must be seen in over {_SETTLED} frames; got {len(found)}")

@@ -12,9 +12,9 @@ import httpx
 import numpy as np
 from aiortc import RTCConfiguration, RTCDataChannel, RTCPeerConnection, RTCSessionDescription
 
-from capture.body.landmarks import load_landmark_model
+from capture.body.landmark_names import LANDMARK_NAMES
+from capture.body.landmarks import load_body_landmarks
 from capture.body.model import load_body_model
-from capture.detection.landmarks import LANDMARK_NAMES
 from capture.studio.moves import turning
 from scene.camera import orbit_camera
 from scene.skeleton import Skeleton
@@ -106,7 +106,7 @@ def _looking(sequence: int) -> bytes:
 
 def _landmarks() -> list[tuple[np.ndarray, np.ndarray]]:
     """What a perfect estimator says of somebody who turns to and fro: shares of the picture, m."""
-    skeleton, marks = Skeleton(load_body_model().rest_joints), load_landmark_model()
+    skeleton, marks = Skeleton(load_body_model().rest_joints), load_body_landmarks()
     camera = orbit_camera((0.0, 0.9, 0.0), 3.0, 0.0, 0.0, *_SIZE, 0.8)
     hips = [LANDMARK_NAMES.index(f"{side}_hip") for side in ("left", "right")]
     motion, found = turning(_FRAMES, float(RATE_HZ), 60.0), []

@@ -18,9 +18,9 @@ import numpy as np
 
 from benchmarks.reporting.figures import write_report
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
-from capture.detection.network_files import landmark_model_file
-from capture.detection.tracking import follow
-from capture.segmentation.background import learn_backdrop
+from capture.detection.network_files import landmark_network_file
+from capture.detection.tracking import track_person
+from capture.segmentation.background import learn_background
 from capture.segmentation.foreground import premultiplied
 from capture.segmentation.masks import occupied, refine_mask, steady_masks
 from capture.sources.video import read_video
@@ -54,8 +54,10 @@ def _film(folder: Path, look: str) -> tuple[list[Array], list[Landmarks], Array,
         footage=Footage(raw, background="textured", noise=3.0, blur_px=0.6),
     )  # fmt: skip
     truth, images = open_sequence(folder / "truth").train, read_video(raw).images
-    with MediaPipeEstimator(landmark_model_file(load_settings().pose_model_source())) as estimator:
-        people = follow(images, estimator).people
+    with MediaPipeEstimator(
+        landmark_network_file(load_settings().pose_model_source())
+    ) as estimator:
+        people = track_person(images, estimator).people
     found = [(i, person) for i, person in enumerate(people) if person is not None]
     return (
         [images[i] for i, _ in found],
@@ -79,7 +81,7 @@ def _measure(
     figures = {"estimator": judged([person.mask for person in people], None, 0.0)}
     cut, cut_ms = _timed(lambda: list(map(refine_mask, images, people)))
     figures["cut"] = judged(cut, None, cut_ms)
-    backdrop, learn_ms = _timed(lambda: learn_backdrop(images, map(occupied, people)))
+    backdrop, learn_ms = _timed(lambda: learn_background(images, map(occupied, people)))
     cut, cut_ms = _timed(
         lambda: [refine_mask(i, p, backdrop) for i, p in zip(images, people, strict=True)]
     )

@@ -21,9 +21,9 @@ import numpy as np
 from benchmarks.reporting.figures import write_report
 from benchmarks.reporting.timing import clock_named
 from capture.detection.landmarks import MediaPipeEstimator
-from capture.detection.tracking import follow
+from capture.detection.tracking import track_person
 from capture.overlay import project_surface
-from capture.pipeline import capture_clip
+from capture.pipeline import CaptureOptions, capture_clip
 from capture.segmentation.masks import refine_mask
 from capture.sources.video import read_video
 from capture.storage import open_sequence
@@ -59,10 +59,10 @@ def run(json_file: Path | None, footage: Path, pose_model: Path, picture: Path |
     first, second = (_calibrated(footage / "Calib.qca.txt", f"cam0{n}") for n in (1, 2))
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "cam01.seq"
-        report = capture_clip(
-            footage / "cam01.mp4", out, person="cam01", pose_model=pose_model,
-            focal_px=float(first.intrinsics[0, 0]),
-        )  # fmt: skip
+        options = CaptureOptions(
+            person="cam01", pose_model=pose_model, focal_px=float(first.intrinsics[0, 0])
+        )
+        report = capture_clip(footage / "cam01.mp4", out, options)
         clip = open_sequence(out)
         clock = clock_named("processor")
         model = train(clip, preset="splats", budget_s=_TRAINING_S, clock=clock.now)
@@ -124,7 +124,7 @@ def _second_camera(
 ) -> _SecondCamera:
     seen = read_video(footage / "cam02.mp4")
     with MediaPipeEstimator(pose_model) as estimator:
-        people = follow(seen.images, estimator).people
+        people = track_person(seen.images, estimator).people
     truth = {
         index: refine_mask(seen.images[index], person) > 0.5
         for index, person in enumerate(people) if person is not None and index % _EVERY == 0

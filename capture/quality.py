@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import cv2
 import numpy as np
 
+from capture.captured import CapturedClip
 from capture.overlay import project_surface
 from scene.arrays import Array, Float, UInt8
-from scene.body import Body
 from scene.camera import Camera
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix
@@ -113,43 +113,27 @@ class CaptureQuality:
         ]
 
 
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """What the report is made of; pictures are those that are stored."""
-
-    images: Sequence[UInt8[Array, "H W 3"]]
-    masks: Sequence[Float[Array, "H W"]]
-    camera: Camera
-    body: Body
-    motion: Motion
-    landmark_error_px: Float[Array, "F 33"]
-    """NaN where a landmark was not seen."""
-    frames_lost: int
-    takes: int
-    legs_seen: bool
-
-
-def judge(seen: Seen) -> CaptureQuality:
+def judge(clip: CapturedClip) -> CaptureQuality:
     """Measure a capture and say what to do better."""
-    heights = [float(np.ptp(np.nonzero(mask > 0.5)[0]) + 1) for mask in seen.masks]
+    heights = [float(np.ptp(np.nonzero(mask > 0.5)[0]) + 1) for mask in clip.masks]
     person_px = int(np.median(heights))
-    error_px = float(np.nanmean(seen.landmark_error_px))
-    frame_confidence = seen.motion.confidence.mean(axis=1)
+    error_px = float(np.nanmean(clip.landmark_error_px))
+    frame_confidence = clip.motion.confidence.mean(axis=1)
     measured: dict[str, Any] = {
-        "frames_used": len(seen.images),
-        "frames_lost": seen.frames_lost,
-        "takes": seen.takes,
-        "coverage": side_shares(seen.motion, seen.camera),
+        "frames_used": len(clip.images),
+        "frames_lost": clip.frames_lost,
+        "takes": clip.takes,
+        "coverage": side_shares(clip.motion, clip.camera),
         "landmark_error_px": round(error_px, 3),
         "landmark_error": round(error_px / max(person_px, 1), 4),
-        "landmark_error_mm": round(_error_mm(seen), 1),
-        "joints_in_mask": round(_joints_in_mask(seen), 3),
-        "mask_overlap": round(_mask_overlap(seen), 3),
+        "landmark_error_mm": round(_error_mm(clip), 1),
+        "joints_in_mask": round(_joints_in_mask(clip), 3),
+        "mask_overlap": round(_mask_overlap(clip), 3),
         "confidence": round(float(frame_confidence.mean()), 3),
         "frame_confidence": tuple(np.round(frame_confidence, 3).tolist()),
-        "weak_s": _weak_spans(seen, frame_confidence),
-        "blur": round(float(np.median([sharpness(*p) for p in _pairs(seen)])), 1),
-        "legs_seen": seen.legs_seen,
+        "weak_s": _weak_spans(clip, frame_confidence),
+        "blur": round(float(np.median([sharpness(*p) for p in _pairs(clip)])), 1),
+        "legs_seen": clip.legs_seen,
         "person_px": person_px,
     }
     return CaptureQuality(**measured, advice=tuple(_advice(measured)))
@@ -173,22 +157,24 @@ def sharpness(image: UInt8[Array, "H W 3"], mask: Float[Array, "H W"]) -> float:
     return float(laplacian[inside].var()) if inside.any() else 0.0
 
 
-def _error_mm(seen: Seen) -> float:
+def _error_mm(clip: CapturedClip) -> float:
     """Mean distance of seen landmarks from the body's, at the depth of its pelvis."""
-    pelvis = seen.motion.root_translation + seen.body.skeleton.rest_joints[0]
-    _, depth_m = seen.camera.project(pelvis)
-    focal_px = float(seen.camera.intrinsics[[0, 1], [0, 1]].mean())
-    return 1e3 * float(np.nanmean(seen.landmark_error_px * depth_m[:, None])) / focal_px
+    pelvis = clip.motion.root_translation + clip.body.skeleton.rest_joints[0]
+    _, depth_m = clip.camera.project(pelvis)
+    focal_px = float(clip.camera.intrinsics[[0, 1], [0, 1]].mean())
+    return 1e3 * float(np.nanmean(clip.landmark_error_px * depth_m[:, None])) / focal_px
 
 
-def _weak_spans(seen: Seen, confidence: Float[Array, "F"]) -> tuple[tuple[float, float], ...]:
+def _weak_spans(
+    clip: CapturedClip, confidence: Float[Array, "F"]
+) -> tuple[tuple[float, float], ...]:
     """Runs of frames that stand out from their own clip as hard to see or to follow, s."""
-    known = ~np.isnan(seen.landmark_error_px)
-    error = np.nansum(seen.landmark_error_px, axis=1) / np.maximum(known.sum(axis=1), 1)
+    known = ~np.isnan(clip.landmark_error_px)
+    error = np.nansum(clip.landmark_error_px, axis=1) / np.maximum(known.sum(axis=1), 1)
     usual = np.median(error) + 1e-6
     weak = (confidence < _WEAK * np.median(confidence)) | (error > _WEAK_ERROR * usual)
     weak |= ~known.any(axis=1)
-    times = seen.motion.times_s
+    times = clip.motion.times_s
     edges = np.flatnonzero(np.diff(np.concatenate([[False], weak, [False]]).astype(int)))
     spans = [(times[a], times[b - 1]) for a, b in edges.reshape(-1, 2)]
     return tuple((round(float(a), 2), round(float(b), 2)) for a, b in spans if b - a >= _WEAK_S)
@@ -202,35 +188,35 @@ def _verdict(good: bool, otherwise: str = "poor") -> str:
     return "good" if good else otherwise
 
 
-def _checked(seen: Seen) -> list[int]:
-    count = len(seen.images)
+def _checked(clip: CapturedClip) -> list[int]:
+    count = len(clip.images)
     return np.unique(np.linspace(0, count - 1, min(count, _CHECKED_FRAMES)).astype(int)).tolist()
 
 
-def _pairs(seen: Seen) -> list[tuple[Array, Array]]:
-    return [(seen.images[i], seen.masks[i]) for i in _checked(seen)]
+def _pairs(clip: CapturedClip) -> list[tuple[Array, Array]]:
+    return [(clip.images[i], clip.masks[i]) for i in _checked(clip)]
 
 
-def _joints_in_mask(seen: Seen) -> float:
-    placed = seen.body.skeleton.joint_transforms(
-        seen.motion.joint_angles, seen.motion.root_translation
+def _joints_in_mask(clip: CapturedClip) -> float:
+    placed = clip.body.skeleton.joint_transforms(
+        clip.motion.joint_angles, clip.motion.root_translation
     )[..., :3, 3]
-    pixels, _ = seen.camera.project(placed)
+    pixels, _ = clip.camera.project(placed)
     hits = []
-    for frame, mask in enumerate(seen.masks):
+    for frame, mask in enumerate(clip.masks):
         x, y = np.floor(pixels[frame]).astype(int).T
         inside = (x >= 0) & (y >= 0) & (x < mask.shape[1]) & (y < mask.shape[0])
-        inside &= seen.motion.confidence[frame] > 0.5
+        inside &= clip.motion.confidence[frame] > 0.5
         hits.append(mask[y[inside], x[inside]] > 0.5)
     found = np.concatenate(hits)
     return float(found.mean()) if len(found) else 0.0
 
 
-def _mask_overlap(seen: Seen) -> float:
+def _mask_overlap(clip: CapturedClip) -> float:
     shares = []
-    for index in _checked(seen):
-        pose, mask = seen.motion.pose(index), seen.masks[index] > 0.5
-        covered = project_surface(seen.camera, seen.body, pose) > 0
+    for index in _checked(clip):
+        pose, mask = clip.motion.pose(index), clip.masks[index] > 0.5
+        covered = project_surface(clip.camera, clip.body, pose) > 0
         shares.append((covered & mask).sum() / max((covered | mask).sum(), 1))
     return float(np.mean(shares))
 

@@ -17,7 +17,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from scene.errors import InvalidInput
 
 if TYPE_CHECKING:
-    from capture.detection.network_files import LandmarkModel, ModelSource
+    from capture.detection.network_files import LandmarkNetwork, NetworkSource
 
 _PREFIX = "METANERF_"
 _SHORTEST_SECRET = 32
@@ -186,31 +186,31 @@ class Settings(BaseSettings):
         """Where jobs and uploads keep what is under way."""
         return self.data_dir / "scratch"
 
-    def pose_model_source(self) -> ModelSource:
+    def pose_model_source(self) -> NetworkSource:
         """Where captures and pages find the landmark model."""
         from capture.detection.network_files import POSE_MODEL
 
         return self._model_source(POSE_MODEL)
 
-    def face_model_source(self) -> ModelSource:
+    def face_model_source(self) -> NetworkSource:
         """Where the face landmarker is found."""
         from capture.detection.network_files import FACE_MODEL
 
         return self._model_source(FACE_MODEL)
 
-    def hand_model_source(self) -> ModelSource:
+    def hand_model_source(self) -> NetworkSource:
         """Where the hand landmarker is found."""
         from capture.detection.network_files import HAND_MODEL
 
         return self._model_source(HAND_MODEL)
 
-    def _model_source(self, model: LandmarkModel) -> ModelSource:
-        from capture.detection.network_files import ModelSource
+    def _model_source(self, model: LandmarkNetwork) -> NetworkSource:
+        from capture.detection.network_files import NetworkSource
 
         path, url, sha256 = (
             getattr(self, f"{model.name}_model{part}") for part in ("", "_url", "_sha256")
         )
-        return ModelSource(path, url, sha256, self.data_dir / "cache", model)
+        return NetworkSource(path, url, sha256, self.data_dir / "cache", model)
 
     def signing_key(self) -> str:
         """The secret that signs tokens, made once where it is not set."""

@@ -21,9 +21,9 @@ import pytest
 from capture.detection.network_files import (
     FACE_MODEL,
     HAND_MODEL,
-    LandmarkModel,
-    ModelSource,
-    landmark_model_file,
+    LandmarkNetwork,
+    NetworkSource,
+    landmark_network_file,
 )
 from capture.errors import PoseModelMissing
 
@@ -50,13 +50,13 @@ def silent_server() -> Iterator[str]:
         yield f"http://127.0.0.1:{listening.getsockname()[1]}"
 
 
-def _model(model: LandmarkModel) -> Path:
+def _model(model: LandmarkNetwork) -> Path:
     kept = _KEPT / model.file_name
     if not kept.exists():
         _download()
-    checked = ModelSource(address=kept.as_uri(), folder=_KEPT / "checked", model=model)
+    checked = NetworkSource(url=kept.as_uri(), folder=_KEPT / "checked", model=model)
     try:
-        return landmark_model_file(checked)
+        return landmark_network_file(checked)
     except PoseModelMissing as error:
         pytest.skip(str(error))
 

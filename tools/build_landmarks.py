@@ -14,14 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from capture.body.landmarks import MIRROR, OFFSETS_FILE, LandmarkModel, place_landmarks
+from capture.body.landmark_names import LANDMARK_COUNT, LANDMARK_NAMES
+from capture.body.landmarks import MIRROR, OFFSETS_FILE, BodyLandmarks, place_landmarks
 from capture.body.model import load_body_model
-from capture.detection.landmarks import (
-    LANDMARK_COUNT,
-    LANDMARK_NAMES,
-    Landmarks,
-    MediaPipeEstimator,
-)
+from capture.detection.landmarks import Landmarks, MediaPipeEstimator
 from capture.studio.moves import gestures, turning
 from capture.studio.performer import film, make_performer
 from capture.studio.room import room_background
@@ -87,7 +83,7 @@ def _solve(sights: list[Sight]) -> Float[Array, "3"]:
     return offset
 
 
-def _sights_of(seed: int, marks: LandmarkModel, estimator: MediaPipeEstimator) -> list[list[Sight]]:
+def _sights_of(seed: int, marks: BodyLandmarks, estimator: MediaPipeEstimator) -> list[list[Sight]]:
     """What the estimator saw of the performer `seed`, a list for each landmark."""
     actor, found = make_performer(seed), [[] for _ in range(LANDMARK_COUNT)]
     skeleton = actor.body.skeleton
@@ -127,7 +123,7 @@ def sights_in(
     return sights
 
 
-def landmarks_of(skeleton: Skeleton, marks: LandmarkModel) -> Float[Array, "33 3"]:
+def landmarks_of(skeleton: Skeleton, marks: BodyLandmarks) -> Float[Array, "33 3"]:
     """The landmarks' anatomical places on the body with that skeleton, at rest, m."""
     model, shape = load_body_model(), shape_of(skeleton)
     pelvis = model.rest_joints[0] + model.joint_directions[0] @ shape

@@ -64,7 +64,7 @@ _FLAT, _FIST = 0.95, 0.45
 
 
 @dataclass(frozen=True, eq=False)
-class SeenExpression:
+class ObservedExpression:
     """What one picture told."""
 
     values: Float[Array, "E"]

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from capture.body.landmarks import load_landmark_model
-from capture.detection.landmarks import FACE_LANDMARKS, LANDMARK_NAMES
+from capture.body.landmark_names import FACE_LANDMARKS, LANDMARK_NAMES
+from capture.body.landmarks import load_body_landmarks
 from scene.arrays import Array, Float
 from scene.limits import ELBOW_HINGE
 from scene.rotations import (
@@ -83,7 +83,7 @@ def solve_translation(
 
 
 def _solve_trunk(points: Array, world: Array) -> None:
-    rest = load_landmark_model().rest
+    rest = load_body_landmarks().rest
     hips = _frame(points[:, _TRUNK[2]] - points[:, _TRUNK[3]], _up_of_trunk(points))
     chest = _frame(points[:, _TRUNK[0]] - points[:, _TRUNK[1]], _up_of_trunk(points))
     head = _best_rotation(rest[_HEAD], points[:, _HEAD])
@@ -139,7 +139,7 @@ def _solve_leg(points: Array, seen: Array, world: Array, side: str) -> None:
     thigh = np.where(thigh_seen, thigh, pelvis)
     shin = np.where(shin_seen, shin, thigh)
     heel, toe = _L[f"{side}_heel"], _L[f"{side}_foot_index"]
-    rest = load_landmark_model().rest
+    rest = load_body_landmarks().rest
     foot = _swing(shin, rest[toe] - rest[heel], points[:, toe] - points[:, heel])
     foot_seen = shin_seen & (seen[:, heel] & seen[:, toe])[:, None, None]
     world[:, _J[f"{side}_hip"]] = thigh

@@ -15,9 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
+from capture.body.landmark_names import LANDMARK_COUNT, LANDMARK_NAMES
 from capture.body.model import BodyModel, load_body_model
-from capture.detection.landmarks import LANDMARK_COUNT, LANDMARK_NAMES
 from scene.arrays import Array, Float, Int
+from scene.body import Body
 from scene.skeleton import JOINT_NAMES
 
 _JOINT_OF = {"shoulder": "shoulder", "elbow": "elbow", "wrist": "wrist", "hip": "hip",
@@ -45,7 +46,7 @@ MIRROR: tuple[int, ...] = tuple(
 
 
 @dataclass(frozen=True, eq=False)
-class LandmarkModel:
+class BodyLandmarks:
     """Rest points of the 33 landmarks on a body model."""
 
     rest: Float[Array, "33 3"]
@@ -57,14 +58,14 @@ class LandmarkModel:
 
 
 @cache
-def load_landmark_model() -> LandmarkModel:
+def load_body_landmarks() -> BodyLandmarks:
     """The landmarks on the body model that ships with the package."""
     return place_landmarks(load_body_model())
 
 
 def place_landmarks(
     model: BodyModel, offsets: Mapping[str, Sequence[float]] | None = None
-) -> LandmarkModel:
+) -> BodyLandmarks:
     """Find each landmark's rest point on `model`: by anatomy, then by `offsets` (m, a landmark).
 
     Without `offsets`, those that `tools.build_landmarks` has learnt.
@@ -88,7 +89,23 @@ def place_landmarks(
             point = model.rest_vertices[nose] * [0.0, 1.0, 1.0] + offset * [side, 1.0, 1.0]
         rest[index], directions[index] = point + offsets[name], moves
         joints[index] = JOINT_NAMES.index(_MOVES_WITH.get(name, JOINT_NAMES[joint]))
-    return LandmarkModel(rest, directions, joints)
+    return BodyLandmarks(rest, directions, joints)
+
+
+def landmarks_on(body: Body) -> tuple[Float[Array, "33 3"], Array]:
+    """Rest points of the landmarks on `body`, and the joint of each.
+
+    A body does not tell its shape numbers: those are found whose joints are nearest.
+    """
+    model, landmarks = load_body_model(), load_body_landmarks()
+    own, mean = body.skeleton.rest_joints, model.rest_joints
+    design = (model.joint_directions - model.joint_directions[0]).reshape(-1, model.shape_count)
+    wanted = ((own - own[0]) - (mean - mean[0])).ravel()
+    shape = np.linalg.lstsq(design, wanted, rcond=None)[0]
+    joints = mean + model.joint_directions @ shape
+    # what joints are not explained by a shape still carry their landmarks along
+    points = landmarks.rest + landmarks.directions @ shape + (own - joints)[landmarks.joints]
+    return points, landmarks.joints
 
 
 @cache

@@ -13,12 +13,12 @@ import numpy as np
 from capture.detection.landmarks import Landmarks
 from scene.arrays import Array, Float, UInt8
 
-ALIKE = 0.94
-"""Likeness from which somebody may be the person: the same one keeps above 0.97 as they turn,
+SAME_PERSON = 0.94
+"""Similarity from which somebody may be the person: the same one keeps above 0.97 as they turn,
 others in similar clothes stay below 0.88, and an estimator that takes two for one comes between."""
 _CERTAIN = 0.96
-"""Likeness from which what is seen adds to what is known: half of somebody else must not."""
-_REMEMBERED = 9
+"""Similarity from which what is seen adds to what is known: half of somebody else must not."""
+_KEPT = 9
 _BINS = 6
 """A colour channel."""
 _REACH = 1.5
@@ -26,27 +26,27 @@ _REACH = 1.5
 _FEWEST_PX, _MOST_PX = 50, 4000
 
 
-class Likeness:
+class Appearance:
     """Knows the colours of one person, from the first picture and from lately; first, nobody's."""
 
     def __init__(self) -> None:
         self._first: Float[Array, "6 6 6"] | None = None
-        self._lately: deque[Float[Array, "6 6 6"]] = deque(maxlen=_REMEMBERED)
+        self._lately: deque[Float[Array, "6 6 6"]] = deque(maxlen=_KEPT)
 
-    def of(self, image: UInt8[Array, "H W 3"], person: Landmarks) -> float:
+    def similarity(self, image: UInt8[Array, "H W 3"], person: Landmarks) -> float:
         """0 to 1; 1 where nothing is known of them."""
         seen = _colours(image, person)
-        return 1.0 if seen is None else self._of(seen)
+        return 1.0 if seen is None else self._similarity(seen)
 
-    def remember(self, image: UInt8[Array, "H W 3"], person: Landmarks) -> None:
+    def update(self, image: UInt8[Array, "H W 3"], person: Landmarks) -> None:
         """The person looks like this now: people turn, and walk into the shade."""
         seen = _colours(image, person)
-        if seen is None or self._of(seen) < _CERTAIN:
+        if seen is None or self._similarity(seen) < _CERTAIN:
             return
         self._first = seen if self._first is None else self._first
         self._lately.append(seen)
 
-    def _of(self, seen: Float[Array, "6 6 6"]) -> float:
+    def _similarity(self, seen: Float[Array, "6 6 6"]) -> float:
         if self._first is None:
             return 1.0
         return max(float((seen * known).sum()) for known in (self._first, *self._lately))

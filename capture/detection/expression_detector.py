@@ -20,7 +20,8 @@ from capture.body.expressions import (
     hand_curl,
     resting_face,
 )
-from capture.detection.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
+from capture.body.landmark_names import FACE_LANDMARKS, LANDMARK_NAMES
+from capture.detection.landmarks import Landmarks
 from capture.errors import PoseModelMissing
 from scene.arrays import Array, Float, UInt8
 from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
@@ -39,7 +40,7 @@ _ENOUGH = 10
 """Measures that tell how somebody's face is at rest."""
 
 
-class ExpressionFinder:
+class ExpressionDetector:
     """Looks at one person, picture by picture; `close` it (`contextlib.closing`).
 
     Raises PoseModelMissing if a file is no model.
@@ -113,7 +114,7 @@ class ExpressionFinder:
 def clip_expressions(
     images: Sequence[UInt8[Array, "H W 3"]],
     people: Sequence[Landmarks | None],
-    finder: ExpressionFinder,
+    finder: ExpressionDetector,
     on_progress: Callable[[float], None] = lambda _: None,
 ) -> Float[Array, "F E"]:
     """What one person does in each picture, 0 to 1; at rest where it is not seen.

@@ -10,7 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from capture.detection.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
+from capture.body.landmark_names import FACE_LANDMARKS, LANDMARK_NAMES
+from capture.detection.landmarks import Landmarks
 from scene.arrays import Array, Float, Int
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
 

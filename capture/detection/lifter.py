@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from capture.body.inverse_kinematics import OPENCV_TO_OPENGL, solve_pose
-from capture.detection.landmarks import LANDMARK_COUNT
+from capture.body.landmark_names import LANDMARK_COUNT
 from scene.arrays import Array, Float
 from scene.rotations import axis_angle_to_matrix
 from scene.skeleton import JOINT_COUNT, PARENTS

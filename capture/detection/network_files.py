@@ -1,4 +1,4 @@
-"""The landmark models' files: given by path, or fetched once by address and checked by hash."""
+"""The landmark models' files: given by path, or fetched once by url and checked by hash."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from pathlib import Path
 from capture.errors import PoseModelMissing
 
 _PUBLISHED = "https://storage.googleapis.com/mediapipe-models"
-_PATIENCE_WITHOUT_S = 5.0
+_OPTIONAL_TIMEOUT_S = 5.0
 """For models that captures do without: offline, each capture waits for each of them."""
 
 
 @dataclass(frozen=True)
-class LandmarkModel:
+class LandmarkNetwork:
     """One of MediaPipe's models (`.task`)."""
 
     name: str
     """In messages and in settings."""
-    address: str
+    url: str
     """Where its maker publishes it."""
     known_sha256: Mapping[str, str]
     """Files that are known to be good, and what they are; others are accepted by their hash."""
-    patience_s: float = 30.0
+    timeout_s: float = 30.0
     """How long a server may stay silent while the file is fetched."""
 
     @property
@@ -39,10 +39,10 @@ class LandmarkModel:
     @property
     def file_name(self) -> str:
         """As it is published."""
-        return self.address.rsplit("/", 1)[-1]
+        return self.url.rsplit("/", 1)[-1]
 
 
-POSE_MODEL = LandmarkModel(
+POSE_MODEL = LandmarkNetwork(
     "pose",
     f"{_PUBLISHED}/pose_landmarker/pose_landmarker_full/float16/1/pose_landmarker_full.task",
     {
@@ -51,60 +51,60 @@ POSE_MODEL = LandmarkModel(
         "networks of the mediapipe 0.10.21 wheel",
     },
 )
-FACE_MODEL = LandmarkModel(
+FACE_MODEL = LandmarkNetwork(
     "face",
     f"{_PUBLISHED}/face_landmarker/face_landmarker/float16/1/face_landmarker.task",
     {"64184e229b263107bc2b804c6625db1341ff2bb731874b0bcc2fe6544e0bc9ff": "published, version 1"},
-    _PATIENCE_WITHOUT_S,
+    _OPTIONAL_TIMEOUT_S,
 )
-HAND_MODEL = LandmarkModel(
+HAND_MODEL = LandmarkNetwork(
     "hand",
     f"{_PUBLISHED}/hand_landmarker/hand_landmarker/float16/1/hand_landmarker.task",
     {"fbc2a30080c3c557093b5ddfc334698132eb341044ccee322ccf8bcf3607cde1": "published, version 1"},
-    _PATIENCE_WITHOUT_S,
+    _OPTIONAL_TIMEOUT_S,
 )
 MAX_BYTES = 200 * 2**20
 _BLOCK = 1 << 20
 
 
 @dataclass(frozen=True)
-class ModelSource:
+class NetworkSource:
     """Where the model file comes from."""
 
     path: Path | None = None
     """The file itself, used as it is (unless `sha256` says which it must be)."""
-    address: str | None = None
+    url: str | None = None
     """Where it is fetched from if there is no `path`; None: from its maker."""
     sha256: str | None = None
     """The hash that the file must have; None accepts any of `model.known_sha256`."""
     folder: Path = Path.home() / ".cache" / "metanerf"
     """Where a fetched file is kept."""
-    model: LandmarkModel = POSE_MODEL
+    model: LandmarkNetwork = POSE_MODEL
 
 
-def landmark_model_file(source: ModelSource | Path) -> Path:
+def landmark_network_file(source: NetworkSource | Path) -> Path:
     """The model file of `source`, fetched now if it must be.
 
     Raises PoseModelMissing if it is absent, can't be fetched or is another file than expected.
     """
     if isinstance(source, Path):
-        source = ModelSource(source)
+        source = NetworkSource(source)
     if source.path is not None:
         _require_file(source, source.path)
         return source.path
-    address = source.address or source.model.address
-    kept = source.folder / address.rsplit("/", 1)[-1]
+    url = source.url or source.model.url
+    kept = source.folder / url.rsplit("/", 1)[-1]
     if kept.is_file():
         if _accepted(_sha256(kept), source):
             return kept
         kept.unlink()
-    return _fetch(source, address, kept)
+    return _fetch(source, url, kept)
 
 
 def require_given(
-    pose: ModelSource | Path | None,
-    face: ModelSource | Path | None,
-    hand: ModelSource | Path | None,
+    pose: NetworkSource | Path | None,
+    face: NetworkSource | Path | None,
+    hand: NetworkSource | Path | None,
 ) -> None:
     """Raise PoseModelMissing where a path is given that is not that of its model's file.
 
@@ -112,12 +112,12 @@ def require_given(
     """
     for model, source in ((POSE_MODEL, pose), (FACE_MODEL, face), (HAND_MODEL, hand)):
         if isinstance(source, Path):
-            source = ModelSource(source, model=model)
+            source = NetworkSource(source, model=model)
         if source is not None and source.path is not None:
             _require_file(source, source.path)
 
 
-def _require_file(source: ModelSource, path: Path) -> None:
+def _require_file(source: NetworkSource, path: Path) -> None:
     model = source.model
     if not path.is_file():
         raise PoseModelMissing(
@@ -128,20 +128,20 @@ def _require_file(source: ModelSource, path: Path) -> None:
         _require_hash(_sha256(path), source, str(path))
 
 
-def _fetch(source: ModelSource, address: str, kept: Path) -> Path:
+def _fetch(source: NetworkSource, url: str, kept: Path) -> Path:
     kept.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f".{kept.name}.", dir=kept.parent)
     arriving, model = Path(name), source.model
     try:
         with os.fdopen(handle, "wb") as file:
-            digest = _download(model, address, file)
-        _require_hash(digest, source, address)
+            digest = _download(model, url, file)
+        _require_hash(digest, source, url)
         arriving.replace(kept)
     except (OSError, ValueError, http.client.HTTPException) as error:
         if isinstance(error, PoseModelMissing):
             raise
         raise PoseModelMissing(
-            f"the {model.name} model must be fetched once from {address}; got {error}; check the "
+            f"the {model.name} model must be fetched once from {url}; got {error}; check the "
             f"network, or download it elsewhere and set {model.setting} to the file"
         ) from error
     finally:
@@ -149,15 +149,15 @@ def _fetch(source: ModelSource, address: str, kept: Path) -> Path:
     return kept
 
 
-def _download(model: LandmarkModel, address: str, file) -> str:
+def _download(model: LandmarkNetwork, url: str, file) -> str:
     digest, size = hashlib.sha256(), 0
-    with urllib.request.urlopen(address, timeout=model.patience_s) as response:
+    with urllib.request.urlopen(url, timeout=model.timeout_s) as response:
         while block := response.read(_BLOCK):
             size += len(block)
             if size > MAX_BYTES:
                 raise PoseModelMissing(
                     f"the {model.name} model must have at most {MAX_BYTES} bytes; got more from "
-                    f"{address}"
+                    f"{url}"
                 )
             digest.update(block)
             file.write(block)
@@ -169,13 +169,13 @@ def _sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _accepted(found: str, source: ModelSource) -> bool:
+def _accepted(found: str, source: NetworkSource) -> bool:
     if source.sha256 is not None:
         return found == source.sha256.lower()
     return found in source.model.known_sha256
 
 
-def _require_hash(found: str, source: ModelSource, where: str) -> None:
+def _require_hash(found: str, source: NetworkSource, where: str) -> None:
     if not _accepted(found, source):
         model = source.model
         wanted = source.sha256 or "one of the known " + ", ".join(model.known_sha256)

@@ -17,7 +17,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from capture.detection.appearance import ALIKE, Likeness
+from capture.detection.appearance import SAME_PERSON, Appearance
 from capture.detection.landmarks import Landmarks, PoseEstimator
 from capture.errors import CaptureStopped, NoPersonFound
 from scene.arrays import Array, Bool, Float, UInt8
@@ -60,7 +60,7 @@ class Track:
         return np.array([person is not None for person in self.people], dtype=bool)
 
 
-def follow(
+def track_person(
     images: Sequence[UInt8[Array, "H W 3"]],
     estimator: PoseEstimator,
     *,
@@ -146,12 +146,12 @@ def _walk(
 ) -> Iterable[tuple[int, Landmarks | None]]:  # fmt: skip
     """The person in the frames `order` but for its first, which shows `first`."""
     boxes, missed = deque([first.box], maxlen=_REMEMBERED), 0
-    likeness = Likeness()
-    likeness.remember(images[order[0]], first)
+    appearance = Appearance()
+    appearance.update(images[order[0]], first)
     for before, index in pairwise(order):
         if takes[index] != takes[before]:  # another light, or another part of them
-            likeness = Likeness()
-        looks = _Looks(images[index], estimator, likeness)
+            appearance = Appearance()
+        looks = _Looks(images[index], estimator, appearance)
         person = looks.at(boxes[-1], whole=missed >= _GONE_AFTER)
         usual = float(np.median([_larger_side(box) for box in boxes]))
         if person is not None and _larger_side(person.box) < _SHRUNK * usual:
@@ -160,7 +160,7 @@ def _walk(
             missed += 1
         else:
             boxes.append(person.box)
-            likeness.remember(images[index], person)
+            appearance.update(images[index], person)
             missed = 0
         yield index, person
 
@@ -171,7 +171,7 @@ class _Looks:
 
     image: UInt8[Array, "H W 3"]
     estimator: PoseEstimator
-    likeness: Likeness
+    appearance: Appearance
 
     def at(self, box: Array, *, whole: bool, grow: float = WINDOW_GROW) -> Landmarks | None:
         """The person in a window round `box`, or wherever they are now."""
@@ -208,7 +208,7 @@ class _Looks:
         cut = self.image[y0:y1, x0:x1]
         for _ in range(_OTHERS):
             found = self.estimator.detect(cut)
-            alike = [p for p in found if self.likeness.of(cut, p) >= ALIKE]
+            alike = [p for p in found if self.appearance.similarity(cut, p) >= SAME_PERSON]
             if alike or not found:
                 return [person.moved(x0, y0, width, height) for person in alike]
             cut = cut.copy()

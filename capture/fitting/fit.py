@@ -13,8 +13,9 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from capture.body.landmark_names import LANDMARK_NAMES
 from capture.body.model import BodyModel
-from capture.detection.landmarks import LANDMARK_NAMES, Landmarks
+from capture.detection.landmarks import Landmarks
 from capture.detection.lifter import Lifter, closed_form
 from capture.errors import CaptureStopped, NoPersonFound
 from capture.fitting.interpolation import interpolate_poses

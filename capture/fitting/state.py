@@ -9,9 +9,9 @@ import numpy as np
 import torch
 
 from capture.body.inverse_kinematics import OPENCV_TO_OPENGL, solve_translation
+from capture.body.landmark_names import LANDMARK_COUNT
 from capture.body.landmarks import MIRROR, place_landmarks
 from capture.body.model import BodyModel
-from capture.detection.landmarks import LANDMARK_COUNT
 from capture.fitting.kinematics import (
     PosedBody,
     forward_kinematics,

@@ -17,7 +17,7 @@ from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import JOINT_NAMES
 
 OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0])
-"""The fit's frame (y up, z towards the camera) to OpenCV's camera frame."""
+"""The fit's frame (OpenGL: y up, z towards the viewer) to OpenCV's camera frame."""
 _LEGS_SEEN = 0.3
 _LOWEST_PERCENTILE = 10.0
 
@@ -25,7 +25,7 @@ _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedFit:
     """A fit, standing in the world."""
 
     body: Body
@@ -35,7 +35,7 @@ class Placed:
     legs_seen: bool
 
 
-def place_in_world(fit: Fit, times_s: Float[Array, "F"]) -> Placed:
+def place_in_world(fit: Fit, times_s: Float[Array, "F"]) -> PlacedFit:
     """Turn the fit upright, put the floor at y = 0 and the person about x = z = 0.
 
     The camera ends up on the side of +z. Where the fit found no floor, it is where the lowest point
@@ -46,23 +46,23 @@ def place_in_world(fit: Fit, times_s: Float[Array, "F"]) -> Placed:
     legs_seen = bool(np.median(confidence[:, legs]) > _LEGS_SEEN)
     shift = fit.pelvis - body.skeleton.rest_joints[0]
     joints = body.skeleton.joint_transforms(fit.joint_angles, shift)[..., :3, 3]
-    turn = _upright(upward(joints, legs_seen) if fit.floor is None else fit.floor[:3])
-    pelvis = fit.pelvis @ turn.T
+    up_rotation = _upright(upward(joints, legs_seen) if fit.floor is None else fit.floor[:3])
+    pelvis = fit.pelvis @ up_rotation.T
     angles = fit.joint_angles.copy()
-    angles[:, 0] = matrix_to_axis_angle(turn @ axis_angle_to_matrix(angles[:, 0]))
+    angles[:, 0] = matrix_to_axis_angle(up_rotation @ axis_angle_to_matrix(angles[:, 0]))
     root = pelvis - body.skeleton.rest_joints[0]
     middle = np.median(pelvis, axis=0)
     level = _lowest(body, angles, root) if fit.floor is None else fit.floor[3]
     origin = np.array([middle[0], level, middle[2]])
     motion = Motion(times_s, angles, root - origin, confidence)
-    # x_seen = turn^T (x_world + origin)
-    rotation = OPENGL_TO_OPENCV @ turn.T
+    # x_fit = up_rotation^T (x_world + origin)
+    rotation = OPENGL_TO_OPENCV @ up_rotation.T
     world_to_camera = np.concatenate([rotation, (rotation @ origin)[:, None]], axis=1)
-    return Placed(body, motion, world_to_camera, legs_seen)
+    return PlacedFit(body, motion, world_to_camera, legs_seen)
 
 
 def _upright(up: Array) -> Array:
-    """Rotation seen -> world: `up` becomes y, and the camera's side stays at +z."""
+    """Rotation camera -> world: `up` becomes y, and the camera's side stays at +z."""
     towards = np.array([0.0, 0.0, 1.0])
     z = unit(towards - (towards @ up) * up)
     return np.stack([np.cross(up, z), up, z])

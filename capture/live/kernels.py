@@ -1,9 +1,9 @@
 """The live solver's steps on one frame: energy, normal equations, the way down; and its filter.
 
-Letters: W_k, p_k turn and place of joint k in the world; m = p_j + W_j (r - J_j) a landmark that
-moves with joint j. A turn d_k (rad, world axes) of joint k and all beyond it moves every landmark
-beyond it by d_k x (m - p_k): that is the whole Jacobian. Unknowns x: d_0 .. d_23, then the shift of
-the pelvis: 75 numbers. float64.
+Letters: W_k, p_k global rotation and position of joint k; m = p_j + W_j (r - J_j) a landmark that
+moves with joint j. A rotation d_k (rad, world axes) of joint k and all beyond it moves every
+landmark beyond it by d_k x (m - p_k): that is the whole Jacobian. Unknowns x: d_0 .. d_23, then the
+translation of the pelvis: 75 numbers. float64.
 """
 
 from __future__ import annotations
@@ -16,26 +16,26 @@ import numpy as np
 
 from scene.arrays import Array
 from scene.kinematics_kernels import (
-    axis_angles_to_matrices,
-    forward_kinematics,
+    relative_axis_angles,
     matrices_to_axis_angles,
     multiply,
     multiply_transposed,
-    relative_axis_angles,
+    forward_kinematics,
+    axis_angles_to_matrices,
     write_rotation,
 )
 
 JOINTS = 24
 UNKNOWNS = 3 * JOINTS + 3
-"""A turn of each joint and the pelvis' shift."""
+"""A rotation of each joint and the pelvis' translation."""
 
 
-class Known(NamedTuple):
+class SolverModel(NamedTuple):
     """What stays from frame to frame: a body, its camera, a prior, how much is believed."""
 
     rest: Array  # [24 3]
     parents: Array  # [24] int64
-    marks: Array  # [33 3] rest points of the landmarks
+    landmarks: Array  # [33 3] rest points of the landmarks
     joints: Array  # [33] int64: the joint of each
     hips: Array  # [2] int64: landmarks whose middle is the origin of the 3D ones
     depth_trust: Array  # [33]
@@ -46,7 +46,7 @@ class Known(NamedTuple):
     stiffness: Array  # [24 3] 1 / deviation^2
 
 
-class Seen(NamedTuple):
+class FrameObservation(NamedTuple):
     """One frame's landmarks."""
 
     pixels: Array  # [33 2]
@@ -80,36 +80,42 @@ def _unknowns_of(joint, parents, columns):
 
 
 @numba.njit(inline="always")
-def _turn_rows(rows, columns, count, point, placed):
-    """d point / d x of the turns in `columns`: the columns of -[point - p_k]x."""
+def _rotation_jacobian(rows, columns, count, point, positions):
+    """d point / d x of the rotations in `columns`: the columns of -[point - p_k]x."""
     for a in range(0, count, 3):
         k = columns[a] // 3
-        x, y, z = point[0] - placed[k, 0], point[1] - placed[k, 1], point[2] - placed[k, 2]
+        x, y, z = (
+            point[0] - positions[k, 0],
+            point[1] - positions[k, 1],
+            point[2] - positions[k, 2],
+        )
         rows[0, a], rows[0, a + 1], rows[0, a + 2] = 0.0, z, -y
         rows[1, a], rows[1, a + 1], rows[1, a + 2] = -z, 0.0, x
         rows[2, a], rows[2, a + 1], rows[2, a + 2] = y, -x, 0.0
 
 
 @numba.njit(cache=True)
-def mark_points(turned: Array, placed: Array, rest: Array, marks: Array, joints: Array) -> Array:
-    """Where the landmarks are [33 3], of the rest points `marks` [33 3] on `joints` [33]."""
-    points = np.empty((len(marks), 3))
-    for m in range(len(marks)):
+def landmark_positions(
+    global_rotations: Array, positions: Array, rest: Array, landmarks: Array, joints: Array
+) -> Array:
+    """Where the landmarks are [33 3], of the rest points `landmarks` [33 3] on `joints` [33]."""
+    points = np.empty((len(landmarks), 3))
+    for m in range(len(landmarks)):
         j = joints[m]
         for r in range(3):
-            points[m, r] = placed[j, r]
+            points[m, r] = positions[j, r]
             for c in range(3):
-                points[m, r] += turned[j, r, c] * (marks[m, c] - rest[j, c])
+                points[m, r] += global_rotations[j, r, c] * (landmarks[m, c] - rest[j, c])
     return points
 
 
 @numba.njit(cache=True)
 def landmark_equations(
-    turned: Array,  # [24 3 3]
-    placed: Array,  # [24 3]
+    global_rotations: Array,  # [24 3 3]
+    positions: Array,  # [24 3]
     rest: Array,  # [24 3]
     parents: Array,  # [24] int64
-    marks: Array,  # [33 3] rest points
+    landmarks: Array,  # [33 3] rest points
     joints: Array,  # [33] int64: the joint of each
     pixels: Array,  # [33 2]
     trust: Array,  # [33]
@@ -123,8 +129,8 @@ def landmark_equations(
     right: Array,  # [75], added to
 ) -> float:
     """Robust energy of the landmarks, on the picture and in 3D; its normal equations."""
-    count_marks = len(marks)
-    points = mark_points(turned, placed, rest, marks, joints)
+    count_marks = len(landmarks)
+    points = landmark_positions(global_rotations, positions, rest, landmarks, joints)
     middle = 0.5 * (points[hips[0]] + points[hips[1]])
     columns = np.empty(UNKNOWNS, np.int64)
     rows, flat = np.zeros((3, UNKNOWNS)), np.zeros((2, UNKNOWNS))
@@ -133,9 +139,9 @@ def landmark_equations(
     for m in range(count_marks):
         if trust[m] <= 0.0:
             continue
-        turns = _unknowns_of(joints[m], parents, columns)
-        _turn_rows(rows, columns, turns, points[m], placed)
-        count = turns
+        rotations = _unknowns_of(joints[m], parents, columns)
+        _rotation_jacobian(rows, columns, rotations, points[m], positions)
+        count = rotations
         for axis in range(3):
             columns[count] = 3 * JOINTS + axis
             for r in range(3):
@@ -160,12 +166,12 @@ def landmark_equations(
         _add(normal, right, columns, flat, count, off, 2, trust[m] / far)
 
         # from between the hips, which the pelvis moves: only the lever to there is left of it
-        for a in range(turns):
+        for a in range(rotations):
             if columns[a] < 3:
                 for r in range(3):
                     rows[r, a] = 0.0
         x, y, z = points[m, 0] - middle[0], points[m, 1] - middle[1], points[m, 2] - middle[2]
-        a = turns - 3
+        a = rotations - 3
         rows[0, a + 1], rows[0, a + 2] = z, -y
         rows[1, a], rows[1, a + 2] = -z, x
         rows[2, a], rows[2, a + 1] = y, -x
@@ -174,20 +180,20 @@ def landmark_equations(
         for r in range(3):
             gap[r] *= per_metre
             squared += gap[r] ** 2
-            for a in range(turns):
+            for a in range(rotations):
                 rows[r, a] *= per_metre
         far = math.sqrt(1.0 + squared)
         weight = 0.5 * trust[m] * depth_trust[m]
         energy += 2.0 * weight * (far - 1.0)
-        _add(normal, right, columns, rows, turns, gap, 3, weight / far)
+        _add(normal, right, columns, rows, rotations, gap, 3, weight / far)
     return energy
 
 
 @numba.njit(cache=True)
 def prior_equations(
-    turned: Array,  # [24 3 3]
+    global_rotations: Array,  # [24 3 3]
     parents: Array,  # [24] int64
-    angles: Array,  # [24 3] local turns as axis-angle, rad
+    angles: Array,  # [24 3] local rotations as axis-angle, rad
     mean: Array,  # [24 3]
     axes: Array,  # [24 3 3] rows along which `stiffness` counts
     stiffness: Array,  # [24 3] 1 / deviation^2
@@ -218,7 +224,7 @@ def prior_equations(
         inverse[2, 0], inverse[0, 2] = inverse[2, 0] + 0.5 * y, inverse[0, 2] - 0.5 * y
         inverse[1, 2], inverse[2, 1] = inverse[1, 2] + 0.5 * x, inverse[2, 1] - 0.5 * x
         multiply(axes[k], inverse, along)
-        above = turned[parents[k]]
+        above = global_rotations[parents[k]]
         for s in range(3):
             columns[s] = 3 * k + s
             root, off[s] = math.sqrt(0.5 * stiffness[k, s]), 0.0
@@ -264,36 +270,37 @@ def damped_step(normal: Array, right: Array, damping: float, floor: float, step:
 def pose_equations(
     local: Array,  # [24 3 3]
     pelvis: Array,  # [3]
-    known: Known,
-    seen: Seen,
+    model: SolverModel,
+    seen: FrameObservation,
     world: Array,  # [33 3]: the 3D landmarks, sized as the body
-    turned: Array,  # [24 3 3], written: world turns
+    global_rotations: Array,  # [24 3 3], written: global rotations
     normal: Array,  # [75 75], written
     right: Array,  # [75], written
 ) -> float:
     """Energy of a pose and its normal equations."""
-    placed, angles = np.empty((JOINTS, 3)), matrices_to_axis_angles(local)
-    forward_kinematics(local, pelvis, known.rest, known.parents, turned, placed)
+    positions, angles = np.empty((JOINTS, 3)), matrices_to_axis_angles(local)
+    forward_kinematics(local, pelvis, model.rest, model.parents, global_rotations, positions)
     normal[:], right[:] = 0.0, 0.0
     return landmark_equations(
-        turned, placed, known.rest, known.parents, known.marks, known.joints, seen.pixels,
-        seen.trust, known.depth_trust, world, known.hips, known.camera, seen.per_pixel,
-        known.per_metre, normal, right,
+        global_rotations, positions, model.rest, model.parents, model.landmarks, model.joints,
+        seen.pixels, seen.trust, model.depth_trust, world, model.hips, model.camera, seen.per_pixel,
+        model.per_metre, normal, right,
     ) + prior_equations(
-        turned, known.parents, angles, known.mean, known.axes, known.stiffness, normal, right
+        global_rotations, model.parents, angles, model.mean, model.axes, model.stiffness,
+        normal, right,
     )  # fmt: skip
 
 
 @numba.njit(cache=True)
-def moved_pose(local: Array, turned: Array, parents: Array, step: Array) -> Array:
-    """Local turns [24 3 3] after the turns of `step` [75], in world axes: W^T exp(d) W L."""
+def moved_pose(local: Array, global_rotations: Array, parents: Array, step: Array) -> Array:
+    """Local rotations [24 3 3] after those of `step` [75] about world axes: W^T exp(d) W L."""
     out, once, twice = np.empty(local.shape), np.empty((3, 3)), np.empty((3, 3))
     for k in range(JOINTS):
         write_rotation(step[3 * k], step[3 * k + 1], step[3 * k + 2], once)
         if k == 0:
             multiply(once, local[0], out[0])
             continue
-        above = turned[parents[k]]
+        above = global_rotations[parents[k]]
         multiply(once, above, twice)
         multiply_transposed(above, twice, once)
         multiply(once, local[k], out[k])
@@ -304,21 +311,21 @@ def moved_pose(local: Array, turned: Array, parents: Array, step: Array) -> Arra
 def refined(
     local: Array,  # [24 3 3]
     pelvis: Array,  # [3]
-    known: Known,
-    seen: Seen,
+    model: SolverModel,
+    seen: FrameObservation,
     steps: int,
     pull: Array,  # [75]: 1 / deviation^2 that holds each unknown at the start
     damping: float,  # share of the diagonal that is added
     floor: float,
 ) -> tuple[Array, Array, float]:
-    """Local turns, the pelvis' place and the energy after damped Gauss-Newton steps.
+    """Local rotations, the pelvis' position and the energy after damped Gauss-Newton steps.
 
     The 3D landmarks count as large as the body at the start.
     """
-    turned, normal, right = np.empty((JOINTS, 3, 3)), np.empty((75, 75)), np.empty(75)
-    new_turned, new_normal, new_right = turned.copy(), normal.copy(), right.copy()
-    world = seen.world * _size(local, known, seen)
-    energy = pose_equations(local, pelvis, known, seen, world, turned, normal, right)
+    global_rotations, normal, right = np.empty((JOINTS, 3, 3)), np.empty((75, 75)), np.empty(75)
+    new_rotations, new_normal, new_right = global_rotations.copy(), normal.copy(), right.copy()
+    world = seen.world * _size(local, model, seen)
+    energy = pose_equations(local, pelvis, model, seen, world, global_rotations, normal, right)
     gone, step, cost = np.zeros(UNKNOWNS), np.empty(UNKNOWNS), energy
     for _ in range(steps):
         held, pulled = right.copy(), normal.copy()
@@ -326,39 +333,41 @@ def refined(
             held[i] -= 0.5 * pull[i] * gone[i]
             pulled[i, i] += 0.5 * pull[i]
         damped_step(pulled, held, damping, floor, step)
-        new_local = moved_pose(local, turned, known.parents, step)
+        new_local = moved_pose(local, global_rotations, model.parents, step)
         new_pelvis = pelvis + step[3 * JOINTS :]
         new_energy = pose_equations(
-            new_local, new_pelvis, known, seen, world, new_turned, new_normal, new_right
+            new_local, new_pelvis, model, seen, world, new_rotations, new_normal, new_right
         )
         further, total = gone + step, new_energy
         for i in range(UNKNOWNS):
             total += 0.5 * pull[i] * further[i] * further[i]
         if total < cost:
             local, pelvis, energy, gone, cost = new_local, new_pelvis, new_energy, further, total
-            turned, new_turned = new_turned, turned
+            global_rotations, new_rotations = new_rotations, global_rotations
             normal, new_normal = new_normal, normal
             right, new_right = new_right, right
             damping *= 0.1
         else:
             damping *= 10.0
-    # a product of many turns drifts off: the next frame would start from it and drift on
+    # a product of many rotations drifts off: the next frame would start from it and drift on
     return axis_angles_to_matrices(matrices_to_axis_angles(local)), pelvis, energy
 
 
 @numba.njit(cache=True)
-def body_points(local: Array, known: Known) -> Array:
+def body_landmarks(local: Array, model: SolverModel) -> Array:
     """The landmarks [33 3] of the body whose pelvis is at the origin."""
-    turned, placed = np.empty((JOINTS, 3, 3)), np.empty((JOINTS, 3))
-    forward_kinematics(local, np.zeros(3), known.rest, known.parents, turned, placed)
-    return mark_points(turned, placed, known.rest, known.marks, known.joints)
+    global_rotations, positions = np.empty((JOINTS, 3, 3)), np.empty((JOINTS, 3))
+    forward_kinematics(local, np.zeros(3), model.rest, model.parents, global_rotations, positions)
+    return landmark_positions(
+        global_rotations, positions, model.rest, model.landmarks, model.joints
+    )
 
 
 @numba.njit(cache=True)
-def _size(local: Array, known: Known, seen: Seen) -> float:
+def _size(local: Array, model: SolverModel, seen: FrameObservation) -> float:
     """How much larger the body is than the 3D landmarks, in about this pose."""
-    points = body_points(local, known)
-    middle = 0.5 * (points[known.hips[0]] + points[known.hips[1]])
+    points = body_landmarks(local, model)
+    middle = 0.5 * (points[model.hips[0]] + points[model.hips[1]])
     ours, theirs = 0.0, 0.0
     for m in range(len(points)):
         for c in range(3):
@@ -368,28 +377,28 @@ def _size(local: Array, known: Known, seen: Seen) -> float:
 
 
 @numba.njit(cache=True)
-def follow_turns(
-    turns: Array,  # [24 3 3], written: where joints are shown
-    turning: Array,  # [24 3], written: their pace, rad/s
+def filter_rotations(
+    rotations: Array,  # [24 3 3], written: where joints are shown
+    angular_velocity: Array,  # [24 3], written: rad/s
     before: Array,  # [24 3 3]: where they were seen last
     seen: Array,  # [24 3 3]: where they are seen now
     step_s: float,
     speed_cutoff_hz: float,
     cutoff_hz: float,
-    per_turn: float,
+    cutoff_per_rad_s: float,
 ) -> None:
     """One step of the One-Euro filter, each joint along its geodesic; see `capture.live.filter`."""
-    found, apart = relative_axis_angles(before, seen), relative_axis_angles(turns, seen)
+    found, apart = relative_axis_angles(before, seen), relative_axis_angles(rotations, seen)
     share, step, moved = _share(speed_cutoff_hz, step_s), np.empty((3, 3)), np.empty((3, 3))
-    for k in range(len(turns)):
+    for k in range(len(rotations)):
         pace = 0.0
         for c in range(3):
-            turning[k, c] += share * (found[k, c] / step_s - turning[k, c])
-            pace += turning[k, c] ** 2
-        own = _share(cutoff_hz + per_turn * math.sqrt(pace), step_s)
+            angular_velocity[k, c] += share * (found[k, c] / step_s - angular_velocity[k, c])
+            pace += angular_velocity[k, c] ** 2
+        own = _share(cutoff_hz + cutoff_per_rad_s * math.sqrt(pace), step_s)
         write_rotation(own * apart[k, 0], own * apart[k, 1], own * apart[k, 2], step)
-        multiply(turns[k], step, moved)
-        turns[k] = moved
+        multiply(rotations[k], step, moved)
+        rotations[k] = moved
 
 
 @numba.njit(inline="always")

@@ -18,10 +18,10 @@ import cv2
 import numpy as np
 
 from capture.body.inverse_kinematics import OPENCV_TO_OPENGL, solve_translation
-from capture.body.landmarks import load_landmark_model
-from capture.body.model import load_body_model
+from capture.body.landmark_names import FACE_LANDMARKS, LANDMARK_NAMES
+from capture.body.landmarks import landmarks_on
 from capture.detection.landmark_arrays import height_from_trunk_px, landmark_arrays
-from capture.detection.landmarks import FACE_LANDMARKS, LANDMARK_NAMES, Landmarks
+from capture.detection.landmarks import Landmarks
 from capture.detection.lifter import Lifter, closed_form
 from capture.live.filter import PoseFilter, Smoothing
 from scene.arrays import Array, Float
@@ -33,7 +33,7 @@ from scene.rotations import matrix_to_axis_angle
 from scene.skeleton import JOINT_COUNT, PARENTS
 
 if TYPE_CHECKING:
-    from capture.live.kernels import Known, Seen
+    from capture.live.kernels import FrameObservation, SolverModel
 
 STEPS = 2
 STEPS_AT_FIRST = 6
@@ -58,12 +58,12 @@ _USUAL_SHARE = 0.1
 _HIPS = np.array([LANDMARK_NAMES.index("left_hip"), LANDMARK_NAMES.index("right_hip")])
 _SHOULDERS = [LANDMARK_NAMES.index("left_shoulder"), LANDMARK_NAMES.index("right_shoulder")]
 UNKNOWNS = 3 * JOINT_COUNT + 3
-"""A turn of each joint and the pelvis' shift."""
+"""A rotation of each joint and the pelvis' translation."""
 
 
 @dataclass(eq=False)
 class _State:
-    """A pose that was found: local turns, the pelvis' place (m, world), how badly it explains."""
+    """A pose that was found, its pelvis' position (m, world) and its energy."""
 
     local: Float[Array, "24 3 3"]
     pelvis: Float[Array, "3"]
@@ -97,7 +97,7 @@ class LiveSolver:
         self.latency_s, self._lifter = latency_s, lifter
         self._camera, self._rest = camera, body.skeleton.rest_joints
         self._to_world = camera.rotation.T @ np.diag(OPENCV_TO_OPENGL)
-        self._known = _known(body, camera)
+        self._model = solver_model(body, camera)
         self._filter = None if smoothing is None else PoseFilter(smoothing)
         self._last: _State | None = None
         self._time_s = -np.inf
@@ -112,7 +112,7 @@ class LiveSolver:
         """
         if not time_s > self._time_s:
             raise InvalidInput(f"time_s must be later than {self._time_s}; got {time_s!r}")
-        seen = self._prepared(landmarks)
+        seen = frame_observation(landmarks, self._camera)
         state = self._solved(landmarks, seen, time_s - self._time_s)
         self._last, self._time_s, self.trust = state, time_s, seen.trust
         root = state.pelvis - self._rest[0]
@@ -127,23 +127,7 @@ class LiveSolver:
             raise InvalidInput("predict must have a smoothing, which knows the pace; got None")
         return self._filter.pose(time_s + self.latency_s)
 
-    def _prepared(self, landmarks: Landmarks) -> Seen:
-        from capture.live.kernels import Seen
-
-        camera = self._camera
-        all_pixels, all_world, all_trust = landmark_arrays([landmarks], camera.width, camera.height)
-        pixels, world, trust = all_pixels[0], all_world[0], all_trust[0]
-        if not trust.any():
-            raise InvalidInput("landmarks must show something inside the picture; got nothing")
-        if camera.distortion is not None:
-            k, distortion = camera.intrinsics, np.asarray(camera.distortion, dtype=np.float64)
-            pixels = cv2.undistortPoints(pixels, k, distortion, P=k).reshape(pixels.shape)
-        across, down = 0.5 * (pixels[_SHOULDERS] - pixels[_HIPS]).sum(axis=0)
-        height_px = height_from_trunk_px(math.hypot(across, down))
-        seen = np.ascontiguousarray((world * OPENCV_TO_OPENGL) @ self._to_world.T)
-        return Seen(np.ascontiguousarray(pixels), trust, seen, 1.0 / (_PIXEL_DEVIATION * height_px))
-
-    def _solved(self, landmarks: Landmarks, seen: Seen, step_s: float) -> _State:
+    def _solved(self, landmarks: Landmarks, seen: FrameObservation, step_s: float) -> _State:
         """The best pose for one frame, from the last one or from nothing."""
         found: list[_State] = []
         if self._last is not None and step_s < _GAP_S:
@@ -163,17 +147,17 @@ class LiveSolver:
         return best
 
     def _lifted(
-        self, landmarks: Landmarks, seen: Seen
+        self, landmarks: Landmarks, seen: FrameObservation
     ) -> tuple[Float[Array, "24 3 3"], Float[Array, "3"]]:
-        """Local turns as the lifter has them, and the pelvis' place from the seen landmarks."""
-        from capture.live.kernels import body_points
+        """Local rotations as the lifter has them, and the pelvis' position from the landmarks."""
+        from capture.live.kernels import body_landmarks
 
         k, world, visibility = self._camera.intrinsics, landmarks.world, landmarks.visibility
         local = self._lifter(
             seen.pixels[None], world[None], visibility[None], self._camera.focal_px, k[:2, 2]
         ).rotations[0]
         local[0] = self._to_world @ local[0]
-        points = body_points(local, self._known) @ self._camera.rotation.T
+        points = body_landmarks(local, self._model) @ self._camera.rotation.T
         shift = solve_translation(points[None], seen.pixels[None], seen.trust[None], k)[0]
         return local, (shift - self._camera.translation) @ self._camera.rotation
 
@@ -181,28 +165,48 @@ class LiveSolver:
         self,
         local: Float[Array, "24 3 3"],
         pelvis: Float[Array, "3"],
-        seen: Seen,
+        seen: FrameObservation,
         steps: int,
         pull: Float[Array, "75"],
     ) -> _State:
         """Damped Gauss-Newton steps; `pull` (1 / deviation^2) holds each unknown at the start."""
         from capture.live.kernels import refined
 
-        return _State(*refined(local, pelvis, self._known, seen, steps, pull, _DAMPING, _FLOOR))
+        return _State(*refined(local, pelvis, self._model, seen, steps, pull, _DAMPING, _FLOOR))
 
 
-def _known(body: Body, camera: Camera) -> Known:
+def frame_observation(landmarks: Landmarks, camera: Camera) -> FrameObservation:
+    """One frame's landmarks as the kernels take them. Raises InvalidInput where nothing is seen."""
+    from capture.live.kernels import FrameObservation
+
+    all_pixels, all_world, all_trust = landmark_arrays([landmarks], camera.width, camera.height)
+    pixels, world, trust = all_pixels[0], all_world[0], all_trust[0]
+    if not trust.any():
+        raise InvalidInput("landmarks must show something inside the picture; got nothing")
+    if camera.distortion is not None:
+        k, distortion = camera.intrinsics, np.asarray(camera.distortion, dtype=np.float64)
+        pixels = cv2.undistortPoints(pixels, k, distortion, P=k).reshape(pixels.shape)
+    across, down = 0.5 * (pixels[_SHOULDERS] - pixels[_HIPS]).sum(axis=0)
+    height_px = height_from_trunk_px(math.hypot(across, down))
+    to_world = camera.rotation.T @ np.diag(OPENCV_TO_OPENGL)
+    seen = np.ascontiguousarray((world * OPENCV_TO_OPENGL) @ to_world.T)
+    return FrameObservation(
+        np.ascontiguousarray(pixels), trust, seen, 1.0 / (_PIXEL_DEVIATION * height_px)
+    )
+
+
+def solver_model(body: Body, camera: Camera) -> SolverModel:
     """What the kernels are told of a body, its camera and the prior of poses."""
     from capture.body.pose_prior import pose_prior  # imports torch
-    from capture.live.kernels import Known
+    from capture.live.kernels import SolverModel
 
-    marks, joints = marks_on(body)
+    landmarks, joints = landmarks_on(body)
     prior, depth_trust = pose_prior(), np.ones(len(LANDMARK_NAMES))
     depth_trust[:FACE_LANDMARKS] = _FACE_DEPTH_TRUST
-    return Known(
+    return SolverModel(
         rest=np.array(body.skeleton.rest_joints),
         parents=np.array(PARENTS),
-        marks=marks,
+        landmarks=landmarks,
         joints=joints,
         hips=_HIPS,
         depth_trust=depth_trust,
@@ -212,22 +216,6 @@ def _known(body: Body, camera: Camera) -> Known:
         axes=prior.axes.numpy().astype(np.float64),
         stiffness=prior.deviation.numpy().astype(np.float64) ** -2,
     )
-
-
-def marks_on(body: Body) -> tuple[Float[Array, "33 3"], Array]:
-    """Rest points of the landmarks on `body`, and the joint of each.
-
-    A body does not tell its shape numbers: those are found whose joints are nearest.
-    """
-    model, marks = load_body_model(), load_landmark_model()
-    own, mean = body.skeleton.rest_joints, model.rest_joints
-    design = (model.joint_directions - model.joint_directions[0]).reshape(-1, model.shape_count)
-    wanted = ((own - own[0]) - (mean - mean[0])).ravel()
-    shape = np.linalg.lstsq(design, wanted, rcond=None)[0]
-    joints = mean + model.joint_directions @ shape
-    # what joints are not explained by a shape still carry their landmarks along
-    points = marks.rest + marks.directions @ shape + (own - joints)[marks.joints]
-    return points, marks.joints
 
 
 def _packed(camera: Camera) -> Float[Array, "4 4"]:

@@ -3,7 +3,7 @@
 Averaged over the frames in which the person is elsewhere, and trusted only where those agree: a
 camera in the hand, a curtain that moves or a lamp that is switched leave nothing that is trusted.
 Where it is known, a pixel that differs from it is somebody, and one that does not is nobody; a
-shadow, which only darkens the backdrop's own colour, is not taken for somebody.
+shadow, which only darkens the background's own colour, is not taken for somebody.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _LEAST_NOISE, _MOST_NOISE = 1.5, 8.0
 _STEADY = 3.0
 """A pixel that varies more than so many times as much as most do is not known."""
 _DARKEST, _LIGHTEST = 0.6, 1.2
-"""Shares of its light that a backdrop keeps in a shadow and that a camera's exposure may add."""
+"""Shares of its light that a background keeps in a shadow and that a camera's exposure may add."""
 _DIFFERS = 5.0
 """Squared deviations a channel (1 for noise alone) of each of 3 x 3 pixels that show somebody."""
 _DIFFERS_LEVELS = 15.0
@@ -36,7 +36,7 @@ _PATCH = np.ones((3, 3), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
-class Backdrop:
+class BackgroundModel:
     """The picture behind the person."""
 
     colour: Float[Array, "H W 3"]
@@ -45,7 +45,7 @@ class Backdrop:
     noise: float
     """Standard deviation of a pixel over the frames, levels."""
 
-    def verdict(
+    def classify(
         self, image: UInt8[Array, "h w 3"], rows: slice, columns: slice
     ) -> tuple[Bool[Array, "h w"], Bool[Array, "h w"]]:
         """Where the window `image` at (`rows`, `columns`) shows somebody, and where nobody."""
@@ -60,10 +60,10 @@ class Backdrop:
         return known & differs, known & same
 
 
-def learn_backdrop(
+def learn_background(
     images: Sequence[UInt8[Array, "H W 3"]], covered: Iterable[UInt8[Array, "H W"]]
-) -> Backdrop | None:
-    """The backdrop of `images`, from where `covered` (generous; 1: maybe somebody) is 0.
+) -> BackgroundModel | None:
+    """The background of `images`, from where `covered` (generous; 1: maybe somebody) is 0.
 
     None where nothing can be trusted. `FRAMES` images, spread over the clip, are enough.
     """
@@ -86,7 +86,7 @@ def learn_backdrop(
     noise = max(float(np.median(deviation[often])), _LEAST_NOISE)
     if noise > _MOST_NOISE:
         return None
-    return Backdrop(colour, often & (deviation < _STEADY * noise), noise)
+    return BackgroundModel(colour, often & (deviation < _STEADY * noise), noise)
 
 
 def _dot(a: Array, b: Array) -> Array:

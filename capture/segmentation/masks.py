@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from capture.detection.landmarks import Landmarks
-from capture.segmentation.background import Backdrop
+from capture.segmentation.background import BackgroundModel
 from scene.arrays import Array, Bool, Float, UInt8
 
 _SURE = 0.5
@@ -26,7 +26,7 @@ _CERTAIN = 0.97
 _BAND_SHARE = 90.0
 """The band's half width is the person's extent over this: about two of the estimator's pixels."""
 _REACH = 3
-"""Half widths within which a known backdrop gives back what the estimator left out."""
+"""Half widths within which a known background gives back what the estimator left out."""
 _CUT_ROUNDS = 1
 _FEWEST_PIXELS = 100
 """Of either side: colour models of fewer say nothing."""
@@ -49,19 +49,19 @@ _ENDS = ((15, 17), (15, 19), (16, 18), (16, 20), (27, 29), (29, 31), (27, 31), (
 
 
 def refine_mask(
-    image: UInt8[Array, "H W 3"], person: Landmarks, backdrop: Backdrop | None = None
+    image: UInt8[Array, "H W 3"], person: Landmarks, background: BackgroundModel | None = None
 ) -> Float[Array, "H W"]:
-    """Soft alpha float32 in [0, 1] of `person` in `image`, who stands before `backdrop`."""
+    """Soft alpha float32 in [0, 1] of `person` in `image`, who stands before `background`."""
     coarse = keep_connected(person.mask, person)
     radius = _band(person)
     alpha = np.zeros_like(coarse)
     if not (coarse > 0.05).any():
         return alpha
     bones = draw_bones(person, coarse.shape, 2 * radius)
-    rows, columns = _around(coarse if backdrop is None else np.maximum(coarse, bones), 6 * radius)
+    rows, columns = _around(coarse if background is None else np.maximum(coarse, bones), 6 * radius)
     window, labels = image[rows, columns], _labels(coarse[rows, columns], radius)
-    if backdrop is not None:
-        somebody, nobody = backdrop.verdict(window, rows, columns)
+    if background is not None:
+        somebody, nobody = background.classify(window, rows, columns)
         _believe(labels, somebody, nobody, bones[rows, columns], radius)
     soft = cv2.GaussianBlur(_cut(window, labels), (0, 0), _EDGE_BLUR_PX)
     alpha[rows, columns] = _matted(window, soft)
@@ -102,7 +102,7 @@ def window_of(
 
 
 def occupied(person: Landmarks) -> UInt8[Array, "H W"]:
-    """1 wherever `person` could be, generously; 0 where the backdrop is seen for certain."""
+    """1 wherever `person` could be, generously; 0 where the background is seen for certain."""
     radius = _band(person)
     covered = (person.mask > 0.1).astype(np.uint8) | draw_bones(person, person.mask.shape, 1)
     return cv2.dilate(covered, np.ones((4 * radius + 1,) * 2, np.uint8))
@@ -130,7 +130,7 @@ def _believe(
     bones: Array,
     radius: int,
 ) -> None:
-    """Enter what the backdrop tells: nobody inside the band, somebody up to `_REACH` bands away."""
+    """Enter what the background tells: nobody in the band, somebody up to `_REACH` bands away."""
     sure, far = labels == cv2.GC_FGD, labels == cv2.GC_BGD
     person = np.isin(labels, _PERSON).astype(np.uint8) | bones
     found = somebody & ~sure & (cv2.dilate(person, _disc(_REACH * radius)) > 0)

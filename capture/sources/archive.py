@@ -22,7 +22,7 @@ import numpy as np
 from av.error import FFmpegError
 
 from capture.errors import CaptureStopped, UnreadableClip
-from capture.sources.video import MAX_FRAMES, MAX_PIXELS, MAX_SIDE_PX, Clip, shrink, spread
+from capture.sources.video import MAX_FRAMES, MAX_PIXELS, MAX_SIDE_PX, Clip, evenly_spaced, shrink
 from scene.arrays import Array, UInt8
 
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp")
@@ -63,7 +63,7 @@ def read_frames(
             raise UnreadableClip(
                 f"{path.name} must hold pictures ({', '.join(PICTURES)}); got none; add the frames"
             )
-        chosen = spread(len(names), max_frames)
+        chosen = evenly_spaced(len(names), max_frames)
         images: list[Array] = []
         sizes: list[tuple[int, int]] = []
         for done, index in enumerate(chosen):

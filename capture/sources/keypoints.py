@@ -25,9 +25,9 @@ from typing import Any
 import numpy as np
 
 from capture.body.inverse_kinematics import solve_pose
+from capture.body.landmark_names import LANDMARK_COUNT
 from capture.body.model import load_body_model
 from capture.detection.landmark_arrays import joint_confidence
-from capture.detection.landmarks import LANDMARK_COUNT
 from capture.errors import BrokenKeypoints
 from scene.arrays import Array
 from scene.errors import SceneError

@@ -98,7 +98,7 @@ def read_video(
     Raises UnreadableClip for anything that is no video, CaptureStopped when asked to stop.
     """
     info = probe_video(path)
-    wanted = set(spread(info.frames, max_frames).tolist())
+    wanted = set(evenly_spaced(info.frames, max_frames).tolist())
     images: list[Array] = []
     times: list[float] = []
     numbers: list[int] = []
@@ -121,7 +121,7 @@ def read_video(
     return Clip(tuple(images), increasing(times, numbers, info.frames_per_second), size, decoded)
 
 
-def spread(count: int, at_most: int) -> Array:
+def evenly_spaced(count: int, at_most: int) -> Array:
     """At most `at_most` indices of `count`, evenly spaced from the first to the last."""
     return np.unique(np.linspace(0, max(count - 1, 0), min(count, at_most)).round().astype(int))
 

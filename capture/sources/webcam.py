@@ -1,4 +1,4 @@
-"""Film with a webcam: a clip on disk, captured afterwards like any other."""
+"""Record with a webcam: a clip on disk, captured afterwards like any other."""
 
 from __future__ import annotations
 
@@ -7,16 +7,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
-from capture.detection.network_files import ModelSource, require_given
 from capture.errors import CaptureStopped, UnreadableClip
 from capture.overlay import write_video
-from capture.pipeline import capture_video
-from capture.quality import CaptureQuality
 from scene.arrays import Array
 
 RATE = 30.0
@@ -31,10 +27,10 @@ def record_webcam(
     folder: Path | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Path:
-    """Film for `seconds` with webcam `index` (0 is the first); returns the MP4 in `folder`.
+    """Record for `seconds` with webcam `index` (0 is the first); returns the MP4 in `folder`.
 
     Without `folder` a fresh temporary one is made, which the caller removes. Stopping early keeps
-    what was filmed. Raises UnreadableClip if the webcam can't be opened or gives no picture.
+    what was recorded. Raises UnreadableClip if the webcam can't be opened or gives no picture.
     """
     folder = folder or Path(tempfile.mkdtemp(prefix="metanerf-webcam-"))
     path = folder / "webcam.mp4"
@@ -51,29 +47,11 @@ def record_webcam(
                 )
             else:
                 break
-        filmed_s = clock() - start
+        recorded_s = clock() - start
     if not frames:
         raise CaptureStopped("capture was stopped before the webcam gave a picture")
-    write_video(iter(frames), path, len(frames) / max(filmed_s, 1e-3))
+    write_video(iter(frames), path, len(frames) / max(recorded_s, 1e-3))
     return path
-
-
-def capture_webcam(
-    index: int,
-    out: Path,
-    *,
-    seconds: float = 15.0,
-    person: str,
-    pose_model: ModelSource | Path,
-    **options: Any,
-) -> CaptureQuality:
-    """Film with webcam `index`, then capture the clip; see `capture_video` for `options`."""
-    # told now: what was filmed would be lost
-    require_given(pose_model, options.get("face_model"), options.get("hand_model"))
-    with tempfile.TemporaryDirectory(prefix="metanerf-webcam-") as folder:
-        stop = options.get("should_stop", lambda: False)
-        clip = record_webcam(index, seconds, stop, folder=Path(folder))
-        return capture_video(clip, out, person=person, pose_model=pose_model, **options)
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import logging
 from fastapi import APIRouter
 from fastapi.responses import FileResponse
 
-from capture.detection.network_files import ModelSource, landmark_model_file
+from capture.detection.network_files import NetworkSource, landmark_network_file
 from capture.errors import PoseModelMissing
 from services.container import Provided
 from services.problems import ProblemError, problems
@@ -53,9 +53,9 @@ def read_hand_model(services: Provided) -> FileResponse:
     return _file(services.settings.hand_model_source())
 
 
-def _file(source: ModelSource) -> FileResponse:
+def _file(source: NetworkSource) -> FileResponse:
     try:
-        path = landmark_model_file(source)
+        path = landmark_network_file(source)
     except PoseModelMissing as error:
         log.error("%s", error)
         raise ProblemError(

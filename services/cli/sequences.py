@@ -43,9 +43,8 @@ def capture(
 ) -> None:
     """Turn one clip of one person into a sequence: masks, camera, body and motion."""
     from capture.body.model import require_height
-    from capture.pipeline import capture_clip
+    from capture.pipeline import CaptureOptions, capture_clip, capture_webcam
     from capture.sources.keypoints import read_keypoints
-    from capture.sources.webcam import capture_webcam
     from services.settings import load_settings
 
     if (source is None) == (webcam is None):
@@ -61,22 +60,25 @@ def capture(
             "alone, which have no colours; they can drive a model (`metanerf render --motion`)"
         )
     settings = load_settings()
-    pose_model, face_model = settings.pose_model_source(), settings.face_model_source()
-    hand_model = settings.hand_model_source()
+    options = CaptureOptions(
+        person=person,
+        height_m=height,
+        pose_model=settings.pose_model_source(),
+        face_model=settings.face_model_source(),
+        hand_model=settings.hand_model_source(),
+        overlay=overlay,
+    )
     with stop_on_interrupt() as should_stop, progress_bar("capturing") as report:
         if webcam is not None:
             quality = capture_webcam(
-                webcam, out, seconds=seconds(length), person=person, height_m=height,
-                pose_model=pose_model, face_model=face_model, hand_model=hand_model,
-                overlay=overlay, on_progress=report, should_stop=should_stop,
+                webcam, out, options,
+                seconds=seconds(length), on_progress=report, should_stop=should_stop,
             )  # fmt: skip
         else:
             assert source is not None
             quality = capture_clip(
-                source, out, person=person, height_m=height,
-                pose_model=pose_model, face_model=face_model, hand_model=hand_model,
-                overlay=overlay, on_progress=report, should_stop=should_stop,
-            )  # fmt: skip
+                source, out, options, on_progress=report, should_stop=should_stop
+            )
     typer.echo(str(out))
     print_table(quality.rows())
     for line in quality.advice:

@@ -20,7 +20,7 @@ _SHARE_OF_CAPTURE = 0.95
 
 def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Path) -> None:
     """Capture the job's sequence in `folder`. Raises CaptureError, JobStopped."""
-    from capture.pipeline import capture_clip
+    from capture.pipeline import CaptureOptions, capture_clip
 
     sequence, person = _begin(services, job)
     source = folder / f"source{_suffix(sequence)}"
@@ -30,11 +30,13 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
         capture_clip(
             source,
             out,
-            person=person.name,
-            height_m=person.height_m,
-            pose_model=services.settings.pose_model_source(),
-            face_model=services.settings.face_model_source(),
-            hand_model=services.settings.hand_model_source(),
+            CaptureOptions(
+                person=person.name,
+                height_m=person.height_m,
+                pose_model=services.settings.pose_model_source(),
+                face_model=services.settings.face_model_source(),
+                hand_model=services.settings.hand_model_source(),
+            ),
             on_progress=lambda done, message: reporter.progress(done * _SHARE_OF_CAPTURE, message),
             should_stop=reporter.should_stop,
         )

@@ -32,7 +32,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from capture.body.expressions import EVERYTHING, SeenExpression
+from capture.body.expressions import EVERYTHING, ObservedExpression
 from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -89,7 +89,7 @@ class KeypointsPacket:
     """m, origin between the hips, axes of the camera: x right, y down, z away from it."""
     visibility: Float[Array, "33"]
     """0 (hidden or outside) to 1 (seen)."""
-    expression: SeenExpression | None = None
+    expression: ObservedExpression | None = None
     """What face and fingers do, where anybody looked."""
 
 
@@ -232,7 +232,7 @@ def encode_pose(packet: PosePacket) -> bytes:
     place = _POSE.pack(packet.index, packet.count, packet.check, *packet.pelvis)
     packed = pack_quaternions(packet.turns, _TURN_BITS).astype("<u8").view(np.uint8)
     turns = packed.reshape(JOINT_COUNT, 8)[:, :_TURN_BYTES].tobytes()
-    moved = SeenExpression(packet.expression, EVERYTHING) if packet.expression.any() else None
+    moved = ObservedExpression(packet.expression, EVERYTHING) if packet.expression.any() else None
     return header + place + turns + _expression_bytes(moved)
 
 
@@ -256,19 +256,19 @@ def decode_pose(data: bytes) -> PosePacket:
     )  # fmt: skip
 
 
-def _expression_bytes(seen: SeenExpression | None) -> bytes:
+def _expression_bytes(seen: ObservedExpression | None) -> bytes:
     if seen is None:
         return b""
     levels = np.rint(255.0 * np.clip(seen.values, 0.0, 1.0)).astype(np.uint8)
     return levels.tobytes() + bytes([seen.known])
 
 
-def _expression_in(data: bytes, offset: int) -> SeenExpression | None:
+def _expression_in(data: bytes, offset: int) -> ObservedExpression | None:
     """The expression that follows the first `offset` bytes, if one does."""
     if len(data) == offset:
         return None
     levels = np.frombuffer(data, np.uint8, EXPRESSION_COUNT, offset)
-    return SeenExpression(levels / 255.0, data[-1] & EVERYTHING)
+    return ObservedExpression(levels / 255.0, data[-1] & EVERYTHING)
 
 
 def is_newer(sequence: int, than: int) -> bool:

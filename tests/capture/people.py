@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 
 from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
-from capture.body.landmarks import load_landmark_model
+from capture.body.landmark_names import LANDMARK_NAMES
+from capture.body.landmarks import load_body_landmarks
 from capture.body.model import load_body_model
-from capture.detection.landmarks import LANDMARK_NAMES, Landmarks
+from capture.detection.landmarks import Landmarks
 from capture.overlay import project_surface
 from scene.arrays import Array
 from scene.body import Body
@@ -51,9 +52,9 @@ def camera(size: int = 256) -> Camera:
     return orbit_camera((0.0, 0.9, 0.0), 2.2, 0.0, 0.05, size, size, np.pi / 3.0)
 
 
-def mark_points(person: Body, pose: Pose) -> Array:
+def landmark_positions(person: Body, pose: Pose) -> Array:
     """World places [33 3] of the landmarks of `person` (of mean shape) in `pose`."""
-    marks = load_landmark_model()
+    marks = load_body_landmarks()
     moved = person.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
     own = moved[marks.joints]
     return np.einsum("nij,nj->ni", own[:, :3, :3], marks.rest) + own[:, :3, 3]
@@ -61,7 +62,7 @@ def mark_points(person: Body, pose: Pose) -> Array:
 
 def seen_by(view: Camera, person: Body, pose: Pose) -> Landmarks:
     """What a perfect estimator says."""
-    points = mark_points(person, pose)
+    points = landmark_positions(person, pose)
     pixels, _ = view.project(points)
     hips = 0.5 * (points[LANDMARK["left_hip"]] + points[LANDMARK["right_hip"]])
     mask = project_surface(view, person, pose)

@@ -12,11 +12,12 @@ import cv2
 import numpy as np
 import pytest
 
+from capture.body.landmark_names import FACE_LANDMARKS
 from capture.body.model import load_body_model
-from capture.detection.landmarks import FACE_LANDMARKS, Landmarks
+from capture.detection.landmarks import Landmarks
 from capture.fitting.fit import fit_clip
 from capture.fitting.result import Fit
-from capture.fitting.world import OPENGL_TO_OPENCV, Placed, place_in_world
+from capture.fitting.world import OPENGL_TO_OPENCV, PlacedFit, place_in_world
 from capture.quality import side_shares
 from capture.segmentation.masks import refine_mask
 from scene.arrays import Array
@@ -35,7 +36,7 @@ def fitted(motion: Motion, people: list[Landmarks], masks: list[Array] | None = 
     )  # fmt: skip
 
 
-def placed(fit: Fit, motion: Motion) -> Placed:
+def placed(fit: Fit, motion: Motion) -> PlacedFit:
     return place_in_world(fit, motion.times_s)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from capture.body.expressions import FACE_NUMBERS
-from capture.detection.network_files import HAND_MODEL, ModelSource
+from capture.detection.network_files import HAND_MODEL, NetworkSource
 from capture.errors import (
     BrokenSequence,
     CaptureStopped,
@@ -17,7 +17,7 @@ from capture.errors import (
     UnreadableClip,
 )
 from capture.overlay import project_surface, write_video
-from capture.pipeline import capture_clip, capture_frames, capture_video
+from capture.pipeline import CaptureOptions, capture_clip, capture_webcam
 from capture.sources.video import read_video
 from capture.storage import open_sequence, read_quality
 from scene.errors import InvalidInput
@@ -62,13 +62,15 @@ def zipped(people, tmp_path_factory):
 def captured(zipped, estimator, tmp_path_factory):
     out = tmp_path_factory.mktemp("out") / "seq"
     told: list[tuple[float, str]] = []
-    quality = capture_frames(
+    quality = capture_clip(
         zipped,
         out,
-        person="Ada",
-        estimator=estimator,
-        size=160,
-        overlay=out.parent / "overlay.mp4",
+        CaptureOptions(
+            person="Ada",
+            estimator=estimator,
+            size_px=160,
+            overlay=out.parent / "overlay.mp4",
+        ),
         on_progress=lambda done, message: told.append((done, message)),
     )
     return out, quality, told
@@ -114,10 +116,9 @@ def test_the_overlay_shows_the_whole_pictures(captured):
 
 def test_an_overlay_must_be_an_mp4(zipped, estimator, tmp_path):
     for name in ("overlay.gif", "nowhere/overlay.mp4"):
+        options = CaptureOptions(person="p", estimator=estimator, overlay=tmp_path / name)
         with pytest.raises(InvalidInput, match=r"overlay must be an \.mp4 file in a folder"):
-            capture_frames(
-                zipped, tmp_path / "seq", person="p", estimator=estimator, overlay=tmp_path / name
-            )
+            capture_clip(zipped, tmp_path / "seq", options)
 
 
 def test_progress_rises_and_names_the_stages(captured):
@@ -131,7 +132,7 @@ def test_progress_rises_and_names_the_stages(captured):
 def test_an_existing_folder_is_never_overwritten(zipped, estimator, tmp_path):
     (tmp_path / "seq").mkdir()
     with pytest.raises(BrokenSequence, match="out must not exist yet"):
-        capture_frames(zipped, tmp_path / "seq", person="p", estimator=estimator)
+        capture_clip(zipped, tmp_path / "seq", CaptureOptions(person="p", estimator=estimator))
 
 
 def _nothing_left(folder) -> bool:
@@ -142,7 +143,7 @@ def test_a_text_file_named_mp4_leaves_nothing(tmp_path, estimator):
     path = tmp_path / "story.mp4"
     path.write_text("once upon a time")
     with pytest.raises(UnreadableClip, match="must be a video"):
-        capture_video(path, tmp_path / "out", person="p", estimator=estimator)
+        capture_clip(path, tmp_path / "out", CaptureOptions(person="p", estimator=estimator))
     assert _nothing_left(tmp_path)
 
 
@@ -150,7 +151,7 @@ def test_a_clip_without_a_person_leaves_nothing(tmp_path, estimator):
     path = tmp_path / "wall.mp4"
     write_video([np.full((64, 64, 3), 100 + i, dtype=np.uint8) for i in range(20)], path, 30)
     with pytest.raises(NoPersonFound):
-        capture_clip(path, tmp_path / "out", person="p", estimator=estimator)
+        capture_clip(path, tmp_path / "out", CaptureOptions(person="p", estimator=estimator))
     assert _nothing_left(tmp_path)
 
 
@@ -158,7 +159,7 @@ def test_too_few_frames_are_refused_with_both_numbers(tmp_path, people, estimato
     for index in range(3):
         (tmp_path / f"{index}.png").write_bytes(encoded(picture(people[index], COLOUR)))
     with pytest.raises(UnreadableClip, match="at least 8 frames; got 3"):
-        capture_frames(tmp_path, tmp_path / "out", person="p", estimator=estimator)
+        capture_clip(tmp_path, tmp_path / "out", CaptureOptions(person="p", estimator=estimator))
 
 
 def test_a_person_seen_too_rarely_is_refused_with_both_numbers(tmp_path, people, estimator):
@@ -167,7 +168,7 @@ def test_a_person_seen_too_rarely_is_refused_with_both_numbers(tmp_path, people,
         image = picture(people[index % FRAMES], COLOUR) if index % 8 == 0 else wall
         (tmp_path / f"{index}.png").write_bytes(encoded(image))
     with pytest.raises(NoPersonFound, match="at least 10 of 40 frames; got 5"):
-        capture_frames(tmp_path, tmp_path / "out", person="p", estimator=estimator)
+        capture_clip(tmp_path, tmp_path / "out", CaptureOptions(person="p", estimator=estimator))
 
 
 @pytest.mark.parametrize("stage", ["reading", "finding", "fitting"])
@@ -182,36 +183,29 @@ def test_a_stop_leaves_nothing(zipped, estimator, tmp_path, stage):
         capture_clip(
             zipped,
             tmp_path / "out",
-            person="p",
-            estimator=estimator,
+            CaptureOptions(person="p", estimator=estimator),
             on_progress=note,
             should_stop=lambda: stage in at,
         )
     assert _nothing_left(tmp_path)
 
 
-def test_wrong_doors_are_named(zipped, tmp_path):
-    with pytest.raises(UnreadableClip, match="use capture_frames"):
-        capture_video(tmp_path, tmp_path / "out", person="p")
-    with pytest.raises(UnreadableClip, match="must be in a folder or a zip"):
-        capture_frames(tmp_path / "clip.mp4", tmp_path / "out", person="p")
+def test_models_that_are_not_there_are_named(zipped, tmp_path):
+    absent = tmp_path / "absent.task"
     with pytest.raises(InvalidInput, match="a pose_model or an estimator"):
-        capture_clip(zipped, tmp_path / "out", person="p")
+        capture_clip(zipped, tmp_path / "out", CaptureOptions(person="p"))
     with pytest.raises(PoseModelMissing, match="set METANERF_POSE_MODEL"):
-        capture_clip(zipped, tmp_path / "out", person="p", pose_model=tmp_path / "absent.task")
+        capture_clip(zipped, tmp_path / "out", CaptureOptions(person="p", pose_model=absent))
+    options = CaptureOptions(person="p", pose_model=shared_data(MODEL), face_model=absent)
     with pytest.raises(PoseModelMissing, match="set METANERF_FACE_MODEL"):
-        capture_clip(
-            zipped, tmp_path / "out", person="p", pose_model=shared_data(MODEL),
-            face_model=tmp_path / "absent.task",
-        )  # fmt: skip
+        capture_clip(zipped, tmp_path / "out", options)
     assert _nothing_left(tmp_path)
 
 
 def test_a_real_clip_with_others_behind_becomes_a_sequence(tmp_path):
     clip = shared_data("real-two-cameras/cam01.mp4")
-    quality = capture_video(
-        clip, tmp_path / "out", person="p", pose_model=shared_data(MODEL), max_frames=12
-    )
+    options = CaptureOptions(person="p", pose_model=shared_data(MODEL), max_frames=12)
+    quality = capture_clip(clip, tmp_path / "out", options)
     assert quality.frames_used == 12
     assert quality.mask_overlap > 0.78
     assert quality.landmark_error < 0.015
@@ -230,11 +224,15 @@ def test_a_real_clip_with_others_behind_becomes_a_sequence(tmp_path):
 def test_an_upper_body_is_captured_standing(tmp_path):
     clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
     with silent_server() as address:
-        hands = ModelSource(address=f"{address}/m.task", folder=tmp_path / "kept", model=HAND_MODEL)
-        quality = capture_video(
-            clip, tmp_path / "out", person="p", pose_model=shared_data(MODEL), max_frames=10,
-            face_model=face_model(), hand_model=hands,
-        )  # fmt: skip
+        hands = NetworkSource(url=f"{address}/m.task", folder=tmp_path / "kept", model=HAND_MODEL)
+        options = CaptureOptions(
+            person="p",
+            pose_model=shared_data(MODEL),
+            max_frames=10,
+            face_model=face_model(),
+            hand_model=hands,
+        )
+        quality = capture_clip(clip, tmp_path / "out", options)
     assert not quality.legs_seen
     assert any("upper body" in line for line in quality.advice)
     assert quality.mask_overlap > 0.8
@@ -247,3 +245,18 @@ def test_an_upper_body_is_captured_standing(tmp_path):
     # her lids move; the model that tells of hands could not be had
     assert sequence.motion.expressions[:, :FACE_NUMBERS].any()
     assert not sequence.motion.expressions[:, FACE_NUMBERS:].any()
+
+
+def test_no_webcam_is_told_with_its_number(tmp_path):
+    options = CaptureOptions(person="p", pose_model=NetworkSource())
+    with pytest.raises(UnreadableClip, match="webcam 63 must be one that can be opened"):
+        capture_webcam(63, tmp_path / "out", options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_model_that_is_not_where_it_was_said_is_told_before_anybody_films(tmp_path):
+    options = CaptureOptions(
+        person="p", pose_model=NetworkSource(), face_model=tmp_path / "absent.task"
+    )
+    with pytest.raises(PoseModelMissing, match=r"face model must be a file; got .*absent"):
+        capture_webcam(63, tmp_path / "out", options)

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from capture.quality import SIDES, Seen, judge, sharpness, side_shares
+from capture.captured import CapturedClip
+from capture.quality import SIDES, judge, sharpness, side_shares
 from scene.camera import orbit_camera
 from scene.motion import Motion
 from tests.capture.people import body, camera, picture, seen_by, standing
@@ -16,7 +17,7 @@ from tests.capture.people import body, camera, picture, seen_by, standing
 FRAMES = 16
 
 
-def _seen(motion: Motion) -> Seen:
+def _seen(motion: Motion) -> CapturedClip:
     view = camera()
     people = [seen_by(view, body(), motion.pose(i)) for i in range(len(motion))]
     rng = np.random.default_rng(0)
@@ -25,7 +26,7 @@ def _seen(motion: Motion) -> Seen:
         image = picture(person)
         noise = rng.integers(-40, 40, image.shape[:2])[..., None]
         images.append(np.clip(image + noise, 0, 255).astype(np.uint8))
-    return Seen(
+    return CapturedClip(
         images=images,
         masks=[p.mask for p in people],
         camera=view,
@@ -39,7 +40,7 @@ def _seen(motion: Motion) -> Seen:
 
 
 @pytest.fixture(scope="module")
-def turning() -> Seen:
+def turning() -> CapturedClip:
     return _seen(standing(FRAMES, turn_rad=2.0 * np.pi * (FRAMES - 1) / FRAMES))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from capture.detection.network_files import ModelSource
+from capture.detection.network_files import NetworkSource
 from scene.errors import InvalidInput
 from services.settings import Settings, load_settings
 
@@ -64,7 +64,7 @@ def test_a_models_source_follows_the_settings(tmp_path: Path, name: str):
     settings = load_settings(
         data_dir=tmp_path, **{f"{name}_model{part}": value for part, value in given.items()}
     )
-    source: ModelSource = getattr(settings, f"{name}_model_source")()
-    assert (source.path, source.address, source.sha256) == tuple(given.values())
+    source: NetworkSource = getattr(settings, f"{name}_model_source")()
+    assert (source.path, source.url, source.sha256) == tuple(given.values())
     assert source.model.name == name
     assert source.folder.is_relative_to(tmp_path)

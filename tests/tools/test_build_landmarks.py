@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from capture.body.landmarks import MIRROR, load_landmark_model
+from capture.body.landmark_names import LANDMARK_COUNT, LANDMARK_NAMES
+from capture.body.landmarks import MIRROR, load_body_landmarks
 from capture.body.model import load_body_model
-from capture.detection.landmarks import LANDMARK_COUNT, LANDMARK_NAMES, Landmarks
+from capture.detection.landmarks import Landmarks
 from scene.skeleton import JOINT_NAMES
 from tests.capture.people import body, camera, seen_by, standing
 from tools.build_landmarks import landmarks_of, shape_of, sights_in, solve_offsets
@@ -15,7 +16,7 @@ from tools.build_landmarks import landmarks_of, shape_of, sights_in, solve_offse
 
 def _sights(offsets: np.ndarray, noise_px: float) -> list:
     """What an estimator would report whose landmarks lie off ours by `offsets`."""
-    marks, rng, view, person = load_landmark_model(), np.random.default_rng(0), camera(), body()
+    marks, rng, view, person = load_body_landmarks(), np.random.default_rng(0), camera(), body()
     found = [[] for _ in range(LANDMARK_COUNT)]
     for pose in map(standing(24, turn_rad=6.0).pose, range(24)):
         seen = seen_by(view, person, pose)
@@ -53,7 +54,7 @@ def test_the_shape_of_a_skeleton_is_found():
 
 
 def test_landmarks_stand_on_the_floor_with_their_body():
-    marks, model = load_landmark_model(), load_body_model()
+    marks, model = load_body_landmarks(), load_body_model()
     tall = model.body(np.array([0.2, 0.0, 0.0, 0.0, 0.0])).skeleton
     places = landmarks_of(tall, marks)
     wrist = JOINT_NAMES.index("left_wrist")

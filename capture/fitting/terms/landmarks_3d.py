@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from capture.detection.landmarks import FACE_LANDMARKS, LANDMARK_COUNT
+from capture.body.landmark_names import FACE_LANDMARKS, LANDMARK_COUNT
 from capture.fitting.robust import pseudo_huber
 from capture.fitting.state import PosedClip
 from capture.fitting.term import Term

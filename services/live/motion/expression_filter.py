@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capture.body.expressions import SeenExpression
+from capture.body.expressions import ObservedExpression
 from capture.live.filter import low_pass_share
 from scene.arrays import Array, Bool, Float
 from scene.expression import EXPRESSION_COUNT, neutral
@@ -55,7 +55,7 @@ class ExpressionFilter:
         self._speed = neutral()
         self._before = neutral()  # as it came: speed has no lag
 
-    def follow(self, seen: SeenExpression | None, time_s: float) -> Shown:
+    def follow(self, seen: ObservedExpression | None, time_s: float) -> Shown:
         """Take what was seen at `time_s`, later than anything before; what is shown from then."""
         if seen is None or not seen.known:
             return self._shown

@@ -15,9 +15,10 @@ from functools import cached_property
 
 import numpy as np
 
-from capture.body.landmarks import load_landmark_model
+from capture.body.landmark_names import LANDMARK_NAMES
+from capture.body.landmarks import load_body_landmarks
 from capture.body.model import load_body_model
-from capture.detection.landmarks import LANDMARK_NAMES, Landmarks
+from capture.detection.landmarks import Landmarks
 from capture.detection.lifter import lift
 from capture.live.filter import AT_MOST_S
 from capture.live.solver import LiveSolver
@@ -175,7 +176,7 @@ class LiveMotion:
 
 def warm_up() -> None:
     """Load (or, the first time on a machine, compile) what poses need, by two of a T-pose."""
-    marks, hips = load_landmark_model().rest, [LANDMARK_NAMES.index(f"{s}_hip") for s in _SIDES]
+    marks, hips = load_body_landmarks().rest, [LANDMARK_NAMES.index(f"{s}_hip") for s in _SIDES]
     flat = np.array([0.5, 0.5]) + (marks[:, :2] - marks[:, :2].mean(axis=0)) * [0.25, -0.25]
     world = (marks - marks[hips].mean(axis=0)) * np.diag(_SEEN_TO_CAMERA)
     legs_seen, live = np.ones(len(marks)), LiveMotion(Skeleton(load_body_model().rest_joints))

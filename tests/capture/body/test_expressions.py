@@ -16,7 +16,7 @@ from capture.body.expressions import (
     LEFT_HAND,
     RIGHT_HAND,
     USUAL_REST,
-    SeenExpression,
+    ObservedExpression,
     face_measures,
     face_numbers,
     hand_curl,
@@ -157,7 +157,7 @@ def test_fingers_curl_from_flat_to_a_fist_whichever_way_the_hand_is_held():
 def test_numbers_belong_to_groups_that_are_seen_together():
     assert [int(bit) for bit in GROUPS] == [FACE] * FACE_NUMBERS + [LEFT_HAND, RIGHT_HAND]
     assert len(USUAL_REST) == FACE_NUMBERS
-    known = SeenExpression(np.zeros(len(EXPRESSION_NAMES)), EVERYTHING & ~FACE).known_numbers
+    known = ObservedExpression(np.zeros(len(EXPRESSION_NAMES)), EVERYTHING & ~FACE).known_numbers
     assert known.tolist() == [False] * FACE_NUMBERS + [True, True]
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from capture.body.inverse_kinematics import solve_pose, solve_translation
 from scene.motion import Pose
-from tests.capture.people import JOINT, LANDMARK, body, mark_points, up_is_down
+from tests.capture.people import JOINT, LANDMARK, body, landmark_positions, up_is_down
 
 POSES = {
     "t pose": {},
@@ -36,7 +36,7 @@ def _angles(turns: dict[str, tuple[float, float, float]]) -> np.ndarray:
 def test_known_poses_are_found(name):
     angles = _angles(POSES[name])
     still = np.zeros(3)
-    solved = solve_pose(up_is_down(mark_points(body(), Pose(angles, still))))
+    solved = solve_pose(up_is_down(landmark_positions(body(), Pose(angles, still))))
     skeleton = body().skeleton
     off = (
         skeleton.joint_transforms(solved, still)[:, :3, 3]
@@ -47,14 +47,16 @@ def test_known_poses_are_found(name):
 
 
 def test_angles_do_not_depend_on_size_or_place():
-    points = up_is_down(mark_points(body(), Pose(_angles(POSES["knee lifted"]), np.zeros(3))))
+    points = up_is_down(
+        landmark_positions(body(), Pose(_angles(POSES["knee lifted"]), np.zeros(3)))
+    )
     assert solve_pose(1.3 * points + 4.0) == pytest.approx(solve_pose(points), abs=1e-9)
 
 
 def test_frames_are_independent_of_their_batch():
     points = np.stack(
         [
-            up_is_down(mark_points(body(), Pose(_angles(turns), np.zeros(3))))
+            up_is_down(landmark_positions(body(), Pose(_angles(turns), np.zeros(3))))
             for turns in POSES.values()
         ]
     )
@@ -64,7 +66,9 @@ def test_frames_are_independent_of_their_batch():
 
 
 def test_unseen_legs_stay_straight_and_unseen_arms_hang():
-    points = up_is_down(mark_points(body(), Pose(_angles(POSES["knee lifted"]), np.zeros(3))))
+    points = up_is_down(
+        landmark_positions(body(), Pose(_angles(POSES["knee lifted"]), np.zeros(3)))
+    )
     visibility = np.ones(33)
     visibility[[LANDMARK["left_knee"], LANDMARK["right_elbow"]]] = 0.0
     solved = solve_pose(points, visibility)

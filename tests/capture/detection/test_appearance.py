@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from capture.detection.appearance import ALIKE, Likeness
-from capture.detection.landmarks import LANDMARK_NAMES, Landmarks
+from capture.body.landmark_names import LANDMARK_NAMES
+from capture.detection.appearance import SAME_PERSON, Appearance
+from capture.detection.landmarks import Landmarks
 
 _COUNT = len(LANDMARK_NAMES)
 
@@ -33,41 +34,41 @@ RED, BLUE, GREY, GREEN = (180, 40, 50), (40, 60, 150), (110, 110, 112), (60, 140
 
 
 @pytest.fixture
-def known() -> Likeness:
-    likeness = Likeness()
-    likeness.remember(*_dressed(RED, BLUE))
-    return likeness
+def known() -> Appearance:
+    appearance = Appearance()
+    appearance.update(*_dressed(RED, BLUE))
+    return appearance
 
 
 def test_the_same_clothes_are_alike_wherever_they_are(known):
     image, person = _dressed(RED, BLUE, seed=1)
-    assert known.of(image, person) > 0.99
-    assert known.of(np.clip(image * 0.93, 0, 255).astype(np.uint8), person) > ALIKE
+    assert known.similarity(image, person) > 0.99
+    assert known.similarity(np.clip(image * 0.93, 0, 255).astype(np.uint8), person) > SAME_PERSON
 
 
 @pytest.mark.parametrize("clothes", [(GREEN, GREY), (RED, GREY), (GREEN, BLUE)])
 def test_other_clothes_are_not(known, clothes):
-    assert known.of(*_dressed(*clothes)) < ALIKE
+    assert known.similarity(*_dressed(*clothes)) < SAME_PERSON
 
 
 def test_what_changes_slowly_stays_known_and_the_first_look_is_never_forgotten(known):
     for share in np.linspace(0.0, 1.0, 40):
         shade = tuple(round(c * (1.0 - 0.6 * share)) for c in RED)
-        known.remember(*_dressed(shade, BLUE))
+        known.update(*_dressed(shade, BLUE))
     darkest = tuple(round(0.4 * c) for c in RED)
-    assert known.of(*_dressed(darkest, BLUE)) > ALIKE
-    assert known.of(*_dressed(RED, BLUE)) > 0.99
+    assert known.similarity(*_dressed(darkest, BLUE)) > SAME_PERSON
+    assert known.similarity(*_dressed(RED, BLUE)) > 0.99
 
 
 def test_half_of_somebody_else_is_not_remembered(known):
     image, person = _dressed(RED, BLUE)
     image[12:42, 20:40] = GREEN
-    before = known.of(*_dressed(GREEN, BLUE))
-    known.remember(image, person)
-    assert known.of(*_dressed(GREEN, BLUE)) == before
+    before = known.similarity(*_dressed(GREEN, BLUE))
+    known.update(image, person)
+    assert known.similarity(*_dressed(GREEN, BLUE)) == before
 
 
 def test_who_has_no_mask_may_be_anybody(known):
     image, _ = _dressed(GREEN, GREY)
-    assert known.of(image, _person(np.zeros((60, 60)))) == 1.0
-    assert Likeness().of(*_dressed(GREEN, GREY)) == 1.0
+    assert known.similarity(image, _person(np.zeros((60, 60)))) == 1.0
+    assert Appearance().similarity(*_dressed(GREEN, GREY)) == 1.0

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capture.detection.expression_detector import ExpressionFinder, clip_expressions
+from capture.detection.expression_detector import ExpressionDetector, clip_expressions
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
 from capture.errors import PoseModelMissing
 from capture.storage import open_sequence
@@ -50,7 +50,7 @@ def people(pictures: list[UInt8[Array, "H W 3"]]) -> list[Landmarks | None]:
 
 
 def test_a_mouth_is_seen_to_open_as_it_did(filmed, pictures, people):
-    with closing(ExpressionFinder(face_model(), hand_model())) as finder:
+    with closing(ExpressionDetector(face_model(), hand_model())) as finder:
         shown = clip_expressions(pictures, people, finder)
     truth = filmed.motion.expressions[:FRAMES]
     assert np.ptp(truth[:, JAW]) > 0.5  # else nothing is tested
@@ -62,13 +62,13 @@ def test_a_mouth_is_seen_to_open_as_it_did(filmed, pictures, people):
 def test_who_is_lost_or_hidden_is_at_rest(pictures, people):
     first = next(one for one in people if one is not None)
     away = replace(first, visibility=np.zeros(33), pixels=first.pixels + 4000.0)
-    with closing(ExpressionFinder(face_model(), hand_model())) as finder:
+    with closing(ExpressionDetector(face_model(), hand_model())) as finder:
         assert not clip_expressions(pictures[:2], [None, away], finder).any()
         assert finder.hand(pictures[0], away, "left_hand_curl") is None
 
 
 def test_without_models_nothing_is_known(pictures, people):
-    with closing(ExpressionFinder(None, None)) as finder:
+    with closing(ExpressionDetector(None, None)) as finder:
         assert not clip_expressions(pictures[:3], people[:3], finder).any()
 
 
@@ -76,4 +76,4 @@ def test_a_file_that_is_no_model_is_refused_by_name(tmp_path: Path):
     path = tmp_path / "face.task"
     path.write_bytes(b"none")
     with pytest.raises(PoseModelMissing, match=r"MediaPipe \.task file; got .*face\.task"):
-        ExpressionFinder(path, None)
+        ExpressionDetector(path, None)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from capture.body.landmark_names import LANDMARK_COUNT
 from capture.detection.landmark_arrays import LONGEST_GAP_S, hidden_joints, interpolate_gaps
-from capture.detection.landmarks import LANDMARK_COUNT, Landmarks
+from capture.detection.landmarks import Landmarks
 from scene.arrays import Array
 from tests.capture.people import JOINT, LANDMARK
 

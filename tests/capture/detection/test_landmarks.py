@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from capture.body.landmarks import MIRROR, load_landmark_model
+from capture.body.landmark_names import LANDMARK_NAMES
+from capture.body.landmarks import MIRROR, load_body_landmarks
 from capture.body.model import load_body_model
-from capture.detection.landmarks import LANDMARK_NAMES, Landmarks, MediaPipeEstimator, PoseEstimator
-from capture.detection.tracking import follow
+from capture.detection.landmarks import Landmarks, MediaPipeEstimator, PoseEstimator
+from capture.detection.tracking import track_person
 from capture.sources.video import read_video
 from scene.skeleton import JOINT_NAMES
 from tests.capture.people import LANDMARK
@@ -44,7 +45,7 @@ def test_an_empty_wall_holds_nobody(estimator):
 
 
 def test_the_real_subject_is_followed_past_those_behind(estimator, clip):
-    track = follow(clip.images, estimator)
+    track = track_person(clip.images, estimator)
     assert track.found.all()
     for person in track.people:
         assert person is not None
@@ -65,7 +66,7 @@ def test_moving_a_window_back_keeps_the_person_in_place():
 
 
 def test_landmarks_lie_on_the_body_and_mirror_each_other():
-    marks, model = load_landmark_model(), load_body_model()
+    marks, model = load_body_landmarks(), load_body_model()
     assert len(marks.rest) == len(LANDMARK_NAMES)
     for index, twin in enumerate(MIRROR):
         assert marks.rest[twin] == pytest.approx(marks.rest[index] * [-1.0, 1.0, 1.0], abs=0.01)
@@ -79,7 +80,7 @@ def test_landmarks_lie_on_the_body_and_mirror_each_other():
 
 
 def test_shape_moves_the_landmarks_with_the_body():
-    marks = load_landmark_model()
+    marks = load_body_landmarks()
     taller = marks.rest + marks.directions @ np.array([0.1, 0.0, 0.0, 0.0, 0.0])
     assert taller[LANDMARK["nose"], 1] > marks.rest[LANDMARK["nose"], 1] + 0.05
     assert taller[LANDMARK["left_shoulder"], 1] > marks.rest[LANDMARK["left_shoulder"], 1] + 0.04

@@ -11,7 +11,7 @@ from capture.detection.lifter import WEIGHTS_FILE, closed_form, inputs_of, lift
 from capture.detection.lifter_network import Network, forward_kinematics, local_turns
 from capture.studio.poses import random_pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from tests.capture.people import body, mark_points, up_is_down
+from tests.capture.people import body, landmark_positions, up_is_down
 from tools.build_lifter import Shard, learn, mirrored
 
 FOCAL_PX, SIZE_PX = 600.0, 512.0
@@ -21,7 +21,7 @@ def _shard(count: int, seed: int, flattened: float) -> Shard:
     """People in random poses, 4 m away, whose 3D landmarks are `flattened` in depth."""
     rng, person = np.random.default_rng(seed), body()
     poses = [random_pose(rng, person.skeleton) for _ in range(count)]
-    points = np.stack([mark_points(person, pose) for pose in poses])
+    points = np.stack([landmark_positions(person, pose) for pose in poses])
     world = up_is_down(points - points[:, 23:25].mean(axis=1, keepdims=True))
     away = world + np.array([0.0, 0.0, 4.0])
     angles = np.stack([pose.joint_angles for pose in poses])

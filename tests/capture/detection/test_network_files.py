@@ -15,8 +15,8 @@ from capture.detection.network_files import (
     FACE_MODEL,
     HAND_MODEL,
     POSE_MODEL,
-    ModelSource,
-    landmark_model_file,
+    NetworkSource,
+    landmark_network_file,
     require_given,
 )
 from capture.errors import PoseModelMissing
@@ -57,49 +57,49 @@ def server():
 
 def test_it_is_fetched_once_and_checked(server, tmp_path):
     address, calls = server
-    source = ModelSource(address=f"{address}/model.task", sha256=SHA256, folder=tmp_path)
-    assert landmark_model_file(source).read_bytes() == BODY
-    assert landmark_model_file(source) == tmp_path / "model.task"
+    source = NetworkSource(url=f"{address}/model.task", sha256=SHA256, folder=tmp_path)
+    assert landmark_network_file(source).read_bytes() == BODY
+    assert landmark_network_file(source) == tmp_path / "model.task"
     assert calls == ["/model.task"]
 
 
 def test_an_unknown_file_is_refused_with_its_hash_and_leaves_nothing(server, tmp_path):
     address, _ = server
-    source = ModelSource(address=f"{address}/model.task", folder=tmp_path)
+    source = NetworkSource(url=f"{address}/model.task", folder=tmp_path)
     with pytest.raises(PoseModelMissing, match=f"got {SHA256}.*METANERF_POSE_MODEL_SHA256"):
-        landmark_model_file(source)
+        landmark_network_file(source)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["cut.task", "gone.task"])
 def test_a_cut_or_missing_download_leaves_nothing(server, tmp_path, name):
     address, _ = server
-    source = ModelSource(address=f"{address}/{name}", sha256=SHA256, folder=tmp_path)
+    source = NetworkSource(url=f"{address}/{name}", sha256=SHA256, folder=tmp_path)
     with pytest.raises(PoseModelMissing):
-        landmark_model_file(source)
+        landmark_network_file(source)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_spoilt_copy_is_fetched_again(server, tmp_path):
     address, _ = server
     (tmp_path / "model.task").write_bytes(b"spoilt")
-    source = ModelSource(address=f"{address}/model.task", sha256=SHA256, folder=tmp_path)
-    assert landmark_model_file(source).read_bytes() == BODY
+    source = NetworkSource(url=f"{address}/model.task", sha256=SHA256, folder=tmp_path)
+    assert landmark_network_file(source).read_bytes() == BODY
 
 
 def test_no_network_says_what_to_do(tmp_path):
-    source = ModelSource(address="http://127.0.0.1:9/model.task", folder=tmp_path)
+    source = NetworkSource(url="http://127.0.0.1:9/model.task", folder=tmp_path)
     with pytest.raises(PoseModelMissing, match="set METANERF_POSE_MODEL to the file"):
-        landmark_model_file(source)
+        landmark_network_file(source)
 
 
 @pytest.mark.parametrize("model", [FACE_MODEL, HAND_MODEL])
 def test_nobody_waits_long_for_a_model_that_captures_do_without(tmp_path, model):
     with silent_server() as address:
-        source = ModelSource(address=f"{address}/model.task", folder=tmp_path, model=model)
+        source = NetworkSource(url=f"{address}/model.task", folder=tmp_path, model=model)
         begun = time.monotonic()
         with pytest.raises(PoseModelMissing, match=f"{model.name} model must be fetched .* timed"):
-            landmark_model_file(source)
+            landmark_network_file(source)
     assert time.monotonic() - begun < 8.0
     assert list(tmp_path.iterdir()) == []
 
@@ -117,38 +117,38 @@ def test_a_server_of_something_else_is_told(tmp_path):
         thread.start()
         address = f"http://127.0.0.1:{listening.getsockname()[1]}/model.task"
         with pytest.raises(PoseModelMissing, match=r"fetched once .* 220 mail"):
-            landmark_model_file(ModelSource(address=address, folder=tmp_path))
+            landmark_network_file(NetworkSource(url=address, folder=tmp_path))
         thread.join()
     assert list(tmp_path.iterdir()) == []
 
 
 def test_only_a_path_that_was_given_must_be_there(tmp_path):
-    to_fetch = ModelSource(address="http://127.0.0.1:9/model.task", folder=tmp_path)
+    to_fetch = NetworkSource(url="http://127.0.0.1:9/model.task", folder=tmp_path)
     own = tmp_path / "own.task"
     own.write_bytes(BODY)
     require_given(to_fetch, None, own)
     with pytest.raises(PoseModelMissing, match=r"hand model .*; set METANERF_HAND_MODEL to a hand"):
         require_given(own, own, tmp_path / "absent.task")
-    other = ModelSource(own, sha256="00", model=FACE_MODEL)
+    other = NetworkSource(own, sha256="00", model=FACE_MODEL)
     with pytest.raises(PoseModelMissing, match="face model's sha256 must be 00"):
         require_given(own, other, own)
 
 
 def test_messages_tell_of_the_model_that_is_meant(tmp_path):
-    absent = ModelSource(tmp_path / "absent.task", model=FACE_MODEL)
+    absent = NetworkSource(tmp_path / "absent.task", model=FACE_MODEL)
     with pytest.raises(PoseModelMissing, match=r"face model .* METANERF_FACE_MODEL to a face_land"):
-        landmark_model_file(absent)
+        landmark_network_file(absent)
 
 
 def test_a_path_is_used_as_it_is(tmp_path):
     path = tmp_path / "own.task"
     path.write_bytes(BODY)
-    assert landmark_model_file(path) == path
-    assert landmark_model_file(ModelSource(path=path, sha256=SHA256)) == path
+    assert landmark_network_file(path) == path
+    assert landmark_network_file(NetworkSource(path=path, sha256=SHA256)) == path
     with pytest.raises(PoseModelMissing, match="sha256 must be 00"):
-        landmark_model_file(ModelSource(path=path, sha256="00"))
+        landmark_network_file(NetworkSource(path=path, sha256="00"))
     with pytest.raises(PoseModelMissing, match=r"must be a file; got .*absent"):
-        landmark_model_file(tmp_path / "absent.task")
+        landmark_network_file(tmp_path / "absent.task")
 
 
 def test_the_tests_own_model_is_among_the_known():

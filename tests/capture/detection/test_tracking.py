@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from capture.detection.landmarks import Landmarks
-from capture.detection.tracking import find_takes, follow, overlap, prominence, window
+from capture.detection.tracking import find_takes, overlap, prominence, track_person, window
 from capture.errors import CaptureStopped, NoPersonFound
 from tests.capture.people import FakeEstimator, body, camera, picture, seen_by, standing
 
@@ -43,7 +43,7 @@ def _film(subject: list[Landmarks], others: list[Landmarks] | None = None) -> li
 
 
 def test_the_person_is_found_in_every_frame_where_they_are(subject):
-    track = follow(_film(subject), FakeEstimator({SUBJECT: subject}))
+    track = track_person(_film(subject), FakeEstimator({SUBJECT: subject}))
     assert track.found.all()
     for person, truth in zip(track.people, subject, strict=True):
         assert person is not None
@@ -55,7 +55,7 @@ def test_the_person_is_found_in_every_frame_where_they_are(subject):
 def test_smaller_people_aside_are_not_followed(subject):
     others = [_beside(person, 70) for person in subject]
     estimator = FakeEstimator({OTHER: others, SUBJECT: subject})
-    track = follow(_film(subject, others), estimator)
+    track = track_person(_film(subject, others), estimator)
     for person, truth in zip(track.people, subject, strict=True):
         assert person is not None
         assert person.box == pytest.approx(truth.box, abs=6)
@@ -66,7 +66,7 @@ def test_a_lost_person_is_marked_and_found_again_not_replaced(subject):
     images = _film(subject, others)
     for index in (3, 4):
         images[index][(images[index] == SUBJECT).all(axis=2)] = 120
-    track = follow(images, FakeEstimator({SUBJECT: subject, OTHER: others}))
+    track = track_person(images, FakeEstimator({SUBJECT: subject, OTHER: others}))
     assert track.found.tolist() == [True] * 3 + [False] * 2 + [True] * 3
 
 
@@ -91,7 +91,7 @@ class _Stumbling:
 def test_whom_the_estimator_halves_is_looked_at_again(subject):
     looks_to_choose = len(subject)
     estimator = _Stumbling(FakeEstimator({SUBJECT: subject}), looks_to_choose + 3)
-    track = follow(_film(subject), estimator)
+    track = track_person(_film(subject), estimator)
     for person, truth in zip(track.people, subject, strict=True):
         assert person is not None
         assert person.box == pytest.approx(truth.box, abs=6)
@@ -114,7 +114,7 @@ def test_whom_a_passer_by_hides_from_the_estimator_is_seen_once_they_are_painted
     images = _film(subject)
     for index in (3, 4, 5):  # as tall as the subject, and half over them
         images[index][others[index].mask > 0.5] = OTHER
-    track = follow(images, _OneAtATime(FakeEstimator({SUBJECT: subject, OTHER: others})))
+    track = track_person(images, _OneAtATime(FakeEstimator({SUBJECT: subject, OTHER: others})))
     assert track.found.all()
     for index, person in enumerate(track.people):
         assert person is not None
@@ -126,7 +126,7 @@ def test_a_new_take_may_be_of_another_light(subject):
     images = [picture(person, SUBJECT) for person in subject[:4]]
     images += [picture(person, dark) // 2 for person in subject[4:]]
     told = {SUBJECT: subject, tuple(c // 2 for c in dark): subject}
-    track = follow(images, FakeEstimator(told))
+    track = track_person(images, FakeEstimator(told))
     assert set(track.takes) == {0, 1}
     assert track.found.all()
 
@@ -134,7 +134,7 @@ def test_a_new_take_may_be_of_another_light(subject):
 def test_frames_are_looked_at_in_a_window(subject):
     small = [_beside(person, 0) for person in subject]
     estimator = FakeEstimator({SUBJECT: small})
-    follow(_film(small), estimator)
+    track_person(_film(small), estimator)
     whole = len(subject[0].mask)
     assert min(width for width, _ in estimator.sizes) < 0.8 * whole
 
@@ -142,7 +142,7 @@ def test_frames_are_looked_at_in_a_window(subject):
 def test_nobody_is_refused_with_advice(subject):
     images = [np.full((64, 64, 3), 120, dtype=np.uint8)] * 4
     with pytest.raises(NoPersonFound, match=r"got nobody in 4 frames.*film one person"):
-        follow(images, FakeEstimator({SUBJECT: subject}))
+        track_person(images, FakeEstimator({SUBJECT: subject}))
 
 
 def test_a_tiny_person_is_refused_with_the_size(subject):
@@ -153,17 +153,17 @@ def test_a_tiny_person_is_refused_with_the_size(subject):
             return [tiny[0]]
 
     with pytest.raises(NoPersonFound, match=r"at least 40 px tall.*come closer"):
-        follow(_film(subject), Tiny())
+        track_person(_film(subject), Tiny())
 
 
 def test_following_stops_when_asked(subject):
     with pytest.raises(CaptureStopped):
-        follow(_film(subject), FakeEstimator({SUBJECT: subject}), should_stop=lambda: True)
+        track_person(_film(subject), FakeEstimator({SUBJECT: subject}), should_stop=lambda: True)
 
 
 def test_progress_reaches_the_end(subject):
     told: list[float] = []
-    follow(_film(subject), FakeEstimator({SUBJECT: subject}), on_progress=told.append)
+    track_person(_film(subject), FakeEstimator({SUBJECT: subject}), on_progress=told.append)
     assert told[-1] == pytest.approx(1.0)
 
 

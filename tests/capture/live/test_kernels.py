@@ -8,13 +8,13 @@ import pytest
 from capture.body.pose_prior import pose_prior
 from capture.live.kernels import (
     UNKNOWNS,
-    body_points,
-    follow_turns,
+    body_landmarks,
+    filter_rotations,
     pose_equations,
     prior_equations,
     refined,
 )
-from capture.live.solver import LiveSolver
+from capture.live.solver import frame_observation, solver_model
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import JOINT_COUNT, PARENTS
 from tests.capture.people import body, camera, seen_by, standing
@@ -23,39 +23,38 @@ from tests.capture.people import body, camera, seen_by, standing
 @pytest.fixture(scope="module")
 def problem():
     motion = standing(6, turn_rad=0.8)
-    solver = LiveSolver(body(), camera(), smoothing=None)
     person = seen_by(camera(), body(), motion.pose(2))
     away = motion.pose(4)  # a pose near the true one
     local = axis_angle_to_matrix(away.joint_angles)
     pelvis = away.root_translation + body().skeleton.rest_joints[0] + [0.02, -0.01, 0.03]
-    return solver._known, solver._prepared(person), local, pelvis
+    return solver_model(body(), camera()), frame_observation(person, camera()), local, pelvis
 
 
-def equations(known, seen, local, pelvis):
-    """Energy, normal matrix, right side and world turns."""
-    turned, normal = np.empty((JOINT_COUNT, 3, 3)), np.empty((UNKNOWNS, UNKNOWNS))
+def equations(model, seen, local, pelvis):
+    """Energy, normal matrix, right side and global rotations."""
+    global_rotations, normal = np.empty((JOINT_COUNT, 3, 3)), np.empty((UNKNOWNS, UNKNOWNS))
     right = np.empty(UNKNOWNS)
-    energy = pose_equations(local, pelvis, known, seen, seen.world, turned, normal, right)
-    return energy, normal, right, turned
+    energy = pose_equations(local, pelvis, model, seen, seen.world, global_rotations, normal, right)
+    return energy, normal, right, global_rotations
 
 
-def moved(local, pelvis, turned, step):
-    """Local turns and pelvis after the step `step` [75] in world axes."""
-    turns = axis_angle_to_matrix(step[:-3].reshape(JOINT_COUNT, 3))
-    above = np.concatenate([np.eye(3)[None], turned[np.array(PARENTS[1:])]])
-    return np.swapaxes(above, -1, -2) @ turns @ above @ local, pelvis + step[-3:]
+def moved(local, pelvis, global_rotations, step):
+    """Local rotations and pelvis after the step `step` [75] in world axes."""
+    rotations = axis_angle_to_matrix(step[:-3].reshape(JOINT_COUNT, 3))
+    above = np.concatenate([np.eye(3)[None], global_rotations[np.array(PARENTS[1:])]])
+    return np.swapaxes(above, -1, -2) @ rotations @ above @ local, pelvis + step[-3:]
 
 
 def test_the_gradient_is_that_of_the_energy(problem):
-    known, seen, local, pelvis = problem
-    _, _, right, turned = equations(*problem)
+    model, seen, local, pelvis = problem
+    _, _, right, global_rotations = equations(*problem)
     numeric = np.zeros(UNKNOWNS)
     for i in range(UNKNOWNS):
         ends = []
         for sign in (1.0, -1.0):
             step = np.zeros(UNKNOWNS)
             step[i] = sign * 1e-5
-            ends.append(equations(known, seen, *moved(local, pelvis, turned, step))[0])
+            ends.append(equations(model, seen, *moved(local, pelvis, global_rotations, step))[0])
         numeric[i] = (ends[0] - ends[1]) / 2e-5
     # right = -J^T r, and the energy's slope is twice J^T r
     np.testing.assert_allclose(-2.0 * right, numeric, rtol=2e-4, atol=2e-3)
@@ -69,32 +68,32 @@ def test_the_normal_matrix_is_symmetric_and_positive(problem):
 
 def test_the_way_down_is_that_of_its_plain_twin(problem):
     """Damped Gauss-Newton in numpy, with LAPACK's solution of each step."""
-    known, seen, local, pelvis = problem
+    model, seen, local, pelvis = problem
     pull = np.linspace(0.5, 200.0, UNKNOWNS)
-    points = body_points(local, known)
-    ours, weight = points - points[known.hips].mean(axis=0), seen.trust[:, None]
+    points = body_landmarks(local, model)
+    ours, weight = points - points[model.hips].mean(axis=0), seen.trust[:, None]
     size = (weight * ours * seen.world).sum() / (weight * seen.world**2).sum()
     sized = seen._replace(world=size * seen.world)
     found, at, damping, gone = local, pelvis, 1e-2, np.zeros(UNKNOWNS)
-    energy, normal, right, turned = equations(known, sized, found, at)
+    energy, normal, right, global_rotations = equations(model, sized, found, at)
     cost = energy
     for _ in range(4):
         matrix = normal + np.diag(0.5 * pull)
         matrix += np.diag(damping * np.diag(matrix) + 1e-6)
         step = np.linalg.solve(matrix, right - 0.5 * pull * gone)
-        new_local, new_at = moved(found, at, turned, step)
-        next_ones = equations(known, sized, new_local, new_at)
+        new_local, new_at = moved(found, at, global_rotations, step)
+        next_ones = equations(model, sized, new_local, new_at)
         total = next_ones[0] + 0.5 * pull @ (gone + step) ** 2
         if total < cost:
-            energy, normal, right, turned = next_ones
+            energy, normal, right, global_rotations = next_ones
             found, at, gone, cost, damping = new_local, new_at, gone + step, total, 0.1 * damping
         else:
             damping *= 10.0
-    turns, place, left = refined(local, pelvis, known, seen, 4, pull, 1e-2, 1e-6)
-    np.testing.assert_allclose(turns, found, atol=1e-8)
+    rotations, place, left = refined(local, pelvis, model, seen, 4, pull, 1e-2, 1e-6)
+    np.testing.assert_allclose(rotations, found, atol=1e-8)
     np.testing.assert_allclose(place, at, atol=1e-8)
     assert left == pytest.approx(energy)
-    assert left < 0.5 * equations(known, sized, local, pelvis)[0]
+    assert left < 0.5 * equations(model, sized, local, pelvis)[0]
 
 
 def test_the_filter_is_that_of_its_plain_twin():
@@ -102,7 +101,7 @@ def test_the_filter_is_that_of_its_plain_twin():
     before, seen, shown = (
         axis_angle_to_matrix(rng.normal(0.0, 0.5, (JOINT_COUNT, 3))) for _ in range(3)
     )
-    turning, step_s = rng.normal(size=(JOINT_COUNT, 3)), 0.04
+    angular_velocity, step_s = rng.normal(size=(JOINT_COUNT, 3)), 0.04
 
     def between(start, end):
         return matrix_to_axis_angle(np.swapaxes(start, -1, -2) @ end)
@@ -110,23 +109,23 @@ def test_the_filter_is_that_of_its_plain_twin():
     def share(cutoff_hz):
         return 1.0 / (1.0 + 1.0 / (2.0 * np.pi * cutoff_hz * step_s))
 
-    pace = turning + share(1.2) * (between(before, seen) / step_s - turning)
+    pace = angular_velocity + share(1.2) * (between(before, seen) / step_s - angular_velocity)
     own = share(1.5 + 0.7 * np.linalg.norm(pace, axis=1))[:, None]
     wanted = shown @ axis_angle_to_matrix(own * between(shown, seen))
-    follow_turns(shown, turning, before, seen, step_s, 1.2, 1.5, 0.7)
+    filter_rotations(shown, angular_velocity, before, seen, step_s, 1.2, 1.5, 0.7)
     np.testing.assert_allclose(shown, wanted, atol=1e-12)
-    np.testing.assert_allclose(turning, pace, atol=1e-12)
+    np.testing.assert_allclose(angular_velocity, pace, atol=1e-12)
 
 
 def test_the_prior_has_its_least_at_the_mean():
     prior = pose_prior()
     mean, axes = prior.mean.numpy().astype(float), prior.axes.numpy().astype(float)
     stiffness = prior.deviation.numpy().astype(float) ** -2
-    turned = np.tile(np.eye(3), (JOINT_COUNT, 1, 1))
+    global_rotations = np.tile(np.eye(3), (JOINT_COUNT, 1, 1))
     normal, right = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS)
     angles = matrix_to_axis_angle(axis_angle_to_matrix(mean))
     energy = prior_equations(
-        turned, np.array(PARENTS), angles, mean, axes, stiffness, normal, right
+        global_rotations, np.array(PARENTS), angles, mean, axes, stiffness, normal, right
     )
     assert energy == pytest.approx(0.0, abs=1e-9)
     assert np.abs(right).max() < 1e-4

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from capture.live.filter import AT_MOST_S, PoseFilter, Smoothing
-from capture.live.solver import LiveSolver, marks_on
+from capture.live.solver import LiveSolver
 from scene.arrays import Array
 from scene.camera import Camera
 from scene.errors import InvalidInput
@@ -19,7 +19,7 @@ from tests.capture.people import (
     LANDMARK,
     body,
     camera,
-    mark_points,
+    landmark_positions,
     seen_by,
     standing,
 )
@@ -51,7 +51,7 @@ def test_perfect_landmarks_give_back_the_pose(motion, people):
     for index, person in enumerate(people):
         pose = solver.step(person, float(motion.times_s[index]))
         assert error_m(pose, motion.pose(index)) < 0.01
-        pixels, _ = camera().project(mark_points(body(), pose))
+        pixels, _ = camera().project(landmark_positions(body(), pose))
         assert np.linalg.norm(pixels - person.pixels, axis=1).mean() < 0.3
 
 
@@ -61,7 +61,7 @@ def test_the_picture_corrects_the_estimators_depth(motion, people):
     pose, person = motion.pose(5), people[5]
     wrong = replace(person, world=person.world + rng.normal(0.0, 0.06, (33, 3)))
     found = LiveSolver(body(), camera(), smoothing=None).step(wrong, 0.0)
-    off, _ = camera().project(mark_points(body(), found))
+    off, _ = camera().project(landmark_positions(body(), found))
     assert np.linalg.norm(off - person.pixels, axis=1).mean() < 0.5
     assert error_m(found, pose) < 0.04
 
@@ -161,15 +161,15 @@ def test_a_lost_frame_is_bridged_but_not_for_long(motion, people):
 
 
 def test_landmarks_lie_on_another_body_too():
-    from capture.body.landmarks import load_landmark_model
+    from capture.body.landmarks import landmarks_on, load_body_landmarks
     from capture.body.model import load_body_model
 
     shape = np.array([0.1, -0.1, 0.2, 0.1, 0.0])
     other = load_body_model().body(shape)
-    marks, _ = marks_on(other)
-    model = load_landmark_model()
+    landmarks, _ = landmarks_on(other)
+    model = load_body_landmarks()
     wanted = model.rest + model.directions @ shape
-    gap = marks - wanted
+    gap = landmarks - wanted
     np.testing.assert_allclose(gap, np.broadcast_to(gap[0], gap.shape), atol=1e-3)  # the floor's
 
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from capture.segmentation.background import Backdrop, learn_backdrop
+from capture.segmentation.background import BackgroundModel, learn_background
 
 SIZE = 96
 FRAMES = 12
@@ -37,58 +37,60 @@ def walking(
 
 
 @pytest.fixture(scope="module")
-def learnt() -> tuple[Backdrop, list[np.ndarray], list[np.ndarray], np.ndarray]:
+def learnt() -> tuple[BackgroundModel, list[np.ndarray], list[np.ndarray], np.ndarray]:
     images, covered, empty = walking()
-    backdrop = learn_backdrop(images, covered)
-    assert backdrop is not None
-    return backdrop, images, covered, empty
+    background = learn_background(images, covered)
+    assert background is not None
+    return background, images, covered, empty
 
 
 def test_a_still_room_is_learnt_where_it_was_seen(learnt):
-    backdrop, _, covered, empty = learnt
+    background, _, covered, empty = learnt
     often = FRAMES - np.sum(covered, axis=0) >= 4
-    assert backdrop.known[often].mean() > 0.98
-    assert not backdrop.known[~often].any()
-    np.testing.assert_allclose(backdrop.colour[backdrop.known], empty[backdrop.known], atol=4.0)
-    assert backdrop.noise == pytest.approx(2.0, rel=0.15)
+    assert background.known[often].mean() > 0.98
+    assert not background.known[~often].any()
+    np.testing.assert_allclose(
+        background.colour[background.known], empty[background.known], atol=4.0
+    )
+    assert background.noise == pytest.approx(2.0, rel=0.15)
 
 
 def test_somebody_differs_and_nobody_does_not(learnt):
-    backdrop, images, covered, _ = learnt
+    background, images, covered, _ = learnt
     everywhere = slice(0, SIZE)
-    somebody, nobody = backdrop.verdict(images[5], everywhere, everywhere)
+    somebody, nobody = background.classify(images[5], everywhere, everywhere)
     inside = cv2.erode(covered[5], np.ones((3, 3))) > 0
-    away = (cv2.dilate(covered[5], np.ones((5, 5))) == 0) & backdrop.known
-    assert somebody[inside & backdrop.known].all()
+    away = (cv2.dilate(covered[5], np.ones((5, 5))) == 0) & background.known
+    assert somebody[inside & background.known].all()
     assert not somebody[away].any()
     assert not nobody[inside].any()
     assert nobody[away].mean() > 0.9
 
 
 def test_a_shadow_is_not_somebody(learnt):
-    backdrop, _, _, empty = learnt
+    background, _, _, empty = learnt
     everywhere = slice(0, SIZE)
     dark = np.round(0.75 * empty).astype(np.uint8)
-    somebody, nobody = backdrop.verdict(dark, everywhere, everywhere)
+    somebody, nobody = background.classify(dark, everywhere, everywhere)
     assert not somebody.any()
     assert not nobody.any()  # but it is not sure of that either
 
 
 def test_a_moving_camera_teaches_nothing():
     images, covered, _ = walking(shift_px=5)
-    assert learn_backdrop(images, covered) is None
+    assert learn_background(images, covered) is None
 
 
 def test_too_few_frames_teach_nothing():
     images, covered, _ = walking()
-    assert learn_backdrop(images[:3], covered[:3]) is None
-    assert learn_backdrop(images, [np.ones((SIZE, SIZE), np.uint8)] * FRAMES) is None
+    assert learn_background(images[:3], covered[:3]) is None
+    assert learn_background(images, [np.ones((SIZE, SIZE), np.uint8)] * FRAMES) is None
 
 
 def test_what_flickers_is_not_known():
     images, covered, _ = walking()
     for index, image in enumerate(images):
         image[80:90, 80:90] = 255 * (index % 2)
-    backdrop = learn_backdrop(images, covered)
-    assert backdrop is not None
-    assert not backdrop.known[80:90, 80:90].any()
+    background = learn_background(images, covered)
+    assert background is not None
+    assert not background.known[80:90, 80:90].any()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from capture.detection.landmarks import Landmarks
-from capture.segmentation.background import learn_backdrop
+from capture.segmentation.background import learn_background
 from capture.segmentation.masks import (
     bone_points,
     draw_bones,
@@ -95,7 +95,7 @@ def test_a_still_camera_gives_back_a_hand_that_was_left_out():
     motion = standing(24, turn_rad=2.0)
     people = [seen_by(camera(), body(), motion.pose(i)) for i in range(24)]
     images = [picture(one) for one in people]
-    backdrop = learn_backdrop(images, [occupied(one) for one in people])
+    background = learn_background(images, [occupied(one) for one in people])
     person, image = people[0], images[0]
     x, y = person.pixels[19].astype(int)  # the left index finger
     around = (slice(y - 8, y + 8), slice(x - 8, x + 8))
@@ -104,7 +104,7 @@ def test_a_still_camera_gives_back_a_hand_that_was_left_out():
     short = replace(person, mask=cut)
     hand = person.mask[around] > 0.5
     assert refine_mask(image, short)[around][hand].mean() < 0.5
-    assert refine_mask(image, short, backdrop)[around][hand].mean() > 0.9
+    assert refine_mask(image, short, background)[around][hand].mean() > 0.9
 
 
 def test_what_stands_still_does_not_flicker(person):

@@ -11,7 +11,7 @@ from capture.body.model import load_body_model
 from capture.errors import BrokenKeypoints
 from capture.sources.keypoints import parse_keypoints, read_keypoints
 from scene.skeleton import Skeleton
-from tests.capture.people import JOINT, body, mark_points, standing, up_is_down
+from tests.capture.people import JOINT, body, landmark_positions, standing, up_is_down
 
 
 def _smpl(frames: int = 3, **changed) -> dict:
@@ -36,7 +36,7 @@ def _mediapipe(frames: int = 3) -> dict:
     person, motion = body(), standing(frames)
     rows = []
     for index in range(frames):
-        points = up_is_down(mark_points(person, motion.pose(index)))
+        points = up_is_down(landmark_positions(person, motion.pose(index)))
         points -= points[[23, 24]].mean(axis=0)
         rows.append({"landmarks": [[*point, 1.0] for point in points.tolist()]})
     return _smpl(1) | {"layout": "mediapipe33", "frames": rows}

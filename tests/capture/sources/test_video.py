@@ -11,7 +11,7 @@ import pytest
 
 from capture.errors import CaptureStopped, UnreadableClip
 from capture.overlay import write_video
-from capture.sources.video import increasing, probe_video, read_video, shrink, spread
+from capture.sources.video import evenly_spaced, increasing, probe_video, read_video, shrink
 
 
 @pytest.fixture
@@ -97,8 +97,8 @@ def test_progress_reaches_the_end(clip):
 
 
 def test_spread_is_even_and_holds_both_ends():
-    assert spread(10, 4).tolist() == [0, 3, 6, 9]
-    assert spread(3, 10).tolist() == [0, 1, 2]
+    assert evenly_spaced(10, 4).tolist() == [0, 3, 6, 9]
+    assert evenly_spaced(3, 10).tolist() == [0, 1, 2]
 
 
 def test_shrink_leaves_small_pictures_alone():

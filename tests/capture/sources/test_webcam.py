@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 import capture.sources.webcam
-from capture.detection.network_files import ModelSource
-from capture.errors import CaptureStopped, PoseModelMissing, UnreadableClip
+from capture.errors import CaptureStopped
 from capture.overlay import write_video
 from capture.sources.video import read_video
-from capture.sources.webcam import capture_webcam, record_webcam
+from capture.sources.webcam import record_webcam
 
 
 @pytest.fixture
@@ -56,15 +55,3 @@ def test_stopping_early_keeps_what_was_filmed(device, tmp_path):
 def test_stopping_before_the_first_picture_is_a_stop(device, tmp_path):
     with pytest.raises(CaptureStopped):
         record_webcam(0, 60.0, lambda: True, folder=tmp_path, clock=Clock())
-
-
-def test_no_webcam_is_told_with_its_number(tmp_path):
-    with pytest.raises(UnreadableClip, match="webcam 63 must be one that can be opened"):
-        capture_webcam(63, tmp_path / "out", person="p", pose_model=ModelSource())
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_model_that_is_not_where_it_was_said_is_told_before_anybody_films(tmp_path):
-    given = {"pose_model": ModelSource(), "face_model": tmp_path / "absent.task"}
-    with pytest.raises(PoseModelMissing, match=r"face model must be a file; got .*absent"):
-        capture_webcam(63, tmp_path / "out", person="p", **given)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from capture.detection.landmarks import LANDMARK_NAMES
+from capture.body.landmark_names import LANDMARK_NAMES
 from scene.camera import Camera, orbit_camera
 from scene.motion import Pose
 from services.live.packets import KeypointsPacket
-from tests.capture.people import body, mark_points
+from tests.capture.people import body, landmark_positions
 
 WIDTH, HEIGHT = 640, 480
 LEGS = [i for i, name in enumerate(LANDMARK_NAMES) if i >= LANDMARK_NAMES.index("left_knee")]
@@ -21,7 +21,7 @@ def webcam() -> Camera:
 
 def seen(pose: Pose, sequence: int, *, legs: bool = True) -> KeypointsPacket:
     """The packet of a person in `pose`, at its time; without legs, an upper body alone."""
-    camera, points = webcam(), mark_points(body(), pose)
+    camera, points = webcam(), landmark_positions(body(), pose)
     pixels, _ = camera.project(points)
     hips = [LANDMARK_NAMES.index("left_hip"), LANDMARK_NAMES.index("right_hip")]
     visibility = np.ones(33)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from capture.body.expressions import FACE, LEFT_HAND, RIGHT_HAND, SeenExpression
+from capture.body.expressions import FACE, LEFT_HAND, RIGHT_HAND, ObservedExpression
 from scene.expression import EXPRESSION_NAMES
 from services.live.motion.expression_filter import EASE_S, HELD_S, ExpressionFilter
 from services.live.motion.live_motion import LiveMotion
@@ -17,12 +17,12 @@ JAW, BLINK, HAND = (EXPRESSION_NAMES.index(n) for n in ("jaw_open", "blink_left"
 FRAME_S = 1.0 / 30.0
 
 
-def expression(known: int = FACE, **values: float) -> SeenExpression:
+def expression(known: int = FACE, **values: float) -> ObservedExpression:
     numbers = np.array([values.get(name, 0.0) for name in EXPRESSION_NAMES])
-    return SeenExpression(numbers, known)
+    return ObservedExpression(numbers, known)
 
 
-def shown(filter_: ExpressionFilter, given: list[SeenExpression]) -> np.ndarray:
+def shown(filter_: ExpressionFilter, given: list[ObservedExpression]) -> np.ndarray:
     """What is shown when each of `given` has come, a frame apart."""
     times = FRAME_S * np.arange(len(given))
     return np.array([filter_.follow(one, t).at(t) for one, t in zip(given, times, strict=True)])

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from capture.body.expressions import EVERYTHING, FACE, LEFT_HAND, SeenExpression
-from capture.detection.landmarks import LANDMARK_COUNT
+from capture.body.expressions import EVERYTHING, FACE, LEFT_HAND, ObservedExpression
+from capture.body.landmark_names import LANDMARK_COUNT
 from services.live import packets
 from services.live.packets import (
     EXPRESSION_BYTES,
@@ -49,7 +49,7 @@ def test_golden_bytes():
 def test_golden_bytes_of_an_expression():
     """The page's tests hold its encoder to the same."""
     values = np.array([0.2, 1.0, 0.0, 0.4, 2.0, -1.0, 0.6])
-    seen = SeenExpression(values, FACE | LEFT_HAND)
+    seen = ObservedExpression(values, FACE | LEFT_HAND)
     data = encode_keypoints(replace(packet(), expression=seen))
     assert data.hex() == GOLDEN + "33ff0066ff0099" + "03"
     assert len(data) == KEYPOINTS_BYTES + EXPRESSION_BYTES
@@ -61,7 +61,7 @@ def test_golden_bytes_of_an_expression():
 
 
 def test_groups_that_nobody_knows_of_are_left_alone():
-    data = encode_keypoints(replace(packet(), expression=SeenExpression(np.zeros(7), 0xFF)))
+    data = encode_keypoints(replace(packet(), expression=ObservedExpression(np.zeros(7), 0xFF)))
     back = decode_keypoints(data).expression
     assert back is not None
     assert back.known == EVERYTHING

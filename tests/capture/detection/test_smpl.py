@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from capture.body.model import BodyModel, LinearBodyModel, load_body_model
-from capture.body.smpl import landmarks_of_pose
 from capture.detection.landmarks import Landmarks, PoseEstimator
-from capture.pipeline import capture_frames
+from capture.detection.smpl import landmarks_of_pose
+from capture.pipeline import CaptureOptions, capture_clip
 from capture.sources.readers import open_folder, write_humannerf
 from capture.storage import open_sequence, write_sequence
 from scene.arrays import Array
@@ -93,7 +93,8 @@ def test_another_estimator_and_another_body_model_make_a_sequence(theirs, tmp_pa
         (clip / f"{index:03d}.png").write_bytes(encoded(seen.astype(np.uint8)))
     estimator: PoseEstimator = Regressor(theirs)
     model: BodyModel = dwarf()
-    capture_frames(clip, tmp_path / "seq", person="p", estimator=estimator, body_model=model)
+    options = CaptureOptions(person="p", estimator=estimator, body_model=model)
+    capture_clip(clip, tmp_path / "seq", options)
     found = open_sequence(tmp_path / "seq")
     assert len(found.train) == FRAMES
     assert found.body.skeleton.height_m < 0.96 * body().skeleton.height_m

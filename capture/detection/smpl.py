@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from capture.detection.landmarks import LANDMARK_NAMES, Landmarks
-from capture.live.solver import marks_on
+from capture.body.landmark_names import LANDMARK_NAMES
+from capture.body.landmarks import landmarks_on
+from capture.detection.landmarks import Landmarks
 from scene.arrays import Array, Float
 from scene.body import Body
 from scene.camera import Camera
@@ -35,7 +36,7 @@ def landmarks_of_pose(
     Raises InvalidInput for a mask of another size than the camera's.
     """
     require_shape("mask", mask, (camera.height, camera.width))
-    points, joints = marks_on(body)
+    points, joints = landmarks_on(body)
     moved = body.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)[joints]
     placed = np.einsum("nij,nj->ni", moved[:, :3, :3], points) + moved[:, :3, 3]
     pixels, _ = camera.project(placed)

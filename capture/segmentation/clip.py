@@ -1,0 +1,27 @@
+"""Which pixels of a whole clip are the person's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from capture.detection.landmarks import Landmarks
+from capture.segmentation.background import FRAMES as BACKGROUND_FRAMES
+from capture.segmentation.background import learn_background
+from capture.segmentation.masks import occupied, refine_mask, steady_masks
+from scene.arrays import Array, Float, UInt8, evenly_spread
+
+
+def segment_clip(
+    images: Sequence[UInt8[Array, "H W 3"]],
+    people: Sequence[Landmarks | None],
+    on_progress: Callable[[float], None] = lambda _: None,
+) -> list[Float[Array, "H W"] | None]:
+    """The person's soft mask in each frame, [0, 1]; None where they were lost."""
+    found = [(images[i], person) for i, person in enumerate(people) if person]
+    some = [found[i] for i in evenly_spread(len(found), BACKGROUND_FRAMES)]
+    background = learn_background([image for image, _ in some], (occupied(one) for _, one in some))
+    masks: list[Float[Array, "H W"] | None] = []
+    for index, person in enumerate(people):
+        masks.append(None if person is None else refine_mask(images[index], person, background))
+        on_progress((index + 1) / len(people))
+    return steady_masks(images, masks)

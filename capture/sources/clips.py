@@ -1,0 +1,44 @@
+"""Any clip: a video, or a folder or zip of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from capture.errors import UnreadableClip
+from capture.sources.archive import read_frames
+from capture.sources.video import Clip, read_video
+
+MIN_FRAMES = 8
+"""Fewer frames with the person say too little about a body."""
+_ZIP_MAGIC = b"PK"
+
+
+def read_clip(
+    path: Path,
+    max_frames: int,
+    on_progress: Callable[[float], None] = lambda _: None,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> Clip:
+    """At most `max_frames` frames, spread evenly over the clip at `path`.
+
+    Raises UnreadableClip where it is none or has fewer than `MIN_FRAMES`, CaptureStopped.
+    """
+    read = read_frames if path.is_dir() or _is_zip(path) else read_video
+    clip = read(path, max_frames=max_frames, on_progress=on_progress, should_stop=should_stop)
+    if len(clip.images) < MIN_FRAMES:
+        raise UnreadableClip(
+            f"{path.name} must have at least {MIN_FRAMES} frames; got {len(clip.images)}; film 10 "
+            "seconds or more"
+        )
+    return clip
+
+
+def _is_zip(path: Path) -> bool:
+    if path.suffix.lower() == ".zip":
+        return True
+    try:
+        with path.open("rb") as file:
+            return file.read(2) == _ZIP_MAGIC
+    except OSError:
+        return False
