@@ -16,12 +16,12 @@ import numpy as np
 
 from scene.arrays import Array
 from scene.kinematics_kernels import (
-    relative_axis_angles,
+    axis_angles_to_matrices,
+    forward_kinematics,
     matrices_to_axis_angles,
     multiply,
     multiply_transposed,
-    forward_kinematics,
-    axis_angles_to_matrices,
+    relative_axis_angles,
     write_rotation,
 )
 
