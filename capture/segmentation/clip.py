@@ -8,7 +8,8 @@ from capture.detection.landmarks import Landmarks
 from capture.segmentation.background import FRAMES as BACKGROUND_FRAMES
 from capture.segmentation.background import learn_background
 from capture.segmentation.masks import occupied, refine_mask, steady_masks
-from scene.arrays import Array, Float, UInt8, evenly_spread
+from capture.sources.video import evenly_spaced
+from scene.arrays import Array, Float, UInt8
 
 
 def segment_clip(
@@ -18,7 +19,7 @@ def segment_clip(
 ) -> list[Float[Array, "H W"] | None]:
     """The person's soft mask in each frame, [0, 1]; None where they were lost."""
     found = [(images[i], person) for i, person in enumerate(people) if person]
-    some = [found[i] for i in evenly_spread(len(found), BACKGROUND_FRAMES)]
+    some = [found[i] for i in evenly_spaced(len(found), BACKGROUND_FRAMES)]
     background = learn_background([image for image, _ in some], (occupied(one) for _, one in some))
     masks: list[Float[Array, "H W"] | None] = []
     for index, person in enumerate(people):
