@@ -142,8 +142,8 @@ def trained(sequence: Sequence, seed: int, density: float | None = None) -> Spla
         preset = replace(preset, settings=replace(preset.settings, expressive_density=density))
     clock = time.perf_counter
     model = train(sequence, preset=preset, iterations=ITERATIONS, seed=seed, clock=clock)
-    assert isinstance(model, SplatModel)
-    return model
+    assert model.splats is not None
+    return model.splats
 
 
 def without(clip: Sequence, names: tuple[str, ...]) -> Sequence:

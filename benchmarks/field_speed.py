@@ -43,8 +43,7 @@ _RATE = 2e-3
 def run(json_file: Path | None, preset: str, size: int, steps: int) -> None:
     """Measure and report."""
     torch.set_num_threads(1)  # threads that wait for each other measure the neighbours' load
-    settings = find_preset(preset).settings
-    assert isinstance(settings, FieldSettings)
+    settings = find_preset(preset).field_settings
     model = load_body_model()
     field = fitted(settings, model.body(np.zeros(model.shape_count)), steps)
     names = [(), *((name,) for name in SAME_WEIGHTS), EXACT]

@@ -31,7 +31,6 @@ from renderer.devices import best_device
 from renderer.evaluation.evaluate import evaluate
 from renderer.evaluation.metrics import psnr
 from renderer.field.rendering.field_renderer import FieldRenderer
-from renderer.field.settings import FieldSettings
 from renderer.presets import EXACT, find_preset
 from renderer.reference.splats import quaternion_matrix
 from renderer.splats.layout import BOX_FILTER_PX2, COLOUR, LOG_SCALE, OPACITY, POSITION, ROTATION
@@ -181,8 +180,7 @@ class _Gsplat:
 def _fields(name: str, device: torch.device) -> list[dict[str, Any]]:
     """Milliseconds of a field with all exact speed-ups, and how far its picture is from the slow
     path's, which is timed too at the smallest size."""
-    settings = find_preset(name).settings
-    assert isinstance(settings, FieldSettings)
+    settings = find_preset(name).field_settings
     model = load_body_model()
     field = fitted(settings, model.body(np.zeros(model.shape_count)), _FIT_STEPS).to(device)
     cells = field.occupied

@@ -29,7 +29,7 @@ def save_model(model: PerformerModel, path: Path) -> None:
     """Write `model` to `path`, whole or not at all."""
     from safetensors.numpy import save_file
 
-    kind, tensors, header = _pack(model)
+    tensors = model.tensors()
     tensors |= {"rest_joints": model.skeleton.rest_joints.astype(np.float32)}
     tensors |= {f"motion.{k}": getattr(model.motion, k).astype(np.float32) for k in _MOTION}
     if model.motion.expressions.any():
@@ -38,11 +38,11 @@ def save_model(model: PerformerModel, path: Path) -> None:
     tensors["motion.times_s"] = model.motion.times_s
     about = {
         "version": VERSION,
-        "kind": kind,
+        "kind": model.kind,
         "preset": model.preset,
         "data_hash": model.data_hash,
         "metrics": model.metrics,
-        **header,
+        **model.header(),
     }
     part = path.with_name(path.name + ".part")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -88,18 +88,6 @@ def _read(path: Path) -> tuple[dict[str, Array], dict[str, Any]]:
             "train it again"
         )
     return tensors, about
-
-
-def _pack(model: PerformerModel) -> tuple[str, dict[str, Array], dict[str, Any]]:
-    from renderer.splats.files.tensors import pack
-    from renderer.splats.model import SplatModel
-
-    if isinstance(model, SplatModel):
-        return "splats", pack(model), {}
-    from renderer.field.model import FieldModel
-
-    assert isinstance(model, FieldModel)
-    return "field", model.tensors(), model.header()
 
 
 def _unpack(

@@ -13,6 +13,7 @@ from renderer.errors import UnknownPreset
 from renderer.field.settings import FAST, HUMANNERF, PAPER, FieldSettings
 from renderer.field.sizes import FieldSizes, GridSize, MlpSize
 from renderer.splats.settings import SplatSettings
+from scene.errors import InvalidInput
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,23 @@ class Preset:
     name: str
     description: str
     settings: SplatSettings | FieldSettings = field()
+
+    @property
+    def is_field(self) -> bool:
+        """Whether it trains a neural field, not splats."""
+        return isinstance(self.settings, FieldSettings)
+
+    @property
+    def field_settings(self) -> FieldSettings:
+        """The settings of a field. Raises InvalidInput where the preset trains splats."""
+        if isinstance(self.settings, FieldSettings):
+            return self.settings
+        raise InvalidInput(f"preset must be a field's; got {self.name!r}; choose 'fast' or 'paper'")
+
+    @property
+    def trains_on_patches(self) -> bool:
+        """Whether it can learn from a perceptual loss, which looks at patches."""
+        return self.is_field and self.field_settings.patch_px > 0
 
 
 @dataclass(frozen=True)
@@ -107,13 +125,12 @@ _WITH_SPEED_UPS = ("humannerf", "paper")
 
 def _with(base: Preset, names: tuple[str, ...]) -> Preset:
     """`base` with speed-ups, named in their own order."""
-    assert isinstance(base.settings, FieldSettings)
     ordered = [name for name in SPEED_UPS if name in names]
-    sizes = base.settings.sizes
+    sizes = base.field_settings.sizes
     for name in ordered:
         sizes = SPEED_UPS[name].apply(sizes)
     added = "; ".join(SPEED_UPS[name].description for name in ordered)
-    settings = replace(base.settings, sizes=sizes)
+    settings = replace(base.field_settings, sizes=sizes)
     return Preset("+".join([base.name, *ordered]), f"{base.name}, where {added}", settings)
 
 
@@ -149,8 +166,3 @@ def find_preset(name: str) -> Preset:
     if not set(added) <= set(SPEED_UPS):
         raise UnknownPreset(f"speed-ups must be among {', '.join(SPEED_UPS)}; got {name!r}")
     return _with(bases[first], tuple(added))
-
-
-def trains_on_patches(preset: Preset) -> bool:
-    """Whether `preset` can learn from a perceptual loss, which looks at patches."""
-    return isinstance(preset.settings, FieldSettings) and preset.settings.patch_px > 0

@@ -73,7 +73,7 @@ class SceneRenderer:
 
         Raises InvalidInput for performers who are fields: these are pictures alone.
         """
-        if fields := [p.name for p in scene.performers if not isinstance(p.model, SplatModel)]:
+        if fields := [p.name for p in scene.performers if p.model.splats is None]:
             raise InvalidInput(
                 f"geometry must be asked of performers who are splats; got {fields[0]!r}, who is a "
                 "field; train them with a preset of splats"
@@ -99,15 +99,15 @@ class SceneRenderer:
         """Blocks that performers may be in; a field tells nothing of where it is."""
         blocks = np.zeros((-(-camera.height // TILE), -(-camera.width // TILE)), bool)
         for performer in scene.performers:
-            if not isinstance(performer.model, SplatModel):
+            if performer.model.splats is None:
                 return np.ones_like(blocks)
         return self._splats.tiles if self._splats and scene.performers else blocks
 
     def _layers(self, scene: Scene[PerformerModel], camera: Camera) -> Float[Array, "H W 4"]:
         """All performers, premultiplied, nothing behind them."""
         performers, lighting = scene.performers, scene.environment.lighting
-        splats = [p for p in performers if isinstance(p.model, SplatModel)]
-        fields = [p for p in performers if not isinstance(p.model, SplatModel)]
+        splats = [p for p in performers if p.model.splats is not None]
+        fields = [p for p in performers if p.model.splats is None]
         if splats and not fields:
             return self._splat_layer(splats, camera, lighting)
         layers = [(_distance(p, camera), _field_layer(p, camera)) for p in fields]
@@ -127,7 +127,7 @@ class SceneRenderer:
         camera: Camera,
         lighting: Lighting | None,
     ) -> Float[Array, "H W 4"]:
-        models = tuple(p.model for p in performers if isinstance(p.model, SplatModel))
+        models = tuple(model for p in performers if (model := p.model.splats) is not None)
         if self._splats is None or models != self._models:
             from renderer.splats.rasteriser.gpu import splat_renderer
 

@@ -17,8 +17,9 @@ from typing import Any, Protocol, cast, runtime_checkable
 import numpy as np
 
 from renderer.errors import TrainingError, TrainingStopped
+from renderer.field.settings import FieldSettings
 from renderer.performer_model import PerformerModel
-from renderer.presets import Preset, find_preset, trains_on_patches
+from renderer.presets import Preset, find_preset
 from scene.arrays import Array, Float
 from scene.sequence import Sequence
 
@@ -153,30 +154,25 @@ def _make_trainer(
     *,
     find_light: bool,
 ) -> Trainer:
-    from renderer.field.settings import FieldSettings
-    from renderer.splats.model import SplatModel
-
-    settings = preset.settings
-    if lpips_backbone is not None and not trains_on_patches(preset):
+    if lpips_backbone is not None and not preset.trains_on_patches:
         raise TrainingError(
             f"lpips_backbone must go with a preset that trains on patches, such as paper; "
             f"got {preset.name!r}; leave it out"
         )
-    if start is not None and (
-        isinstance(settings, FieldSettings) or not isinstance(start, SplatModel)
-    ):
+    splats = None if start is None else start.splats
+    if start is not None and (preset.is_field or splats is None):
         raise TrainingError(
             f"start must be a model of splats and go with the preset splats; got one of "
             f"{start.preset!r} and the preset {preset.name!r}; leave it out"
         )
-    if isinstance(settings, FieldSettings):
+    if isinstance(preset.settings, FieldSettings):
         from renderer.field.training.trainer import FieldTrainer
 
-        settings = replace(settings, lpips_backbone=lpips_backbone)
+        settings = replace(preset.settings, lpips_backbone=lpips_backbone)
         return FieldTrainer(sequence, preset.name, settings, seed)
     from renderer.splats.training.trainer import SplatTrainer
 
-    return SplatTrainer(sequence, settings, seed, start, find_light=find_light)
+    return SplatTrainer(sequence, preset.settings, seed, splats, find_light=find_light)
 
 
 class _Run:

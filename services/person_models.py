@@ -89,14 +89,13 @@ def write_files(model: PerformerModel, folder: Path) -> list[Path]:
     from renderer.model_files import save_model
     from renderer.splats.files.ply import write_ply
     from renderer.splats.files.viewer_file import write_viewer_file
-    from renderer.splats.model import SplatModel
 
     files = [folder / WEIGHTS]
     save_model(model, files[0])
-    if isinstance(model, SplatModel):
+    if (splats := model.splats) is not None:
         files += [folder / SPLATS, folder / VIEWER_FILE]
-        write_ply(model, files[1])
-        write_viewer_file(model, files[2])
+        write_ply(splats, files[1])
+        write_viewer_file(splats, files[2])
     return files
 
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from renderer.performer_model import PerformerModel
 from renderer.splats.model import SplatModel
-from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
-from renderer.splats.unseen import captured_only
+from renderer.splats.rasteriser.renderer import Geometry
 from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.errors import InvalidInput
@@ -37,7 +36,7 @@ def render_view(model: PerformerModel, motion: Motion, asked: NewView) -> bytes:
     shown = motion if asked.pose is None else Motion.from_poses([pose])
     camera = view_camera(model.skeleton, shown, pose, asked.camera, asked.width, asked.height)
     if asked.hide_unseen:
-        model = captured_only(_of_splats(model, "hide_unseen", "which know what was filmed"))
+        model = _splats(model, "hide_unseen", "which know what was filmed").captured_only()
     if asked.shows == "colour":
         return encode(model.render(camera, pose), asked.background, asked.format)
     if asked.format != "png" or asked.background is not None:
@@ -45,8 +44,8 @@ def render_view(model: PerformerModel, motion: Motion, asked: NewView) -> bytes:
             f"{asked.shows} must be asked for as png without a background, which keeps every bit; "
             f"got {asked.format}{'' if asked.background is None else ' with a background'}"
         )
-    model = _of_splats(model, asked.shows, "whose surface is known")
-    return _encode_geometry(_geometry(model, camera, pose), asked.shows)
+    splats = _splats(model, asked.shows, "whose surface is known")
+    return _encode_geometry(splats.geometry(camera, pose), asked.shows)
 
 
 def view_pose(motion: Motion, asked: NewView) -> Pose:
@@ -100,20 +99,13 @@ def encode(
     return cv2.imencode(suffix, np.ascontiguousarray(data), options)[1].tobytes()
 
 
-def _of_splats(model: PerformerModel, asked: str, why: str) -> SplatModel:
-    if not isinstance(model, SplatModel):
+def _splats(model: PerformerModel, asked: str, why: str) -> SplatModel:
+    if model.splats is None:
         raise InvalidInput(
             f"{asked} must be asked of a model of splats, {why}; got preset {model.preset!r}; "
             "leave it out"
         )
-    return model
-
-
-def _geometry(model: SplatModel, camera: Camera, pose: Pose) -> Geometry:
-    renderer = SplatRenderer((model,))
-    transforms = model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
-    renderer.render(camera, [transforms], expressions=[pose.expression])
-    return renderer.geometry([transforms])
+    return model.splats
 
 
 def _encode_geometry(geometry: Geometry, shows: Literal["depth", "normal"]) -> bytes:

@@ -20,7 +20,6 @@ from capture.sources.bvh import read_bvh
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.model_files import save_model
-from renderer.splats.model import SplatModel
 from renderer.training import train
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -49,9 +48,10 @@ def build(
             clock=time.perf_counter,
             on_progress=lambda step: report(0.3 + 0.7 * step.fraction, step.message),
         )  # fmt: skip
-    assert isinstance(model, SplatModel)
+    splats = model.splats
+    assert splats is not None
     recorded = _before_the_camera(read_bvh(motion, clip.body.skeleton))
-    save_model(replace(model, motion=recorded), out)
+    save_model(replace(splats, motion=recorded), out)
 
 
 def _before_the_camera(motion: Motion) -> Motion:

@@ -23,7 +23,6 @@ from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.performer_model import PerformerModel
 from renderer.presets import EXACT
-from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.sequence import Sequence
 
@@ -114,9 +113,9 @@ def _speeds(
 
 def _drawing(model: PerformerModel) -> Draw:
     """How a server draws `model`: what lasts is kept between frames, transforms are not."""
-    if not isinstance(model, SplatModel):
+    if model.splats is None:
         return model.render
-    renderer, skeleton = SplatRenderer((model,)), model.skeleton
+    renderer, skeleton = SplatRenderer((model.splats,)), model.skeleton
     return lambda camera, pose: renderer.render(
         camera, [skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)]
     )

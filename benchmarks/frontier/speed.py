@@ -19,7 +19,6 @@ from benchmarks.reporting.timing import Clock, milliseconds
 from renderer.catalogue import describe_preset
 from renderer.evaluation.metrics import psnr
 from renderer.field.rendering.field_renderer import FieldRenderer
-from renderer.field.settings import FieldSettings
 from renderer.presets import EXACT, find_preset
 from scene.arrays import Array
 from scene.camera import Camera
@@ -53,9 +52,7 @@ def timed_steps(clip: Sequence, name: str, clock: Clock, fields: dict[str, Any])
     """Times of the paper's preset `name`, perhaps with speed-ups, and its picture's distance from
     the slow path's. `fields` keeps the fitted field of each base between calls."""
     base = name.split("+")[0]
-    settings, plain = find_preset(name).settings, find_preset(base).settings
-    assert isinstance(settings, FieldSettings)
-    assert isinstance(plain, FieldSettings)
+    settings, plain = find_preset(name).field_settings, find_preset(base).field_settings
     if base not in fields:
         fields[base] = fitted(plain, clip.body, _FIT_STEPS)
     field = fields[base]

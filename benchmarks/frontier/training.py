@@ -15,8 +15,6 @@ from typing import Any
 
 from benchmarks.reporting.timing import Clock
 from renderer.evaluation.evaluate import MEASURES, evaluate
-from renderer.field.model import FieldModel
-from renderer.field.settings import FieldSettings
 from renderer.model_files import load_model, save_model
 from renderer.performer_model import PerformerModel
 from renderer.presets import EXACT, Preset, find_preset
@@ -36,8 +34,7 @@ class Scale:
     def of(self, preset: Preset) -> Preset:
         """`preset` cut down. Samples where nobody can be are skipped, which leaves the weights as
         they would be (`cull`)."""
-        settings = preset.settings
-        assert isinstance(settings, FieldSettings)
+        settings = preset.field_settings
         settings = replace(
             settings,
             rays_a_frame=self.patches * settings.patch_px**2,
@@ -66,10 +63,8 @@ def accuracy(
     A scaled run's model is judged as its preset draws it, with all exact speed-ups.
     """
     model, path = trained(clip, name, budget_s, folder, backbone, clock)
-    if isinstance(model, FieldModel) and name in SCALED:
-        settings = find_preset("+".join((name, *EXACT))).settings
-        assert isinstance(settings, FieldSettings)
-        model.field.sizes = settings.sizes
+    if name in SCALED:
+        model = model.drawn_as(find_preset("+".join((name, *EXACT))))
     figures = figures_of(model, evaluate(model, clip, backbone))
     return {"file_megabytes": round(path.stat().st_size / 1e6, 2), **figures}
 

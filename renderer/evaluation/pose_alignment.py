@@ -18,7 +18,6 @@ from renderer.pose_refinement.photometry import (
     robust_cost,
 )
 from renderer.splats.layout import POSITION, VISIBILITY_DILATION_PX2
-from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import first_splats
@@ -46,16 +45,15 @@ class Aligner:
 
     def __init__(self, model: PerformerModel, sequence: Sequence) -> None:
         self._model = model
-        if isinstance(model, SplatModel):
-            parameters, joints, weights = model.parameters, model.joints, model.weights
-        else:
-            first = first_splats(sequence, SplatSettings(), np.random.default_rng(0))
-            parameters, joints, weights = first.parameters, first.joints, first.weights
-        self._parameters = parameters.astype(np.float32)
+        surface = model.splats
+        if surface is None:
+            surface = first_splats(sequence, SplatSettings(), np.random.default_rng(0))
+        self._parameters = surface.parameters.astype(np.float32)
         self._points = SkinnedPoints(
-            self._parameters[:, POSITION : POSITION + 3], joints.astype(np.uint16),
-            weights.astype(np.float32),
-        )  # fmt: skip
+            self._parameters[:, POSITION : POSITION + 3],
+            surface.joints.astype(np.uint16),
+            surface.weights.astype(np.float32),
+        )
         self._work = Workspace(len(self._parameters))
 
     def align(self, frame: Frame) -> Pose:

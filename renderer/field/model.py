@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import zlib
+from copy import copy
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -20,11 +21,17 @@ from scene.camera import Camera
 from scene.motion import Motion, Pose
 from scene.skeleton import Skeleton
 
+if TYPE_CHECKING:
+    from renderer.presets import Preset
+
 _LEARNT = "field."
 
 
 class FieldModel:
-    """One person's field with the clip's motion."""
+    """One person's field with the clip's motion (a `PerformerModel`)."""
+
+    kind = "field"
+    splats = None
 
     def __init__(
         self,
@@ -53,6 +60,22 @@ class FieldModel:
     def render(self, camera: Camera, pose: Pose) -> Float[Array, "H W 4"]:
         """Premultiplied sRGB and alpha of the person in `pose` seen by `camera`."""
         return self._renderer.render(camera, pose)
+
+    def captured_only(self) -> FieldModel:
+        """Itself: a field keeps no record of what was captured."""
+        return self
+
+    def drawn_as(self, preset: Preset) -> FieldModel:
+        """The same weights, drawn with the speed-ups of `preset`.
+
+        Raises InvalidInput for a preset that is not a field's.
+        """
+        field = copy(self.field)
+        field.sizes = preset.field_settings.sizes
+        return FieldModel(
+            field, preset=self.preset, motion=self.motion, data_hash=self.data_hash,
+            metrics=self.metrics,
+        )  # fmt: skip
 
     def tensors(self) -> dict[str, Array]:
         """What a model file holds beside motion and skeleton; `from_tensors` takes it back.

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from renderer.splats.expressions import no_offsets, no_splats
 from renderer.splats.layout import PARAMETERS
-from renderer.splats.rasteriser.renderer import SplatRenderer
+from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
 from scene.arrays import Array, Bool, Float, Int, UInt8
 from scene.camera import Camera
 from scene.errors import InvalidInput, require_finite, require_shape
@@ -15,6 +15,9 @@ from scene.expression import EXPRESSION_COUNT
 from scene.lighting import HARMONICS
 from scene.motion import Motion, Pose
 from scene.skeleton import Skeleton
+
+if TYPE_CHECKING:
+    from renderer.presets import Preset
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,3 +77,42 @@ class SplatModel:
         """Premultiplied sRGB and alpha, float32. For many views keep a `SplatRenderer`."""
         transforms = self.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
         return SplatRenderer((self,)).render(camera, [transforms], expressions=[pose.expression])
+
+    def geometry(self, camera: Camera, pose: Pose) -> Geometry:
+        """Depth and normals of the person in `pose` seen by `camera`."""
+        renderer = SplatRenderer((self,))
+        transforms = self.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
+        renderer.render(camera, [transforms], expressions=[pose.expression])
+        return renderer.geometry([transforms])
+
+    @property
+    def kind(self) -> str:
+        """As model files name it."""
+        return "splats"
+
+    @property
+    def splats(self) -> SplatModel:
+        """Itself."""
+        return self
+
+    def captured_only(self) -> SplatModel:
+        """What no frame showed faded away; made once and kept as long as the model lives."""
+        from renderer.splats.unseen import captured_only
+
+        return captured_only(self)
+
+    def drawn_as(self, preset: Preset) -> SplatModel:
+        """Itself: splats have no speed-ups. Raises InvalidInput for the preset of a field."""
+        if preset.is_field:
+            raise InvalidInput(f"preset must be one of splats; got {preset.name!r}; use 'splats'")
+        return self
+
+    def tensors(self) -> dict[str, Array]:
+        """What a model file holds beside motion and skeleton."""
+        from renderer.splats.files.tensors import pack
+
+        return pack(self)
+
+    def header(self) -> dict[str, Any]:
+        """Nothing: the tensors say it all."""
+        return {}

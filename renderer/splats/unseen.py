@@ -11,7 +11,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from renderer.nearest import ROWS, nearest_points, squared_distances
-from renderer.performer_model import PerformerModel
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION
 from renderer.splats.model import SplatModel
 from scene.arrays import Array, Bool, Float
@@ -57,12 +56,9 @@ def _about(
     return mean
 
 
-def captured_only(model: PerformerModel) -> PerformerModel:
-    """`model` with what no frame showed faded away; made once and kept as long as `model` lives.
-
-    A field keeps no record of what was filmed and is given back as it is.
-    """
-    if not isinstance(model, SplatModel) or model.seen.all():
+def captured_only(model: SplatModel) -> SplatModel:
+    """`model` with what no frame showed faded away; made once and kept as long as `model` lives."""
+    if model.seen.all():
         return model
     if model not in _CAPTURED_ONLY:
         parameters = model.parameters.copy()

@@ -56,14 +56,14 @@ def train(
     from capture.pose_check import require_poses_on_mask
     from capture.sources.readers import open_folder
     from renderer.model_files import save_model
-    from renderer.presets import find_preset, trains_on_patches
+    from renderer.presets import find_preset
     from renderer.training import Progress, TrainingStopped
     from renderer.training import train as train_model
 
     require_writable(out)
     budget_s = None if iterations else seconds(budget)
     clip = open_folder(sequence)
-    on_patches = trains_on_patches(find_preset(preset))
+    on_patches = find_preset(preset).trains_on_patches
     out.parent.mkdir(parents=True, exist_ok=True)
     require_poses_on_mask(clip, out.with_suffix(".poses.png"))
     if on_patches:

@@ -8,7 +8,6 @@ from typing import Protocol
 import numpy as np
 
 from renderer.performer_model import PerformerModel
-from renderer.splats.unseen import captured_only
 from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
 from scene.environment import Environment, Performer, Scene
@@ -64,7 +63,7 @@ class Room:
         performers = tuple(
             Performer(
                 member.name,
-                captured_only(member.model) if hide_unseen else member.model,
+                member.model.captured_only() if hide_unseen else member.model,
                 np.array(member.position, dtype=np.float64),
                 member.yaw_rad,
                 self._pose(member, now_s),

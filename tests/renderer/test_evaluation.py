@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from renderer.evaluation.evaluate import EvaluatedView, evaluate, side_of_body
+from renderer.presets import Preset
 from scene import NOVEL_VIEW, UNSEEN_POSE, Camera, Motion, Pose, Skeleton
 from tests.renderer.field.performer import Frames, body, paint, pose, sequence, view
 from tests.shared_data import shared_data
@@ -17,7 +19,8 @@ from tests.shared_data import shared_data
 class Painted:
     """A model that paints the truth, dimmed by `error`."""
 
-    preset, data_hash = "painted", "0" * 64
+    kind = preset = "painted"
+    data_hash, splats = "0" * 64, None
 
     def __init__(self, error: float = 0.0) -> None:
         self._error = error
@@ -35,6 +38,18 @@ class Painted:
         frame = paint(body(), camera, pose)
         rgb = np.clip(frame.image + np.float32(self._error), 0.0, 1.0)
         return np.concatenate([rgb, frame.mask[..., None]], axis=2).astype(np.float32)
+
+    def captured_only(self) -> Painted:
+        return self
+
+    def drawn_as(self, preset: Preset) -> Painted:
+        return self
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        return {}
+
+    def header(self) -> dict[str, Any]:
+        return {}
 
 
 def test_the_truth_scores_full_marks():

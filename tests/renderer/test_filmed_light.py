@@ -16,7 +16,6 @@ from renderer.scene_renderer import SceneRenderer
 from renderer.splats.layout import COLOUR
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
-from renderer.splats.unseen import captured_only
 from renderer.training import train
 from scene import Environment, Lighting, Performer, Pose, Scene, orbit_camera
 from scene.environment import placement
@@ -93,8 +92,7 @@ def test_whoever_is_turned_in_the_room_is_turned_with_their_light():
 def test_what_nobody_filmed_fades_in_the_same_light():
     model = with_light(5)
     seen = model.parameters[:, 2] > -0.05
-    faded = captured_only(replace(model, seen=seen))
-    assert isinstance(faded, SplatModel)
+    faded = replace(model, seen=seen).captured_only()
     assert faded.light is model.light
 
 

@@ -13,8 +13,10 @@ from renderer.field.sizes import MlpSize
 from renderer.field.training.trainer import FieldTrainer
 from renderer.model_files import load_model, save_model
 from renderer.performer_model import PerformerModel
+from renderer.presets import Preset, find_preset
 from scene import look_at
 from scene.camera import Camera
+from scene.errors import InvalidInput
 from tests.renderer.field.performer import TINY, pose, sequence, view
 
 
@@ -30,6 +32,17 @@ def test_is_a_person_model(model):
     assert isinstance(model, PerformerModel)
     assert model.data_hash == sequence().data_hash
     assert len(model.motion) == len(sequence().motion)
+
+
+def test_it_is_drawn_with_a_fields_speed_ups_alone(model):
+    own = model.field.sizes
+    drawn = model.drawn_as(
+        Preset("fast", "without a posed grid", replace(TINY, sizes=replace(own, posed_grid=0)))
+    )
+    assert drawn.field.sizes.posed_grid == 0
+    assert model.field.sizes is own
+    with pytest.raises(InvalidInput, match="must be a field's; got 'splats'"):
+        model.drawn_as(find_preset("splats"))
 
 
 def test_pictures_are_premultiplied_and_in_range(model):

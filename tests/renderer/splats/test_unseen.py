@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.splats.layout import COLOUR, OPACITY, PARAMETERS
 from renderer.splats.model import SplatModel
-from renderer.splats.unseen import captured_only, fill_unseen
+from renderer.splats.unseen import fill_unseen
 from scene import Pose, orbit_camera
 from tests.renderer.studio import make_model
 
@@ -64,8 +64,7 @@ def filmed_from_the_front() -> SplatModel:
 
 def test_only_what_was_filmed_stays_and_fades_softly():
     model = filmed_from_the_front()
-    alone = captured_only(model)
-    assert isinstance(alone, SplatModel)
+    alone = model.captured_only()
     before, after = (1.0 / (1.0 + np.exp(-m.parameters[:, OPACITY])) for m in (model, alone))
     share = after / before
     np.testing.assert_allclose(share[model.seen], 1.0, atol=1e-5)
@@ -82,22 +81,21 @@ def test_a_lone_unseen_splat_leaves_no_hole():
     model = make_model(3000)
     seen = np.ones(len(model), bool)
     seen[::50] = False
-    alone = captured_only(replace(model, seen=seen))
-    assert isinstance(alone, SplatModel)
+    alone = replace(model, seen=seen).captured_only()
     before, after = (1.0 / (1.0 + np.exp(-m.parameters[:, OPACITY])) for m in (model, alone))
     assert (after / before).min() > 0.85
 
 
 def test_the_faded_model_is_made_once_and_goes_with_its_model():
     model = filmed_from_the_front()
-    assert captured_only(model) is captured_only(model)
+    assert model.captured_only() is model.captured_only()
     whole = make_model(50)
-    assert captured_only(whole) is whole
+    assert whole.captured_only() is whole
 
 
 def test_nothing_filmed_leaves_nobody():
     model = make_model(200)
-    alone = captured_only(replace(model, seen=np.zeros(200, bool)))
+    alone = replace(model, seen=np.zeros(200, bool)).captured_only()
     camera = orbit_camera((0.0, 0.8, 0.0), 3.0, 0.0, 0.0, 32, 32)
     assert alone.render(camera, Pose.rest())[..., 3].max() < 1e-3
 
@@ -108,7 +106,7 @@ def test_the_front_stays_whole_and_the_guessed_back_goes():
     front, back = (
         [
             m.render(orbit_camera((0.0, 0.8, 0.0), 3.0, azimuth, 0.0, 64, 64), Pose.rest()).copy()
-            for m in (captured_only(model), model)
+            for m in (model.captured_only(), model)
         ]
         for azimuth in (0.0, np.pi)
     )

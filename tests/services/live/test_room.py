@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderer.splats.unseen import captured_only
 from scene import Pose
 from services.live.room import (
     CastMember,
@@ -89,5 +88,5 @@ def test_a_viewer_may_see_only_what_was_filmed():
     (whole,) = room.scene_at(0.0).performers
     (alone,) = room.scene_at(0.0, hide_unseen=True).performers
     assert whole.model is model
-    assert alone.model is captured_only(model)
+    assert alone.model is model.captured_only()
     assert alone.model is not model
