@@ -35,7 +35,7 @@ from scene.body import Body
 from scene.camera import Camera
 from scene.motion import Motion, Pose
 from scene.skeleton import JOINT_NAMES
-from services.live.motion.keypoint_channels import Inbox
+from services.live.motion.keypoint_channels import KeypointReceiver
 from services.live.motion.live_motion import LiveMotion
 from services.live.packets import KEYPOINTS_BYTES, KeypointsPacket, encode_keypoints
 from services.settings import load_settings
@@ -135,7 +135,7 @@ def _in_a_meeting(
     width, height = known.camera.width, known.camera.height
     motion, seconds, busy, reading = LiveMotion(known.body.skeleton), [], [], []
     with ThreadPoolExecutor(1) as executor:
-        inbox = Inbox(motion, executor, time.perf_counter)
+        receiver = KeypointReceiver(motion, executor, time.perf_counter)
         for number, (index, seen) in enumerate(found):
             data = encode_keypoints(
                 KeypointsPacket(
@@ -145,7 +145,7 @@ def _in_a_meeting(
             )  # fmt: skip
             worked = executor.submit(time.thread_time).result()
             started = time.perf_counter()
-            inbox.offer(data)
+            receiver.receive(data)
             busy.append(executor.submit(time.thread_time).result() - worked)
             seconds.append(time.perf_counter() - started)
             started = time.perf_counter()

@@ -25,8 +25,8 @@ from benchmarks.reporting.figures import write_report
 from benchmarks.serve import surface_model
 from renderer.splats.files.viewer_file import encode
 from renderer.splats.model import SplatModel
-from services.live.room import CastMember, Room, circle_places, facing_yaw
-from services.live.streaming.pose_feed import packets_of
+from services.live.room import MeetingPerformer, Room, circle_layout, facing_yaw
+from services.live.streaming.pose_feed import pose_packets
 
 SIZES = (256, 512)
 COUNTS = (5_000, 10_000)
@@ -46,7 +46,7 @@ def _drawn(page: Page, count: int, size: int) -> dict[str, Any]:
     """Pictures for some seconds; the time to make the shaders ready is spread over them."""
     model = surface_model(count)
     room = _room_of(model)
-    moments = [packets_of(room, moment / _RATE_HZ, moment + 1) for moment in range(_MOMENTS)]
+    moments = [pose_packets(room, moment / _RATE_HZ, moment + 1) for moment in range(_MOMENTS)]
     asked = {
         "file": _text(encode(model)), "moments": [[_text(one) for one in m] for m in moments],
         "size": size, "seconds": _SECONDS,
@@ -64,9 +64,9 @@ def _drawn(page: Page, count: int, size: int) -> dict[str, Any]:
 
 
 def _room_of(model: SplatModel) -> Room:
-    ((place, yaw),) = circle_places(1)
+    ((place, yaw),) = circle_layout(1)
     yaw += facing_yaw(model.motion)
-    return Room("local-view", (CastMember("0", "0", model, model.motion, place, yaw),))
+    return Room("local-view", (MeetingPerformer("0", "0", model, model.motion, place, yaw),))
 
 
 def _text(data: bytes) -> str:

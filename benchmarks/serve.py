@@ -101,24 +101,24 @@ def _drawn(count: int, performers: int, size: int) -> dict[str, Any]:
 
 def _coded(size: int, performers: int, moving: bool) -> dict[str, Any]:
     """Processor ms a picture: drawing into a frame, and each codec; by a still or moving viewer."""
-    from services.live.room import CastMember, Room, circle_places
+    from services.live.room import MeetingPerformer, Room, circle_layout
     from services.live.streaming.encoding import Codec, PictureEncoder
-    from services.live.streaming.view_track import Canvas
+    from services.live.streaming.view_track import FrameRenderer
 
     model = surface_model(10_000)
     cast = (
-        CastMember(str(n), "", model, model.motion, place, yaw)
-        for n, (place, yaw) in enumerate(circle_places(performers))
+        MeetingPerformer(str(n), "", model, model.motion, place, yaw)
+        for n, (place, yaw) in enumerate(circle_layout(performers))
     )
-    room, canvas = Room("", tuple(cast)), Canvas()
+    room, canvas = Room("", tuple(cast)), FrameRenderer()
     encoders, spent = {codec: PictureEncoder(codec) for codec in Codec}, dict.fromkeys(Codec, 0.0)
-    painted, camera = 0.0, room.first_view(size, size)
+    painted, camera = 0.0, room.initial_camera(size, size)
     for tick in range(-_WARM_UPS, _VIEWS):
         if moving:
             camera = orbit_camera((0.0, 0.9, 0.0), 3.2, 0.01 * tick, 0.08, size, size)
         scene = room.scene_at(tick / 30.0)
         started = time.process_time()
-        frame = canvas.paint(scene, camera)
+        frame = canvas.render(scene, camera)
         painted += (time.process_time() - started) * (tick >= 0)
         for codec, encoder in encoders.items():
             started = time.process_time()

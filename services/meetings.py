@@ -10,7 +10,7 @@ from db.repositories import UnitOfWork
 from scene.motion import Motion
 from services.auth import INVITED
 from services.container import Services
-from services.live.room import circle_places, facing_yaw
+from services.live.room import circle_layout, facing_yaw
 from services.motions import motion_of
 from services.problems import ProblemError
 
@@ -91,7 +91,7 @@ def arrange(services: Services, unit: UnitOfWork, meeting: MeetingRow) -> None:
     if count == 0:
         return
     for index, (performer, (place, yaw_rad)) in enumerate(
-        zip(meeting.performers, circle_places(count), strict=True)
+        zip(meeting.performers, circle_layout(count), strict=True)
     ):
         motion = performed_motion(services, unit, performer)
         performer.place = index

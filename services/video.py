@@ -14,7 +14,7 @@ from renderer.performer_model import PerformerModel
 from scene.arrays import Array, Float, UInt8
 from scene.errors import InvalidInput
 from scene.motion import Motion
-from services.live.room import to_and_fro
+from services.live.room import ping_pong_pose
 from services.person_view import person_camera
 
 FRAMES_PER_SECOND = 30
@@ -42,7 +42,7 @@ def camera_path(
     count = max(1, round(length_s * FRAMES_PER_SECOND))
     middle = motion.pose_at(start_s + float(motion.times_s[0]))
     for frame in range(count):
-        pose = to_and_fro(motion, start_s + frame / FRAMES_PER_SECOND)
+        pose = ping_pong_pose(motion, start_s + frame / FRAMES_PER_SECOND)
         view = person_camera(
             model.skeleton,
             motion,

@@ -205,7 +205,7 @@ async def _read_picture(request: Request) -> bytes:
 async def _tell(request: Request, services: Services, meeting_id: str) -> None:
     """Pictures of this process move at once; the hub tells pages, and other gateways."""
     await tell_cast_changed(request, meeting_id)
-    request.app.state.hub.stir(meeting_id)
+    request.app.state.hub.notify(meeting_id)
     await run_in_threadpool(services.events.publish, meeting_topic(meeting_id))
 
 

@@ -21,7 +21,7 @@ from starlette.websockets import WebSocketDisconnected
 
 from services.container import Services
 from services.control import messages
-from services.control.hub import Hub, Line, Views
+from services.control.hub import Hub, Line
 from services.control.messages import (
     TO_SERVER,
     Beat,
@@ -36,6 +36,7 @@ from services.control.roster import SILENCE_S
 from services.control.wishes import arrive, fulfil, read_caller
 from services.jobs.events import meeting_topic
 from services.limits import RateLimit
+from services.live.sessions.view_sessions import ViewSessions
 from services.live.sessions.voice_sessions import VoiceSessions
 from services.live.signalling.voice import router as voice_router
 from services.live.signalling.whip import router as whip_router
@@ -53,14 +54,14 @@ _GONE = (WebSocketDisconnect, WebSocketDisconnected)
 _REASONS: dict[str, Reason] = {"urn:metanerf:seat-given-back": "given-back"}
 
 
-def install(app: FastAPI, services: Services, views: Views) -> Hub:
+def install(app: FastAPI, services: Services, views: ViewSessions) -> Hub:
     """Mount the channel and the voices on `app`, and describe their messages with the API."""
     voices = VoiceSessions(
         lambda meeting_id: hub.tell_speaking(meeting_id),
         ice_servers=services.settings.ice_servers,
-        max_calls=services.settings.max_voices,
+        max_connections=services.settings.max_voices,
     )
-    recorders = Recorders(services, views.poses, voices.listeners, time.monotonic)
+    recorders = Recorders(services, views.pose_packets, voices.packet_listeners, time.monotonic)
     hub = Hub(services, views, voices, recorders)
     app.state.hub, app.state.voices = hub, voices
     app.include_router(voice_router)
@@ -177,7 +178,7 @@ async def _grant(services: Services, hub: Hub, line: Line, wish: Wish) -> None:
     await run_in_threadpool(fulfil, services, line.meeting_id, line.participant_id, wish)
     if line.leaving:
         line.end("left")
-    hub.stir(line.meeting_id)
+    hub.notify(line.meeting_id)
     await run_in_threadpool(services.events.publish, meeting_topic(line.meeting_id))
 
 

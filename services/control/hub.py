@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
-from typing import Protocol
 
 from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel
@@ -39,6 +38,8 @@ from services.control.roster import (
     standing_for,
 )
 from services.jobs.events import meeting_topic
+from services.live.sessions.view_sessions import ViewSessions
+from services.live.sessions.voice_sessions import VoiceSessions
 from services.recording.recorder import Recorders
 
 log = logging.getLogger(__name__)
@@ -55,44 +56,6 @@ _ENDS: Mapping[Admission, Reason] = {
     Admission.REMOVED: "removed",
     Admission.ENDED: "ended",
 }
-
-
-class Views(Protocol):
-    """The live pictures of this process; see services.live.sessions."""
-
-    def looked_into(self, meeting_id: str) -> bool:
-        """Whether anybody looks into a meeting."""
-        ...
-
-    def poses(self, meeting_id: str) -> list[tuple[str, bytes]]:
-        """How the performers of a meeting stand now, as pose packets, by performer."""
-        ...
-
-    async def refresh(self, meeting_id: str) -> None:
-        """Show another place or cast from now on."""
-        ...
-
-    async def keep_only(self, meeting_id: str, may_look: Callable[[str | None], bool]) -> None:
-        """End the pictures of all others; asked with the seat, None for who has none."""
-        ...
-
-
-class Voices(Protocol):
-    """The voices of this process; see services.live.voices."""
-
-    def talked_in(self, meeting_id: str) -> bool:
-        """Whether anybody is connected in a meeting."""
-        ...
-
-    def speaking_in(self, meeting_id: str) -> tuple[frozenset[str], tuple[str | None, ...]]:
-        """Who speaks in a meeting, and who is heard in which track."""
-        ...
-
-    async def allow(
-        self, meeting_id: str, hear: set[str], speak: set[str], presenter: str | None
-    ) -> None:
-        """Who may hear, whose microphone is on, who may share a screen; others are cut off."""
-        ...
 
 
 @dataclass(eq=False)
@@ -136,7 +99,11 @@ class Hub:
     """All channels of this process. Every method runs on its event loop."""
 
     def __init__(
-        self, services: Services, views: Views, voices: Voices, recorders: Recorders
+        self,
+        services: Services,
+        views: ViewSessions,
+        voices: VoiceSessions,
+        recorders: Recorders,
     ) -> None:
         self._services, self._views, self._voices = services, views, voices
         self._recorders = recorders
@@ -157,7 +124,7 @@ class Hub:
             if other.participant_id == line.participant_id:
                 other.end("replaced")
         lines.add(line)
-        self.stir(line.meeting_id)
+        self.notify(line.meeting_id)
         try:
             yield
         finally:
@@ -165,7 +132,7 @@ class Hub:
             if not lines and self._lines.get(line.meeting_id) is lines:
                 del self._lines[line.meeting_id]
 
-    def stir(self, meeting_id: str) -> None:
+    def notify(self, meeting_id: str) -> None:
         """Look at a meeting now, and go on as long as this process serves anybody in it."""
         if meeting_id not in self._watches:
             stirred = asyncio.Event()
@@ -183,7 +150,7 @@ class Hub:
 
     def tell_speaking(self, meeting_id: str) -> None:
         """Tell everybody who was let in who speaks now, and in which track."""
-        who, slots = self._voices.speaking_in(meeting_id)
+        who, slots = self._voices.speakers_in(meeting_id)
         speaking = Speaking(participant_ids=sorted(who), slots=list(slots))
         for line in self._lines.get(meeting_id, ()):
             if line.admitted and line.told_speaking != speaking:
@@ -193,8 +160,8 @@ class Hub:
     def _serves(self, meeting_id: str) -> bool:
         return (
             meeting_id in self._lines
-            or self._views.looked_into(meeting_id)
-            or self._voices.talked_in(meeting_id)
+            or self._views.is_watched(meeting_id)
+            or self._voices.is_active(meeting_id)
         )
 
     async def _watch(self, meeting_id: str, stirred: asyncio.Event) -> None:
@@ -255,10 +222,15 @@ class Hub:
                 return not meeting.lobby and meeting.ended_at is None
             return seats.get(participant_id) is Admission.ADMITTED
 
-        await self._views.keep_only(meeting_id, may_look)
+        await self._views.close_unless(meeting_id, may_look)
         admitted = {one for one, admission in seats.items() if admission is Admission.ADMITTED}
         speakers = {one.id for one in meeting.participants if one.microphone}
-        await self._voices.allow(meeting_id, admitted, speakers, presenter_of(meeting, now))
+        await self._voices.set_permissions(
+            meeting_id,
+            listeners=admitted,
+            speakers=speakers,
+            presenter=presenter_of(meeting, now),
+        )
         await self._show(meeting)
         present = present_in(meeting, now)
         await self._recorders.see(meeting, present, standing_for(meeting, now), recording, said)

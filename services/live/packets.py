@@ -1,19 +1,18 @@
 """Packets of the data channels: little endian, versioned, sequence and capture time first.
 
 Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
-Flags of a view, bit 0: show only what was filmed of a person; bit 1: the viewer draws the room, so
-send poses in place of pictures; bit 2: pictures have stopped although they are wanted, so send one
-that needs none before it; bit 3: sound alone, so send neither pictures nor poses. Unknown bits are
-left alone.
+Flags of a view, bit 0: show only what was captured of a person; bit 1: the viewer draws the room,
+so send poses instead of pictures; bit 2: pictures have stopped although they are wanted, so send a
+key frame; bit 3: sound alone, so send neither pictures nor poses. Unknown bits are ignored.
 View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
 f32 vertical field of view (rad), u16 width, u16 height (px).
 Keypoints, 367 bytes: u16 width, u16 height (px of the picture), then of MediaPipe's 33 landmarks
 i16 xy (1/8192 of the picture's sides), i16 xyz (1/8192 m, as `Landmarks.world` of
 `capture.detection.landmarks`) and u8 visibility (1/255).
-Pose, 160 bytes: u8 index of the performer in the cast, u8 size of the cast, u16 low bits of the
+Pose, 160 bytes: u8 index of the performer, u8 count of performers, u16 low bits of the
 CRC-32 of the performer's id (a viewer whose list differs reads it anew), f32 pelvis[3] (room, m),
-then 24 turns of 6 bytes as `scene.smallest_three` packs them in 15 bits a component: of the pelvis
-in the room, of every other joint relative to its parent.
+then 24 rotations of 6 bytes as `scene.smallest_three` packs them in 15 bits a component: of the
+pelvis in the room, of every other joint relative to its parent.
 Expression, 8 bytes, may follow the payload of keypoints and of a pose: u8 values[7] (1/255) in the
 order of `scene.expression`, u8 bits of what is known (`capture.body.expressions`). Where it is left
 out of keypoints nothing is known, where it is left out of a pose all is at rest.
@@ -57,8 +56,8 @@ _KEYPOINT_STEPS = 8192
 _HALF_RANGE = 1 << 31
 _HIDE_UNSEEN, _DRAWS_ITSELF, _STALLED, _SOUND_ONLY = 1, 2, 4, 8
 _POSE = struct.Struct("<BBH3f")
-_TURN_BITS, _TURN_BYTES = 15, 6
-POSE_BYTES = _HEADER.size + _POSE.size + JOINT_COUNT * _TURN_BYTES
+_ROTATION_BITS, _ROTATION_BYTES = 15, 6
+POSE_BYTES = _HEADER.size + _POSE.size + JOINT_COUNT * _ROTATION_BYTES
 EXPRESSION_BYTES = EXPRESSION_COUNT + 1
 
 
@@ -84,13 +83,13 @@ class KeypointsPacket:
     height: int
     """px, of the picture."""
     xy: Float[Array, "33 2"]
-    """Where each landmark is seen, as shares of width and height; outside 0 to 1 it is guessed."""
+    """Position of each landmark, as shares of width and height; outside 0 to 1 it is a guess."""
     world: Float[Array, "33 3"]
     """m, origin between the hips, axes of the camera: x right, y down, z away from it."""
     visibility: Float[Array, "33"]
     """0 (hidden or outside) to 1 (seen)."""
     expression: ObservedExpression | None = None
-    """What face and fingers do, where anybody looked."""
+    """Of face and fingers, where they were detected."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ class ViewPacket:
     width: int
     height: int
     hide_unseen: bool = False
-    """Whether what was never filmed of a person, and is a guess, fades away."""
+    """Whether what was never captured of a person, and is a guess, fades out."""
     draws_itself: bool = False
     """Whether the viewer draws the room, needs poses and no pictures."""
     stalled: bool = False
@@ -128,27 +127,27 @@ class ViewPacket:
 
 @dataclass(frozen=True, eq=False)
 class PosePacket:
-    """How one performer stands in the room now."""
+    """The pose of one performer in the room now."""
 
     sequence: int
     capture_time_ms: float
     """Of the pose, on the server's clock."""
     index: int
-    """Place in the cast."""
+    """Of the performer among those of the room."""
     count: int
-    """Size of the cast."""
+    """Of performers in the room."""
     check: int
     """Of the performer's id; see `performer_check`."""
     pelvis: Float[Array, "3"]
     """Room, m."""
-    turns: Float[Array, "24 4"]
+    rotations: Float[Array, "24 4"]
     """Quaternions wxyz: of the pelvis in the room, of every other joint relative to its parent."""
     expression: Float[Array, "E"] = field(default_factory=neutral)
     """Of `scene.expression.EXPRESSION_NAMES`, 0 to 1."""
 
 
 def performer_check(performer_id: str) -> int:
-    """16 bits by which a viewer tells that an index means the performer it thinks of."""
+    """16 bits by which a viewer checks that an index means the performer it expects."""
     return zlib.crc32(performer_id.encode()) & 0xFFFF
 
 
@@ -229,11 +228,11 @@ def decode_keypoints(data: bytes) -> KeypointsPacket:
 def encode_pose(packet: PosePacket) -> bytes:
     """The bytes of `packet`."""
     header = _HEADER.pack(VERSION, Kind.POSE, 0, packet.sequence, packet.capture_time_ms)
-    place = _POSE.pack(packet.index, packet.count, packet.check, *packet.pelvis)
-    packed = pack_quaternions(packet.turns, _TURN_BITS).astype("<u8").view(np.uint8)
-    turns = packed.reshape(JOINT_COUNT, 8)[:, :_TURN_BYTES].tobytes()
+    head = _POSE.pack(packet.index, packet.count, packet.check, *packet.pelvis)
+    packed = pack_quaternions(packet.rotations, _ROTATION_BITS).astype("<u8").view(np.uint8)
+    rotations = packed.reshape(JOINT_COUNT, 8)[:, :_ROTATION_BYTES].tobytes()
     moved = ObservedExpression(packet.expression, EVERYTHING) if packet.expression.any() else None
-    return header + place + turns + _expression_bytes(moved)
+    return header + head + rotations + _expression_bytes(moved)
 
 
 def decode_pose(data: bytes) -> PosePacket:
@@ -245,13 +244,13 @@ def decode_pose(data: bytes) -> PosePacket:
         raise PacketError(f"a pose packet must hold finite numbers; got {pelvis}")
     packed = np.zeros((JOINT_COUNT, 8), np.uint8)
     offset = _HEADER.size + _POSE.size
-    packed[:, :_TURN_BYTES] = np.frombuffer(
-        data, np.uint8, JOINT_COUNT * _TURN_BYTES, offset
-    ).reshape(JOINT_COUNT, _TURN_BYTES)
-    turns = unpack_quaternions(packed.view("<u8")[:, 0].astype(np.int64), _TURN_BITS)
+    packed[:, :_ROTATION_BYTES] = np.frombuffer(
+        data, np.uint8, JOINT_COUNT * _ROTATION_BYTES, offset
+    ).reshape(JOINT_COUNT, _ROTATION_BYTES)
+    rotations = unpack_quaternions(packed.view("<u8")[:, 0].astype(np.int64), _ROTATION_BITS)
     moved = _expression_in(data, POSE_BYTES)
     return PosePacket(
-        sequence, capture_time_ms, index, count, check, np.array(pelvis), turns,
+        sequence, capture_time_ms, index, count, check, np.array(pelvis), rotations,
         neutral() if moved is None else moved.values,
     )  # fmt: skip
 
@@ -277,12 +276,12 @@ def is_newer(sequence: int, than: int) -> bool:
 
 
 class NewestView:
-    """Keeps the newest view packet; late and doubled ones change nothing."""
+    """Keeps the newest view packet; late and duplicate ones change nothing."""
 
     def __init__(self) -> None:
         self.packet: ViewPacket | None = None
 
-    def offer(self, packet: ViewPacket) -> bool:
+    def receive(self, packet: ViewPacket) -> bool:
         """Take `packet` if it is the newest so far; says whether it was."""
         if self.packet is not None and not is_newer(packet.sequence, self.packet.sequence):
             return False
@@ -297,6 +296,6 @@ class NewestView:
 
     @property
     def wants_pictures(self) -> bool:
-        """Whether the room is to be drawn for the viewer; so it is until they say otherwise."""
+        """Whether the room is to be drawn for the viewer; true until they say otherwise."""
         packet = self.packet
         return packet is None or not (packet.draws_itself or packet.sound_only)

@@ -1,4 +1,4 @@
-"""A meeting's live state: who stands where, and how each of them moves now."""
+"""A meeting's live state: where each performer stands, and how they move now."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _EYE_LEVEL_SHARE = 0.55
 
 
 @dataclass(frozen=True, eq=False)
-class CastMember:
-    """One performer of a meeting: a model, how it moves and its place in the room."""
+class MeetingPerformer:
+    """One performer of a meeting: a model, its motion, and its position in the room."""
 
     performer_id: str
     name: str
@@ -29,70 +29,65 @@ class CastMember:
     position: tuple[float, float, float]
     yaw_rad: float
     account: str = ""
-    """Whose person it is, who alone may drive them live; empty: nobody."""
+    """The account that owns the person and alone may drive them live; empty: nobody."""
 
 
-class MovesLive(Protocol):
-    """Somebody who is driven live; see services.live.motion."""
+class MotionSource(Protocol):
+    """The motion of a performer who is driven live; see services.live.motion."""
 
     def pose_at(self, now_s: float) -> Pose | None:
-        """How they stand at `now_s`; None until that is known."""
+        """The pose at `now_s`; None until one is known."""
         ...
 
     @property
     def captured_ms(self) -> float | None:
-        """When what they do now was seen, by the clock of their camera; None until that is."""
+        """Capture time of the newest keypoints, by the camera's clock; None until some came."""
         ...
 
 
 @dataclass(eq=False)
 class Room:
-    """What every viewer of one meeting looks at. Reading it changes nothing."""
+    """What every viewer of one meeting sees. Reading it changes nothing."""
 
     meeting_id: str
-    cast: tuple[CastMember, ...]
+    performers: tuple[MeetingPerformer, ...]
     environment: Environment = field(default_factory=Environment)
-    live: dict[str, MovesLive] = field(default_factory=dict)
-    """Performer id -> their own motion, for those who are driven live now."""
+    live_motions: dict[str, MotionSource] = field(default_factory=dict)
+    """By performer id, of those who are driven live now."""
 
     def scene_at(self, now_s: float, *, hide_unseen: bool = False) -> Scene[PerformerModel]:
-        """The scene at `now_s`: performers as they are driven live, or by their motion to and fro.
+        """The scene at `now_s`: performers driven live, or playing their motion back and forth.
 
-        With `hide_unseen` what was never filmed of them fades away.
+        With `hide_unseen`, what was never captured of them fades out.
         """
         performers = tuple(
             Performer(
-                member.name,
-                member.model.captured_only() if hide_unseen else member.model,
-                np.array(member.position, dtype=np.float64),
-                member.yaw_rad,
-                self._pose(member, now_s),
+                performer.name,
+                performer.model.captured_only() if hide_unseen else performer.model,
+                np.array(performer.position, dtype=np.float64),
+                performer.yaw_rad,
+                self._pose(performer, now_s),
             )
-            for member in self.cast
+            for performer in self.performers
         )
         return Scene(self.environment, performers)
 
-    def _pose(self, member: CastMember, now_s: float) -> Pose:
-        driven = self.live.get(member.performer_id)
-        pose = driven.pose_at(now_s) if driven is not None else None
-        return pose or grounded(to_and_fro(member.motion, now_s))
+    def _pose(self, performer: MeetingPerformer, now_s: float) -> Pose:
+        live = self.live_motions.get(performer.performer_id)
+        pose = live.pose_at(now_s) if live is not None else None
+        return pose or in_place(ping_pong_pose(performer.motion, now_s))
 
-    def captured_ms(self) -> float | None:
-        """When the newest of what moves anybody live was seen, by their camera's clock."""
-        seen = [driven.captured_ms for driven in list(self.live.values())]
-        return max((ms for ms in seen if ms is not None), default=None)
-
-    def first_view(self, width: int, height: int) -> Camera:
+    def initial_camera(self, width: int, height: int) -> Camera:
         """Where a viewer stands before they have moved: in front of everybody, at eye level."""
-        places = np.array([member.position for member in self.cast] or [(0.0, 0.0, 0.0)])
-        tallest = max((m.model.skeleton.height_m for m in self.cast), default=1.7)
-        target = places.mean(axis=0) + np.array([0.0, _EYE_LEVEL_SHARE * tallest, 0.0])
-        spread = float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
+        positions = np.array([one.position for one in self.performers] or [(0.0, 0.0, 0.0)])
+        tallest = max((m.model.skeleton.height_m for m in self.performers), default=1.7)
+        target = positions.mean(axis=0) + np.array([0.0, _EYE_LEVEL_SHARE * tallest, 0.0])
+        spread = float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
         return orbit_camera(target, 3.2 + 2.0 * spread, 0.0, 0.08, width, height)
 
 
-def to_and_fro(motion: Motion, now_s: float) -> Pose:
-    """The pose of an endless, jump-free performance: forwards, then backwards, and so on."""
+def ping_pong_pose(motion: Motion, now_s: float) -> Pose:
+    """The pose at `now_s` of a motion that plays forwards, then backwards, and so on for ever."""
     if motion.duration_s <= 0.0:
         return motion.pose(0)
     phase = np.mod(now_s, 2.0 * motion.duration_s)
@@ -100,8 +95,8 @@ def to_and_fro(motion: Motion, now_s: float) -> Pose:
     return motion.pose_at(float(motion.times_s[0] + along))
 
 
-def grounded(pose: Pose) -> Pose:
-    """`pose` standing at its place in the room: where it walked to is taken out, height stays."""
+def in_place(pose: Pose) -> Pose:
+    """`pose` without the horizontal motion of its root; its height stays."""
     translation = pose.root_translation * [0.0, 1.0, 0.0]
     return replace(pose, root_translation=translation)
 
@@ -110,15 +105,15 @@ def facing_yaw(motion: Motion) -> float:
     """The yaw (rad about +y) that turns the mean facing direction of `motion` towards +z."""
     forward: Float[Array, "F 3"] = axis_angle_to_matrix(motion.joint_angles[:, 0])[:, :, 2]
     mean = forward.mean(axis=0)
-    if np.hypot(mean[0], mean[2]) < 0.2:  # turns all the way round: the first frame decides
+    if np.hypot(mean[0], mean[2]) < 0.2:  # somebody turns all round: take the first frame
         mean = forward[0]
     return float(-np.arctan2(mean[0], mean[2]))
 
 
-def circle_places(
+def circle_layout(
     count: int, radius_m: float = 1.0
 ) -> list[tuple[tuple[float, float, float], float]]:
-    """Places (position, yaw) of `count` people round a circle, facing its middle; one alone: at 0.
+    """Positions and yaws of `count` people round a circle, facing its centre; one alone is at 0.
 
     The circle opens towards +z, where viewers come in.
     """

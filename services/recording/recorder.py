@@ -26,7 +26,7 @@ from db.models import (
     RecordingState,
 )
 from services.container import Services
-from services.live.sessions.voice_sessions import Listener
+from services.live.sessions.voice_sessions import PacketListener
 from services.live.streaming.forwarding import OpusPacket
 from services.recording import consent
 from services.recording.chunks import LONGEST_RECORD, Record, pack
@@ -79,7 +79,7 @@ class Recorders:
         self,
         services: Services,
         poses: Poses,
-        listeners: dict[str, Listener],
+        listeners: dict[str, PacketListener],
         clock: Callable[[], float],
     ) -> None:
         self._services, self._poses, self._clock = services, poses, clock

@@ -98,7 +98,7 @@ def load(services: Services, recording_id: str) -> Recorded:
 
 def _stand(name: str, model: PerformerModel, packet: PosePacket) -> Performer[PerformerModel]:
     """A pose packet is of the room: the performer's own place is in it already."""
-    angles = matrix_to_axis_angle(quaternion_to_matrix(packet.turns))
+    angles = matrix_to_axis_angle(quaternion_to_matrix(packet.rotations))
     root = packet.pelvis - model.skeleton.rest_joints[0]
     pose = Pose(angles, root, packet.capture_time_ms / 1e3, packet.expression)
     return Performer(name, model, np.zeros(3), 0.0, pose)

@@ -151,8 +151,8 @@ def test_who_is_seen_by_their_webcam_moves_in_the_meeting_and_no_picture_leaves(
         expect(self).to_have_attribute("data-tracking", "seen", timeout=2 * MINUTES)
         expect(self).to_contain_text("You move in the meeting")
         (room,) = rooms.values()
-        until(lambda: list(room.live.values()) != [], "driving Ada")
-        (driven,) = room.live.values()
+        until(lambda: list(room.live_motions.values()) != [], "driving Ada")
+        (driven,) = room.live_motions.values()
         assert isinstance(driven, LiveMotion)
         until(lambda: driven.pose_at(time.monotonic()) is not None, "the first pose")
         shown = [joints(room)]
@@ -180,5 +180,5 @@ def test_who_is_seen_by_their_webcam_moves_in_the_meeting_and_no_picture_leaves(
         wire.assert_no_picture(page, address)
         page.get_by_test_id("be-seen").click()
         expect(self).to_be_hidden()
-        until(lambda: room.live == {}, "letting go of Ada")
+        until(lambda: room.live_motions == {}, "letting go of Ada")
         assert page.evaluate("document.querySelector('.self video') === null")

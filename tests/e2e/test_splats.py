@@ -25,8 +25,8 @@ from scene.expression import EXPRESSION_COUNT
 from scene.rotations import matrix_to_quaternion
 from services.api.environments import Light
 from services.environments import environment, find_theme
-from services.live.room import CastMember, Room, circle_places, facing_yaw
-from services.live.streaming.pose_feed import packets_of
+from services.live.room import MeetingPerformer, Room, circle_layout, facing_yaw
+from services.live.streaming.pose_feed import pose_packets
 from tests.renderer.splats.viewer_file import demo_model
 
 pytestmark = pytest.mark.e2e
@@ -57,9 +57,9 @@ def demo() -> SplatModel:
 
 
 def room_of(model: SplatModel, people: int) -> Room:
-    places = circle_places(people)
+    places = circle_layout(people)
     cast = [
-        CastMember(str(i), str(i), model, model.motion, place, yaw + facing_yaw(model.motion))
+        MeetingPerformer(str(i), str(i), model, model.motion, place, yaw + facing_yaw(model.motion))
         for i, (place, yaw) in enumerate(places)
     ]
     return Room("m", tuple(cast))
@@ -67,10 +67,10 @@ def room_of(model: SplatModel, people: int) -> Room:
 
 def asked(room: Room, camera: Camera, now_s: float, **more: object) -> dict[str, object]:
     """What the page is asked to draw."""
-    files = {id(m.model): base64.b64encode(encode(m.model)).decode() for m in room.cast}  # type: ignore[arg-type]
+    files = {id(m.model): base64.b64encode(encode(m.model)).decode() for m in room.performers}  # type: ignore[arg-type]
     return {
-        "files": [files[id(member.model)] for member in room.cast],
-        "poses": [base64.b64encode(data).decode() for data in packets_of(room, now_s, 1)],
+        "files": [files[id(member.model)] for member in room.performers],
+        "poses": [base64.b64encode(data).decode() for data in pose_packets(room, now_s, 1)],
         "position": camera.position.tolist(),
         "wxyz": matrix_to_quaternion(camera.rotation.T.copy()[None])[0].tolist(),
         "fovYRad": camera.fov_y_rad,
@@ -78,7 +78,7 @@ def asked(room: Room, camera: Camera, now_s: float, **more: object) -> dict[str,
         "height": camera.height,
         "filmedOnly": False,
         "most": 60_000,
-        "yawsRad": [member.yaw_rad for member in room.cast],
+        "yawsRad": [member.yaw_rad for member in room.performers],
         **more,
     }
 
@@ -116,7 +116,7 @@ def test_the_page_draws_everybody_in_the_light_of_their_own_clip(page: Page, dem
     lights = [np.concatenate([[[2.6] * 3], rng.normal(0.0, 0.5, (8, 3))]) for _ in range(2)]
     bright = [replace(demo, light=light.astype(np.float32)) for light in lights]
     models = (bright[0], dull, bright[1])
-    places, now_s = room_of(demo, 3).cast, 0.4
+    places, now_s = room_of(demo, 3).performers, 0.4
     cast = [replace(member, model=model) for member, model in zip(places, models, strict=True)]
     room = Room("m", tuple(cast))
     camera = orbit_camera((0.0, 0.9, 0.0), 4.7, 0.4, 0.1, 384, 384)
@@ -140,8 +140,8 @@ def test_the_page_moves_faces_and_hands_as_the_server_does(page: Page, demo: Spl
     still = room_of(face, 2)
     shown = np.zeros((len(demo.motion), EXPRESSION_COUNT))
     shown[:, [0, 4]] = 0.8, 0.5
-    talking = replace(still.cast[0], motion=replace(demo.motion, expressions=shown))
-    room, now_s = Room("m", (talking, still.cast[1])), 0.4
+    talking = replace(still.performers[0], motion=replace(demo.motion, expressions=shown))
+    room, now_s = Room("m", (talking, still.performers[1])), 0.4
     x, _, z = talking.position
     camera = orbit_camera((x, 1.4, z), 1.6, 0.3, 0.0, 384, 384)
     local, resting = (drawn(page, asked(one, camera, now_s)) for one in (room, still))
@@ -173,7 +173,7 @@ def test_the_page_draws_a_place_and_its_light_as_the_server_does(
     local = drawn(page, asked(room, camera, now_s, place=place))
     server = SceneRenderer().render(room.scene_at(now_s), camera)
     assert psnr(local, server) > 40.0
-    people = SceneRenderer().render(Room("m", room.cast).scene_at(now_s), camera)
+    people = SceneRenderer().render(Room("m", room.performers).scene_at(now_s), camera)
     assert psnr(local, people) < 25.0
 
 

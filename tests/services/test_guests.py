@@ -12,9 +12,9 @@ from services.auth import ALL_SCOPES, GUEST, Principal, Tokens
 from services.bootstrap import ensure_demo, import_model
 from services.container import Services
 from services.jobs.queue import drop_orphans, enqueue, finish
-from services.live.motion.keypoint_channels import _own_member
+from services.live.motion.keypoint_channels import drivable_performer
 from services.live.room import Room
-from services.live.signalling.whep import cast_of
+from services.live.sessions.stored_meetings import load_performers
 from services.problems import ProblemError
 from tests.db.rows import NOW, job, sequence
 from tests.fakes import Clock
@@ -45,16 +45,16 @@ async def test_a_guest_sees_and_changes_nothing_of_another(client, services, mod
     performer = f"/v1/meetings/{meeting_id}/performers/{brought.json()['id']}"
     assert (await client.get(f"/v1/models/{model.id}", headers=bo)).status_code == 403
     assert (await client.delete(performer, headers=bo)).status_code == 403
-    room = Room(meeting_id, cast_of(services, meeting_id))
-    robin, own = (one.performer_id for one in room.cast)
+    room = Room(meeting_id, load_performers(services, meeting_id))
+    robin, own = (one.performer_id for one in room.performers)
     stranger = services.tokens.read(bo["Authorization"].removeprefix("Bearer ")).account
     with pytest.raises(ProblemError, match="account whose person is driven"):
-        _own_member(room, stranger, own)
-    assert _own_member(room, account, own).name == "Ada"
+        drivable_performer(room, stranger, own)
+    assert drivable_performer(room, account, own).name == "Ada"
     # the demo's performer is lent to all
-    assert _own_member(room, stranger, robin).name == "Robin"
+    assert drivable_performer(room, stranger, robin).name == "Robin"
     with pytest.raises(ProblemError, match="account whose person is driven"):
-        _own_member(room, "house", robin)
+        drivable_performer(room, "house", robin)
     (listed,) = (await client.get("/v1/people", headers=bo)).json()["items"]
     assert (listed["name"], listed["mine"]) == ("Robin", False)
     assert (await client.delete(performer, headers=ada)).status_code == 204

@@ -55,7 +55,7 @@ class ExpressionFilter:
         self._speed = neutral()
         self._before = neutral()  # as it came: speed has no lag
 
-    def follow(self, seen: ObservedExpression | None, time_s: float) -> Shown:
+    def update(self, seen: ObservedExpression | None, time_s: float) -> Shown:
         """Take what was seen at `time_s`, later than anything before; what is shown from then."""
         if seen is None or not seen.known:
             return self._shown

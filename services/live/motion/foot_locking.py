@@ -125,7 +125,7 @@ class Standing:
             bend = _ELBOW_RAD * np.array(ELBOW_HINGE[side])
             self._hanging[_J[f"{side}_elbow"]] = axis_angle_to_matrix(bend)
 
-    def follow(self, pose: Pose, *, legs_seen: bool, step_s: float) -> Stance:
+    def update(self, pose: Pose, *, legs_seen: bool, step_s: float) -> Stance:
         """The newest `pose` on its feet, `step_s` after the one before."""
         goal = 1.0 if legs_seen else 0.0
         if self._home is None:

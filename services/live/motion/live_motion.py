@@ -121,7 +121,13 @@ class LiveMotion:
         moment = self._moment
         return None if moment is None else 1e3 * moment.time_s
 
-    def follow(self, packet: KeypointsPacket, arrived_s: float) -> None:
+    @property
+    def clock_offset_s(self) -> float | None:
+        """Our clock less the camera's, as estimated; None until keypoints came."""
+        moment = self._moment
+        return None if moment is None else moment.behind_s
+
+    def update(self, packet: KeypointsPacket, arrived_s: float) -> None:
         """Move as `packet` says, which came at `arrived_s` of our clock. Takes about 0.6 ms.
 
         Raises InvalidInput for a packet that tells no pose: older than the last one, or with too
@@ -139,7 +145,7 @@ class LiveMotion:
             self._solver = None  # what it believes may be spoilt
             raise InvalidInput(f"landmarks must be of a person; got none: {error}") from error
         legs = float(np.median(solver.trust[_LEGS]))
-        expression = self._expression.follow(packet.expression, time_s)
+        expression = self._expression.update(packet.expression, time_s)
         placed = self._placed(now, ahead, arrived_s, legs_seen=legs > _LEGS_SEEN)
         self._moment = replace(placed, expression=expression)
 
@@ -155,7 +161,7 @@ class LiveMotion:
                 back_s, back_share = time_s, last.share(time_s)
         from scene.kinematics_kernels import relative_axis_angles
 
-        placed = standing.follow(now, legs_seen=legs_seen, step_s=step_s)
+        placed = standing.update(now, legs_seen=legs_seen, step_s=step_s)
         later = standing.ahead(ahead)
         turns = relative_axis_angles(placed.local, later.local)
         return _Moment(
@@ -184,7 +190,7 @@ def warm_up() -> None:
     legs_gone[_LEGS] = 0.0
     for number, visibility in enumerate((legs_seen, legs_gone)):
         time_s = number / 30.0
-        live.follow(
+        live.update(
             KeypointsPacket(number, 1e3 * time_s, 512, 512, flat, world, visibility), time_s
         )
     live.pose_at(EASE_S)

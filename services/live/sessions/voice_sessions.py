@@ -1,4 +1,4 @@
-"""The connections by which people talk, and what goes from one to the others."""
+"""The WebRTC connections that carry voices and shared screens, and what each forwards to others."""
 
 from __future__ import annotations
 
@@ -20,58 +20,62 @@ from aiortc import (
     RTCSessionDescription,
 )
 
-from services.live.sessions.view_sessions import NoRoom, OfferRefused
-from services.live.sessions.voice_offer import Direction, Door, read_sections
+from services.live.aiortc_compat import on_key_frame_request, request_key_frame
+from services.live.sessions.errors import OfferRefused, ServerFull
+from services.live.sessions.voice_offer import Direction, Endpoint, read_media_sections
 from services.live.streaming.forwarding import (
-    ForwardedVideo,
+    EncodedPicture,
+    ForwardedScreen,
     ForwardedVoice,
     OpusPacket,
-    VideoFrame,
-    ask_for_key_frame,
-    tap_opus,
-    tap_video,
+    on_opus_packet,
+    on_vp8_picture,
 )
-from services.live.streaming.voice_slots import Slots
+from services.live.streaming.voice_slots import VoiceSlots
 from services.problems import ProblemError
 
-_CONNECT_S = 20.0
-"""Time from the answer to a connection; who needs longer has gone away or can't get through."""
-_SETTLE_S = 0.2
-"""Between two looks at who has stopped speaking."""
-_KEY_FRAME_S = 0.5
-"""Between two requests for whole pictures of a screen; they are large."""
+_CONNECT_TIMEOUT_S = 20.0
+"""From the answer to a connection; a client that needs longer has left or can't get through."""
+_POLL_S = 0.2
+"""Between checks of who has stopped speaking."""
+_KEY_FRAME_INTERVAL_S = 0.5
+"""Between two requests for a key frame of a screen; they are large."""
 Speakers = tuple[frozenset[str], tuple[str | None, ...]]
-"""Who speaks, and who holds which slot."""
-Listener = Callable[[str, OpusPacket], None]
-"""Told the participant and each packet of theirs that others hear."""
+"""Participants who are speaking, and the participant in each slot."""
+PacketListener = Callable[[str, OpusPacket], None]
+"""Called with the participant and each packet of theirs that others hear."""
 
 
 @dataclass(eq=False)
-class Call:
-    """One connection of somebody in a meeting."""
+class VoiceConnection:
+    """One connection of a participant."""
 
     meeting_id: str
     participant_id: str
-    door: Door
+    endpoint: Endpoint
     connection: RTCPeerConnection
     opened_s: float
-    ears: list[ForwardedVoice] = field(default_factory=list)
-    eye: ForwardedVideo | None = None
-    speaks: bool = False
-    screen: RTCRtpReceiver | None = None
+    voice_tracks: list[ForwardedVoice] = field(default_factory=list)
+    """By slot: what this participant hears."""
+    screen_track: ForwardedScreen | None = None
+    """The shared screen that this participant sees."""
+    sends_voice: bool = False
+    screen_receiver: RTCRtpReceiver | None = None
+    """Receives the screen that this participant shares."""
 
 
 @dataclass(eq=False)
-class _Talk:
-    """What goes on in one meeting."""
+class _VoiceRoom:
+    """The voice connections of one meeting."""
 
-    slots: Slots = field(default_factory=Slots)
+    slots: VoiceSlots = field(default_factory=VoiceSlots)
     may_speak: set[str] = field(default_factory=set)
-    """Participants whose microphone is on; what others send is not heard."""
-    calls: dict[str, Call] = field(default_factory=dict)
-    told: Speakers = (frozenset(), ())
-    asked_key_s: float = 0.0
-    settling: asyncio.Task[None] | None = None
+    """Participants whose microphone is on; what others send is not forwarded."""
+    connections: dict[str, VoiceConnection] = field(default_factory=dict)
+    sent: Speakers = (frozenset(), ())
+    """What the control channel was last notified of."""
+    key_frame_requested_s: float = 0.0
+    polling: asyncio.Task[None] | None = None
 
 
 class VoiceSessions:
@@ -79,35 +83,41 @@ class VoiceSessions:
 
     def __init__(
         self,
-        on_speaking: Callable[[str], None],
+        on_speakers_changed: Callable[[str], None],
         *,
         ice_servers: list[str],
-        max_calls: int,
+        max_connections: int,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._on_speaking, self._clock, self._max_calls = on_speaking, clock, max_calls
-        self._ice = [RTCIceServer(urls=url) for url in ice_servers]
-        self._calls: dict[str, Call] = {}
-        self._talks: dict[str, _Talk] = {}
+        """`on_speakers_changed` is called with the id of a meeting; see `speakers_in`."""
+        self._on_speakers_changed, self._clock = on_speakers_changed, clock
+        self._max_connections = max_connections
+        self._ice_servers = [RTCIceServer(urls=url) for url in ice_servers]
+        self._connections: dict[str, VoiceConnection] = {}
+        self._rooms: dict[str, _VoiceRoom] = {}
         self._presenters: dict[str, str] = {}
-        """By meeting: who may share a screen."""
+        """By meeting: the participant who may share a screen."""
         self._tasks: set[asyncio.Task[Any]] = set()
-        self.listeners: dict[str, Listener] = {}
-        """By meeting: who keeps what is said; see services.recording."""
+        self.packet_listeners: dict[str, PacketListener] = {}
+        """By meeting: where what is said goes as well; see services.recording."""
 
     def __len__(self) -> int:
-        return len(self._calls)
+        return len(self._connections)
 
     async def open(
-        self, meeting_id: str, participant_id: str, sdp_offer: str, door: Door = Door.VOICE
+        self,
+        meeting_id: str,
+        participant_id: str,
+        sdp_offer: str,
+        endpoint: Endpoint = Endpoint.VOICE,
     ) -> tuple[str, str]:
-        """Answer an offer. Returns the session's id and the SDP answer.
+        """Answer an SDP offer. Returns the session's id and the SDP answer.
 
-        The connection that the participant had by the same door ends. Raises OfferRefused for an
-        SDP that can't be answered, NoRoom where the server is full, and a 403 problem for a screen
-        of somebody who may not present.
+        The connection that the participant had through the same endpoint is closed. Raises
+        OfferRefused for an SDP that can't be answered, ServerFull where there are too many
+        connections, and a 403 problem for a screen of a participant who may not present.
         """
-        sections = read_sections(sdp_offer, door)
+        sections = read_media_sections(sdp_offer, endpoint)
         if ("video", "recvonly") in sections and not self.may_present(meeting_id, participant_id):
             raise ProblemError(
                 403,
@@ -115,192 +125,204 @@ class VoiceSessions:
                 "a screen must come from whom the control channel lets present; got one of "
                 "somebody else; ask to present first",
             )
-        for old_id, old in list(self._calls.items()):
-            if (old.participant_id, old.door) == (participant_id, door):
+        for old_id, old in list(self._connections.items()):
+            if (old.participant_id, old.endpoint) == (participant_id, endpoint):
                 await self.close(old_id)
-        if len(self._calls) >= self._max_calls:
-            raise NoRoom(
-                f"at most {self._max_calls} voice connections fit on this server; got one more; "
-                "try again"
+        if len(self._connections) >= self._max_connections:
+            raise ServerFull(
+                f"at most {self._max_connections} voice connections fit on this server; got one "
+                "more; try again"
             )
         configuration = RTCConfiguration(
-            iceServers=self._ice, bundlePolicy=RTCBundlePolicy.MAX_BUNDLE
+            iceServers=self._ice_servers, bundlePolicy=RTCBundlePolicy.MAX_BUNDLE
         )
         connection = RTCPeerConnection(configuration)
-        call = Call(meeting_id, participant_id, door, connection, self._clock())
-        call_id = secrets.token_urlsafe(12)
-        self._calls[call_id] = self._talk(meeting_id).calls[call_id] = call
-        self._listen(call_id, connection)
+        session = VoiceConnection(meeting_id, participant_id, endpoint, connection, self._clock())
+        session_id = secrets.token_urlsafe(12)
+        self._connections[session_id] = session
+        self._room(meeting_id).connections[session_id] = session
+        self._close_when_disconnected(session_id, connection)
         try:
-            # before the remote description is set: it takes them in order
+            # before the remote description is set: aiortc matches transceivers in order
             for kind, direction in sections:
-                self._add(call, kind, direction)
+                self._add_transceiver(session, kind, direction)
             await connection.setRemoteDescription(RTCSessionDescription(sdp_offer, "offer"))
             await connection.setLocalDescription(await connection.createAnswer())
         except Exception as error:
-            await self.close(call_id)
+            await self.close(session_id)
             reason = str(error) or type(error).__name__
             raise OfferRefused(
                 f"the offer must be an SDP that can be answered; got one that fails with: {reason}"
             ) from error
-        return call_id, connection.localDescription.sdp
+        return session_id, connection.localDescription.sdp
 
-    def find(self, session_id: str) -> Call | None:
+    def find(self, session_id: str) -> VoiceConnection | None:
         """A running connection."""
-        return self._calls.get(session_id)
+        return self._connections.get(session_id)
 
     async def close(self, session_id: str) -> bool:
-        """Hang up; False when there is none of that id."""
-        call = self._calls.pop(session_id, None)
-        if call is None:
+        """Close a connection; False where there is none of that id."""
+        session = self._connections.pop(session_id, None)
+        if session is None:
             return False
-        talk = self._talks[call.meeting_id]
-        del talk.calls[session_id]
-        if call.speaks and not _source(talk, call.participant_id):
-            talk.slots.drop(call.participant_id)
-        if not talk.calls:
-            del self._talks[call.meeting_id]
-            if talk.settling is not None:
-                talk.settling.cancel()
-        self._tell(call.meeting_id, talk)
-        await call.connection.close()
+        room = self._rooms[session.meeting_id]
+        del room.connections[session_id]
+        if session.sends_voice and not _voice_source(room, session.participant_id):
+            room.slots.release(session.participant_id)
+        if not room.connections:
+            del self._rooms[session.meeting_id]
+            if room.polling is not None:
+                room.polling.cancel()
+        self._notify_if_changed(session.meeting_id, room)
+        await session.connection.close()
         return True
 
-    def talked_in(self, meeting_id: str) -> bool:
-        """Whether anybody is connected in a meeting."""
-        return meeting_id in self._talks
+    def is_active(self, meeting_id: str) -> bool:
+        """Whether a meeting has any voice connection."""
+        return meeting_id in self._rooms
 
-    def speaking_in(self, meeting_id: str) -> Speakers:
-        """Who speaks in a meeting, and who is heard in which slot."""
-        talk = self._talks.get(meeting_id)
-        return talk.told if talk else (frozenset(), ())
+    def speakers_in(self, meeting_id: str) -> Speakers:
+        """Who is speaking in a meeting, and who is heard in which slot."""
+        room = self._rooms.get(meeting_id)
+        return room.sent if room else (frozenset(), ())
 
     def may_present(self, meeting_id: str, participant_id: str) -> bool:
-        """Whether somebody may share their screen now."""
+        """Whether a participant may share their screen now."""
         return self._presenters.get(meeting_id) == participant_id
 
-    async def allow(
-        self, meeting_id: str, hear: set[str], speak: set[str], presenter: str | None
+    async def set_permissions(
+        self, meeting_id: str, *, listeners: set[str], speakers: set[str], presenter: str | None
     ) -> None:
-        """Who may hear, whose microphone is on, who may share a screen; others are cut off."""
+        """Who may hear, whose microphone is on, who may share a screen.
+
+        Connections of others are closed.
+        """
         self._presenters.pop(meeting_id, None)
         if presenter is not None:
             self._presenters[meeting_id] = presenter
-        talk = self._talks.get(meeting_id)
-        if talk is None:
+        room = self._rooms.get(meeting_id)
+        if room is None:
             return
-        for call_id, call in list(talk.calls.items()):
-            stops_sharing = call.screen is not None and call.participant_id != presenter
-            if call.participant_id not in hear or stops_sharing:
-                await self.close(call_id)
-        for silenced in talk.may_speak - speak:
-            talk.slots.drop(silenced)
-        talk.may_speak = speak
-        self._tell(meeting_id, talk)
+        for session_id, session in list(room.connections.items()):
+            lost_screen = (
+                session.screen_receiver is not None and session.participant_id != presenter
+            )
+            if session.participant_id not in listeners or lost_screen:
+                await self.close(session_id)
+        for muted in room.may_speak - speakers:
+            room.slots.release(muted)
+        room.may_speak = speakers
+        self._notify_if_changed(meeting_id, room)
 
     async def close_all(self) -> None:
-        """Hang up for all, at shutdown."""
-        await asyncio.gather(*(self.close(call_id) for call_id in list(self._calls)))
+        """Close every connection, at shutdown."""
+        await asyncio.gather(*(self.close(session_id) for session_id in list(self._connections)))
 
-    def _talk(self, meeting_id: str) -> _Talk:
-        if meeting_id not in self._talks:
-            talk = self._talks[meeting_id] = _Talk()
-            talk.settling = asyncio.create_task(self._settle(meeting_id, talk))
-        return self._talks[meeting_id]
+    def _room(self, meeting_id: str) -> _VoiceRoom:
+        if meeting_id not in self._rooms:
+            room = self._rooms[meeting_id] = _VoiceRoom()
+            room.polling = asyncio.create_task(self._poll(meeting_id, room))
+        return self._rooms[meeting_id]
 
-    def _add(self, call: Call, kind: str, direction: Direction) -> None:
-        """One section of the offer, as the server takes part in it; `direction` is the server's."""
-        sends, receives = (
-            direction in ("sendonly", "sendrecv"),
-            direction in ("recvonly", "sendrecv"),
-        )
-        track: ForwardedVoice | ForwardedVideo | str = kind
+    def _add_transceiver(self, session: VoiceConnection, kind: str, direction: Direction) -> None:
+        """The server's side of one media section; `direction` is the server's."""
+        sends = direction in ("sendonly", "sendrecv")
+        receives = direction in ("recvonly", "sendrecv")
+        track: ForwardedVoice | ForwardedScreen | str = kind
+
+        def on_key_frame_needed() -> None:
+            self._request_key_frame(session.meeting_id)
+
         if sends and kind == "audio":
             track = ForwardedVoice(self._clock)
-            call.ears.append(track)
+            session.voice_tracks.append(track)
         elif sends:
-            track = call.eye = ForwardedVideo(
-                self._clock, lambda: self._ask_for_key(call.meeting_id)
-            )
-        transceiver = call.connection.addTransceiver(track, direction=direction)
-        _prefer(transceiver, "audio/opus" if kind == "audio" else "video/VP8")
+            track = session.screen_track = ForwardedScreen(self._clock, on_key_frame_needed)
+        transceiver = session.connection.addTransceiver(track, direction=direction)
+        _prefer_codec(transceiver, "audio/opus" if kind == "audio" else "video/VP8")
         if sends and kind == "video":
-            # a viewer who lost a picture asks aiortc's encoder, which has none to give
-            sender = transceiver.sender
-            sender._send_keyframe = lambda: self._ask_for_key(call.meeting_id)  # type: ignore[method-assign]
+            on_key_frame_request(transceiver.sender, on_key_frame_needed)
         if receives and kind == "audio":
-            call.speaks = True
-            tap_opus(transceiver.receiver, lambda packet: self._heard(call, packet))
+            session.sends_voice = True
+            on_opus_packet(
+                transceiver.receiver, lambda packet: self._forward_voice(session, packet)
+            )
         elif receives:
-            call.screen = transceiver.receiver
-            tap_video(transceiver.receiver, lambda frame: self._seen(call, frame))
+            session.screen_receiver = transceiver.receiver
+            on_vp8_picture(
+                transceiver.receiver, lambda picture: self._forward_screen(session, picture)
+            )
 
-    def _heard(self, call: Call, packet: OpusPacket) -> None:
-        talk = self._talks.get(call.meeting_id)
-        if talk is None or call.participant_id not in talk.may_speak:
+    def _forward_voice(self, session: VoiceConnection, packet: OpusPacket) -> None:
+        room = self._rooms.get(session.meeting_id)
+        if room is None or session.participant_id not in room.may_speak:
             return
-        if _source(talk, call.participant_id) is not call:
+        if _voice_source(room, session.participant_id) is not session:
             return
-        slot = talk.slots.take(call.participant_id, self._clock(), voice=packet.voice)
+        slot = room.slots.assign(session.participant_id, self._clock(), voice=packet.voice)
         if slot is None:
             return
-        self._tell(call.meeting_id, talk)
-        for other in talk.calls.values():
-            if other.participant_id != call.participant_id and slot < len(other.ears):
-                other.ears[slot].offer(call, packet)
-        if listener := self.listeners.get(call.meeting_id):
-            listener(call.participant_id, packet)
+        self._notify_if_changed(session.meeting_id, room)
+        for other in room.connections.values():
+            if other.participant_id != session.participant_id and slot < len(other.voice_tracks):
+                other.voice_tracks[slot].send(session, packet)
+        if listener := self.packet_listeners.get(session.meeting_id):
+            listener(session.participant_id, packet)
 
-    def _seen(self, call: Call, frame: VideoFrame) -> None:
-        talk = self._talks.get(call.meeting_id)
-        for other in talk.calls.values() if talk else ():
-            if other.participant_id != call.participant_id and other.eye is not None:
-                other.eye.offer(call, frame)
+    def _forward_screen(self, session: VoiceConnection, picture: EncodedPicture) -> None:
+        room = self._rooms.get(session.meeting_id)
+        for other in room.connections.values() if room else ():
+            if other.participant_id != session.participant_id and other.screen_track is not None:
+                other.screen_track.send(session, picture)
 
-    def _ask_for_key(self, meeting_id: str) -> None:
-        talk, now_s = self._talks.get(meeting_id), self._clock()
-        if talk is None or now_s - talk.asked_key_s < _KEY_FRAME_S:
+    def _request_key_frame(self, meeting_id: str) -> None:
+        room, now_s = self._rooms.get(meeting_id), self._clock()
+        if room is None or now_s - room.key_frame_requested_s < _KEY_FRAME_INTERVAL_S:
             return
-        talk.asked_key_s = now_s
-        for call in talk.calls.values():
-            if call.screen is not None:
-                self._do(ask_for_key_frame(call.screen))
+        room.key_frame_requested_s = now_s
+        for session in room.connections.values():
+            if session.screen_receiver is not None:
+                self._run(request_key_frame(session.screen_receiver))
 
-    def _tell(self, meeting_id: str, talk: _Talk) -> None:
-        news = (talk.slots.speaking(self._clock()), talk.slots.holders())
-        if news != talk.told:
-            talk.told = news
-            self._on_speaking(meeting_id)
+    def _notify_if_changed(self, meeting_id: str, room: _VoiceRoom) -> None:
+        speakers = (room.slots.speaking(self._clock()), room.slots.holders())
+        if speakers != room.sent:
+            room.sent = speakers
+            self._on_speakers_changed(meeting_id)
 
-    async def _settle(self, meeting_id: str, talk: _Talk) -> None:
-        """Tell who has stopped speaking; end what never connected."""
+    async def _poll(self, meeting_id: str, room: _VoiceRoom) -> None:
+        """Notice who has stopped speaking; close what never connected."""
         while True:
-            await asyncio.sleep(_SETTLE_S)
-            self._tell(meeting_id, talk)
-            for call_id, call in talk.calls.items():
-                late = self._clock() - call.opened_s > _CONNECT_S
-                if late and call.connection.connectionState != "connected":
-                    self._do(self.close(call_id))
+            await asyncio.sleep(_POLL_S)
+            self._notify_if_changed(meeting_id, room)
+            for session_id, session in room.connections.items():
+                late = self._clock() - session.opened_s > _CONNECT_TIMEOUT_S
+                if late and session.connection.connectionState != "connected":
+                    self._run(self.close(session_id))
 
-    def _do(self, work: Coroutine[Any, Any, object]) -> None:
+    def _run(self, work: Coroutine[Any, Any, object]) -> None:
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    def _listen(self, call_id: str, connection: RTCPeerConnection) -> None:
+    def _close_when_disconnected(self, session_id: str, connection: RTCPeerConnection) -> None:
         @connection.on("connectionstatechange")
         async def on_state() -> None:
             if connection.connectionState in ("failed", "closed"):
-                await self.close(call_id)
+                await self.close(session_id)
 
 
-def _source(talk: _Talk, participant_id: str) -> Call | None:
-    """Where somebody's voice comes from: by WHIP, where they have that, else by their page."""
-    theirs = [c for c in talk.calls.values() if c.participant_id == participant_id and c.speaks]
-    return max(theirs, key=lambda call: call.door is Door.WHIP, default=None)
+def _voice_source(room: _VoiceRoom, participant_id: str) -> VoiceConnection | None:
+    """Which connection a participant's voice is taken from: WHIP if they have it, else the page."""
+    candidates = [
+        session
+        for session in room.connections.values()
+        if session.participant_id == participant_id and session.sends_voice
+    ]
+    return max(candidates, key=lambda session: session.endpoint is Endpoint.WHIP, default=None)
 
 
-def _prefer(transceiver: RTCRtpTransceiver, mime: str) -> None:
+def _prefer_codec(transceiver: RTCRtpTransceiver, mime: str) -> None:
     kind = mime.partition("/")[0]
     codecs = RTCRtpSender.getCapabilities(kind).codecs
     wanted = {mime.lower(), "video/rtx"} if kind == "video" else {mime.lower()}

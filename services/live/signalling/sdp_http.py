@@ -1,9 +1,10 @@
-"""SDP over HTTP, as WHIP (RFC 9725) and WHEP (draft-ietf-wish-whep) have it: what all doors share.
+"""SDP over HTTP as in WHIP (RFC 9725) and WHEP (draft-ietf-wish-whep): what all endpoints share.
 
-`POST` an offer (`application/sdp`): 201 with the answer, `Location`, `ETag` and a `Link` an ICE
-server. `PATCH` the location with candidates (`application/trickle-ice-sdpfrag`, RFC 8840) under
-`If-Match: ETAG`: 204. There are no ICE restarts (422): who loses the connection posts anew.
-`DELETE` ends it.
+`POST` of an SDP offer (`application/sdp`) to an endpoint creates a session: 201 with the answer,
+`Location` of the session resource, `ETag`, and a `Link` for each ICE server. `PATCH` of the session
+resource with candidates (`application/trickle-ice-sdpfrag`, RFC 8840) under `If-Match: ETAG`: 204.
+ICE restarts (RFC 8445) are rejected (422): a client that lost its connection posts a new offer.
+`DELETE` of the session resource ends it.
 """
 
 from __future__ import annotations
@@ -12,33 +13,33 @@ import re
 from typing import Protocol
 
 from aiortc import RTCIceCandidate, RTCPeerConnection
-from aiortc.sdp import candidate_from_sdp
 from fastapi import Request, Response, status
 
 from services.auth import Principal
+from services.live.aiortc_compat import candidate_from_sdp
 from services.problems import ProblemError
 
 SDP = "application/sdp"
-FRAGMENT = "application/trickle-ice-sdpfrag"
-LARGEST_OFFER_BYTES = 64 * 1024
-_LARGEST_FRAGMENT_BYTES = 16 * 1024
-_MOST_CANDIDATES = 64
-"""Of one request; each is an address that the server then sends a few packets to."""
+SDP_FRAGMENT = "application/trickle-ice-sdpfrag"
+MAX_OFFER_BYTES = 64 * 1024
+_MAX_FRAGMENT_BYTES = 16 * 1024
+_MAX_CANDIDATES = 64
+"""In one request; each is an address to which the server then sends a few packets."""
 _UFRAG = re.compile(r"^a=ice-ufrag:(\S+)", re.MULTILINE)
-_MUX_ONLY = "a=rtcp-mux-only"
+_RTCP_MUX_ONLY = "a=rtcp-mux-only"
 
 
 class Session(Protocol):
-    """A connection that an offer opened."""
+    """A session that an SDP offer created."""
 
     @property
     def meeting_id(self) -> str:
-        """Where it looks, or talks."""
+        """The meeting that it is part of."""
         ...
 
     @property
     def participant_id(self) -> str | None:
-        """The seat of its owner; none for who came without one."""
+        """The participant whose session it is; None for a viewer without a seat."""
         ...
 
     @property
@@ -48,58 +49,58 @@ class Session(Protocol):
 
 
 class Sessions(Protocol):
-    """The connections of one kind of door."""
+    """The sessions of one kind."""
 
     def find(self, session_id: str) -> Session | None:
         """A running session."""
         ...
 
     async def close(self, session_id: str) -> bool:
-        """End one; False when there is none of that id."""
+        """End a session; False where there is none of that id."""
         ...
 
 
 async def read_offer(request: Request) -> str:
-    """The SDP that a request brings. Raises a 413, 415 or 422 problem."""
-    text = await _read(request, SDP, LARGEST_OFFER_BYTES)
-    # RFC 8858: a client that can do nothing else says so, and aiortc knows the older word alone
+    """The SDP offer in a request's body. Raises a 413, 415 or 422 problem."""
+    text = await _read(request, SDP, MAX_OFFER_BYTES)
+    # RFC 8858: a client may offer rtcp-mux-only alone, but aiortc reads only rtcp-mux
     sections = re.split(r"(?m)^(?=m=)", text)
     return "".join(
-        section.replace(_MUX_ONLY, f"a=rtcp-mux\r\n{_MUX_ONLY}", 1)
-        if _MUX_ONLY in section and not re.search(r"(?m)^a=rtcp-mux\s*$", section)
+        section.replace(_RTCP_MUX_ONLY, f"a=rtcp-mux\r\n{_RTCP_MUX_ONLY}", 1)
+        if _RTCP_MUX_ONLY in section and not re.search(r"(?m)^a=rtcp-mux\s*$", section)
         else section
         for section in sections
     )
 
 
 def created(location: str, session_id: str, answer: str, ice_servers: list[str]) -> Response:
-    """201: the answer, and where its session is found."""
+    """201 with the SDP answer and the location of the session resource."""
     response = Response(answer, status.HTTP_201_CREATED, media_type=SDP)
     response.headers["Location"] = location
     response.headers["ETag"] = f'"{session_id}"'
-    response.headers["Accept-Patch"] = FRAGMENT
+    response.headers["Accept-Patch"] = SDP_FRAGMENT
     for url in ice_servers:
         response.headers.append("Link", f'<{url}>; rel="ice-server"')
     return response
 
 
-def mux_only(answer: str) -> str:
-    """`answer` saying that RTP and RTCP share a port and can't do without (RFC 8858)."""
-    return answer.replace("a=rtcp-mux\r\n", f"a=rtcp-mux\r\n{_MUX_ONLY}\r\n")
+def add_rtcp_mux_only(answer: str) -> str:
+    """`answer` with `a=rtcp-mux-only` (RFC 8858): RTP and RTCP must share a port."""
+    return answer.replace("a=rtcp-mux\r\n", f"a=rtcp-mux\r\n{_RTCP_MUX_ONLY}\r\n")
 
 
 def options(allow: str) -> Response:
-    """What a door takes, told to whoever asks; CORS is answered before that."""
+    """Response to OPTIONS: the methods and types of an endpoint; CORS is answered before."""
     headers = {"Allow": allow}
     if "POST" in allow:
         headers["Accept-Post"] = SDP
     if "PATCH" in allow:
-        headers["Accept-Patch"] = FRAGMENT
+        headers["Accept-Patch"] = SDP_FRAGMENT
     return Response(status_code=status.HTTP_204_NO_CONTENT, headers=headers)
 
 
-def session_of(sessions: Sessions, session_id: str, meeting_id: str, caller: Principal) -> Session:
-    """The caller's own session. Raises a 403 or 404 problem."""
+def own_session(sessions: Sessions, session_id: str, meeting_id: str, caller: Principal) -> Session:
+    """The session, if it is the caller's. Raises a 403 or 404 problem."""
     caller.require_meeting(meeting_id)
     found = sessions.find(session_id)
     if (
@@ -116,21 +117,23 @@ def session_of(sessions: Sessions, session_id: str, meeting_id: str, caller: Pri
     return found
 
 
-async def end(sessions: Sessions, session_id: str, meeting_id: str, caller: Principal) -> Response:
-    """End the caller's session."""
-    session_of(sessions, session_id, meeting_id, caller)
+async def end_session(
+    sessions: Sessions, session_id: str, meeting_id: str, caller: Principal
+) -> Response:
+    """End the caller's session. Raises a 403 or 404 problem."""
+    own_session(sessions, session_id, meeting_id, caller)
     await sessions.close(session_id)
     return Response(status_code=status.HTTP_200_OK)
 
 
-async def trickle(request: Request, session: Session, session_id: str) -> Response:
-    """Take the candidates that a request brings. Raises the problems that RFC 9725, 4.3 lists."""
+async def add_candidates(request: Request, session: Session, session_id: str) -> Response:
+    """Trickle ICE: add a request's candidates. Raises the problems of RFC 9725, section 4.3."""
     _require_match(request.headers.get("if-match"), session_id)
-    text = await _read(request, FRAGMENT, _LARGEST_FRAGMENT_BYTES)
-    known = _UFRAG.search(session.connection.remoteDescription.sdp)
-    told = _UFRAG.search(text)
-    if told and known and told[1] != known[1]:
-        raise _no_restart(f"another ice-ufrag, {told[1][:40]!r}")
+    text = await _read(request, SDP_FRAGMENT, _MAX_FRAGMENT_BYTES)
+    expected = _UFRAG.search(session.connection.remoteDescription.sdp)
+    received = _UFRAG.search(text)
+    if received and expected and received[1] != expected[1]:
+        raise reject_ice_restart(f"another ice-ufrag, {received[1][:40]!r}")
     for candidate in _candidates(text):
         await session.connection.addIceCandidate(candidate)
     if "a=end-of-candidates" in text:
@@ -146,7 +149,7 @@ def _require_match(if_match: str | None, session_id: str) -> None:
             "a PATCH must carry `If-Match` with the session's ETag; got none",
         )
     if if_match.strip() == "*":
-        raise _no_restart("`If-Match: *`")
+        raise reject_ice_restart("`If-Match: *`")
     if if_match.strip() != f'"{session_id}"':
         raise ProblemError(
             412,
@@ -156,7 +159,8 @@ def _require_match(if_match: str | None, session_id: str) -> None:
         )
 
 
-def _no_restart(got: str) -> ProblemError:
+def reject_ice_restart(got: str) -> ProblemError:
+    """The 422 problem of a PATCH that asks for an ICE restart (RFC 8445, section 9)."""
     return ProblemError(
         422,
         "no-ice-restart",
@@ -183,29 +187,29 @@ def _candidates(text: str) -> list[RTCIceCandidate]:
             candidate.sdpMid = mid
             candidate.sdpMLineIndex = max(0, line_index)
             found.append(candidate)
-    if len(found) > _MOST_CANDIDATES:
+    if len(found) > _MAX_CANDIDATES:
         raise ProblemError(
             413,
             "too-large",
-            f"a fragment must bring at most {_MOST_CANDIDATES} candidates; got {len(found)}",
+            f"a fragment must bring at most {_MAX_CANDIDATES} candidates; got {len(found)}",
         )
     return found
 
 
-async def _read(request: Request, wanted: str, most_bytes: int) -> str:
+async def _read(request: Request, media_type: str, max_bytes: int) -> str:
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-    if kind != wanted:
+    if kind != media_type:
         raise ProblemError(
             415,
             "unsupported-media-type",
-            f"the body must be of type {wanted}; got {kind or 'none'!r}",
+            f"the body must be of type {media_type}; got {kind or 'none'!r}",
         )
     body = bytearray()
     async for chunk in request.stream():
         body += chunk
-        if len(body) > most_bytes:
+        if len(body) > max_bytes:
             raise ProblemError(
-                413, "too-large", f"the body must be at most {most_bytes} bytes; got more"
+                413, "too-large", f"the body must be at most {max_bytes} bytes; got more"
             )
     try:
         return body.decode()

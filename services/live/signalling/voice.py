@@ -1,22 +1,19 @@
-"""Voices in a meeting: each speaker's Opus packets go to every other member as they are.
+"""Voices in a meeting: each speaker's Opus packets are forwarded to every other participant.
 
 `POST /v1/meetings/{id}/voice` answers an SDP offer (services.live.signalling.sdp_http) from a seat
-whose owner is let in. The offer may have
+whose owner is admitted. The offer may have
 
-- audio sections that receive, at most `SLOTS`: slot 0 comes in the first of them, and so on.
-  Whoever offers fewer hears fewer. A slot carries one speaker at a time; `speaking` on the control
+- audio sections that receive, at most `SLOTS`: slot 0 comes in the first of them, and so on. A page
+  that offers fewer hears fewer. A slot carries one speaker at a time; `speaking` on the control
   channel says who holds which (`slots`, participants' ids) whenever that changes, so that a page
-  can set each voice where its speaker stands.
+  can place each voice where its speaker stands.
 - one audio section that sends (it may be one of those): the microphone. It is heard while the
   roster says that it is on.
-- one video section that receives: the screen that somebody shares
-  (services.live.signalling.whip), if anybody does.
+- one video section that receives: the screen that somebody shares (services.live.signalling.whip),
+  if anybody does.
 
-It is a connection of its own: a picture that stalls is replaced without cutting anybody off.
-Nothing is decoded or mixed here, so a speaker costs a packet a listener.
-
-On the page `VoiceLink` (client/src/meeting/voice.ts) keeps `slots: Map<slot, {memberId, stream}>`
-and `screen: MediaStream | null`, and tells of each change.
+It is a connection of its own: a picture that stalls is replaced without interrupting any voice.
+Nothing is decoded or mixed here, so a speaker costs a packet per listener.
 """
 
 from __future__ import annotations
@@ -30,8 +27,8 @@ from db.models import MeetingRow
 from services import seats
 from services.auth import Joiner, Principal
 from services.container import Provided, Services
-from services.live.sessions.view_sessions import NoRoom
-from services.live.sessions.voice_offer import Door
+from services.live.sessions.errors import ServerFull
+from services.live.sessions.voice_offer import Endpoint
 from services.live.sessions.voice_sessions import VoiceSessions
 from services.live.signalling import sdp_http
 from services.live.signalling.sdp_http import SDP
@@ -49,11 +46,16 @@ def _sessions(request: Request) -> VoiceSessions:
 Voices = Annotated[VoiceSessions, Depends(_sessions)]
 
 
-async def open_call(
-    request: Request, services: Services, voices: VoiceSessions, caller: Principal, door: Door,
-    meeting_id: str, place: str,
-) -> Response:  # fmt: skip
-    """Answer the offer of somebody who is let in; its session is found below `place`."""
+async def create_voice_session(
+    request: Request,
+    services: Services,
+    voices: VoiceSessions,
+    caller: Principal,
+    endpoint: Endpoint,
+    meeting_id: str,
+    path: str,
+) -> Response:
+    """Answer the offer of an admitted participant; the session resource lies below `path`."""
     caller.require_meeting(meeting_id)
     if caller.participant_id is None:
         raise ProblemError(
@@ -63,15 +65,17 @@ async def open_call(
     meeting = await run_in_threadpool(_meeting, services, meeting_id)
     seats.require_admitted(meeting, caller)
     try:
-        call_id, answer = await voices.open(meeting_id, caller.participant_id, sdp_offer, door)
-    except NoRoom as full:
+        session_id, answer = await voices.open(
+            meeting_id, caller.participant_id, sdp_offer, endpoint
+        )
+    except ServerFull as full:
         headers = {"Retry-After": str(_RETRY_AFTER_S)}
         raise ProblemError(503, "server-full", str(full), headers=headers) from full
-    # whoever is sent out from now on hears nothing more
-    request.app.state.hub.stir(meeting_id)
-    location = f"{place}/{call_id}"
+    # from now on the hub closes the connection of a participant who is removed
+    request.app.state.hub.notify(meeting_id)
+    location = f"{path}/{session_id}"
     ice_servers = services.settings.ice_servers
-    return sdp_http.created(location, call_id, sdp_http.mux_only(answer), ice_servers)
+    return sdp_http.created(location, session_id, sdp_http.add_rtcp_mux_only(answer), ice_servers)
 
 
 @router.post(
@@ -81,27 +85,29 @@ async def open_call(
     response_class=Response,
     responses={201: {"content": {SDP: {}}, "description": "The SDP answer."}},
 )
-async def talk(
+async def create_session(
     meeting_id: str, request: Request, services: Provided, voices: Voices, caller: Joiner
 ) -> Response:
-    """One's microphone up, the others' voices down; from a seat whose owner is let in."""
-    place = f"/v1/meetings/{meeting_id}/voice"
-    return await open_call(request, services, voices, caller, Door.VOICE, meeting_id, place)
+    """The participant's microphone up, the others' voices down."""
+    path = f"/v1/meetings/{meeting_id}/voice"
+    return await create_voice_session(
+        request, services, voices, caller, Endpoint.VOICE, meeting_id, path
+    )
 
 
-@router.patch("/{meeting_id}/voice/{call_id}", summary="Add candidates", status_code=204)
-async def trickle(
-    meeting_id: str, call_id: str, request: Request, voices: Voices, caller: Joiner
+@router.patch("/{meeting_id}/voice/{session_id}", summary="Add candidates", status_code=204)
+async def add_candidates(
+    meeting_id: str, session_id: str, request: Request, voices: Voices, caller: Joiner
 ) -> Response:
-    """More addresses at which the caller can be reached."""
-    call = sdp_http.session_of(voices, call_id, meeting_id, caller)
-    return await sdp_http.trickle(request, call, call_id)
+    """Trickle ICE: more addresses at which the caller can be reached."""
+    session = sdp_http.own_session(voices, session_id, meeting_id, caller)
+    return await sdp_http.add_candidates(request, session, session_id)
 
 
-@router.delete("/{meeting_id}/voice/{call_id}", summary="Hang up")
-async def hang_up(meeting_id: str, call_id: str, voices: Voices, caller: Joiner) -> Response:
+@router.delete("/{meeting_id}/voice/{session_id}", summary="End the session")
+async def end_session(meeting_id: str, session_id: str, voices: Voices, caller: Joiner) -> Response:
     """End the connection."""
-    return await sdp_http.end(voices, call_id, meeting_id, caller)
+    return await sdp_http.end_session(voices, session_id, meeting_id, caller)
 
 
 def _meeting(services: Services, meeting_id: str) -> MeetingRow:

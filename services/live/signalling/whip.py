@@ -13,10 +13,10 @@ from fastapi import APIRouter, Request, Response, status
 
 from services.auth import Joiner
 from services.container import Provided
-from services.live.sessions.voice_offer import Door
+from services.live.sessions.voice_offer import Endpoint
 from services.live.signalling import sdp_http
 from services.live.signalling.sdp_http import SDP
-from services.live.signalling.voice import Voices, open_call
+from services.live.signalling.voice import Voices, create_voice_session
 from services.problems import PROBLEMS
 
 router = APIRouter(tags=["meetings"], responses=PROBLEMS)
@@ -29,30 +29,32 @@ router = APIRouter(tags=["meetings"], responses=PROBLEMS)
     response_class=Response,
     responses={201: {"content": {SDP: {}}, "description": "The SDP answer."}},
 )
-async def send(
+async def create_session(
     meeting_id: str, request: Request, services: Provided, voices: Voices, caller: Joiner
 ) -> Response:
-    """A microphone, or a screen, of somebody who sits in the meeting and is let in."""
-    place = f"/whip/{meeting_id}"
-    return await open_call(request, services, voices, caller, Door.WHIP, meeting_id, place)
+    """A microphone, or a screen, of a participant who has a seat and is admitted."""
+    path = f"/whip/{meeting_id}"
+    return await create_voice_session(
+        request, services, voices, caller, Endpoint.WHIP, meeting_id, path
+    )
 
 
 @router.options("/whip/{meeting_id}", summary="What may be posted", status_code=204)
-async def tell_door(meeting_id: str) -> Response:
-    """The methods and types that this door takes."""
+async def options(meeting_id: str) -> Response:
+    """The methods and types of this endpoint."""
     return sdp_http.options("POST, OPTIONS")
 
 
-@router.patch("/whip/{meeting_id}/{call_id}", summary="Add candidates", status_code=204)
-async def trickle(
-    meeting_id: str, call_id: str, request: Request, voices: Voices, caller: Joiner
+@router.patch("/whip/{meeting_id}/{session_id}", summary="Add candidates", status_code=204)
+async def add_candidates(
+    meeting_id: str, session_id: str, request: Request, voices: Voices, caller: Joiner
 ) -> Response:
-    """More addresses at which the client can be reached."""
-    call = sdp_http.session_of(voices, call_id, meeting_id, caller)
-    return await sdp_http.trickle(request, call, call_id)
+    """Trickle ICE: more addresses at which the client can be reached."""
+    session = sdp_http.own_session(voices, session_id, meeting_id, caller)
+    return await sdp_http.add_candidates(request, session, session_id)
 
 
-@router.delete("/whip/{meeting_id}/{call_id}", summary="Send no longer")
-async def stop(meeting_id: str, call_id: str, voices: Voices, caller: Joiner) -> Response:
+@router.delete("/whip/{meeting_id}/{session_id}", summary="End the session")
+async def end_session(meeting_id: str, session_id: str, voices: Voices, caller: Joiner) -> Response:
     """End the connection."""
-    return await sdp_http.end(voices, call_id, meeting_id, caller)
+    return await sdp_http.end_session(voices, session_id, meeting_id, caller)

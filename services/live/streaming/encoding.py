@@ -22,16 +22,16 @@ _CLOCK_RATE = 90_000
 """Of RTP's timestamps for video, Hz."""
 _TICKS, _TIME_BASE = Fraction(1, FRAMES_PER_SECOND), Fraction(1, _CLOCK_RATE)
 _NO_KEY_FRAMES = 1 << 20
-"""Frames between key frames that nobody asked for: half a day."""
+"""Frames between key frames that nobody requested: half a day."""
 BITRATES = (500_000, 750_000, 1_100_000, 1_700_000, 2_500_000, 4_000_000, 6_000_000)
 """bit/s. Few steps: a VP8 encoder must be opened anew, with a key frame, to change."""
 _FIRST_BITRATE = 4
 _CLIMB = 1.15
 """A step is climbed once the estimate is so much above it: estimates swing."""
-_FULL, _FREE = 0.1, 0.02
-"""A line that loses a larger share of packets is full; one that loses less has room."""
+_CONGESTED_LOSS, _FREE_LOSS = 0.1, 0.02
+"""A connection that loses a larger share of packets is congested; one that loses less has room."""
 _GROWTH = 1.08
-"""Of what is tried on a line with room, from one report to the next."""
+"""Factor by which more is tried on a connection with room, from one report to the next."""
 
 
 class Codec(StrEnum):
@@ -42,10 +42,10 @@ class Codec(StrEnum):
 
 
 class BitrateSteps:
-    """What gets through to a viewer, in steps with hysteresis.
+    """The bitrate that gets through to a viewer, in steps with hysteresis.
 
-    Their estimate goes by delays (REMB); on a line that drops packets in place of delaying them it
-    stays high, and losses bound it, as in draft-ietf-rmcat-gcc, section 6.
+    The receiver's estimate goes by delays (REMB); on a connection that drops packets instead of
+    delaying them it stays high, and losses bound it, as in draft-ietf-rmcat-gcc, section 6.
     """
 
     def __init__(self) -> None:
@@ -57,17 +57,17 @@ class BitrateSteps:
         """bit/s to encode with."""
         return BITRATES[self._index]
 
-    def estimate(self, bitrate: float) -> None:
+    def on_estimate(self, bitrate: float) -> None:
         """Take the receiver's estimate, bit/s (REMB)."""
         self._estimate = bitrate
         self._settle()
 
-    def loss(self, share: float) -> None:
+    def on_loss(self, share: float) -> None:
         """Take the share of packets, 0 to 1, that was lost since the last report."""
-        if share > _FULL:
+        if share > _CONGESTED_LOSS:
             bound = (1.0 - 0.5 * share) * min(self._bound, self.bitrate)
             self._bound = max(bound, float(BITRATES[0]))
-        elif share < _FREE:
+        elif share < _FREE_LOSS:
             self._bound = min(_GROWTH * self._bound, _CLIMB * BITRATES[-1])
         self._settle()
 
@@ -102,7 +102,7 @@ class PictureEncoder:
         frame.pict_type = PictureType.I if key else PictureType.NONE
         frame.pts, frame.time_base = tick, _TICKS
         packets = self._context.encode(frame)
-        packet = packets[0] if len(packets) == 1 else _joined(packets)
+        packet = packets[0] if len(packets) == 1 else _concatenated(packets)
         packet.pts, packet.time_base = tick * _CLOCK_RATE // FRAMES_PER_SECOND, _TIME_BASE
         return packet
 
@@ -122,7 +122,7 @@ class PictureEncoder:
             context.options = {
                 "preset": "superfast", "tune": "zerolatency",
                 "forced-idr": "1", "sc_threshold": "0",
-                # without a bound libx264 leaves a new bitrate unheeded
+                # without a bound libx264 ignores a new bitrate
                 "maxrate": str(BITRATES[-1]), "bufsize": str(BITRATES[-1] // 2),
             }  # fmt: skip
         else:
@@ -135,12 +135,12 @@ class PictureEncoder:
         return context
 
 
-def _joined(packets: Many[Packet]) -> Packet:
+def _concatenated(packets: Many[Packet]) -> Packet:
     """Encoders without delay give one packet a frame; libvpx none where it dropped one."""
     return Packet(b"".join(bytes(packet) for packet in packets))
 
 
-def chosen_codec(sdp_offer: str) -> Codec:
+def negotiated_codec(sdp_offer: str) -> Codec:
     """The codec to answer an offer with: H.264 if it is offered as we send it, else VP8."""
     formats: dict[str, str] = {}
     h264 = set()

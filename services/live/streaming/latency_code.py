@@ -1,14 +1,14 @@
-"""When the newest pose was captured, as a bar code in a picture's corner: how latency is measured.
+"""Measures latency: pictures show, as a bar code, when the newest keypoints in them were captured.
 
-With the setting `stamp_pictures` the server writes it into each picture's planes before they are
-coded, and tells it to pages that draw for themselves, which write the same (client/src/stamp.ts).
-Read back from the pixels that are shown, against the clock of the machine that captured, it is the
-whole way from a webcam's landmarks to the picture: channel, solver, drawing, coding, decoding.
+With the setting `latency_code` this is passed to the view sessions. Each picture then carries the
+code in its upper left corner before it is encoded, and pose packets carry the same time, from which
+pages that draw the room themselves write the same code (client/src/stamp.ts). Read back from the
+pixels that are shown, against the clock of the machine that captured, it gives the latency from a
+webcam's landmarks to the picture: channel, solver, drawing, encoding, decoding.
 
-20 cells in two rows of ten, each 16 x 16 px, black or white, from the picture's upper left corner:
-16 bits of the capture time in ms, modulo 65,536, then 4 that check them; highest first. A cell is a
-macroblock of its own, so that neither VP8 nor H.264 smears one into the next, and what is read is
-the mean of its middle.
+The code is 20 cells in two rows of ten, each 16 x 16 px, black or white: 16 bits of the capture
+time in ms, modulo 65,536, then 4 check bits; highest first. A cell is a macroblock of its own, so
+that neither VP8 nor H.264 smears one into the next, and reading averages the middle of each.
 """
 
 from __future__ import annotations
@@ -17,25 +17,47 @@ import numpy as np
 from av import VideoFrame
 
 from scene.arrays import Array, Bool, UInt8
-from services.live.streaming.yuv_planes import rows_of
+from services.live.room import Room
+from services.live.streaming.instrumentation import Instrumentation
+from services.live.streaming.yuv_planes import plane_rows
 
 CELL_PX, COLUMNS, ROWS = 16, 10, 2
 _BITS = np.arange(15, -1, -1)
 _BLACK, _WHITE, _GREY = 16, 235, 128
 
 
+class LatencyCode(Instrumentation):
+    """Marks what viewers receive with the capture time of the newest keypoints in it."""
+
+    def on_picture(self, room: Room, frame: VideoFrame) -> None:
+        """Write the code; nothing where nobody is driven live."""
+        captured_ms = _newest_capture_ms(room)
+        if captured_ms is not None:
+            write(frame, captured_ms)
+
+    def pose_time_ms(self, room: Room, now_s: float) -> float:
+        """The capture time of the newest keypoints, by the camera's clock; else the time now."""
+        captured_ms = _newest_capture_ms(room)
+        return super().pose_time_ms(room, now_s) if captured_ms is None else captured_ms
+
+
+def _newest_capture_ms(room: Room) -> float | None:
+    times = [motion.captured_ms for motion in list(room.live_motions.values())]
+    return max((ms for ms in times if ms is not None), default=None)
+
+
 def cells(captured_ms: float) -> Bool[Array, "2 10"]:
     """The code of a capture time; True is white."""
     value = int(captured_ms) % 65536
     nibbles = sum((value >> shift) & 15 for shift in (0, 4, 8, 12))
-    check = (nibbles + 5) & 15  # a black corner, and a white one, are no code
+    check = (nibbles + 5) & 15  # neither an all-black nor an all-white corner is a code
     bits = np.concatenate([(value >> _BITS) & 1, (check >> _BITS[12:]) & 1])
     return bits.astype(bool).reshape(ROWS, COLUMNS)
 
 
 def write(frame: VideoFrame, captured_ms: float) -> None:
     """Write the code into a yuv420p frame of at least 160 x 32 px."""
-    luma, blue, red = (rows_of(plane) for plane in frame.planes)
+    luma, blue, red = (plane_rows(plane) for plane in frame.planes)
     shades = np.where(cells(captured_ms), _WHITE, _BLACK).astype(np.uint8)
     height, width = ROWS * CELL_PX, COLUMNS * CELL_PX
     luma[:height, :width] = np.kron(shades, np.ones((CELL_PX, CELL_PX), np.uint8))

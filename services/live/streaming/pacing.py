@@ -1,8 +1,8 @@
-"""When a picture is due, how large it may be, what of it is sent again: by the caller's clocks.
+"""When a picture is due, how large it may be, what is retransmitted; times are the caller's.
 
-Time is cut into ticks of 1/30 s, the same for all viewers of a process, so that who looks at one
-instant from one place shares a picture. Of each tick a viewer gets at most one picture, the newest;
-ticks that were missed are gone.
+Time is cut into ticks of 1/30 s, the same for all viewers of a process, so that viewers with the
+same viewpoint share a picture. Of each tick a viewer gets at most one picture, the newest; ticks
+that were missed are skipped.
 """
 
 from __future__ import annotations
@@ -16,30 +16,30 @@ _WINDOW_S = 2.0
 _SLOW_SHARE, _FLUENT_SHARE = 0.6, 0.95
 """Of 30 pictures a second: with fewer a picture is too large; with more none is late."""
 _SLOW_WINDOWS, _FLUENT_WINDOWS = 2, 3
-"""Our page asks for less by itself after 3 s; who does not is given less after 4."""
+"""Our page asks for smaller pictures after 3 s; other clients are given them after 4 s."""
 _BUSY_SHARE = 0.7
 """Of the drawing thread's time: a larger picture must fit in this."""
 _LONGEST_WAIT = 48
-"""Windows, between climbs that had to be taken back."""
+"""Windows, between enlargements that had to be taken back."""
 _RESEND_SHARE = 0.25
-"""Of the bitrate: what a line loses beyond that, it loses because it is full."""
+"""Of the bitrate: a connection that loses more is congested."""
 _PACKET_BITS = 8 * 1200
-"""Of a picture's usual packet."""
+"""Size of a usual packet of video, bits."""
 
 
 class ResendBudget:
-    """How many lost packets may be sent again; what is not used within a second is gone."""
+    """How many lost packets may be retransmitted: a token bucket that holds one second's worth."""
 
     def __init__(self) -> None:
-        self._left, self._looked_s = 0.0, -1.0
+        self._tokens, self._updated_s = 0.0, -1.0
 
-    def take(self, now_s: float, asked: int, bitrate: int) -> int:
-        """Packets of `asked` that fit beside a stream of `bitrate` bit/s."""
-        a_second = _RESEND_SHARE * bitrate / _PACKET_BITS
-        self._left = min(a_second, self._left + a_second * (now_s - self._looked_s))
-        self._looked_s = now_s
-        granted = min(asked, int(self._left))
-        self._left -= granted
+    def take(self, now_s: float, requested: int, bitrate: int) -> int:
+        """How many of `requested` packets fit beside a stream of `bitrate` bit/s."""
+        per_second = _RESEND_SHARE * bitrate / _PACKET_BITS
+        self._tokens = min(per_second, self._tokens + per_second * (now_s - self._updated_s))
+        self._updated_s = now_s
+        granted = min(requested, int(self._tokens))
+        self._tokens -= granted
         return granted
 
 
@@ -63,9 +63,9 @@ class FramePacer:
 
 
 class SizeGovernor:
-    """Lets pictures shrink where they come too slowly, and grow again where there is time.
+    """Shrinks pictures where they come too slowly, and enlarges them again where there is time.
 
-    A climb that had to be taken back makes the next one wait twice as long.
+    An enlargement that had to be taken back makes the next one wait twice as long.
     """
 
     def __init__(self) -> None:
@@ -75,14 +75,14 @@ class SizeGovernor:
         self._own_s, self._all_s = 0.0, 0.0
         self._slow, self._fluent = 0, 0
         self._wait = _FLUENT_WINDOWS
-        self._climbed = False
+        self._enlarged = False
 
     @property
     def scale(self) -> float:
         """Of the sides asked for, one of `SCALES`."""
         return SCALES[self._step]
 
-    def drawn(self, now_s: float, own_s: float, all_s: float) -> None:
+    def add_picture(self, now_s: float, own_s: float, all_s: float) -> None:
         """Note a picture that was done at `now_s` and took `own_s` to draw and encode.
 
         `all_s` counts what the drawing thread has worked for everybody since it began, s.
@@ -99,8 +99,8 @@ class SizeGovernor:
         self._judge(share, self._own_s / length_s, (all_s - self._all_s) / length_s)
         self._begin(now_s, all_s)
 
-    def rest(self) -> None:
-        """Nothing is drawn for a while; what was measured says nothing any more."""
+    def pause(self) -> None:
+        """Forget what was measured: no pictures are drawn for a while."""
         self._started_s = None
         self._slow = self._fluent = 0
 
@@ -111,14 +111,14 @@ class SizeGovernor:
         self._slow = self._slow + 1 if share < _SLOW_SHARE else 0
         self._fluent = self._fluent + 1 if share >= _FLUENT_SHARE else 0
         if self._slow >= _SLOW_WINDOWS and self._step < len(SCALES) - 1:
-            if self._climbed:
+            if self._enlarged:
                 self._wait = min(2 * self._wait, _LONGEST_WAIT)
-            self._move(self._step + 1, climbed=False)
+            self._move(self._step + 1, enlarged=False)
         elif self._fluent >= self._wait and self._step > 0:
             growth = (SCALES[self._step - 1] / SCALES[self._step]) ** 2
             if busy + (growth - 1.0) * own < _BUSY_SHARE:
-                self._move(self._step - 1, climbed=True)
+                self._move(self._step - 1, enlarged=True)
 
-    def _move(self, step: int, *, climbed: bool) -> None:
-        self._step, self._climbed = step, climbed
+    def _move(self, step: int, *, enlarged: bool) -> None:
+        self._step, self._enlarged = step, enlarged
         self._slow = self._fluent = 0

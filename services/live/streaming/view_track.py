@@ -1,9 +1,9 @@
 """A viewer's own video: the newest pose and the newest camera in, one coded picture out.
 
-Work is dropped, never queued. Drawing and coding follow one another in one thread for all viewers:
-every core draws a picture, which goes to the encoder as it lies in memory. Who looks at the same
-instant from the same place shares it; everybody has an encoder of their own, so that a key frame
-asked for by one reaches nobody else.
+Work is dropped, never queued. Drawing and encoding take turns in one thread for all viewers: every
+core works on one picture, which goes to the encoder without being copied. Viewers with the same
+viewpoint at the same tick share a picture; each has an encoder of their own, so that a key frame
+requested by one is sent to nobody else.
 """
 
 from __future__ import annotations
@@ -25,45 +25,44 @@ from scene.environment import Scene
 from services.live.packets import NewestView
 from services.live.room import Room
 from services.live.streaming.encoding import BitrateSteps, PictureEncoder
-from services.live.streaming.latency_code import write
+from services.live.streaming.instrumentation import Instrumentation
 from services.live.streaming.pacing import TICK_S, FramePacer, ResendBudget, SizeGovernor
-from services.live.streaming.yuv_planes import rows_of
+from services.live.streaming.yuv_planes import plane_rows
 
 _SMALLEST_PX, _LARGEST_PX = 128, 1024
 _DEFAULT_SIZE = (512, 512)
 _BLOCK_PX = 16
 """Video is coded in macroblocks of 16 x 16; other sizes would be padded by the encoder."""
-_KEY_S = 0.3
-"""Between two key frames: a line that lost one would lose more of them in a row all the sooner."""
-_REFRESH_S = 0.5
-"""A viewer whose picture stalls gets a key frame at most so often."""
+_KEY_FRAME_INTERVAL_S = 0.3
+"""Least time between two key frames: a connection that lost one loses several in a row sooner."""
+_STALL_INTERVAL_S = 0.5
+"""Least time between two key frames sent because the viewer's picture stalls."""
 
 
-class Canvas:
-    """A stage and the frame that its pictures are laid into; each belongs to one viewer."""
+class FrameRenderer:
+    """Renders into a video frame that it keeps; each belongs to one viewer."""
 
     def __init__(self) -> None:
-        self._stage = SceneRenderer()
+        self._renderer = SceneRenderer()
         self._frame: VideoFrame | None = None
 
-    def paint(self, scene: Scene[PerformerModel], camera: Camera) -> VideoFrame:
+    def render(self, scene: Scene[PerformerModel], camera: Camera) -> VideoFrame:
         """`scene` seen by `camera`, as yuv420p; the frame is reused by the next call."""
-        picture = self._stage.render(scene, camera)
-        changed = self._stage.changed
+        picture = self._renderer.render(scene, camera)
+        changed = self._renderer.changed
         frame = self._frame
         if frame is None or (frame.width, frame.height) != (camera.width, camera.height):
             frame = self._frame = VideoFrame(camera.width, camera.height, "yuv420p")
             changed = np.ones_like(changed)
-        lay(picture, changed, frame)
+        write_yuv420(picture, changed, frame)
         return frame
 
 
 class SharedPictures:
     """What has been drawn of one room at the newest tick."""
 
-    def __init__(self, room: Room, *, stamped: bool) -> None:
-        """Pictures of `room`; where `stamped`, with the code of `latency_code`."""
-        self.room, self._stamped = room, stamped
+    def __init__(self, room: Room, instrumentation: Instrumentation) -> None:
+        self.room, self._instrumentation = room, instrumentation
         self.work_s = 0.0
         """Time spent on pictures of this room so far, s."""
         self._tick = -1
@@ -71,9 +70,9 @@ class SharedPictures:
         self._frames: dict[tuple[bool, int, int, bytes], VideoFrame] = {}
 
     def frame(
-        self, canvas: Canvas, tick: int, now_s: float, camera: Camera, *, hide_unseen: bool
+        self, renderer: FrameRenderer, tick: int, now_s: float, camera: Camera, *, hide_unseen: bool
     ) -> VideoFrame:
-        """The room at `tick` (now), seen by `camera`; drawn on `canvas` if nobody has drawn it."""
+        """The room at `tick` (now), seen by `camera`; drawn by `renderer` unless it has been."""
         if tick != self._tick:
             self._tick = tick
             self._scenes.clear()
@@ -83,10 +82,8 @@ class SharedPictures:
         view = camera.world_to_camera.tobytes() + camera.intrinsics.tobytes()
         key = (hide_unseen, camera.width, camera.height, view)
         if key not in self._frames:
-            frame = canvas.paint(self._scenes[hide_unseen], camera)
-            captured_ms = self.room.captured_ms()
-            if self._stamped and captured_ms is not None:
-                write(frame, captured_ms)
+            frame = renderer.render(self._scenes[hide_unseen], camera)
+            self._instrumentation.on_picture(self.room, frame)
             self._frames[key] = frame
         return self._frames[key]
 
@@ -106,24 +103,24 @@ class ViewTrack(MediaStreamTrack):
     ) -> None:
         super().__init__()
         self.render_seconds: deque[float] = deque(maxlen=300)
-        """Time of the last pictures, from their turn to their packet, s, for the metrics."""
+        """Time to draw and encode each of the last pictures, s, for the metrics."""
         self.bitrate = BitrateSteps()
         self._pictures, self._view, self._encoder = pictures, view, encoder
         self._executor, self._clock = executor, clock
-        self._canvas = Canvas()
+        self._renderer = FrameRenderer()
         self._pacer, self._governor = FramePacer(), SizeGovernor()
         self._resends = ResendBudget()
-        self._key_asked = False
-        self._keyed_s, self._refreshed_s = -_KEY_S, -_REFRESH_S
+        self._key_frame_requested = False
+        self._key_frame_s, self._stall_s = -_KEY_FRAME_INTERVAL_S, -_STALL_INTERVAL_S
 
     @property
     def wanted(self) -> bool:
         """Whether pictures are to come; none are drawn, coded or sent while not."""
         return self._view.wants_pictures
 
-    def ask_key_frame(self) -> None:
-        """Have the next picture coded so that it needs none before it."""
-        self._key_asked = True
+    def request_key_frame(self) -> None:
+        """Have the next picture encoded as a key frame."""
+        self._key_frame_requested = True
 
     def worth_resending(self, lost: Sequence[int]) -> list[int]:
         """Which of the packets `lost` (sequence numbers) to send again: the last ones, if any."""
@@ -139,61 +136,63 @@ class ViewTrack(MediaStreamTrack):
         coded or sent then.
         """
         while not self.wanted:
-            self._governor.rest()
-            # a line that was too slow has lost what the next picture would build on
-            self.ask_key_frame()
+            self._governor.pause()
+            # a connection that was too slow has lost what the next picture would build on
+            self.request_key_frame()
             await asyncio.sleep(TICK_S)
         while (wait_s := self._pacer.wait_s(self._clock())) > 0.0:
             await asyncio.sleep(wait_s)
         loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self._executor, self._coded)
+        return await loop.run_in_executor(self._executor, self._encode)
 
-    def _coded(self) -> Packet:
+    def _encode(self) -> Packet:
         started = self._clock()
         tick = self._pacer.begin(started)
         packet = self._view.packet
         hide_unseen = packet is not None and packet.hide_unseen
         frame = self._pictures.frame(
-            self._canvas, tick, started, self._camera(), hide_unseen=hide_unseen
+            self._renderer, tick, started, self._camera(), hide_unseen=hide_unseen
         )
         key = self._key_due(started)
         coded = self._encoder.encode(frame, tick, self.bitrate.bitrate, key=key)
         done = self._clock()
         self.render_seconds.append(done - started)
         self._pictures.work_s += done - started
-        self._governor.drawn(done, done - started, self._pictures.work_s)
+        self._governor.add_picture(done, done - started, self._pictures.work_s)
         return coded
 
     def _key_due(self, now_s: float) -> bool:
-        self._key_asked |= self._stalled(now_s)
-        if not self._key_asked or now_s - self._keyed_s < _KEY_S:
+        self._key_frame_requested |= self._stalled(now_s)
+        if not self._key_frame_requested or now_s - self._key_frame_s < _KEY_FRAME_INTERVAL_S:
             return False
-        self._key_asked, self._keyed_s = False, now_s
+        self._key_frame_requested, self._key_frame_s = False, now_s
         return True
 
     def _stalled(self, now_s: float) -> bool:
-        """Whether the viewer says that pictures come and can't be shown; now and then true."""
+        """Whether the viewer reports a stalled picture, and was not helped just now."""
         packet = self._view.packet
-        if packet is None or not packet.stalled or now_s - self._refreshed_s < _REFRESH_S:
+        if packet is None or not packet.stalled or now_s - self._stall_s < _STALL_INTERVAL_S:
             return False
-        self._refreshed_s = now_s
+        self._stall_s = now_s
         return True
 
     def _camera(self) -> Camera:
         packet, scale = self._view.packet, self._governor.scale
         if packet is None:
-            return self._pictures.room.first_view(*_DEFAULT_SIZE)
+            return self._pictures.room.initial_camera(*_DEFAULT_SIZE)
         return packet.camera(*frame_size(packet.width, packet.height, scale))
 
 
-def lay(picture: UInt8[Array, "H W 3"], changed: Bool[Array, "bH bW"], frame: VideoFrame) -> None:
+def write_yuv420(
+    picture: UInt8[Array, "H W 3"], changed: Bool[Array, "bH bW"], frame: VideoFrame
+) -> None:
     """Write `picture` (sRGB) into the planes of a yuv420p `frame`, where blocks have `changed`.
 
     Going through an RGB frame would copy it and have the encoder convert it on one core.
     """
     from renderer.compositing.yuv_kernels import to_yuv420  # numba takes a second
 
-    to_yuv420(picture, changed, *(rows_of(plane) for plane in frame.planes))
+    to_yuv420(picture, changed, *(plane_rows(plane) for plane in frame.planes))
 
 
 def frame_size(width: int, height: int, scale: float = 1.0) -> tuple[int, int]:

@@ -28,14 +28,14 @@ class _Speaker:
     spoke: bool = False
 
 
-class Slots:
+class VoiceSlots:
     """The slots of one meeting. Moments are seconds of any clock that only goes forward."""
 
     def __init__(self, count: int = SLOTS) -> None:
         self._count = count
         self._speakers: dict[str, _Speaker] = {}
 
-    def take(self, participant_id: str, now_s: float, *, voice: bool) -> int | None:
+    def assign(self, participant_id: str, now_s: float, *, voice: bool) -> int | None:
         """The slot that a packet of somebody goes to; None where there is none for them now."""
         speaker = self._speakers.get(participant_id)
         if speaker is None:
@@ -47,7 +47,7 @@ class Slots:
             speaker.voice_s, speaker.spoke = now_s, True
         return speaker.slot
 
-    def drop(self, participant_id: str) -> None:
+    def release(self, participant_id: str) -> None:
         """Free the slot of somebody who may not speak, or has gone."""
         self._speakers.pop(participant_id, None)
 

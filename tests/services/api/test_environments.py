@@ -9,7 +9,7 @@ from db.models import Role
 from scene.lighting import LUMINANCE, panorama_directions
 from services.api.environments import LARGEST_PICTURE_BYTES
 from services.environments import environment, themes
-from services.live.signalling.whep import environment_of
+from services.live.sessions.stored_meetings import load_environment
 from tests.services.conftest import bearer
 
 
@@ -84,7 +84,7 @@ async def test_the_host_brings_a_place_along_and_comes_back_to_it(client, servic
     assert shown.shape == (32, 64, 3)
     kept = await client.get(place["picture_url"], headers={"If-None-Match": answer.headers["etag"]})
     assert kept.status_code == 304
-    drawn = environment_of(services, meeting["id"])
+    drawn = load_environment(services, meeting["id"])
     assert drawn.panorama is not None
     assert drawn.lighting is not None
     assert drawn.panorama[2, 40, 0] > 2.0 * drawn.panorama[30, 40, 0]

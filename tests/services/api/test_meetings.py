@@ -16,7 +16,7 @@ from services.auth import GUEST
 from services.bootstrap import ensure_demo, import_model
 from services.container import Services
 from services.live.room import Room
-from services.live.signalling.whep import cast_of
+from services.live.sessions.stored_meetings import load_performers
 from tests.services import seeds
 from tests.services.conftest import bearer
 
@@ -176,7 +176,7 @@ async def test_keypoints_move_a_performer_until_they_are_erased(
     moved = await client.post(f"/v1/meetings/{meeting['id']}/performers", json=body)
     assert moved.status_code == 201, moved.text
     assert moved.json()["motion_sequence_id"] == motion
-    (member,) = cast_of(services, meeting["id"])
+    (member,) = load_performers(services, meeting["id"])
     np.testing.assert_allclose(member.motion.joint_angles[:, 5, 2], 0.8)
     room = Room(meeting["id"], (member,))
     np.testing.assert_allclose(room.scene_at(0.5).performers[0].pose.joint_angles[5, 2], 0.8)
@@ -185,7 +185,7 @@ async def test_keypoints_move_a_performer_until_they_are_erased(
     ) as caller:
         await caller.delete(f"/v1/people/{bob.person_id}")
     assert heard == [meeting["id"]]
-    (member,) = cast_of(services, meeting["id"])
+    (member,) = load_performers(services, meeting["id"])
     assert member.motion is member.model.motion
 
 

@@ -84,7 +84,7 @@ async def test_who_is_sent_out_sees_nothing_more_at_once(caller, timed, crowd, a
             await ada.say(type="remove", participant_id=bo_id)
             assert (await bo.gone())["reason"] == "removed"
             await ada.roster(lambda who: set(who) == {"Ada"})
-            while app.state.views.looked_into(crowd["id"]):
+            while app.state.views.is_watched(crowd["id"]):
                 await ada.beat()
             await viewer.peer.close()
             refused = await looks(caller, crowd["id"], bo)

@@ -18,7 +18,7 @@ from services.live.streaming.encoding import (
     BitrateSteps,
     Codec,
     PictureEncoder,
-    chosen_codec,
+    negotiated_codec,
 )
 
 SIZE = 128
@@ -112,38 +112,38 @@ def test_estimates_that_swing_leave_the_step_alone():
     steps = BitrateSteps()
     first = steps.bitrate
     for estimate in (1.02, 1.1, 1.01, 1.14, 1.0):
-        steps.estimate(estimate * first)
+        steps.on_estimate(estimate * first)
         assert steps.bitrate == first
-    steps.estimate(0.99 * first)
+    steps.on_estimate(0.99 * first)
     lower = steps.bitrate
     assert lower < first
-    steps.estimate(1.05 * first)
+    steps.on_estimate(1.05 * first)
     assert steps.bitrate == lower
-    steps.estimate(1.2 * first)
+    steps.on_estimate(1.2 * first)
     assert steps.bitrate == first
-    steps.estimate(1.0)
+    steps.on_estimate(1.0)
     assert steps.bitrate == BITRATES[0]
-    steps.estimate(1e12)
+    steps.on_estimate(1e12)
     assert steps.bitrate == BITRATES[-1]
 
 
 def test_a_line_that_loses_packets_bounds_the_bitrate_until_it_has_room():
     steps = BitrateSteps()
-    steps.estimate(1e9)
+    steps.on_estimate(1e9)
     assert steps.bitrate == BITRATES[-1]
-    steps.loss(0.05)  # more than now and then, and not full
+    steps.on_loss(0.05)  # more than now and then, and not full
     assert steps.bitrate == BITRATES[-1]
     found = []
     for _ in range(12):
-        steps.loss(0.8)
+        steps.on_loss(0.8)
         found.append(steps.bitrate)
     assert found == sorted(found, reverse=True)
     assert found[-1] == BITRATES[0]
     for _ in range(60):
-        steps.loss(0.0)
+        steps.on_loss(0.0)
     assert steps.bitrate == BITRATES[-1]
-    steps.loss(1.0)
-    steps.estimate(1e9)  # that delays are short says nothing of losses
+    steps.on_loss(1.0)
+    steps.on_estimate(1e9)  # that delays are short says nothing of losses
     assert steps.bitrate < BITRATES[-1]
 
 
@@ -152,8 +152,10 @@ async def test_h264_is_chosen_where_it_is_offered_as_we_send_it():
     peer.addTransceiver("video", direction="recvonly")
     offer = (await peer.createOffer()).sdp
     await peer.close()
-    assert chosen_codec(offer) is Codec.H264
-    assert chosen_codec(offer.replace("packetization-mode=1", "packetization-mode=0")) is Codec.VP8
+    assert negotiated_codec(offer) is Codec.H264
+    assert (
+        negotiated_codec(offer.replace("packetization-mode=1", "packetization-mode=0")) is Codec.VP8
+    )
     main = offer.replace("42e01f", "4d001f").replace("42001f", "4d001f")
-    assert chosen_codec(main) is Codec.VP8
-    assert chosen_codec("v=0\r\na=rtpmap\r\na=fmtp:\r\nm=video 9\r\n") is Codec.VP8
+    assert negotiated_codec(main) is Codec.VP8
+    assert negotiated_codec("v=0\r\na=rtpmap\r\na=fmtp:\r\nm=video 9\r\n") is Codec.VP8

@@ -25,7 +25,7 @@ def expression(known: int = FACE, **values: float) -> ObservedExpression:
 def shown(filter_: ExpressionFilter, given: list[ObservedExpression]) -> np.ndarray:
     """What is shown when each of `given` has come, a frame apart."""
     times = FRAME_S * np.arange(len(given))
-    return np.array([filter_.follow(one, t).at(t) for one, t in zip(given, times, strict=True)])
+    return np.array([filter_.update(one, t).at(t) for one, t in zip(given, times, strict=True)])
 
 
 def test_a_blink_of_a_tenth_of_a_second_is_seen():
@@ -47,21 +47,21 @@ def test_what_is_no_longer_seen_stands_a_moment_then_rests_and_comes_back_withou
     live = ExpressionFilter()
     shown(live, [expression(jaw_open=1.0)] * 30)
     last_s = 29 * FRAME_S
-    held = live.follow(None, last_s + FRAME_S)
+    held = live.update(None, last_s + FRAME_S)
     assert held.at(last_s + HELD_S)[JAW] > 0.95
     gone = [held.at(last_s + HELD_S + share * EASE_S)[JAW] for share in (0.0, 0.3, 0.6, 1.0)]
     assert gone == sorted(gone, reverse=True)
     assert gone[-1] == 0.0
     half_s = last_s + HELD_S + 0.5 * EASE_S
-    back = live.follow(expression(jaw_open=1.0), half_s)
+    back = live.update(expression(jaw_open=1.0), half_s)
     assert held.at(half_s)[JAW] < back.at(half_s)[JAW] < 0.8
 
 
 def test_a_hand_that_is_seen_keeps_no_face_awake():
     live = ExpressionFilter()
-    live.follow(expression(FACE | LEFT_HAND, jaw_open=1.0, left_hand_curl=1.0), 0.0)
+    live.update(expression(FACE | LEFT_HAND, jaw_open=1.0, left_hand_curl=1.0), 0.0)
     for frame in range(1, 60):
-        now = live.follow(expression(LEFT_HAND, left_hand_curl=1.0), frame * FRAME_S)
+        now = live.update(expression(LEFT_HAND, left_hand_curl=1.0), frame * FRAME_S)
     assert now.at(59 * FRAME_S)[JAW] == 0.0
     assert now.at(59 * FRAME_S)[HAND] > 0.95
 
@@ -71,7 +71,7 @@ def test_a_performer_driven_live_does_what_their_packets_say_and_rests_when_they
     grinning = expression(FACE | RIGHT_HAND, smile=0.8, right_hand_curl=0.5)
     for number in range(len(motion)):
         pose = motion.pose(number)
-        live.follow(replace(seen(pose, number), expression=grinning), pose.time_s)
+        live.update(replace(seen(pose, number), expression=grinning), pose.time_s)
     end_s = float(motion.times_s[-1])
     pose, later = live.pose_at(end_s), live.pose_at(end_s + 5.0)
     assert pose is not None

@@ -18,12 +18,11 @@ from prometheus_client import REGISTRY
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
-from services.live.motion.keypoint_channels import Inbox
+from services.live.motion.keypoint_channels import KeypointReceiver
 from services.live.motion.live_motion import LiveMotion
 from services.live.packets import KeypointsPacket, encode_keypoints
 from services.live.room import Room
 from services.live.sessions.view_sessions import ViewSessions
-from services.live.signalling.whep import cast_of
 from services.meetings import create_meeting
 from tests.capture.people import JOINT, body, standing
 from tests.services.live.people import seen
@@ -64,10 +63,10 @@ def meeting_id(services: Services, model_file: Path) -> str:
 
 
 @pytest.fixture
-def room(app: FastAPI, services: Services, meeting_id: str) -> Room:
+async def room(app: FastAPI, meeting_id: str) -> Room:
     """The room that every viewer of the meeting will look into."""
     views: ViewSessions = app.state.views
-    return views._rooms.setdefault(meeting_id, Room(meeting_id, cast_of(services, meeting_id)))
+    return await views.room(meeting_id)
 
 
 async def connected(app: FastAPI, meeting_id: str, account: str, performer_id: str):
@@ -92,7 +91,7 @@ async def send(channel: RTCDataChannel, packets: list[KeypointsPacket]) -> None:
 
 
 def member(room: Room, name: str):
-    return next(one for one in room.cast if one.name == name)
+    return next(one for one in room.performers if one.name == name)
 
 
 def waving() -> list[KeypointsPacket]:
@@ -103,25 +102,26 @@ def waving() -> list[KeypointsPacket]:
 async def test_keypoints_move_the_performer_and_nobody_else(app, room, meeting_id):
     ada, bo = member(room, "Ada"), member(room, "Bo")
     viewer, channel, told = await connected(app, meeting_id, "house", ada.performer_id)
-    await until(lambda: ada.performer_id in room.live, "driving")
+    await until(lambda: ada.performer_id in room.live_motions, "driving")
     recorded = room.scene_at(0.0)
     # the first packet may find kernels to compile; what comes meanwhile is replaced
     solved = count("solved")
     await send(channel, waving()[:1])
     await until(lambda: count("solved") > solved, "the first pose")
     await send(channel, waving()[1:])
-    driven = room.live[ada.performer_id]
+    driven = room.live_motions[ada.performer_id]
     assert isinstance(driven, LiveMotion)
     last_s = waving()[-1].capture_time_ms / 1e3
-    await until(lambda: driven._moment is not None and driven._moment.time_s == last_s, "the last")
-    assert driven._moment is not None
-    now_s = last_s + driven._moment.behind_s
-    shown = room.scene_at(now_s).performers[room.cast.index(ada)].pose.joint_angles
+    last_ms = waving()[-1].capture_time_ms
+    await until(lambda: driven.captured_ms == pytest.approx(last_ms, abs=1e-6), "the last")
+    assert driven.clock_offset_s is not None
+    now_s = last_s + driven.clock_offset_s
+    shown = room.scene_at(now_s).performers[room.performers.index(ada)].pose.joint_angles
     truth = standing(45).pose(44).joint_angles
     arms = [JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("shoulder", "elbow")]
     assert np.abs(shown - truth)[arms].max() < 0.2
     assert np.abs(recorded.performers[0].pose.joint_angles - truth)[arms].max() > 0.25
-    assert bo.performer_id not in room.live
+    assert bo.performer_id not in room.live_motions
     malformed = count("malformed")
     channel.send(b"no packet of ours")
     channel.send("nor this")
@@ -129,7 +129,7 @@ async def test_keypoints_move_the_performer_and_nobody_else(app, room, meeting_i
     assert told == []
     await viewer.peer.close()
     # whoever goes leaves their performer to the recorded motion
-    await until(lambda: room.live == {}, "letting go")
+    await until(lambda: room.live_motions == {}, "letting go")
     assert room.scene_at(0.0).performers[0].pose.joint_angles == pytest.approx(
         recorded.performers[0].pose.joint_angles
     )
@@ -150,41 +150,40 @@ async def test_others_are_refused_in_words(app, room, meeting_id, account, who, 
     problem = json.loads(told[0])
     assert problem["status"] == status
     assert words in problem["detail"]
-    assert room.live == {}
+    assert room.live_motions == {}
     await viewer.peer.close()
 
 
 async def test_a_newer_channel_takes_over(app, room, meeting_id):
     performer_id = member(room, "Ada").performer_id
     first, before, told = await connected(app, meeting_id, "house", performer_id)
-    await until(lambda: performer_id in room.live, "driving")
-    motion = room.live[performer_id]
+    await until(lambda: performer_id in room.live_motions, "driving")
+    motion = room.live_motions[performer_id]
     second, after, _ = await connected(app, meeting_id, "house", performer_id)
     await until(lambda: before.readyState == "closed", "closing the older one")
     assert json.loads(told[0])["status"] == 409
-    assert room.live[performer_id] is not motion
+    assert room.live_motions[performer_id] is not motion
     await until(lambda: after.readyState == "open", "opening the newer one")
     await first.peer.close()
-    assert performer_id in room.live
+    assert performer_id in room.live_motions
     # whoever is sent out drives nobody any more
-    await app.state.views.keep_only(meeting_id, lambda _: False)
-    await until(lambda: room.live == {}, "letting go")
+    await app.state.views.close_unless(meeting_id, lambda _: False)
+    await until(lambda: room.live_motions == {}, "letting go")
     await second.peer.close()
 
 
 def test_of_packets_that_wait_the_newest_wins():
     motion, executor = LiveMotion(body().skeleton), ThreadPoolExecutor(1)
-    inbox = Inbox(motion, executor, lambda: 100.0)
+    receiver = KeypointReceiver(motion, executor, lambda: 100.0)
     busy = threading.Event()
     executor.submit(busy.wait, 20.0)
     packets = waving()[:6]
     before = {name: count(name) for name in ("solved", "late", "replaced", "malformed")}
     for packet in [packets[0], packets[3], packets[1], packets[5], packets[5]]:
-        inbox.offer(encode_keypoints(packet))
-    inbox.offer(encode_keypoints(packets[2])[:-1])
+        receiver.receive(encode_keypoints(packet))
+    receiver.receive(encode_keypoints(packets[2])[:-1])
     busy.set()
     executor.shutdown(wait=True)
     gained = {name: count(name) - before[name] for name in before}
     assert gained == {"solved": 1.0, "late": 2.0, "replaced": 2.0, "malformed": 1.0}
-    assert motion._moment is not None
-    assert motion._moment.time_s == pytest.approx(packets[5].capture_time_ms / 1e3)
+    assert motion.captured_ms == pytest.approx(packets[5].capture_time_ms)

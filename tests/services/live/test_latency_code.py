@@ -10,7 +10,7 @@ from av import CodecContext, VideoFrame
 
 from services.live.streaming import latency_code
 from services.live.streaming.encoding import BITRATES, Codec, PictureEncoder
-from services.live.streaming.yuv_planes import rows_of
+from services.live.streaming.yuv_planes import plane_rows
 
 
 @pytest.mark.parametrize("codec", Codec)
@@ -26,7 +26,7 @@ def test_a_code_is_read_from_coded_pictures_even_of_the_lowest_bitrate(codec):
         latency_code.write(frame, captured_ms)
         packet = encoder.encode(frame, tick, BITRATES[0], key=False)
         for shown in shows.decode(packet):
-            luma = rows_of(cast(VideoFrame, shown).planes[0])
+            luma = plane_rows(cast(VideoFrame, shown).planes[0])
             assert latency_code.read(luma) == int(captured_ms) % 65536
 
 

@@ -30,7 +30,7 @@ def followed(poses: list[Pose], **how: bool) -> tuple[LiveMotion, list[Pose]]:
     live, shown = LiveMotion(body().skeleton), []
     for index, pose in enumerate(poses):
         packet = decode_keypoints(encode_keypoints(seen(pose, index, **how)))
-        live.follow(packet, pose.time_s + BEHIND_S)
+        live.update(packet, pose.time_s + BEHIND_S)
         at = live.pose_at(pose.time_s + BEHIND_S)
         assert at is not None
         shown.append(at)
@@ -99,7 +99,7 @@ def test_nothing_jumps_when_somebody_is_lost_and_seen_again(waving):
     back_s = waving[-1].time_s + 0.8
     before = at(live, back_s)
     again = replace(seen(waving[5], 99), capture_time_ms=1e3 * back_s)
-    live.follow(again, back_s + BEHIND_S)
+    live.update(again, back_s + BEHIND_S)
     after = at(live, back_s)
     assert np.abs(after.joint_angles - before.joint_angles).max() < 0.35
     later = at(live, back_s + 0.14)
@@ -167,7 +167,7 @@ def test_a_tilted_camera_makes_nobody_lean():
 def test_facing_the_camera_is_facing_where_one_is_told_to(waving):
     live = LiveMotion(body().skeleton, yaw_rad=-0.7)
     for index, pose in enumerate(waving[:5]):
-        live.follow(seen(pose, index), pose.time_s + BEHIND_S)
+        live.update(seen(pose, index), pose.time_s + BEHIND_S)
     forward = axis_angle_to_matrix(at(live, waving[4].time_s).joint_angles[0])[:, 2]
     assert np.arctan2(forward[0], forward[2]) == pytest.approx(-0.7, abs=0.1)
 
@@ -185,9 +185,9 @@ def test_packets_that_tell_no_pose_are_refused_and_change_nothing(waving):
         (hidden, "must be of a person; got none"),
     ):
         with pytest.raises(InvalidInput, match=words):
-            live.follow(packet, now_s + BEHIND_S)
+            live.update(packet, now_s + BEHIND_S)
     np.testing.assert_array_equal(at(live, now_s).joint_angles, before.joint_angles)
-    live.follow(seen(waving[7], 53), waving[7].time_s + BEHIND_S)
+    live.update(seen(waving[7], 53), waving[7].time_s + BEHIND_S)
 
 
 @given(st.binary(min_size=363, max_size=363))
@@ -196,7 +196,7 @@ def test_any_landmarks_give_a_pose_or_are_refused(noise):
     live = LiveMotion(body().skeleton)
     head = encode_keypoints(seen(standing(1).pose(0), 1))[:20]
     try:
-        live.follow(decode_keypoints(head + noise), 1.0)
+        live.update(decode_keypoints(head + noise), 1.0)
     except InvalidInput:
         assert live.pose_at(1.0) is None
     else:

@@ -37,7 +37,7 @@ def watch(governor: SizeGovernor, seconds: float, rate: float, cost_s: float, bu
     for _ in range(int(seconds * rate)):
         now_s += 1.0 / rate
         watch.all_s += busy / rate
-        governor.drawn(now_s, cost_s * governor.scale**2, watch.all_s)
+        governor.add_picture(now_s, cost_s * governor.scale**2, watch.all_s)
         scales.append(governor.scale)
     watch.now_s = now_s
     return scales
@@ -77,7 +77,7 @@ def test_a_rate_between_the_bounds_changes_nothing():
 def test_a_rest_is_no_slowness():
     governor = SizeGovernor()
     watch(governor, 3.5, 12.0, 0.05, 0.9)
-    governor.rest()
+    governor.pause()
     watch.now_s += 60.0
     assert set(watch(governor, 3.0, 12.0, 0.05, 0.9)) == {1.0}
 

@@ -106,9 +106,9 @@ def test_newer_holds_across_the_wrap(start, ahead):
 def test_late_and_doubled_packets_change_nothing():
     newest = NewestView()
     late = ViewPacket(6, 0.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 0.5, 64, 64)
-    assert newest.offer(PACKET)
-    assert not newest.offer(PACKET)
-    assert not newest.offer(late)
+    assert newest.receive(PACKET)
+    assert not newest.receive(PACKET)
+    assert not newest.receive(late)
     assert newest.packet is PACKET
 
 
@@ -135,5 +135,5 @@ def test_sound_alone_is_the_fourth_flag_and_wants_neither_pictures_nor_poses(
     packet = decode_view(bytes(data))
     assert packet.sound_only == (flags >= 8)
     assert encode_view(packet) == bytes(data)
-    newest.offer(packet)
+    newest.receive(packet)
     assert (newest.wants_pictures, newest.wants_poses) == (pictures, poses)

@@ -24,8 +24,9 @@ from services.live.packets import (
     encode_pose,
     performer_check,
 )
-from services.live.room import CastMember, Room
-from services.live.streaming.pose_feed import PoseFeed, packets_of
+from services.live.room import MeetingPerformer, Room
+from services.live.streaming.instrumentation import Instrumentation
+from services.live.streaming.pose_feed import PoseFeed, pose_packets
 from tests.renderer.studio import make_model, make_motion
 
 GOLDEN = (
@@ -71,7 +72,7 @@ def test_every_turn_survives_within_a_hundredth_of_a_degree(turns, place, sequen
     assert (back.sequence, back.capture_time_ms) == (sequence, 12.5)
     assert (back.index, back.count, back.check) == (4, 9, 0xABCD)
     np.testing.assert_array_equal(back.pelvis, place)
-    gap = quaternion_to_matrix(turns).transpose(0, 2, 1) @ quaternion_to_matrix(back.turns)
+    gap = quaternion_to_matrix(turns).transpose(0, 2, 1) @ quaternion_to_matrix(back.rotations)
     angles = np.linalg.norm(matrix_to_axis_angle(gap), axis=1)
     assert np.degrees(angles.max()) < 0.01
 
@@ -96,8 +97,8 @@ def test_other_kinds_and_infinite_places_are_refused():
 def make_room() -> Room:
     model = make_model(20)
     members = [
-        CastMember("a", "Ada", model, make_motion(4), (1.0, 0.0, -0.5), 0.7),
-        CastMember("b", "Bo", model, make_motion(3), (-1.0, 0.0, 0.0), -2.0),
+        MeetingPerformer("a", "Ada", model, make_motion(4), (1.0, 0.0, -0.5), 0.7),
+        MeetingPerformer("b", "Bo", model, make_motion(3), (-1.0, 0.0, 0.0), -2.0),
     ]
     return Room("m", tuple(members))
 
@@ -106,14 +107,14 @@ def test_packets_put_everybody_where_the_renderer_does():
     """Forward kinematics from a packet alone gives the transforms that the server's views use."""
     room = make_room()
     for data, performer in zip(
-        packets_of(room, 0.13, 1), room.scene_at(0.13).performers, strict=True
+        pose_packets(room, 0.13, 1), room.scene_at(0.13).performers, strict=True
     ):
         packet, skeleton = decode_pose(data), performer.model.skeleton
         wanted = performer.placement @ skeleton.skinning_transforms(
             performer.pose.joint_angles, performer.pose.root_translation
         )
         made = skeleton.skinning_transforms(
-            matrix_to_axis_angle(quaternion_to_matrix(packet.turns)),
+            matrix_to_axis_angle(quaternion_to_matrix(packet.rotations)),
             packet.pelvis - skeleton.rest_joints[0],
         )
         np.testing.assert_allclose(made, wanted, atol=6e-4)
@@ -124,10 +125,10 @@ def test_packets_carry_what_the_motion_expresses():
     room = make_room()
     smiling = np.zeros(7)
     smiling[4] = 0.6
-    member = room.cast[0]
+    member = room.performers[0]
     motion = replace(member.motion, expressions=np.tile(smiling, (len(member.motion), 1)))
-    room.cast = replace(member, motion=motion), room.cast[1]
-    smiles, rests = [decode_pose(data).expression for data in packets_of(room, 0.13, 1)]
+    room.performers = replace(member, motion=motion), room.performers[1]
+    smiles, rests = [decode_pose(data).expression for data in pose_packets(room, 0.13, 1)]
     np.testing.assert_allclose(smiles, smiling, atol=0.5 / 255)
     assert not rests.any()
 
@@ -146,12 +147,14 @@ class Channel:
 
 def looking(draws_itself: bool) -> NewestView:
     view = NewestView()
-    view.offer(ViewPacket(1, 0.0, (0, 0, 0), (1, 0, 0, 0), 0.6, 64, 64, draws_itself=draws_itself))
+    view.receive(
+        ViewPacket(1, 0.0, (0, 0, 0), (1, 0, 0, 0), 0.6, 64, 64, draws_itself=draws_itself)
+    )
     return view
 
 
 async def test_only_who_draws_is_sent_poses_and_only_while_they_can_take_them():
-    feed, room = PoseFeed(lambda: 1.0), make_room()
+    feed, room = PoseFeed(lambda: 1.0, Instrumentation()), make_room()
     drawing, watching, clogged, silent, gone = (Channel() for _ in range(5))
     clogged.bufferedAmount = 10_000
     gone.readyState = "closed"

@@ -10,12 +10,12 @@ import pytest
 
 from scene import Pose
 from services.live.room import (
-    CastMember,
+    MeetingPerformer,
     Room,
-    circle_places,
+    circle_layout,
     facing_yaw,
-    grounded,
-    to_and_fro,
+    in_place,
+    ping_pong_pose,
 )
 from services.live.streaming.view_track import frame_size
 from tests.renderer.studio import make_model, make_motion
@@ -24,25 +24,27 @@ from tests.renderer.studio import make_model, make_motion
 def test_motion_goes_to_and_fro_without_a_jump():
     motion = make_motion(20)
     times = np.arange(0.0, 3.0 * motion.duration_s, 0.01)
-    poses = np.array([to_and_fro(motion, float(t)).joint_angles[9, 0] for t in times])
+    poses = np.array([ping_pong_pose(motion, float(t)).joint_angles[9, 0] for t in times])
     pace = np.abs(np.diff(motion.joint_angles[:, 9, 0])).max() / 0.1
     assert np.abs(np.diff(poses)).max() <= 1.01 * pace * 0.01
-    ends = [to_and_fro(motion, motion.duration_s + d).joint_angles for d in (-0.05, 0.05)]
+    ends = [ping_pong_pose(motion, motion.duration_s + d).joint_angles for d in (-0.05, 0.05)]
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)
 
 
 def test_one_pose_stands_still():
-    assert (to_and_fro(make_motion(1), 99.0).joint_angles == make_motion(1).joint_angles[0]).all()
+    assert (
+        ping_pong_pose(make_motion(1), 99.0).joint_angles == make_motion(1).joint_angles[0]
+    ).all()
 
 
 def test_a_walker_stays_on_the_spot_but_may_jump():
-    pose = grounded(Pose(np.zeros((24, 3)), np.array([3.0, 0.2, -1.0])))
+    pose = in_place(Pose(np.zeros((24, 3)), np.array([3.0, 0.2, -1.0])))
     np.testing.assert_array_equal(pose.root_translation, [0.0, 0.2, 0.0])
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 6, 12])
 def test_places_are_apart_and_face_the_middle(count):
-    places = circle_places(count)
+    places = circle_layout(count)
     assert len(places) == count
     for i, (a, yaw) in enumerate(places):
         assert all(math.dist(a, b) > 0.25 for b, _ in places[:i])
@@ -59,11 +61,11 @@ def test_facing_yaw_turns_the_clip_to_the_front():
 
 def test_the_first_view_sees_everybody():
     cast = tuple(
-        CastMember(str(i), "x", (model := make_model(50)), model.motion, place, yaw)
-        for i, (place, yaw) in enumerate(circle_places(4))
+        MeetingPerformer(str(i), "x", (model := make_model(50)), model.motion, place, yaw)
+        for i, (place, yaw) in enumerate(circle_layout(4))
     )
     room = Room("m", cast)
-    camera = room.first_view(256, 256)
+    camera = room.initial_camera(256, 256)
     for member in cast:
         pixel, depth = camera.project(np.add(member.position, (0.0, 0.8, 0.0)))
         assert depth > 0
@@ -84,7 +86,7 @@ def test_frame_sizes_are_whole_macroblocks_within_bounds(asked, given):
 def test_a_viewer_may_see_only_what_was_filmed():
     model = make_model(300)
     model = replace(model, seen=model.parameters[:, 2] > 0.0)
-    room = Room("m", (CastMember("a", "Ada", model, make_motion(4), (0.0, 0.0, 0.0), 0.0),))
+    room = Room("m", (MeetingPerformer("a", "Ada", model, make_motion(4), (0.0, 0.0, 0.0), 0.0),))
     (whole,) = room.scene_at(0.0).performers
     (alone,) = room.scene_at(0.0, hide_unseen=True).performers
     assert whole.model is model

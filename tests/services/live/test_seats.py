@@ -17,7 +17,7 @@ from services import seats
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
-from services.live.sessions.view_sessions import CONNECT_S, SILENCE_S, ViewSessions
+from services.live.sessions.view_sessions import CONNECT_S, SILENCE_S, ViewSession, ViewSessions
 from tests.fakes import Clock
 from tests.services.conftest import bearer
 from tests.services.live.viewer import Viewer, view
@@ -33,17 +33,23 @@ class Seconds:
         return self.now_s
 
 
-class NotedSeats:
-    """Seats that only note what they are told."""
+class EmptyMeetings:
+    """Meetings without performers, whose seats are only noted."""
 
     def __init__(self) -> None:
         self.kept: list[set[str]] = []
         self.given_back: list[set[str]] = []
 
-    async def keep(self, participant_ids: set[str]) -> None:
+    async def performers(self, meeting_id: str) -> tuple:
+        return ()
+
+    async def environment(self, meeting_id: str) -> Environment:
+        return Environment()
+
+    async def renew_seats(self, participant_ids: set[str]) -> None:
         self.kept.append(participant_ids)
 
-    async def give_back(self, participant_ids: set[str]) -> None:
+    async def release_seats(self, participant_ids: set[str]) -> None:
         self.given_back.append(participant_ids)
 
 
@@ -152,18 +158,10 @@ async def test_a_meeting_with_every_seat_taken_says_when_to_come_back(
     assert "at most 1 viewers; got one more" in answer.json()["detail"]
 
 
-async def _nobody(meeting_id: str) -> tuple:
-    return ()
-
-
-async def _studio(meeting_id: str) -> Environment:
-    return Environment()
-
-
 @pytest.fixture
-async def watched() -> AsyncIterator[tuple[ViewSessions, Seconds, NotedSeats]]:
-    clock, noted = Seconds(), NotedSeats()
-    views = ViewSessions(_nobody, _studio, noted, clock, ice_servers=[], max_viewers=2)
+async def watched() -> AsyncIterator[tuple[ViewSessions, Seconds, EmptyMeetings]]:
+    clock, noted = Seconds(), EmptyMeetings()
+    views = ViewSessions(noted, clock, ice_servers=[], max_viewers=2)
     yield views, clock, noted
     await views.close_all()
 
@@ -184,13 +182,15 @@ async def test_an_answer_that_nobody_takes_up_frees_its_place(watched):
 async def test_a_viewer_fallen_silent_is_gone_and_one_seat_may_have_two_sessions(watched):
     views, clock, noted = watched
     lost, back = Viewer(), Viewer()
+    opened: list[ViewSession | None] = []
     for viewer in (lost, back):
-        _, answer = await views.open("m", await viewer.offer(), "seat")
+        session_id, answer = await views.open("m", await viewer.offer(), "seat")
+        opened.append(views.find(session_id))
         await viewer.accept(answer)
         await viewer.opened()
     # the same seat: the connection that was lost and the one that came after it
     lost.channel.send(view(1, 0.0, 3.0))
-    await _soon(lambda: any(s.heard_s is not None for s in views._sessions.values()), "hearing")
+    await _soon(lambda: any(s and s.last_message_s is not None for s in opened), "hearing")
     clock.now_s += SILENCE_S + 1.0
     await _soon(lambda: len(views) == 1, "dropping the silent")
     assert noted.given_back == []

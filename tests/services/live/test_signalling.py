@@ -213,7 +213,7 @@ async def test_nobody_ends_or_feeds_anothers_session(caller, whip, meeting_id):
 
 
 async def test_a_full_server_says_when_to_come_back(app, whip):
-    app.state.voices._max_calls = 0
+    app.state.voices._max_connections = 0
     answer = await whip.post(await whip.offer(Tone()))
     assert answer.status_code == 503
     assert int(answer.headers["retry-after"]) > 0
@@ -299,7 +299,7 @@ async def _present(app, meeting_id: str, who: str, until: Callable[[], bool]) ->
         unit.meetings.get_for_change(meeting_id).presenter_id = who
         unit.meetings.heard({who: services.clock()})
         unit.commit()
-    app.state.hub.stir(meeting_id)
+    app.state.hub.notify(meeting_id)
     async with asyncio.timeout(20):
         while not until():
             await asyncio.sleep(0.02)

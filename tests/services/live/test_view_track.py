@@ -24,13 +24,14 @@ from aiortc.rtp import (
 
 from scene import Pose
 from services.live.packets import NewestView, ViewPacket
-from services.live.room import CastMember, Room
-from services.live.sessions.view_sessions import heed_feedback
+from services.live.room import MeetingPerformer, Room
 from services.live.streaming import latency_code
 from services.live.streaming.encoding import BITRATES, Codec, PictureEncoder
+from services.live.streaming.instrumentation import Instrumentation
 from services.live.streaming.pacing import TICK_S
-from services.live.streaming.view_track import Canvas, SharedPictures, ViewTrack, frame_size
-from services.live.streaming.yuv_planes import rows_of
+from services.live.streaming.rtcp_feedback import apply_feedback
+from services.live.streaming.view_track import FrameRenderer, SharedPictures, ViewTrack, frame_size
+from services.live.streaming.yuv_planes import plane_rows
 from tests.renderer.studio import make_model, make_motion
 
 VIEW = ViewPacket(1, 0.0, (0.0, 1.0, 3.0), (0.0, 1.0, 0.0, 0.0), 0.7, 128, 128)
@@ -56,7 +57,9 @@ class Driven:
 
 @pytest.fixture
 def room() -> Room:
-    return Room("m", (CastMember("p", "Ada", make_model(), make_motion(20), (0.0, 0.0, 0.0), 0.0),))
+    return Room(
+        "m", (MeetingPerformer("p", "Ada", make_model(), make_motion(20), (0.0, 0.0, 0.0), 0.0),)
+    )
 
 
 @pytest.fixture
@@ -66,7 +69,7 @@ def threads():
 
 
 def track_of(room: Room, threads, clock: Clock, view: NewestView | None = None) -> ViewTrack:
-    shared = SharedPictures(room, stamped=False)
+    shared = SharedPictures(room, Instrumentation())
     newest = view or NewestView()
     return ViewTrack(shared, newest, PictureEncoder(Codec.H264), threads, clock)
 
@@ -97,7 +100,7 @@ async def test_a_key_frame_comes_once_and_only_to_who_asks(room, threads, kind):
     mine, other = (track_of(room, threads, clock) for _ in range(2))
     assert await keys(mine, clock, 3) == [True, False, False]
     assert await keys(other, clock, 3) == [True, False, False]
-    heed_feedback(RtcpPsfbPacket(kind, 1, 2), mine, 2)
+    apply_feedback(RtcpPsfbPacket(kind, 1, 2), mine, 2)
     assert await keys(mine, clock, 2) == [True, False]
     assert await keys(other, clock, 2) == [False, False]
 
@@ -105,26 +108,26 @@ async def test_a_key_frame_comes_once_and_only_to_who_asks(room, threads, kind):
 async def test_who_says_that_pictures_stopped_gets_a_key_frame_now_and_then(room, threads):
     clock, view = Clock(), NewestView()
     track = track_of(room, threads, clock, view)
-    view.offer(VIEW)
+    view.receive(VIEW)
     assert await keys(track, clock, 2) == [True, False]
-    view.offer(replace(VIEW, sequence=2, stalled=True))
+    view.receive(replace(VIEW, sequence=2, stalled=True))
     assert sum(await keys(track, clock, 30)) == 2  # one in half a second
-    view.offer(replace(VIEW, sequence=3))
+    view.receive(replace(VIEW, sequence=3))
     assert not any(await keys(track, clock, 30))
 
 
 async def test_who_goes_on_with_sound_alone_costs_no_drawing_and_begins_anew(room, threads):
     clock, view = Clock(), NewestView()
     track = track_of(room, threads, clock, view)
-    view.offer(VIEW)
+    view.receive(VIEW)
     assert await keys(track, clock, 2) == [True, False]
-    view.offer(replace(VIEW, sequence=2, sound_only=True))
+    view.receive(replace(VIEW, sequence=2, sound_only=True))
     clock.now_s += 1.0
     coming = asyncio.create_task(track.recv())
     await asyncio.sleep(5 * TICK_S)
     assert not coming.done()
     assert len(track.render_seconds) == 2
-    view.offer(replace(VIEW, sequence=3))
+    view.receive(replace(VIEW, sequence=3))
     assert (await coming).is_keyframe
     assert await keys(track, clock, 2) == [False, False]
 
@@ -133,7 +136,7 @@ async def test_key_frames_asked_for_in_a_row_come_three_times_a_second(room, thr
     clock = Clock()
     track, found = track_of(room, threads, clock), []
     for _ in range(30):
-        track.ask_key_frame()
+        track.request_key_frame()
         found += await keys(track, clock, 1)
     assert sum(found) == 3
     assert found[:9] == [True, *8 * [False]]
@@ -151,16 +154,16 @@ def test_of_what_was_lost_the_newest_is_sent_again_and_nothing_once_there_is_sou
     assert track.worth_resending([1000]) == []
     clock.now_s += 1.0
     assert track.worth_resending([1001]) == [1001]
-    view.offer(replace(VIEW, sound_only=True))
+    view.receive(replace(VIEW, sound_only=True))
     clock.now_s += 1.0
     assert track.worth_resending([1002]) == []
 
 
 def test_estimates_of_the_receiver_set_the_bitrate_and_other_messages_do_not(room, threads):
     track = track_of(room, threads, Clock())
-    heed_feedback(RtcpPsfbPacket(RTCP_PSFB_APP, 1, 2, pack_remb_fci(800_000, [3])), track, 3)
+    apply_feedback(RtcpPsfbPacket(RTCP_PSFB_APP, 1, 2, pack_remb_fci(800_000, [3])), track, 3)
     assert track.bitrate.bitrate == BITRATES[1]
-    heed_feedback(RtcpPsfbPacket(RTCP_PSFB_APP, 1, 2, b"something else"), track, 3)
+    apply_feedback(RtcpPsfbPacket(RTCP_PSFB_APP, 1, 2, b"something else"), track, 3)
     assert track.bitrate.bitrate == BITRATES[1]
 
 
@@ -172,55 +175,57 @@ def test_losses_lower_the_bitrate_of_the_pictures_alone_and_while_they_are_wante
     view = NewestView()
     track = track_of(room, threads, Clock(), view)
     first = track.bitrate.bitrate
-    heed_feedback(report(4, lost=0.5), track, 3)  # of another stream: what is sent again
+    apply_feedback(report(4, lost=0.5), track, 3)  # of another stream: what is sent again
     assert track.bitrate.bitrate == first
-    heed_feedback(report(3, lost=0.5), track, 3)
+    apply_feedback(report(3, lost=0.5), track, 3)
     lower = track.bitrate.bitrate
     assert lower < first
-    view.offer(replace(VIEW, sound_only=True))
+    view.receive(replace(VIEW, sound_only=True))
     for _ in range(50):
-        heed_feedback(report(3, lost=0.0), track, 3)  # nothing was sent, nothing is learnt
+        apply_feedback(report(3, lost=0.0), track, 3)  # nothing was sent, nothing is learnt
     assert track.bitrate.bitrate == lower
 
 
 def test_a_request_for_lost_packets_keeps_those_that_are_sent_again(room, threads):
     track = track_of(room, threads, Clock())
     asked = RtcpRtpfbPacket(RTCP_RTPFB_NACK, 1, 3, list(range(1000)))
-    heed_feedback(asked, track, 3)
+    apply_feedback(asked, track, 3)
     assert 20 <= len(asked.lost) <= 100
     assert asked.lost[-1] == 999
 
 
 def test_who_looks_from_one_place_at_one_instant_shares_a_picture(room):
-    shared = SharedPictures(room, stamped=False)
-    camera, other = room.first_view(128, 128), room.first_view(144, 128)
-    one, two = Canvas(), Canvas()
+    shared = SharedPictures(room, Instrumentation())
+    camera, other = room.initial_camera(128, 128), room.initial_camera(144, 128)
+    one, two = FrameRenderer(), FrameRenderer()
     frame = shared.frame(one, 1, 0.0, camera, hide_unseen=False)
-    assert shared.frame(two, 1, 0.01, room.first_view(128, 128), hide_unseen=False) is frame
+    assert shared.frame(two, 1, 0.01, room.initial_camera(128, 128), hide_unseen=False) is frame
     assert shared.frame(two, 1, 0.0, other, hide_unseen=False) is not frame
     assert shared.frame(two, 1, 0.0, camera, hide_unseen=True) is not frame
     assert shared.frame(two, 2, 0.0, camera, hide_unseen=False) is not frame
 
 
-def test_a_canvas_that_was_left_out_for_a_while_shows_the_whole_picture(room):
+def test_a_renderer_that_was_left_out_for_a_while_shows_the_whole_picture(room):
     """What it holds is older than what others saw; only its own last picture counts."""
-    camera, mine, fresh = room.first_view(160, 128), Canvas(), Canvas()
-    shared = SharedPictures(room, stamped=False)
-    for tick, canvas in enumerate((mine, fresh, fresh, mine)):
-        seen = shared.frame(canvas, tick, 0.3 * tick, camera, hide_unseen=False)
-    whole = Canvas().paint(room.scene_at(0.9), camera)
+    camera, mine, fresh = room.initial_camera(160, 128), FrameRenderer(), FrameRenderer()
+    shared = SharedPictures(room, Instrumentation())
+    for tick, renderer in enumerate((mine, fresh, fresh, mine)):
+        seen = shared.frame(renderer, tick, 0.3 * tick, camera, hide_unseen=False)
+    whole = FrameRenderer().render(room.scene_at(0.9), camera)
     for ours, theirs in zip(seen.planes, whole.planes, strict=True):
-        difference = rows_of(ours)[:, : ours.width].astype(int) - rows_of(theirs)[:, : ours.width]
+        difference = (
+            plane_rows(ours)[:, : ours.width].astype(int) - plane_rows(theirs)[:, : ours.width]
+        )
         assert np.abs(difference).max() <= 2
 
 
-def test_where_pictures_are_stamped_they_show_when_the_newest_was_captured(room):
-    shared, camera = SharedPictures(room, stamped=True), room.first_view(256, 256)
-    frame = shared.frame(Canvas(), 1, 0.0, camera, hide_unseen=False)
-    assert latency_code.read(rows_of(frame.planes[0])) is None  # nobody is driven
-    room.live["p"] = Driven()
-    frame = shared.frame(Canvas(), 2, 0.0, camera, hide_unseen=False)
-    assert latency_code.read(rows_of(frame.planes[0])) == int(Driven.captured_ms) % 65536
+def test_with_a_latency_code_pictures_show_when_the_newest_was_captured(room):
+    shared, camera = SharedPictures(room, latency_code.LatencyCode()), room.initial_camera(256, 256)
+    frame = shared.frame(FrameRenderer(), 1, 0.0, camera, hide_unseen=False)
+    assert latency_code.read(plane_rows(frame.planes[0])) is None  # nobody is driven
+    room.live_motions["p"] = Driven()
+    frame = shared.frame(FrameRenderer(), 2, 0.0, camera, hide_unseen=False)
+    assert latency_code.read(plane_rows(frame.planes[0])) == int(Driven.captured_ms) % 65536
 
 
 def test_sizes_shrink_in_blocks_and_keep_their_shape():

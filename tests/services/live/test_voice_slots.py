@@ -4,43 +4,43 @@ from __future__ import annotations
 
 import pytest
 
-from services.live.streaming.voice_slots import Slots, is_voice
+from services.live.streaming.voice_slots import VoiceSlots, is_voice
 
 
 def test_each_keeps_a_slot_while_there_are_enough():
-    slots = Slots(3)
-    assert [slots.take(who, 0.0, voice=False) for who in "abc"] == [0, 1, 2]
-    assert slots.take("b", 9.0, voice=True) == 1
+    slots = VoiceSlots(3)
+    assert [slots.assign(who, 0.0, voice=False) for who in "abc"] == [0, 1, 2]
+    assert slots.assign("b", 9.0, voice=True) == 1
     assert slots.holders() == ("a", "b", "c")
-    slots.drop("a")
+    slots.release("a")
     assert slots.holders() == (None, "b", "c")
-    assert slots.take("d", 9.0, voice=False) == 0
+    assert slots.assign("d", 9.0, voice=False) == 0
 
 
 def test_a_voice_takes_the_slot_of_whoever_was_quiet_longest():
-    slots = Slots(2)
-    slots.take("a", 0.0, voice=True)
-    slots.take("b", 0.5, voice=True)
+    slots = VoiceSlots(2)
+    slots.assign("a", 0.0, voice=True)
+    slots.assign("b", 0.5, voice=True)
     # a quiet microphone displaces nobody
-    assert slots.take("c", 5.0, voice=False) is None
-    assert slots.take("c", 5.0, voice=True) == 0
+    assert slots.assign("c", 5.0, voice=False) is None
+    assert slots.assign("c", 5.0, voice=True) == 0
     assert slots.holders() == ("c", "b")
 
 
 def test_while_all_talk_the_next_waits_for_a_pause():
-    slots = Slots(2)
-    slots.take("a", 1.0, voice=True)
-    slots.take("b", 1.1, voice=True)
-    assert slots.take("c", 1.2, voice=True) is None
-    slots.take("b", 1.65, voice=True)
-    assert slots.take("c", 1.7, voice=True) == 0
+    slots = VoiceSlots(2)
+    slots.assign("a", 1.0, voice=True)
+    slots.assign("b", 1.1, voice=True)
+    assert slots.assign("c", 1.2, voice=True) is None
+    slots.assign("b", 1.65, voice=True)
+    assert slots.assign("c", 1.7, voice=True) == 0
 
 
 def test_pauses_between_words_do_not_end_a_speech():
-    slots = Slots()
-    slots.take("a", 0.0, voice=False)
+    slots = VoiceSlots()
+    slots.assign("a", 0.0, voice=False)
     assert slots.speaking(0.0) == frozenset()
-    slots.take("a", 1.0, voice=True)
+    slots.assign("a", 1.0, voice=True)
     assert slots.speaking(1.5) == {"a"}
     assert slots.speaking(1.7) == frozenset()
 

@@ -127,7 +127,9 @@ async def test_nothing_is_kept_until_all_agree_and_all_of_it_after(
         times = [record.at_ms for record in moved]
         assert times == sorted(times)
         assert len(moved) > 30
-        assert np.allclose(np.linalg.norm(decode_pose(moved[0].data).turns, axis=1), 1.0, atol=1e-3)
+        assert np.allclose(
+            np.linalg.norm(decode_pose(moved[0].data).rotations, axis=1), 1.0, atol=1e-3
+        )
         assert len(await track(caller, recording, "voice")) > 20
         assert [one.data for one in await track(caller, recording, "chat")] == [b"after"]
         voice = next(t["name"] for t in recording["tracks"] if t["name"].startswith("voice"))
@@ -269,7 +271,7 @@ async def test_a_gateway_that_dies_loses_seconds_and_the_next_goes_on(
         recorders = app.state.hub._recorders
         keeping = recorders._keeping.pop(here.meeting_id)  # gone without a word, as when killed
         keeping.task.cancel()
-        app.state.hub.stir(here.meeting_id)
+        app.state.hub.notify(here.meeting_id)
         async with asyncio.timeout(30):
             while True:
                 again = (await caller.get(f"/v1/recordings/{asked['id']}")).json()

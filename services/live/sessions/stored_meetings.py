@@ -1,0 +1,77 @@
+"""What view sessions need of stored meetings: performers, environment, seats."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+from fastapi.concurrency import run_in_threadpool
+
+from db.errors import DatabaseError
+from scene.environment import Environment
+from services import seats
+from services.container import Services
+from services.environments import environment_in
+from services.live.room import MeetingPerformer
+from services.meetings import performed_motion
+
+log = logging.getLogger(__name__)
+
+
+class StoredMeetings:
+    """Meetings as rows of the database."""
+
+    def __init__(self, services: Services) -> None:
+        self._services = services
+
+    async def performers(self, meeting_id: str) -> tuple[MeetingPerformer, ...]:
+        """The performers of a meeting, models loaded. Raises NotFound."""
+        return await run_in_threadpool(load_performers, self._services, meeting_id)
+
+    async def environment(self, meeting_id: str) -> Environment:
+        """The environment that a meeting is held in. Raises NotFound."""
+        return await run_in_threadpool(load_environment, self._services, meeting_id)
+
+    async def renew_seats(self, participant_ids: set[str]) -> None:
+        """Note that these seats are in use."""
+        await self._change_seats(seats.keep_seats, participant_ids)
+
+    async def release_seats(self, participant_ids: set[str]) -> None:
+        """Note that these seats are free."""
+        await self._change_seats(seats.give_back, participant_ids)
+
+    async def _change_seats(
+        self, change: Callable[[Services, set[str]], object], participant_ids: set[str]
+    ) -> None:
+        try:
+            await run_in_threadpool(change, self._services, participant_ids)
+        except DatabaseError as error:
+            # views go on without the database: seats that can't be released lapse
+            log.warning("seats could not be updated: %s", error)
+
+
+def load_performers(services: Services, meeting_id: str) -> tuple[MeetingPerformer, ...]:
+    """The performers of a meeting, models loaded. Raises NotFound."""
+    with services.reading() as unit:
+        performers = list(unit.meetings.get(meeting_id).performers)
+        rows = [unit.models.get(performer.model_id) for performer in performers]
+        motions = [performed_motion(services, unit, performer) for performer in performers]
+        accounts = [unit.people.get(performer.person_id).account for performer in performers]
+    return tuple(
+        MeetingPerformer(
+            performer.id,
+            performer.name,
+            services.models.load_row(row),
+            motion,
+            (performer.x_m, performer.y_m, performer.z_m),
+            performer.yaw_rad,
+            account,
+        )
+        for performer, row, motion, account in zip(performers, rows, motions, accounts, strict=True)
+    )
+
+
+def load_environment(services: Services, meeting_id: str) -> Environment:
+    """The environment that a meeting is held in. Raises NotFound."""
+    with services.reading() as unit:
+        return environment_in(unit, meeting_id)
