@@ -58,7 +58,7 @@ Id = String(32)
 Sha256 = String(64)
 
 
-def words(kind: type[StrEnum]) -> Enum:
+def enum_column(kind: type[StrEnum]) -> Enum:
     """The members of `kind` by value, as text: a new member needs no migration."""
     return Enum(
         kind,

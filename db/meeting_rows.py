@@ -12,7 +12,7 @@ from typing import Any
 from sqlalchemy import ForeignKey, LargeBinary, String, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column, relationship
 
-from db.base import Base, Id, new_id, words
+from db.base import Base, Id, enum_column, new_id
 from db.person_rows import PersonRow
 
 
@@ -153,15 +153,15 @@ class ParticipantRow(Base):
     joined_at: Mapped[datetime]
     seen_at: Mapped[datetime]
     """When their view or page last gave a sign of life; at first, when they joined."""
-    role: Mapped[Role] = mapped_column(words(Role), default=Role.SPEAKER)
-    admission: Mapped[Admission] = mapped_column(words(Admission), default=Admission.ADMITTED)
+    role: Mapped[Role] = mapped_column(enum_column(Role), default=Role.SPEAKER)
+    admission: Mapped[Admission] = mapped_column(enum_column(Admission), default=Admission.ADMITTED)
     heard_at: Mapped[datetime | None]
     """When their page last spoke on the control channel; empty: it has not come yet."""
     hand_at: Mapped[datetime | None]
     """Since when their hand is up."""
     microphone: Mapped[bool] = mapped_column(default=False)
     """Whether they are to be heard."""
-    connection: Mapped[Connection | None] = mapped_column(words(Connection))
+    connection: Mapped[Connection | None] = mapped_column(enum_column(Connection))
     """As their page last said; empty: it has not yet."""
 
 
@@ -175,7 +175,7 @@ class MessageRow(Base):
     )
     number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     """From 1."""
-    kind: Mapped[MessageKind] = mapped_column(words(MessageKind))
+    kind: Mapped[MessageKind] = mapped_column(enum_column(MessageKind))
     participant_id: Mapped[str] = mapped_column(Id)
     """Who said it; the seat may have been given back since."""
     name: Mapped[str] = mapped_column(String(120))

@@ -15,7 +15,7 @@ from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, String, 
 from sqlalchemy.orm import Mapped, mapped_column, relationship
 
 from db.base import Base as Base
-from db.base import Id, Sha256, words
+from db.base import Id, Sha256, enum_column
 from db.base import new_id as new_id
 from db.meeting_rows import Admission as Admission
 from db.meeting_rows import BanRow as BanRow
@@ -126,8 +126,8 @@ class SequenceRow(Base):
 
     id: Mapped[str] = mapped_column(Id, primary_key=True, default=new_id)
     person_id: Mapped[str] = mapped_column(ForeignKey("person.id", ondelete="CASCADE"), index=True)
-    kind: Mapped[SequenceKind] = mapped_column(words(SequenceKind))
-    state: Mapped[SequenceState] = mapped_column(words(SequenceState))
+    kind: Mapped[SequenceKind] = mapped_column(enum_column(SequenceKind))
+    state: Mapped[SequenceState] = mapped_column(enum_column(SequenceState))
     created_at: Mapped[datetime]
     source_name: Mapped[str] = mapped_column(String(255))
     source_sha256: Mapped[str] = mapped_column(Sha256, info=OBJECT)
@@ -208,8 +208,8 @@ class JobRow(Base):
 
     id: Mapped[str] = mapped_column(Id, primary_key=True, default=new_id)
     person_id: Mapped[str] = mapped_column(ForeignKey("person.id", ondelete="CASCADE"), index=True)
-    kind: Mapped[JobKind] = mapped_column(words(JobKind))
-    state: Mapped[JobState] = mapped_column(words(JobState))
+    kind: Mapped[JobKind] = mapped_column(enum_column(JobKind))
+    state: Mapped[JobState] = mapped_column(enum_column(JobState))
     params: Mapped[dict[str, Any]]
     created_at: Mapped[datetime]
     sequence_id: Mapped[str | None] = mapped_column(

@@ -12,7 +12,7 @@ from enum import StrEnum
 from sqlalchemy import ForeignKey, String
 from sqlalchemy.orm import Mapped, mapped_column, relationship
 
-from db.base import Base, Id, Sha256, new_id, words
+from db.base import Base, Id, Sha256, enum_column, new_id
 
 
 class RecordingState(StrEnum):
@@ -36,7 +36,7 @@ class RecordingRow(Base):
     account: Mapped[str] = mapped_column(String(120), index=True)
     """Of the host who asked for it."""
     name: Mapped[str] = mapped_column(String(120))
-    state: Mapped[RecordingState] = mapped_column(words(RecordingState))
+    state: Mapped[RecordingState] = mapped_column(enum_column(RecordingState))
     asked_at: Mapped[datetime]
     ended_at: Mapped[datetime | None]
     why_ended: Mapped[str | None] = mapped_column(String(200))

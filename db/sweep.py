@@ -20,7 +20,7 @@ UPLOAD_LIFETIME = timedelta(days=2)
 
 
 @dataclass(frozen=True)
-class Swept:
+class SweepResult:
     """What a sweep removed."""
 
     objects: int
@@ -35,7 +35,7 @@ def sweep(
     *,
     grace: timedelta = GRACE,
     upload_lifetime: timedelta = UPLOAD_LIFETIME,
-) -> Swept:
+) -> SweepResult:
     """Sweep the store once; safe beside running uploads and jobs."""
     with open_unit() as unit:
         stale = unit.uploads.started_before(now - upload_lifetime)
@@ -59,4 +59,4 @@ def sweep(
     dead = [name for name, modified_at in objects.incoming() if modified_at < now - grace]
     for name in dead:
         objects.drop_incoming(name)
-    return Swept(removed, len(dead), len(stale))
+    return SweepResult(removed, len(dead), len(stale))

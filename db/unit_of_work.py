@@ -35,7 +35,7 @@ class Database:
         try:
             migrate(self._url)
         except OperationalError as error:
-            raise _told(error) from error
+            raise _domain_error(error) from error
 
     def unit_of_work(self) -> SqlUnitOfWork:
         """A transaction that may write."""
@@ -51,7 +51,7 @@ class Database:
             with self._engine.execution_options(reads_only=True).connect() as connection:
                 connection.execute(text("SELECT 1"))
         except (DBAPIError, PoolTimeout) as error:
-            raise _told(error) from error
+            raise _domain_error(error) from error
 
     def close(self) -> None:
         """Close the pool's connections."""
@@ -86,7 +86,7 @@ class SqlUnitOfWork:
     ) -> None:
         self._session.close()  # rolls back what was not committed
         if isinstance(error, (DBAPIError, PoolTimeout)):
-            raise _told(error) from error
+            raise _domain_error(error) from error
 
     def flush(self) -> None:
         """Send what is pending, so that its constraints speak now."""
@@ -97,7 +97,7 @@ class SqlUnitOfWork:
         self._session.commit()
 
 
-def _told(error: DBAPIError | PoolTimeout) -> Exception:
+def _domain_error(error: DBAPIError | PoolTimeout) -> Exception:
     """What a database error means to callers; errors that are bugs stay as they are."""
     reason = str(getattr(error, "orig", error)).strip().splitlines()
     first = reason[0] if reason else type(error).__name__

@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 _START_S = 60.0
 """Time a child has to import what it needs; its worker's signs of life count for it till then."""
-_LOOK_S = 0.5
+_POLL_S = 0.5
 """How often children and the queue are looked at."""
 
 
@@ -59,17 +59,17 @@ class Worker:
         try:
             while not stop.is_set():
                 try:
-                    self._look()
+                    self._poll()
                 except DatabaseError as error:
                     log.warning("the queue can't be read: %s", error)
-                self._services.events.wait(QUEUE, _LOOK_S)
+                self._services.events.wait(QUEUE, _POLL_S)
         finally:
-            self._dismiss()
+            self._stop_children()
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         for child in list(self._children):
             self._watch(child)
-        self._revive()
+        self._reclaim_expired()
         while len(self._children) < self._services.settings.worker_slots:
             job = self._claim()
             if job is None:
@@ -103,12 +103,12 @@ class Worker:
             if not self._is_wanted(child):
                 self._stop(child)
             elif time.monotonic() - child.started_s < _START_S:
-                self._beat_for(child)
+                self._renew_lease(child)
             return
         self._children.remove(child)
-        self._bury(child, code)
+        self._reap(child, code)
 
-    def _beat_for(self, child: _Child) -> None:
+    def _renew_lease(self, child: _Child) -> None:
         with self._services.unit_of_work() as unit:
             now = self._services.clock()
             unit.jobs.write(child.job_id, child.attempt, {"heartbeat_at": now})
@@ -131,7 +131,7 @@ class Worker:
         elif now - child.asked_to_stop_s > self._services.settings.job_stop_grace_s:
             os.killpg(child.process.pid, signal.SIGKILL)
 
-    def _bury(self, child: _Child, code: int) -> None:
+    def _reap(self, child: _Child, code: int) -> None:
         if child.process.stdin is not None:
             child.process.stdin.close()
         clear_abandoned(self._services.settings.scratch_dir)
@@ -153,7 +153,7 @@ class Worker:
         drop_orphans(self._services, orphans)
         self._services.events.publish(job_topic(child.job_id))
 
-    def _revive(self) -> None:
+    def _reclaim_expired(self) -> None:
         settings = self._services.settings
         with self._services.unit_of_work() as unit:
             revived, orphans = revive_silent(
@@ -177,7 +177,7 @@ class Worker:
         if swept.objects or swept.incoming or swept.uploads:
             log.info("%s", swept)
 
-    def _dismiss(self) -> None:
+    def _stop_children(self) -> None:
         for child in self._children:
             child.process.terminate()
         deadline = time.monotonic() + self._services.settings.job_stop_grace_s
@@ -188,7 +188,7 @@ class Worker:
                 os.killpg(child.process.pid, signal.SIGKILL)
                 code = child.process.wait()
             try:
-                self._bury(child, code)
+                self._reap(child, code)
             except DatabaseError as error:
                 log.warning("job %s stays as it is until it is taken back: %s", child.job_id, error)
         self._children.clear()
