@@ -22,7 +22,7 @@ from capture.detection.network_files import landmark_network_file
 from capture.detection.tracking import track_person
 from capture.segmentation.background import learn_background
 from capture.segmentation.foreground import premultiplied
-from capture.segmentation.masks import occupied, refine_mask, steady_masks
+from capture.segmentation.masks import dilated_person_mask, refine_mask, smooth_masks
 from capture.sources.video import read_video
 from capture.storage import open_sequence
 from capture.studio import Footage, make_sequence
@@ -81,12 +81,12 @@ def _measure(
     figures = {"estimator": judged([person.mask for person in people], None, 0.0)}
     cut, cut_ms = _timed(lambda: list(map(refine_mask, images, people)))
     figures["cut"] = judged(cut, None, cut_ms)
-    backdrop, learn_ms = _timed(lambda: learn_background(images, map(occupied, people)))
+    backdrop, learn_ms = _timed(lambda: learn_background(images, map(dilated_person_mask, people)))
     cut, cut_ms = _timed(
         lambda: [refine_mask(i, p, backdrop) for i, p in zip(images, people, strict=True)]
     )
     figures["with_backdrop"] = judged(cut, None, round(learn_ms + cut_ms, 1))
-    steady, steady_ms = _timed(lambda: [m for m in steady_masks(images, cut) if m is not None])
+    steady, steady_ms = _timed(lambda: [m for m in smooth_masks(images, cut) if m is not None])
     figures["steady"] = judged(steady, None, steady_ms)
     own, own_ms = _timed(lambda: list(map(premultiplied, images, steady)))
     figures["own_colours"] = judged(steady, own, own_ms)

@@ -14,7 +14,7 @@ from capture.fitting.result import Fit
 from capture.fitting.world import PlacedFit
 from capture.overlay import draw_overlay
 from capture.segmentation.foreground import premultiplied
-from capture.segmentation.masks import window_of
+from capture.segmentation.masks import mask_bounds
 from scene.arrays import Array, Float, UInt8
 from scene.body import Body
 from scene.camera import Camera
@@ -69,7 +69,7 @@ def crop_to_person(
     """
     height, width = images[0].shape[:2]
     kept = np.flatnonzero(track.found).tolist()
-    window = window_of(masks, _FAINT, _CROP_MARGIN)
+    window = mask_bounds(masks, _FAINT, _CROP_MARGIN)
     if window is None:
         raise NoPersonFound(
             "the person's mask must not be empty; got nothing in any frame; film against a plain, "

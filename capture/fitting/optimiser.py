@@ -32,10 +32,16 @@ class Descent:
         self._motion = (state.joint_angles, state.pelvis)
         # moved along the basis, and zero again after each step
         self._along = [x.new_zeros(self.basis.shape[1], *x.shape[1:]) for x in self._motion]
-        groups = [(self._along[0], rate), (self._along[1], rate), (state.shape, 0.4 * rate),
-                  (state.habits, 0.3 * rate), (state.landmark_offsets, 0.1 * rate),
-                  (state.log_landmark_scale, 0.3 * rate), (state.clothing_m, 0.03 * rate),
-                  (state.floor_plane, 0.3 * rate)]  # fmt: skip
+        groups = [
+            (self._along[0], rate),
+            (self._along[1], rate),
+            (state.shape, 0.4 * rate),
+            (state.habits, 0.3 * rate),
+            (state.landmark_offsets, 0.1 * rate),
+            (state.log_landmark_scale, 0.3 * rate),
+            (state.clothing_m, 0.03 * rate),
+            (state.floor_plane, 0.3 * rate),
+        ]
         if not seen.focal_known:
             groups.append((state.log_focal, 0.2 * rate))
         self._rates = [rate for _, rate in groups]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from capture.segmentation.masks import window_of
+from capture.segmentation.masks import mask_bounds
 from scene.arrays import Array, Float
 
 _SOLID, _MARGIN = 0.5, 0.05
@@ -46,5 +46,5 @@ class Window:
 def window_around(masks: Sequence[Float[Array, "H W"] | None], side_px: int) -> Window:
     """That of a clip with these `masks` (None: the person was lost), at most `side_px` long."""
     height, width = next(mask.shape for mask in masks if mask is not None)
-    x, y, wide, high = window_of(masks, _SOLID, _MARGIN) or (0, 0, width, height)
+    x, y, wide, high = mask_bounds(masks, _SOLID, _MARGIN) or (0, 0, width, height)
     return Window(x, y, wide, high, min(1.0, side_px / max(wide, high)))

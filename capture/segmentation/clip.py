@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from capture.detection.landmarks import Landmarks
 from capture.segmentation.background import FRAMES as BACKGROUND_FRAMES
 from capture.segmentation.background import learn_background
-from capture.segmentation.masks import occupied, refine_mask, steady_masks
+from capture.segmentation.masks import dilated_person_mask, refine_mask, smooth_masks
 from capture.sources.video import evenly_spaced
 from scene.arrays import Array, Float, UInt8
 
@@ -20,9 +20,11 @@ def segment_clip(
     """The person's soft mask in each frame, [0, 1]; None where they were lost."""
     found = [(images[i], person) for i, person in enumerate(people) if person]
     some = [found[i] for i in evenly_spaced(len(found), BACKGROUND_FRAMES)]
-    background = learn_background([image for image, _ in some], (occupied(one) for _, one in some))
+    background = learn_background(
+        [image for image, _ in some], (dilated_person_mask(one) for _, one in some)
+    )
     masks: list[Float[Array, "H W"] | None] = []
     for index, person in enumerate(people):
         masks.append(None if person is None else refine_mask(images[index], person, background))
         on_progress((index + 1) / len(people))
-    return steady_masks(images, masks)
+    return smooth_masks(images, masks)

@@ -62,13 +62,13 @@ def refine_mask(
     window, labels = image[rows, columns], _labels(coarse[rows, columns], radius)
     if background is not None:
         somebody, nobody = background.classify(window, rows, columns)
-        _believe(labels, somebody, nobody, bones[rows, columns], radius)
-    soft = cv2.GaussianBlur(_cut(window, labels), (0, 0), _EDGE_BLUR_PX)
+        _apply_background_labels(labels, somebody, nobody, bones[rows, columns], radius)
+    soft = cv2.GaussianBlur(_grab_cut(window, labels), (0, 0), _EDGE_BLUR_PX)
     alpha[rows, columns] = _matted(window, soft)
     return keep_connected(alpha, person)
 
 
-def steady_masks(
+def smooth_masks(
     images: Sequence[UInt8[Array, "H W 3"]], masks: Sequence[Float[Array, "H W"] | None]
 ) -> list[Float[Array, "H W"] | None]:
     """Masks averaged with their neighbours in time wherever the picture stayed the same.
@@ -79,11 +79,11 @@ def steady_masks(
     for index, mask in enumerate(masks):
         near = [i for i in (index - 1, index + 1) if 0 <= i < len(masks)]
         others = [(images[i], other) for i in near if (other := masks[i]) is not None]
-        steady.append(None if mask is None else _agreed(images[index], mask, others))
+        steady.append(None if mask is None else _temporal_average(images[index], mask, others))
     return steady
 
 
-def window_of(
+def mask_bounds(
     masks: Sequence[Float[Array, "H W"] | None], above: float, margin_share: float
 ) -> tuple[int, int, int, int] | None:
     """x, y, width, height, px, of what holds all masks where they are `above`, with a margin.
@@ -101,7 +101,7 @@ def window_of(
     return x, y, min(width, right) - x, min(height, below) - y
 
 
-def occupied(person: Landmarks) -> UInt8[Array, "H W"]:
+def dilated_person_mask(person: Landmarks) -> UInt8[Array, "H W"]:
     """1 wherever `person` could be, generously; 0 where the background is seen for certain."""
     radius = _band(person)
     covered = (person.mask > 0.1).astype(np.uint8) | draw_bones(person, person.mask.shape, 1)
@@ -123,14 +123,14 @@ def _labels(coarse: Array, radius: int) -> UInt8[Array, "h w"]:
     return labels
 
 
-def _believe(
+def _apply_background_labels(
     labels: Array,
     somebody: Bool[Array, "h w"],
     nobody: Bool[Array, "h w"],
     bones: Array,
     radius: int,
 ) -> None:
-    """Enter what the background tells: nobody in the band, somebody up to `_REACH` bands away."""
+    """Mark the background in the band, and the person up to `_REACH` bands away."""
     sure, far = labels == cv2.GC_FGD, labels == cv2.GC_BGD
     person = np.isin(labels, _PERSON).astype(np.uint8) | bones
     found = somebody & ~sure & (cv2.dilate(person, _disc(_REACH * radius)) > 0)
@@ -144,8 +144,8 @@ def _believe(
     labels[rim & far & ~found] = cv2.GC_PR_BGD  # the edge itself is the cut's to find
 
 
-def _cut(image: Array, labels: Array) -> Float[Array, "h w"]:
-    """The mask cut anew, 0 or 1."""
+def _grab_cut(image: Array, labels: Array) -> Float[Array, "h w"]:
+    """Binary mask [h w] of GrabCut (Rother et al. 2004), 0 or 1."""
     solid = np.isin(labels, _PERSON)
     if min(solid.sum(), (~solid).sum()) < _FEWEST_PIXELS:
         return solid.astype(np.float32)
@@ -163,7 +163,7 @@ def _matted(image: Array, soft: Array) -> Float[Array, "h w"]:
     """
     seen = image.astype(np.float32)
     sides = [(soft > 0.95).astype(np.float32), (soft < 0.05).astype(np.float32)]
-    (person, inside), (behind, outside) = (_near(seen, side) for side in sides)
+    (person, inside), (behind, outside) = (_local_mean_colour(seen, side) for side in sides)
     apart = person - behind
     contrast = cv2.transform(apart * apart, np.ones((1, 3), np.float32))
     along = cv2.transform((seen - behind) * apart, np.ones((1, 3), np.float32))
@@ -173,14 +173,14 @@ def _matted(image: Array, soft: Array) -> Float[Array, "h w"]:
     return soft + trust * (share - soft)
 
 
-def _near(seen: Array, side: Array) -> tuple[Array, Array]:
+def _local_mean_colour(seen: Array, side: Array) -> tuple[Array, Array]:
     """Mean colour of one side around each pixel, and how much of the window is that side."""
     window = (2 * _EDGE_RADIUS + 1,) * 2
     weight = cv2.blur(side, window)
     return cv2.blur(seen * side[..., None], window) / (weight[..., None] + 1e-4), weight
 
 
-def _agreed(image: Array, mask: Array, others: Sequence[tuple[Array, Array]]) -> Array:
+def _temporal_average(image: Array, mask: Array, others: Sequence[tuple[Array, Array]]) -> Array:
     """`mask`, averaged with `others` by how little the picture changed there."""
     edges = np.max([mask, *(other for _, other in others)], axis=0)
     rows, columns = _around(edges, 0)

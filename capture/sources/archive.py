@@ -116,7 +116,7 @@ def _opened(path: Path) -> Iterator[tuple[list[str], Reader]]:
             f"{path.name} must be a folder or a zip of frames; got {error}; zip it again"
         ) from error
     with archive:
-        _refuse_dangers(archive, path.name)
+        _check_entries(archive, path.name)
         names = [i.filename for i in archive.infolist() if _is_picture(i.filename)]
         yield _in_order(names), lambda name: _inflate(archive, name)
 
@@ -141,7 +141,7 @@ def _read_file(path: Path) -> bytes:
     return path.read_bytes()
 
 
-def _refuse_dangers(archive: zipfile.ZipFile, name: str) -> None:
+def _check_entries(archive: zipfile.ZipFile, name: str) -> None:
     entries = archive.infolist()
     if len(entries) > MAX_ENTRIES:
         raise UnreadableClip(

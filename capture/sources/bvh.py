@@ -149,7 +149,7 @@ def retarget(clip: Bvh, rest: Bvh, family: str, skeleton: Skeleton) -> Motion:
     root = root - root[0] * [1.0, 0.0, 1.0] - skeleton.rest_joints[0] * [0.0, 1.0, 0.0]
     times = np.arange(len(root)) * clip.frame_time_s
     motion = Motion(times, angles, root, np.ones((len(root), JOINT_COUNT)))
-    return _on_the_floor(motion, skeleton)
+    return _align_to_floor(motion, skeleton)
 
 
 def _to_t_pose(name: str, mapped: dict[str, int], rest: Array, skeleton: Skeleton) -> Array:
@@ -164,7 +164,7 @@ def _to_t_pose(name: str, mapped: dict[str, int], rest: Array, skeleton: Skeleto
     return rotation_between(theirs, skeleton.rest_joints[end] - skeleton.rest_joints[start])
 
 
-def _on_the_floor(motion: Motion, skeleton: Skeleton) -> Motion:
+def _align_to_floor(motion: Motion, skeleton: Skeleton) -> Motion:
     """Lower or lift the clip so that heels and toes, at their lowest in most frames, stand at rest
     height."""
     drop = skeleton.ground_height(motion.joint_angles, motion.root_translation)

@@ -99,10 +99,10 @@ def _read_mediapipe(frames: list[Any], times: Array) -> Motion:
     visibility = np.clip(rows[..., 3], 0.0, 1.0)
     angles = solve_pose(rows[..., :3], visibility)
     confidence = joint_confidence(visibility**2)
-    return Motion(times, angles, _feet_on_the_floor(angles), confidence)
+    return Motion(times, angles, _grounded_root(angles), confidence)
 
 
-def _feet_on_the_floor(angles: Array) -> Array:
+def _grounded_root(angles: Array) -> Array:
     """Root translations that keep the lowest joint where the lowest one is at rest.
 
     World landmarks have no place in the room: their origin is the hips.

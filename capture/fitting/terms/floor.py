@@ -73,8 +73,12 @@ def sole_vertices(model: BodyModel) -> Int[Array, "8"]:
         sole = foot[rest[foot, 1] < rest[foot, 1].min() + _SOLE_M]
         z = rest[sole, 2]
         ball = sole[z > np.quantile(z, _BALL)]
-        chosen += [sole[z.argmin()], sole[z.argmax()],
-                   ball[rest[ball, 0].argmin()], ball[rest[ball, 0].argmax()]]  # fmt: skip
+        chosen += [
+            sole[z.argmin()],
+            sole[z.argmax()],
+            ball[rest[ball, 0].argmin()],
+            ball[rest[ball, 0].argmax()],
+        ]
     return np.array(chosen)
 
 

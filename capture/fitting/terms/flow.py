@@ -189,9 +189,10 @@ def find_flow(
     for stride in (s for s in strides if s < len(pictures.grey)):
         pairs = [
             _between(search, pictures, first, first + stride, inside, seen)
-            if takes[first] == takes[first + stride] else _unknown(pictures.grey[first])
+            if takes[first] == takes[first + stride]
+            else _unknown(pictures.grey[first])
             for first in range(len(pictures.grey) - stride)
-        ]  # fmt: skip
+        ]
         moved[stride] = torch.from_numpy(np.stack(pairs))
     return Flow(pictures.window, moved, pictures.certainty)
 
@@ -253,9 +254,13 @@ def flow_energy(
 
 
 def _between(
-    search: cv2.DISOpticalFlow, pictures: Pictures, first: int, second: int,
-    pixels: Array, seen: Array,
-) -> Float[Array, "h w 2"]:  # fmt: skip
+    search: cv2.DISOpticalFlow,
+    pictures: Pictures,
+    first: int,
+    second: int,
+    pixels: Array,
+    seen: Array,
+) -> Float[Array, "h w 2"]:
     """Flow where the two pictures show the person, whom it is sought round."""
     person = pictures.person[first]
     flow = _unknown(person)
@@ -263,8 +268,9 @@ def _between(
     if not len(shown):
         return flow
     first_px, last_px = shown.min(axis=0) - _ROUND_PX, shown.max(axis=0) + _ROUND_PX
-    part = tuple(slice(max(int(low), 0), int(high) + 1)
-                 for low, high in zip(first_px, last_px, strict=True))  # fmt: skip
+    part = tuple(
+        slice(max(int(low), 0), int(high) + 1) for low, high in zip(first_px, last_px, strict=True)
+    )
     a, b = (np.ascontiguousarray(pictures.grey[f][part]) for f in (first, second))
     before, after = (pixels[f] - (part[1].start, part[0].start) for f in (first, second))
     there = search.calc(a, b, _begun(a.shape, before, after, seen[first]))

@@ -12,12 +12,12 @@ from capture.detection.landmarks import Landmarks
 from capture.segmentation.background import learn_background
 from capture.segmentation.masks import (
     bone_points,
+    dilated_person_mask,
     draw_bones,
     keep_connected,
-    occupied,
+    mask_bounds,
     refine_mask,
-    steady_masks,
-    window_of,
+    smooth_masks,
 )
 from tests.capture.people import body, camera, picture, seen_by, standing
 
@@ -95,7 +95,7 @@ def test_a_still_camera_gives_back_a_hand_that_was_left_out():
     motion = standing(24, turn_rad=2.0)
     people = [seen_by(camera(), body(), motion.pose(i)) for i in range(24)]
     images = [picture(one) for one in people]
-    background = learn_background(images, [occupied(one) for one in people])
+    background = learn_background(images, [dilated_person_mask(one) for one in people])
     person, image = people[0], images[0]
     x, y = person.pixels[19].astype(int)  # the left index finger
     around = (slice(y - 8, y + 8), slice(x - 8, x + 8))
@@ -114,7 +114,7 @@ def test_what_stands_still_does_not_flicker(person):
     masks = [
         np.where(edge, rng.random(edge.shape), person.mask).astype(np.float32) for _ in range(3)
     ]
-    steady = [np.asarray(mask) for mask in steady_masks([image] * 3, masks)]
+    steady = [np.asarray(mask) for mask in smooth_masks([image] * 3, masks)]
     assert (
         np.abs(steady[1] - steady[0])[edge].mean() < 0.6 * np.abs(masks[1] - masks[0])[edge].mean()
     )
@@ -124,14 +124,14 @@ def test_what_stands_still_does_not_flicker(person):
 def test_what_moves_keeps_its_own_edge():
     motion = standing(3, turn_rad=1.0)
     people = [seen_by(camera(), body(), motion.pose(i)) for i in range(3)]
-    steady = steady_masks([picture(one) for one in people], [one.mask for one in people])
+    steady = smooth_masks([picture(one) for one in people], [one.mask for one in people])
     for one, mask in zip(people, steady, strict=True):
         assert mask is not None
         assert np.abs(mask - one.mask).max() < 0.1
 
 
 def test_a_lost_frame_stays_lost(person):
-    steady = steady_masks([picture(person)] * 3, [person.mask, None, person.mask])
+    steady = smooth_masks([picture(person)] * 3, [person.mask, None, person.mask])
     assert steady[1] is None
     np.testing.assert_array_equal(steady[0], person.mask)
 
@@ -147,7 +147,7 @@ def test_a_window_holds_the_person_of_all_frames_and_a_margin_inside_the_picture
     masks = [np.zeros((60, 80), np.float32), None, np.zeros((60, 80), np.float32)]
     masks[0][20:40, 30:34] = masks[2][21:41, 40:44] = 1.0
     masks[2][50, 70] = 0.2
-    assert window_of(masks, 0.5, 0.1) == (27, 17, 20, 27)  # 21 rows: a margin of 3
-    assert window_of(masks, 0.1, 0.1) == (27, 17, 47, 37)
-    assert window_of(masks, 0.5, 2.0) == (0, 0, 80, 60)
-    assert window_of(masks, 1.0, 0.1) is None
+    assert mask_bounds(masks, 0.5, 0.1) == (27, 17, 20, 27)  # 21 rows: a margin of 3
+    assert mask_bounds(masks, 0.1, 0.1) == (27, 17, 47, 37)
+    assert mask_bounds(masks, 0.5, 2.0) == (0, 0, 80, 60)
+    assert mask_bounds(masks, 1.0, 0.1) is None
