@@ -147,7 +147,7 @@ def _plain(value: Any, depth: int = 0) -> Any:
     return value
 
 
-class _AllowedGlobals:
+class _AllowedGlobal:
     """What an allowed name stands for: may be called, and can't be tampered with."""
 
     __slots__ = ("_make",)
@@ -258,4 +258,4 @@ class _PlainUnpickler(pickle.Unpickler):
                 "must hold only arrays, dicts, lists, tuples, numbers and strings; got a call of "
                 f"{module}.{name}, which could run anything: do not open this file elsewhere"
             )
-        return _AllowedGlobals(make)
+        return _AllowedGlobal(make)
