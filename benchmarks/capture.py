@@ -2,7 +2,7 @@
 
 Studio performers move to real, recorded motion in a room, through a lens and a sensor; truth is
 known. One camera can't tell a small person nearby from a tall one further away: where figures say
-`one_scale`, one scale a clip was taken out, about the camera. `height_told`: a capture that knows
+`one_scale`, one scale a clip was taken out, about the camera. `height_known`: a capture that knows
 how tall the performer is.
 """
 
@@ -21,12 +21,12 @@ import numpy as np
 from benchmarks.pose_errors import (
     Joints,
     gauge_scale,
-    joint_turn_errors,
+    joint_rotation_errors,
     pose_errors,
     seen_joints,
 )
-from benchmarks.reporting.figures import write_report
-from benchmarks.reporting.measurements import MeasurementCache
+from benchmarks.reporting.figures import FigureWriter
+from benchmarks.reporting.origin import ORIGIN
 from benchmarks.reporting.timing import Clock, clock_named
 from capture.fitting.fit import STAGES
 from capture.fitting.result import Fit
@@ -46,16 +46,16 @@ from scene.sequence import FrameSource, Sequence
 FRAMES, RATE, SIZE_PX = 90, 15.0, 512
 NOISE, BLUR_PX = 3.0, 0.6
 TRAINING_S = 60.0
-_WITH_HEIGHT = ("joint_mm", "joint_procrustes_mm", "turn_deg", "root_mm", "scale")
+_WITH_HEIGHT = ("joint_mm", "joint_procrustes_mm", "rotation_error_deg", "root_mm", "scale")
 _SPLITS = ("novel_view", "unseen_pose")
 
 
 def run(
-    json_file: Path | None, motions: Path, pose_model: Path, backbone: Path | None, clips: int,
-    state: Path, clock_name: str, only: str,
+    writer: FigureWriter, motions: Path, pose_model: Path, backbone: Path | None, clips: int,
+    clock_name: str, only: str,
 ) -> None:  # fmt: skip
-    """Film, capture, train and judge the performers that `state` does not hold yet, and report."""
-    cache, clock = MeasurementCache(state, only), clock_named(clock_name)
+    """Film, capture, train and judge the performers that were not measured yet, and report."""
+    cache, clock = writer.cache(only), clock_named(clock_name)
     about = {"frames": FRAMES, "frames_per_second": RATE, "size": SIZE_PX, "noise": NOISE,
              "blur_px": BLUR_PX, "background": "textured", "turn_deg": 360,
              "focal_length": "known", "training_s": TRAINING_S, "region": "body crop",
@@ -69,8 +69,8 @@ def run(
         )  # fmt: skip
         rows += [] if row is None else [row]
     if rows:
-        figures = [{key: row[key] for key in row.keys() - {"machine"}} for row in rows]
-        write_report(json_file, "capture", {**about, "mean": mean_of(figures), "rows": rows})
+        judged = [{key: row[key] for key in row.keys() - set(ORIGIN)} for row in rows]
+        writer.write({**about, "mean": mean_of(judged), "rows": rows})
 
 
 def film(folder: Path, motion: Path, seed: int, rate: float = RATE, frames: int = FRAMES) -> None:
@@ -130,9 +130,9 @@ def _judged(folder: Path, pose_model: Path, backbone: Path | None, clock: Clock)
         folder / "raw.mp4", folder / "captured", options,
         on_progress=watch.progress, on_fit=watch.fitted,
     )  # fmt: skip
-    told = StageWatch(truth_joints(truth), clock)
+    sized = StageWatch(truth_joints(truth), clock)
     with_height = replace(options, height_m=_height_m(truth))
-    capture_clip(folder / "raw.mp4", folder / "told", with_height, on_fit=told.fitted)
+    capture_clip(folder / "raw.mp4", folder / "sized", with_height, on_fit=sized.fitted)
     captured = open_sequence(folder / "captured")
     models = {"captured": captured, "exact": truth}
     accuracy: dict[str, Any] = {}
@@ -152,8 +152,8 @@ def _judged(folder: Path, pose_model: Path, backbone: Path | None, clock: Clock)
         "found": len(captured.train),
         "mask_iou": round(_mask_iou(captured, truth), 4),
         "stages": watch.stages,
-        "turn_deg": watch.turns,
-        "height_told": {key: told.stages[STAGES[-1]][key] for key in _WITH_HEIGHT},
+        "rotation_error_deg": watch.joint_rotation_errors,
+        "height_known": {key: sized.stages[STAGES[-1]][key] for key in _WITH_HEIGHT},
         "accuracy": accuracy,
     }
 
@@ -171,7 +171,7 @@ class StageWatch:
         self._began, self._message = clock.now(), ""
         self._times: dict[str, float] = {}
         self.stages: dict[str, dict[str, float]] = {}
-        self.turns: dict[str, float] = {}
+        self.joint_rotation_errors: dict[str, float] = {}
         self.scale = 1.0
 
     def progress(self, _: float, message: str) -> None:
@@ -186,9 +186,9 @@ class StageWatch:
         joints = fit_joints(fit, self._truth.times_s)
         errors = pose_errors(joints, self._truth)
         self.stages[stage].update({key: round(value, 3) for key, value in errors.items()})
-        turns = joint_turn_errors(joints, self._truth)
-        self.turns = {name: round(value, 2) for name, value in turns.items()}
-        self.scale = gauge_scale(joints.places, self._truth.places)
+        errors_deg = joint_rotation_errors(joints, self._truth)
+        self.joint_rotation_errors = {name: round(value, 2) for name, value in errors_deg.items()}
+        self.scale = gauge_scale(joints.positions, self._truth.positions)
         self._began = self._clock.now()
 
     def refined(self, model: PerformerModel, captured: Sequence) -> None:
@@ -196,7 +196,9 @@ class StageWatch:
         extrinsics = captured.train.camera(0).world_to_camera
         joints = seen_joints(model.skeleton, model.motion, extrinsics)
         moments = np.abs(self._truth.times_s - joints.times_s[:, None]).argmin(axis=1)
-        truth = Joints(joints.times_s, self._truth.places[moments], self._truth.turns[moments])
+        truth = Joints(
+            joints.times_s, self._truth.positions[moments], self._truth.local_rotations[moments]
+        )
         errors = pose_errors(joints, truth)
         self.stages["refined while training"] = {k: round(v, 3) for k, v in errors.items()}
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.capture import FRAMES, RATE, StageWatch, film, truth_joints
 from benchmarks.pose_errors import Joints
-from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import clock_named
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator, PoseEstimator
 from capture.detection.lifter import lift
@@ -29,13 +29,15 @@ from scene.sequence import Sequence
 CLIP = "walk_veer_left_16_11"
 _FASTEST = 60.0
 _MOST_FRAMES = round(FRAMES * _FASTEST / RATE)
-_KEPT = ("joint_mm", "joint_one_scale_mm", "joint_procrustes_mm", "turn_deg", "root_one_scale_mm",
-         "scale", "swapped_frames")  # fmt: skip
+_FIGURES = (
+    "joint_mm", "joint_one_scale_mm", "joint_procrustes_mm", "rotation_error_deg",
+    "root_one_scale_mm", "scale", "swapped_frames",
+)  # fmt: skip
 _HOLES, _HOLE_SHARE = 4, 0.08
 """Holes in a mask, and their radius as a share of the person's height."""
 
 
-def run(json_file: Path | None, motions: Path, pose_model: Path) -> None:
+def run(writer: FigureWriter, motions: Path, pose_model: Path) -> None:
     """Capture one performance again and again, spoilt in one way each time."""
     rows: dict[str, dict[str, float]] = {}
     with tempfile.TemporaryDirectory() as name, MediaPipeEstimator(pose_model) as estimator:
@@ -52,9 +54,9 @@ def run(json_file: Path | None, motions: Path, pose_model: Path) -> None:
             )  # fmt: skip
             capture_clip(path, folder / f"{row}.seq", options, on_fit=watch.fitted)
             last = watch.stages[STAGES[-1]]
-            rows[row] = {key: last[key] for key in _KEPT}
+            rows[row] = {key: last[key] for key in _FIGURES}
             print(row, rows[row], flush=True)
-    write_report(json_file, "capture_robustness", {"clip": CLIP, "rows": rows})
+    writer.write({"clip": CLIP, "rows": rows})
 
 
 Variant = tuple[str, Path, PoseEstimator, bool, float]
@@ -138,4 +140,4 @@ def _passed_by(
 def _at_rate(truth: Sequence, rate: float) -> Joints:
     """The true joints of the frames that a clip at `rate` shows."""
     joints, step = truth_joints(truth), round(_FASTEST / rate)
-    return Joints(joints.times_s[::step], joints.places[::step], joints.turns[::step])
+    return Joints(joints.times_s[::step], joints.positions[::step], joints.local_rotations[::step])

@@ -2,171 +2,216 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
+import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from benchmarks.inputs import (
+    MOTION,
+    PANORAMAS,
+    TWO_CAMERAS,
+    WEBCAM,
+    require_browser,
+    require_footage,
+    require_motion,
+    require_panoramas,
+    require_webcam_clip,
+)
 from scene.errors import InvalidInput
 from services.cli.terminal import seconds
 
-app = typer.Typer(help="Measure what is claimed, on this machine.", no_args_is_help=True)
+if TYPE_CHECKING:
+    from benchmarks.reporting.figures import FigureWriter
 
-MOTION = Path("../shared/data/mocap")
-TWO_CAMERAS = Path("../shared/data/real-two-cameras")
-WEBCAM = Path("../shared/data/real-monocular/webcam_upperbody_woman_asl.mp4")
-PANORAMAS = Path("../shared/data/environments")
-"""Data beside the checkout; no part of this package."""
-JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the figures here.")]
-Backbone = Annotated[Path | None, typer.Option(help="LPIPS backbone (.pth).")]
-State = Annotated[
-    Path, typer.Option(help="Folder that keeps each finished measurement: a cut run goes on there.")
+app = typer.Typer(
+    help="Measure what is claimed, on this machine. Figures go to build/figures.",
+    no_args_is_help=True,
+)
+
+Commits = Annotated[
+    bool,
+    typer.Option(
+        "--commit-figures",
+        help="Write docs/figures too, which the pages show; the tree must have no changes.",
+    ),
 ]
+Motion = Annotated[Path, typer.Option(help="Folder of recorded motion (.bvh).")]
+Backbone = Annotated[Path | None, typer.Option(help="LPIPS backbone (.pth).")]
+Picture = Annotated[Path | None, typer.Option(help="Draw the comparison here.")]
 ClockName = Annotated[
     Literal["wall", "processor"],
-    typer.Option(help="Seconds on all cores, or one thread's own where the machine is busy."),
+    typer.Option(help="Seconds on all cores, or one thread's own, which neighbours change little."),
 ]
 Only = Annotated[str, typer.Option(help="Measure only what has this in its name; none: nothing.")]
+_CLIPS = 10
 
 
-def require_motion(folder: Path) -> None:
-    """Raises InvalidInput where there is no recorded motion."""
-    if not any(folder.glob("*.bvh")):
+def _start(name: str, commits: bool, *, narrowed: bool = False) -> FigureWriter:
+    """The file that the figures of `name` go to.
+
+    Raises InvalidInput where they are to be committed, and are of less than the whole benchmark or
+    of a tree with changes.
+    """
+    from benchmarks.reporting.figures import FigureWriter, command_line
+
+    if commits and narrowed:
         raise InvalidInput(
-            f"motion must be a folder with .bvh files; got {folder}; see docs/data.md for clips"
+            "committed figures must be of the whole benchmark as the pages describe it; got "
+            f"`{command_line(sys.argv[1:])}`; leave out the options that change what is measured"
         )
+    return FigureWriter.start(name, commits=commits)
+
+
+def _landmark_model() -> Path:
+    from capture.detection.network_files import landmark_network_file
+    from services.settings import load_settings
+
+    return landmark_network_file(load_settings().pose_model_source())
+
+
+@app.command("all")
+def run_all(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Files of docs/figures without .json; none: all.")
+    ] = None,
+    commits: Commits = False,
+    backbone: Backbone = None,
+) -> None:
+    """Everything that this commit has no figures of; a run that was cut goes on."""
+    from benchmarks import run_all as runner
+    from benchmarks.pages.blocks import write_pages
+    from benchmarks.reporting.checkout import Checkout
+
+    checkout = Checkout()
+    well = runner.run_all(
+        runner.chosen(names or ()), None if backbone is None else backbone.resolve(),
+        commits=commits, checkout=checkout, measure=runner.in_process_of_its_own(checkout),
+    )  # fmt: skip
+    if commits:
+        write_pages(checkout.root)
+    raise typer.Exit(0 if well else 1)
 
 
 @app.command()
-def serve(json_file: JsonFile = None) -> None:
+def pages() -> None:
+    """Tables and charts of the pages, made anew from docs/figures."""
+    from benchmarks.pages.blocks import write_pages
+    from benchmarks.reporting.checkout import ROOT
+
+    for path in write_pages(ROOT):
+        typer.echo(path)
+
+
+@app.command()
+def serve(commits: Commits = False) -> None:
     """A live view: ms from pose to picture, then frames a second in a browser, and the cost."""
-    if find_spec("playwright") is None:  # only tests and this need a browser
-        raise InvalidInput(
-            "a browser must be at hand to watch the meeting; got no package playwright; "
-            "run `make setup-test`"
-        )
+    require_browser()
     from benchmarks.serve import run
 
-    run(json_file)
+    run(_start("serve", commits))
 
 
 @app.command()
 def gpu(
-    json_file: JsonFile = None,
-    page: Annotated[
-        Path | None, typer.Option(help="Markdown page whose tables are made anew.")
-    ] = None,
+    commits: Commits = False,
     train_for: Annotated[
-        list[str], typer.Option(help="Train the paper's field too, for so long; may be repeated.")
-    ] = [],  # noqa: B006 (nobody changes it)
+        list[str], typer.Option(help="Train the paper's field for so long; may be repeated.")
+    ] = ["60s", "180s"],  # noqa: B006 (nobody changes it)
 ) -> None:
     """What a CUDA device brings: splats, beside gsplat where it is installed, and the field."""
     from benchmarks.gpu import run
 
-    run(json_file, page, [seconds(one) for one in train_for])
+    narrowed = train_for != ["60s", "180s"]
+    run(_start("gpu", commits, narrowed=narrowed), [seconds(one) for one in train_for])
 
 
 @app.command()
 def meeting(
-    json_file: JsonFile = None,
+    commits: Commits = False,
     clip: Annotated[
-        Path, typer.Option(help="Film of one person, which a page's camera shows.")
+        Path, typer.Option(help="Video of one person, which a page's camera shows.")
     ] = WEBCAM,
 ) -> None:
     """Landmarks to picture: latency, bytes, frames a second, cost; and the time to find them."""
-    if not clip.is_file():
-        raise InvalidInput(f"clip must be a film of one person; got {clip}; name one by --clip")
-    if find_spec("playwright") is None:
-        raise InvalidInput(
-            "a browser must be at hand to watch the meeting; got no package playwright; "
-            "run `make setup-test`"
-        )
+    require_webcam_clip(clip)
+    require_browser()
     from benchmarks.meeting import run
-    from capture.detection.network_files import landmark_network_file
-    from services.settings import load_settings
 
-    run(json_file, clip, landmark_network_file(load_settings().pose_model_source()))
+    run(_start("meeting", commits), clip, _landmark_model())
 
 
 @app.command("local-view")
-def local_view(json_file: JsonFile = None) -> None:
+def local_view(commits: Commits = False) -> None:
     """The page's own drawing in a browser without a graphics card: processor ms a picture."""
-    if find_spec("playwright") is None:
-        raise InvalidInput(
-            "a browser must be at hand to draw in; got no package playwright; run `make setup-test`"
-        )
+    require_browser()
     from benchmarks.local_view import run
 
-    run(json_file)
+    run(_start("local-view", commits))
 
 
 @app.command()
 def frontier(
-    state: State = Path("frontier"),
-    json_file: JsonFile = None,
-    page: Annotated[
-        Path | None, typer.Option(help="Markdown page whose tables are made anew.")
-    ] = None,
+    commits: Commits = False,
     backbone: Backbone = None,
     scaled: Annotated[
         str, typer.Option(help="Time of one thread for each of the paper's presets' scaled runs.")
-    ] = "60m",
-    clock: ClockName = "wall",
+    ] = "30m",
+    clock: ClockName = "processor",
     only: Only = "",
 ) -> None:
-    """Speed against accuracy of all presets on one sequence: charts, tables, the Pareto front."""
+    """Speed against accuracy of all presets on one sequence, for the charts and tables."""
     from benchmarks.frontier.measure import run
 
-    run(json_file, page, state, backbone, seconds(scaled), clock, only)
+    narrowed = bool(only) or clock != "processor" or scaled != "30m"
+    writer = _start("frontier", commits, narrowed=narrowed)
+    run(writer, backbone, seconds(scaled), clock, only)
 
 
 @app.command()
-def cast(
-    state: State = Path("cast"),
-    json_file: JsonFile = None,
-    page: Annotated[
-        Path | None, typer.Option(help="Markdown page whose table is made anew.")
-    ] = None,
-    motion: Annotated[Path, typer.Option(help="Folder of recorded motion (.bvh).")] = MOTION,
+def performers(
+    commits: Commits = False,
+    motion: Motion = MOTION,
     backbone: Backbone = None,
-    clock: ClockName = "wall",
+    clock: ClockName = "processor",
     only: Only = "",
 ) -> None:
     """Accuracy on the five studio performers in real motion, in every look."""
     require_motion(motion)
     from benchmarks.performers import run
 
-    run(json_file, page, state, motion, backbone, clock, only)
+    writer = _start("performers", commits, narrowed=bool(only) or clock != "processor")
+    run(writer, motion, backbone, clock, only)
 
 
 @app.command("train")
 def train_command(
-    state: State = Path("ready"),
-    json_file: JsonFile = None,
-    motion: Annotated[Path, typer.Option(help="Folder of recorded motion (.bvh).")] = MOTION,
+    commits: Commits = False,
+    motion: Motion = MOTION,
     backbone: Backbone = None,
-    clock: ClockName = "wall",
+    clock: ClockName = "processor",
     only: Only = "",
 ) -> None:
     """How soon splats are good: from nothing, and from the same person's earlier model."""
     require_motion(motion)
     from benchmarks.training_time import run
 
-    run(json_file, state, motion, backbone, clock, only)
+    writer = _start("train", commits, narrowed=bool(only) or clock != "processor")
+    run(writer, motion, backbone, clock, only)
 
 
 @app.command()
-def distil(json_file: JsonFile = None, clock: ClockName = "wall") -> None:
+def distil(commits: Commits = False, clock: ClockName = "processor") -> None:
     """Splats learnt from a field's pictures against splats learnt from the clip's own."""
     from benchmarks.distil import run
 
-    run(json_file, clock)
+    run(_start("distil", commits, narrowed=clock != "processor"), clock)
 
 
 @app.command()
 def field(
-    json_file: JsonFile = None,
+    commits: Commits = False,
     preset: Annotated[str, typer.Option(help="humannerf or paper.")] = "paper",
     size: Annotated[int, typer.Option(help="Pixels a side of the view.", min=32, max=1024)] = 256,
     steps: Annotated[int, typer.Option(help="Steps that fit the field to a body.", min=50)] = 400,
@@ -174,46 +219,45 @@ def field(
     """What each speed-up of the paper's field is worth, with the same weights: ms and dB."""
     from benchmarks.field_speed import run
 
-    run(json_file, preset, size, steps)
+    narrowed = (preset, size, steps) != ("paper", 256, 400)
+    run(_start("field-speed", commits, narrowed=narrowed), preset, size, steps)
 
 
 @app.command()
-def kernels(json_file: JsonFile = None) -> None:
+def kernels(commits: Commits = False) -> None:
     """The fully fused MLP against plain PyTorch on a GPU, forward and backward, 2^20 samples."""
     from benchmarks.kernels import run
 
-    run(json_file)
+    run(_start("kernels", commits))
 
 
 @app.command("capture")
 def capture_command(
-    json_file: JsonFile = None,
-    motion: Annotated[Path, typer.Option(help="Folder of recorded motion (.bvh).")] = MOTION,
+    commits: Commits = False,
+    motion: Motion = MOTION,
     backbone: Backbone = None,
-    clips: Annotated[int, typer.Option(help="How many of them, by name.", min=1)] = 10,
+    clips: Annotated[int, typer.Option(help="How many of them, by name.", min=1)] = _CLIPS,
     robustness: Annotated[
         bool, typer.Option("--robustness", help="One clip, spoilt in many ways, instead.")
     ] = False,
-    state: State = Path("captures"),
-    clock: ClockName = "wall",
+    clock: ClockName = "processor",
     only: Only = "",
 ) -> None:
     """Captures of studio performers from pixels alone against the truth, stage by stage."""
     require_motion(motion)
     from benchmarks import capture, capture_robustness
-    from capture.detection.network_files import landmark_network_file
-    from services.settings import load_settings
 
-    model_file = landmark_network_file(load_settings().pose_model_source())
+    narrowed = bool(only) or clips != _CLIPS or clock != "processor"
+    writer = _start("capture-robustness" if robustness else "capture", commits, narrowed=narrowed)
     if robustness:
-        capture_robustness.run(json_file, motion, model_file)
+        capture_robustness.run(writer, motion, _landmark_model())
     else:
-        capture.run(json_file, motion, model_file, backbone, clips, state, clock, only)
+        capture.run(writer, motion, _landmark_model(), backbone, clips, clock, only)
 
 
 @app.command("live-capture")
 def live_capture(
-    json_file: JsonFile = None,
+    commits: Commits = False,
     clip: Annotated[
         Path | None, typer.Option(help="A video instead of studio footage; without truth.")
     ] = None,
@@ -221,65 +265,58 @@ def live_capture(
     """The live pose solver: ms a frame, and joints against the clip-wide fit and the truth."""
     from benchmarks.live_capture import run
 
-    run(json_file, clip)
+    run(_start("live-capture", commits, narrowed=clip is not None), clip)
 
 
 @app.command()
-def expressions(
-    json_file: JsonFile = None,
-    picture: Annotated[Path | None, typer.Option(help="Draw the faces here.")] = None,
-) -> None:
+def expressions(commits: Commits = False, picture: Picture = None) -> None:
     """What moving splats of face and hands is worth, each expression by itself; and its time."""
     from benchmarks.expressions import run
 
-    run(json_file, picture)
+    run(_start("expressions", commits), picture)
 
 
 @app.command()
-def refinement(json_file: JsonFile = None, clock: ClockName = "wall") -> None:
+def refinement(commits: Commits = False, clock: ClockName = "processor") -> None:
     """Noise on every joint, and what refining poses wins back: splats, and the paper's MLP."""
     from benchmarks.refinement import run
 
-    run(json_file, clock)
+    run(_start("refinement", commits, narrowed=clock != "processor"), clock)
 
 
 @app.command()
 def relight(
-    json_file: JsonFile = None,
+    commits: Commits = False,
     panoramas: Annotated[
         Path, typer.Option(help="Folder of Radiance .hdr files of rooms.")
     ] = PANORAMAS,
-    picture: Annotated[Path | None, typer.Option(help="Draw the comparison here.")] = None,
-    clock: ClockName = "wall",
+    picture: Picture = None,
+    clock: ClockName = "processor",
 ) -> None:
-    """Performers filmed in one light and shown in another, against the truth: unlit and relit."""
+    """Performers captured in one light and shown in another, against the truth: unlit and relit."""
+    require_panoramas(panoramas)
     from benchmarks.relight import run
 
-    run(json_file, panoramas, picture, clock)
+    writer = _start("relight", commits, narrowed=clock != "processor")
+    run(writer, panoramas, picture, clock)
 
 
 @app.command()
-def masks(json_file: JsonFile = None) -> None:
+def masks(commits: Commits = False) -> None:
     """Captured masks and edge colours against the studio's exact ones, stage by stage."""
     from benchmarks.masks import run
 
-    run(json_file)
+    run(_start("masks", commits))
 
 
 @app.command("two-cameras")
 def two_cameras_command(
-    json_file: JsonFile = None,
-    footage: Annotated[Path, typer.Option(help="Folder of the two films.")] = TWO_CAMERAS,
-    picture: Annotated[Path | None, typer.Option(help="Draw the comparison here.")] = None,
+    commits: Commits = False,
+    footage: Annotated[Path, typer.Option(help="Folder of the two videos.")] = TWO_CAMERAS,
+    picture: Picture = None,
 ) -> None:
     """A capture of real footage, looked at from a second camera that it never saw."""
-    if not (footage / "cam02.mp4").exists():
-        raise InvalidInput(
-            f"footage must hold cam01.mp4, cam02.mp4 and Calib.qca.txt; got {footage}; they are "
-            "Demo_SinglePerson of Pose2Sim"
-        )
+    require_footage(footage)
     from benchmarks.two_cameras import run
-    from capture.detection.network_files import landmark_network_file
-    from services.settings import load_settings
 
-    run(json_file, footage, landmark_network_file(load_settings().pose_model_source()), picture)
+    run(_start("two-cameras", commits), footage, _landmark_model(), picture)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
@@ -58,7 +58,7 @@ class Drawn:
         return np.clip(self.pictures[index][..., 3], 0.0, 1.0)
 
 
-def run(json_file: Path | None, clock_name: str) -> None:
+def run(writer: FigureWriter, clock_name: str) -> None:
     """Train the field, draw it, train splats in three ways, judge all four."""
     clock = clock_named(clock_name)
     with tempfile.TemporaryDirectory() as name:
@@ -74,7 +74,7 @@ def run(json_file: Path | None, clock_name: str) -> None:
             figures[f"splats, {way}, {SPLATS_S:g} s"] = _judged(model, clip)
     about = {"frames": FRAMES, "size": SIZE, "poses": "exact", "region": "body crop",
              "drawn_views": VIEWS, **clock.about()}  # fmt: skip
-    write_report(json_file, "distil", {**about, "psnr": figures})
+    writer.write({**about, "psnr": figures})
 
 
 def draw_round(

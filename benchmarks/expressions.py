@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import milliseconds
 from capture.storage import open_sequence
 from capture.studio import make_sequence
@@ -88,29 +90,46 @@ class Shot:
     """Of the part, and of each eye under the name of its lid."""
 
 
-def run(json_file: Path | None, picture: Path | None) -> None:
-    """Measure and report, anew after every performer; draw the first one's face."""
-    rows: list[dict[str, Any]] = []
-    figures: dict[str, Any] = {
+def run(writer: FigureWriter, picture: Path | None) -> None:
+    """Measure what was not measured yet, and report; draw the first one's face."""
+    cache = writer.cache()
+    about: dict[str, Any] = {
         "frames": FRAMES, "iterations": ITERATIONS, "performers": list(SEEDS), "tests": TESTS,
         "unit": "dB, mean over crops of unseen poses, expressions and views",
     }  # fmt: skip
-    for seed in SEEDS:
-        for part in (FACE, HANDS):
-            with tempfile.TemporaryDirectory() as folder:
-                path = Path(folder) / "sequence"
-                make_sequence(
-                    path, seed=seed, frames=FRAMES, size=part.size, expressions=True,
-                    framing=part.framing,
-                )  # fmt: skip
-                clip = open_sequence(path)
-                rows.append({"seed": seed, "part": part.name, **measured(part, clip, seed)})
-                if picture is not None and part is FACE and seed == SEEDS[0]:
-                    drawn = (faces(clip, seed)[..., ::-1] * 255.0 + 0.5).astype(np.uint8)
-                    cv2.imwrite(str(picture), drawn)
-                if "frame_ms" not in figures:
-                    figures["frame_ms"] = frame_times(trained(clip, seed))
-        write_report(json_file, "expressions", {**figures, "worth": worth(rows), "rows": rows})
+    rows = [
+        cache.measured(f"{part.name}-{seed}", about, lambda p=part, s=seed: _row(p, s))
+        for seed in SEEDS
+        for part in (FACE, HANDS)
+    ]
+    frame_ms = cache.measured("frame-ms", about, _frame_ms)
+    figures = [row for row in rows if row is not None]
+    writer.write({**about, "frame_ms": frame_ms, "worth": worth(figures), "rows": figures})
+    if picture is not None:
+        with _filmed(FACE, SEEDS[0]) as clip:
+            drawn = (faces(clip, SEEDS[0])[..., ::-1] * 255.0 + 0.5).astype(np.uint8)
+        cv2.imwrite(str(picture), drawn)
+
+
+@contextmanager
+def _filmed(part: Part, seed: int) -> Iterator[Sequence]:
+    """One performer's `part`, as training sees it."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "sequence"
+        make_sequence(
+            path, seed=seed, frames=FRAMES, size=part.size, expressions=True, framing=part.framing
+        )
+        yield open_sequence(path)
+
+
+def _row(part: Part, seed: int) -> dict[str, Any]:
+    with _filmed(part, seed) as clip:
+        return {"seed": seed, "part": part.name, **measured(part, clip, seed)}
+
+
+def _frame_ms() -> dict[str, Any]:
+    with _filmed(FACE, SEEDS[0]) as clip:
+        return frame_times(trained(clip, SEEDS[0]))
 
 
 def measured(part: Part, clip: Sequence, seed: int) -> dict[str, Any]:

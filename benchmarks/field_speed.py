@@ -11,14 +11,13 @@ from __future__ import annotations
 import time
 from copy import copy
 from dataclasses import replace
-from pathlib import Path
 from statistics import median
 
 import numpy as np
 import torch
 from torch.nn import functional
 
-from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.figures import FigureWriter
 from capture.body.model import load_body_model
 from renderer.evaluation.metrics import psnr
 from renderer.field.field import PersonField
@@ -40,7 +39,7 @@ _DENSITY, _SOFTNESS_M = 300.0, 0.004
 _RATE = 2e-3
 
 
-def run(json_file: Path | None, preset: str, size: int, steps: int) -> None:
+def run(writer: FigureWriter, preset: str, size: int, steps: int) -> None:
     """Measure and report."""
     torch.set_num_threads(1)  # threads that wait for each other measure the neighbours' load
     settings = find_preset(preset).field_settings
@@ -64,9 +63,7 @@ def run(json_file: Path | None, preset: str, size: int, steps: int) -> None:
         }
         for added, taken, picture in zip(names, seconds, pictures, strict=True)
     ]  # fmt: skip
-    write_report(
-        json_file, "field-speed", {"size": size, "threads": 1, "fit_steps": steps, "rows": rows}
-    )
+    writer.write({"size": size, "threads": 1, "fit_steps": steps, "rows": rows})
 
 
 def with_speed_ups(

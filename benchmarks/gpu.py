@@ -20,8 +20,8 @@ import torch
 
 from benchmarks.field_speed import fitted, with_speed_ups
 from benchmarks.frontier.training import figures_of
-from benchmarks.reporting.figures import write_report
-from benchmarks.reporting.markdown import markdown_table, replace_between
+from benchmarks.inputs import require_cuda
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import milliseconds
 from benchmarks.serve import SIZES, StudioPerformers
 from capture.body.model import load_body_model
@@ -49,58 +49,22 @@ _FIT_STEPS = 400
 _FRAMES, _SIDE = 60, 256
 
 
-def run(json_file: Path | None, page_file: Path | None, seconds: list[float]) -> None:
-    """Measure, report and write the tables of `page_file`, training for each of `seconds`; where
-    there is no CUDA device, say so."""
+def run(writer: FigureWriter, seconds: list[float]) -> None:
+    """Measure and report, training for each of `seconds`.
+
+    Raises InvalidInput where there is no CUDA device.
+    """
+    require_cuda()
     device = best_device()
-    if device.type != "cuda" or find_spec("triton") is None:
-        missing = "no CUDA device" if device.type != "cuda" else "Triton is not installed"
-        print(f"{missing}: nothing was measured")
-        write_report(json_file, "gpu", {"device": None, "missing": missing})
-        return
     figures: dict[str, Any] = {"device": torch.cuda.get_device_name(device), "batch": 1}
-    figures["torch"], figures["gsplat"] = torch.__version__, find_spec("gsplat") is not None
+    figures["gsplat"] = find_spec("gsplat") is not None
     figures["splats"] = [
         _splats(count, people, size, device) for count, people in CROWDS for size in SIZES
     ]
     figures["fields"] = _fields("paper", device)
+    figures |= {"frames": _FRAMES, "training_px": _SIDE}
     figures["training"] = [_trained(budget_s) for budget_s in seconds]
-    write_report(json_file, "gpu", figures)
-    if page_file is not None:
-        replace_between(page_file, "gpu", tables(figures))
-
-
-def tables(figures: dict[str, Any]) -> str:
-    """What was measured, in Markdown: p50, p95 in brackets."""
-
-    def of(row: dict[str, Any], name: str) -> str:
-        prefix = f"{name}_" if name else ""
-        if f"{prefix}p50_ms" not in row:
-            return "-"
-        return f"{row[f'{prefix}p50_ms']:.2f} ({row[f'{prefix}p95_ms']:.2f})"
-
-    splats = [
-        [f"{r['performers']} x {r['splats']:,}", str(r["size"]), of(r, "device"), of(r, "gsplat"),
-         of(r, "host")]
-        for r in figures["splats"]
-    ]  # fmt: skip
-    fields = [[str(r["size"]), of(r, ""), f"{r['frames_a_second']:g}"] for r in figures["fields"]]
-    first = figures["fields"][0]
-    training = [
-        [f"{r['budget_s']:g} s", f"{r['steps']:,}", *(
-            f"{r[f'psnr_{what}_body_crop']:.1f}" for what in ("novel_view", "unseen_pose"))]
-        for r in figures["training"]
-    ]  # fmt: skip
-    return "\n\n".join([
-        f"On one {figures['device']} with torch {figures['torch']}, ms at p50 (p95).",
-        markdown_table(["splats", "px", "on the device", "gsplat", "in the host's memory"], splats),
-        f"The paper's field with all exact speed-ups: {first['db_to_slow']:g} dB to the slow path, "
-        f"which takes {first['slow_ms']:.0f} ms at {first['size']} px.",
-        markdown_table(["px", "ms", "frames a second"], fields),
-        f"The same field trained from nothing, {_FRAMES} frames of {_SIDE} x {_SIDE}, the "
-        "published schedule of 150,000 steps shrunk to the time:",
-        markdown_table(["time", "steps", "dB, unseen views", "unseen poses"], training),
-    ])  # fmt: skip
+    writer.write(figures)
 
 
 def _splats(count: int, people: int, size: int, device: torch.device) -> dict[str, Any]:

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import torch
 from torch.nn import functional
 
-from benchmarks.reporting.figures import write_report
+from benchmarks.inputs import require_cuda
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import milliseconds
 from renderer.devices import best_device
-from renderer.fused.mlp import fused_mlp, runs_on
+from renderer.fused.mlp import fused_mlp
 from renderer.fused.tiny_cuda_nn import has_tiny_cuda_nn
 from scene.arrays import Tensor
 
@@ -29,15 +29,14 @@ _WARM_UPS, _RUNS = 3, 30
 Network = Callable[[Tensor, list[Tensor]], Tensor]
 
 
-def run(json_file: Path | None) -> None:
-    """Measure and report; says so, and measures nothing, where there is no CUDA device."""
+def run(writer: FigureWriter) -> None:
+    """Measure and report.
+
+    Raises InvalidInput where there is no CUDA device.
+    """
+    require_cuda()
     device = best_device()
     about = {"samples": SAMPLES, "layers": [list(shape) for shape in _SHAPES]}
-    if device.type != "cuda" or not runs_on(device):
-        missing = "no CUDA device" if device.type != "cuda" else "neither Triton nor tiny-cuda-nn"
-        print(f"{missing}: the fused kernels were not measured")
-        write_report(json_file, "kernels", {**about, "device": None, "missing": missing})
-        return
     rows = []
     for what in ("forward", "forward+backward"):
         found = timed(device, SAMPLES, backward=what != "forward")
@@ -48,7 +47,7 @@ def run(json_file: Path | None) -> None:
             row["fused_times_faster"] = round(row["p50_ms"] / fused, 2)
     fused_by = "tiny-cuda-nn" if has_tiny_cuda_nn() else "our kernel"
     name = torch.cuda.get_device_name(device)
-    write_report(json_file, "kernels", {**about, "device": name, "fused": fused_by, "rows": rows})
+    writer.write({**about, "device": name, "fused": fused_by, "rows": rows})
 
 
 def timed(

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import milliseconds
 from capture.body.model import load_body_model
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
@@ -62,7 +62,7 @@ class _Known:
         return np.delete(placed[:, :3, 3], _ENDS, axis=0) @ self.camera.rotation.T
 
 
-def run(json_file: Path | None, clip: Path | None) -> None:
+def run(writer: FigureWriter, clip: Path | None) -> None:
     """Measure and report."""
     with tempfile.TemporaryDirectory(prefix="metanerf-bench-") as folder:
         truth = None
@@ -70,7 +70,7 @@ def run(json_file: Path | None, clip: Path | None) -> None:
             truth, clip = _film(Path(folder))
         figures = _measure(read_video(clip, max_frames=FRAMES), truth)
     source = "studio" if truth is not None else clip.name
-    write_report(json_file, "live-capture", {"source": source, **figures})
+    writer.write({"source": source, **figures})
 
 
 def _film(folder: Path) -> tuple[_Known, Path]:

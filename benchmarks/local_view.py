@@ -21,7 +21,7 @@ from typing import Any
 from playwright.sync_api import Page
 
 from benchmarks.browser import open_page, processor_seconds
-from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.serve import surface_model
 from renderer.splats.files.viewer_file import encode
 from renderer.splats.model import SplatModel
@@ -35,11 +35,11 @@ _MOMENTS, _RATE_HZ = 30, 30.0
 _SECONDS = 8.0
 
 
-def run(json_file: Path | None) -> None:
+def run(writer: FigureWriter) -> None:
     """Measure and report."""
     with _measuring_page() as page:
         rows = [_drawn(page, count, size) for count, size in product(COUNTS, SIZES)]
-    write_report(json_file, "local-view", {"people": 1, "drawn": rows})
+    writer.write({"people": 1, "drawn": rows})
 
 
 def _drawn(page: Page, count: int, size: int) -> dict[str, Any]:

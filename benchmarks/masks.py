@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.figures import FigureWriter
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
 from capture.detection.network_files import landmark_network_file
 from capture.detection.tracking import track_person
@@ -34,14 +34,14 @@ PERFORMERS = {"lit": (1, 360.0), "loose": (3, 180.0)}
 FRAMES, RATE, SIZE, BAND_PX = 36, 15.0, 512, 4
 
 
-def run(json_file: Path | None) -> None:
+def run(writer: FigureWriter) -> None:
     """Measure and report."""
     figures = {}
     for look in PERFORMERS:
         with tempfile.TemporaryDirectory(prefix="metanerf-bench-") as folder:
             figures[look] = _measure(*_film(Path(folder), look))
     about = {"size": f"{SIZE}x{SIZE}", "frames": FRAMES, "band_px": BAND_PX}
-    write_report(json_file, "masks", {**about, **figures})
+    writer.write({**about, **figures})
 
 
 def _film(folder: Path, look: str) -> tuple[list[Array], list[Landmarks], Array, Array]:

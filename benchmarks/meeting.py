@@ -34,7 +34,7 @@ from benchmarks.browser import (
     running_demo,
 )
 from benchmarks.live_people import People
-from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.figures import FigureWriter
 
 PERFORMERS = (1, 2, 4, 8)
 SIZE_PX = 512
@@ -79,14 +79,17 @@ class DrivenMeeting:
     people: People
 
 
-def run(json_file: Path | None, clip: Path, pose_model: Path) -> None:
+def run(writer: FigureWriter, clip: Path, pose_model: Path) -> None:
     """Measure and report; the landmark finder's camera shows `clip`."""
-    figures: dict[str, Any] = {"size": SIZE_PX, "watched_s": _WATCHED_S, "rows": []}
-    figures["landmark_finder"] = landmark_finder.measured(clip, pose_model)
+    about, cache = {"size": SIZE_PX, "watched_s": _WATCHED_S}, writer.cache()
+    finder = landmark_finder.measured(clip, pose_model)
+    rows: list[dict[str, Any]] = []
     for performers in PERFORMERS:
-        figures["rows"] += _measured(performers)
-        # who is interrupted keeps what has been measured
-        write_report(json_file, "meeting", figures)
+        found = cache.measured(
+            f"{performers}-performers", about, lambda p=performers: {"rows": list(_measured(p))}
+        )
+        rows += [] if found is None else found["rows"]
+    writer.write({**about, "rows": rows, "landmark_finder": finder})
 
 
 def _measured(performers: int) -> Iterator[dict[str, Any]]:

@@ -1,7 +1,7 @@
 """The table of the README: five performers in real motion, three looks, `fast` and `splats`.
 
-60 frames of 256 x 256 from one camera, exact poses, body crop. Each cell is kept as soon as it is
-measured.
+60 frames of 256 x 256 from one camera, exact poses, body crop. Each cell is stored as soon as it
+is measured.
 """
 
 from __future__ import annotations
@@ -13,9 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.frontier.training import figures_of
-from benchmarks.reporting.figures import write_report
-from benchmarks.reporting.markdown import markdown_table, replace_between
-from benchmarks.reporting.measurements import MeasurementCache
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
@@ -26,16 +24,15 @@ from renderer.training import train
 
 BUDGETS_S = {"fast": 90.0, "splats": 20.0}
 FRAMES, SIZE = 60, 256
-_MEASURES = (("psnr", 1.0, 1), ("ssim", 1.0, 3), ("lpips", 1e3, 1))
-"""Measure, what it is multiplied with in the table, decimals."""
+_MEASURES = ("psnr", "ssim", "lpips")
 
 
 def run(
-    json_file: Path | None, page_file: Path | None, state: Path, motion: Path,
+    writer: FigureWriter, motion: Path,
     backbone: Path | None, clock_name: str, only: str,
 ) -> None:  # fmt: skip
-    """Measure what is missing in `state`, report, and write the table."""
-    cache, clock = MeasurementCache(state, only), clock_named(clock_name)
+    """Measure what was not measured yet, and report."""
+    cache, clock = writer.cache(only), clock_named(clock_name)
     rows = []
     for look in LOOKS:
         for performer in CAST:
@@ -50,9 +47,7 @@ def run(
                 rows += [] if row is None else [{**about, **row}]
     about = {"frames": FRAMES, "size": SIZE, "poses": "exact", "region": "body crop",
              **clock.about()}  # fmt: skip
-    write_report(json_file, "cast", {**about, "means": means(rows), "rows": rows})
-    if page_file is not None:
-        replace_between(page_file, "cast", words(clock, backbone) + "\n\n" + table(means(rows)))
+    writer.write({**about, "means": means(rows), "rows": rows})
 
 
 def _cell(
@@ -82,7 +77,7 @@ def means(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
             "look": look, "preset": preset, "budget_s": mine[0]["budget_s"],
             "performers": len(mine),
         }  # fmt: skip
-        for measure, _, _ in _MEASURES:
+        for measure in _MEASURES:
             for split in ("novel_view", "unseen_pose"):
                 known = [row[f"{measure}_{split}_body_crop"] for row in mine]
                 known = [value for value in known if value is not None]
@@ -91,35 +86,3 @@ def means(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
                 mean[f"{measure}_{split}_spread"] = spread
         made.append(mean)
     return made
-
-
-def words(clock: Clock, backbone: Path | None) -> str:
-    """What the table shows, and what it was measured with."""
-    counted = (
-        "seconds of one thread's own time" if clock.name == "processor"
-        else f"wall clock on {clock.threads} cores"
-    )  # fmt: skip
-    lpips = "" if backbone is None else f"; LPIPS x1000 with {backbone.name}, inputs in [-1, 1]"
-    return (
-        f"Five studio performers ({', '.join(CAST)}) in recorded motion, {FRAMES} frames of "
-        f"{SIZE} x {SIZE} from one camera, exact poses, body crop, unseen views / unseen poses, "
-        f"mean over the performers (± standard deviation), training in {counted} (splats also look "
-        f"for the clip's light, as `metanerf train` does, which is not counted){lpips} "
-        "(`metanerf bench cast`):"
-    )
-
-
-def table(means: list[dict[str, Any]]) -> str:
-    """Unseen views / unseen poses, in Markdown."""
-    rows = []
-    for mean in means:
-        cells = []
-        for measure, factor, digits in _MEASURES:
-            pair = [mean[f"{measure}_{split}"] for split in ("novel_view", "unseen_pose")]
-            cells.append(" / ".join("-" if v is None else f"{factor * v:.{digits}f}" for v in pair))
-        spread = mean["psnr_novel_view_spread"]
-        rows.append([
-            mean["look"], f"`{mean['preset']}`", f"{mean['budget_s']:g} s",
-            f"{cells[0]} (± {spread:.1f})", *cells[1:],
-        ])  # fmt: skip
-    return markdown_table(["look", "preset", "training", "PSNR, dB", "SSIM", "LPIPS"], rows)

@@ -16,7 +16,7 @@ JUDGED_JOINTS = (
     "left_ankle", "right_ankle", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
     "left_wrist", "right_wrist",
 )  # fmt: skip
-"""The 16 joints whose turns the estimator's landmarks show; the pelvis' is the whole body's."""
+"""The 16 joints whose rotations the estimator's landmarks show; the pelvis' is the whole body's."""
 _JUDGED = [JOINT_NAMES.index(name) for name in JUDGED_JOINTS]
 _SIDES = [(JOINT_NAMES.index(f"left_{part}"), JOINT_NAMES.index(f"right_{part}"))
           for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")]  # fmt: skip
@@ -30,8 +30,8 @@ class Joints:
     """Joints of a whole clip in the frame of its first camera."""
 
     times_s: Float[Array, "F"]
-    places: Float[Array, "F 24 3"]
-    turns: Float[Array, "F 24 3 3"]
+    positions: Float[Array, "F 24 3"]
+    local_rotations: Float[Array, "F 24 3 3"]
     """Local rotations; the pelvis' from rest to the camera's frame."""
 
 
@@ -39,29 +39,31 @@ def seen_joints(skeleton: Skeleton, motion: Motion, world_to_camera: Float[Array
     """`motion` as the camera sees it."""
     moved = skeleton.joint_transforms(motion.joint_angles, motion.root_translation)
     rotation, shift = world_to_camera[:, :3], world_to_camera[:, 3]
-    places = moved[..., :3, 3] @ rotation.T + shift
+    positions = moved[..., :3, 3] @ rotation.T + shift
     world = moved[..., :3, :3]
-    turns = world.copy()
+    local_rotations = world.copy()
     for joint, parent in enumerate(skeleton.parents):
         above = world[:, parent] if parent >= 0 else rotation.T
-        turns[:, joint] = np.swapaxes(above, -1, -2) @ world[:, joint]
-    return Joints(motion.times_s, places, turns)
+        local_rotations[:, joint] = np.swapaxes(above, -1, -2) @ world[:, joint]
+    return Joints(motion.times_s, positions, local_rotations)
 
 
 def pose_errors(fitted: Joints, truth: Joints) -> dict[str, float]:
     """Means over frames; each figure's name says its unit."""
-    relative = [j.places - j.places[:, :1] for j in (fitted, truth)]
+    relative = [j.positions - j.positions[:, :1] for j in (fitted, truth)]
     off = np.linalg.norm(relative[0] - relative[1], axis=2)
-    scale = gauge_scale(fitted.places, truth.places)
+    scale = gauge_scale(fitted.positions, truth.positions)
     scaled = np.linalg.norm(scale * relative[0] - relative[1], axis=2)
-    turn = geodesic_deg(fitted.turns[:, _JUDGED], truth.turns[:, _JUDGED])
-    root = np.linalg.norm(fitted.places[:, 0] - truth.places[:, 0], axis=1)
-    root_scaled = np.linalg.norm(scale * fitted.places[:, 0] - truth.places[:, 0], axis=1)
+    rotation_error = geodesic_deg(
+        fitted.local_rotations[:, _JUDGED], truth.local_rotations[:, _JUDGED]
+    )
+    root = np.linalg.norm(fitted.positions[:, 0] - truth.positions[:, 0], axis=1)
+    root_scaled = np.linalg.norm(scale * fitted.positions[:, 0] - truth.positions[:, 0], axis=1)
     return {
         "joint_mm": 1e3 * float(off.mean()),
         "joint_one_scale_mm": 1e3 * float(scaled.mean()),
-        "joint_procrustes_mm": 1e3 * float(procrustes(fitted.places, truth.places).mean()),
-        "turn_deg": float(turn.mean()),
+        "joint_procrustes_mm": 1e3 * float(procrustes(fitted.positions, truth.positions).mean()),
+        "rotation_error_deg": float(rotation_error.mean()),
         "root_mm": 1e3 * float(root.mean()),
         "root_one_scale_mm": 1e3 * float(root_scaled.mean()),
         "scale": scale,
@@ -73,10 +75,12 @@ def pose_errors(fitted: Joints, truth: Joints) -> dict[str, float]:
     }
 
 
-def joint_turn_errors(fitted: Joints, truth: Joints) -> dict[str, float]:
+def joint_rotation_errors(fitted: Joints, truth: Joints) -> dict[str, float]:
     """Mean error of each judged joint's local rotation, degrees."""
-    turn = geodesic_deg(fitted.turns[:, _JUDGED], truth.turns[:, _JUDGED])
-    return dict(zip(JUDGED_JOINTS, turn.mean(axis=0).tolist(), strict=True))
+    rotation_error = geodesic_deg(
+        fitted.local_rotations[:, _JUDGED], truth.local_rotations[:, _JUDGED]
+    )
+    return dict(zip(JUDGED_JOINTS, rotation_error.mean(axis=0).tolist(), strict=True))
 
 
 def geodesic_deg(a: Float[Array, "*batch 3 3"], b: Float[Array, "*batch 3 3"]) -> Array:
@@ -94,7 +98,7 @@ def gauge_scale(fitted: Float[Array, "F J 3"], truth: Float[Array, "F J 3"]) -> 
 
 
 def procrustes(fitted: Float[Array, "F J 3"], truth: Float[Array, "F J 3"]) -> Float[Array, "F J"]:
-    """Distances after each frame's best turn, shift and scale (Kabsch, Umeyama), m."""
+    """Distances after each frame's best rotation, shift and scale (Kabsch, Umeyama), m."""
     a = fitted - fitted.mean(axis=1, keepdims=True)
     b = truth - truth.mean(axis=1, keepdims=True)
     u, s, vt = np.linalg.svd(np.swapaxes(a, 1, 2) @ b)
@@ -118,15 +122,15 @@ def swapped(fitted: Float[Array, "F 24 3"], truth: Float[Array, "F 24 3"]) -> Ar
 def foot_slide(moved: Joints, truth: Joints) -> float:
     """Mean speed, m/s, of the feet in `moved` while the true ones stand still."""
     steps = np.diff(truth.times_s)[:, None]
-    true_speed = np.linalg.norm(np.diff(truth.places[:, _FEET], axis=0), axis=2) / steps
-    speed = np.linalg.norm(np.diff(moved.places[:, _FEET], axis=0), axis=2) / steps
+    true_speed = np.linalg.norm(np.diff(truth.positions[:, _FEET], axis=0), axis=2) / steps
+    speed = np.linalg.norm(np.diff(moved.positions[:, _FEET], axis=0), axis=2) / steps
     planted = true_speed < _PLANTED_M_S
     return float(speed[planted].mean()) if planted.any() else 0.0
 
 
 def jitter(moved: Joints) -> float:
-    """Mean third derivative of the joints' places, m/s^3 (uniform time steps)."""
+    """Mean third derivative of the joints' positions, m/s^3 (uniform time steps)."""
     if len(moved.times_s) < 4:
         return 0.0
     step = float(np.median(np.diff(moved.times_s)))
-    return float(np.linalg.norm(np.diff(moved.places, 3, axis=0), axis=2).mean() / step**3)
+    return float(np.linalg.norm(np.diff(moved.positions, 3, axis=0), axis=2).mean() / step**3)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.pose_errors import geodesic_deg
-from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
@@ -60,7 +60,7 @@ class _Chosen:
         return self._source.mask(self._frames[index])
 
 
-def run(json_file: Path | None, clock_name: str) -> None:
+def run(writer: FigureWriter, clock_name: str) -> None:
     """Measure and report."""
     clock, rows = clock_named(clock_name), []
     with tempfile.TemporaryDirectory() as folder:
@@ -77,23 +77,23 @@ def run(json_file: Path | None, clock_name: str) -> None:
         "correlation_s": CORRELATION_S, "shift_m": SHIFT_M, "aligned_every": _ALIGNED_EVERY,
         **clock.about(),
     }  # fmt: skip
-    write_report(json_file, "refinement", {**about, "rows": rows})
+    writer.write({**about, "rows": rows})
 
 
 def _with_noise(clip: Sequence, noise_deg: float, *, lasting: bool) -> Sequence:
     """`clip` as if its poses had been estimated, with that much noise."""
     rng, motion = np.random.default_rng(0), clip.motion
-    turns, shift = rng.normal(size=motion.joint_angles.shape), np.zeros((len(motion), 3))
+    noise, shift = rng.normal(size=motion.joint_angles.shape), np.zeros((len(motion), 3))
     if lasting:
         gap = motion.times_s[:, None] - motion.times_s[None, :]
         kernel = np.exp(-0.5 * (gap / CORRELATION_S) ** 2)
         kernel /= np.sqrt((kernel**2).sum(axis=1, keepdims=True))
-        turns = np.einsum("fg,gkx->fkx", kernel, turns)
+        noise = np.einsum("fg,gkx->fkx", kernel, noise)
         shift = SHIFT_M * kernel @ rng.normal(size=shift.shape)
-    turned = axis_angle_to_matrix(np.deg2rad(noise_deg) * turns)
+    rotations = axis_angle_to_matrix(np.deg2rad(noise_deg) * noise)
     claimed = replace(
         motion,
-        joint_angles=matrix_to_axis_angle(turned @ axis_angle_to_matrix(motion.joint_angles)),
+        joint_angles=matrix_to_axis_angle(rotations @ axis_angle_to_matrix(motion.joint_angles)),
         root_translation=motion.root_translation + shift,
     )
     train = _Chosen(clip.train, range(len(clip.train)), claimed)
@@ -115,23 +115,23 @@ def _row(
         "psnr_novel_view": as_given["psnr"][NOVEL_VIEW]["body_crop"],
         "psnr_novel_view_aligned": aligned["psnr"][NOVEL_VIEW]["body_crop"],
         "psnr_training_view": as_given["psnr"]["training_view"]["body_crop"],
-        "turn_deg_before": _turn_deg(noisy.motion, clip.motion),
-        "turn_deg": _turn_deg(model.motion, clip.motion),
+        "rotation_error_deg_before": _rotation_error_deg(noisy.motion, clip.motion),
+        "rotation_error_deg": _rotation_error_deg(model.motion, clip.motion),
         "joint_mm_before": _joint_mm(noisy.motion, clip),
         "joint_mm": _joint_mm(model.motion, clip),
     }
 
 
-def _turn_deg(motion: Motion, truth: Motion) -> float:
+def _rotation_error_deg(motion: Motion, truth: Motion) -> float:
     """Mean error of the joints' own rotations."""
     one, other = (axis_angle_to_matrix(m.joint_angles) for m in (motion, truth))
     return round(float(geodesic_deg(one, other).mean()), 3)
 
 
 def _joint_mm(motion: Motion, clip: Sequence) -> float:
-    """Mean error of the joints' places."""
-    places = [
+    """Mean error of the joints' positions."""
+    positions = [
         clip.body.skeleton.joint_transforms(m.joint_angles, m.root_translation)[..., :3, 3]
         for m in (motion, clip.motion)
     ]
-    return round(1e3 * float(np.linalg.norm(places[0] - places[1], axis=-1).mean()), 2)
+    return round(1e3 * float(np.linalg.norm(positions[0] - positions[1], axis=-1).mean()), 2)

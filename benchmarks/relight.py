@@ -17,7 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import Clock, clock_named, milliseconds
 from capture.sources.panorama import read_panorama
 from capture.storage import open_sequence
@@ -52,7 +52,7 @@ class _Compared:
     """As filmed, relit, truth."""
 
 
-def run(json_file: Path | None, panoramas: Path, picture: Path | None, clock_name: str) -> None:
+def run(writer: FigureWriter, panoramas: Path, picture: Path | None, clock_name: str) -> None:
     """Measure, report, and draw the comparison."""
     clock = clock_named(clock_name)
     rooms = {name: _panorama(panoramas, name) for name in SHOWN_IN}
@@ -77,7 +77,7 @@ def run(json_file: Path | None, panoramas: Path, picture: Path | None, clock_nam
         "splats": 10_000, "training_s": BUDGET_S, **clock.about(), "rows": rows,
         "least_gain_db": min(row["gain_db"] for row in rows), "relighting": seconds,
     }  # fmt: skip
-    write_report(json_file, "relight", figures)
+    writer.write(figures)
     if picture is not None:
         picture.parent.mkdir(parents=True, exist_ok=True)
         half = len(strips) // 2

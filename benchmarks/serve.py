@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numba
 import numpy as np
 
-from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import late_share, milliseconds
 from capture.studio.moves import turning
 from capture.studio.performer import make_performer
@@ -46,7 +46,7 @@ _BESIDE_M = 0.8
 _BITRATE = 2_500_000
 
 
-def run(json_file: Path | None) -> None:
+def run(writer: FigureWriter) -> None:
     """Measure and report."""
     figures: dict[str, Any] = {"batch": 1, "threads": numba.get_num_threads()}
     figures["trained"] = _training_step()
@@ -57,7 +57,7 @@ def run(json_file: Path | None) -> None:
     figures["coded"] = [_coded(*case) for case in product((512, 1024), (1, 4), (False, True))]
     figures["session"] = _long_session()
     figures["served"] = [_served(viewers, size) for viewers, size in VIEWERS]
-    write_report(json_file, "serve", figures)
+    writer.write(figures)
 
 
 def _training_step() -> dict[str, Any]:

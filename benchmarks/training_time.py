@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.frontier.training import figures_of
-from benchmarks.reporting.figures import write_report
-from benchmarks.reporting.measurements import MeasurementCache
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
@@ -37,11 +36,11 @@ _ACCURACY = "psnr_novel_view_body_crop"
 
 
 def run(
-    json_file: Path | None, state: Path, motion: Path, backbone: Path | None, clock_name: str,
+    writer: FigureWriter, motion: Path, backbone: Path | None, clock_name: str,
     only: str,
 ) -> None:  # fmt: skip
-    """Measure what is missing in `state`, report, and draw the chart beside the JSON."""
-    cache, clock = MeasurementCache(state, only), clock_named(clock_name)
+    """Measure what was not measured yet, and report."""
+    cache, clock = writer.cache(only), clock_named(clock_name)
     lpips = None if backbone is None else backbone.name
     motions = sorted(motion.glob("*.bvh"))
     rows: list[dict[str, Any]] = []
@@ -57,9 +56,7 @@ def run(
     about = {"frames": FRAMES, "size": SIZE, "poses": "exact", "region": "body crop",
              "earlier_s": EARLIER_S, **clock.about()}  # fmt: skip
     figures = {**about, f"time_to_{GOOD_DB:g}_db": good, "curves": curves, "rows": rows}
-    write_report(json_file, "train", figures)
-    if json_file is not None:
-        _draw(curves, json_file.with_suffix(".png"))
+    writer.write(figures)
 
 
 def _rows(
@@ -109,7 +106,8 @@ def seconds_to(points: list[tuple[float, float]], good_db: float) -> float | Non
     return None
 
 
-def _draw(curves: dict[str, list[tuple[float, float]]], path: Path) -> None:
+def draw_chart(figures: dict[str, Any], path: Path) -> None:
+    """The curves of a report, as PNG."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -117,7 +115,9 @@ def _draw(curves: dict[str, list[tuple[float, float]]], path: Path) -> None:
 
     figure, axes = pyplot.subplots(figsize=(6.0, 3.4), layout="constrained")
     words = {"cold": "from nothing", "warm": "from the person's earlier model, another clip"}
-    for (start, points), colour in zip(curves.items(), ("#0072b2", "#d55e00"), strict=True):
+    for (start, points), colour in zip(
+        figures["curves"].items(), ("#0072b2", "#d55e00"), strict=True
+    ):
         axes.plot(*zip(*points, strict=True), "o-", color=colour, label=words[start])
     axes.axhline(GOOD_DB, color="#999999", linewidth=0.8)
     axes.set(xscale="log", xlabel="training, s of one thread", ylabel="PSNR in new views, dB")

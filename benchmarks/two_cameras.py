@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 import cv2
 import numpy as np
 
-from benchmarks.reporting.figures import write_report
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import clock_named
 from capture.detection.landmarks import MediaPipeEstimator
 from capture.detection.tracking import track_person
@@ -54,7 +54,7 @@ class _Calibrated:
     translation: Float[Array, "3"]
 
 
-def run(json_file: Path | None, footage: Path, pose_model: Path, picture: Path | None) -> None:
+def run(writer: FigureWriter, footage: Path, pose_model: Path, picture: Path | None) -> None:
     """Capture `footage`/cam01.mp4, train, and judge both from cam02's place."""
     first, second = (_calibrated(footage / "Calib.qca.txt", f"cam0{n}") for n in (1, 2))
     with tempfile.TemporaryDirectory() as folder:
@@ -87,7 +87,7 @@ def run(json_file: Path | None, footage: Path, pose_model: Path, picture: Path |
             "mask_iou_in_the_second_camera": overlaps,
             "fit_in_the_first_camera": {key: report.as_json()[key] for key in _REPORTED},
         }  # fmt: skip
-        write_report(json_file, "two_cameras", figures)
+        writer.write(figures)
         if picture is not None:
             view, window = other.view(overlaps["model"]["scale"]), _around(other.truth[_SHOWN])
             _draw(picture, model, clip, other.images[_SHOWN], view, window)

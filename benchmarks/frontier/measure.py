@@ -1,22 +1,18 @@
 """Speed against accuracy: every preset on one sequence, in a run that can be cut and gone on with.
 
-Three kinds of measurement, each kept as soon as it is made: `accuracy/PRESET@SECONDS`,
+Three kinds of measurement, each stored as soon as it is made: `accuracy/PRESET@SECONDS`,
 `speed/PRESET` of a trained model, and `steps/PRESET` of the paper's presets and their speed-ups
 with the same weights.
 """
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
-from benchmarks.frontier.charts import draw_charts
-from benchmarks.frontier.page import page
 from benchmarks.frontier.speed import STEPS, Draw, timed, timed_steps, weights_of
 from benchmarks.frontier.training import RUNS, SCALED, accuracy, trained
-from benchmarks.reporting.figures import write_report
-from benchmarks.reporting.markdown import replace_between
+from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.measurements import MeasurementCache
 from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
@@ -31,15 +27,12 @@ FRAMES, SIZE = 60, 256
 
 
 def run(
-    json_file: Path | None, page_file: Path | None, state: Path, backbone: Path | None,
+    writer: FigureWriter, backbone: Path | None,
     scaled_s: float, clock_name: str, only: str,
 ) -> None:  # fmt: skip
-    """Measure what is missing in `state`, report, and draw the charts beside the JSON."""
-    clip, cache, clock = (
-        _sequence(state),
-        MeasurementCache(state, only),
-        clock_named(clock_name),
-    )
+    """Measure what was not measured yet, and report."""
+    state, cache, clock = writer.measurements, writer.cache(only), clock_named(clock_name)
+    clip = _sequence(state)
     figures = {
         "sequence": {
             "performer": "studio, seed 0", "look": "plain", "poses": "exact",
@@ -50,14 +43,7 @@ def run(
         "speed": _speeds(clip, cache, state, backbone, clock),
         "steps": _steps(clip, cache, clock),
     }  # fmt: skip
-    write_report(json_file, "frontier", {**figures, "points": points(figures)})
-    if json_file is not None:
-        draw_charts(figures, points(figures), json_file)
-    if page_file is not None:
-        charts = None
-        if json_file is not None:
-            charts = os.path.relpath(json_file.with_suffix(""), page_file.parent)
-        replace_between(page_file, "frontier", page(figures, points(figures), charts))
+    writer.write({**figures, "points": points(figures)})
 
 
 def _sequence(state: Path) -> Sequence:

@@ -1,25 +1,26 @@
-"""Generated parts of hand-written pages: tables between two markers."""
+"""Generated parts of hand-written pages: what stands between two markers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
 
 from scene.errors import InvalidInput
 
 
-def replace_between(path: Path, name: str, text: str) -> None:
-    """Put `text` between `<!-- name:begin -->` and `<!-- name:end -->` in the page `path`.
+def replaced(page: str, name: str, text: str) -> str:
+    """`page` with `text` between `<!-- name:begin -->` and `<!-- name:end -->`.
 
     Raises InvalidInput where the markers are not there, each once and in order.
     """
     begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
-    page = path.read_text() if path.exists() else ""
     before, found, rest = page.partition(begin)
     _, closed, after = rest.partition(end)
     if not (found and closed):
-        raise InvalidInput(f"{path} must hold {begin} and then {end}; got neither or one of them")
-    path.write_text(f"{before}{begin}\n\n{text.strip()}\n\n{end}{after}")
+        raise InvalidInput(
+            f"a page must hold {begin} and then {end}; got neither or one of them; put both where "
+            "the text is to stand"
+        )
+    return f"{before}{begin}\n\n{text.strip()}\n\n{end}{after}"
 
 
 def markdown_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.reporting.figures import machine
+from benchmarks.reporting.checkout import Checkout
+from benchmarks.reporting.origin import origin_of
 
 
 @dataclass(frozen=True)
@@ -21,24 +22,25 @@ class MeasurementCache:
     folder: Path
     only: str = ""
     """Measurements whose name does not hold this are left as they are, even if missing."""
+    checkout: Checkout = Checkout()  # noqa: RUF009 (frozen)
 
     def measured(
         self, name: str, of: dict[str, Any], measure: Callable[[], dict[str, Any]]
     ) -> dict[str, Any] | None:
-        """The figures `name`, measured now unless they are kept. None where `only` leaves them out.
+        """The figures `name`, stored or measured now. None where `only` leaves them out.
 
         Args:
-            of: what the figures are true of; kept figures of anything else are measured anew.
+            of: what the figures are true of; stored figures of anything else are measured anew.
         """
         path = self.folder / f"{name.replace('/', '-')}.json"
         if path.exists():
-            kept = json.loads(path.read_text())
-            if kept["of"] == json.loads(json.dumps(of)):
-                return kept["figures"]
+            stored = json.loads(path.read_text())
+            if stored["of"] == json.loads(json.dumps(of)):
+                return stored["figures"]
         if self.only not in name:
             return None
-        about = machine()
-        figures = {**measure(), **about}
+        origin = origin_of(self.checkout)
+        figures = {**measure(), **origin}
         self.folder.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(".part")
         part.write_text(json.dumps({"name": name, "of": of, "figures": figures}, indent=1) + "\n")

@@ -1,25 +1,20 @@
-"""The GPU's benchmark where there may be none, and the page that shows its figures."""
+"""The GPU's benchmarks where there may be no GPU."""
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
+import pytest
+import torch
 
-from benchmarks.gpu import run, tables
-from renderer.devices import best_device
-
-
-def test_the_page_shows_the_figures():
-    figures = json.loads(Path("docs/figures/gpu.json").read_text())
-    made = tables(figures)
-    assert made in Path("docs/gpu.md").read_text()
-    assert len([line for line in made.splitlines() if line.startswith("| 1 x 10,000")]) == 3
+from benchmarks import gpu, kernels
+from benchmarks.reporting.checkout import Checkout
+from benchmarks.reporting.figures import FigureWriter
+from scene.errors import InvalidInput
 
 
-def test_without_a_gpu_it_says_so(tmp_path):
-    if best_device().type != "cpu":
-        return
-    run(tmp_path / "gpu.json", None, [])
-    report = json.loads((tmp_path / "gpu.json").read_text())
-    assert report["missing"] == "no CUDA device"
-    assert "splats" not in report
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a CUDA device to measure")
+@pytest.mark.parametrize("name", ["gpu", "kernels"])
+def test_without_a_gpu_it_says_so_and_writes_nothing(tmp_path, name):
+    writer = FigureWriter.start(name, checkout=Checkout(tmp_path), words=["bench", name])
+    with pytest.raises(InvalidInput, match="a CUDA device and Triton must be at hand; got no CUDA"):
+        gpu.run(writer, []) if name == "gpu" else kernels.run(writer)
+    assert not list(tmp_path.iterdir())

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from benchmarks.performers import means, table
+from benchmarks.pages.performers import table
+from benchmarks.performers import means
 
 
 def cell(look: str, performer: str, psnr: float, lpips: float | None) -> dict[str, Any]:

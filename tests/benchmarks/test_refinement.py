@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.refinement import SHIFT_M, _turn_deg, _with_noise
+from benchmarks.refinement import SHIFT_M, _rotation_error_deg, _with_noise
 from tests.renderer.studio import make_sequence
 
 
@@ -13,7 +13,7 @@ def test_noise_is_as_large_as_claimed_and_the_clip_counts_as_estimated():
     clip = make_sequence(frames=40)
     noisy = _with_noise(clip, 2.0, lasting=False)
     # the length of three independent deviations is sqrt(8 / pi) = 1.6 times one
-    assert _turn_deg(noisy.motion, clip.motion) == pytest.approx(3.19, rel=0.05)
+    assert _rotation_error_deg(noisy.motion, clip.motion) == pytest.approx(3.19, rel=0.05)
     assert not noisy.exact_poses
     np.testing.assert_array_equal(noisy.motion.root_translation, clip.motion.root_translation)
     np.testing.assert_array_equal(noisy.train.pose(7).joint_angles, noisy.motion.joint_angles[7])

@@ -9,16 +9,14 @@ import pytest
 
 from benchmarks.frontier.charts import draw_charts
 from benchmarks.frontier.measure import points
-from benchmarks.frontier.page import page
 from benchmarks.frontier.pareto import pareto_front
 from benchmarks.frontier.speed import STEPS, timed
 from benchmarks.frontier.training import SCALED, Scale
-from benchmarks.reporting.markdown import replace_between
+from benchmarks.pages.frontier import page
 from benchmarks.reporting.timing import Clock
 from renderer.field.settings import FieldSettings
 from renderer.presets import EXACT, PRESETS, find_preset
 from scene.camera import Camera
-from scene.errors import InvalidInput
 from scene.motion import Pose
 from tests.renderer.field.performer import sequence
 
@@ -75,9 +73,8 @@ def test_a_point_joins_the_longest_budget_with_the_time_of_its_preset():
 
 
 def test_the_page_marks_what_is_scaled_estimated_and_on_the_front():
-    text = page(figures(), points(figures()), "figures/frontier")
+    text = page(figures(), points(figures()))
     assert "](figures/frontier-steps.png)" in text
-    assert ".png" not in page(figures(), points(figures()), None)
     assert (
         "| **splats** | 6.0 (7.2) | 6.0 (7.2) | 33.0 / 33.0 | 0.900 / 0.900 | 12.3 / 12.3 |" in text
     )
@@ -135,13 +132,3 @@ def test_a_slow_frame_is_estimated_from_a_smaller_one(second_a_view, estimated):
     assert (row["measured_px"] < 512) == estimated
     assert row["frames"] >= 3
     assert now_s < 120.0  # for all sizes together
-
-
-def test_only_what_lies_between_the_markers_changes(tmp_path):
-    path = tmp_path / "page.md"
-    path.write_text("before\n<!-- x:begin -->\nold\n<!-- x:end -->\nafter\n")
-    for _ in range(2):
-        replace_between(path, "x", "new")
-        assert path.read_text() == "before\n<!-- x:begin -->\n\nnew\n\n<!-- x:end -->\nafter\n"
-    with pytest.raises(InvalidInput, match="must hold <!-- y:begin -->"):
-        replace_between(path, "y", "new")

@@ -7,6 +7,7 @@ from typing import Any
 from benchmarks.frontier.charts import ACCURACY, counted, short_name
 from benchmarks.frontier.pareto import pareto_front
 from benchmarks.frontier.speed import BASES, SIZES
+from benchmarks.pages.provenance import Figures, measured_at
 from benchmarks.reporting.markdown import markdown_table
 from renderer.presets import EXACT
 
@@ -17,11 +18,13 @@ _CHARTS = (
 )
 
 
-def page(figures: dict[str, Any], points: list[dict[str, Any]], charts: str | None) -> str:
-    """All charts and tables, under what they were measured with.
+def frontier(figures: Figures) -> str:
+    """All charts and tables, and where they were measured."""
+    return f"{page(figures, figures['points'])}\n\n{measured_at(figures)}"
 
-    `charts`: address of the drawn charts as the page sees it, without `.png`; None: not drawn.
-    """
+
+def page(figures: dict[str, Any], points: list[dict[str, Any]]) -> str:
+    """All charts and tables, under what they were measured with."""
     lpips = next((row["conditions"]["lpips"] for row in figures["accuracy"]), None)
     backbone = "not measured" if lpips is None else f"x1000, {lpips['backbone']} backbone"
     counted_as = "seconds of one thread's own time" if figures["clock"] == "processor" else (
@@ -29,7 +32,7 @@ def page(figures: dict[str, Any], points: list[dict[str, Any]], charts: str | No
     parts = [
         f"Times: {counted_as}. PSNR, SSIM and LPIPS ({backbone}, inputs in [-1, 1]): body crop, "
         "black background, 256 x 256, unseen views / unseen poses.",
-        *(f"![{words}]({charts}{part}.png)" for part, words in _CHARTS if charts is not None),
+        *(f"![{words}](figures/frontier{part}.png)" for part, words in _CHARTS),
         "### The frontier",
         _frontier(points),
         "`*` estimated: a smaller frame was timed and its time multiplied with the ratio of the "

@@ -1,0 +1,68 @@
+"""Every benchmark whose figures the pages show: how it is called and what it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.inputs import (
+    require_browser,
+    require_cuda,
+    require_footage,
+    require_motion,
+    require_panoramas,
+    require_webcam_clip,
+)
+from scene.errors import InvalidInput
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """One command of `metanerf bench`."""
+
+    name: str
+    """Of its file of figures."""
+    arguments: tuple[str, ...]
+    """After `metanerf bench`."""
+    needs: tuple[Callable[[], None], ...] = ()
+    """Each raises InvalidInput where something is not at hand."""
+    takes_backbone: bool = False
+    """LPIPS is measured where its backbone is at hand."""
+
+    def words(self, backbone: Path | None) -> list[str]:
+        """The command line after `metanerf`."""
+        judged = self.takes_backbone and backbone is not None
+        return ["bench", *self.arguments, *(["--backbone", str(backbone)] if judged else [])]
+
+    def missing(self) -> str | None:
+        """What it lacks on this machine."""
+        for require in self.needs:
+            try:
+                require()
+            except InvalidInput as error:
+                return str(error)
+        return None
+
+
+CATALOGUE = (
+    Benchmark("live-capture", ("live-capture",)),
+    Benchmark("masks", ("masks",)),
+    Benchmark("local-view", ("local-view",), (require_browser,)),
+    Benchmark("serve", ("serve",), (require_browser,)),
+    Benchmark("meeting", ("meeting",), (require_browser, require_webcam_clip)),
+    Benchmark("distil", ("distil",)),
+    Benchmark("relight", ("relight",), (require_panoramas,)),
+    Benchmark("expressions", ("expressions",)),
+    Benchmark("two-cameras", ("two-cameras",), (require_footage,)),
+    Benchmark("capture-robustness", ("capture", "--robustness"), (require_motion,)),
+    Benchmark("field-speed", ("field",)),
+    Benchmark("refinement", ("refinement",)),
+    Benchmark("kernels", ("kernels",), (require_cuda,)),
+    Benchmark("gpu", ("gpu",), (require_cuda,)),
+    Benchmark("performers", ("performers",), (require_motion,), takes_backbone=True),
+    Benchmark("train", ("train",), (require_motion,), takes_backbone=True),
+    Benchmark("capture", ("capture",), (require_motion,), takes_backbone=True),
+    Benchmark("frontier", ("frontier",), takes_backbone=True),
+)
+"""Short ones first."""

@@ -1,0 +1,1 @@
+"""Tables, sentences and charts of the pages, made from docs/figures."""

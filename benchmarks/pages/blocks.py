@@ -1,0 +1,83 @@
+"""Which part of which page shows which figures, and the command that makes all of them anew."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.frontier.charts import draw_charts
+from benchmarks.pages import capture, splats
+from benchmarks.pages.frontier import frontier
+from benchmarks.pages.gpu import gpu
+from benchmarks.pages.numbers import SOURCES, numbers
+from benchmarks.pages.performers import performers
+from benchmarks.pages.provenance import Figures
+from benchmarks.reporting.markdown import replaced
+from benchmarks.training_time import draw_chart
+
+FIGURES = Path("docs/figures")
+_FIGURES_PAGE = "docs/figures/README.md"
+
+
+@dataclass(frozen=True)
+class Block:
+    """What stands between the markers `name` of a page."""
+
+    page: str
+    """From the root of the checkout."""
+    name: str
+    sources: tuple[str, ...]
+    """Files of figures, without `.json`."""
+    text: Callable[..., str]
+    """Of the sources' figures, one after the other."""
+
+
+BLOCKS = (
+    Block("README.md", "performers", ("performers",), performers),
+    Block("README.md", "numbers", SOURCES, numbers),
+    Block("README.md", "capture", ("capture",), capture.summary),
+    Block(_FIGURES_PAGE, "masks", ("masks",), capture.masks),
+    Block(_FIGURES_PAGE, "stages", ("capture",), capture.stages),
+    Block(_FIGURES_PAGE, "clips", ("capture",), capture.clips),
+    Block(_FIGURES_PAGE, "robustness", ("capture-robustness",), capture.robustness),
+    Block(_FIGURES_PAGE, "live", ("live-capture",), capture.live),
+    Block("docs/capture.md", "capture", ("capture",), capture.accuracy),
+    Block("docs/frontier.md", "refinement", ("refinement",), splats.refinement),
+    Block("docs/frontier.md", "frontier", ("frontier",), frontier),
+    Block("docs/gpu.md", "gpu", ("gpu",), gpu),
+    Block("docs/room.md", "relight", ("relight",), splats.relight),
+    Block(_FIGURES_PAGE, "trainings", ("expressions",), splats.trainings),
+    Block(_FIGURES_PAGE, "expressions", ("expressions",), splats.expressions),
+    Block(_FIGURES_PAGE, "local-view", ("local-view",), splats.local_view),
+    Block(_FIGURES_PAGE, "meeting", ("meeting",), splats.meeting),
+)
+
+
+def made_anew(root: Path) -> dict[Path, str]:
+    """Every page with generated parts, as the committed figures would have it.
+
+    Raises InvalidInput where a page lacks a block's markers.
+    """
+    pages: dict[Path, str] = {}
+    for block in BLOCKS:
+        path = root / block.page
+        text = block.text(*(_figures(root, name) for name in block.sources))
+        pages[path] = replaced(pages.get(path) or path.read_text(), block.name, text)
+    return pages
+
+
+def write_pages(root: Path) -> list[Path]:
+    """Write the pages that differ from the committed figures, and draw the charts; which pages."""
+    changed = [(path, text) for path, text in made_anew(root).items() if path.read_text() != text]
+    for path, text in changed:
+        path.write_text(text)
+    draw_chart(_figures(root, "train"), root / FIGURES / "train.png")
+    frontier_figures = _figures(root, "frontier")
+    draw_charts(frontier_figures, frontier_figures["points"], root / FIGURES / "frontier.json")
+    return [path for path, _ in changed]
+
+
+def _figures(root: Path, name: str) -> Figures:
+    return json.loads((root / FIGURES / f"{name}.json").read_text())

@@ -1,0 +1,185 @@
+"""How exact captures are, as docs/capture.md and the README show it."""
+
+from __future__ import annotations
+
+from benchmarks.pages.provenance import Figures, measured_at
+from benchmarks.reporting.markdown import markdown_table
+
+_MASK_STAGES = {
+    "estimator": "the estimator's mask",
+    "cut": "cut anew",
+    "with_backdrop": "with the backdrop",
+    "steady": "steady in time",
+    "own_colours": "own colours",
+    "true_alpha": "true alpha, the picture's colours",
+    "true_alpha_own_colours": "true alpha, own colours",
+}
+_MASK_COLUMNS = (
+    ("overlap", 3, "overlap"), ("alpha_error", 3, "alpha error"),
+    ("colour_error_levels", 1, "colour error, levels"), ("flicker", 3, "flicker"),
+    ("work_ms", 1, "ms a frame"),
+)  # fmt: skip
+"""Figure, decimals, words."""
+_SPOILT = {
+    "usual": "as it is, 15 frames/s",
+    "30_frames_a_second": "30 frames a second",
+    "60_frames_a_second": "60 frames a second",
+    "10_percent_of_landmarks_dropped": "10 % of landmarks dropped",
+    "30_percent_of_landmarks_dropped": "30 % of landmarks dropped",
+    "50_percent_of_landmarks_dropped": "50 % of landmarks dropped",
+    "holes_in_masks": "holes in masks",
+    "focal_length_unknown": "focal length unknown",
+    "half_resolution": "half resolution",
+    "somebody_passes_behind": "somebody passes behind",
+}
+_LIVE = (
+    ("live_to_clip_fit", "live to the clip-wide fit"),
+    ("live_unsmoothed_to_clip_fit", "the same, not smoothed"),
+    ("clip_fit_to_truth", "clip-wide fit to the truth"),
+    ("live_to_truth", "live to the truth"),
+    ("live_with_true_body_and_camera_to_truth",
+     "live, with the true body and camera, to the truth"),
+)  # fmt: skip
+_LATE = (
+    ("as_it_is", "the same, shown 60 ms late"),
+    ("predicted", "the same, predicted by 60 ms"),
+)
+
+
+_STAGES = {
+    "lifted": "the landmarks lifted to poses by a network",
+    "landmarks": "the fit to the landmarks of all frames",
+    "silhouette": "the outlines, optical flow and the floor",
+    "second look": "a second look at the outlines",
+    "refined while training": "training, which refines the poses by the pictures",
+}
+
+
+def masks(figures: Figures) -> str:
+    """Both looks beside one another, a row a stage."""
+    both = (figures["lit"], figures["loose"])
+    rows = [
+        [words, *(" / ".join(f"{look[stage][key]:.{digits}f}" for look in both)
+                  for key, digits, _ in _MASK_COLUMNS)]
+        for stage, words in _MASK_STAGES.items()
+    ]  # fmt: skip
+    head = ["stage", *(words for _, _, words in _MASK_COLUMNS)]
+    return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
+
+
+def accuracy(figures: Figures) -> str:
+    """The stages in few columns, and what captures are worth in pictures."""
+    rows = [
+        [_STAGES.get(name, name), f"{one['joint_mm']:.0f}", f"{one['joint_one_scale_mm']:.0f}",
+         _degrees(one)]
+        for name, one in _judged(figures["mean"]).items()
+    ]  # fmt: skip
+    head = ["after", "joints, mm", "with one scale a clip, mm", "rotations"]
+    exact, aligned, captured = _new_views_db(figures)
+    return "\n\n".join([
+        markdown_table(head, rows),
+        f"With exact poses `splats` reach {exact:.1f} dB in unseen views; with captured poses "
+        f"{aligned:.1f} dB once each test pose is aligned with its own picture, and "
+        f"{captured:.1f} dB as the poses are. {measured_at(figures)}",
+    ])  # fmt: skip
+
+
+def stages(figures: Figures) -> str:
+    """What each stage of the fit leaves, in the mean over clips."""
+    rows = [
+        [name, f"{one['joint_mm']:.0f}", f"{one['joint_one_scale_mm']:.0f}",
+         f"{one['joint_procrustes_mm']:.0f}", _degrees(one), f"{one['root_one_scale_mm']:.0f}",
+         f"{one['jitter_m_s3']:.0f} (truth {one['jitter_truth_m_s3']:.0f})",
+         f"{one['seconds']:.1f}" if "seconds" in one else ""]
+        for name, one in _judged(figures["mean"]).items()
+    ]  # fmt: skip
+    head = ["after", "joints, mm", "with one scale", "Procrustes", "rotations", "root, one scale, "
+            "mm", "jitter, m/s3", "s"]  # fmt: skip
+    return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
+
+
+def clips(figures: Figures) -> str:
+    """Every clip: what the fit leaves, what training makes of it, and what that is worth."""
+    rows = []
+    for row in (*figures["rows"], {"clip": "mean", **figures["mean"]}):
+        fitted, refined = list(_judged(row).values())[-2:]
+        rows.append([
+            row["clip"], f"{fitted['joint_one_scale_mm']:.0f}",
+            f"{refined['joint_one_scale_mm']:.0f}", _degrees(fitted), _degrees(refined),
+            *(_decibels(row["accuracy"][name])
+              for name in ("captured", "captured_aligned", "exact")),
+        ])  # fmt: skip
+    head = ["clip", "joints, one scale, mm", "refined", "rotations", "refined", "as they are, dB",
+            "aligned, dB", "exact poses, dB"]  # fmt: skip
+    return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
+
+
+def summary(figures: Figures) -> str:
+    """What the README says of captures."""
+    fitted, refined = list(_judged(figures["mean"]).values())[-2:]
+    exact, aligned, captured = _new_views_db(figures)
+    return (
+        "From pixels alone poses are off, and that decides. Over "
+        f"{len(figures['rows'])} performers who move as recorded people did (`metanerf bench "
+        f"capture`: {figures['frames']} frames of {figures['size']} px in a room, unseen views, "
+        f"{figures['region']}) joints are {fitted['joint_mm']:.0f} mm off, "
+        f"{refined['joint_mm']:.0f} once training has refined them "
+        f"({refined['joint_one_scale_mm']:.0f} with one scale a clip), and their rotations "
+        f"{refined['rotation_error_deg']:.0f} degrees; `splats` from exact poses reach "
+        f"{exact:.1f} dB, from captured ones {aligned:.1f} dB once each test pose is aligned with "
+        f"its own picture, {captured:.1f} dB as the poses are. {measured_at(figures)}"
+    )
+
+
+def robustness(figures: Figures) -> str:
+    """One performance, spoilt in one way each."""
+    rows = [
+        [words, f"{row['joint_one_scale_mm']:.0f}", f"{row['joint_procrustes_mm']:.0f}",
+         _degrees(row), f"{row['root_one_scale_mm']:.0f}", f"{row['swapped_frames']:.0f}"]
+        for key, words in _SPOILT.items()
+        for row in [figures["rows"][key]]
+    ]  # fmt: skip
+    head = ["what", "joints, one scale, mm", "Procrustes", "rotations", "root, mm",
+            "sides exchanged"]  # fmt: skip
+    return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
+
+
+def live(figures: Figures) -> str:
+    """The live solver's time and errors."""
+    step, meeting = figures["step_of_processor"], figures["in_a_meeting"]
+    packet = meeting["packet_to_pose_of_processor"]
+    late = figures["late_by_60_ms"]
+    rows = [
+        ["a step, of one core's time", f"p50 {step['p50_ms']:.2f} ms, p95 {step['p95_ms']:.2f} ms"],
+        *([words, _distances(figures[key])] for key, words in _LIVE),
+        *([words, _distances(late[key])] for key, words in _LATE),
+        ["in a meeting, a packet to a pose with feet that stand",
+         f"p50 {packet['p50_ms']:.2f} ms of processor, p95 {packet['p95_ms']:.2f}"],
+    ]  # fmt: skip
+    return "\n\n".join([markdown_table(["", ""], rows), measured_at(figures)])
+
+
+def _new_views_db(figures: Figures) -> list[float]:
+    """With exact poses, with captured ones aligned, and with captured ones as they are."""
+    worth = figures["mean"]["accuracy"]
+    return [worth[name]["psnr_novel_view"] for name in ("exact", "captured_aligned", "captured")]
+
+
+def _judged(row: Figures) -> dict[str, Figures]:
+    """The stages that were held against the truth: those of the fit, then what training left."""
+    return {name: one for name, one in row["stages"].items() if "joint_mm" in one}
+
+
+def _degrees(row: Figures) -> str:
+    return f"{row['rotation_error_deg']:.1f}°"
+
+
+def _decibels(accuracy: Figures) -> str:
+    return f"{accuracy['psnr_novel_view']:.1f} / {accuracy['psnr_unseen_pose']:.1f}"
+
+
+def _distances(row: Figures) -> str:
+    return (
+        f"mean {row['mean_mm']:.0f} mm, p95 {row['p95_mm']:.0f} mm, "
+        f"jitter {row['jitter_mm']:.1f} mm"
+    )

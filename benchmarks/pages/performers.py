@@ -1,0 +1,51 @@
+"""Accuracy on the studio's performers, as the README shows it."""
+
+from __future__ import annotations
+
+from benchmarks.pages.provenance import Figures, measured_at
+from benchmarks.reporting.markdown import markdown_table
+
+_MEASURES = (("psnr", 1.0, 1), ("ssim", 1.0, 3), ("lpips", 1e3, 1))
+"""Measure, what it is multiplied with in the table, decimals."""
+
+
+def performers(figures: Figures) -> str:
+    """What was measured, the table, and where it was measured."""
+    return "\n\n".join([_description(figures), table(figures["means"]), measured_at(figures)])
+
+
+def _description(figures: Figures) -> str:
+    counted = (
+        "seconds of one thread's own time" if figures["clock"] == "processor"
+        else f"wall clock on {figures['threads']} cores"
+    )  # fmt: skip
+    names = dict.fromkeys(row["performer"] for row in figures["rows"])
+    backbones = {row["conditions"]["lpips"]["backbone"] for row in figures["rows"]
+                 if row["conditions"]["lpips"] is not None}  # fmt: skip
+    lpips = "".join(
+        f"; LPIPS x1000 on the {name} backbone, inputs in [-1, 1]" for name in sorted(backbones)
+    )
+    return (
+        f"{len(names)} studio performers ({', '.join(names)}) in recorded motion, "
+        f"{figures['frames']} frames of {figures['size']} x {figures['size']} from one camera, "
+        f"{figures['poses']} poses, {figures['region']}, unseen views / unseen poses, mean over "
+        f"the performers (± standard deviation), training in {counted} (splats also look for the "
+        "clip's light, as `metanerf train` does, which is not counted)"
+        f"{lpips} (`metanerf bench performers`):"
+    )
+
+
+def table(means: list[Figures]) -> str:
+    """Unseen views / unseen poses, in Markdown."""
+    rows = []
+    for mean in means:
+        cells = []
+        for measure, factor, digits in _MEASURES:
+            pair = [mean[f"{measure}_{split}"] for split in ("novel_view", "unseen_pose")]
+            cells.append(" / ".join("-" if v is None else f"{factor * v:.{digits}f}" for v in pair))
+        spread = mean["psnr_novel_view_spread"]
+        rows.append([
+            mean["look"], f"`{mean['preset']}`", f"{mean['budget_s']:g} s",
+            f"{cells[0]} (± {spread:.1f})", *cells[1:],
+        ])  # fmt: skip
+    return markdown_table(["look", "preset", "training", "PSNR, dB", "SSIM", "LPIPS"], rows)

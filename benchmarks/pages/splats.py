@@ -1,0 +1,107 @@
+"""What splats are worth and what drawing them takes, as docs/splats.md, room.md and frontier.md
+show it."""
+
+from __future__ import annotations
+
+from benchmarks.pages.provenance import Figures, measured_at
+from benchmarks.reporting.markdown import markdown_table
+
+_TRAININGS = (
+    ("density alone", "splats three times as dense there, no expressions"),
+    ("expressions at even density", "expressions, splats as dense as elsewhere"),
+    ("both", "both, as it is"),
+)
+_EXPRESSIONS = {
+    "jaw_open": "jaw",
+    "blink_left": "left lid, on the crop of its eye (5 cm)",
+    "blink_right": "right lid, likewise",
+    "brows_up": "brows",
+    "smile": "smile",
+    "left_hand_curl": "left hand",
+    "right_hand_curl": "right hand",
+}
+
+
+def trainings(figures: Figures) -> str:
+    """dB of face and hands by every way to train them."""
+    nothing = [
+        sum(row["db"]["off"][part] for row in rows) / len(rows)
+        for part in ("face", "hands")
+        for rows in [[row for row in figures["rows"] if row["part"] == part]]
+    ]
+    rows = [["no expressions", *(f"{db:.1f}" for db in nothing)]]
+    for way, words in _TRAININGS:
+        both = [figures["worth"][f"{part}: {way}"] for part in ("face", "hands")]
+        rows.append([words, *(_gain(worth, 1) for worth in both)])
+    return "\n\n".join([markdown_table(["", "face", "hands"], rows), measured_at(figures)])
+
+
+def expressions(figures: Figures) -> str:
+    """What each expression alone is worth."""
+    rows = [[words, _gain(figures["worth"][key], 2)] for key, words in _EXPRESSIONS.items()]
+    return markdown_table(["expression", "dB on the crop"], rows)
+
+
+def local_view(figures: Figures) -> str:
+    """Pictures a second that a page draws by itself, a row a number of splats."""
+    sizes = sorted({row["size"] for row in figures["drawn"]})
+    rows = [
+        [f"{count:,}", *(
+            f"{row['pictures_per_second']:.0f} a second, {row['processor_ms']:.0f} ms"
+            + (" of processor time each" if (count, size) == (5000, sizes[0]) else "")
+            for size in sizes for row in figures["drawn"]
+            if (row["splats"], row["size"]) == (count, size)
+        )]
+        for count in sorted({row["splats"] for row in figures["drawn"]})
+    ]  # fmt: skip
+    head = ["splats", *(f"{size} x {size}" for size in sizes)]
+    return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
+
+
+def meeting(figures: Figures) -> str:
+    """Frames a second and latency, by who draws."""
+    shown = {
+        (row["performers"], row["viewers"], row["drawn_by"]):
+        f"{row['frames_per_second']:.0f} a second, {row['latency_p50_ms']} ms "
+        f"(p95 {row['latency_p95_ms']})"
+        for row in figures["rows"]
+    }  # fmt: skip
+    rows = [
+        [f"{performers}, {viewers}",
+         *(shown.get((performers, viewers, way), "") for way in ("server", "page"))]
+        for performers, viewers in sorted({key[:2] for key in shown})
+    ]  # fmt: skip
+    head = ["performers, viewers", "by the server", "by the page"]
+    return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
+
+
+def relight(figures: Figures) -> str:
+    """dB to the truth in another room's light, as captured and relit."""
+    rows = [
+        [row["performer"], row["filmed_in"], row["shown_in"], f"{row['psnr_as_filmed']:.1f}",
+         f"{row['psnr_relit']:.1f}", f"{row['gain_db']:.1f}"]
+        for row in figures["rows"]
+    ]  # fmt: skip
+    head = ["performer", "filmed in", "shown in", "as filmed", "relit", "gain"]
+    return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
+
+
+def refinement(figures: Figures) -> str:
+    """What refining poses wins back, by preset and kind of noise."""
+    how = {
+        ("splats", True): "whole clip at once, smooth in time",
+        ("fast", True): "the paper's MLP",
+    }
+    rows = [
+        [f"{row['noise_deg']:g}°, {'lasting' if row['lasting'] else 'each frame its own'}",
+         f"`{row['preset']}`, {how.get((row['preset'], row['refined']), 'poses believed')}",
+         f"{row['psnr_novel_view']:.1f}", f"{row['psnr_novel_view_aligned']:.1f}",
+         f"{row['joint_mm_before']:.0f} -> {row['joint_mm']:.0f}"]
+        for row in figures["rows"]
+    ]  # fmt: skip
+    head = ["noise", "model", "PSNR, dB", "test poses aligned", "joints, mm"]
+    return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
+
+
+def _gain(worth: Figures, digits: int) -> str:
+    return f"{worth['gain_db']:+.{digits}f} (± {worth['spread_db']:.{digits}f})"
