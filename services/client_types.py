@@ -1,7 +1,7 @@
 """Writes the page's types of what travels as JSON: `python -m services.client_types`.
 
 The gateway's own description (OpenAPI 3.1, whose schemas are JSON Schema 2020-12) is the one
-source; a test fails when `client/src/types.ts` differs from what it gives.
+source; a test fails when `client/src/api/types.ts` differs from what it gives.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 from scene.errors import InvalidInput
 
-CLIENT_TYPES = Path(__file__).resolve().parents[1] / "client" / "src" / "types.ts"
+CLIENT_TYPES = Path(__file__).resolve().parents[1] / "client" / "src" / "api" / "types.ts"
 _HEAD = """\
 /**
  * What travels as JSON between server and page. Written from the server's OpenAPI document by

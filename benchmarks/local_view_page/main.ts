@@ -1,7 +1,7 @@
 /** The page's own drawing as fast as it comes: poses and viewpoint anew for each picture. */
 
 import { LocalRoom } from "../../client/src/splats/localRoom";
-import { FOV_Y_RAD, orbitCamera } from "../../client/src/viewpoint";
+import { FOV_Y_RAD, orbitCamera } from "../../client/src/viewpoint/viewpoint";
 
 interface Asked {
   /** The file of everybody's model, base64. */

@@ -12,16 +12,16 @@ import "./style/more.css";
 import "./style/devices.css";
 import "./style/self.css";
 import "./style/screens.css";
-import { Api, type TokenStore } from "./api";
-import { chosenDevices } from "./devices";
-import { Enrolment, type Bookmark, type Clip } from "./enrol";
-import { everybody, meetMoving, type Somebody } from "./keypoints";
-import { LiveView } from "./live";
+import { Api, type TokenStore } from "./api/api";
+import { chosenDevices } from "./capture/devices";
+import { Enrolment, type Bookmark, type Clip } from "./enrolment/enrol";
+import { everybody, meetMoving, type Somebody } from "./enrolment/keypoints";
+import { LiveView } from "./drawing/live";
 import { Attendance, type Ticket, type TicketStore } from "./meeting/attendance";
-import type { LineState } from "./meeting/line";
+import type { ControlState } from "./meeting/controlConnection";
 import { myself } from "./meeting/state";
-import { Problem, asProblem } from "./problem";
-import type { Meeting, NewPerson } from "./types";
+import { Problem, asProblem } from "./api/problem";
+import type { Meeting, NewPerson } from "./api/types";
 import { h, prefersStillness } from "./views/dom";
 import { goodbyeView, lobbyView } from "./views/lobby";
 import { meetingTools } from "./views/meetingTools";
@@ -188,7 +188,7 @@ function waitBefore(there: Attendance): void {
   show(lobbyView(there, goOut));
 }
 
-function sayGoodbye(there: Attendance, { reason, problem }: Extract<LineState, { kind: "over" }>): void {
+function sayGoodbye(there: Attendance, { reason, problem }: Extract<ControlState, { kind: "over" }>): void {
   leaveMeeting();
   const ticket = tickets.get();
   const onHere = (): void => come(there.meeting, ticket?.name ?? GUEST, ticket);

@@ -1,7 +1,7 @@
 /** Stand-ins for what only a browser or a server has. */
 
-import type { TokenStore } from "../src/api";
-import type { Job, Member, Sequence } from "../src/types";
+import type { TokenStore } from "../src/api/api";
+import type { Job, Member, Sequence } from "../src/api/types";
 
 export function tokenStore(token: string | null): TokenStore {
   const hosts = new Map<string, string>();

@@ -1,7 +1,7 @@
 /** From the camera to the meeting: pictures stay here, landmarks go out. */
 
-import { Problem } from "../problem";
-import { closeCamera, openCamera } from "../record";
+import { Problem } from "../api/problem";
+import { closeCamera, openCamera } from "../capture/record";
 import { KeypointsChannel, type Channel } from "./channel";
 import { ExpressionFinder } from "./expressions";
 import { LandmarkFinder } from "./finder";

@@ -1,6 +1,6 @@
 /** Sends keypoints over the meeting's connection, and nothing else; opens anew after it was cut. */
 
-import { Problem, problemOf } from "../problem";
+import { Problem, problemOf } from "../api/problem";
 import type { SeenExpression } from "./expression";
 import { KEYPOINTS_BYTES, encodeKeypoints, type Landmarks } from "./packet";
 

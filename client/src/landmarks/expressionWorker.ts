@@ -6,7 +6,7 @@
 import { FaceLandmarker, HandLandmarker, type NormalizedLandmark } from "@mediapipe/tasks-vision";
 import wasmLoaderPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.js?url";
 import wasmBinaryPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.wasm?url";
-import { asProblem, problemOf } from "../problem";
+import { asProblem, problemOf } from "../api/problem";
 import { RestFinder, faceMeasures, faceNumbers, handCurl, type Point } from "./expression";
 import type { Part } from "./crops";
 import type { PartAnswer, PartPicture } from "./expressions";

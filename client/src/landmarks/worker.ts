@@ -8,7 +8,7 @@
 import { PoseLandmarker, type PoseLandmarkerResult } from "@mediapipe/tasks-vision";
 import wasmLoaderPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.js?url";
 import wasmBinaryPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.wasm?url";
-import { asProblem, problemOf } from "../problem";
+import { asProblem, problemOf } from "../api/problem";
 import type { Answer, Picture } from "./finder";
 import { LANDMARK_COUNT, type Landmarks } from "./packet";
 

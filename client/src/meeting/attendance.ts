@@ -1,9 +1,9 @@
 /** Our own part in a meeting: the seat, the name on it, the line to the others, what came by it. */
 
-import type { Api } from "../api";
-import type { FromServer, Meeting, Reacted, Refusal, Seat, ToServer } from "../types";
+import type { Api } from "../api/api";
+import type { FromServer, Meeting, Reacted, Refusal, Seat, ToServer } from "../api/types";
 import { ConnectionMeter } from "./connection";
-import { Line, type LineState } from "./line";
+import { ControlConnection, type ControlState } from "./controlConnection";
 import { NOBODY_YET, heard, myself, newsOf, type MeetingState } from "./state";
 
 /** What a reload needs to take the same seat up again. */
@@ -26,7 +26,7 @@ export class Attendance {
   state: MeetingState = NOBODY_YET;
   /** The microphone is to go on as soon as we are in. */
   comesHeard = false;
-  line: LineState = { kind: "connecting" };
+  line: ControlState = { kind: "connecting" };
   /** Number of the newest message that was read, before a reload too. */
   read = 0;
   onNews: (words: string) => void = () => undefined;
@@ -36,15 +36,16 @@ export class Attendance {
   private joining: Promise<Seat> | null = null;
   private name = "Guest";
   private readonly meter = new ConnectionMeter();
-  private channel: Line | null = null;
+  private channel: ControlConnection | null = null;
   private readonly listeners = new Set<Listener>();
 
   constructor(
     private readonly api: Api,
     readonly meeting: Meeting,
     private readonly tickets: TicketStore,
-    private readonly makeLine: (...hooks: ConstructorParameters<typeof Line>) => Line = (...hooks) =>
-      new Line(...hooks),
+    private readonly makeConnection: (
+      ...hooks: ConstructorParameters<typeof ControlConnection>
+    ) => ControlConnection = (...hooks) => new ControlConnection(...hooks),
   ) {}
 
   /** The seat, for the live picture too; a new one where there is none or it was given back. */
@@ -65,7 +66,7 @@ export class Attendance {
     this.name = name;
     this.seat = ticket?.seat ?? this.seat;
     this.read = ticket?.read ?? this.read;
-    this.channel = this.makeLine({
+    this.channel = this.makeConnection({
       greeting: async (stale) => {
         const { token, control_url } = await this.getSeat(stale);
         this.keep();

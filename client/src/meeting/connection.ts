@@ -1,6 +1,6 @@
 /** How well the network carries a meeting, from how long beats take to come back. */
 
-import type { Connection } from "../types";
+import type { Connection } from "../api/types";
 
 /** A median over so many beats; one slow beat is no bad network. */
 const BEATS = 5;

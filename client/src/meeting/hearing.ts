@@ -3,7 +3,7 @@
  * at the viewpoint would hear it (HRTF). A speaker whom nobody stands for is heard from ahead.
  */
 
-import type { Quaternion, Vec3 } from "../geometry";
+import type { Quaternion, Vec3 } from "../viewpoint/geometry";
 
 /** Where the listener's head is: of the picture's camera (OpenCV axes), or of a headset. */
 export interface Ears {

@@ -3,8 +3,8 @@
  * present, and stopped by either side.
  */
 
-import { Problem, problemOf } from "../problem";
-import { gathered, until } from "../until";
+import { Problem, problemOf } from "../api/problem";
+import { gathered, until } from "../api/until";
 
 const CONNECTING_MS = 10_000;
 const GATHERING_MS = 1000;

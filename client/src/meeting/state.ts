@@ -1,6 +1,6 @@
 /** What this page knows of its meeting: a value that each message from the server makes anew. */
 
-import type { Captioned, FromServer, Member, Reacted, RecordingUnderWay, Said } from "../types";
+import type { Captioned, FromServer, Member, Reacted, RecordingUnderWay, Said } from "../api/types";
 
 export type Reaction = Reacted["reaction"];
 

@@ -7,12 +7,12 @@
  * unless the server says that it is on, whoever switched it: we or the host.
  */
 
-import { sleep } from "../api";
-import { microphoneProblem, microphoneWanted } from "../devices";
-import { Problem, problemOf } from "../problem";
-import { gathered, until } from "../until";
+import { sleep } from "../api/api";
+import { microphoneProblem, microphoneWanted } from "../capture/devices";
+import { Problem, problemOf } from "../api/problem";
+import { gathered, until } from "../api/until";
 import type { Speaking } from "./hearing";
-import { pauseMs } from "./line";
+import { pauseMs } from "./controlConnection";
 
 export interface VoiceHooks {
   /** The token of the seat that we talk from. */

@@ -1,6 +1,6 @@
 /** Recorded meetings that we asked for, or agreed to. */
 
-import type { Recording } from "../types";
+import type { Recording } from "../api/types";
 import { h } from "../views/dom";
 import type { View } from "../views/shell";
 import { clockWords } from "./player";

@@ -1,8 +1,8 @@
 /** Fetches a recording: what everybody moved, said and wrote, and what draws them. */
 
-import type { Api } from "../api";
-import type { PosePacket } from "../packets";
-import type { RecordingInFull } from "../types";
+import type { Api } from "../api/api";
+import type { PosePacket } from "../transport/packets";
+import type { RecordingInFull } from "../api/types";
 import { readMotion, readRooms, readText, type Room, type Track } from "./tracks";
 
 export interface Loaded {

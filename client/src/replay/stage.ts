@@ -1,13 +1,13 @@
 /** A recorded room on a canvas: everybody as they stood at a moment, seen from any side. */
 
-import type { Api } from "../api";
-import { SizeLadder, fittingSize, highestStep } from "../framing";
-import type { Vec3 } from "../geometry";
-import { performerCheck } from "../packets";
+import type { Api } from "../api/api";
+import { SizeLadder, fittingSize, highestStep } from "../viewpoint/framing";
+import type { Vec3 } from "../viewpoint/geometry";
+import { performerCheck } from "../transport/packets";
 import { LocalRoom } from "../splats/localRoom";
 import { decodePicture, type Place } from "../splats/room";
-import type { Performer } from "../types";
-import { FOV_Y_RAD, Viewpoint, homeOrbit } from "../viewpoint";
+import type { Performer } from "../api/types";
+import { FOV_Y_RAD, Viewpoint, homeOrbit } from "../viewpoint/viewpoint";
 import type { Loaded } from "./load";
 import type { Player } from "./player";
 import { indexAt, poseAt, type Room } from "./tracks";

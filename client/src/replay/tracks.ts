@@ -1,7 +1,7 @@
 /** A recording's tracks as the server hands them out: records of u32 moment (ms), u16 length, bytes. */
 
-import { decodePose, type PosePacket } from "../packets";
-import type { Performer } from "../types";
+import { decodePose, type PosePacket } from "../transport/packets";
+import type { Performer } from "../api/types";
 
 export interface Track<Of> {
   /** Moments, ms, ascending. */

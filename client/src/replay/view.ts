@@ -1,9 +1,9 @@
 /** A recorded meeting on the page: the room at any moment, from any side, with what was said. */
 
-import type { Api } from "../api";
-import { steerWith } from "../controls";
-import { asProblem } from "../problem";
-import { isFinal } from "../api";
+import type { Api } from "../api/api";
+import { steerWith } from "../viewpoint/controls";
+import { asProblem } from "../api/problem";
+import { isFinal } from "../api/api";
 import { h, prefersStillness } from "../views/dom";
 import { icon, mark } from "../views/icons";
 import { button, notice, type View } from "../views/shell";

@@ -1,6 +1,6 @@
 /** What was said in a recording, in time with what is shown, from where its speaker stands. */
 
-import type { Vec3 } from "../geometry";
+import type { Vec3 } from "../viewpoint/geometry";
 import { turned, type Ears } from "../meeting/hearing";
 import type { Player } from "./player";
 

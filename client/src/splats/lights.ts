@@ -1,6 +1,6 @@
 /** What light falls on whom: the room's on everybody, else on each that of the clip they come from. */
 
-import type { Light } from "../types";
+import type { Light } from "../api/types";
 import type { Uniforms } from "./program";
 import { MOST_PEOPLE } from "./shaders";
 

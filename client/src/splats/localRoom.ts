@@ -1,9 +1,9 @@
 /** The room drawn by this device: fetches its people once, then draws them as poses come. */
 
-import { decodePose, isNewer, performerCheck, type PosePacket } from "../packets";
-import type { Size } from "../framing";
-import type { Performer } from "../types";
-import type { CameraPose } from "../viewpoint";
+import { decodePose, isNewer, performerCheck, type PosePacket } from "../transport/packets";
+import type { Size } from "../viewpoint/framing";
+import type { Performer } from "../api/types";
+import type { CameraPose } from "../viewpoint/viewpoint";
 import { castOf, shareWithin, type Cast } from "./cast";
 import { growthOf, readSplats, type SplatFile } from "./file";
 import { emptyOffsets, moveSplats } from "./moved";

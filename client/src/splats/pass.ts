@@ -8,7 +8,7 @@
  */
 
 import { SPLAT_NUMBERS, type Cast } from "./cast";
-import { matrixOf } from "./file";
+import { matrixOf } from "../viewpoint/geometry";
 import { Lights } from "./lights";
 import { MOVED_COLUMNS } from "./moved";
 import { program, uniformsOf, type Uniforms } from "./program";
@@ -24,7 +24,7 @@ import {
   WHOLE_VERTEX,
 } from "./shaders";
 import { SCREEN, STUDIO, screenHalves, type Place, type Shadow } from "./room";
-import type { CameraPose } from "../viewpoint";
+import type { CameraPose } from "../viewpoint/viewpoint";
 
 /** A pinhole camera in the room, OpenCV axes. */
 export interface PassCamera {

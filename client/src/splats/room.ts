@@ -1,6 +1,6 @@
 /** The room round the people as the server draws it: its colours, and shadows where people stand. */
 
-import type { Light } from "../types";
+import type { Light } from "../api/types";
 import { moved, TRANSFORM, type Bones } from "./skeleton";
 
 /** sRGB of `scene.environment.Environment`. */

@@ -5,7 +5,7 @@
  * "skinning").
  */
 
-import { matrixOf } from "./file";
+import { matrixOf } from "../viewpoint/geometry";
 
 /** Numbers of one transform. */
 export const TRANSFORM = 12;

@@ -1,11 +1,11 @@
 /** Being seen: the camera on or off, a small look at oneself, and in plain words what is seen. */
 
-import type { Api } from "../api";
+import type { Api } from "../api/api";
 import { BeingSeen, type Tracking } from "../landmarks/beingSeen";
 import { draw } from "../landmarks/skeleton";
-import type { LiveView } from "../live";
-import { Problem, asProblem } from "../problem";
-import type { Performer } from "../types";
+import type { LiveView } from "../drawing/live";
+import { Problem, asProblem } from "../api/problem";
+import type { Performer } from "../api/types";
 import { announce, h } from "./dom";
 import { button, notice, type View } from "./shell";
 

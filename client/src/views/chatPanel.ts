@@ -2,7 +2,7 @@
 
 import type { Attendance } from "../meeting/attendance";
 import { myself } from "../meeting/state";
-import type { Said } from "../types";
+import type { Said } from "../api/types";
 import { h } from "./dom";
 import type { Panel } from "./peoplePanel";
 import { button } from "./shell";

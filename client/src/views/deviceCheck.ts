@@ -1,9 +1,9 @@
 /** Before joining: is the camera the right one, does the microphone hear, and how does one come in? */
 
-import type { Api } from "../api";
-import { chooseDevices, chosenDevices, loudness, openMicrophone } from "../devices";
-import { asProblem, type Problem } from "../problem";
-import { closeCamera, openCamera } from "../record";
+import type { Api } from "../api/api";
+import { chooseDevices, chosenDevices, loudness, openMicrophone } from "../capture/devices";
+import { asProblem, type Problem } from "../api/problem";
+import { closeCamera, openCamera } from "../capture/record";
 import { h } from "./dom";
 import { selfPreview } from "./selfPreview";
 import type { View } from "./shell";

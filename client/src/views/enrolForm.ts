@@ -1,8 +1,8 @@
 /** Name and clip: a file that is chosen or dropped, or a turn in front of the camera; or keypoints. */
 
-import type { Clip } from "../enrol";
-import { MOTION_ONLY, isJson } from "../keypoints";
-import type { NewPerson } from "../types";
+import type { Clip } from "../enrolment/enrol";
+import { MOTION_ONLY, isJson } from "../enrolment/keypoints";
+import type { NewPerson } from "../api/types";
 import { announce, h } from "./dom";
 import { described, fileDrop } from "./fileDrop";
 import { heightField } from "./heightField";

@@ -1,11 +1,11 @@
 /** Improve me: in plain words what is filmed and learnt, a mark while the camera films, and a way back. */
 
-import { sleep } from "../api";
-import { FILM_S, Improvement, improvable, type Improvable, type ImproveState, type LeftBehind } from "../improve";
-import type { LiveView } from "../live";
-import { Problem, asProblem } from "../problem";
-import { progressInWords } from "../progressWords";
-import { closeCamera, openCamera, record, type Film } from "../record";
+import { sleep } from "../api/api";
+import { FILM_S, Improvement, improvable, type Improvable, type ImproveState, type LeftBehind } from "../enrolment/improve";
+import type { LiveView } from "../drawing/live";
+import { Problem, asProblem } from "../api/problem";
+import { progressInWords } from "../enrolment/progressWords";
+import { closeCamera, openCamera, record, type Film } from "../capture/record";
 import { announce, h, present } from "./dom";
 import { button, notice, type View } from "./shell";
 

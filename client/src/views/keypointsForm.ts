@@ -1,7 +1,7 @@
 /** Keypoints and whom they move: the way to meet somebody by motion alone. */
 
-import type { Somebody } from "../keypoints";
-import { asProblem } from "../problem";
+import type { Somebody } from "../enrolment/keypoints";
+import { asProblem } from "../api/problem";
 import { h } from "./dom";
 import { described, fileDrop } from "./fileDrop";
 import { button } from "./shell";

@@ -1,8 +1,8 @@
 /** Before the door, and after it: waiting to be let in, and why one is no longer there. */
 
 import type { Attendance } from "../meeting/attendance";
-import { Problem } from "../problem";
-import type { Goodbye } from "../types";
+import { Problem } from "../api/problem";
+import type { Goodbye } from "../api/types";
 import { announce, h } from "./dom";
 import { button, notice, type View } from "./shell";
 

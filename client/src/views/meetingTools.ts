@@ -1,6 +1,6 @@
 /** What a meeting has beside the picture: people, chat, signs, voices, screens, and what one sets rarely. */
 
-import type { Api } from "../api";
+import type { Api } from "../api/api";
 import type { Attendance } from "../meeting/attendance";
 import { inside, waiting } from "../meeting/state";
 import { chatPanel } from "./chatPanel";

@@ -1,6 +1,6 @@
 /** What one sets rarely: the place, captions, one's own traces. */
 
-import type { Api } from "../api";
+import type { Api } from "../api/api";
 import type { Attendance } from "../meeting/attendance";
 import { captions } from "./captions";
 import { h } from "./dom";

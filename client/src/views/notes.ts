@@ -2,7 +2,7 @@
 
 import type { Attendance } from "../meeting/attendance";
 import { speakers, waiting } from "../meeting/state";
-import type { Member, Reacted, Said } from "../types";
+import type { Member, Reacted, Said } from "../api/types";
 import { announce, h } from "./dom";
 import { icon } from "./icons";
 import { button } from "./shell";

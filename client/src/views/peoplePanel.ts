@@ -2,7 +2,7 @@
 
 import type { Attendance } from "../meeting/attendance";
 import { inside, isHost, waiting } from "../meeting/state";
-import type { Connection, Member } from "../types";
+import type { Connection, Member } from "../api/types";
 import { h } from "./dom";
 import { icon } from "./icons";
 import { button } from "./shell";

@@ -1,10 +1,10 @@
 /** Where the meeting is held: the host chooses, the others are told. */
 
-import type { Api } from "../api";
+import type { Api } from "../api/api";
 import type { Attendance } from "../meeting/attendance";
 import { isHost } from "../meeting/state";
-import { asProblem } from "../problem";
-import type { Environment } from "../types";
+import { asProblem } from "../api/problem";
+import type { Environment } from "../api/types";
 import { h } from "./dom";
 import { icon } from "./icons";
 import type { Panel } from "./peoplePanel";

@@ -1,8 +1,8 @@
 /** The picture beside the progress: one's own clip at first, then the likeness as it grows. */
 
-import type { Api } from "../api";
-import type { Clip, EnrolState } from "../enrol";
-import type { Job } from "../types";
+import type { Api } from "../api/api";
+import type { Clip, EnrolState } from "../enrolment/enrol";
+import type { Job } from "../api/types";
 import { h } from "./dom";
 import { mark } from "./icons";
 

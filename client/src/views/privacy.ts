@@ -1,8 +1,8 @@
 /** What leaves this device, said plainly, and the way to be forgotten. */
 
-import type { Api } from "../api";
-import { Problem, asProblem } from "../problem";
-import type { Person } from "../types";
+import type { Api } from "../api/api";
+import { Problem, asProblem } from "../api/problem";
+import type { Person } from "../api/types";
 import { announce, h } from "./dom";
 import { button } from "./shell";
 

@@ -1,11 +1,11 @@
 /** From clip to likeness: what is being done, how far it is, and what can be seen of it already. */
 
-import type { Api } from "../api";
-import type { Clip, EnrolState, Enrolment, Step } from "../enrol";
-import { asProblem } from "../problem";
-import { progressInWords } from "../progressWords";
-import { advice, qualityLines } from "../quality";
-import type { Sequence } from "../types";
+import type { Api } from "../api/api";
+import type { Clip, EnrolState, Enrolment, Step } from "../enrolment/enrol";
+import { asProblem } from "../api/problem";
+import { progressInWords } from "../enrolment/progressWords";
+import { advice, qualityLines } from "../enrolment/quality";
+import type { Sequence } from "../api/types";
 import { announce, h, present, usesTouch } from "./dom";
 import { icon } from "./icons";
 import { previewPane } from "./previewPane";

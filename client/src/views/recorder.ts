@@ -1,9 +1,9 @@
 /** Filming oneself: the camera's picture, a countdown, one guided turn, and a look at the result. */
 
-import { sleep } from "../api";
-import type { Clip } from "../enrol";
-import { asProblem } from "../problem";
-import { COUNTDOWN_S, TURN_S, closeCamera, guidance, openCamera, recordTurn } from "../record";
+import { sleep } from "../api/api";
+import type { Clip } from "../enrolment/enrol";
+import { asProblem } from "../api/problem";
+import { COUNTDOWN_S, TURN_S, closeCamera, guidance, openCamera, recordTurn } from "../capture/record";
 import { announce, h } from "./dom";
 import { button, notice, type View } from "./shell";
 

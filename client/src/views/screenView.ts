@@ -3,7 +3,7 @@
 import type { Attendance } from "../meeting/attendance";
 import { ScreenShare } from "../meeting/screen";
 import { isHost, myself, nameOf } from "../meeting/state";
-import { asProblem } from "../problem";
+import { asProblem } from "../api/problem";
 import { announce, h } from "./dom";
 import { button } from "./shell";
 

@@ -1,6 +1,6 @@
 /** Oneself as the others will see one: one's newest model, turning slowly. */
 
-import type { Api } from "../api";
+import type { Api } from "../api/api";
 import { castOf, type Cast } from "../splats/cast";
 import { emptyOffsets } from "../splats/moved";
 import { readSplats } from "../splats/file";
@@ -8,7 +8,7 @@ import { passCamera, SplatPass } from "../splats/pass";
 import { contactShadows } from "../splats/room";
 import { skin, TRANSFORM } from "../splats/skeleton";
 import { depthOrder, depthRows, depths, emptyOrder } from "../splats/sort";
-import { FOV_Y_RAD, orbitCamera } from "../viewpoint";
+import { FOV_Y_RAD, orbitCamera } from "../viewpoint/viewpoint";
 import { h, prefersStillness } from "./dom";
 
 const SIZE = { width: 240, height: 320 };

@@ -1,6 +1,6 @@
 /** What every screen shares: the head of the page, buttons, a notice of what went wrong. */
 
-import type { Problem } from "../problem";
+import type { Problem } from "../api/problem";
 import { announce, h, type Child } from "./dom";
 import { icon, mark, type IconName } from "./icons";
 

@@ -1,9 +1,9 @@
 /** The meeting: the live picture, filling the window, and the little that lies on it. */
 
-import { steerWith } from "../controls";
-import type { LiveNumbers, LiveState, LiveView } from "../live";
+import { steerWith } from "../viewpoint/controls";
+import type { LiveNumbers, LiveState, LiveView } from "../drawing/live";
 import type { Choice, Drawing } from "../splats/way";
-import type { Performer } from "../types";
+import type { Performer } from "../api/types";
 import { moveFocusByArrows } from "./arrowFocus";
 import { beSeenView } from "./beSeen";
 import { announce, h, usesTouch } from "./dom";
@@ -11,7 +11,6 @@ import { icon, mark } from "./icons";
 import { improveMeView } from "./improveMe";
 import type { MeetingTools } from "./meetingTools";
 import { button, notice, type View } from "./shell";
-import type { EnterVr } from "../xr/enterButton";
 import { waitingNote } from "./waitingNote";
 
 interface StageHooks {
@@ -24,7 +23,13 @@ const HINT_MS = 6000;
 const COPIED_MS = 2000;
 const CHEST_M = 0.95;
 
-export function stageView(live: LiveView, tools: MeetingTools, headset: EnterVr, hooks: StageHooks): View {
+/** The way into a headset: what the view shows of it, and ends with itself. */
+export interface HeadsetControl {
+  element: HTMLElement;
+  close(): void;
+}
+
+export function stageView(live: LiveView, tools: MeetingTools, headset: HeadsetControl, hooks: StageHooks): View {
   live.video.dataset["testid"] = "stage-video";
   live.video.setAttribute("aria-label", `Live picture of ${live.meeting.name || "the meeting"}`);
   const hint = stageHint();

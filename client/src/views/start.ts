@@ -1,12 +1,12 @@
 /** The first screen: the meeting that is on, and the way to bring oneself in. */
 
-import type { Api } from "../api";
-import type { LiveView } from "../live";
+import type { Api } from "../api/api";
+import type { LiveView } from "../drawing/live";
 import { deviceCheck } from "./deviceCheck";
 import { privacyPanel } from "./privacy";
 import { enrolForm, type EnrolHooks } from "./enrolForm";
 import { h } from "./dom";
-import type { Meeting } from "../types";
+import type { Meeting } from "../api/types";
 import { mark, turningFigure } from "./icons";
 import { button, type View } from "./shell";
 import { waitingNote } from "./waitingNote";

@@ -1,11 +1,11 @@
 /** The microphone's button, and the others' voices. */
 
-import type { Vec3 } from "../geometry";
+import type { Vec3 } from "../viewpoint/geometry";
 import type { Attendance } from "../meeting/attendance";
 import { Hearing, type Ears } from "../meeting/hearing";
 import { myself } from "../meeting/state";
 import { VoiceLink } from "../meeting/voice";
-import { asProblem } from "../problem";
+import { asProblem } from "../api/problem";
 import { announce, h } from "./dom";
 import { icon } from "./icons";
 import { button } from "./shell";

@@ -1,6 +1,6 @@
 /** What one waits for while there is no picture, and that there is sound alone. */
 
-import type { LiveState } from "../live";
+import type { LiveState } from "../drawing/live";
 import { announce, h } from "./dom";
 import { icon } from "./icons";
 

@@ -1,20 +1,16 @@
 /** The button that leads into a headset, where the browser offers one. */
 
-import type { LiveView } from "../live";
+import type { LiveView } from "../drawing/live";
 import type { Attendance } from "../meeting/attendance";
 import { announce } from "../views/dom";
 import { button } from "../views/shell";
+import type { HeadsetControl } from "../views/stage";
 import type { Headset, HeadsetWays } from "./session";
 
 const WORDS = { out: "Enter VR", in: "Leave VR" } as const;
 const OPTIONS = { requiredFeatures: ["local-floor"], optionalFeatures: ["hand-tracking"] };
 
-export interface EnterVr {
-  element: HTMLButtonElement;
-  close(): void;
-}
-
-export function enterVrButton(live: LiveView, attendance: Attendance, ways: HeadsetWays): EnterVr {
+export function enterVrButton(live: LiveView, attendance: Attendance, ways: HeadsetWays): HeadsetControl {
   const element = button(WORDS.out, () => void toggle(), { look: "glass", icon: "headset", testId: "enter-vr" });
   const system = navigator.xr;
   const closing = new AbortController();

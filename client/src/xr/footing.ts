@@ -1,7 +1,7 @@
 /** Where in the room a headset's space stands: its viewer's seat, steps, turns, and height. */
 
-import type { Vec3 } from "../geometry";
-import type { Performer } from "../types";
+import type { Vec3 } from "../viewpoint/geometry";
+import type { Performer } from "../api/types";
 import { add, column, scale, unit, yawOf, type Matrix, type Quad, type Ray } from "./space";
 
 /** Eyes of somebody who stands, m above the floor. */

@@ -4,7 +4,7 @@
  */
 
 import { inside, myself, type MeetingState, type Reaction } from "../meeting/state";
-import type { ToServer } from "../types";
+import type { ToServer } from "../api/types";
 import type { IconName } from "../views/icons";
 
 export const MENU_PX = { width: 1024, height: 760 } as const;

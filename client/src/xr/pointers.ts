@@ -1,6 +1,6 @@
 /** What a headset's controllers and hands point at, press, and turn by. */
 
-import type { Vec3 } from "../geometry";
+import type { Vec3 } from "../viewpoint/geometry";
 import type { Footing } from "./footing";
 import { itemAt, MENU_PX, type Item } from "./menu";
 import { same } from "./paint";

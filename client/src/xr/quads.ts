@@ -3,7 +3,7 @@
 import type { Eye, PassCamera } from "../splats/pass";
 import { program, uniformsOf, type Uniforms } from "../splats/program";
 import { add, cross, scale, unit, type Quad } from "./space";
-import type { Vec3 } from "../geometry";
+import type { Vec3 } from "../viewpoint/geometry";
 
 const VERTEX = `#version 300 es
 precision highp float;

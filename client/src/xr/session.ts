@@ -6,7 +6,7 @@
  */
 
 import type { Attendance } from "../meeting/attendance";
-import type { LiveView } from "../live";
+import type { LiveView } from "../drawing/live";
 import type { Eye, PassCamera } from "../splats/pass";
 import { sharesOf, sizeInView, SplatBudget, steadyShares } from "./budget";
 import { boardBefore, Footing, middleOf, seatPlace, SNAP_RAD } from "./footing";
@@ -15,7 +15,7 @@ import { paintMenu, paintWords } from "./paint";
 import { Pointers, type Aim } from "./pointers";
 import { Board, Quads, ringAt, strip, type Flat } from "./quads";
 import { column, eyeCamera, headPose, yawOf, type Matrix, type Quad } from "./space";
-import type { Visit } from "./visit";
+import type { Visit } from "../drawing/visit";
 import { Words } from "./words";
 
 export interface HeadsetWays {

@@ -3,9 +3,9 @@
  * along -z) on one side, our cameras (OpenCV axes) on the other. Metres, radians. No DOM in here.
  */
 
-import type { Quaternion, Vec3 } from "../geometry";
+import type { Quaternion, Vec3 } from "../viewpoint/geometry";
 import type { PassCamera } from "../splats/pass";
-import type { CameraPose } from "../viewpoint";
+import type { CameraPose } from "../viewpoint/viewpoint";
 
 /** A rigid motion, or a projection: 16 numbers, column by column. */
 export type Matrix = ArrayLike<number>;

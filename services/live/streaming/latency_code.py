@@ -2,9 +2,9 @@
 
 With the setting `latency_code` this is passed to the view sessions. Each picture then carries the
 code in its upper left corner before it is encoded, and pose packets carry the same time, from which
-pages that draw the room themselves write the same code (client/src/stamp.ts). Read back from the
-pixels that are shown, against the clock of the machine that captured, it gives the latency from a
-webcam's landmarks to the picture: channel, solver, drawing, encoding, decoding.
+pages that draw the room themselves write the same code (client/src/transport/latencyCode.ts). Read
+back from the pixels that are shown, against the clock of the machine that captured, it gives the
+latency from a webcam's landmarks to the picture: channel, solver, drawing, encoding, decoding.
 
 The code is 20 cells in two rows of ten, each 16 x 16 px, black or white: 16 bits of the capture
 time in ms, modulo 65,536, then 4 check bits; highest first. A cell is a macroblock of its own, so

@@ -1,6 +1,6 @@
 /** The page's own splat pass, driven by a test: the very modules of the client, nothing of its own. */
 
-import { decodePose } from "../../../client/src/packets";
+import { decodePose } from "../../../client/src/transport/packets";
 import { castOf, shareWithin } from "../../../client/src/splats/cast";
 import { growthOf, readSplats } from "../../../client/src/splats/file";
 import { emptyOffsets, moveSplats } from "../../../client/src/splats/moved";
@@ -8,8 +8,8 @@ import { passCamera, SplatPass, type PassFrame } from "../../../client/src/splat
 import { contactShadows, decodePicture } from "../../../client/src/splats/room";
 import { skin, TRANSFORM } from "../../../client/src/splats/skeleton";
 import { depthOrder, depthRows, depths, emptyOrder } from "../../../client/src/splats/sort";
-import type { Quaternion, Vec3 } from "../../../client/src/geometry";
-import type { Light } from "../../../client/src/types";
+import type { Quaternion, Vec3 } from "../../../client/src/viewpoint/geometry";
+import type { Light } from "../../../client/src/api/types";
 
 interface Asked {
   /** Files and pose packets, one a person, base64. */

@@ -1,0 +1,371 @@
+/** The server's REST calls, typed. Every failure is thrown as a Problem. */
+
+import { NO_SERVER, Problem, problemOf } from "./problem";
+import { loadSplats } from "./splats";
+import { readEvents } from "./sse";
+import type {
+  DemoMeeting,
+  Environment,
+  Environments,
+  Guest,
+  Job,
+  ListedPerson,
+  Meeting,
+  Model,
+  Models,
+  NewMeeting,
+  NewModel,
+  NewPerformer,
+  NewPerson,
+  NewVideo,
+  OpenedMeeting,
+  People,
+  Performer,
+  Person,
+  Place,
+  Recording,
+  RecordingInFull,
+  Recordings,
+  Seat,
+  Sequence,
+  Visitor,
+} from "./types";
+
+/** Keeps the bearer token between calls (and, in the page, between reloads). */
+export interface TokenStore {
+  get(): string | null;
+  set(token: string | null): void;
+  /** What makes us the host of a meeting that we opened. */
+  getHost(meetingId: string): string | null;
+  setHost(meetingId: string, token: string): void;
+}
+
+const FINAL: ReadonlySet<Job["state"]> = new Set(["succeeded", "failed", "cancelled"]);
+
+export function isFinal(job: Job): boolean {
+  return FINAL.has(job.state);
+}
+
+export class Api {
+  private minting: Promise<string> | null = null;
+  /** A token that has run out still says who we are. */
+  private last: string | null = null;
+
+  constructor(
+    private readonly tokens: TokenStore,
+    private readonly request: typeof fetch = (input, init) => fetch(input, init),
+    private readonly openUpload: () => XMLHttpRequest = () => new XMLHttpRequest(),
+  ) {}
+
+  /** The meeting that the demo shows, if this server runs one. */
+  async demoMeeting(): Promise<string | null> {
+    try {
+      return (await this.json<DemoMeeting>("GET", "/v1/demo")).meeting_id;
+    } catch (error) {
+      if (error instanceof Problem && error.status === 404) return null;
+      throw error;
+    }
+  }
+
+  createPerson(person: NewPerson): Promise<Person> {
+    return this.json("POST", "/v1/people", person);
+  }
+
+  /** Every row and object of theirs. */
+  async erasePerson(id: string): Promise<void> {
+    await this.send("DELETE", `/v1/people/${id}`);
+  }
+
+  /** Everybody of this account, the oldest first; before them whom the demo lends. */
+  async people(): Promise<ListedPerson[]> {
+    return (await this.json<People>("GET", "/v1/people")).items;
+  }
+
+  /** Their models, the oldest first. */
+  async models(): Promise<Model[]> {
+    return (await this.json<Models>("GET", "/v1/models")).items;
+  }
+
+  sequence(id: string): Promise<Sequence> {
+    return this.json("GET", `/v1/sequences/${id}`);
+  }
+
+  /** A clip with its frames and motion; models of it stay. */
+  async deleteSequence(id: string): Promise<void> {
+    await this.send("DELETE", `/v1/sequences/${id}`);
+  }
+
+  train(sequenceId: string, training: NewModel): Promise<Job> {
+    return this.json("POST", `/v1/sequences/${sequenceId}/models`, training);
+  }
+
+  job(id: string): Promise<Job> {
+    return this.json("GET", `/v1/jobs/${id}`);
+  }
+
+  async cancelJob(id: string): Promise<void> {
+    await this.send("DELETE", `/v1/jobs/${id}`);
+  }
+
+  async resumeJob(id: string): Promise<Job> {
+    await this.send("POST", `/v1/jobs/${id}/resume`);
+    return this.job(id);
+  }
+
+  async preview(jobId: string): Promise<Blob> {
+    return (await this.send("GET", `/v1/jobs/${jobId}/preview`)).blob();
+  }
+
+  /** Recorded meetings that we asked for, or agreed to. */
+  async recordings(): Promise<Recording[]> {
+    return (await this.json<Recordings>("GET", "/v1/recordings")).items;
+  }
+
+  recording(id: string): Promise<RecordingInFull> {
+    return this.json("GET", `/v1/recordings/${id}`);
+  }
+
+  /** The place that the host of a recorded meeting had brought along. */
+  recordedPlace(id: string): Promise<Environment> {
+    return this.json("GET", `/v1/recordings/${id}/place`);
+  }
+
+  async deleteRecording(id: string): Promise<void> {
+    await this.send("DELETE", `/v1/recordings/${id}`);
+  }
+
+  /** Take what we moved, said and wrote out of a recording. */
+  async leaveRecording(id: string): Promise<void> {
+    await this.send("DELETE", `/v1/recordings/${id}/mine`);
+  }
+
+  exportRecording(id: string, video: NewVideo): Promise<Job> {
+    return this.json("POST", `/v1/recordings/${id}/export`, video);
+  }
+
+  /** Some file of the server's that takes a token. */
+  async file(path: string): Promise<Blob> {
+    return (await this.send("GET", path)).blob();
+  }
+
+  meeting(id: string): Promise<Meeting> {
+    return this.json("GET", `/v1/meetings/${id}`);
+  }
+
+  /** Every place that comes with the server. */
+  async places(): Promise<Environment[]> {
+    return (await this.json<Environments>("GET", "/v1/environments")).items;
+  }
+
+  /** Where a meeting is held. */
+  place(meetingId: string): Promise<Environment> {
+    return this.json("GET", `/v1/meetings/${meetingId}/environment`);
+  }
+
+  /** Hold a meeting somewhere else; `token` is the host's seat. */
+  async choosePlace(meetingId: string, name: string, token: string): Promise<Environment> {
+    const path = `/v1/meetings/${meetingId}/environment`;
+    return (await checked(await this.attempt("PUT", path, token, { name } satisfies Place))).json() as Promise<Environment>;
+  }
+
+  /** Hold a meeting in a panorama of the host's own. */
+  async bringPlace(meetingId: string, picture: Blob, token: string): Promise<Environment> {
+    const init = { method: "PUT", headers: { Authorization: `Bearer ${token}` }, body: picture };
+    const sent = this.request(`/v1/meetings/${meetingId}/panorama`, init);
+    return (await checked(await reached(sent))).json() as Promise<Environment>;
+  }
+
+  /** The file from which a model of ours is drawn; null where it has none. */
+  async splats(modelId: string): Promise<ArrayBuffer | null> {
+    return loadSplats(modelId, await this.token(), this.request);
+  }
+
+  async createMeeting(name: string, modelIds: string[]): Promise<Meeting> {
+    const body = { name, model_ids: modelIds } satisfies NewMeeting;
+    const { host_token, ...meeting } = await this.json<OpenedMeeting>("POST", "/v1/meetings", body);
+    this.tokens.setHost(meeting.id, host_token);
+    return meeting;
+  }
+
+  /** Stand a model in a meeting; it moves by a sequence's motion, or as it was filmed. */
+  addPerformer(
+    meetingId: string,
+    modelId: string,
+    motionSequenceId: string | null = null,
+  ): Promise<Performer> {
+    const body = { model_id: modelId, motion_sequence_id: motionSequenceId } satisfies NewPerformer;
+    return this.json("POST", `/v1/meetings/${meetingId}/performers`, body);
+  }
+
+  /** A seat; as its host in a meeting that we opened. */
+  async join(meetingId: string, displayName: string): Promise<Seat> {
+    const path = `/v1/meetings/${meetingId}/join`;
+    const body = { display_name: displayName } satisfies Visitor;
+    const host = this.tokens.getHost(meetingId);
+    if (host === null) return this.json("POST", path, body);
+    const response = await this.attempt("POST", path, host, body);
+    // a host's token that has run out is no worse than none
+    if (response.status === 401) return this.json("POST", path, body);
+    return (await checked(response)).json() as Promise<Seat>;
+  }
+
+  /** Upload a clip; `onProgress` gets 0 to 1. XMLHttpRequest, since fetch can't tell how far it is. */
+  async uploadSequence(
+    personId: string,
+    file: Blob,
+    fileName: string,
+    onProgress: (fraction: number) => void,
+    signal: AbortSignal,
+  ): Promise<Sequence> {
+    const token = await this.token();
+    const form = new FormData();
+    form.append("file", file, fileName);
+    return new Promise((resolve, reject) => {
+      const upload = this.openUpload();
+      upload.open("POST", `/v1/people/${personId}/sequences`);
+      upload.setRequestHeader("Authorization", `Bearer ${token}`);
+      upload.upload.onprogress = (event) => {
+        if (event.lengthComputable) onProgress(event.loaded / event.total);
+      };
+      upload.onerror = () => reject(NO_SERVER);
+      upload.onabort = () => reject(signal.reason);
+      upload.onload = () => {
+        if (upload.status >= 200 && upload.status < 300) {
+          resolve(JSON.parse(upload.responseText) as Sequence);
+        } else {
+          reject(problemOf(upload.status, upload.responseText));
+        }
+      };
+      signal.addEventListener("abort", () => upload.abort(), { once: true });
+      if (signal.aborted) reject(signal.reason);
+      else upload.send(form);
+    });
+  }
+
+  /**
+   * Follow a job to its end through server-sent events; a broken stream is opened again.
+   * Returns the job in its final state. Aborting `signal` throws its reason.
+   */
+  async watchJob(id: string, onJob: (job: Job) => void, signal: AbortSignal): Promise<Job> {
+    for (let attempt = 0; ; attempt++) {
+      try {
+        const response = await this.send("GET", `/v1/jobs/${id}/events`, undefined, signal);
+        if (response.body) {
+          for await (const { event, data } of readEvents(response.body)) {
+            if (event === "end") break;
+            if (event !== "progress") continue;
+            attempt = 0;
+            onJob(JSON.parse(data) as Job);
+          }
+        }
+        const job = await this.job(id);
+        onJob(job);
+        if (isFinal(job)) return job;
+      } catch (error) {
+        signal.throwIfAborted();
+        const passing = !(error instanceof Problem) || error.offline || error.status === 503;
+        if (!passing || attempt >= LONGEST_SILENCE) throw error;
+      }
+      await sleep(Math.min(250 * 2 ** attempt, 4000), signal);
+    }
+  }
+
+  /** A call with a JSON answer. */
+  private async json<T>(method: string, path: string, body?: unknown): Promise<T> {
+    return (await this.send(method, path, body)).json() as Promise<T>;
+  }
+
+  private async send(
+    method: string,
+    path: string,
+    body?: unknown,
+    signal?: AbortSignal,
+  ): Promise<Response> {
+    const token = await this.token();
+    let response = await this.attempt(method, path, token, body, signal);
+    if (response.status === 401 && this.tokens.get() !== null) {
+      // the token has run out, or belongs to a server that has been set up anew
+      this.last = this.tokens.get();
+      this.tokens.set(null);
+      response = await this.attempt(method, path, await this.token(), body, signal);
+    }
+    return checked(response);
+  }
+
+  private async attempt(
+    method: string,
+    path: string,
+    token: string,
+    body: unknown,
+    signal?: AbortSignal,
+  ): Promise<Response> {
+    const headers: Record<string, string> = { Authorization: `Bearer ${token}` };
+    const init: RequestInit = { method, headers };
+    if (signal) init.signal = signal;
+    if (body !== undefined) {
+      headers["Content-Type"] = "application/json";
+      init.body = JSON.stringify(body);
+    }
+    return reached(this.request(path, init), signal);
+  }
+
+  /** The stored token, else a guest's; calls that come meanwhile share one request. */
+  private async token(): Promise<string> {
+    const known = this.tokens.get();
+    if (known !== null) return known;
+    this.minting ??= this.mint().finally(() => {
+      this.minting = null;
+    });
+    return this.minting;
+  }
+
+  private async mint(): Promise<string> {
+    const response = await reached(this.request("/v1/guest", { method: "POST", headers: this.last ? { Authorization: `Bearer ${this.last}` } : {} }));
+    if (response.status === 401 || response.status === 403) {
+      throw new Problem(
+        "You need an invitation",
+        "This server lets in only people who were invited; open the link that you were sent.",
+        response.status,
+      );
+    }
+    if (!response.ok) {
+      throw problemOf(response.status, await response.text(), response.headers.get("Retry-After"));
+    }
+    const { token } = (await response.json()) as Guest;
+    this.tokens.set(token);
+    return token;
+  }
+}
+
+const LONGEST_SILENCE = 8;
+
+/** The response, or the problem that it tells. */
+async function checked(response: Response): Promise<Response> {
+  if (response.ok) return response;
+  throw problemOf(response.status, await response.text(), response.headers.get("Retry-After"));
+}
+
+/** The response, or NO_SERVER where none came. */
+async function reached(response: Promise<Response>, signal?: AbortSignal): Promise<Response> {
+  try {
+    return await response;
+  } catch {
+    signal?.throwIfAborted();
+    throw NO_SERVER;
+  }
+}
+
+export function sleep(milliseconds: number, signal?: AbortSignal): Promise<void> {
+  return new Promise((resolve, reject) => {
+    const stop = (): void => {
+      clearTimeout(timer);
+      reject(signal?.reason as unknown);
+    };
+    const timer = setTimeout(() => {
+      signal?.removeEventListener("abort", stop);
+      resolve();
+    }, milliseconds);
+    if (signal?.aborted) stop();
+    else signal?.addEventListener("abort", stop, { once: true });
+  });
+}

@@ -1,0 +1,238 @@
+/**
+ * From a clip to a model: upload, capture, training. Holds one state and tells each change of it;
+ * knows nothing of the page.
+ */
+
+import type { Api } from "../api/api";
+import { isFinal } from "../api/api";
+import { MOTION_ONLY } from "./keypoints";
+import { Problem, asProblem } from "../api/problem";
+import type { Job, NewModel, NewPerson, Sequence } from "../api/types";
+
+export type Step = "upload" | "capture" | "train";
+
+export interface EnrolState {
+  step: Step;
+  status: "working" | "stopping" | "stopped" | "failed" | "ready";
+  /** Of the present step, 0 to 1. */
+  fraction: number;
+  /** What the server says that it is doing. */
+  message: string;
+  name: string;
+  sequence: Sequence | null;
+  /** The job of the present step, newest news. */
+  job: Job | null;
+  modelId: string | null;
+  problem: Problem | null;
+}
+
+/** Enough to go on after the page was reloaded. */
+export interface Bookmark {
+  name: string;
+  sequenceId: string;
+  /** The training, once it has begun. */
+  jobId: string | null;
+  /** Whether the clip goes once the model is there. */
+  modelOnly?: boolean;
+}
+
+export interface Clip {
+  blob: Blob;
+  fileName: string;
+  /** Whether the clip is to be deleted once the model is trained. */
+  modelOnly?: boolean;
+}
+
+const TRAINING: NewModel = { preset: "splats", budget_s: 20, seed: 0 };
+
+export class Enrolment {
+  state: EnrolState = {
+    step: "upload",
+    status: "working",
+    fraction: 0,
+    message: "",
+    name: "",
+    sequence: null,
+    job: null,
+    modelId: null,
+    problem: null,
+  };
+  private working = new AbortController();
+  private bookmark: Bookmark | null = null;
+  private modelOnly = false;
+
+  constructor(
+    private readonly api: Api,
+    private readonly onChange: (state: EnrolState) => void,
+    private readonly onBookmark: (bookmark: Bookmark | null) => void,
+  ) {}
+
+  /** Upload `clip` as a new person and see it through to a model. */
+  start(newcomer: NewPerson, clip: Clip): Promise<void> {
+    this.modelOnly = clip.modelOnly ?? false;
+    return this.attempt(async (signal) => {
+      this.change({ name: newcomer.name });
+      const person = await this.api.createPerson(newcomer);
+      try {
+        signal.throwIfAborted();
+        const onProgress = (fraction: number): void => this.change({ fraction });
+        const sequence = await this.api.uploadSequence(
+          person.id,
+          clip.blob,
+          clip.fileName,
+          onProgress,
+          signal,
+        );
+        await this.continueFrom(sequence, signal);
+        if (this.state.status === "stopped" && !this.canResume) this.dismiss(person.id);
+      } catch (error) {
+        if (this.cameToNothing(error, signal)) this.dismiss(person.id);
+        throw error;
+      }
+    });
+  }
+
+  /** Go on where an earlier visit to the page stopped looking. */
+  revisit(bookmark: Bookmark): Promise<void> {
+    this.modelOnly = bookmark.modelOnly ?? false;
+    return this.attempt(async (signal) => {
+      this.remember(bookmark);
+      const step = bookmark.jobId ? "train" : "capture";
+      this.change({ name: bookmark.name, step, status: "working", problem: null });
+      const sequence = await this.api.sequence(bookmark.sequenceId);
+      signal.throwIfAborted();
+      if (!bookmark.jobId) return this.continueFrom(sequence, signal);
+      this.change({ sequence });
+      await this.follow(await this.api.job(bookmark.jobId), signal);
+    });
+  }
+
+  /** Stop what is being done; a stopped training can be resumed. */
+  async cancel(): Promise<void> {
+    const { job, step } = this.state;
+    if (step === "upload" || !job) {
+      this.working.abort(new DOMException("stopped", "AbortError"));
+      this.change({ status: "stopped" });
+      return;
+    }
+    this.change({ status: "stopping" });
+    try {
+      await this.api.cancelJob(job.id);
+    } catch (error) {
+      // it may have ended by itself meanwhile; then its end is what counts
+      if (this.state.status === "stopping") this.change({ status: "working" });
+      if (!(error instanceof Problem) || error.offline) throw error;
+    }
+  }
+
+  get canResume(): boolean {
+    const { status, job } = this.state;
+    const ended = status === "stopped" || status === "failed";
+    // a job whose clip the server has given up has no sequence any more
+    return ended && !!job?.sequence_id && isFinal(job) && job.state !== "succeeded";
+  }
+
+  /** The server went out of sight, but it has the clip: the way can be taken up again. */
+  get canReconnect(): boolean {
+    return this.state.status === "failed" && this.state.problem?.offline === true && !!this.bookmark;
+  }
+
+  reconnect(): Promise<void> {
+    return this.bookmark ? this.revisit(this.bookmark) : Promise.resolve();
+  }
+
+  /** Take up a stopped or failed job again: a training from its last checkpoint. */
+  resume(): Promise<void> {
+    const { job, sequence } = this.state;
+    if (!job) return Promise.resolve();
+    return this.attempt(async (signal) => {
+      this.change({ status: "working", problem: null });
+      const resumed = await this.api.resumeJob(job.id);
+      if (job.kind === "capture" && sequence) await this.continueFrom(sequence, signal);
+      else await this.follow(resumed, signal);
+    });
+  }
+
+  /** Stop listening; the server's work goes on. */
+  leave(): void {
+    this.working.abort(new DOMException("left", "AbortError"));
+  }
+
+  /** A person without a clip would be a name that nobody bears. */
+  private dismiss(personId: string): void {
+    void this.api.erasePerson(personId).catch(() => undefined);
+  }
+
+  /** The server has refused the clip or given it up, or it was never sent. */
+  private cameToNothing(error: unknown, signal: AbortSignal): boolean {
+    const { step, sequence, job } = this.state;
+    if (step === "upload") return signal.aborted || !asProblem(error).offline;
+    if (signal.aborted || asProblem(error).offline) return false;
+    return sequence?.state !== "ready" && !job?.sequence_id;
+  }
+
+  private async continueFrom(sequence: Sequence, signal: AbortSignal): Promise<void> {
+    this.remember({ name: this.state.name, sequenceId: sequence.id, jobId: null });
+    this.change({ step: "capture", fraction: 0, message: "", sequence, job: null });
+    let current = sequence;
+    if (current.state !== "ready" && current.job_id !== null) {
+      const job = await this.follow(await this.api.job(current.job_id), signal);
+      if (job.state !== "succeeded") return;
+      current = await this.api.sequence(current.id);
+    }
+    this.change({ sequence: current });
+    if (current.kind === "keypoints") throw MOTION_ONLY;
+    signal.throwIfAborted();
+    const job = await this.api.train(current.id, this.modelOnly ? { ...TRAINING, model_only: true } : TRAINING);
+    this.remember({ name: this.state.name, sequenceId: current.id, jobId: job.id });
+    this.change({ step: "train", fraction: 0, message: "", job });
+    await this.follow(job, signal);
+  }
+
+  /** Tell a job's progress until it ends. */
+  private async follow(started: Job, signal: AbortSignal): Promise<Job> {
+    this.news(started);
+    const job = await this.api.watchJob(started.id, (latest) => this.news(latest), signal);
+    this.news(job);
+    if (job.state === "cancelled") {
+      this.change({ status: "stopped", job });
+    } else if (job.state === "failed") {
+      throw job.error ? Problem.from(job.error) : new Problem("It did not work", job.message, 500);
+    } else if (job.kind === "train") {
+      this.change({ status: "ready", fraction: 1, job, modelId: job.model_id });
+    }
+    return job;
+  }
+
+  private news(job: Job): void {
+    const fraction = Math.min(1, Math.max(0, job.progress));
+    // while it is trained, a likeness can be met; better ones take its place
+    const modelId = job.kind === "train" ? job.model_id : this.state.modelId;
+    this.change({ job, fraction, message: job.message, modelId });
+  }
+
+  private async attempt(work: (signal: AbortSignal) => Promise<void>): Promise<void> {
+    this.working = new AbortController();
+    const { signal } = this.working;
+    try {
+      await work(signal);
+    } catch (error) {
+      if (signal.aborted) return;
+      const problem = asProblem(error);
+      this.change({ status: "failed", problem });
+      // what can't be taken up again must not come back at the next visit
+      if (!problem.offline && !this.canResume) this.remember(null);
+    }
+  }
+
+  private remember(mark: Bookmark | null): void {
+    const bookmark = mark && this.modelOnly ? { ...mark, modelOnly: true } : mark;
+    this.bookmark = bookmark;
+    this.onBookmark(bookmark);
+  }
+
+  private change(part: Partial<EnrolState>): void {
+    this.state = { ...this.state, ...part };
+    this.onChange(this.state);
+  }
+}

@@ -1,0 +1,223 @@
+/**
+ * Bettering one's likeness from inside a meeting: a short film, its capture, and a training that goes
+ * on from the model that stands there. Holds one state and tells each change of it; all of it can be
+ * taken back at any moment. Knows nothing of the page.
+ */
+
+import { isFinal, type Api } from "../api/api";
+import type { Step } from "./enrol";
+import { Problem, asProblem } from "../api/problem";
+import { advice } from "./quality";
+import type { Film } from "../capture/record";
+import type { Job, NewModel, Performer, Sequence } from "../api/types";
+
+export const FILM_S = 10;
+
+export type ImproveState =
+  | { kind: "off" }
+  /** `second` is below zero while one gets ready. */
+  | { kind: "filming"; second: number }
+  | { kind: "working"; step: Step; fraction: number; message: string; job: Job | null }
+  | { kind: "stopping" }
+  /** Taken back. `learnt`: a version of it stands in the meeting already; `left`: its film is still on the server. */
+  | { kind: "stopped"; learnt: boolean; left: boolean }
+  | { kind: "better"; advice: string[] }
+  | { kind: "failed"; problem: Problem; advice: string[]; left: boolean };
+
+/** Somebody of ours in the meeting whose model can be gone on from. */
+export interface Improvable {
+  performerId: string;
+  personId: string;
+  name: string;
+}
+
+/** Sequences of films whose pictures may still lie on the server; outlives the page. */
+export interface LeftBehind {
+  get(): string[];
+  set(ids: string[]): void;
+}
+
+const TRAINING = { preset: "splats", budget_s: 20, seed: 0, model_only: true } satisfies NewModel;
+const NOTHING_TO_MEND = "Nothing needs to be filmed again.";
+const NOT_HERE = new Problem(
+  "You stand in this meeting no more",
+  "Come back into it, then try again.",
+);
+const LEFT = new DOMException("left", "AbortError");
+
+/** Performers of our own people who are drawn by splats; none for who was only invited to look. */
+export async function improvable(api: Api, performers: readonly Performer[]): Promise<Improvable[]> {
+  try {
+    const [people, models] = await Promise.all([api.people(), api.models()]);
+    const ours = new Set(people.filter(({ mine }) => mine).map(({ id }) => id));
+    return performers.flatMap(({ id, name, model_id }) => {
+      const model = models.find((one) => one.id === model_id);
+      const fits = model?.preset === "splats" && ours.has(model.person_id);
+      return fits ? [{ performerId: id, personId: model.person_id, name }] : [];
+    });
+  } catch (error) {
+    if (error instanceof Problem && error.status === 403) return [];
+    throw error;
+  }
+}
+
+export class Improvement {
+  state: ImproveState = { kind: "off" };
+  private over = new AbortController();
+  private sending = new AbortController();
+  private running: Promise<void> = Promise.resolve();
+
+  constructor(
+    private readonly api: Api,
+    private readonly leftBehind: LeftBehind,
+    private readonly onChange: (state: ImproveState) => void,
+  ) {}
+
+  /**
+   * Film somebody and learn from it. `film` gives the clip and tells each moment of it; `standing` is
+   * the model that stands for them when the training begins; null: they have left.
+   */
+  start(
+    personId: string,
+    standing: () => string | null,
+    film: (onSecond: (second: number) => void, signal: AbortSignal) => Promise<Film>,
+  ): Promise<void> {
+    this.over = new AbortController();
+    this.sending = new AbortController();
+    this.running = this.attempt(this.over.signal, async (work, signal) => {
+      const clip = await film((second) => signal.aborted || this.change({ kind: "filming", second }), signal);
+      signal.throwIfAborted();
+      work.sequence = await this.send(personId, clip);
+      signal.throwIfAborted();
+      work.sequence = await this.capture(work.sequence, work, signal);
+      signal.throwIfAborted();
+      const improves = standing();
+      if (improves === null) throw NOT_HERE;
+      work.job = await this.api.train(work.sequence.id, { ...TRAINING, improves });
+      signal.throwIfAborted();
+      await this.follow("train", work.job, work, signal);
+    });
+    return this.running;
+  }
+
+  /** Take everything back: no more filming, no upload, no job, no clip. */
+  async takeBack(): Promise<void> {
+    if (this.state.kind === "filming" || this.state.kind === "working") {
+      // what has been sent whole is waited for: only with its id can it be removed
+      const onItsWay = this.state.kind === "working" && this.state.step === "upload" && this.state.fraction === 1;
+      this.over.abort(new DOMException("taken back", "AbortError"));
+      if (!onItsWay) this.sending.abort(this.over.signal.reason);
+      this.change({ kind: "stopping" });
+      await this.running;
+    } else if (this.state.kind !== "stopping") this.change({ kind: "off" });
+  }
+
+  /** Whoever leaves takes back what is not being learnt yet; what is, the server finishes and forgets. */
+  async leave(): Promise<void> {
+    if (this.state.kind === "working" && this.state.step === "train") this.over.abort(LEFT);
+    else await this.takeBack();
+  }
+
+  /** Remove what an earlier visit could not. */
+  async tidy(): Promise<void> {
+    for (const id of this.leftBehind.get()) await this.remove(id, null);
+  }
+
+  private async send(personId: string, { blob, fileName }: Film): Promise<Sequence> {
+    const onProgress = (fraction: number): void => this.working("upload", fraction, null);
+    onProgress(0);
+    const sequence = await this.api.uploadSequence(personId, blob, fileName, onProgress, this.sending.signal);
+    this.leftBehind.set([...this.leftBehind.get(), sequence.id]);
+    return sequence;
+  }
+
+  private async capture({ id, job_id }: Sequence, work: Work, signal: AbortSignal): Promise<Sequence> {
+    if (job_id !== null) await this.follow("capture", await this.api.job(job_id), work, signal);
+    return this.api.sequence(id);
+  }
+
+  /** Tell a job's progress until it ends well. */
+  private async follow(step: Step, started: Job, work: Work, signal: AbortSignal): Promise<void> {
+    const news = (job: Job): void => {
+      work.job = job;
+      this.working(step, Math.min(1, Math.max(0, job.progress)), job);
+    };
+    news(started);
+    const { state, error, message } = await this.api.watchJob(started.id, news, signal);
+    if (state === "succeeded") return;
+    throw error ? Problem.from(error) : new Problem("It did not work", message, 500);
+  }
+
+  private working(step: Step, fraction: number, job: Job | null): void {
+    if (!this.over.signal.aborted) this.change({ kind: "working", step, fraction, message: job?.message ?? "", job });
+  }
+
+  private async attempt(signal: AbortSignal, run: (work: Work, signal: AbortSignal) => Promise<void>): Promise<void> {
+    const work: Work = { sequence: null, job: null };
+    this.change({ kind: "filming", second: -Infinity });
+    try {
+      await run(work, signal);
+      this.done(work.sequence?.id);
+      this.change({ kind: "better", advice: toMend(work.sequence) });
+    } catch (error) {
+      if (signal.reason === LEFT) return;
+      const learning = work.job?.kind === "train" ? work.job : null;
+      const gone = work.sequence === null || (await this.remove(work.sequence.id, learning));
+      // what was learnt until the end is known only then
+      const learnt = learning !== null && (await this.hasModel(learning));
+      if (signal.aborted) this.change({ kind: "stopped", learnt, left: !gone });
+      else this.change({ kind: "failed", problem: asProblem(error), advice: toMend(work.sequence), left: !gone });
+    }
+  }
+
+  private async hasModel(training: Job): Promise<boolean> {
+    const latest = await this.api.job(training.id).catch(() => training);
+    return latest.model_id !== null;
+  }
+
+  /** Take a film from the server, with whatever works on it; false where that must wait. */
+  private async remove(id: string, training: Job | null): Promise<boolean> {
+    try {
+      const { state, job_id } = await this.api.sequence(id);
+      if (state === "uploaded" || state === "capturing") await this.end(job_id);
+      if (training) await this.end(training.id);
+      // once learnt, its pictures are gone already
+      if (state !== "forgotten") await this.api.deleteSequence(id);
+    } catch (error) {
+      // 404: cancelling a capture removes its clip; 403: another account's, from an earlier visit
+      const settled = error instanceof Problem && [403, 404].includes(error.status);
+      if (!settled) return false;
+    }
+    this.done(id);
+    return true;
+  }
+
+  /** Cancel a job, and wait until nobody works on it. */
+  private async end(jobId: string | null): Promise<void> {
+    if (!jobId || isFinal(await this.api.job(jobId))) return;
+    await this.api.cancelJob(jobId).catch((error: unknown) => {
+      // 409: it has just ended by itself
+      if (!(error instanceof Problem) || error.status !== 409) throw error;
+    });
+    await this.api.watchJob(jobId, () => undefined, new AbortController().signal);
+  }
+
+  private done(id: string | undefined): void {
+    this.leftBehind.set(this.leftBehind.get().filter((other) => other !== id));
+  }
+
+  private change(state: ImproveState): void {
+    this.state = state;
+    this.onChange(state);
+  }
+}
+
+/** What has come of a film so far. */
+interface Work {
+  sequence: Sequence | null;
+  job: Job | null;
+}
+
+function toMend(sequence: Sequence | null): string[] {
+  return sequence ? advice(sequence).filter((line) => line !== NOTHING_TO_MEND) : [];
+}

@@ -1,0 +1,63 @@
+/** Motion without pictures: a keypoints file moves somebody who is here already. */
+
+import type { Api } from "../api/api";
+import { Problem } from "../api/problem";
+import type { Meeting } from "../api/types";
+
+/** Somebody with a model. */
+export interface Somebody {
+  personId: string;
+  name: string;
+  modelId: string;
+  /** Not whom the demo lends: what moves them is kept with them. */
+  mine: boolean;
+}
+
+/** Why nobody new comes of a file of keypoints, and what does. */
+export const MOTION_ONLY = new Problem(
+  "This file holds movement only",
+  "A new person needs a clip: how somebody looks comes from pictures. Under “Keypoints” the file moves somebody who is here already.",
+);
+
+const NO_KEYPOINTS = new Problem(
+  "This file holds no keypoints",
+  "Choose a JSON file of the format metanerf-keypoints; a clip of a new person goes under “Clip”.",
+);
+const HEAD_BYTES = 256;
+
+/** Whether a file is JSON, as keypoints are and no clip is. */
+export async function isJson(file: Blob): Promise<boolean> {
+  const head = await file.slice(0, HEAD_BYTES).text();
+  return /^\uFEFF?\s*[{[]/.test(head);
+}
+
+/** Everybody whom keypoints can move, each with their latest model, the latest first. */
+export async function everybody(api: Api): Promise<Somebody[]> {
+  const [people, models] = await Promise.all([api.people(), api.models()]);
+  const known = new Map(people.map((person) => [person.id, person]));
+  const latest = new Map<string, Somebody>();
+  // the oldest come first
+  for (const { id, person_id: personId } of models) {
+    latest.delete(personId);
+    const person = known.get(personId);
+    latest.set(personId, { personId, name: person?.name ?? "Somebody", modelId: id, mine: person?.mine ?? false });
+  }
+  return [...latest.values()].reverse();
+}
+
+/** A meeting of its own in which `somebody` moves as `file` says. Throws a Problem. */
+export async function meetMoving(
+  api: Api,
+  somebody: Somebody,
+  file: File,
+  signal: AbortSignal,
+): Promise<Meeting> {
+  // before it is sent: whatever else the file is, the server would take it for a clip of theirs
+  if (!(await isJson(file))) throw NO_KEYPOINTS;
+  const { modelId, name } = somebody;
+  const personId = somebody.mine ? somebody.personId : (await api.createPerson({ name })).id;
+  const sequence = await api.uploadSequence(personId, file, file.name, () => undefined, signal);
+  const meeting = await api.createMeeting(`${name} by keypoints`, []);
+  await api.addPerformer(meeting.id, modelId, sequence.id);
+  return api.meeting(meeting.id);
+}

@@ -1,0 +1,124 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import type { Api } from "../../src/api/api";
+import { LocalDrawing } from "../../src/drawing/localDrawing";
+import type { Drawing } from "../../src/splats/way";
+import type { Meeting } from "../../src/api/types";
+import type { CameraPose } from "../../src/viewpoint/viewpoint";
+
+// what needs a graphics card and a worker
+const rooms = vi.hoisted(() => [] as Record<string, unknown>[]);
+vi.mock("../../src/splats/localRoom", () => ({
+  LocalRoom: class {
+    loaded = false;
+    standing = false;
+    obstacle = null;
+    places = [];
+    setPlace = vi.fn();
+    setScreen = vi.fn();
+    setPerformers = vi.fn(async () => undefined);
+    trialFps = (): number => 60;
+    onLoaded = (): void => undefined;
+    onStrangers = (): void => undefined;
+    close = vi.fn();
+    constructor() {
+      rooms.push(this as unknown as Record<string, unknown>);
+    }
+  },
+}));
+
+const STUDIO = { name: "studio", title: "Studio", picture_url: null, light: null };
+const CAMERA: CameraPose = { position: [0, 1, 2], wxyz: [1, 0, 0, 0] };
+const SIZE = { width: 128, height: 128 };
+
+function drawing(place: () => Promise<unknown> = async () => STUDIO) {
+  const told: Drawing[] = [];
+  const onStrangers = vi.fn();
+  const asked = vi.fn(place);
+  const meeting = { id: "m", environment: "studio", performers: [] } as unknown as Meeting;
+  const local = new LocalDrawing({ place: asked } as unknown as Api, meeting, {
+    onSwitch: (one) => told.push(one),
+    onSeen: () => undefined,
+    onStrangers,
+    trialView: () => ({ camera: CAMERA, size: SIZE }),
+  });
+  return { local, told, asked, onStrangers };
+}
+
+/** The page's picture is this device's to draw: everything is here, and its trial was fast. */
+async function ready() {
+  const made = drawing();
+  made.local.token = "seat";
+  made.local.begin();
+  const room = rooms.at(-1) as { loaded: boolean; standing: boolean; onLoaded(): void; onStrangers(): void };
+  await vi.waitFor(() => expect(made.told.length).toBeGreaterThan(0));
+  room.loaded = true;
+  room.onLoaded();
+  return { ...made, room };
+}
+
+describe("LocalDrawing", () => {
+  beforeEach(() => {
+    vi.stubGlobal("document", { createElement: () => ({ classList: { toggle: vi.fn() } }) });
+  });
+  afterEach(() => {
+    vi.unstubAllGlobals();
+    vi.useRealTimers();
+    rooms.length = 0;
+  });
+
+  it("asks for a place once, and anew where it was refused", async () => {
+    const refused = vi.fn().mockRejectedValueOnce(new Error("gone")).mockResolvedValue(STUDIO);
+    const { local, asked } = drawing(refused);
+    await local.showPlace("studio");
+    expect(asked).not.toHaveBeenCalled(); // nobody without a seat is shown it
+    local.token = "seat";
+    await local.showPlace("studio");
+    await local.showPlace("studio");
+    await local.showPlace("studio");
+    expect(asked).toHaveBeenCalledTimes(2);
+  });
+
+  it("draws once people and place are here and a trial was fast, unless the viewer has the server draw", async () => {
+    const { local } = await ready();
+    expect(local.ready).toBe(true);
+    local.choose("server");
+    expect(local.ready).toBe(false);
+  });
+
+  it("leaves the picture to the server while nobody's poses come", async () => {
+    const { local, room } = await ready();
+    expect(local.idle).toBe(true);
+    room.standing = true;
+    expect(local.idle).toBe(false);
+  });
+
+  it("says that the server draws alone after four seconds of pictures in place of poses", async () => {
+    const { local, told } = await ready();
+    for (let second = 0; second < 3; second++) local.countSecond(30);
+    expect(told.at(-1)?.obstacle).toBeNull();
+    local.countSecond(30);
+    expect(told.at(-1)?.obstacle).toBe("This room is drawn by the server alone");
+    local.see(true);
+    expect(told.at(-1)).toMatchObject({ way: "local", obstacle: null });
+  });
+
+  it("asks who the strangers are once a second at most", async () => {
+    vi.useFakeTimers({ toFake: ["performance"] });
+    const { room, onStrangers } = await ready();
+    room.onStrangers();
+    room.onStrangers();
+    expect(onStrangers).toHaveBeenCalledTimes(1);
+    vi.advanceTimersByTime(1001);
+    room.onStrangers();
+    expect(onStrangers).toHaveBeenCalledTimes(2);
+  });
+
+  it("draws for a headset at once, and closes its room with the visit", () => {
+    const { local } = drawing();
+    local.beginVisit({} as HTMLCanvasElement, CAMERA, SIZE);
+    expect(local.ready).toBe(true);
+    local.endVisit();
+    expect(local.ready).toBe(false);
+    expect((rooms[0] as { close: unknown }).close).toHaveBeenCalledTimes(1);
+  });
+});

@@ -1,0 +1,162 @@
+import { describe, expect, it } from "vitest";
+import golden from "../../../tests/capture/expressions.json";
+import { squareAbout } from "../../src/landmarks/crops";
+import {
+  FACE,
+  LEFT_HAND,
+  RestFinder,
+  USUAL_REST,
+  faceMeasures,
+  faceNumbers,
+  handCurl,
+  restingFace,
+  type Point,
+} from "../../src/landmarks/expression";
+import { ExpressionFinder, type ExpressionWorker, type PartAnswer, type PartPicture } from "../../src/landmarks/expressions";
+import { LANDMARK_COUNT, type Landmarks } from "../../src/landmarks/packet";
+
+/** The server's numbers; the test there tells how they are made anew. */
+const faces = golden.faces.map((given) => {
+  const points: Point[] = Array.from({ length: 478 }, () => [0, 0, 0]);
+  for (const [i, point] of Object.entries(given)) points[Number(i)] = point as unknown as Point;
+  return points;
+});
+const close = (found: readonly number[] | null, wanted: readonly number[]): void => {
+  expect(found).toHaveLength(wanted.length);
+  wanted.forEach((value, i) => expect(found?.[i]).toBeCloseTo(value, 6));
+};
+
+describe("expressions", () => {
+  it("are measured as the server does", () => {
+    const measures = faces.map((points) => faceMeasures(points) ?? []);
+    measures.forEach((found, i) => close(found, golden.measures[i] ?? []));
+    const rest = restingFace(measures);
+    close(rest, golden.rest);
+    measures.forEach((found, i) => close(faceNumbers(found, rest), golden.numbers[i] ?? []));
+    golden.hands.forEach((hand, i) => expect(handCurl(hand as unknown as Point[])).toBeCloseTo(golden.curls[i] ?? NaN, 6));
+  });
+
+  it("are not told of faces that are small or look away", () => {
+    const [face = []] = faces;
+    expect(faceMeasures(face.map(([x, y, z]): Point => [0.1 * x, 0.1 * y, 0.1 * z]))).toBeNull();
+    const turned = face.map(([x, y, z]): Point => [0.5 * x - 0.87 * z, y, 0.87 * x + 0.5 * z]);
+    expect(faceMeasures(turned)).toBeNull();
+  });
+
+  it("are told from a rest that is learnt: at first how they look then, mouth shut", () => {
+    const finder = new RestFinder();
+    const [resting = [], talking = []] = golden.measures;
+    const first = finder.learn(talking, 0);
+    close(first.slice(1), talking.slice(1));
+    expect(first[0]).toBeCloseTo(USUAL_REST[0] ?? NaN, 2);
+    for (let ms = 0; ms < 90_000; ms += 100) finder.learn(resting, ms);
+    close(finder.learn(resting, 90_000), resting);
+  });
+});
+
+function somebody(): Landmarks {
+  const seen = {
+    width: 640,
+    height: 480,
+    xy: new Float32Array(2 * LANDMARK_COUNT).fill(0.5),
+    world: new Float32Array(3 * LANDMARK_COUNT),
+    visibility: new Float32Array(LANDMARK_COUNT).fill(1),
+  };
+  seen.xy.set([0.4, 0.5], 2 * 7); // ears, 128 px apart
+  seen.xy.set([0.6, 0.5], 2 * 8);
+  return seen;
+}
+
+describe("squareAbout", () => {
+  it("holds a head with room about it, and hands of the size that goes with it", () => {
+    expect(squareAbout("face", somebody())).toEqual({ x: 179, y: 99, side: 282 });
+    expect(squareAbout("left_hand", somebody())?.side).toBe(Math.round(2 * 1.6 * 128));
+  });
+
+  it("looks for no hand that is hidden or outside of the picture", () => {
+    const hidden = somebody();
+    hidden.visibility[19] = 0.2;
+    expect(squareAbout("left_hand", hidden)).toBeNull();
+    expect(squareAbout("right_hand", hidden)).not.toBeNull();
+    const outside = somebody();
+    for (const i of [16, 18, 20, 22]) outside.xy[2 * i] = 1.2;
+    expect(squareAbout("right_hand", outside)).toBeNull();
+  });
+});
+
+class FakeWorker implements ExpressionWorker {
+  onmessage: ExpressionWorker["onmessage"] = null;
+  pictures: PartPicture[] = [];
+  postMessage = (picture: PartPicture): void => void this.pictures.push(picture);
+  terminate = (): void => undefined;
+  say = (answer: PartAnswer): void => this.onmessage?.({ data: answer } as MessageEvent<PartAnswer>);
+}
+
+const settled = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
+
+describe("ExpressionFinder", () => {
+  function setUp() {
+    const worker = new FakeWorker();
+    const clock = { ms: 0 };
+    const finder = new ExpressionFinder(async () => ({}) as ImageBitmap, () => clock.ms, worker);
+    /** A picture of the body's finder at `ms`; the part that is looked at, which takes `costMs`. */
+    const offer = async (ms: number, costMs: number): Promise<string | undefined> => {
+      const before = worker.pictures.length;
+      clock.ms = ms;
+      finder.offer(somebody(), ms);
+      await settled();
+      const asked = worker.pictures[before];
+      clock.ms = ms + costMs;
+      if (asked) worker.say({ kind: "found", part: asked.part, timeMs: ms, numbers: asked.part === "face" ? [1, 0, 0, 0, 0.5] : [0.25] });
+      return asked?.part;
+    };
+    return { worker, finder, offer };
+  }
+
+  it("asks for nothing before the models are there, and for nothing that the server has none of", async () => {
+    const { worker, offer } = setUp();
+    expect(await offer(0, 5)).toBeUndefined();
+    worker.say({ kind: "ready", parts: ["face"] });
+    expect([await offer(100, 5), await offer(200, 5)]).toEqual(["face", "face"]);
+  });
+
+  it("looks at the face in every second look, and rests twice as long as a look takes", async () => {
+    const { worker, offer } = setUp();
+    worker.say({ kind: "ready", parts: ["face", "left_hand", "right_hand"] });
+    const asked: (string | undefined)[] = [];
+    for (let picture = 0; picture < 9; picture++) asked.push(await offer(33 * picture, 30));
+    expect(asked.filter((part) => part !== undefined)).toEqual(["face", "left_hand", "face"]);
+  });
+
+  it("leaves everything to a finder of bodies that is slow", async () => {
+    const { worker, offer } = setUp();
+    worker.say({ kind: "ready", parts: ["face"] });
+    for (let picture = 0; picture < 30; picture++) await offer(300 * picture, 5);
+    expect(await offer(9300, 5)).toBeUndefined();
+  });
+
+  it("tells what it saw for a moment, and of no more than it saw", async () => {
+    const { worker, finder, offer } = setUp();
+    worker.say({ kind: "ready", parts: ["face", "left_hand", "right_hand"] });
+    expect(finder.at(0)).toBeNull();
+    await offer(100, 5);
+    expect(finder.at(150)).toMatchObject({ known: FACE });
+    await offer(200, 5);
+    const seen = finder.at(250);
+    expect(seen?.known).toBe(FACE | LEFT_HAND);
+    expect([...(seen?.values ?? [])]).toEqual([1, 0, 0, 0, 0.5, 0.25, 0]);
+    // long at first, since nobody knows when the next look will be
+    expect(finder.at(1650)?.known).toBe(LEFT_HAND);
+    expect(finder.at(1750)).toBeNull();
+  });
+
+  it("holds what it saw for longer where it looks less often", async () => {
+    const { worker, finder, offer } = setUp();
+    worker.say({ kind: "ready", parts: ["face"] });
+    await offer(0, 5);
+    await offer(100, 5);
+    expect([finder.at(390)?.known, finder.at(410)?.known]).toEqual([FACE, undefined]);
+    await offer(500, 5);
+    expect([finder.at(1290)?.known, finder.at(1310)?.known]).toEqual([FACE, undefined]);
+  });
+});

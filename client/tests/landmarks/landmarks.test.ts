@@ -1,0 +1,152 @@
+import { describe, expect, it } from "vitest";
+import { KeypointsChannel, type Channel } from "../../src/landmarks/channel";
+import { LandmarkFinder, type Answer, type FinderWorker, type Picture } from "../../src/landmarks/finder";
+import { KEYPOINTS_BYTES, LANDMARK_COUNT, type Landmarks } from "../../src/landmarks/packet";
+import { drawing } from "../../src/landmarks/skeleton";
+import type { Problem } from "../../src/api/problem";
+
+function somebody(): Landmarks {
+  return {
+    width: 640,
+    height: 480,
+    xy: new Float32Array(2 * LANDMARK_COUNT).fill(0.5),
+    world: new Float32Array(3 * LANDMARK_COUNT),
+    visibility: new Float32Array(LANDMARK_COUNT).fill(1),
+  };
+}
+
+class FakeWorker implements FinderWorker {
+  onmessage: FinderWorker["onmessage"] = null;
+  onerror: FinderWorker["onerror"] = null;
+  pictures: Picture[] = [];
+  ended = false;
+  postMessage = (picture: Picture): void => void this.pictures.push(picture);
+  terminate = (): void => void (this.ended = true);
+  say = (answer: Answer): void => this.onmessage?.({ data: answer } as MessageEvent<Answer>);
+}
+
+const settled = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
+
+describe("LandmarkFinder", () => {
+  function setUp(grab = async (): Promise<ImageBitmap> => ({}) as ImageBitmap) {
+    const worker = new FakeWorker();
+    const found: unknown[] = [];
+    const hooks = {
+      onFound: (...one: unknown[]) => void found.push(one),
+      onFailed: (reason: string) => void found.push(reason),
+    };
+    return { worker, found, finder: new LandmarkFinder(grab, hooks, worker) };
+  }
+
+  it("gives the worker one picture at a time, and the newest when it is done", async () => {
+    const { worker, found, finder } = setUp();
+    finder.offer(1);
+    await settled();
+    expect(worker.pictures).toEqual([]); // not ready yet
+    worker.say({ kind: "ready" });
+    await settled();
+    for (const time of [2, 3, 4]) finder.offer(time);
+    expect(worker.pictures.map(({ timeMs }) => timeMs)).toEqual([1]);
+    worker.say({ kind: "found", timeMs: 1, seen: null });
+    await settled();
+    expect(worker.pictures.map(({ timeMs }) => timeMs)).toEqual([1, 4]);
+    expect(found).toEqual([[null, 1]]);
+  });
+
+  it("waits for the next picture where the camera has none", async () => {
+    let broken = true;
+    const { worker, finder } = setUp(async () => {
+      if (broken) throw new DOMException("no picture", "InvalidStateError");
+      return {} as ImageBitmap;
+    });
+    worker.say({ kind: "ready" });
+    finder.offer(1);
+    await settled();
+    broken = false;
+    finder.offer(2);
+    await settled();
+    expect(worker.pictures.map(({ timeMs }) => timeMs)).toEqual([2]);
+  });
+
+  it("tells of a failure, and is silent once it is closed", () => {
+    const { worker, found, finder } = setUp();
+    worker.say({ kind: "failed", reason: "no model" });
+    expect(found).toEqual(["no model"]);
+    finder.close();
+    worker.say({ kind: "found", timeMs: 1, seen: null });
+    expect(found).toHaveLength(1);
+    expect(worker.ended).toBe(true);
+  });
+});
+
+class FakeChannel implements Channel {
+  readyState: RTCDataChannelState = "open";
+  bufferedAmount = 0;
+  onmessage: Channel["onmessage"] = null;
+  sent: ArrayBuffer[] = [];
+  send = (data: ArrayBuffer): void => void this.sent.push(data);
+  close = (): void => void (this.readyState = "closed");
+}
+
+describe("KeypointsChannel", () => {
+  function setUp() {
+    const channels: FakeChannel[] = [];
+    const problems: Problem[] = [];
+    const open = (): Channel => (channels.push(new FakeChannel()), channels.at(-1) as FakeChannel);
+    return { channels, problems, link: new KeypointsChannel(open, (p) => void problems.push(p)) };
+  }
+
+  it("sends one small packet a picture, numbered", () => {
+    const { channels, link } = setUp();
+    expect(link.send(somebody(), 10)).toBe(true);
+    expect(link.send(somebody(), 20)).toBe(true);
+    const [first, second] = channels[0]?.sent ?? [];
+    expect(first?.byteLength).toBe(KEYPOINTS_BYTES);
+    expect(new DataView(first as ArrayBuffer).getUint32(4, true)).toBe(1);
+    expect(new DataView(second as ArrayBuffer).getUint32(4, true)).toBe(2);
+  });
+
+  it("sends nothing that would have to wait", () => {
+    const { channels, link } = setUp();
+    link.send(somebody(), 1);
+    const [channel] = channels;
+    if (channel) channel.bufferedAmount = 5 * KEYPOINTS_BYTES;
+    expect(link.send(somebody(), 2)).toBe(false);
+    if (channel) [channel.bufferedAmount, channel.readyState] = [0, "connecting"];
+    expect(link.send(somebody(), 3)).toBe(false);
+    expect(channel?.sent).toHaveLength(1);
+  });
+
+  it("opens anew after the connection was cut, and goes on counting", () => {
+    const { channels, link } = setUp();
+    link.send(somebody(), 1);
+    if (channels[0]) channels[0].readyState = "closed";
+    expect(link.send(somebody(), 2)).toBe(true);
+    expect(channels).toHaveLength(2);
+    expect(new DataView(channels[1]?.sent[0] as ArrayBuffer).getUint32(4, true)).toBe(2);
+  });
+
+  it("ends where the server refuses, in the server's words", () => {
+    const { channels, problems, link } = setUp();
+    link.send(somebody(), 1);
+    const data = JSON.stringify({ status: 409, title: "Driven elsewhere", detail: "got a newer one" });
+    channels[0]?.onmessage?.({ data } as MessageEvent);
+    expect(problems.map(({ status, detail }) => [status, detail])).toEqual([[409, "Got a newer one."]]);
+    if (channels[0]) channels[0].readyState = "closed";
+    expect(link.send(somebody(), 2)).toBe(false);
+    expect(channels).toHaveLength(1);
+  });
+});
+
+describe("drawing", () => {
+  it("shows what is seen and leaves out what is guessed", () => {
+    const seen = somebody();
+    seen.xy.set([0.25, 0.5], 2 * 11);
+    expect(drawing(seen, 640, 480).lines).toHaveLength(16);
+    expect(drawing(seen, 640, 480).lines[0]?.from).toEqual([160, 240]);
+    seen.visibility.fill(0.2, 23); // hips and legs
+    expect(drawing(seen, 640, 480).lines).toHaveLength(7);
+    seen.visibility.fill(0, 0, 11);
+    expect(drawing(seen, 640, 480).points).toEqual([]);
+  });
+});

@@ -1,0 +1,153 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { SLOTS, VoiceLink } from "../../src/meeting/voice";
+import { fakeFetch } from "../fakes";
+
+class FakeTrack {
+  kind = "audio";
+  enabled = true;
+  readyState = "live";
+  stop(): void {
+    this.readyState = "ended";
+  }
+}
+
+class FakePeer extends EventTarget {
+  connectionState = "new";
+  iceGatheringState = "complete";
+  localDescription = { sdp: "offer" };
+  sent: FakeTrack | null = null;
+  closed = false;
+  asked: string[] = [];
+  addTransceiver(kind: string, { direction }: { direction: string }): object {
+    this.asked.push(`${kind} ${direction}`);
+    return {
+      sender: { replaceTrack: async (track: FakeTrack) => void (this.sent = track) },
+      receiver: { track: new FakeTrack() },
+    };
+  }
+  async createOffer(): Promise<object> {
+    return {};
+  }
+  async setLocalDescription(): Promise<void> {}
+  async setRemoteDescription(): Promise<void> {
+    this.become("connected");
+  }
+  become(state: string): void {
+    this.connectionState = state;
+    this.dispatchEvent(new Event("connectionstatechange"));
+  }
+  close(): void {
+    this.closed = true;
+  }
+}
+
+function setUp(status = 201) {
+  const peers: FakePeer[] = [];
+  const { request, calls } = fakeFetch((call) =>
+    call.method === "POST"
+      ? new Response("answer", { status, headers: { Location: `/voice/${peers.length}` } })
+      : new Response(),
+  );
+  const heard: string[] = [];
+  const hooks = {
+    token: async () => "seat",
+    onChange: () => heard.push([...link.slots].map(([slot, { memberId }]) => `${slot} ${memberId}`).join()),
+  };
+  const link: VoiceLink = new VoiceLink("/voice", [], hooks, request, () => {
+    peers.push(new FakePeer());
+    return peers.at(-1) as unknown as RTCPeerConnection;
+  });
+  return { link, peers, calls, heard };
+}
+
+describe("the voice connection", () => {
+  let track: FakeTrack;
+  beforeEach(() => {
+    vi.useFakeTimers();
+    track = new FakeTrack();
+    vi.stubGlobal("MediaStream", class {
+      constructor(readonly tracks: unknown[]) {}
+    });
+    vi.stubGlobal("navigator", {
+      mediaDevices: { getUserMedia: async () => ({ getAudioTracks: () => [track] }) },
+    });
+  });
+  afterEach(() => {
+    vi.useRealTimers();
+    vi.unstubAllGlobals();
+  });
+
+  it("sends nothing of the microphone until it is opened, also on the next connection", async () => {
+    const { link, peers } = setUp();
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    expect(peers[0]?.sent).toBeNull();
+    await link.prepare();
+    expect(peers[0]?.sent).toBe(track);
+    expect(track.enabled).toBe(false);
+    link.open(true);
+    expect(track.enabled).toBe(true);
+    peers[0]?.become("failed");
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(peers[0]?.closed).toBe(true);
+    expect(peers[1]?.sent).toBe(track);
+    link.close();
+    expect(track.readyState).toBe("ended");
+  });
+
+  it("hears each speaker in a track of their own, and nobody once the connection is lost", async () => {
+    const { link, peers, heard } = setUp();
+    link.assign([null, "bo"]);
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    expect(peers[0]?.asked).toEqual([
+      "audio sendonly",
+      ...Array.from({ length: SLOTS }, () => "audio recvonly"),
+      "video recvonly",
+    ]);
+    expect(heard.at(-1)).toBe("1 bo");
+    expect(link.screen).not.toBeNull();
+    const stream = link.slots.get(1)?.stream;
+    link.assign(["cy", "bo"]);
+    expect(heard.at(-1)).toBe("0 cy,1 bo");
+    expect(link.slots.get(1)?.stream).toBe(stream);
+    const told = heard.length;
+    link.assign(["cy", "bo"]);
+    expect(heard).toHaveLength(told);
+    peers[0]?.become("failed");
+    await vi.advanceTimersByTimeAsync(10);
+    expect(heard).toContain("");
+    expect(link.screen).toBeNull();
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(heard.at(-1)).toBe("0 cy,1 bo");
+    link.close();
+  });
+
+  it("hangs up when closed", async () => {
+    const { link, calls } = setUp();
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    link.close();
+    await vi.advanceTimersByTimeAsync(10);
+    expect(calls.map(({ method, path, token }) => `${method} ${path} ${token}`)).toEqual([
+      "POST /voice Bearer seat",
+      "DELETE /voice/1 Bearer seat",
+    ]);
+  });
+
+  it("stops asking where it is not let in, and goes on where the server is busy", async () => {
+    const refused = setUp(403);
+    await refused.link.run();
+    expect(refused.calls).toHaveLength(1);
+    const busy = setUp(503);
+    void busy.link.run();
+    await vi.advanceTimersByTimeAsync(3000);
+    expect(busy.calls.length).toBeGreaterThan(2);
+    busy.link.close();
+  });
+
+  it("says in words that there is no microphone", async () => {
+    vi.stubGlobal("navigator", { mediaDevices: { getUserMedia: async () => Promise.reject(new DOMException("", "NotAllowedError")) } });
+    await expect(setUp().link.prepare()).rejects.toMatchObject({ title: "The microphone is blocked" });
+  });
+});

@@ -1,0 +1,271 @@
+import { describe, expect, it } from "vitest";
+import { castOf, shareWithin } from "../../src/splats/cast";
+import { readSplats, type SplatFile } from "../../src/splats/file";
+import { emptyOffsets, moveSplats } from "../../src/splats/moved";
+import { contactShadows, screenHalves } from "../../src/splats/room";
+import { moved, skin, TRANSFORM } from "../../src/splats/skeleton";
+import { depthOrder, depthRows, depths, emptyOrder } from "../../src/splats/sort";
+import { loadSplats } from "../../src/api/splats";
+import { WayChooser } from "../../src/splats/way";
+import { fakeFetch } from "../fakes";
+
+/**
+ * A file of `count` splats on two joints; the n-th lies n cm up, whole, red, on joint n mod 2. Splats
+ * `moved` go 2 cm up as the jaw opens, and a hundredth of that aside with the last number.
+ */
+function fileOf(count: number, light = 0, moved: readonly number[] = []): ArrayBuffer {
+  const bytes = new ArrayBuffer(160 + 28 + 32 * count + 28 * moved.length);
+  const data = new DataView(bytes);
+  [..."MNSP"].forEach((letter, i) => data.setUint8(i, letter.charCodeAt(0)));
+  data.setUint16(4, 4, true);
+  data.setUint32(152, moved.length, true);
+  data.setFloat32(156, 0.02, true);
+  data.setUint16(6, 2, true);
+  data.setUint32(8, count, true);
+  [0, 0, 0, 1, 655.35, 1, Math.log(0.01), 0].forEach((value, i) => data.setFloat32(12 + 4 * i, value, true));
+  [0, 1, 0, 0, 2, 0].forEach((value, i) => data.setFloat32(160 + 4 * i, value, true));
+  for (let i = 0; i < 27; i++) data.setFloat32(44 + 4 * i, light * i, true);
+  [-1, 0].forEach((value, i) => data.setInt16(184 + 2 * i, value, true));
+  for (let n = 0; n < count; n++) {
+    const at = 188 + 32 * n;
+    data.setUint16(at + 2, n, true);
+    data.setUint8(at + 9, 255);
+    // half a turn about z: x and y keep their variance
+    data.setUint32(at + 10, (512 | (512 << 10) | (512 << 20) | (3 << 30)) >>> 0, true);
+    data.setUint8(at + 7, 255);
+    [255, 0, 0, 255].forEach((value, i) => data.setUint8(at + 14 + i, value));
+    data.setUint8(at + 18, n % 2);
+    data.setUint8(at + 22, 255);
+    [0, 128, 0, 0, -127, 0].forEach((value, i) => data.setInt8(at + 26 + i, value));
+  }
+  moved.forEach((splat, i) => {
+    const at = 188 + 32 * count + 28 * i;
+    data.setUint32(at, splat, true);
+    data.setInt8(at + 4 + 1, 127);
+    data.setInt8(at + 4 + 18, -1);
+  });
+  return bytes;
+}
+
+describe("readSplats", () => {
+  it("reads places, shapes, colours and bones", () => {
+    const file = readSplats(fileOf(3));
+    expect(file.count).toBe(3);
+    expect([...file.positions.slice(6)]).toEqual([0, expect.closeTo(0.02, 6), 0]);
+    const [xx, xy, xz, yy, yz, zz] = file.covariances;
+    expect([xx, yy, zz]).toEqual([1e-4, 1, 1e-4].map((value) => expect.closeTo(value, 4)));
+    for (const value of [xy, xz, yz]) expect(value).toBeCloseTo(0, 2);
+    expect([...file.colours.slice(0, 3), file.opacities[0]]).toEqual([255, 0, 0, 255]);
+    expect([...file.albedos.slice(0, 3), ...file.normals.slice(0, 3)]).toEqual([0, 128, 0, 0, -127, 0]);
+    expect([...file.joints.slice(0, 8)]).toEqual([0, 0, 0, 0, 1, 0, 0, 0]);
+    expect([...file.restJoints]).toEqual([0, 1, 0, 0, 2, 0]);
+    expect([...file.parents]).toEqual([-1, 0]);
+  });
+
+  it("takes any beginning, made wider by the fourth root of what is left out", () => {
+    const half = readSplats(fileOf(8), 0.5);
+    expect(half.count).toBe(4);
+    expect(half.covariances[3]).toBeCloseTo(Math.sqrt(2) * (readSplats(fileOf(8)).covariances[3] ?? 0), 5);
+  });
+
+  it("reads the light of the clip, where it is known", () => {
+    expect(readSplats(fileOf(1)).light).toBeNull();
+    expect([...(readSplats(fileOf(1, 0.5)).light ?? [])]).toEqual(Array.from({ length: 27 }, (_, i) => 0.5 * i));
+  });
+
+  it("reads which splats face and hands move, as far as they are drawn", () => {
+    const { moved } = readSplats(fileOf(8, 0, [1, 3, 6]));
+    expect([...moved.splats]).toEqual([1, 3, 6]);
+    const offsets = emptyOffsets(4);
+    moveSplats(moved, [0.5, 0, 0, 0, 0, 0, 1], offsets, 1);
+    const [up, aside] = [0.01, -0.02 / 127].map((value) => expect.closeTo(value, 6));
+    expect([...offsets.slice(4, 10)]).toEqual([aside, up, 0, 0, aside, up]);
+    expect([...offsets.slice(0, 4)]).toEqual([0, 0, 0, 0]);
+    expect([...readSplats(fileOf(8, 0, [1, 3, 6]), 0.5).moved.splats]).toEqual([1, 3]);
+  });
+
+  it("says what is wrong with anything else", () => {
+    expect(() => readSplats(new ArrayBuffer(3))).toThrow("must begin with MNSP, version 4; got less");
+    expect(() => readSplats(fileOf(2).slice(0, -1))).toThrow("2 splats must have 252 bytes; got 251");
+    expect(() => readSplats(fileOf(2, 0, [1]).slice(0, -1))).toThrow("2 splats must have 280 bytes; got 279");
+  });
+});
+
+const BONES = { restJoints: new Float32Array([0, 1, 0, 0, 2, 0]), parents: new Int16Array([-1, 0]) };
+const REST = [1, 0, 0, 0, 1, 0, 0, 0];
+const QUARTER_Z = [Math.SQRT1_2, 0, 0, Math.SQRT1_2];
+
+function posed(pelvis: number[], turns: number[]): Float32Array {
+  const transforms = new Float32Array(2 * TRANSFORM);
+  skin(BONES, pelvis, turns, transforms);
+  return transforms;
+}
+
+describe("skin", () => {
+  it("leaves everything where it was at rest", () => {
+    const [a, b] = [posed([0, 1, 0], REST), [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]];
+    expect([...a]).toEqual([...b, ...b]);
+  });
+
+  it("turns children with their parents, about where their parents carried them", () => {
+    const transforms = posed([5, 1, 0], [...QUARTER_Z, ...QUARTER_Z]);
+    // the child sits a metre above the pelvis at rest, so a quarter turn puts it beside
+    expect(moved(transforms, TRANSFORM, BONES.restJoints, 1)).toEqual(
+      [4, 1, 0].map((value) => expect.closeTo(value, 5)),
+    );
+    // what is bound to the child has turned twice
+    expect([...transforms.slice(TRANSFORM, TRANSFORM + 3)]).toEqual([-1, 0, 0].map((v) => expect.closeTo(v, 5)));
+  });
+});
+
+describe("depthOrder", () => {
+  it("sorts by rising depth and leaves out what is behind", () => {
+    const order = emptyOrder(5);
+    expect(depthOrder(new Float32Array([3, 1, -2, 2, 0.01]), order)).toBe(3);
+    expect([...order.slice(0, 3)]).toEqual([1, 3, 0]);
+  });
+
+  it("agrees with a comparison sort to a bin's width, and keeps equals in their order", () => {
+    const depth = Float32Array.from({ length: 5000 }, (_, i) => 2 + ((i * 7919) % 5000) / 5000);
+    const order = emptyOrder(depth.length);
+    const count = depthOrder(depth, order);
+    expect(new Set(order.slice(0, count)).size).toBe(5000);
+    for (let n = 1; n < count; n++) {
+      const [before = 0, after = 0] = [depth[order[n - 1] ?? 0], depth[order[n] ?? 0]];
+      expect(after - before).toBeGreaterThan(-1 / 4096 - 1e-6);
+    }
+    depthOrder(new Float32Array(4).fill(1), order);
+    expect([...order.slice(0, 4)]).toEqual([0, 1, 2, 3]);
+  });
+
+  it("has nothing to sort where everything is behind", () => {
+    expect(depthOrder(new Float32Array([-1, 0]), emptyOrder(2))).toBe(0);
+  });
+});
+
+describe("depths", () => {
+  it("are those of the skinned places in the camera", () => {
+    const cast = castOf([readSplats(fileOf(4))]);
+    const transforms = posed([0, 1, 3], [...REST.slice(0, 4), ...QUARTER_Z]);
+    const depth = new Float32Array(4);
+    // looks along -z from z = 10: depth is 10 - z
+    const camera = [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 10];
+    depths(cast.bound, depthRows(transforms, camera), depth);
+    expect([...depth]).toEqual([7, 7, 7, 7].map((value) => expect.closeTo(value, 5)));
+  });
+
+  it("are nothing for what is left out of a person, whoever comes after", () => {
+    const cast = castOf([readSplats(fileOf(3)), readSplats(fileOf(2))]);
+    const rows = new Float32Array(4 * cast.joints);
+    for (let joint = 0; joint < cast.joints; joint++) rows[4 * joint + 3] = 5;
+    const depth = new Float32Array(5).fill(9);
+    depths(cast.bound, rows, depth, [1, 2]);
+    expect([...depth]).toEqual([5, 0, 0, 5, 5]);
+    const order = emptyOrder(5);
+    expect(depthOrder(depth, order)).toBe(3);
+    expect([...order.slice(0, 3)]).toEqual([0, 3, 4]);
+  });
+});
+
+describe("castOf", () => {
+  it("tells of each splat that moves where its offset is found, whoever it belongs to", () => {
+    const cast = castOf([readSplats(fileOf(3, 0, [2])), readSplats(fileOf(2, 0, [0, 1]))]);
+    expect(cast.moved).toBe(3);
+    const owners = [0, 1, 2, 3, 4].map((splat) => cast.table[16 * splat + 15] ?? 0);
+    expect(owners.map((packed) => packed & 255)).toEqual([0, 0, 0, 1, 1]);
+    expect(owners.map((packed) => packed >> 8)).toEqual([0, 0, 1, 2, 3]);
+  });
+
+  it("puts people one after the other, each on joints of their own", () => {
+    const cast = castOf([readSplats(fileOf(2)), readSplats(fileOf(3))]);
+    expect([cast.count, cast.joints]).toEqual([5, 4]);
+    expect([0, 1, 2, 3, 4].map((i) => cast.bound.joints[4 * i])).toEqual([0, 1, 2, 3, 2]);
+    expect([0, 1, 2, 3, 4].map((i) => (cast.table[16 * i + 3] ?? 0) & 0xffff)).toEqual([0, 1, 2, 3, 2]);
+    const floats = new Float32Array(cast.table.buffer);
+    expect(floats[16 * 4 + 1]).toBeCloseTo(0.02, 6);
+    // red, whole; green without light, opaque; facing down; the second of them
+    expect([...cast.table.slice(16 * 4 + 12, 16 * 5)]).toEqual([0xff0000ff, 0xff008000, 0x008100, 1]);
+  });
+
+  it("shares a budget", () => {
+    expect(shareWithin([10_000, 10_000])).toBe(1);
+    expect(shareWithin([30_000, 90_000])).toBe(0.5);
+    expect(shareWithin([])).toBe(1);
+  });
+});
+
+describe("contactShadows", () => {
+  const body = (lift: number): readonly (readonly number[])[] => {
+    const parents = new Int16Array(9).fill(0);
+    parents[0] = -1;
+    const restJoints = new Float32Array(27);
+    const person: Pick<SplatFile, "restJoints" | "parents"> = { restJoints, parents };
+    const transforms = new Float32Array(9 * TRANSFORM);
+    skin(person, [2, lift, 1], Array.from({ length: 36 }, (_, i) => (i % 4 === 0 ? 1 : 0)), transforms);
+    return contactShadows(person, transforms, 0);
+  };
+
+  it("lie under both ankles and vanish as they rise", () => {
+    expect(body(0)).toEqual([[2, 1, 0.22, 0.45], [2, 1, 0.22, 0.45]]);
+    expect(body(0.35)[0]).toEqual([2, 1, expect.closeTo(0.44, 5), expect.closeTo(0, 6)]);
+  });
+});
+
+describe("screenHalves", () => {
+  it("keep a screen's shape, as wide or as high as there is room", () => {
+    expect(screenHalves(1600, 800)).toEqual([1.3, 0.65]);
+    expect(screenHalves(900, 1600)).toEqual([expect.closeTo(0.421875, 6), 0.75]);
+    expect(screenHalves(0, 0).every(Number.isFinite)).toBe(true);
+  });
+});
+
+describe("WayChooser", () => {
+  it("lets a quick device draw and a slow one be served", () => {
+    const chooser = new WayChooser();
+    expect(chooser.way).toBe("server");
+    chooser.tried(300);
+    expect(chooser.way).toBe("local");
+    chooser.tried(12);
+    expect(chooser.way).toBe("server");
+  });
+
+  it("gives way after some seconds that are slow at the smallest size, until another cast", () => {
+    const chooser = new WayChooser();
+    chooser.tried(100);
+    for (let second = 0; second < 10; second++) chooser.observe(5, false);
+    for (let second = 0; second < 3; second++) chooser.observe(5, true);
+    expect(chooser.way).toBe("local");
+    chooser.observe(5, true);
+    expect(chooser.way).toBe("server");
+    chooser.tried(100);
+    expect(chooser.way).toBe("local");
+  });
+
+  it("does as the viewer says, whatever it measured", () => {
+    const chooser = new WayChooser();
+    chooser.choose("local");
+    for (let second = 0; second < 10; second++) chooser.observe(1, true);
+    expect(chooser.way).toBe("local");
+    chooser.tried(500);
+    chooser.choose("server");
+    expect(chooser.way).toBe("server");
+  });
+});
+
+describe("loadSplats", () => {
+  it("shows the seat's token, and takes a missing file for one that can't be drawn here", async () => {
+    const { request, calls } = fakeFetch(({ path }) =>
+      path.includes("field") ? new Response("{}", { status: 404 }) : new Response(fileOf(1)),
+    );
+    expect((await loadSplats("m", "seat", request))?.byteLength).toBe(220);
+    expect(calls[0]).toMatchObject({ path: "/v1/models/m/files/viewer.splats", token: "Bearer seat" });
+    expect(await loadSplats("field", "seat", request)).toBeNull();
+  });
+
+  it("tells of refusals, and takes nothing that is too large", async () => {
+    const refused = fakeFetch(() => new Response("{}", { status: 403 }));
+    await expect(loadSplats("m", "seat", refused.request)).rejects.toMatchObject({ status: 403 });
+    const large = fakeFetch(() => new Response("x", { headers: { "Content-Length": "9000000" } }));
+    expect(await loadSplats("m", "seat", large.request)).toBeNull();
+  });
+});
