@@ -14,15 +14,16 @@ CHANGED = "\\*"
 
 
 def measured_at(figures: Figures) -> str:
-    """The sentence under a table: commit and date, and what makes them less than certain."""
+    """The sentence under a table: commit, date, processor, and what makes them less certain."""
     told = dict.fromkeys(_sentence(origin) for origin in _origins(figures))
     return f"Measured at {' and '.join(told)}."
 
 
 def short_origin(figures: Figures) -> str:
-    """The same for a table's cell: date and commit."""
+    """The same for a table's cell: date, commit and processor."""
     changed = CHANGED if figures["uncommitted_changes"] else ""
-    return f"{figures['date'][:10]}, `{figures['commit']}`{changed}"
+    machine = figures["machine"]["processor"]
+    return f"{figures['date'][:10]}, `{figures['commit']}`{changed}, {machine}"
 
 
 def _origins(figures: Figures) -> Iterator[Figures]:
@@ -33,5 +34,8 @@ def _origins(figures: Figures) -> Iterator[Figures]:
 def _sentence(origin: Figures) -> str:
     """Of one commit."""
     changes = " with uncommitted changes" if origin["uncommitted_changes"] else ""
-    dated = f" ({origin['date_from']})" if "date_from" in origin else ""
-    return f"`{origin['commit']}`{changes} on {origin['date'][:10]}{dated}"
+    notes = [
+        origin["machine"]["processor"],
+        *([origin["date_from"]] if "date_from" in origin else []),
+    ]
+    return f"`{origin['commit']}`{changes} on {origin['date'][:10]} ({', '.join(notes)})"

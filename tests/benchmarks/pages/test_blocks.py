@@ -61,10 +61,11 @@ def test_every_file_is_some_benchmarks():
 
 
 def test_a_page_says_what_makes_an_origin_less_than_certain():
-    clean = {"commit": "abcdef0", "date": "2026-05-01T12:00:00+00:00", "uncommitted_changes": False}
-    assert measured_at(clean) == "Measured at `abcdef0` on 2026-05-01."
+    clean = {"commit": "abcdef0", "date": "2026-05-01T12:00:00+00:00", "uncommitted_changes": False,
+             "machine": {"processor": "a processor"}}  # fmt: skip
+    assert measured_at(clean) == "Measured at `abcdef0` on 2026-05-01 (a processor)."
     old = {**clean, "uncommitted_changes": True, "date_from": "the date of its commit"}
     assert measured_at({**clean, "rows": [clean, old, clean]}) == (
-        "Measured at `abcdef0` on 2026-05-01 and `abcdef0` with uncommitted changes on 2026-05-01 "
-        "(the date of its commit)."
+        "Measured at `abcdef0` on 2026-05-01 (a processor) and `abcdef0` with uncommitted changes "
+        "on 2026-05-01 (a processor, the date of its commit)."
     )
