@@ -144,7 +144,7 @@ export class LocalDrawing {
 
   /** Nobody's poses come any more, or this device is not to draw: the server's picture is the one to see. */
   get idle(): boolean {
-    return !this.ready || this.room?.standing === false;
+    return !this.ready || this.room?.drawable === false;
   }
 
   /** Draw what has changed, where this device is to; says whether a picture was drawn. */

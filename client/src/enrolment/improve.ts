@@ -74,12 +74,12 @@ export class Improvement {
   ) {}
 
   /**
-   * Film somebody and learn from it. `film` gives the clip and tells each moment of it; `standing` is
+   * Film somebody and learn from it. `film` gives the clip and tells each moment of it; `currentModelId` is
    * the model that stands for them when the training begins; null: they have left.
    */
   start(
     personId: string,
-    standing: () => string | null,
+    currentModelId: () => string | null,
     film: (onSecond: (second: number) => void, signal: AbortSignal) => Promise<Film>,
   ): Promise<void> {
     this.over = new AbortController();
@@ -91,7 +91,7 @@ export class Improvement {
       signal.throwIfAborted();
       work.sequence = await this.capture(work.sequence, work, signal);
       signal.throwIfAborted();
-      const improves = standing();
+      const improves = currentModelId();
       if (improves === null) throw NOT_HERE;
       work.job = await this.api.train(work.sequence.id, { ...TRAINING, improves });
       signal.throwIfAborted();

@@ -153,7 +153,7 @@ export class LocalRoom {
   }
 
   /** Whether poses of everybody are coming. */
-  get standing(): boolean {
+  get drawable(): boolean {
     if (!this.cast || performance.now() - this.heardMs > STALE_MS) return false;
     return this.performers.every((_, index) => this.poses[index] !== undefined);
   }
@@ -161,7 +161,7 @@ export class LocalRoom {
   /** Draw what has changed since the last time; says whether a picture was drawn. */
   draw(view: CameraPose, fovYRad: number, { width, height }: Size, filmedOnly: boolean): boolean {
     const { cast, pass } = this;
-    if (!cast || !pass || !this.standing) return false;
+    if (!cast || !pass || !this.drawable) return false;
     if (this.posed) this.pose(cast);
     const camera = passCamera(view, fovYRad, width, height);
     const key = [...camera.worldToCamera, width, height, filmedOnly].join();
@@ -205,14 +205,14 @@ export class LocalRoom {
   drawEyes(eyes: readonly Eye[], head: PassCamera, filmedOnly: boolean, kept: readonly number[]): boolean {
     const { cast, pass } = this;
     if (!pass) return false;
-    const standing = cast !== null && this.standing;
-    if (cast && standing) {
+    const drawable = cast !== null && this.drawable;
+    if (cast && drawable) {
       if (this.posed) this.pose(cast);
       this.posed = false;
       this.version += 1;
       this.sort(head, kept);
     }
-    const sorted = standing ? this.sorted : null;
+    const sorted = drawable ? this.sorted : null;
     pass.drawEyes(cast && sorted ? this.people(cast, sorted, filmedOnly) : NOBODY, eyes);
     return sorted !== null;
   }

@@ -51,8 +51,8 @@ export function improveMeView(live: LiveView, borrow: () => MediaStream | null):
   };
 
   const improve = ({ performerId, personId }: Improvable): void => {
-    const standing = (): string | null => live.meeting.performers.find(({ id }) => id === performerId)?.model_id ?? null;
-    void improvement.start(personId, standing, (onSecond, signal) => film(borrow(), panel.picture, onSecond, signal));
+    const currentModelId = (): string | null => live.meeting.performers.find(({ id }) => id === performerId)?.model_id ?? null;
+    void improvement.start(personId, currentModelId, (onSecond, signal) => film(borrow(), panel.picture, onSecond, signal));
   };
 
   const end = (): void => {

@@ -110,8 +110,8 @@ export function voiceControls(
     hearIn: (room) => {
       const place = (): void =>
         hearing.place(room.ears, (memberId) => {
-          const standing = attendance.state.members.find(({ id }) => id === memberId)?.performer_id;
-          return standing ? room.headOf(standing) : null;
+          const performerId = attendance.state.members.find(({ id }) => id === memberId)?.performer_id;
+          return performerId ? room.headOf(performerId) : null;
         });
       clearInterval(placing);
       placing = setInterval(place, PLACE_MS);

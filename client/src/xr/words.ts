@@ -35,17 +35,17 @@ export class Words {
   }
 
   /** What is shown at `nowMs`, at most three lines, the newest last. */
-  lines(nowMs: number, room: Pick<LocalRoom, "obstacle" | "standing">): string[] {
+  lines(nowMs: number, room: Pick<LocalRoom, "obstacle" | "drawable">): string[] {
     for (const one of this.passing) one.untilMs ??= nowMs + SHOWN_MS;
     while (this.passing[0] && (this.passing[0].untilMs ?? nowMs) < nowMs) this.passing.shift();
     const { line, state } = this.attendance;
     const talking = speakers(state);
-    const standing = [
+    const lasting = [
       line.kind === "lost" && "Connection lost. Coming back",
-      room.obstacle ?? (!room.standing && "Getting the picture ready"),
+      room.obstacle ?? (!room.drawable && "Getting the picture ready"),
       talking.length > 0 && `${talking.join(", ")} ${talking.length > 1 ? "speak" : "speaks"}`,
     ].filter((words): words is string => typeof words === "string");
-    return [...standing, ...this.passing.map(({ words }) => words)].slice(-MOST_LINES);
+    return [...lasting, ...this.passing.map(({ words }) => words)].slice(-MOST_LINES);
   }
 
   close(): void {

@@ -10,7 +10,7 @@ const rooms = vi.hoisted(() => [] as Record<string, unknown>[]);
 vi.mock("../../src/splats/localRoom", () => ({
   LocalRoom: class {
     loaded = false;
-    standing = false;
+    drawable = false;
     obstacle = null;
     places = [];
     setPlace = vi.fn();
@@ -49,7 +49,7 @@ async function ready() {
   const made = drawing();
   made.local.token = "seat";
   made.local.begin();
-  const room = rooms.at(-1) as { loaded: boolean; standing: boolean; onLoaded(): void; onStrangers(): void };
+  const room = rooms.at(-1) as { loaded: boolean; drawable: boolean; onLoaded(): void; onStrangers(): void };
   await vi.waitFor(() => expect(made.told.length).toBeGreaterThan(0));
   room.loaded = true;
   room.onLoaded();
@@ -88,7 +88,7 @@ describe("LocalDrawing", () => {
   it("leaves the picture to the server while nobody's poses come", async () => {
     const { local, room } = await ready();
     expect(local.idle).toBe(true);
-    room.standing = true;
+    room.drawable = true;
     expect(local.idle).toBe(false);
   });
 

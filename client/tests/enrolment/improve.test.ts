@@ -89,8 +89,8 @@ function setUp(server = new FakeServer()) {
   let left: string[] = [];
   const notes = { get: () => left, set: (ids: string[]) => void (left = ids) };
   const improvement = new Improvement(server as unknown as Api, notes, (state) => states.push(state));
-  const start = (standing: string | null = "m"): Promise<void> =>
-    improvement.start("p", () => standing, async (onSecond) => (onSecond(10), FILM));
+  const start = (currentModelId: string | null = "m"): Promise<void> =>
+    improvement.start("p", () => currentModelId, async (onSecond) => (onSecond(10), FILM));
   const soon = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
   return { server, states, improvement, start, soon, left: () => left, notes };
 }

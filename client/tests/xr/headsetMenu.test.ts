@@ -147,7 +147,7 @@ describe("Pointers", () => {
 });
 
 describe("Words", () => {
-  const here = { obstacle: null, standing: true };
+  const here = { obstacle: null, drawable: true };
 
   it("show what was written, shown and spoken for a while, the newest last", () => {
     let hear = (): void => undefined;
@@ -171,9 +171,9 @@ describe("Words", () => {
     expect(words.lines(1000, here)).toEqual(["Bo: Hello", "Bo: I speak", "Bo: Celebrate"]);
     expect(words.lines(6500, here)).toEqual(["Bo: I speak", "Bo: Celebrate"]);
     told({ speaking: ["b"] });
-    expect(words.lines(9000, { obstacle: "Nobody is here yet", standing: false })).toEqual(["Nobody is here yet", "Bo speaks"]);
+    expect(words.lines(9000, { obstacle: "Nobody is here yet", drawable: false })).toEqual(["Nobody is here yet", "Bo speaks"]);
     told({ speaking: [] });
-    expect(words.lines(9000, { obstacle: null, standing: false })).toEqual(["Getting the picture ready"]);
+    expect(words.lines(9000, { obstacle: null, drawable: false })).toEqual(["Getting the picture ready"]);
     words.close();
   });
 });
