@@ -13,7 +13,7 @@ from services.cli.extensions import command_groups
 
 app = typer.Typer(
     name="metanerf",
-    help="Meetings in which a person filmed by one camera is seen from any side.",
+    help="Meetings in which a person recorded by one camera is seen from any side.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -23,7 +23,7 @@ for module in (serving, sequences, models, recordings):
 
 
 def main() -> None:
-    """Run the command line; errors that we raise on purpose are told, not traced."""
+    """Run the command line; errors that we raise on purpose are printed without a traceback."""
     _add_command_groups()
     try:
         app()

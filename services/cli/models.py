@@ -27,31 +27,31 @@ Picture = UInt8[Array, "H W 3"]
 ModelPath = Annotated[Path, typer.Argument(help="A trained model (.safetensors).")]
 SequencePath = Annotated[
     Path,
-    typer.Argument(help="A folder of capture or studio, or of ZJU-MoCap or HumanNeRF as they are."),
+    typer.Argument(help="A folder made by capture or studio, or one of ZJU-MoCap or HumanNeRF."),
 ]
 
 
 @app.command()
 def train(
     sequence: SequencePath,
-    out: Annotated[Path, typer.Option(help="Where the model goes (.safetensors).")],
-    preset: Annotated[str, typer.Option(help="Which model; see `metanerf presets`.")] = "splats",
+    out: Annotated[Path, typer.Option(help="The model's file (.safetensors).")],
+    preset: Annotated[str, typer.Option(help="Kind of model; see `metanerf presets`.")] = "splats",
     budget: Annotated[str, typer.Option(help="Training time, such as 20s or 2m.")] = "20s",
     iterations: Annotated[
-        int | None, typer.Option(help="Steps in place of a time: repeatable to the bit.")
+        int | None, typer.Option(help="Number of steps, instead of a time; repeatable to the bit.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     lpips_backbone: Annotated[
         Path | None,
         typer.Option(
-            help="Weights (.pth) of the LPIPS that `humannerf` and `paper` train on. [VGG-16]"
+            help="Weights (.pth) for LPIPS, which `humannerf` and `paper` train on. [VGG-16]"
         ),
     ] = None,
 ) -> None:
-    """Train a person's model. Ctrl-C keeps a checkpoint: the same command then goes on from it.
+    """Train a model of a person. Ctrl-C keeps a checkpoint, from which the same command continues.
 
-    First the poses are drawn over a few frames, in a .poses.png beside the model; a clip whose
-    joints miss the person is refused.
+    Before training, the poses are drawn over a few frames in a .poses.png beside the model. A clip
+    whose joints miss the person is refused.
     """
     from capture.pose_check import require_poses_on_mask
     from capture.sources.readers import open_folder
@@ -89,7 +89,7 @@ def train(
                 clock=time.perf_counter,
             )
         except TrainingStopped as stopped:
-            typer.secho(f"stopped: {stopped}; run the same command to go on", err=True)
+            typer.secho(f"stopped: {stopped}; run the same command to continue", err=True)
             raise typer.Exit(130) from stopped
     save_model(model, out)
     checkpoint.unlink(missing_ok=True)
@@ -103,15 +103,17 @@ def render(
     camera: Annotated[
         str, typer.Option(help="orbit, front, left, back, right, or AZIMUTH,ELEVATION in degrees.")
     ] = "orbit",
-    size: Annotated[int, typer.Option(help="Pixels a side.", min=16, max=4096)] = 512,
-    time_s: Annotated[float, typer.Option("--time", help="Moment of the motion, s.")] = 0.0,
+    size: Annotated[int, typer.Option(help="Width and height, in pixels.", min=16, max=4096)] = 512,
+    time_s: Annotated[
+        float, typer.Option("--time", help="Time within the motion, in seconds.")
+    ] = 0.0,
     length: Annotated[str, typer.Option(help="Length of a video, such as 4s.")] = "4s",
     motion: Annotated[
-        Path | None, typer.Option(help="Keypoints JSON that drive the model in place of its own.")
+        Path | None, typer.Option(help="Keypoints (.json) that replace the model's own motion.")
     ] = None,
     distance_m: Annotated[
         float | None,
-        typer.Option("--distance", help="Camera's distance, m.", min=0.1, max=100.0),
+        typer.Option("--distance", help="Distance of the camera, in metres.", min=0.1, max=100.0),
     ] = None,
 ) -> None:
     """Render a model from any side: a picture or a video."""
@@ -149,15 +151,15 @@ def evaluate(
     model: ModelPath,
     sequence: SequencePath,
     json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write the figures here.")
+        Path | None, typer.Option("--json", help="Write the figures to this file.")
     ] = None,
     every: Annotated[
-        int, typer.Option(help="Judge one moment in so many; HumanNeRF's protocol: 30.", min=1)
+        int, typer.Option(help="Evaluate every n-th moment; HumanNeRF's protocol: 30.", min=1)
     ] = 1,
     lpips_backbone: Annotated[
-        Path | None, typer.Option(help="Weights (.pth) behind LPIPS. [VGG-16, fetched once]")
+        Path | None, typer.Option(help="Weights (.pth) for LPIPS. [VGG-16, downloaded once]")
     ] = None,
-    lpips: Annotated[bool, typer.Option(help="Whether LPIPS is measured.")] = True,
+    lpips: Annotated[bool, typer.Option(help="Measure LPIPS.")] = True,
     sheet: Annotated[
         Path | None, typer.Option(help="Write a picture (.png): truth, model, error of each view.")
     ] = None,
@@ -189,8 +191,8 @@ def evaluate(
 
 
 def _backbone(given: Path | None) -> Path | None:
-    """The file behind LPIPS: named here or in the settings, else VGG-16; None, said aloud, where
-    that can't be had."""
+    """The weights for LPIPS: those named here or in the settings, else VGG-16. None and a message
+    where that cannot be downloaded."""
     from services.lpips_backbone import vgg_file
     from services.settings import load_settings
 
@@ -208,9 +210,9 @@ def _backbone(given: Path | None) -> Path | None:
 
 @app.command()
 def presets(
-    as_json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List what can be trained: parameters of each network, megabytes, what is switched on."""
+    """List the presets with their parameters, size and what each switches on."""
     from renderer.catalogue import describe_preset
     from renderer.presets import PRESETS
 

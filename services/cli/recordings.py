@@ -18,20 +18,20 @@ app = typer.Typer()
 @app.command("export-recording")
 def export_recording(
     recording: Annotated[str, typer.Argument(help="The recording's id.")],
-    out: Annotated[Path, typer.Option(help="Where the video goes (.mp4).")],
+    out: Annotated[Path, typer.Option(help="The video's file (.mp4).")],
     path: Annotated[
         Path | None,
         typer.Option(
-            help='The camera\'s stops, JSON: [{"at_s": 0, "position": [0, 1.5, 3], '
-            '"target": [0, 1, 0]}]. [once round everybody]'
+            help='Path of the camera as JSON: [{"at_s": 0, "position": [0, 1.5, 3], '
+            '"target": [0, 1, 0]}]. [once around everybody]'
         ),
     ] = None,
-    width: Annotated[int, typer.Option(help="Pixels across.", min=64, max=1920)] = 1280,
-    height: Annotated[int, typer.Option(help="Pixels high.", min=64, max=1088)] = 720,
-    fov: Annotated[float, typer.Option(help="Vertical field of view, degrees.")] = 35.0,
-    data_dir: Annotated[Path | None, typer.Option(help="Where the server keeps things.")] = None,
+    width: Annotated[int, typer.Option(help="Width, in pixels.", min=64, max=1920)] = 1280,
+    height: Annotated[int, typer.Option(help="Height, in pixels.", min=64, max=1088)] = 720,
+    fov: Annotated[float, typer.Option(help="Vertical field of view, in degrees.")] = 35.0,
+    data_dir: Annotated[Path | None, typer.Option(help="The server's data folder.")] = None,
 ) -> None:
-    """Make a video of a recorded meeting, on the machine that keeps it."""
+    """Make a video of a recorded meeting, on the machine that stores it."""
     from services.container import build_services
     from services.recording.film import Shot, film
     from services.recording.replay import load
@@ -39,7 +39,9 @@ def export_recording(
 
     require_writable(out)
     if width % 2 or height % 2:
-        raise InvalidInput(f"width and height must be even; got {width} x {height}")
+        raise InvalidInput(
+            f"width and height must be even; got {width} x {height}; add or remove a pixel"
+        )
     settings = load_settings(**({} if data_dir is None else {"data_dir": data_dir}))
     services = build_services(settings)
     try:
@@ -65,5 +67,5 @@ def _stops(path: Path | None):
         ]
     except (ValueError, KeyError, TypeError) as error:
         raise InvalidInput(
-            f"a camera's path must be a JSON list of at_s, position and target; got {path}: {error}"
+            f"a camera path must be a JSON list of at_s, position and target; got {path}: {error}"
         ) from error

@@ -20,28 +20,32 @@ app = typer.Typer()
 
 Height = Annotated[
     float | None,
-    typer.Option(help="Of the person, barefoot, in metres; guessed without, and their size too."),
+    typer.Option(
+        help="Height of the person, barefoot, in metres. Without it, their size is estimated."
+    ),
 ]
 
 
 @app.command()
 def capture(
-    out: Annotated[Path, typer.Option(help="Where the sequence folder goes.")],
+    out: Annotated[Path, typer.Option(help="The sequence's folder.")],
     source: Annotated[
         Path | None, typer.Argument(help="A video, or a folder or zip of frames.")
     ] = None,
-    webcam: Annotated[int | None, typer.Option(help="Film with this webcam instead.")] = None,
-    length: Annotated[str, typer.Option(help="How long the webcam films.")] = "15s",
-    person: Annotated[str, typer.Option(help="Name stored with the sequence.")] = "someone",
+    webcam: Annotated[int | None, typer.Option(help="Record with this webcam instead.")] = None,
+    length: Annotated[str, typer.Option(help="How long the webcam records.")] = "15s",
+    person: Annotated[
+        str, typer.Option(help="Name of the person, stored with the sequence.")
+    ] = "someone",
     height: Height = None,
     overlay: Annotated[
         Path | None,
         typer.Option(
-            help="Write a video (.mp4) of the clip with all that was found drawn over it."
+            help="Write a video (.mp4) of the clip with everything that was found drawn over it."
         ),
     ] = None,
 ) -> None:
-    """Turn one clip of one person into a sequence: masks, camera, body and motion."""
+    """Turn a clip of one person into a sequence: masks, camera, body and motion."""
     from capture.body.model import require_height
     from capture.pipeline import CaptureOptions, capture_clip, capture_webcam
     from capture.sources.keypoints import read_keypoints
@@ -49,7 +53,9 @@ def capture(
 
     if (source is None) == (webcam is None):
         given = "neither" if source is None else "both"
-        raise InvalidInput(f"capture must be given a clip or --webcam; got {given}")
+        raise InvalidInput(
+            f"capture must be given either a clip or --webcam; got {given}; name one of them"
+        )
     if height is not None:
         require_height(height)
     require_writable(out)
@@ -87,47 +93,61 @@ def capture(
 
 @app.command()
 def studio(
-    out: Annotated[Path, typer.Option(help="Where the sequence folder goes.")],
+    out: Annotated[Path, typer.Option(help="The sequence's folder.")],
     performer: Annotated[
-        str | None, typer.Option(help="By name: amber, basil, clover, dune or ember.")
+        str | None, typer.Option(help="One of amber, basil, clover, dune and ember.")
     ] = None,
     motion: Annotated[
-        Path | None, typer.Option(help="Real motion (.bvh), or a folder with the performer's clip.")
+        Path | None,
+        typer.Option(help="Recorded motion (.bvh), or a folder with the performer's clip."),
     ] = None,
     look: Annotated[
         str,
-        typer.Option(help="plain (flat light), lit (light of a room) or loose (clothes swing)."),
+        typer.Option(
+            help="plain (flat light), lit (light of a room) or loose (clothes that swing)."
+        ),
     ] = "plain",
     frames: Annotated[int, typer.Option(min=2)] = 60,
     size: Annotated[int, typer.Option(min=32, max=2048)] = 256,
     test_cameras: Annotated[int, typer.Option(min=1)] = 8,
-    seed: Annotated[int, typer.Option(help="Which person, if not by name.")] = 0,
-    turn: Annotated[float, typer.Option(help="How far the person turns, degrees.")] = 360.0,
-    frame_rate: Annotated[float, typer.Option(help="Frames a second.")] = 10.0,
+    seed: Annotated[int, typer.Option(help="Seed of the person, without --performer.")] = 0,
+    turn: Annotated[
+        float, typer.Option(help="How far the person turns round, in degrees.")
+    ] = 360.0,
+    frame_rate: Annotated[float, typer.Option(help="Frames per second.")] = 10.0,
     footage: Annotated[
-        Path | None, typer.Option(help="Raw training frames too: a video, or a folder of PNG.")
+        Path | None,
+        typer.Option(help="Also write the raw training frames: a video, or a folder of PNG."),
     ] = None,
-    background: Annotated[str, typer.Option(help="Of the footage: black or textured.")] = "black",
-    noise: Annotated[float, typer.Option(help="Of the footage: std in 8-bit levels.")] = 0.0,
-    blur: Annotated[float, typer.Option(help="Of the footage's lens: std in px.")] = 0.0,
+    background: Annotated[
+        str, typer.Option(help="Background of the footage: black or textured.")
+    ] = "black",
+    noise: Annotated[
+        float, typer.Option(help="Noise of the footage: standard deviation in 8-bit levels.")
+    ] = 0.0,
+    blur: Annotated[
+        float, typer.Option(help="Blur of the footage's lens: standard deviation in pixels.")
+    ] = 0.0,
     shutter: Annotated[
-        float, typer.Option(help="Of the footage: share of a frame's time, for motion blur.")
+        float,
+        typer.Option(help="Exposure of the footage as a share of the frame time: motion blur."),
     ] = 0.0,
     expressions: Annotated[
-        bool, typer.Option(help="They talk, blink, smile and close their hands.")
+        bool, typer.Option(help="The performer talks, blinks, smiles and closes their hands.")
     ] = False,
-    framing: Annotated[str, typer.Option(help="body, or head (and shoulders).")] = "body",
+    framing: Annotated[str, typer.Option(help="body, or head (with shoulders).")] = "body",
     humannerf: Annotated[
-        Path | None, typer.Option(help="The training frames in HumanNeRF's layout too: a folder.")
+        Path | None,
+        typer.Option(help="Also write the training frames in HumanNeRF's layout to this folder."),
     ] = None,
 ) -> None:
-    """Film a synthetic performer with exact truth: one camera, and a ring of test cameras."""
+    """Render a synthetic performer with exact truth: one camera and a ring of test cameras."""
     from capture.studio import Footage, make_sequence
 
     if footage is None and (background != "black" or noise or blur or shutter):
         raise InvalidInput(
             "background, noise, blur and shutter must come with --footage, whose pixels they "
-            "change (a sequence stays clean); got no --footage"
+            "change; got no --footage; add it (the sequence itself stays clean)"
         )
     require_writable(out)
     with progress_bar("filming") as report:
@@ -157,22 +177,29 @@ def studio(
 
 @app.command()
 def upload(
-    source: Annotated[Path, typer.Argument(help="A video, a sequence folder or keypoints JSON.")],
+    source: Annotated[
+        Path, typer.Argument(help="A video, a sequence folder or keypoints (.json).")
+    ],
     to: Annotated[str, typer.Option(help="Address of the service, such as http://host:8000.")],
-    person: Annotated[str, typer.Option(help="Id or name; made if there is none.")] = "someone",
+    person: Annotated[
+        str, typer.Option(help="Id or name; created if it does not exist.")
+    ] = "someone",
     height: Height = None,
     token: Annotated[
-        str | None, typer.Option(envvar="METANERF_TOKEN", help="Without, a guest's is asked for.")
+        str | None,
+        typer.Option(
+            envvar="METANERF_TOKEN", help="Access token. Without it, a guest's is requested."
+        ),
     ] = None,
 ) -> None:
-    """Send a clip or keypoints to a service; run it again after a cut and it goes on."""
+    """Send a clip or keypoints to a service. After an interruption, run it again to continue."""
     from capture.body.model import require_height
     from capture.upload import upload as send
 
     if height is not None:
         require_height(height)
     if not source.exists():
-        raise InvalidInput(f"source must exist; got {source}; look at its name")
+        raise InvalidInput(f"source must exist; got {source}; check the path")
     with stop_on_interrupt() as should_stop, progress_bar("uploading") as report:
         sequence = send(
             source, to, person, token,

@@ -29,10 +29,10 @@ class PortTaken(SceneError):
 @app.command()
 def demo(
     port: Port = None,
-    browser: Annotated[bool, typer.Option(help="Open the page.")] = True,
-    data_dir: Annotated[Path | None, typer.Option(help="Where everything is kept.")] = None,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    data_dir: Annotated[Path | None, typer.Option(help="Folder for all data.")] = None,
 ) -> None:
-    """The meeting on this machine: no server, no account; opens the page in the browser."""
+    """Run the meeting on this machine, without an account, and open its page in the browser."""
     typer.echo("\n  MetaNeRF is starting")
     from services.bootstrap import DEMO_MODEL, ensure_demo
     from services.container import build_services
@@ -52,7 +52,7 @@ def demo(
 
 @app.command()
 def serve(port: Port = None) -> None:
-    """The gateway: REST, WebRTC, the page. Settings come from METANERF_* variables."""
+    """Run the gateway: REST, WebRTC and the page. Settings come from METANERF_* variables."""
     settings = load_settings(**_given(port=port))
     _serve(settings, _listen(settings))
 
@@ -63,7 +63,7 @@ def worker(
         list[str] | None, typer.Argument(help="Kinds of jobs to take: capture, train, export.")
     ] = None,
 ) -> None:
-    """Runs jobs in child processes, for a gateway that does not (embedded_worker=false)."""
+    """Run jobs in child processes, for a gateway that does not (METANERF_EMBEDDED_WORKER=false)."""
     from db.models import JobKind
     from services.container import build_services
     from services.jobs.worker import Worker
@@ -102,7 +102,7 @@ def _listen(settings: Settings) -> socket.socket:
         listener.close()
         raise PortTaken(
             f"port {settings.port} of {settings.host} must be free; got {error.strerror}; "
-            f"end the other program or choose another with --port"
+            f"end the other program or choose another port with --port"
         ) from error
     return listener
 
@@ -113,7 +113,7 @@ def _log(settings: Settings) -> None:
         format="%(asctime)s %(levelname)s %(name)s: %(message)s",
         stream=sys.stderr,
     )
-    # they tell of every packet, request or look at the schema at this level
+    # at this level they log every packet, request and look at the schema
     for chatty in ("aioice", "aiortc", "alembic", "httpx"):
         logging.getLogger(chatty).setLevel(logging.WARNING)
 
@@ -123,5 +123,5 @@ def _given(**values: object) -> dict[str, object]:
     given = {name: value for name, value in values.items() if value is not None}
     known = {"capture", "train", "export"}
     if "worker_kinds" in given and not set(given["worker_kinds"]) <= known:  # type: ignore[arg-type]
-        raise InvalidInput(f"kinds must be of {sorted(known)}; got {given['worker_kinds']}")
+        raise InvalidInput(f"kinds must be among {sorted(known)}; got {given['worker_kinds']}")
     return given
