@@ -54,7 +54,7 @@ def capture(
     if (source is None) == (webcam is None):
         given = "neither" if source is None else "both"
         raise InvalidInput(
-            f"capture must be given either a clip or --webcam; got {given}; name one of them"
+            f"capture must be given a clip or --webcam; got {given}; name one of them"
         )
     if height is not None:
         require_height(height)
