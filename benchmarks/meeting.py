@@ -112,7 +112,7 @@ def driven(performers: int) -> Iterator[DrivenMeeting]:
     """A service of its own with one meeting, whose performers move."""
     with tempfile.TemporaryDirectory() as folder:
         meeting_id, token, ids = _prepare(Path(folder), performers)
-        with running_demo(Path(folder), METANERF_LATENCY_CODE="1") as address:
+        with running_demo(Path(folder), METANERF_STAMP_PICTURES="1") as address:
             people = People(address, meeting_id, token, ids)
             with people.moving():
                 yield DrivenMeeting(address, meeting_id, people)

@@ -91,7 +91,7 @@ class Settings(BaseSettings):
     max_viewers: int = Field(
         default=8, ge=1, description="Viewers served live at once by this process."
     )
-    latency_code: bool = Field(
+    stamp_pictures: bool = Field(
         default=False,
         description="Show in each picture's corner when it was captured, to measure latency.",
     )

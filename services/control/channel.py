@@ -1,8 +1,8 @@
-"""`WS /v1/meetings/{id}/control`: says hello with a seat's token, then wishes and beats.
+"""`WS /v1/meetings/{id}/control`: says hello with a seat's token, then commands and beats.
 
 Every message is a JSON object (services.control.messages). A page beats once a second and is
-beaten back; whoever hears nothing for five seconds takes the line as lost. The token of the seat
-takes it up again within 30 s of that: after a reload, an outage, or on another gateway.
+beaten back; whoever hears nothing for five seconds takes the connection as lost. The token of the
+seat takes it up again within 30 s of that: after a reload, an outage, or on another gateway.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from starlette.websockets import WebSocketDisconnected
 
 from services.container import Services
 from services.control import messages
-from services.control.hub import Hub, Line
+from services.control.commands import connect, execute, read_caller
+from services.control.hub import ControlConnection, Hub
 from services.control.messages import (
     TO_SERVER,
     Beat,
+    Command,
     Goodbye,
     Hello,
     Reason,
     Refusal,
     Welcome,
-    Wish,
 )
 from services.control.roster import SILENCE_S
-from services.control.wishes import arrive, fulfil, read_caller
 from services.jobs.events import meeting_topic
 from services.limits import RateLimit
 from services.live.sessions.view_sessions import ViewSessions
@@ -48,7 +48,7 @@ log = logging.getLogger(__name__)
 router = APIRouter(tags=["meetings"])
 
 PARTICIPANTS = Gauge("metanerf_participants", "Pages on the control channel now.")
-WISHES_PER_MINUTE = 120
+COMMANDS_PER_MINUTE = 120
 _CLOSE_S = 2.0
 _GONE = (WebSocketDisconnect, WebSocketDisconnected)
 _REASONS: dict[str, Reason] = {"urn:metanerf:seat-given-back": "given-back"}
@@ -57,7 +57,7 @@ _REASONS: dict[str, Reason] = {"urn:metanerf:seat-given-back": "given-back"}
 def install(app: FastAPI, services: Services, views: ViewSessions) -> Hub:
     """Mount the channel and the voices on `app`, and describe their messages with the API."""
     voices = VoiceSessions(
-        lambda meeting_id: hub.tell_speaking(meeting_id),
+        lambda meeting_id: hub.send_speaking(meeting_id),
         ice_servers=services.settings.ice_servers,
         max_connections=services.settings.max_voices,
     )
@@ -66,7 +66,9 @@ def install(app: FastAPI, services: Services, views: ViewSessions) -> Hub:
     app.state.hub, app.state.voices = hub, voices
     app.include_router(voice_router)
     app.include_router(whip_router)
-    app.state.wish_limit = RateLimit("messages of one person", WISHES_PER_MINUTE, services.clock)
+    app.state.command_limit = RateLimit(
+        "messages of one person", COMMANDS_PER_MINUTE, services.clock
+    )
     app.include_router(router)
     PARTICIPANTS.set_function(lambda: len(hub))
     describe = app.openapi
@@ -88,16 +90,18 @@ async def control(socket: WebSocket, meeting_id: str) -> None:
     services: Services = socket.app.state.services
     hub: Hub = socket.app.state.hub
     with contextlib.suppress(*_GONE, TimeoutError):
-        line = await _greet(socket, services, meeting_id)
-        if line is not None:
-            async with hub.attached(line):
-                await _talk(socket, services, hub, line)
+        connection = await _greet(socket, services, meeting_id)
+        if connection is not None:
+            async with hub.attached(connection):
+                await _exchange(socket, services, hub, connection)
         async with asyncio.timeout(_CLOSE_S):
             await socket.close()
 
 
-async def _greet(socket: WebSocket, services: Services, meeting_id: str) -> Line | None:
-    """Seat the page; None where it was told why not."""
+async def _greet(
+    socket: WebSocket, services: Services, meeting_id: str
+) -> ControlConnection | None:
+    """Seat the page; None where it was refused."""
     try:
         async with asyncio.timeout(SILENCE_S):
             hello = _read(await _receive(socket))
@@ -106,25 +110,27 @@ async def _greet(socket: WebSocket, services: Services, meeting_id: str) -> Line
                 422, "hello-first", f"the first message must be 'hello'; got {hello.type!r}"
             )
         caller = await run_in_threadpool(read_caller, services, meeting_id, hello)
-        me = await run_in_threadpool(arrive, services, meeting_id, caller, hello.name)
+        me = await run_in_threadpool(connect, services, meeting_id, caller, hello.name)
     except (*_GONE, TimeoutError):
         raise
     except Exception as error:
-        problem = _told(error).problem
+        problem = _logged_problem(error).problem
         reason = _REASONS.get(problem.type, "refused")
         await socket.send_text(Goodbye(reason=reason, problem=problem).model_dump_json())
         return None
     await run_in_threadpool(services.events.publish, meeting_topic(meeting_id))
-    line = Line(meeting_id, me.id, services.clock(), hello.after)
-    line.tell(Welcome(participant_id=me.id, seat=me.seat, silence_s=SILENCE_S))
-    return line
+    connection = ControlConnection(meeting_id, me.id, services.clock(), hello.after)
+    connection.send(Welcome(participant_id=me.id, seat=me.seat, silence_s=SILENCE_S))
+    return connection
 
 
-async def _talk(socket: WebSocket, services: Services, hub: Hub, line: Line) -> None:
+async def _exchange(
+    socket: WebSocket, services: Services, hub: Hub, connection: ControlConnection
+) -> None:
     """Listen and send until either way ends."""
     ways = (
-        asyncio.create_task(_listen(socket, services, hub, line)),
-        asyncio.create_task(_send(socket, line)),
+        asyncio.create_task(_listen(socket, services, hub, connection)),
+        asyncio.create_task(_send(socket, connection)),
     )
     try:
         await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
@@ -137,20 +143,22 @@ async def _talk(socket: WebSocket, services: Services, hub: Hub, line: Line) -> 
             raise fault
 
 
-async def _send(socket: WebSocket, line: Line) -> None:
-    while (message := await line.outbox.get()) is not None:
+async def _send(socket: WebSocket, connection: ControlConnection) -> None:
+    while (message := await connection.outbox.get()) is not None:
         await socket.send_text(message.model_dump_json())
 
 
-async def _listen(socket: WebSocket, services: Services, hub: Hub, line: Line) -> None:
-    limit: RateLimit = socket.app.state.wish_limit
+async def _listen(
+    socket: WebSocket, services: Services, hub: Hub, connection: ControlConnection
+) -> None:
+    limit: RateLimit = socket.app.state.command_limit
     while True:
         text = await _receive(socket)
-        line.heard_at = services.clock()
+        connection.heard_at = services.clock()
         try:
             message = _read(text)
             if isinstance(message, Beat):
-                line.tell(message)
+                connection.send(message)
             elif isinstance(message, Hello):
                 raise ProblemError(
                     409,
@@ -158,10 +166,10 @@ async def _listen(socket: WebSocket, services: Services, hub: Hub, line: Line) -
                     "'hello' must come once; got it again; open a new channel",
                 )
             else:
-                limit.take(line.participant_id)
-                await _grant(services, hub, line, message)
+                limit.take(connection.participant_id)
+                await _execute(services, hub, connection, message)
         except Exception as error:
-            line.tell(Refusal(problem=_told(error).problem))
+            connection.send(Refusal(problem=_logged_problem(error).problem))
 
 
 async def _receive(socket: WebSocket) -> str:
@@ -172,17 +180,21 @@ async def _receive(socket: WebSocket) -> str:
     return message.get("text") or ""
 
 
-async def _grant(services: Services, hub: Hub, line: Line, wish: Wish) -> None:
+async def _execute(
+    services: Services, hub: Hub, connection: ControlConnection, command: Command
+) -> None:
     # a seat that was given back on purpose is none that was lost
-    line.leaving = isinstance(wish, messages.Leave)
-    await run_in_threadpool(fulfil, services, line.meeting_id, line.participant_id, wish)
-    if line.leaving:
-        line.end("left")
-    hub.notify(line.meeting_id)
-    await run_in_threadpool(services.events.publish, meeting_topic(line.meeting_id))
+    connection.leaving = isinstance(command, messages.Leave)
+    await run_in_threadpool(
+        execute, services, connection.meeting_id, connection.participant_id, command
+    )
+    if connection.leaving:
+        connection.end("left")
+    hub.notify(connection.meeting_id)
+    await run_in_threadpool(services.events.publish, meeting_topic(connection.meeting_id))
 
 
-def _read(text: str) -> Hello | Beat | Wish:
+def _read(text: str) -> Hello | Beat | Command:
     if len(text) > messages.LONGEST_MESSAGE_BYTES:
         raise ProblemError(
             413,
@@ -203,7 +215,7 @@ def _read(text: str) -> Hello | Beat | Wish:
         ) from error
 
 
-def _told(error: Exception) -> ProblemError:
+def _logged_problem(error: Exception) -> ProblemError:
     problem = problem_of(error)
     if problem.problem.status == 500:
         log.exception("a control channel failed", exc_info=error)

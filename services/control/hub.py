@@ -1,8 +1,8 @@
-"""Keeps every page of this process told of its meeting: looks at the rows, pushes what is new.
+"""Keeps every page of this process up to date: polls the rows of its meeting, sends what is new.
 
-Rows hold the state, so that all gateways tell the same. A wish that is granted here is looked at
-once; one that another gateway granted comes as a wake-up (services.jobs.events), or is found by
-looking. Each page has an outbox of its own: one who reads slowly holds nobody else up.
+Rows hold the state, so that all gateways send the same. A command that is executed here is polled
+for at once; one that another gateway executed comes as a notification (services.jobs.events), or
+with the next poll. Each page has an outbox of its own: one who reads slowly holds nobody else up.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from services.control.messages import (
 )
 from services.control.roster import (
     SILENCE_S,
-    is_there,
+    is_attending,
+    performers_by_participant,
     present_in,
     presenter_of,
     roster_for,
-    standing_for,
 )
 from services.jobs.events import meeting_topic
 from services.live.sessions.view_sessions import ViewSessions
@@ -45,8 +45,8 @@ from services.recording.recorder import Recorders
 log = logging.getLogger(__name__)
 
 _BEAT_S = 1.0
-_LOOK_S = 1.0
-"""Between two looks at a meeting in which nothing happens."""
+_POLL_INTERVAL_S = 1.0
+"""Between two polls of a meeting in which nothing happens."""
 _STALE_S = 10.0
 """Reactions and captions older than that are no news."""
 _OUTBOX = 400
@@ -59,14 +59,14 @@ _ENDS: Mapping[Admission, Reason] = {
 
 
 @dataclass(eq=False)
-class Line:
+class ControlConnection:
     """One page's channel, as the hub sees it."""
 
     meeting_id: str
     participant_id: str
     heard_at: datetime
     number: int
-    """Of the newest message that was told."""
+    """Of the newest message that was sent."""
     outbox: asyncio.Queue[BaseModel | None] = field(
         default_factory=lambda: asyncio.Queue(_OUTBOX + 2)
     )
@@ -74,11 +74,11 @@ class Line:
     admitted: bool = False
     leaving: bool = False
     ended: bool = False
-    told: Roster | None = None
-    told_speaking: Speaking | None = None
-    noted_at: datetime | None = None
+    sent_roster: Roster | None = None
+    sent_speaking: Speaking | None = None
+    heartbeat_stored_at: datetime | None = None
 
-    def tell(self, message: BaseModel) -> None:
+    def send(self, message: BaseModel) -> None:
         """Have `message` sent, unless the channel is ending."""
         if self.ended:
             return
@@ -107,37 +107,37 @@ class Hub:
     ) -> None:
         self._services, self._views, self._voices = services, views, voices
         self._recorders = recorders
-        self._lines: dict[str, set[Line]] = {}
+        self._connections: dict[str, set[ControlConnection]] = {}
         """By meeting."""
         self._shown: dict[str, object] = {}
-        """By meeting: the place and the cast that its pictures show."""
+        """By meeting: the environment and the performers that its pictures show."""
         self._watches: dict[str, tuple[asyncio.Task[None], asyncio.Event]] = {}
 
     def __len__(self) -> int:
-        return sum(len(lines) for lines in self._lines.values())
+        return sum(len(connections) for connections in self._connections.values())
 
     @asynccontextmanager
-    async def attached(self, line: Line) -> AsyncIterator[None]:
-        """Keep `line` told; the page that had the same seat before is cut off."""
-        lines = self._lines.setdefault(line.meeting_id, set())
-        for other in lines:
-            if other.participant_id == line.participant_id:
+    async def attached(self, connection: ControlConnection) -> AsyncIterator[None]:
+        """Keep `connection` up to date; the page that had the same seat before is cut off."""
+        connections = self._connections.setdefault(connection.meeting_id, set())
+        for other in connections:
+            if other.participant_id == connection.participant_id:
                 other.end("replaced")
-        lines.add(line)
-        self.notify(line.meeting_id)
+        connections.add(connection)
+        self.notify(connection.meeting_id)
         try:
             yield
         finally:
-            lines.discard(line)
-            if not lines and self._lines.get(line.meeting_id) is lines:
-                del self._lines[line.meeting_id]
+            connections.discard(connection)
+            if not connections and self._connections.get(connection.meeting_id) is connections:
+                del self._connections[connection.meeting_id]
 
     def notify(self, meeting_id: str) -> None:
-        """Look at a meeting now, and go on as long as this process serves anybody in it."""
+        """Poll a meeting now, and go on as long as this process serves anybody in it."""
         if meeting_id not in self._watches:
-            stirred = asyncio.Event()
-            task = asyncio.create_task(self._watch(meeting_id, stirred))
-            self._watches[meeting_id] = (task, stirred)
+            notified = asyncio.Event()
+            task = asyncio.create_task(self._watch(meeting_id, notified))
+            self._watches[meeting_id] = (task, notified)
         self._watches[meeting_id][1].set()
 
     async def close(self) -> None:
@@ -148,36 +148,36 @@ class Hub:
         await asyncio.gather(*tasks, return_exceptions=True)
         await self._recorders.close()
 
-    def tell_speaking(self, meeting_id: str) -> None:
-        """Tell everybody who was let in who speaks now, and in which track."""
+    def send_speaking(self, meeting_id: str) -> None:
+        """Send everybody who was let in who speaks now, and in which track."""
         who, slots = self._voices.speakers_in(meeting_id)
         speaking = Speaking(participant_ids=sorted(who), slots=list(slots))
-        for line in self._lines.get(meeting_id, ()):
-            if line.admitted and line.told_speaking != speaking:
-                line.told_speaking = speaking
-                line.tell(speaking)
+        for connection in self._connections.get(meeting_id, ()):
+            if connection.admitted and connection.sent_speaking != speaking:
+                connection.sent_speaking = speaking
+                connection.send(speaking)
 
     def _serves(self, meeting_id: str) -> bool:
         return (
-            meeting_id in self._lines
+            meeting_id in self._connections
             or self._views.is_watched(meeting_id)
             or self._voices.is_active(meeting_id)
         )
 
-    async def _watch(self, meeting_id: str, stirred: asyncio.Event) -> None:
+    async def _watch(self, meeting_id: str, notified: asyncio.Event) -> None:
         async with self._services.events.listen(meeting_topic(meeting_id)) as listener:
 
             async def relay() -> None:
                 while True:
-                    await listener.wait(_LOOK_S)
-                    stirred.set()
+                    await listener.wait(_POLL_INTERVAL_S)
+                    notified.set()
 
             relaying = asyncio.create_task(relay())
             try:
                 while self._serves(meeting_id):
-                    await stirred.wait()
-                    stirred.clear()
-                    await self._look_calmly(meeting_id)
+                    await notified.wait()
+                    notified.clear()
+                    await self._poll(meeting_id)
             finally:
                 # from here on the next to come starts a watch of their own
                 del self._watches[meeting_id]
@@ -185,36 +185,50 @@ class Hub:
                 relaying.cancel()
                 await asyncio.gather(relaying, return_exceptions=True)
 
-    async def _look_calmly(self, meeting_id: str) -> None:
+    async def _poll(self, meeting_id: str) -> None:
         try:
-            await self._look(meeting_id)
+            await self._synchronise(meeting_id)
         except DatabaseError as error:
-            # live meetings go on without it; what is new is told when it is back
-            log.warning("meeting %s could not be looked at: %s", meeting_id, error)
-            await asyncio.sleep(_LOOK_S)
+            # live meetings go on without it; what is new is sent when it is back
+            log.warning("meeting %s could not be polled: %s", meeting_id, error)
+            await asyncio.sleep(_POLL_INTERVAL_S)
         except Exception:
-            log.exception("looking at meeting %s failed", meeting_id)
-            await asyncio.sleep(_LOOK_S)
+            log.exception("polling meeting %s failed", meeting_id)
+            await asyncio.sleep(_POLL_INTERVAL_S)
 
-    async def _look(self, meeting_id: str) -> None:
-        lines = [line for line in self._lines.get(meeting_id, ()) if not line.ended]
+    async def _synchronise(self, meeting_id: str) -> None:
+        connections = [
+            connection
+            for connection in self._connections.get(meeting_id, ())
+            if not connection.ended
+        ]
         now = self._services.clock()
-        for line in lines:
-            if now - line.heard_at > timedelta(seconds=SILENCE_S):
-                line.end("silent")
-        lines = [line for line in lines if not line.ended and not line.leaving]
-        moments = {line.participant_id: line.heard_at for line in lines if _to_note(line)}
-        newest = min((line.number for line in lines), default=None)
+        for connection in connections:
+            if now - connection.heard_at > timedelta(seconds=SILENCE_S):
+                connection.end("silent")
+        connections = [
+            connection
+            for connection in connections
+            if not connection.ended and not connection.leaving
+        ]
+        moments = {
+            connection.participant_id: connection.heard_at
+            for connection in connections
+            if _heartbeat_due(connection)
+        }
+        newest = min((connection.number for connection in connections), default=None)
         meeting, said, recording = await run_in_threadpool(
             _read, self._services, meeting_id, moments, newest
         )
-        for line in lines:
-            if line.leaving:
+        for connection in connections:
+            if connection.leaving:
                 continue
-            line.noted_at = moments.get(line.participant_id, line.noted_at)
-            _tell(line, meeting, said, recording, self._services.clock())
-        # whoever has just been let in hears what the others were told
-        self.tell_speaking(meeting_id)
+            connection.heartbeat_stored_at = moments.get(
+                connection.participant_id, connection.heartbeat_stored_at
+            )
+            _send_updates(connection, meeting, said, recording, self._services.clock())
+        # whoever has just been let in gets what the others were sent
+        self.send_speaking(meeting_id)
         seats = {one.id: one.admission for one in meeting.participants}
 
         def may_look(participant_id: str | None) -> bool:
@@ -233,7 +247,9 @@ class Hub:
         )
         await self._show(meeting)
         present = present_in(meeting, now)
-        await self._recorders.see(meeting, present, standing_for(meeting, now), recording, said)
+        await self._recorders.see(
+            meeting, present, performers_by_participant(meeting, now), recording, said
+        )
 
     async def _show(self, meeting: MeetingRow) -> None:
         """Have pictures follow what was changed, maybe on another gateway."""
@@ -244,14 +260,17 @@ class Hub:
             await self._views.refresh(meeting.id)
 
 
-def _to_note(line: Line) -> bool:
-    return line.noted_at is None or line.heard_at - line.noted_at >= timedelta(seconds=_BEAT_S)
+def _heartbeat_due(connection: ControlConnection) -> bool:
+    return (
+        connection.heartbeat_stored_at is None
+        or connection.heard_at - connection.heartbeat_stored_at >= timedelta(seconds=_BEAT_S)
+    )
 
 
 def _read(
     services: Services, meeting_id: str, moments: dict[str, datetime], newest: int | None
 ) -> tuple[MeetingRow, list[MessageRow], RecordingRow | None]:
-    """The meeting, what was said after `newest`, what is recorded; notes signs of life."""
+    """The meeting, what was said after `newest`, what is recorded; stores heartbeats."""
     with services.unit_of_work() if moments else services.reading() as unit:
         if moments:
             unit.meetings.heard(moments)
@@ -263,44 +282,44 @@ def _read(
     return meeting, said, recording
 
 
-def _tell(
-    line: Line,
+def _send_updates(
+    connection: ControlConnection,
     meeting: MeetingRow,
     said: list[MessageRow],
     recording: RecordingRow | None,
     now: datetime,
 ) -> None:
-    me = next((one for one in meeting.participants if one.id == line.participant_id), None)
-    if me is None or not is_there(me, now):
-        line.end("given-back")
+    me = next((one for one in meeting.participants if one.id == connection.participant_id), None)
+    if me is None or not is_attending(me, now):
+        connection.end("given-back")
         return
     if reason := _ENDS.get(me.admission):
-        line.end(reason)
+        connection.end(reason)
         return
     roster = roster_for(meeting, me.id, now, recording)
-    if roster != line.told:
-        line.told = roster
-        line.tell(roster)
-    line.admitted = me.admission is Admission.ADMITTED
-    if not line.admitted:
+    if roster != connection.sent_roster:
+        connection.sent_roster = roster
+        connection.send(roster)
+    connection.admitted = me.admission is Admission.ADMITTED
+    if not connection.admitted:
         return
     for message in said:
-        if message.number > line.number:
-            line.number = message.number
-            _tell_message(line, message, now)
+        if message.number > connection.number:
+            connection.number = message.number
+            _send_message(connection, message, now)
 
 
-def _tell_message(line: Line, message: MessageRow, now: datetime) -> None:
+def _send_message(connection: ControlConnection, message: MessageRow, now: datetime) -> None:
     about = {
         "number": message.number,
         "participant_id": message.participant_id,
         "name": message.name,
     }
     if message.kind is MessageKind.CHAT:
-        line.tell(Said(**about, text=message.text, at=message.at))
+        connection.send(Said(**about, text=message.text, at=message.at))
     elif now - message.at > timedelta(seconds=_STALE_S):
         return
     elif message.kind is MessageKind.CAPTION:
-        line.tell(Captioned(**about, text=message.text))
+        connection.send(Captioned(**about, text=message.text))
     else:
-        line.tell(Reacted.model_validate(about | {"reaction": message.text}))
+        connection.send(Reacted.model_validate(about | {"reaction": message.text}))

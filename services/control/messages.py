@@ -277,14 +277,14 @@ class Goodbye(_Message):
 Speech = Say | React | RaiseHand | Microphone | Caption | Present | Network
 """What everybody may ask for who is let in."""
 Hosting = Admit | Deny | Remove | Mute | SetRole | SetLobby | LetPresent | EndMeeting
-Wish = Speech | Hosting | RecordMeeting | Agree | Leave
-"""What somebody who is greeted may ask for."""
-ToServer = Annotated[Hello | Beat | Wish, Field(discriminator="type")]
+Command = Speech | Hosting | RecordMeeting | Agree | Leave
+"""What a participant may send once greeted."""
+ToServer = Annotated[Hello | Beat | Command, Field(discriminator="type")]
 FromServer = Annotated[
     Welcome | Beat | Roster | Said | Reacted | Captioned | Speaking | Refusal | Goodbye,
     Field(discriminator="type"),
 ]
-TO_SERVER: TypeAdapter[Hello | Beat | Wish] = TypeAdapter(ToServer)
+TO_SERVER: TypeAdapter[Hello | Beat | Command] = TypeAdapter(ToServer)
 FROM_SERVER: TypeAdapter[Any] = TypeAdapter(FromServer)
 
 

@@ -14,7 +14,7 @@ SILENCE_S = 5.0
 _ORDER = {Role.HOST: 0, Role.SPEAKER: 1, Role.VIEWER: 2}
 
 
-def is_there(one: ParticipantRow, now: datetime) -> bool:
+def is_attending(one: ParticipantRow, now: datetime) -> bool:
     """Whether somebody has come to the meeting and their seat has not lapsed."""
     return one.heard_at is not None and now - one.heard_at <= timedelta(seconds=SEAT_LAPSES_S)
 
@@ -22,7 +22,7 @@ def is_there(one: ParticipantRow, now: datetime) -> bool:
 def host_of(meeting: MeetingRow, now: datetime) -> ParticipantRow | None:
     """The host, if one is there."""
     for one in meeting.participants:
-        if one.role is Role.HOST and one.admission is Admission.ADMITTED and is_there(one, now):
+        if one.role is Role.HOST and one.admission is Admission.ADMITTED and is_attending(one, now):
             return one
     return None
 
@@ -36,37 +36,37 @@ def _one_who_may_present(
     meeting: MeetingRow, participant_id: str | None, now: datetime
 ) -> str | None:
     for one in meeting.participants:
-        if one.id == participant_id and one.role is not Role.VIEWER and is_there(one, now):
+        if one.id == participant_id and one.role is not Role.VIEWER and is_attending(one, now):
             return one.id if one.admission is Admission.ADMITTED else None
     return None
 
 
 def present_in(meeting: MeetingRow, now: datetime) -> dict[str, ParticipantRow]:
     """Participants who are there, let in or not, by id."""
-    return {one.id: one for one in meeting.participants if is_there(one, now)}
+    return {one.id: one for one in meeting.participants if is_attending(one, now)}
 
 
 def roster_for(
     meeting: MeetingRow, participant_id: str, now: datetime, recording: RecordingRow | None = None
 ) -> Roster:
     """What a participant sees: everybody let in; the host also those who wait."""
-    there = [one for one in meeting.participants if is_there(one, now)]
+    there = [one for one in meeting.participants if is_attending(one, now)]
     me = next((one for one in there if one.id == participant_id), None)
     seen = {Admission.ADMITTED} if me and me.admission is Admission.ADMITTED else set()
     if me is not None and me.role is Role.HOST:
         seen.add(Admission.WAITING)
     shown = [one for one in there if one.admission in seen or one is me]
     shown.sort(key=lambda one: (_ORDER[one.role], one.joined_at, one.id))
-    stand_ins = standing_for(meeting, now)
-    members = [_member(one, stand_ins.get(one.id), now) for one in shown]
+    performers = performers_by_participant(meeting, now)
+    members = [_member(one, performers.get(one.id), now) for one in shown]
     asks = _one_who_may_present(meeting, meeting.presenter_asks_id, now)
-    told = me is not None and (me.role is Role.HOST or me.id == asks)
+    sees_request = me is not None and (me.role is Role.HOST or me.id == asks)
     inside = me is not None and me.admission is Admission.ADMITTED
     return Roster(
         lobby=meeting.lobby,
         environment=meeting.environment,
         presenter_id=presenter_of(meeting, now) if inside else None,
-        presenter_asks_id=asks if told else None,
+        presenter_asks_id=asks if sees_request else None,
         recording=_recording(meeting, recording, now) if recording and inside else None,
         members=members,
     )
@@ -78,8 +78,8 @@ def _recording(meeting: MeetingRow, recording: RecordingRow, now: datetime) -> R
     return RecordingUnderWay(id=recording.id, running=running, agreed=agreed)
 
 
-def standing_for(meeting: MeetingRow, now: datetime) -> dict[str, str]:
-    """Participant -> the performer of theirs who stands for them; nobody stands for two."""
+def performers_by_participant(meeting: MeetingRow, now: datetime) -> dict[str, str]:
+    """Participant id -> id of the performer that represents them; each represents one at most."""
     found: dict[str, str] = {}
     performers = list(meeting.performers)
     there = present_in(meeting, now).values()

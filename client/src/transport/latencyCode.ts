@@ -1,7 +1,7 @@
 /**
  * When the newest pose was captured, as a bar code in a picture's corner: how latency is measured.
  *
- * The server writes it into its pictures where its setting `latency_code` is on (services/live/streaming/latency_code.py
+ * The server writes it into its pictures where its setting `stamp_pictures` is on (services/live/streaming/latency_code.py
  * tells the layout), and tells poses the same time; a page opened with `?stamp` writes it into what it draws
  * itself, and reads back from the pixels whatever it shows. On one machine, whose clock both ends share, the
  * difference is the whole way from a webcam's landmarks to the picture.

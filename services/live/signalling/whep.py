@@ -40,7 +40,7 @@ def install(app: FastAPI, services: Services) -> ViewSessions:
         time.monotonic,
         ice_servers=settings.ice_servers,
         max_viewers=settings.max_viewers,
-        instrumentation=LatencyCode() if settings.latency_code else None,
+        instrumentation=LatencyCode() if settings.stamp_pictures else None,
     )
     app.state.views = sessions
     app.state.cast_listeners.append(sessions.refresh)

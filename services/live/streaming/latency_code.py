@@ -1,6 +1,6 @@
 """Measures latency: pictures show, as a bar code, when the newest keypoints in them were captured.
 
-With the setting `latency_code` this is passed to the view sessions. Each picture then carries the
+With the setting `stamp_pictures` this is passed to the view sessions. Each picture then carries the
 code in its upper left corner before it is encoded, and pose packets carry the same time, from which
 pages that draw the room themselves write the same code (client/src/transport/latencyCode.ts). Read
 back from the pixels that are shown, against the clock of the machine that captured, it gives the

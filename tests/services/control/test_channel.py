@@ -154,13 +154,13 @@ async def test_only_a_seat_of_this_meeting_opens_its_channel(caller, timed, meet
 async def test_who_talks_without_end_is_told_to_wait(
     caller, meeting, monkeypatch: pytest.MonkeyPatch, app
 ):
-    monkeypatch.setattr(app.state.wish_limit, "_per_minute", 2)
+    monkeypatch.setattr(app.state.command_limit, "_per_minute", 2)
     async with await join(caller, meeting["id"], "Ada") as ada:
         for number in range(3):
             await ada.say(type="say", text=str(number))
         refusal = await ada.hear("refusal")
         assert "messages of one person must be at most 2 a minute" in refusal["problem"]["detail"]
-        assert channel.WISHES_PER_MINUTE > 2
+        assert channel.COMMANDS_PER_MINUTE > 2
 
 
 async def test_two_gateways_are_one_meeting_by_redis(services: Services):

@@ -20,6 +20,7 @@ from services.control.messages import (
     Admit,
     Agree,
     Caption,
+    Command,
     Deny,
     EndMeeting,
     Hello,
@@ -38,18 +39,20 @@ from services.control.messages import (
     SetLobby,
     SetRole,
     Speech,
-    Wish,
 )
-from services.control.roster import host_of, presenter_of, standing_for
+from services.control.roster import host_of, performers_by_participant, presenter_of
 from services.problems import ProblemError
 from services.recording import consent
 
 _PASSING_LASTS_S = 60.0
-"""Reactions and captions are told at once, and gone from the rows after so long."""
+"""Reactions and captions are sent at once; their rows are deleted after this long."""
 
 
 def read_caller(services: Services, meeting_id: str, hello: Hello) -> Principal:
-    """Whose seat a page takes up. Raises a 401 or 403 problem for a token of no seat in it."""
+    """The principal whose seat a page takes.
+
+    Raises a 401 or 403 problem for a token of no seat in it.
+    """
     caller = services.tokens.read(hello.token)
     caller.require_meeting(meeting_id)
     if "join" not in caller.scopes or caller.participant_id is None:
@@ -61,7 +64,7 @@ def read_caller(services: Services, meeting_id: str, hello: Hello) -> Principal:
     return caller
 
 
-def arrive(services: Services, meeting_id: str, caller: Principal, name: str) -> ParticipantRow:
+def connect(services: Services, meeting_id: str, caller: Principal, name: str) -> ParticipantRow:
     """Take up a seat, at first or again.
 
     Whoever may host is the host from now on where nobody else is. Raises a 403 problem where the
@@ -83,27 +86,27 @@ def arrive(services: Services, meeting_id: str, caller: Principal, name: str) ->
     return me
 
 
-def fulfil(services: Services, meeting_id: str, participant_id: str, wish: Wish) -> None:
+def execute(services: Services, meeting_id: str, participant_id: str, command: Command) -> None:
     """Do what a participant asks for. Raises a problem that says why not."""
     with services.unit_of_work() as unit:
         meeting = unit.meetings.get_for_change(meeting_id)
         me = _find(meeting, participant_id)
-        if isinstance(wish, Leave):
+        if isinstance(command, Leave):
             meeting.participants.remove(me)
         elif me.admission is not Admission.ADMITTED:
             raise ProblemError(
                 403,
                 "not-let-in-yet",
-                f"a wish must come from somebody let in; got {wish.type!r} from one who is not; "
-                "wait for the host",
+                f"a command must come from somebody let in; got {command.type!r} from one who "
+                "is not; wait for the host",
             )
-        elif isinstance(wish, Speech):
-            _speak(services, unit, meeting, me, wish)
-        elif isinstance(wish, (RecordMeeting, Agree)):
-            _record(services, unit, meeting, me, wish)
+        elif isinstance(command, Speech):
+            _speak(services, unit, meeting, me, command)
+        elif isinstance(command, (RecordMeeting, Agree)):
+            _record(services, unit, meeting, me, command)
         else:
-            _require_host(me, wish)
-            _host(services, meeting, me, wish)
+            _require_host(me, command)
+            _host(services, meeting, me, command)
         unit.commit()
 
 
@@ -112,10 +115,10 @@ def _speak(
     unit: UnitOfWork,
     meeting: MeetingRow,
     me: ParticipantRow,
-    wish: Speech,
+    command: Speech,
 ) -> None:
     now = services.clock()
-    match wish:
+    match command:
         case Say(text=text):
             _require_speaker(me)
             unit.meetings.say(_message(me, MessageKind.CHAT, text, services))
@@ -164,16 +167,16 @@ def _record(
     unit: UnitOfWork,
     meeting: MeetingRow,
     me: ParticipantRow,
-    wish: RecordMeeting | Agree,
+    command: RecordMeeting | Agree,
 ) -> None:
     now = services.clock()
-    performer_id = standing_for(meeting, now).get(me.id)
-    if isinstance(wish, Agree):
-        consent.answer(unit, meeting, me, performer_id, now, agreed=wish.on)
+    performer_id = performers_by_participant(meeting, now).get(me.id)
+    if isinstance(command, Agree):
+        consent.answer(unit, meeting, me, performer_id, now, agreed=command.on)
         return
-    _require_host(me, wish)
+    _require_host(me, command)
     under_way = unit.recordings.under_way(meeting.id)
-    if wish.on:
+    if command.on:
         consent.ask(unit, meeting, me, performer_id, now)
     elif under_way is not None:
         consent.end(under_way, "the host ended it", now)
@@ -183,9 +186,9 @@ def _host(
     services: Services,
     meeting: MeetingRow,
     me: ParticipantRow,
-    wish: Hosting,
+    command: Hosting,
 ) -> None:
-    match wish:
+    match command:
         case Admit(participant_id=who):
             _find(meeting, who, Admission.WAITING).admission = Admission.ADMITTED
         case Deny(participant_id=who):
@@ -242,12 +245,13 @@ def _require_speaker(me: ParticipantRow) -> None:
         )
 
 
-def _require_host(me: ParticipantRow, wish: Wish) -> None:
+def _require_host(me: ParticipantRow, command: Command) -> None:
     if me.role is not Role.HOST:
         raise ProblemError(
             403,
             "host-only",
-            f"{wish.type!r} must come from the host; got it from a {me.role.value}; ask the host",
+            f"{command.type!r} must come from the host; got it from a {me.role.value}; "
+            "ask the host",
         )
 
 
