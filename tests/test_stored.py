@@ -3,28 +3,84 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 import zipfile
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import cv2
+import httpx
 import numpy as np
 import pytest
 
+from capture.sources.keypoints import read_keypoints
 from capture.storage import open_sequence
+from db import migrations
+from db.models import Admission, RecordingState, Role
+from renderer.field.settings import FAST
+from renderer.field.sizes import GridSize
 from renderer.model_files import load_model
+from renderer.performer_model import PerformerModel
+from renderer.presets import Preset
+from renderer.splats.settings import SplatSettings
+from renderer.training import train
 from scene.motion import Motion
 from scene.sequence import NOVEL_VIEW, Sequence
+from services.app import create_app
+from services.container import Services, build_services
+from services.control.roster import roster_for
+from services.motions import motion_of
+from services.recording.replay import load
+from services.settings import load_settings
+from tests.services.conftest import SECRET, bearer
 
 STORED = Path(__file__).parent / "stored"
 VIEW, POSE = 2, 3
 """The test camera and the pose of the stored pictures."""
+NOW = datetime(2026, 1, 1, 12, 0, tzinfo=UTC)
+PRESETS = {
+    "splats": (Preset("splats", "a few hundred splats", SplatSettings(count=400)), 120),
+    "field": (
+        Preset(
+            "fast",
+            "a coarse grid",
+            replace(
+                FAST,
+                sizes=replace(FAST.sizes, grid=GridSize(0.04, 4, 0.04, 0.04), volume=(8, 24, 24)),
+            ),
+        ),
+        40,
+    ),
+}
+"""Sizes of the stored models, and the steps of the runs that were stopped."""
 
 
 @pytest.fixture(scope="module")
 def expected() -> dict[str, Any]:
     """What the code that wrote the files read from them."""
     return json.loads((STORED / "expected.json").read_text())
+
+
+@pytest.fixture
+def services(tmp_path: Path) -> Iterator[Services]:
+    """Over the stored server's folder, migrated to the present schema."""
+    with zipfile.ZipFile(STORED / "meeting.zip") as archive:
+        archive.extractall(tmp_path / "data")
+    with closing(sqlite3.connect(tmp_path / "data" / "metanerf.db")) as stored:
+        assert stored.execute("SELECT version_num FROM alembic_version").fetchall() == [("0009",)]
+        standings = stored.execute("SELECT standing FROM participant ORDER BY seat").fetchall()
+        assert standings == [("admitted",), ("waiting",)]
+    settings = load_settings(
+        data_dir=tmp_path / "data", jwt_secret=SECRET, client_dir=tmp_path / "no-page"
+    )
+    made = build_services(settings)
+    made.database.migrate()
+    yield made
+    made.close()
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +94,17 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
 def assert_reads_as(motion: Motion, wanted: dict[str, Any]) -> None:
     for name, values in wanted.items():
         np.testing.assert_allclose(getattr(motion, name), values, atol=2e-6, err_msg=name)
+
+
+def share_alike(model: PerformerModel, sequence: Sequence, name: str, levels: float) -> float:
+    """Share of the pixels that differ from a stored picture by at most so many levels of 255."""
+    picture = model.render(sequence.test[NOVEL_VIEW].camera(VIEW), model.motion.pose(POSE))
+    stored = cv2.imread(str(STORED / f"{name}.png"), cv2.IMREAD_UNCHANGED)
+    assert stored is not None
+    drawn_then = cv2.cvtColor(stored, cv2.COLOR_BGRA2RGBA)
+    assert (drawn_then[..., 3] > 128).mean() > 0.03
+    difference = np.abs(255.0 * np.clip(picture, 0.0, 1.0) - drawn_then).max(axis=-1)
+    return float((difference <= levels).mean())
 
 
 def test_a_sequence_folder_is_read(sequence, expected):
@@ -67,13 +134,7 @@ def test_a_model_draws_the_picture_that_it_drew(kind, sequence, expected):
         assert getattr(model, name) == wanted[name], name
     assert (model.kind, model.data_hash) == (kind, sequence.data_hash)
     assert_reads_as(model.motion, wanted["motion"])
-    picture = model.render(sequence.test[NOVEL_VIEW].camera(VIEW), model.motion.pose(POSE))
-    stored = cv2.imread(str(STORED / f"{kind}.png"), cv2.IMREAD_UNCHANGED)
-    assert stored is not None
-    drawn_then = cv2.cvtColor(stored, cv2.COLOR_BGRA2RGBA)
-    assert (drawn_then[..., 3] > 128).mean() > 0.03
-    difference = np.abs(255.0 * np.clip(picture, 0.0, 1.0) - drawn_then).max(axis=-1)
-    assert (difference <= 2.0).mean() >= 0.999
+    assert share_alike(model, sequence, kind, 2.0) >= 0.999
 
 
 def test_the_light_that_was_found_is_read():
@@ -82,3 +143,92 @@ def test_the_light_that_was_found_is_read():
     assert splats.light is not None
     assert splats.albedo is not None
     assert splats.normals is not None
+
+
+@pytest.mark.parametrize("kind", ["splats", "field"])
+def test_stopped_training_goes_on(kind, sequence, expected, tmp_path):
+    wanted = expected[f"{kind}-stopped"]
+    path = tmp_path / "run.checkpoint"
+    path.write_bytes((STORED / f"{kind}-stopped.checkpoint").read_bytes())
+    preset, iterations = PRESETS[kind]
+    steps: list[int] = []
+    model = train(
+        sequence,
+        preset=preset,
+        iterations=iterations,
+        clock=lambda: 0.0,
+        checkpoint=path,
+        on_progress=lambda progress: steps.append(progress.step),
+    )
+    assert wanted["step"] == 20
+    assert steps == [iterations]
+    assert model.metrics["steps"] == wanted["metrics"]["steps"]
+    # rounding differs between processors and grows from step to step; a run of the remaining steps
+    # alone, from scratch, differs in 6 to 8 % of the pixels
+    assert model.metrics["loss"] == pytest.approx(wanted["metrics"]["loss"], rel=0.1)
+    assert share_alike(model, sequence, f"{kind}-stopped", 2.0) >= 0.98
+
+
+@pytest.mark.parametrize("layout", ["smpl24", "mediapipe33"])
+def test_keypoints_are_read(layout, expected):
+    motion = read_keypoints(STORED / f"keypoints-{layout}.json")
+    assert_reads_as(motion, expected["keypoints"][layout])
+
+
+def test_a_database_is_brought_to_the_present_schema(services, expected):
+    migrations.check(services.settings.database_url)
+    wanted = expected["meeting"]
+    with services.reading() as unit:
+        meeting = unit.meetings.get(wanted["meeting_id"])
+        person = unit.people.get(wanted["person_id"])
+        motion = motion_of(services, unit, wanted["sequence_id"])
+    assert (meeting.name, meeting.lobby, person.name) == ("Monday", True, "Ada")
+    found = {one.id: [one.display_name, one.role, one.admission] for one in meeting.participants}
+    assert found == wanted["participants"]
+    assert [one.person_id for one in meeting.performers] == [person.id]
+    assert_reads_as(motion, wanted["motion"])
+    host = next(one for one in meeting.participants if one.role is Role.HOST)
+    roster = roster_for(meeting, host.id, NOW)
+    assert {one.name: one.admission for one in roster.members} == {
+        "Ada": Admission.ADMITTED,
+        "Bo": Admission.WAITING,
+    }
+
+
+def test_a_recording_is_replayed(services, expected):
+    wanted = expected["meeting"]
+    recorded = load(services, wanted["recording_id"])
+    assert recorded.duration_s == wanted["duration_s"]
+    assert [list(room) for room in recorded.rooms] == wanted["rooms"]
+    times = {who: moments for who, (moments, _) in recorded.motions.items()}
+    assert times == wanted["motion_times_ms"]
+    voices = {
+        who: [[one.at_ms, one.data.hex()] for one in spoken]
+        for who, spoken in recorded.voices.items()
+    }
+    assert voices == wanted["voices"]
+    (performer,) = recorded.scene_at(wanted["at_s"]).performers
+    for name, values in wanted["pose"].items():
+        np.testing.assert_allclose(getattr(performer.pose, name), values, atol=2e-6, err_msg=name)
+
+
+async def test_a_recording_is_listed_and_downloaded(services, expected):
+    wanted = expected["meeting"]
+    transport = httpx.ASGITransport(create_app(services.settings, services))
+    async with httpx.AsyncClient(
+        transport=transport, base_url="http://test", headers=bearer(services)
+    ) as caller:
+        listed = (await caller.get("/v1/recordings")).json()["items"]
+        assert [one["id"] for one in listed] == [wanted["recording_id"]]
+        answer = await caller.get(f"/v1/recordings/{wanted['recording_id']}")
+        assert answer.status_code == 200, answer.text
+        recording = answer.json()
+        assert recording["state"] == RecordingState.ENDED
+        assert recording["why_ended"] == "the host ended it"
+        assert [one["name"] for one in recording["members"]] == ["Ada"]
+        kinds = {one["name"].partition(":")[0] for one in recording["tracks"]}
+        assert kinds == {"room", "motion", "voice", "chat"}
+        for one in recording["tracks"]:
+            assert (await caller.get(one["url"])).status_code == 200
+        meeting = await caller.get(f"/v1/meetings/{wanted['meeting_id']}")
+        assert [one["name"] for one in meeting.json()["performers"]] == ["Ada"]
