@@ -20,7 +20,7 @@ router = APIRouter(prefix="/v1", tags=["access"], responses=problems(403, 422, 4
 def be_guest(
     request: Request, services: Provided, authorization: Annotated[str, Header()] = ""
 ) -> shapes.Guest:
-    """A token for whoever asks, in moderation; only where access is open, as the demo's is.
+    """A guest's token for anybody, limited in rate; only where access is open, as in the demo.
 
     Each guest is somebody of their own. Who brings their last token, even one that has ended, stays
     who they were.

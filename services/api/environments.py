@@ -82,7 +82,7 @@ class Place(Body):
 
 @router.get("/environments", summary="List environments")
 def list_environments(caller: Joiner) -> Environments:
-    """Every place that a meeting can be held in, the plain studio first."""
+    """Every environment in which a meeting can be held, the plain studio first."""
     return Environments(items=[Environment.of(theme) for theme in themes().values()])
 
 
@@ -93,7 +93,7 @@ def list_environments(caller: Joiner) -> Environments:
     responses=PICTURE,
 )
 def read_picture(name: str, if_none_match: IfNoneMatch = None) -> Response:
-    """The place all round: an equirectangular picture. It is public."""
+    """The environment as an equirectangular picture. It is public."""
     theme = find_theme(name)
     if theme.picture is None:
         raise ProblemError(
@@ -102,9 +102,9 @@ def read_picture(name: str, if_none_match: IfNoneMatch = None) -> Response:
     return picture_answer(theme.picture.read_bytes(), if_none_match, "public, max-age=86400")
 
 
-@router.get("/meetings/{meeting_id}/environment", summary="See where a meeting is held")
+@router.get("/meetings/{meeting_id}/environment", summary="Read a meeting's environment")
 def read_environment(meeting_id: str, services: Provided, caller: Joiner) -> Environment:
-    """The place and its light; the picture of one's own place takes the token of a seat."""
+    """The environment and its light; the picture of an uploaded one needs a seat's token."""
     caller.require_meeting(meeting_id)
     with services.reading() as unit:
         meeting = unit.meetings.get(meeting_id)
@@ -115,11 +115,11 @@ def read_environment(meeting_id: str, services: Provided, caller: Joiner) -> Env
     return Environment.of(known.get(meeting.environment, known[STUDIO]))
 
 
-@router.put("/meetings/{meeting_id}/environment", summary="Choose where a meeting is held")
+@router.put("/meetings/{meeting_id}/environment", summary="Choose a meeting's environment")
 async def choose_environment(
     meeting_id: str, body: Place, request: Request, services: Provided, caller: Joiner
 ) -> Environment:
-    """Move a meeting to another place, at once for everybody who looks. The host may."""
+    """Move a meeting to another environment, at once for every viewer. Only the host may."""
     caller.require_meeting(meeting_id)
     chosen = await run_in_threadpool(_choose, services, caller, meeting_id, body.name)
     await _tell(request, services, meeting_id)
@@ -128,13 +128,13 @@ async def choose_environment(
 
 @router.put(
     "/meetings/{meeting_id}/panorama",
-    summary="Bring a place along",
+    summary="Upload an environment",
     openapi_extra={"requestBody": {"content": {kind: {} for kind in ("image/jpeg", "image/png")}}},
 )
 async def bring_place(
     meeting_id: str, request: Request, services: Provided, caller: Joiner
 ) -> Environment:
-    """Hold a meeting in a place of the host's own: an equirectangular picture, at most 20 MB.
+    """Hold a meeting in the host's own environment: an equirectangular picture of up to 20 MB.
 
     Its light is found in it. The meeting keeps the newest such place.
     """
@@ -150,14 +150,14 @@ async def bring_place(
 
 @router.get(
     "/meetings/{meeting_id}/panorama",
-    summary="See the place that was brought along",
+    summary="Download the uploaded environment",
     response_class=Response,
     responses=PICTURE,
 )
 def read_own_picture(
     meeting_id: str, services: Provided, caller: Joiner, if_none_match: IfNoneMatch = None
 ) -> Response:
-    """The host's own place all round, for whoever is let in."""
+    """The host's equirectangular picture, for every admitted participant."""
     caller.require_meeting(meeting_id)
     with services.reading() as unit:
         require_admitted(unit.meetings.get(meeting_id), caller)

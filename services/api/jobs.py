@@ -27,14 +27,14 @@ _KEEP_ALIVE_S = 15.0
 
 @router.get("/{job_id}", summary="Read a job")
 def read_job(job_id: str, services: Provided, caller: Reader) -> shapes.Job:
-    """Where a job stands."""
+    """State and progress of a job."""
     with services.reading() as unit:
         return shapes.Job.of(job_of(unit, caller, job_id))
 
 
 @router.delete("/{job_id}", status_code=status.HTTP_202_ACCEPTED, summary="Cancel a job")
 def cancel_job(job_id: str, services: Provided, caller: Writer) -> shapes.Job:
-    """Cancel; a training leaves a checkpoint, a capture leaves nothing."""
+    """Cancel a job. A training keeps its checkpoint; a capture keeps nothing."""
     with services.unit_of_work() as unit:
         job = job_of(unit, caller, job_id)
         orphans = cancel(unit, job, services.clock())
@@ -47,7 +47,7 @@ def cancel_job(job_id: str, services: Provided, caller: Writer) -> shapes.Job:
 
 @router.post("/{job_id}/resume", status_code=status.HTTP_202_ACCEPTED, summary="Resume a job")
 def resume_job(job_id: str, services: Provided, caller: Writer) -> shapes.Job:
-    """Queue a cancelled or failed job again; a training goes on from its checkpoint."""
+    """Queue a cancelled or failed job again. A training continues from its checkpoint."""
     with services.unit_of_work() as unit:
         job = job_of(unit, caller, job_id)
         resume(job)
@@ -64,7 +64,7 @@ def resume_job(job_id: str, services: Provided, caller: Writer) -> shapes.Job:
     responses={200: {"content": {"image/png": {}}}},
 )
 def read_preview(job_id: str, services: Provided, caller: Reader) -> Response:
-    """PNG; there is one as soon as the job says `has_preview`."""
+    """A PNG, available as soon as the job has `has_preview`."""
     with services.reading() as unit:
         job_of(unit, caller, job_id)
         picture = unit.jobs.preview(job_id)
@@ -85,7 +85,7 @@ def read_preview(job_id: str, services: Provided, caller: Reader) -> Response:
     },
 )
 async def follow_job(job_id: str, services: Provided, caller: Reader) -> StreamingResponse:
-    """Server-sent events: `progress` with the job, and once, at last, `end`."""
+    """Server-sent events: `progress` with the job, and finally one `end`."""
     await run_in_threadpool(_read, services, caller, job_id)
     return StreamingResponse(
         _events(services, job_id),

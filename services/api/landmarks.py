@@ -22,34 +22,34 @@ _KEPT_S = 86_400
 
 @router.get(
     "/landmarks/model",
-    summary="Get the landmark model",
+    summary="Get the pose landmark network",
     response_class=FileResponse,
     responses={200: {"content": {"application/octet-stream": {}}}},
 )
 def read_landmark_model(services: Provided) -> FileResponse:
-    """MediaPipe's Pose Landmarker (`.task`), fetched once and checked; the same for everybody."""
+    """MediaPipe's Pose Landmarker (`.task`), downloaded once and checked by hash."""
     return _file(services.settings.pose_model_source())
 
 
 @router.get(
     "/landmarks/face-model",
-    summary="Get the face's landmark model",
+    summary="Get the face landmark network",
     response_class=FileResponse,
     responses={200: {"content": {"application/octet-stream": {}}}},
 )
 def read_face_model(services: Provided) -> FileResponse:
-    """MediaPipe's Face Landmarker; where it can't be had, performers keep a still face."""
+    """MediaPipe's Face Landmarker. Without it, performers keep a still face."""
     return _file(services.settings.face_model_source())
 
 
 @router.get(
     "/landmarks/hand-model",
-    summary="Get the hands' landmark model",
+    summary="Get the hand landmark network",
     response_class=FileResponse,
     responses={200: {"content": {"application/octet-stream": {}}}},
 )
 def read_hand_model(services: Provided) -> FileResponse:
-    """MediaPipe's Hand Landmarker; where it can't be had, performers keep still hands."""
+    """MediaPipe's Hand Landmarker. Without it, performers keep still hands."""
     return _file(services.settings.hand_model_source())
 
 

@@ -21,7 +21,7 @@ router = APIRouter(prefix="/v1", tags=["meetings"], responses=PROBLEMS)
 def open_meeting(
     body: shapes.NewMeeting, services: Provided, caller: Writer
 ) -> shapes.OpenedMeeting:
-    """A room with the given models in it; send its `join_url` to whoever should come."""
+    """A meeting with the given models in it; send its `join_url` to those who should come."""
     with services.unit_of_work() as unit:
         models = [model_of(unit, caller, model_id) for model_id in body.model_ids]
         meeting = meetings.create_meeting(
@@ -34,7 +34,7 @@ def open_meeting(
 
 @router.get("/meetings/{meeting_id}", summary="Read a meeting")
 def read_meeting(meeting_id: str, services: Provided, caller: Joiner) -> shapes.Meeting:
-    """Who stands where. Whoever knows the id of a meeting is invited to it."""
+    """The performers and their positions. Whoever knows a meeting's id is invited to it."""
     caller.require_meeting(meeting_id)
     with services.reading() as unit:
         meeting = unit.meetings.get(meeting_id)
@@ -46,7 +46,7 @@ def read_meeting(meeting_id: str, services: Provided, caller: Joiner) -> shapes.
 @router.post(
     "/meetings/{meeting_id}/performers",
     status_code=status.HTTP_201_CREATED,
-    summary="Bring somebody in",
+    summary="Add a performer",
 )
 async def add_performer(
     meeting_id: str,
@@ -55,7 +55,7 @@ async def add_performer(
     services: Provided,
     caller: Writer,
 ) -> shapes.Performer:
-    """Stand a model in the meeting; everybody else moves up."""
+    """Place a model in the meeting; the other performers make room."""
     performer = await run_in_threadpool(_add, services, caller, meeting_id, body)
     await tell_cast_changed(request, meeting_id)
     return performer
@@ -64,7 +64,7 @@ async def add_performer(
 @router.delete(
     "/meetings/{meeting_id}/performers/{performer_id}",
     status_code=status.HTTP_204_NO_CONTENT,
-    summary="Send somebody out",
+    summary="Remove a performer",
 )
 async def remove_performer(
     meeting_id: str, performer_id: str, request: Request, services: Provided, caller: Writer
@@ -105,7 +105,7 @@ def join_meeting(
 
 @router.get("/demo", summary="The demo's meeting")
 def read_demo(services: Provided) -> shapes.DemoMeeting:
-    """The meeting that this server shows to everybody, if it shows one."""
+    """The meeting that this server shows to everybody, if there is one."""
     with services.reading() as unit:
         meeting = unit.meetings.with_label(meetings.DEMO)
     if meeting is None or not services.settings.open_access:

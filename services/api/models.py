@@ -26,7 +26,7 @@ router = APIRouter(prefix="/v1/models", tags=["models"], responses=PROBLEMS)
 
 @router.get("", summary="List your models")
 def list_models(services: Provided, caller: Reader) -> shapes.Models:
-    """The models of the token's account, the oldest first; before them what a demo lends."""
+    """The models that the demo lends, then those of the token's account, the oldest first."""
     with services.reading() as unit:
         models = unit.models.of_account(caller.account)
         if caller.may_use(GUEST) and caller.account != GUEST:
@@ -50,7 +50,7 @@ IfNoneMatch = Annotated[str | None, Header()]
 
 @router.get(
     f"/{{model_id}}/files/{VIEWER_FILE}",
-    summary="Download what a viewer draws",
+    summary="Download the viewer's file",
     response_class=StreamingResponse,
     responses=_FILE_RESPONSES,
 )

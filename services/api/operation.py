@@ -32,15 +32,15 @@ class Readiness(BaseModel):
     checks: dict[str, str]
 
 
-@router.get("/healthz", summary="Is it up")
+@router.get("/healthz", summary="Check liveness")
 def healthz() -> Health:
-    """The process answers."""
+    """Answers as long as the process runs."""
     return Health()
 
 
-@router.get("/readyz", summary="Is it ready", responses={503: {"model": Readiness}})
+@router.get("/readyz", summary="Check readiness", responses={503: {"model": Readiness}})
 def readyz(services: Provided) -> JSONResponse:
-    """Whether database, objects and Redis answer; says which is away."""
+    """Whether database, object store and Redis answer; names those that do not."""
     checks = readiness(services)
     ready = all(state == "ok" for state in checks.values())
     answer = Readiness(status="ready" if ready else "unready", checks=checks)

@@ -20,7 +20,7 @@ router = APIRouter(prefix="/v1/people", tags=["people"], responses=PROBLEMS)
 
 @router.post("", status_code=status.HTTP_201_CREATED, summary="Add a person")
 def add_person(body: shapes.NewPerson, services: Provided, caller: Writer) -> shapes.Person:
-    """A person to whom clips and models will belong."""
+    """Create a person, to whom clips and models then belong."""
     now = services.clock()
     person = PersonRow(
         id=new_id(),
@@ -47,7 +47,7 @@ def add_person(body: shapes.NewPerson, services: Provided, caller: Writer) -> sh
 
 @router.get("", summary="List your people")
 def list_people(services: Provided, caller: Reader) -> shapes.People:
-    """The persons of the token's account, the oldest first; before them whom a demo lends."""
+    """The people whom the demo lends, then those of the token's account, the oldest first."""
     with services.reading() as unit:
         people = unit.people.of_account(caller.account)
         if caller.may_use(GUEST) and caller.account != GUEST:
@@ -83,7 +83,7 @@ def read_person(person_id: str, services: Provided, caller: Reader) -> shapes.Pe
 async def delete_person(
     person_id: str, request: Request, services: Provided, caller: Writer
 ) -> shapes.Erased:
-    """Delete every row and every object of a person; `remaining` is the proof."""
+    """Delete every row and object of a person; `remaining` counts what is left, which is zero."""
     erased, meeting_ids = await run_in_threadpool(_erase, services, caller, person_id)
     for meeting_id in meeting_ids:
         await tell_cast_changed(request, meeting_id)

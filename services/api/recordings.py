@@ -33,7 +33,7 @@ _BYTES: dict[int | str, dict[str, Any]] = {200: {"content": {"application/octet-
 
 @router.get("", summary="List your recordings")
 def list_recordings(services: Provided, caller: Joiner) -> recording_shapes.Recordings:
-    """Those that the token's account asked for, or agreed to; the newest first."""
+    """Recordings that the token's account started or agreed to, the newest first."""
     with services.reading() as unit:
         found = unit.recordings.of_account(caller.account)
     return recording_shapes.Recordings(
@@ -45,7 +45,7 @@ def list_recordings(services: Provided, caller: Joiner) -> recording_shapes.Reco
 def read_recording(
     recording_id: str, services: Provided, caller: Joiner
 ) -> recording_shapes.RecordingInFull:
-    """Who was there, and the tracks; to those who were asked and agreed, and whoever asked."""
+    """Participants and tracks, for those who agreed and for whoever started the recording."""
     with services.reading() as unit:
         recording = _shown_to(unit, caller, recording_id)
         chunks = unit.recordings.chunks(recording_id)
@@ -78,7 +78,7 @@ def read_recording(
 def read_track(
     recording_id: str, track: str, services: Provided, caller: Joiner
 ) -> StreamingResponse:
-    """Records as `services.recording.chunks` has them, unpacked."""
+    """The track's records, decompressed (`services.recording.chunks`)."""
     data = _track(services, caller, recording_id, track)
     return StreamingResponse(data, media_type="application/octet-stream")
 
@@ -92,7 +92,7 @@ def read_track(
 def read_voice(
     recording_id: str, participant_id: str, services: Provided, caller: Joiner
 ) -> StreamingResponse:
-    """What somebody said, in time with the recording, as Ogg Opus."""
+    """A participant's voice as Ogg Opus, in time with the recording."""
     data = _track(services, caller, recording_id, f"voice:{participant_id}")
     pages = ogg_opus(with_silence(replay.records(data)))
     return StreamingResponse(pages, media_type="audio/ogg")
@@ -100,14 +100,14 @@ def read_voice(
 
 @router.get(
     "/{recording_id}/models/{model_id}",
-    summary="Download what draws somebody",
+    summary="Download a performer's splats",
     response_class=StreamingResponse,
     responses=_BYTES,
 )
 def read_model(
     recording_id: str, model_id: str, services: Provided, caller: Joiner
 ) -> StreamingResponse:
-    """The splats of somebody who moves in the recording, as a page draws them."""
+    """The viewer's file of a performer who moves in the recording."""
     with services.reading() as unit:
         _shown_to(unit, caller, recording_id)
         row = unit.models.get(model_id)
@@ -121,9 +121,9 @@ def read_model(
     return StreamingResponse(data, media_type="application/octet-stream")
 
 
-@router.get("/{recording_id}/place", summary="See the place that was brought along")
+@router.get("/{recording_id}/place", summary="Read the uploaded environment")
 def read_place(recording_id: str, services: Provided, caller: Joiner) -> Environment:
-    """Where a meeting was held that had a place of the host's own; the library has all others."""
+    """The environment that the host uploaded; all others are in the library."""
     with services.reading() as unit:
         own = unit.meetings.panorama(_shown_to(unit, caller, recording_id).meeting_id)
         if own is None:
@@ -133,14 +133,14 @@ def read_place(recording_id: str, services: Provided, caller: Joiner) -> Environ
 
 @router.get(
     "/{recording_id}/place/picture",
-    summary="See it all round",
+    summary="Download the uploaded environment",
     response_class=Response,
     responses=PICTURE,
 )
 def read_picture(
     recording_id: str, services: Provided, caller: Joiner, if_none_match: IfNoneMatch = None
 ) -> Response:
-    """The equirectangular picture of the place that was brought along."""
+    """The equirectangular picture that the host uploaded."""
     with services.reading() as unit:
         recording = _shown_to(unit, caller, recording_id)
         picture = unit.meetings.panorama_picture(recording.meeting_id)
@@ -151,7 +151,7 @@ def read_picture(
 
 @router.delete("/{recording_id}", summary="Delete a recording")
 def delete_recording(recording_id: str, services: Provided, caller: Writer) -> Response:
-    """All of it, and every video that was made of it; whoever asked for it may."""
+    """Delete a recording and every video made of it. Only whoever started it may."""
     with services.unit_of_work() as unit:
         recording = unit.recordings.get_for_change(recording_id)
         caller.require_account(recording.account)
@@ -164,11 +164,11 @@ def delete_recording(recording_id: str, services: Provided, caller: Writer) -> R
     return Response(status_code=status.HTTP_204_NO_CONTENT)
 
 
-@router.delete("/{recording_id}/mine", summary="Take yourself out")
+@router.delete("/{recording_id}/mine", summary="Remove yourself from a recording")
 def leave_recording(
     recording_id: str, services: Provided, caller: Writer
 ) -> recording_shapes.RemovedFromRecording:
-    """Delete what the token's account moved, said and wrote; one that still runs ends."""
+    """Delete the account's motion, voice and words; a recording that still runs ends."""
     with services.unit_of_work() as unit:
         recording = unit.recordings.get_for_change(recording_id)
         _require_part(recording, caller)
@@ -235,7 +235,7 @@ def export_recording(
 def read_video(
     recording_id: str, job_id: str, services: Provided, caller: Joiner
 ) -> StreamingResponse:
-    """The MP4 that an export made."""
+    """The MP4 that an export has made."""
     with services.reading() as unit:
         _shown_to(unit, caller, recording_id)
         videos = unit.recordings.exports([recording_id])

@@ -30,12 +30,12 @@ def read_sequence(sequence_id: str, services: Provided, caller: Reader) -> shape
 
 @router.get(
     "/{sequence_id}/thumbnail",
-    summary="A picture of the person",
+    summary="Get a thumbnail",
     response_class=Response,
     responses={200: {"content": {"image/png": {}}}},
 )
 def read_thumbnail(sequence_id: str, services: Provided, caller: Reader) -> Response:
-    """The person, cut out, as PNG."""
+    """The person without the background, as PNG."""
     with services.reading() as unit:
         sequence = sequence_of(unit, caller, sequence_id)
     if sequence.thumbnail_sha256 is None:
@@ -55,7 +55,7 @@ async def delete_sequence(
     sequence_id: str, request: Request, services: Provided, caller: Writer
 ) -> None:
     """Delete a clip, its frames and its motion. Models trained from it stay until their person is
-    erased; who moved by it in a meeting moves as they were filmed. 409 while a job works on it."""
+    erased. Performers who played its motion play their own again. 409 while a job works on it."""
     for meeting_id in await run_in_threadpool(_discard, services, caller, sequence_id):
         await tell_cast_changed(request, meeting_id)
 
@@ -64,7 +64,7 @@ async def delete_sequence(
 def train_model(
     sequence_id: str, body: shapes.NewModel, services: Provided, caller: Writer
 ) -> shapes.Job:
-    """Queue a training; follow it at `/v1/jobs/{id}/events`."""
+    """Queue a training job; follow it at `/v1/jobs/{id}/events`."""
     preset = find_preset(body.preset)
     longest = services.settings.max_budget_s
     if body.budget_s > longest:
