@@ -178,14 +178,14 @@ def picture_answer(data: bytes, if_none_match: str | None, kept: str) -> Respons
     return Response(data, media_type="image/jpeg", headers=headers)
 
 
-def own_place(own: PanoramaRow, picture_url: str) -> Environment:
+def own_environment(own: PanoramaRow, picture_url: str) -> Environment:
     """What a host brought along."""
     light = Light.of(light_of(own))
     return Environment(name=own.name, title=_OWN_TITLE, picture_url=picture_url, light=light)
 
 
 def _in_meeting(own: PanoramaRow) -> Environment:
-    return own_place(own, f"/v1/meetings/{own.meeting_id}/panorama")
+    return own_environment(own, f"/v1/meetings/{own.meeting_id}/panorama")
 
 
 async def _read_picture(request: Request) -> bytes:

@@ -15,7 +15,7 @@ from services.api.environments import (
     PICTURE,
     Environment,
     IfNoneMatch,
-    own_place,
+    own_environment,
     picture_answer,
 )
 from services.auth import Joiner, Principal, Writer
@@ -128,7 +128,7 @@ def read_place(recording_id: str, services: Provided, caller: Joiner) -> Environ
         own = unit.meetings.panorama(_shown_to(unit, caller, recording_id).meeting_id)
         if own is None:
             raise _no_place()
-        return own_place(own, f"/v1/recordings/{recording_id}/place/picture")
+        return own_environment(own, f"/v1/recordings/{recording_id}/place/picture")
 
 
 @router.get(

@@ -33,8 +33,8 @@ def export_recording(
 ) -> None:
     """Make a video of a recorded meeting, on the machine that stores it."""
     from services.container import build_services
-    from services.recording.film import Shot, film
     from services.recording.replay import load
+    from services.recording.video_export import CameraPath, export_video
     from services.settings import load_settings
 
     require_writable(out)
@@ -47,22 +47,22 @@ def export_recording(
     try:
         services.database.migrate()  # a folder in which no server ran has no recordings
         recorded = load(services, recording)
-        shot = Shot(_stops(path), width, height, math.radians(fov))
+        camera_path = CameraPath(_keyframes(path), width, height, math.radians(fov))
         with progress_bar("filming") as report:
-            film(recorded, shot, out, lambda fraction: report(fraction, "filming"))
+            export_video(recorded, camera_path, out, lambda fraction: report(fraction, "filming"))
     finally:
         services.close()
     typer.echo(f"{out}  {recorded.duration_s:.1f} s  {out.stat().st_size / 1e6:.2f} MB")
 
 
-def _stops(path: Path | None):
-    from services.recording.film import Stop
+def _keyframes(path: Path | None):
+    from services.recording.video_export import CameraKeyframe
 
     if path is None:
         return []
     try:
         return [
-            Stop(float(one["at_s"]), tuple(one["position"]), tuple(one["target"]))
+            CameraKeyframe(float(one["at_s"]), tuple(one["position"]), tuple(one["target"]))
             for one in json.loads(path.read_text())
         ]
     except (ValueError, KeyError, TypeError) as error:

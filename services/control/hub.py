@@ -247,7 +247,7 @@ class Hub:
         )
         await self._show(meeting)
         present = present_in(meeting, now)
-        await self._recorders.see(
+        await self._recorders.update(
             meeting, present, performers_by_participant(meeting, now), recording, said
         )
 

@@ -14,9 +14,9 @@ from services.jobs.results import Results
 
 
 def run_export(services: Services, job: JobRow, reporter: Reporter, folder: Path) -> None:
-    """Film as the job's parameters say. Raises NotFound, InvalidInput, JobStopped."""
-    from services.recording.film import film
+    """Export as the job's parameters say. Raises NotFound, InvalidInput, JobStopped."""
     from services.recording.replay import load
+    from services.recording.video_export import export_video
 
     recording_id = str(job.params["recording_id"])
     recorded = load(services, recording_id)
@@ -27,7 +27,7 @@ def run_export(services: Services, job: JobRow, reporter: Reporter, folder: Path
         reporter.progress(fraction, "filming", None)
 
     out = folder / "video.mp4"
-    film(recorded, shot_of(job.params), out, on_progress)
+    export_video(recorded, camera_path_of(job.params), out, on_progress)
     with Results(services, job) as results:
         stored = results.put_file(out)
 
@@ -47,13 +47,13 @@ def run_export(services: Services, job: JobRow, reporter: Reporter, folder: Path
         results.hand_in(write)
 
 
-def shot_of(params: dict[str, Any]):
+def camera_path_of(params: dict[str, Any]):
     """The camera as `services.api.recording_shapes.NewVideo` has it."""
-    from services.recording.film import Shot, Stop
+    from services.recording.video_export import CameraKeyframe, CameraPath
 
-    stops = [
-        Stop(float(one["at_s"]), tuple(one["position"]), tuple(one["target"]))
+    keyframes = [
+        CameraKeyframe(float(one["at_s"]), tuple(one["position"]), tuple(one["target"]))
         for one in params["path"]
     ]
     fov_y_rad = math.radians(float(params["fov_deg"]))
-    return Shot(stops, int(params["width"]), int(params["height"]), fov_y_rad)
+    return CameraPath(keyframes, int(params["width"]), int(params["height"]), fov_y_rad)

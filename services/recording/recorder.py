@@ -48,15 +48,15 @@ class _Track:
 
 
 @dataclass(frozen=True)
-class _Whose:
-    """Whose a participant's or a performer's track is."""
+class _Owner:
+    """Whom a participant's or a performer's track belongs to."""
 
     person_id: str | None
     account: str
 
 
 @dataclass(eq=False)
-class _Keeping:
+class _ActiveRecording:
     """One recording that runs."""
 
     recording: RecordingRow
@@ -65,7 +65,7 @@ class _Keeping:
     numbers: dict[str, int]
     """Track -> the number of its next chunk."""
     tracks: dict[str, _Track] = field(default_factory=dict)
-    whose: dict[str, _Whose] = field(default_factory=dict)
+    owners: dict[str, _Owner] = field(default_factory=dict)
     room: bytes = b""
     chat: int = 0
     """Number of the newest message that was kept."""
@@ -84,111 +84,114 @@ class Recorders:
     ) -> None:
         self._services, self._poses, self._clock = services, poses, clock
         self._listeners = listeners
-        self._keeping: dict[str, _Keeping] = {}
+        self._active: dict[str, _ActiveRecording] = {}
         """By meeting."""
 
     def __len__(self) -> int:
-        return len(self._keeping)
+        return len(self._active)
 
-    async def see(
+    async def update(
         self,
         meeting: MeetingRow,
         present: Mapping[str, ParticipantRow],
-        standing_for: Mapping[str, str],
+        performers_by_participant: Mapping[str, str],
         recording: RecordingRow | None,
         said: list[MessageRow],
     ) -> None:
-        """Keep, rest or end as the meeting now stands.
+        """Record, pause or end as the meeting now stands.
 
-        `present` are the participants who are there; `standing_for` says which performer stands for
-        whom.
+        `present` are the participants who are there; `performers_by_participant`
+        names the performer that represents each of them.
         """
-        keeping = self._keeping.get(meeting.id)
+        active = self._active.get(meeting.id)
         if recording is not None and not consent.agreed_in(recording) & set(present):
             await run_in_threadpool(self._end, recording.id, "everybody left")
             recording = None
         runs = recording is not None and consent.all_agree(recording, present)
-        if keeping is not None and (
-            recording is None or not runs or keeping.recording.id != recording.id
+        if active is not None and (
+            recording is None or not runs or active.recording.id != recording.id
         ):
-            await self._rest(meeting.id)
-            keeping = None
+            await self._pause(meeting.id)
+            active = None
         if recording is None or not runs:
             return
-        if keeping is None:
-            keeping = await self._start(meeting.id, recording, said)
-        if keeping is None:
+        if active is None:
+            active = await self._start(meeting.id, recording, said)
+        if active is None:
             return
-        _take_stock(keeping, meeting, present, standing_for)
-        self._note_room(keeping, meeting, standing_for)
+        _update_owners(active, meeting, present, performers_by_participant)
+        self._note_room(active, meeting, performers_by_participant)
         for message in said:
-            if message.kind is MessageKind.CHAT and message.number > keeping.chat:
-                keeping.chat = message.number
+            if message.kind is MessageKind.CHAT and message.number > active.chat:
+                active.chat = message.number
                 text = message.text.encode()[:LONGEST_RECORD]
-                self._add(keeping, f"chat:{message.participant_id}", message.participant_id, text)
+                self._add(active, f"chat:{message.participant_id}", message.participant_id, text)
 
     async def close(self) -> None:
         """Keep what there is, at shutdown; the next gateway goes on."""
-        for meeting_id in list(self._keeping):
-            await self._rest(meeting_id)
+        for meeting_id in list(self._active):
+            await self._pause(meeting_id)
 
     async def _start(
         self, meeting_id: str, recording: RecordingRow, said: list[MessageRow]
-    ) -> _Keeping | None:
+    ) -> _ActiveRecording | None:
         begun = await run_in_threadpool(self._begin, recording.id)
         if begun is None:
             return None
         numbers, from_ms = begun
-        keeping = _Keeping(recording, self._clock(), from_ms, numbers)
+        active = _ActiveRecording(recording, self._clock(), from_ms, numbers)
         # what was said before is nobody's to keep
-        keeping.chat = max((one.number for one in said), default=0)
-        self._keeping[meeting_id] = keeping
+        active.chat = max((one.number for one in said), default=0)
+        self._active[meeting_id] = active
 
         def hear(participant_id: str, packet: OpusPacket) -> None:
-            self._add(keeping, f"voice:{participant_id}", participant_id, packet.payload)
+            self._add(active, f"voice:{participant_id}", participant_id, packet.payload)
 
         self._listeners[meeting_id] = hear
-        keeping.task = asyncio.create_task(self._run(meeting_id, keeping))
-        return keeping
+        active.task = asyncio.create_task(self._run(meeting_id, active))
+        return active
 
-    async def _rest(self, meeting_id: str) -> None:
-        keeping = self._keeping.pop(meeting_id, None)
-        if keeping is None:
+    async def _pause(self, meeting_id: str) -> None:
+        active = self._active.pop(meeting_id, None)
+        if active is None:
             return
         self._listeners.pop(meeting_id, None)
-        if keeping.task is not None and keeping.task is not asyncio.current_task():
-            keeping.task.cancel()
-            await asyncio.gather(keeping.task, return_exceptions=True)
-        await self._flush(keeping)
+        if active.task is not None and active.task is not asyncio.current_task():
+            active.task.cancel()
+            await asyncio.gather(active.task, return_exceptions=True)
+        await self._flush(active)
 
-    async def _run(self, meeting_id: str, keeping: _Keeping) -> None:
-        due_s, flushed_ms = self._clock(), keeping.from_ms
+    async def _run(self, meeting_id: str, active: _ActiveRecording) -> None:
+        due_s, flushed_ms = self._clock(), active.from_ms
         while True:
             for performer_id, packet in self._poses(meeting_id):
-                self._add(keeping, f"motion:{performer_id}", performer_id, packet)
-            if self._now_ms(keeping) - flushed_ms >= _CHUNK_MS:
-                flushed_ms = self._now_ms(keeping)
-                if not await self._flush(keeping):
-                    self._keeping.pop(meeting_id, None)
+                self._add(active, f"motion:{performer_id}", performer_id, packet)
+            if self._now_ms(active) - flushed_ms >= _CHUNK_MS:
+                flushed_ms = self._now_ms(active)
+                if not await self._flush(active):
+                    self._active.pop(meeting_id, None)
                     self._listeners.pop(meeting_id, None)
                     return
             due_s = max(due_s + 1.0 / POSES_PER_SECOND, self._clock())
             await asyncio.sleep(due_s - self._clock())
 
-    def _now_ms(self, keeping: _Keeping) -> int:
-        return keeping.from_ms + int(1000 * (self._clock() - keeping.started_s))
+    def _now_ms(self, active: _ActiveRecording) -> int:
+        return active.from_ms + int(1000 * (self._clock() - active.started_s))
 
-    def _add(self, keeping: _Keeping, name: str, who: str, data: bytes) -> None:
-        whose = keeping.whose.get(who)
-        if whose is None:  # not yet, or no longer, in the meeting
+    def _add(self, active: _ActiveRecording, name: str, who: str, data: bytes) -> None:
+        owner = active.owners.get(who)
+        if owner is None:  # not yet, or no longer, in the meeting
             return
-        if name not in keeping.tracks:
-            number = keeping.numbers.get(name, 0)
-            keeping.tracks[name] = _Track(whose.person_id, whose.account, number)
-        keeping.tracks[name].records.append(Record(self._now_ms(keeping), data))
+        if name not in active.tracks:
+            number = active.numbers.get(name, 0)
+            active.tracks[name] = _Track(owner.person_id, owner.account, number)
+        active.tracks[name].records.append(Record(self._now_ms(active), data))
 
     def _note_room(
-        self, keeping: _Keeping, meeting: MeetingRow, standing_for: Mapping[str, str]
+        self,
+        active: _ActiveRecording,
+        meeting: MeetingRow,
+        performers_by_participant: Mapping[str, str],
     ) -> None:
         performers = [
             {
@@ -202,28 +205,28 @@ class Recorders:
         room = {
             "environment": meeting.environment,
             "performers": performers,
-            "standing_for": dict(standing_for),
+            "standing_for": dict(performers_by_participant),
         }
         data = json.dumps(room, sort_keys=True).encode()
-        if data != keeping.room:
-            keeping.room = data
-            self._add(keeping, "room", "room", data)
+        if data != active.room:
+            active.room = data
+            self._add(active, "room", "room", data)
 
-    async def _flush(self, keeping: _Keeping) -> bool:
+    async def _flush(self, active: _ActiveRecording) -> bool:
         """Store what has come; False where this recording is not ours to keep (any more)."""
-        tracks = {name: track for name, track in keeping.tracks.items() if track.records}
-        keeping.tracks = {}
+        tracks = {name: track for name, track in active.tracks.items() if track.records}
+        active.tracks = {}
         for name, track in tracks.items():
-            keeping.numbers[name] = track.number + 1
+            active.numbers[name] = track.number + 1
         try:
             return await run_in_threadpool(
-                self._store, keeping.recording.id, tracks, self._now_ms(keeping)
+                self._store, active.recording.id, tracks, self._now_ms(active)
             )
         except (Conflict, NotFound) as error:
-            log.warning("recording %s is not kept here: %s", keeping.recording.id, error)
+            log.warning("recording %s is not kept here: %s", active.recording.id, error)
             return False
         except DatabaseError as error:
-            log.warning("some seconds of recording %s are lost: %s", keeping.recording.id, error)
+            log.warning("some seconds of recording %s are lost: %s", active.recording.id, error)
             return True
 
     def _begin(self, recording_id: str) -> tuple[dict[str, int], int] | None:
@@ -275,18 +278,18 @@ class Recorders:
         return not full
 
 
-def _take_stock(
-    keeping: _Keeping,
+def _update_owners(
+    active: _ActiveRecording,
     meeting: MeetingRow,
     present: Mapping[str, ParticipantRow],
-    standing_for: Mapping[str, str],
+    performers_by_participant: Mapping[str, str],
 ) -> None:
-    """Note whose each track would be: performers are persons; who is stood for by one is too."""
-    whose = {one.id: _Whose(one.person_id, one.account) for one in meeting.performers}
+    """Note whom each track would belong to: a performer's person, also for whom it represents."""
+    owners = {one.id: _Owner(one.person_id, one.account) for one in meeting.performers}
     persons = {one.id: one.person_id for one in meeting.performers}
     for who, one in present.items():
-        performer = standing_for.get(who)
+        performer = performers_by_participant.get(who)
         person_id = persons.get(performer) if performer else None
-        whose[who] = _Whose(person_id, one.account)
-    whose["room"] = _Whose(None, "")
-    keeping.whose = whose
+        owners[who] = _Owner(person_id, one.account)
+    owners["room"] = _Owner(None, "")
+    active.owners = owners

@@ -39,7 +39,7 @@ def drop(services: Services, objects: list[Orphan]) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class LoadedRecording:
     """A whole recording in memory, as an export needs it."""
 
     duration_s: float
@@ -49,8 +49,8 @@ class Recorded:
     """Performer -> moments (ms) and poses."""
     voices: dict[str, list[Record]]
     models: dict[str, PerformerModel]
-    own_place: Environment
-    """Where the meeting is held that has no place of the library."""
+    own_environment: Environment
+    """Environment of a meeting that uses none of the library."""
 
     def scene_at(self, at_s: float) -> Scene[PerformerModel]:
         """Everybody of the room as they stood at a moment, or as they were last seen before it."""
@@ -62,21 +62,23 @@ class Recorded:
             model = self.models.get(one["model_id"])
             if times and model is not None:
                 packet = packets[max(0, bisect_right(times, at_ms) - 1)]
-                performers.append(_stand(one["id"], model, packet))
+                performers.append(_performer(one["id"], model, packet))
         name = room.get("environment", STUDIO)
-        return Scene(environment(name) if name in themes() else self.own_place, tuple(performers))
+        return Scene(
+            environment(name) if name in themes() else self.own_environment, tuple(performers)
+        )
 
     def _room(self, at_ms: int) -> dict:
         index = bisect_right([at for at, _ in self.rooms], at_ms) - 1
         return self.rooms[max(0, index)][1] if self.rooms else {}
 
 
-def load(services: Services, recording_id: str) -> Recorded:
+def load(services: Services, recording_id: str) -> LoadedRecording:
     """Read a recording. Raises NotFound; a person who was erased is simply not in it."""
     with services.reading() as unit:
         recording = unit.recordings.get(recording_id)
         chunks = unit.recordings.chunks(recording_id)
-        own_place = environment_in(unit, recording.meeting_id)
+        own_environment = environment_in(unit, recording.meeting_id)
     tracks: dict[str, list[RecordingChunkRow]] = {}
     for chunk in chunks:
         tracks.setdefault(chunk.track, []).append(chunk)
@@ -93,11 +95,13 @@ def load(services: Services, recording_id: str) -> Recorded:
         one["model_id"] for _, room in rooms for one in room["performers"] if one["id"] in motions
     }
     models = {model_id: services.models.load(model_id) for model_id in wanted}
-    return Recorded(recording.duration_ms / 1000.0, rooms, motions, voices, models, own_place)
+    return LoadedRecording(
+        recording.duration_ms / 1000.0, rooms, motions, voices, models, own_environment
+    )
 
 
-def _stand(name: str, model: PerformerModel, packet: PosePacket) -> Performer[PerformerModel]:
-    """A pose packet is of the room: the performer's own place is in it already."""
+def _performer(name: str, model: PerformerModel, packet: PosePacket) -> Performer[PerformerModel]:
+    """A pose packet is of the room: the performer's position and yaw are in it already."""
     angles = matrix_to_axis_angle(quaternion_to_matrix(packet.rotations))
     root = packet.pelvis - model.skeleton.rest_joints[0]
     pose = Pose(angles, root, packet.capture_time_ms / 1e3, packet.expression)

@@ -31,7 +31,7 @@ _FIRST_STEP_S = 1.0 / 30.0
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class HeldExpression:
     """What is shown from a moment on, until more is seen."""
 
     values: Float[Array, "E"]
@@ -44,7 +44,7 @@ class Shown:
         return self.values * (1.0 - gone * gone * (3.0 - 2.0 * gone))
 
 
-AT_REST = Shown(neutral(), np.full(EXPRESSION_COUNT, -np.inf))
+AT_REST = HeldExpression(neutral(), np.full(EXPRESSION_COUNT, -np.inf))
 
 
 class ExpressionFilter:
@@ -55,7 +55,7 @@ class ExpressionFilter:
         self._speed = neutral()
         self._before = neutral()  # as it came: speed has no lag
 
-    def update(self, seen: ObservedExpression | None, time_s: float) -> Shown:
+    def update(self, seen: ObservedExpression | None, time_s: float) -> HeldExpression:
         """Take what was seen at `time_s`, later than anything before; what is shown from then."""
         if seen is None or not seen.known:
             return self._shown
@@ -74,7 +74,7 @@ class ExpressionFilter:
         cutoff_hz = _CUTOFF_HZ + _PER_UNIT * np.abs(self._speed)
         moved = shown + low_pass_share(cutoff_hz * step_s) * (now - shown)
         self._before = np.where(known, now, self._before)
-        self._shown = Shown(
+        self._shown = HeldExpression(
             np.where(known, moved, self._shown.values), np.where(known, time_s, self._shown.seen_s)
         )
         return self._shown

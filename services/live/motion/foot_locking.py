@@ -3,7 +3,7 @@
 A webcam rarely shows feet well, and often no legs at all. Legs that are seen move as they are seen;
 unseen ones stand straight under the pelvis. The lowest foot is on the floor. A foot on the floor is
 held where it is, and the leg bends to reach it (two bones, solved exactly); when the body has gone
-too far from it, it takes a step. Letters: W world turn of a joint, p its place; y is up, metres.
+too far from it, it takes a step. Axis y is up; lengths are in metres.
 """
 
 from __future__ import annotations
@@ -47,62 +47,67 @@ _HANGING_RAD, _ELBOW_RAD = 1.2, 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class _Foot:
-    """An ankle on the floor, or on its way."""
+class _FootTarget:
+    """An ankle locked to the floor, or stepping."""
 
-    place: Float[Array, "3"]
-    turn: Float[Array, "3 3"]
+    position: Float[Array, "3"]
+    rotation: Float[Array, "3 3"]
     """Where it is shown."""
-    held: bool = True
-    behind: Float[Array, "3"] = field(default_factory=lambda: np.zeros(3))
-    """From where the leg alone would have it, m; while it steps."""
+    locked: bool = True
+    offset: Float[Array, "3"] = field(default_factory=lambda: np.zeros(3))
+    """From where the leg alone would have it, m; decays while it steps."""
 
-    def moved_on(self, wanted: Array, turned: Array, floor_m: float, step_s: float) -> _Foot:
+    def stepped(
+        self, wanted: Array, wanted_rotation: Array, floor_m: float, step_s: float
+    ) -> _FootTarget:
         """The foot a moment later, when the leg alone would have it at `wanted`."""
         from scene.kinematics_kernels import slerp
 
-        gap, keep = self.place - wanted, math.exp(-step_s / _STEP_S)
+        gap, keep = self.position - wanted, math.exp(-step_s / _STEP_S)
         apart_m = math.hypot(gap[0], gap[2])
-        if self.held and not self._must_step(wanted, turned):
-            down = np.array([0.0, (1.0 - keep) * (floor_m - self.place[1]), 0.0])
-            return replace(self, place=self.place + down, turn=_flatter(self.turn, 1.0 - keep))
-        turn = slerp(self.turn, turned, 1.0 - keep)
-        if not self.held and apart_m < _LANDED_M and wanted[1] - floor_m < _FLOOR_M:
-            return _Foot(self.place, turn)
-        behind = keep * (self.place - wanted) * [1.0, 0.0, 1.0]
-        lift = np.array([0.0, _LIFT * math.hypot(behind[0], behind[2]), 0.0])
-        return _Foot(wanted + behind + lift, turn, False, behind + lift)
+        if self.locked and not self._must_step(wanted, wanted_rotation):
+            down = np.array([0.0, (1.0 - keep) * (floor_m - self.position[1]), 0.0])
+            return replace(
+                self, position=self.position + down, rotation=_flatter(self.rotation, 1.0 - keep)
+            )
+        rotation = slerp(self.rotation, wanted_rotation, 1.0 - keep)
+        if not self.locked and apart_m < _LANDED_M and wanted[1] - floor_m < _FLOOR_M:
+            return _FootTarget(self.position, rotation)
+        offset = keep * (self.position - wanted) * [1.0, 0.0, 1.0]
+        lift = np.array([0.0, _LIFT * math.hypot(offset[0], offset[2]), 0.0])
+        return _FootTarget(wanted + offset + lift, rotation, False, offset + lift)
 
-    def _must_step(self, wanted: Array, turned: Array) -> bool:
-        away = wanted - self.place
+    def _must_step(self, wanted: Array, wanted_rotation: Array) -> bool:
+        away = wanted - self.position
         far = math.hypot(away[0], away[2]) > _STEP_M
-        twisted = (self.turn * turned).sum() < 1.0 + 2.0 * math.cos(_STEP_RAD)  # trace of R^T S
+        trace = (self.rotation * wanted_rotation).sum()  # of R^T S
+        twisted = trace < 1.0 + 2.0 * math.cos(_STEP_RAD)
         return bool(far or away[1] > _RAISED_M or twisted)
 
-    def shown(self, wanted: Array, turned: Array) -> tuple[Array, Array]:
-        """Place and turn in a pose that is not the last one, a little ahead or at rest."""
-        if not self.held:
-            return wanted + self.behind, turned
-        if self._must_step(wanted, turned):
-            return wanted, turned
-        return self.place, self.turn
+    def target(self, wanted: Array, wanted_rotation: Array) -> tuple[Array, Array]:
+        """Position and rotation in a pose that is not the last one, a little ahead or at rest."""
+        if not self.locked:
+            return wanted + self.offset, wanted_rotation
+        if self._must_step(wanted, wanted_rotation):
+            return wanted, wanted_rotation
+        return self.position, self.rotation
 
 
 @dataclass(frozen=True, eq=False)
-class Stance:
-    """A pose as it is computed with."""
+class LocalPose:
+    """A pose by matrices, as it is computed with."""
 
     local: Float[Array, "24 3 3"]
-    """Turns of joints relative to their parents."""
+    """Rotations of joints relative to their parents."""
     root: Float[Array, "3"]
     """Added to the pelvis' rest position, m."""
 
 
-class Standing:
+class FootLocking:
     """One performer's feet; belongs to one thread.
 
     Poses come in with axes y up and z towards the camera, which may be tilted; they come out
-    upright, at x = z = 0 or about, and turned by `yaw_rad` about +y.
+    upright, at x = z = 0 or about, and rotated by `yaw_rad` about +y.
     """
 
     def __init__(self, skeleton: Skeleton, yaw_rad: float = 0.0) -> None:
@@ -112,10 +117,10 @@ class Standing:
         self._home: Array | None = None
         self._legs = 0.0
         """How far legs count as seen, 0 to 1."""
-        self._feet: list[_Foot] = []
+        self._feet: list[_FootTarget] = []
         self._away = np.zeros(3)
         self._yaw = axis_angle_to_matrix(np.array([0.0, yaw_rad, 0.0]))
-        self._turn = self._yaw
+        self._upright_rotation = self._yaw
         """Of what comes in, so that it stands upright and faces the front."""
         self._hanging = np.tile(np.eye(3), (len(self._rest), 1, 1))
         self._hanging[0] = self._yaw
@@ -125,55 +130,55 @@ class Standing:
             bend = _ELBOW_RAD * np.array(ELBOW_HINGE[side])
             self._hanging[_J[f"{side}_elbow"]] = axis_angle_to_matrix(bend)
 
-    def update(self, pose: Pose, *, legs_seen: bool, step_s: float) -> Stance:
+    def update(self, pose: Pose, *, legs_seen: bool, step_s: float) -> LocalPose:
         """The newest `pose` on its feet, `step_s` after the one before."""
         goal = 1.0 if legs_seen else 0.0
         if self._home is None:
             self._legs = goal
-        at_most = step_s / _LEGS_S
-        self._legs += min(max(goal - self._legs, -at_most), at_most)
+        largest_change = step_s / _LEGS_S
+        self._legs += min(max(goal - self._legs, -largest_change), largest_change)
         local, pelvis = self._seen(pose)
         self._learn_up(local, pelvis, legs_seen, step_s)
         local, pelvis = self._upright(local, pelvis)
         if self._home is None:
             self._home = pelvis
         self._home = self._home + min(1.0, step_s / _HOME_S) * (pelvis - self._home)
-        local, pelvis = self._standing(local, pelvis)
+        local, pelvis = self._grounded(local, pelvis)
         self._away = pelvis * [1.0, 0.0, 1.0]
-        turned, placed = self._joints(local, pelvis)
-        wanted = [(placed[leg[2]], turned[leg[2]]) for leg in _LEGS]
+        rotations, positions = self._joints(local, pelvis)
+        wanted = [(positions[leg[2]], rotations[leg[2]]) for leg in _LEGS]
         if not self._feet:
-            self._feet = [_Foot(*one) for one in wanted]
+            self._feet = [_FootTarget(*one) for one in wanted]
         self._feet = [
-            foot.moved_on(*one, float(self._rest[leg[2], 1]), step_s)
+            foot.stepped(*one, float(self._rest[leg[2], 1]), step_s)
             for foot, one, leg in zip(self._feet, wanted, _LEGS, strict=True)
         ]
-        shown = [(foot.place, foot.turn) for foot in self._feet]
-        return self._reaching(local, pelvis, shown)
+        targets = [(foot.position, foot.rotation) for foot in self._feet]
+        return self._solve_legs(local, pelvis, targets)
 
-    def ahead(self, pose: Pose) -> Stance:
+    def ahead(self, pose: Pose) -> LocalPose:
         """A pose predicted from the newest one, on the same feet."""
-        standing = self._standing(*self._upright(*self._seen(pose)))
-        return self._held(*standing, self._feet)
+        grounded = self._grounded(*self._upright(*self._seen(pose)))
+        return self._locked(*grounded, self._feet)
 
-    def at_rest(self) -> Callable[[], Stance]:
+    def at_rest(self) -> Callable[[], LocalPose]:
         """Standing quietly where the newest pose stood, arms hanging, facing the front.
 
         Worked out when it is asked for, on any thread, however far the feet have gone by then.
         """
         pelvis = np.array([self._away[0], self._rest[0, 1], self._away[2]])
-        return partial(self._held, self._hanging, pelvis, self._feet)
+        return partial(self._locked, self._hanging, pelvis, self._feet)
 
-    def _held(self, local: Array, pelvis: Array, feet: list[_Foot]) -> Stance:
-        turned, placed = self._joints(local, pelvis)
-        shown = [
-            foot.shown(placed[leg[2]], turned[leg[2]])
+    def _locked(self, local: Array, pelvis: Array, feet: list[_FootTarget]) -> LocalPose:
+        rotations, positions = self._joints(local, pelvis)
+        targets = [
+            foot.target(positions[leg[2]], rotations[leg[2]])
             for foot, leg in zip(feet, _LEGS, strict=True)
         ]
-        return self._reaching(local, pelvis, shown)
+        return self._solve_legs(local, pelvis, targets)
 
     def _seen(self, pose: Pose) -> tuple[Array, Array]:
-        """Local turns and the pelvis' place."""
+        """Local rotations and the pelvis' position."""
         from scene.kinematics_kernels import axis_angles_to_matrices
 
         return axis_angles_to_matrices(pose.joint_angles), self._rest[0] + pose.root_translation
@@ -182,23 +187,23 @@ class Standing:
         from scene.kinematics_kernels import rotation_between
 
         self._known_s += step_s
-        _, placed = self._joints(local, pelvis)
+        _, positions = self._joints(local, pelvis)
         learnt_s = min(max(self._known_s, _FIRST_S), _UPRIGHT_S)
         share = 1.0 if self._home is None else min(1.0, step_s / learnt_s)
         # in the mean whoever stands is upright from ankles to neck; whoever shows no legs may
         # sit, with an upright trunk
-        below = 0.5 * placed[_LEGS[:, 2]].sum(axis=0) if legs_seen else placed[0]
-        up = placed[_J["neck"]] - below
+        below = 0.5 * positions[_LEGS[:, 2]].sum(axis=0) if legs_seen else positions[0]
+        up = positions[_J["neck"]] - below
         self._up = self._up + share * (up / math.sqrt(float(up @ up)) - self._up)
-        self._turn = self._yaw @ rotation_between(self._up, np.array([0.0, 1.0, 0.0]))
+        self._upright_rotation = self._yaw @ rotation_between(self._up, np.array([0.0, 1.0, 0.0]))
 
     def _upright(self, local: Array, pelvis: Array) -> tuple[Array, Array]:
         """The same with the vertical where it is."""
         local = local.copy()
-        local[0] = self._turn @ local[0]
-        return local, self._turn @ pelvis
+        local[0] = self._upright_rotation @ local[0]
+        return local, self._upright_rotation @ pelvis
 
-    def _standing(self, local: Array, pelvis: Array) -> tuple[Array, Array]:
+    def _grounded(self, local: Array, pelvis: Array) -> tuple[Array, Array]:
         """Legs as far as they are seen, straight ones for the rest; a foot on the floor."""
         assert self._home is not None
         local = local.copy()
@@ -206,12 +211,12 @@ class Standing:
             self._straighten(local)
         away = (pelvis - self._home) * [1.0, 0.0, 1.0] * self._legs
         away *= min(1.0, _FARTHEST_M / max(math.hypot(away[0], away[2]), 1e-9))
-        _, placed = self._joints(local, away)
-        away[1] = (self._rest[_FEET, 1] - placed[_FEET, 1]).max()
+        _, positions = self._joints(local, away)
+        away[1] = (self._rest[_FEET, 1] - positions[_FEET, 1]).max()
         return local, away
 
     def _straighten(self, local: Array) -> None:
-        """Have the legs stand as far as they are not seen."""
+        """Straighten the legs as far as they are not seen."""
         from scene.kinematics_kernels import slerp
         from services.live.motion.foot_locking_kernels import level
 
@@ -220,27 +225,30 @@ class Standing:
             straight = upright if joint in _LEGS[:, 0] else np.eye(3)
             local[joint] = slerp(straight, local[joint], self._legs) if self._legs else straight
 
-    def _reaching(self, local: Array, pelvis: Array, feet: list[tuple[Array, Array]]) -> Stance:
+    def _solve_legs(
+        self, local: Array, pelvis: Array, feet: list[tuple[Array, Array]]
+    ) -> LocalPose:
         """The pose whose ankles are at `feet`; the pelvis sinks where a leg is too short."""
         from services.live.motion.foot_locking_kernels import reach_with
 
-        ankles, turns = np.array([place for place, _ in feet]), np.array([turn for _, turn in feet])
+        ankles = np.array([position for position, _ in feet])
+        foot_rotations = np.array([rotation for _, rotation in feet])
         local = local.copy()
-        sink = reach_with(local, pelvis, self._rest, _PARENTS, _LEGS, ankles, turns)
+        sink = reach_with(local, pelvis, self._rest, _PARENTS, _LEGS, ankles, foot_rotations)
         drop = np.array([0.0, sink, 0.0])
-        return Stance(local, pelvis + drop - self._rest[0])
+        return LocalPose(local, pelvis + drop - self._rest[0])
 
     def _joints(self, local: Array, pelvis: Array) -> tuple[Array, Array]:
         from scene.kinematics_kernels import forward_kinematics
 
-        turned, placed = np.empty_like(local), np.empty((len(local), 3))
-        forward_kinematics(local, pelvis, self._rest, _PARENTS, turned, placed)
-        return turned, placed
+        rotations, positions = np.empty_like(local), np.empty((len(local), 3))
+        forward_kinematics(local, pelvis, self._rest, _PARENTS, rotations, positions)
+        return rotations, positions
 
 
-def _flatter(turn: Array, share: float) -> Array:
+def _flatter(rotation: Array, share: float) -> Array:
     """A foot `share` of the way to lying flat on the floor."""
     from scene.kinematics_kernels import slerp
     from services.live.motion.foot_locking_kernels import level
 
-    return turn if turn[1, 1] > _FLAT else slerp(turn, level(turn), share)
+    return rotation if rotation[1, 1] > _FLAT else slerp(rotation, level(rotation), share)

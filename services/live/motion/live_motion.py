@@ -28,8 +28,8 @@ from scene.camera import Camera
 from scene.errors import InvalidInput
 from scene.motion import Pose
 from scene.skeleton import Skeleton
-from services.live.motion.expression_filter import AT_REST, ExpressionFilter, Shown
-from services.live.motion.foot_locking import Stance, Standing
+from services.live.motion.expression_filter import AT_REST, ExpressionFilter, HeldExpression
+from services.live.motion.foot_locking import FootLocking, LocalPose
 from services.live.packets import KeypointsPacket
 
 EASE_S = 1.0
@@ -49,27 +49,27 @@ _SEEN_TO_CAMERA = np.diag([1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class _Moment:
-    """What the newest packet came to. Poses stand at the performer's place, facing the front."""
+class _MotionState:
+    """What the newest packet came to. Poses stand at the performer's position, facing the front."""
 
     time_s: float
     """When it was seen, by the camera's clock."""
-    behind_s: float
+    clock_offset_s: float
     """Our clock less the camera's."""
-    now: Stance
+    now: LocalPose
     ahead: Float[Array, "24 3"]
-    """Turns (rad) of the joints in `AT_MOST_S` from then, as predicted."""
+    """Rotations (rad) of the joints in `AT_MOST_S` from then, as predicted."""
     ahead_m: Float[Array, "3"]
     """Shift of the root in that time."""
-    at_rest: Callable[[], Stance]
+    at_rest: Callable[[], LocalPose]
     back_s: float
     """Since when the person is seen without a longer gap."""
     back_share: float
     """How far from rest they were shown then."""
-    expression: Shown = AT_REST
+    expression: HeldExpression = AT_REST
 
     @cached_property
-    def rest(self) -> Stance:
+    def rest(self) -> LocalPose:
         """How they stand when nobody is seen."""
         return self.at_rest()
 
@@ -82,7 +82,7 @@ class _Moment:
 
     def pose(self, now_s: float) -> Pose:
         """The pose at `now_s` of our clock."""
-        time_s = now_s - self.behind_s
+        time_s = now_s - self.clock_offset_s
         from scene.kinematics_kernels import (
             axis_angles_to_matrices,
             integrate_rotations,
@@ -105,27 +105,27 @@ class LiveMotion:
     def __init__(self, skeleton: Skeleton, yaw_rad: float = 0.0) -> None:
         """For a body of `skeleton`; whoever faces their camera is turned by `yaw_rad` about +y."""
         self._skeleton, self._yaw_rad = skeleton, yaw_rad
-        self._standing: Standing | None = None
+        self._foot_locking: FootLocking | None = None
         self._solver: tuple[tuple[int, int], LiveSolver] | None = None
-        self._moment: _Moment | None = None
+        self._state: _MotionState | None = None
         self._expression = ExpressionFilter()
 
     def pose_at(self, now_s: float) -> Pose | None:
         """The pose at `now_s`; None until somebody has been seen. Reading changes nothing."""
-        moment = self._moment
-        return None if moment is None else moment.pose(now_s)
+        state = self._state
+        return None if state is None else state.pose(now_s)
 
     @property
     def captured_ms(self) -> float | None:
         """When the newest of what was followed was seen, by the camera's clock."""
-        moment = self._moment
-        return None if moment is None else 1e3 * moment.time_s
+        state = self._state
+        return None if state is None else 1e3 * state.time_s
 
     @property
     def clock_offset_s(self) -> float | None:
         """Our clock less the camera's, as estimated; None until keypoints came."""
-        moment = self._moment
-        return None if moment is None else moment.behind_s
+        state = self._state
+        return None if state is None else state.clock_offset_s
 
     def update(self, packet: KeypointsPacket, arrived_s: float) -> None:
         """Move as `packet` says, which came at `arrived_s` of our clock. Takes about 0.6 ms.
@@ -135,7 +135,7 @@ class LiveMotion:
         """
         time_s = packet.capture_time_ms / 1e3
         person = _landmarks(packet)
-        last = self._moment
+        last = self._state
         if last is not None and not last.time_s < time_s:
             raise InvalidInput(f"capture time must be later than {last.time_s}; got {time_s}")
         solver = self._solver_for(packet.width, packet.height)
@@ -146,27 +146,31 @@ class LiveMotion:
             raise InvalidInput(f"landmarks must be of a person; got none: {error}") from error
         legs = float(np.median(solver.trust[_LEGS]))
         expression = self._expression.update(packet.expression, time_s)
-        placed = self._placed(now, ahead, arrived_s, legs_seen=legs > _LEGS_SEEN)
-        self._moment = replace(placed, expression=expression)
+        state = self._next_state(now, ahead, arrived_s, legs_seen=legs > _LEGS_SEEN)
+        self._state = replace(state, expression=expression)
 
-    def _placed(self, now: Pose, ahead: Pose, arrived_s: float, *, legs_seen: bool) -> _Moment:
-        last, time_s = self._moment, now.time_s
-        standing = self._standing = self._standing or Standing(self._skeleton, self._yaw_rad)
-        behind_s, back_s, back_share, step_s = arrived_s - time_s, time_s, 1.0, 1.0 / 30.0
+    def _next_state(
+        self, now: Pose, ahead: Pose, arrived_s: float, *, legs_seen: bool
+    ) -> _MotionState:
+        last, time_s = self._state, now.time_s
+        foot_locking = self._foot_locking = self._foot_locking or FootLocking(
+            self._skeleton, self._yaw_rad
+        )
+        clock_offset_s, back_s, back_share, step_s = arrived_s - time_s, time_s, 1.0, 1.0 / 30.0
         if last is not None:
             step_s = time_s - last.time_s
-            behind_s = min(behind_s, last.behind_s + _CLOCK_DRIFT * step_s)
+            clock_offset_s = min(clock_offset_s, last.clock_offset_s + _CLOCK_DRIFT * step_s)
             back_s, back_share = last.back_s, last.back_share
             if step_s > AT_MOST_S:
                 back_s, back_share = time_s, last.share(time_s)
         from scene.kinematics_kernels import relative_axis_angles
 
-        placed = standing.update(now, legs_seen=legs_seen, step_s=step_s)
-        later = standing.ahead(ahead)
-        turns = relative_axis_angles(placed.local, later.local)
-        return _Moment(
-            time_s, behind_s, placed, turns, later.root - placed.root, standing.at_rest(),
-            back_s, back_share,
+        locked = foot_locking.update(now, legs_seen=legs_seen, step_s=step_s)
+        later = foot_locking.ahead(ahead)
+        rotations = relative_axis_angles(locked.local, later.local)
+        return _MotionState(
+            time_s, clock_offset_s, locked, rotations, later.root - locked.root,
+            foot_locking.at_rest(), back_s, back_share,
         )  # fmt: skip
 
     def _solver_for(self, width: int, height: int) -> LiveSolver:

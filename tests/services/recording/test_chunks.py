@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from scene.errors import InvalidInput
 from services.recording.chunks import LONGEST_RECORD, Record, pack, records_of, unpack
-from services.recording.film import mix
 from services.recording.ogg import ogg_opus, samples_of, with_silence
+from services.recording.video_export import mix
 
 RATE = 48_000
 

@@ -19,8 +19,8 @@ from services.jobs.export_job import run_export
 from services.jobs.report import Claim, Reporter
 from services.live.packets import decode_pose
 from services.recording.chunks import Record, records_of
-from services.recording.film import Shot, Stop, film
 from services.recording.replay import load
+from services.recording.video_export import CameraKeyframe, CameraPath, export_video
 from tests.services.api.test_environments import panorama
 from tests.services.control.page import Page, join
 from tests.services.control.test_channel import header
@@ -139,11 +139,11 @@ async def test_nothing_is_kept_until_all_agree_and_all_of_it_after(
         out = tmp_path / "video.mp4"
         recorded = await asyncio.to_thread(load, timed, asked["id"])
         path = [
-            Stop(0.0, (0.0, 1.2, 3.0), (0.0, 0.9, 0.0)),
-            Stop(5.0, (2.0, 1.2, 2.0), (0, 0.9, 0)),
+            CameraKeyframe(0.0, (0.0, 1.2, 3.0), (0.0, 0.9, 0.0)),
+            CameraKeyframe(5.0, (2.0, 1.2, 2.0), (0, 0.9, 0)),
         ]
-        shot = Shot(path, 160, 128, 0.7)
-        await asyncio.to_thread(film, recorded, shot, out, lambda done: None)
+        camera_path = CameraPath(path, 160, 128, 0.7)
+        await asyncio.to_thread(export_video, recorded, camera_path, out, lambda done: None)
         with av.open(str(out)) as video:
             pictures = [one.to_ndarray(format="rgb24") for one in video.decode(video=0)]
         assert abs(len(pictures) / 30 - recorded.duration_s) < 0.2
@@ -269,8 +269,8 @@ async def test_a_gateway_that_dies_loses_seconds_and_the_next_goes_on(
         asked = await told(here.ada, running=True)
         first = await kept(caller, asked["id"], "motion")
         recorders = app.state.hub._recorders
-        keeping = recorders._keeping.pop(here.meeting_id)  # gone without a word, as when killed
-        keeping.task.cancel()
+        active = recorders._active.pop(here.meeting_id)  # gone without a word, as when killed
+        active.task.cancel()
         app.state.hub.notify(here.meeting_id)
         async with asyncio.timeout(30):
             while True:

@@ -20,7 +20,7 @@ from scene.camera import Camera, look_at, orbit_camera
 from scene.errors import InvalidInput
 from services.recording.chunks import Record
 from services.recording.ogg import with_silence
-from services.recording.replay import Recorded
+from services.recording.replay import LoadedRecording
 
 FRAMES_PER_SECOND = 30
 AUDIO_RATE = 48_000
@@ -30,8 +30,8 @@ _STEP = 960
 
 
 @dataclass(frozen=True)
-class Stop:
-    """Where the camera is at a moment."""
+class CameraKeyframe:
+    """Position and target of the camera at a moment."""
 
     at_s: float
     position: tuple[float, float, float]
@@ -39,54 +39,56 @@ class Stop:
 
 
 @dataclass(frozen=True)
-class Shot:
-    """How a recording is filmed; without stops, once round everybody."""
+class CameraPath:
+    """The camera of a video, its size in px; without keyframes, it orbits everybody once."""
 
-    path: Sequence[Stop]
+    keyframes: Sequence[CameraKeyframe]
     width: int
     height: int
     fov_y_rad: float
 
 
-def film(recorded: Recorded, shot: Shot, out: Path, on_progress: Callable[[float], None]) -> None:
+def export_video(
+    recorded: LoadedRecording, path: CameraPath, out: Path, on_progress: Callable[[float], None]
+) -> None:
     """Write an MP4 (H.264, AAC), whole or not at all. `on_progress` may raise, to stop.
 
     Raises InvalidInput for a recording that has no moment to show.
     """
     if recorded.duration_s <= 0.0:
-        raise InvalidInput("a recording must hold something to be filmed; got an empty one")
+        raise InvalidInput("a recording must hold something to be exported; got an empty one")
     part = out.with_name(f"{out.stem}.part.mp4")
     try:
         with av.open(str(part), "w") as container:
             video = container.add_stream("libx264", rate=FRAMES_PER_SECOND)
-            video.width, video.height, video.pix_fmt = shot.width, shot.height, "yuv420p"
+            video.width, video.height, video.pix_fmt = path.width, path.height, "yuv420p"
             sound = container.add_stream("aac", rate=AUDIO_RATE, layout="mono")
             mixed = mix(recorded.voices, recorded.duration_s)
-            _write_video(container, video, recorded, shot, on_progress)
+            _write_video(container, video, recorded, path, on_progress)
             _write_sound(container, sound, mixed)
         part.replace(out)
     finally:
         part.unlink(missing_ok=True)
 
 
-def camera_at(recorded: Recorded, shot: Shot, at_s: float) -> Camera:
-    """The camera at a moment: between its stops, or on its way round everybody."""
-    if shot.path:
-        stops = sorted(shot.path, key=lambda stop: stop.at_s)
-        times = [stop.at_s for stop in stops]
-        places = np.array([[*stop.position, *stop.target] for stop in stops])
-        now = [float(np.interp(at_s, times, column)) for column in places.T]
+def camera_at(recorded: LoadedRecording, path: CameraPath, at_s: float) -> Camera:
+    """The camera at a moment: between its keyframes, or on its orbit round everybody."""
+    if path.keyframes:
+        keyframes = sorted(path.keyframes, key=lambda keyframe: keyframe.at_s)
+        times = [keyframe.at_s for keyframe in keyframes]
+        positions = np.array([[*keyframe.position, *keyframe.target] for keyframe in keyframes])
+        now = [float(np.interp(at_s, times, column)) for column in positions.T]
         pose = look_at(tuple(now[:3]), tuple(now[3:]))
-        return Camera.from_field_of_view(pose, shot.width, shot.height, shot.fov_y_rad)
+        return Camera.from_field_of_view(pose, path.width, path.height, path.fov_y_rad)
     scene = recorded.scene_at(at_s)
     found = [_pelvis(one.model.skeleton.rest_joints[0], one.pose.root_translation)
              for one in scene.performers]  # fmt: skip
-    places = np.array(found or [(0.0, _EYE_M, 0.0)])
-    middle = places.mean(axis=0) * [1.0, 0.0, 1.0] + [0.0, _EYE_M, 0.0]
-    spread = float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
-    turn = 2.0 * np.pi * at_s / recorded.duration_s
+    positions = np.array(found or [(0.0, _EYE_M, 0.0)])
+    middle = positions.mean(axis=0) * [1.0, 0.0, 1.0] + [0.0, _EYE_M, 0.0]
+    spread = float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
+    azimuth = 2.0 * np.pi * at_s / recorded.duration_s
     return orbit_camera(
-        middle, 3.4 + 2.0 * spread, turn, 0.08, shot.width, shot.height, shot.fov_y_rad
+        middle, 3.4 + 2.0 * spread, azimuth, 0.08, path.width, path.height, path.fov_y_rad
     )
 
 
@@ -119,15 +121,15 @@ def _decode(said: list[Record]) -> Float[Array, "S"]:
 
 
 def _write_video(
-    container: OutputContainer, stream: VideoStream, recorded: Recorded, shot: Shot,
+    container: OutputContainer, stream: VideoStream, recorded: LoadedRecording, path: CameraPath,
     on_progress: Callable[[float], None],
 ) -> None:  # fmt: skip
-    stage = SceneRenderer()
+    renderer = SceneRenderer()
     count = max(1, int(recorded.duration_s * FRAMES_PER_SECOND))
     for number in range(count):
         at_s = number / FRAMES_PER_SECOND
-        camera = camera_at(recorded, shot, at_s)
-        picture = stage.render(recorded.scene_at(at_s), camera)
+        camera = camera_at(recorded, path, at_s)
+        picture = renderer.render(recorded.scene_at(at_s), camera)
         container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
         on_progress((number + 1) / count)
     container.mux(stream.encode())
