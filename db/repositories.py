@@ -125,8 +125,8 @@ class Jobs(Protocol):
         """Take the oldest queued job, exclusively; None where there is none."""
         ...
 
-    def silent_since(self, moment: datetime) -> list[JobRow]:
-        """Running jobs whose last sign of life is older than `moment`, locked."""
+    def with_expired_lease(self, renewed_before: datetime) -> list[JobRow]:
+        """Running jobs whose heartbeat is older than `renewed_before`, locked."""
         ...
 
     def write(self, job_id: str, attempt: int, values: dict[str, Any]) -> bool:

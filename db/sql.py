@@ -205,10 +205,10 @@ class SqlJobs(_Repository):
             job.attempt += 1
         return job
 
-    def silent_since(self, moment: datetime) -> list[JobRow]:
+    def with_expired_lease(self, renewed_before: datetime) -> list[JobRow]:
         query = (
             select(JobRow)
-            .where(JobRow.state == JobState.RUNNING, JobRow.heartbeat_at < moment)
+            .where(JobRow.state == JobState.RUNNING, JobRow.heartbeat_at < renewed_before)
             .with_for_update(skip_locked=True)
         )
         return list(self._session.scalars(query))

@@ -21,8 +21,9 @@ from services.container import Services, build_services
 from services.jobs.capture_job import run_capture
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.export_job import run_export
+from services.jobs.lease import JobLease
 from services.jobs.queue import Orphan, drop_orphans, finish, give_back
-from services.jobs.report import Claim, JobStopped, Reporter
+from services.jobs.report import JobStopped, Reporter
 from services.jobs.scratch import scratch_folder
 from services.jobs.train_job import run_train
 from services.problems import problem_of
@@ -59,7 +60,7 @@ def _run(services: Services, settings: Settings, job_id: str, attempt: int) -> i
     if job.state is not JobState.RUNNING or job.attempt != attempt:
         log.info("job %s is no longer attempt %d's", job_id, attempt)
         return 0
-    reporter = Reporter(services, Claim(job_id, job.person_id, attempt))
+    reporter = Reporter(services, JobLease(job_id, job.person_id, attempt))
     signal.signal(signal.SIGTERM, lambda *_: reporter.stop())
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     threading.Thread(target=_stop_with_parent, args=(reporter,), daemon=True).start()

@@ -10,7 +10,7 @@ transaction is committed.
 from __future__ import annotations
 
 import hashlib
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Any
 
 from db.errors import NotFound
@@ -102,17 +102,6 @@ def crashed(
         f"a job's process must live; it died {job.crashes} times, lately: {reason}",
     )
     return finish(unit, job, JobState.FAILED, now, error=error.problem)
-
-
-def revive_silent(
-    unit: UnitOfWork, now: datetime, timeout_s: float, *, at_most: int
-) -> tuple[list[str], list[Orphan]]:
-    """Take back running jobs that gave no sign of life for `timeout_s`; says which."""
-    silent = unit.jobs.silent_since(now - timedelta(seconds=timeout_s))
-    orphans: list[Orphan] = []
-    for job in silent:
-        orphans += crashed(unit, job, "its worker went silent", now, at_most=at_most)
-    return [job.id for job in silent], orphans
 
 
 def finish(

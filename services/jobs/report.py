@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import threading
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from db.objects import file_chunks
 from scene.arrays import Array, Float
 from services.container import Services
 from services.jobs.events import job_topic
+from services.jobs.lease import JobLease
 from services.jobs.queue import drop_orphans
 
 log = logging.getLogger(__name__)
@@ -33,20 +33,11 @@ class JobStopped(Exception):
     """The job ended early because it should."""
 
 
-@dataclass(frozen=True)
-class Claim:
-    """Which job, and which attempt at it."""
-
-    job_id: str
-    person_id: str
-    attempt: int
-
-
 class Reporter:
     """Speaks for one attempt at a job; use as a context manager."""
 
-    def __init__(self, services: Services, claim: Claim) -> None:
-        self._services, self._claim = services, claim
+    def __init__(self, services: Services, lease: JobLease) -> None:
+        self._services, self._lease = services, lease
         self._guard = threading.Lock()
         self._values: dict[str, Any] = {}
         self._preview: Array | None = None
@@ -94,11 +85,11 @@ class Reporter:
         if path is None or not path.exists() or path.stat().st_mtime == self._checkpoint_seen:
             return
         self._checkpoint_seen = path.stat().st_mtime
-        owner = self._claim.person_id
+        owner = self._lease.person_id
         stored = self._services.objects.put(owner, file_chunks(path))
         orphans = []
         with self._services.unit_of_work() as unit:
-            before = unit.jobs.get(self._claim.job_id).checkpoint_sha256
+            before = unit.jobs.get(self._lease.job_id).checkpoint_sha256
             if before is not None and before != stored.sha256:
                 orphans.append((owner, before))
             if not self._write(unit, {"checkpoint_sha256": stored.sha256}):
@@ -129,16 +120,16 @@ class Reporter:
             values |= {"preview": encode_preview(preview), "preview_version": self._previews}
         with self._services.unit_of_work() as unit:
             wanted = self._write(unit, values)
-            wanted = wanted and not unit.jobs.get(self._claim.job_id).cancel_requested
+            wanted = wanted and not unit.jobs.get(self._lease.job_id).cancel_requested
             unit.commit()
         if not wanted:
             self.stop()
         if values:
-            self._services.events.publish(job_topic(self._claim.job_id))
+            self._services.events.publish(job_topic(self._lease.job_id))
 
     def _write(self, unit: Any, values: dict[str, Any]) -> bool:
         values = values | {"heartbeat_at": self._services.clock()}
-        return unit.jobs.write(self._claim.job_id, self._claim.attempt, values)
+        return unit.jobs.write(self._lease.job_id, self._lease.attempt, values)
 
 
 def encode_preview(picture: Float[Array, "H W 3"]) -> bytes:

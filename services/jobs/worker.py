@@ -1,8 +1,8 @@
 """Claims jobs and runs each in a child process of its own.
 
 A child that crashes, or hangs, or is killed for its memory takes nobody with it; being nicer than
-the gateway, it yields the cores to live meetings. A worker that dies is noticed by the silence of
-its jobs, which others then take over.
+the gateway, it yields the cores to live meetings. A worker that dies no longer renews its leases
+(`services.jobs.lease`), and others take over its jobs.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from db.models import JobKind, JobRow, JobState
 from db.sweep import sweep
 from services.container import Services
 from services.jobs.events import QUEUE, job_topic
-from services.jobs.queue import Orphan, crashed, drop_orphans, revive_silent
+from services.jobs.lease import JobLease, reclaim_expired
+from services.jobs.queue import Orphan, crashed, drop_orphans
 from services.jobs.scratch import clear_abandoned
 
 log = logging.getLogger(__name__)
@@ -36,8 +37,7 @@ _POLL_S = 0.5
 
 @dataclass(eq=False)
 class _Child:
-    job_id: str
-    attempt: int
+    lease: JobLease
     process: subprocess.Popen[bytes]
     started_s: float = field(default_factory=time.monotonic)
     asked_to_stop_s: float | None = field(default=None)
@@ -95,7 +95,7 @@ class Worker:
             stdin=subprocess.PIPE,  # its end tells the child that we are gone
             start_new_session=True,
         )
-        return _Child(job.id, job.attempt, process)
+        return _Child(JobLease(job.id, job.person_id, job.attempt), process)
 
     def _watch(self, child: _Child) -> None:
         code = child.process.poll()
@@ -111,16 +111,16 @@ class Worker:
     def _renew_lease(self, child: _Child) -> None:
         with self._services.unit_of_work() as unit:
             now = self._services.clock()
-            unit.jobs.write(child.job_id, child.attempt, {"heartbeat_at": now})
+            child.lease.renew(unit, now)
             unit.commit()
 
     def _is_wanted(self, child: _Child) -> bool:
         with self._services.reading() as unit:
             try:
-                job = unit.jobs.get(child.job_id)
+                job = unit.jobs.get(child.lease.job_id)
             except NotFound:
                 return False
-        ours = job.state is JobState.RUNNING and job.attempt == child.attempt
+        ours = job.state is JobState.RUNNING and job.attempt == child.lease.attempt
         return ours and not job.cancel_requested
 
     def _stop(self, child: _Child) -> None:
@@ -138,25 +138,23 @@ class Worker:
         orphans: list[Orphan] = []
         with self._services.unit_of_work() as unit:
             # locks the row; matches only where the child left no end of its own
-            left = unit.jobs.write(
-                child.job_id, child.attempt, {"heartbeat_at": self._services.clock()}
-            )
+            left = child.lease.renew(unit, self._services.clock())
             if left:
                 orphans = crashed(
                     unit,
-                    unit.jobs.get(child.job_id),
+                    unit.jobs.get(child.lease.job_id),
                     _cause(code),
                     self._services.clock(),
                     at_most=self._services.settings.job_crashes,
                 )
             unit.commit()
         drop_orphans(self._services, orphans)
-        self._services.events.publish(job_topic(child.job_id))
+        self._services.events.publish(job_topic(child.lease.job_id))
 
     def _reclaim_expired(self) -> None:
         settings = self._services.settings
         with self._services.unit_of_work() as unit:
-            revived, orphans = revive_silent(
+            reclaimed, orphans = reclaim_expired(
                 unit,
                 self._services.clock(),
                 settings.job_heartbeat_timeout_s,
@@ -164,7 +162,7 @@ class Worker:
             )
             unit.commit()
         drop_orphans(self._services, orphans)
-        for job_id in revived:
+        for job_id in reclaimed:
             log.warning("job %s went silent and was taken back", job_id)
             self._services.events.publish(job_topic(job_id))
 
@@ -190,7 +188,9 @@ class Worker:
             try:
                 self._reap(child, code)
             except DatabaseError as error:
-                log.warning("job %s stays as it is until it is taken back: %s", child.job_id, error)
+                log.warning(
+                    "job %s stays as it is until it is taken back: %s", child.lease.job_id, error
+                )
         self._children.clear()
 
 

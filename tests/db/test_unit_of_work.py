@@ -134,8 +134,8 @@ def test_only_the_latest_attempt_may_write(database: Database):
     assert first is not None
     late = NOW + timedelta(minutes=1)
     with database.unit_of_work() as unit:
-        assert unit.jobs.silent_since(NOW) == []
-        (silent,) = unit.jobs.silent_since(late)
+        assert unit.jobs.with_expired_lease(NOW) == []
+        (silent,) = unit.jobs.with_expired_lease(late)
         silent.state = JobState.QUEUED
         unit.commit()
     with database.unit_of_work() as unit:

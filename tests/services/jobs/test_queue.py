@@ -9,7 +9,8 @@ import pytest
 
 from db.models import JobKind, JobRow, JobState, SequenceState
 from services.container import Services, build_services
-from services.jobs.queue import crashed, drop_orphans, enqueue, revive_silent
+from services.jobs.lease import reclaim_expired
+from services.jobs.queue import crashed, drop_orphans, enqueue
 from services.settings import Settings
 from tests.fakes import Clock
 from tests.services import seeds
@@ -57,7 +58,7 @@ def test_silence_is_noticed_by_the_clock(services: Services, clock: Clock, seque
 
     def revived() -> list[str]:
         with services.unit_of_work() as unit:
-            found, _ = revive_silent(unit, clock(), 30.0, at_most=3)
+            found, _ = reclaim_expired(unit, clock(), 30.0, at_most=3)
             unit.commit()
         return found
 

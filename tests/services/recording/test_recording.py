@@ -16,7 +16,8 @@ import pytest
 from db.models import JobKind, RecordingState
 from services.bootstrap import import_model
 from services.jobs.export_job import run_export
-from services.jobs.report import Claim, Reporter
+from services.jobs.lease import JobLease
+from services.jobs.report import Reporter
 from services.live.packets import decode_pose
 from services.recording.chunks import Record, records_of
 from services.recording.replay import load
@@ -346,5 +347,5 @@ def run(services, folder: Path) -> None:
         job = unit.jobs.claim([JobKind.EXPORT], "test", services.clock())
         unit.commit()
     assert job is not None
-    with Reporter(services, Claim(job.id, job.person_id, job.attempt)) as reporter:
+    with Reporter(services, JobLease(job.id, job.person_id, job.attempt)) as reporter:
         run_export(services, job, reporter, folder)
