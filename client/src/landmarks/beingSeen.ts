@@ -3,7 +3,7 @@
 import { Problem } from "../api/problem";
 import { closeCamera, openCamera } from "../capture/record";
 import { KeypointsChannel, type Channel } from "./channel";
-import { ExpressionFinder } from "./expressions";
+import { ExpressionDetector } from "./expressions";
 import { LandmarkFinder } from "./finder";
 import type { Landmarks } from "./packet";
 
@@ -32,7 +32,7 @@ export class BeingSeen {
   tracking: Tracking = "starting";
   private stream: MediaStream | null = null;
   private finder: LandmarkFinder | null = null;
-  private expressions: ExpressionFinder | null = null;
+  private expressions: ExpressionDetector | null = null;
   private readonly channel: KeypointsChannel;
   private over = false;
   private waiting = 0;
@@ -106,7 +106,7 @@ export class BeingSeen {
 
   private lookCloser(seen: Landmarks, timeMs: number): void {
     // only now, so that finding the body starts as soon as it can
-    this.expressions ??= new ExpressionFinder(({ x, y, side }) => createImageBitmap(this.video, x, y, side, side));
+    this.expressions ??= new ExpressionDetector(({ x, y, side }) => createImageBitmap(this.video, x, y, side, side));
     this.expressions.offer(seen, timeMs);
   }
 

@@ -1,7 +1,7 @@
 /** Sends keypoints over the meeting's connection, and nothing else; opens anew after it was cut. */
 
 import { Problem, problemOf } from "../api/problem";
-import type { SeenExpression } from "./expression";
+import type { ObservedExpression } from "./expression";
 import { KEYPOINTS_BYTES, encodeKeypoints, type Landmarks } from "./packet";
 
 /** As much of a data channel as is needed. */
@@ -27,7 +27,7 @@ export class KeypointsChannel {
   ) {}
 
   /** Send what the camera saw at `timeMs`, if it can go out at once; says whether it did. */
-  send(seen: Landmarks, timeMs: number, expression: SeenExpression | null = null): boolean {
+  send(seen: Landmarks, timeMs: number, expression: ObservedExpression | null = null): boolean {
     if (this.refused) return false;
     const channel = this.opened();
     if (channel?.readyState !== "open" || channel.bufferedAmount > MOST_WAITING) return false;

@@ -18,7 +18,7 @@ export const RIGHT_HAND = 4;
 /** Of the first five numbers, which are the face's. */
 export const FACE_NUMBERS = 5;
 
-export interface SeenExpression {
+export interface ObservedExpression {
   /** 0 to 1 each; without meaning where not known. */
   values: Float32Array;
   /** Bits of the groups that were seen. */

@@ -4,7 +4,7 @@
  */
 
 import { squareAbout, type Part, type Square } from "./crops";
-import { EXPRESSION_COUNT, FACE, LEFT_HAND, RIGHT_HAND, type SeenExpression } from "./expression";
+import { EXPRESSION_COUNT, FACE, LEFT_HAND, RIGHT_HAND, type ObservedExpression } from "./expression";
 import type { Landmarks } from "./packet";
 
 export interface PartPicture {
@@ -41,7 +41,7 @@ const TURNS: readonly Part[] = ["face", "left_hand", "face", "right_hand"];
 const GROUPS: Record<Part, number> = { face: FACE, left_hand: LEFT_HAND, right_hand: RIGHT_HAND };
 const FIRST_NUMBER: Record<Part, number> = { face: 0, left_hand: 5, right_hand: 6 };
 
-export class ExpressionFinder {
+export class ExpressionDetector {
   private parts: Part[] = [];
   private busy = false;
   private turn = 0;
@@ -76,7 +76,7 @@ export class ExpressionFinder {
   }
 
   /** What face and hands do, as far as it was seen shortly before `timeMs`; null: nothing was. */
-  at(timeMs: number): SeenExpression | null {
+  at(timeMs: number): ObservedExpression | null {
     let known = 0;
     for (const part of this.parts) if (timeMs - this.seenMs[part] <= this.heldMs[part]) known |= GROUPS[part];
     return known ? { values: this.values.slice(), known } : null;

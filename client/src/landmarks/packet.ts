@@ -8,7 +8,7 @@
  * (1/255), u8 bits of what is known (see `expression.ts`).
  */
 
-import { EXPRESSION_COUNT, type SeenExpression } from "./expression";
+import { EXPRESSION_COUNT, type ObservedExpression } from "./expression";
 
 export const KEYPOINTS_BYTES = 383;
 export const EXPRESSION_BYTES = EXPRESSION_COUNT + 1;
@@ -34,7 +34,7 @@ export function encodeKeypoints(
   sequence: number,
   captureTimeMs: number,
   seen: Landmarks,
-  expression: SeenExpression | null = null,
+  expression: ObservedExpression | null = null,
 ): ArrayBuffer {
   const bytes = new ArrayBuffer(KEYPOINTS_BYTES + (expression ? EXPRESSION_BYTES : 0));
   const data = new DataView(bytes);

@@ -12,7 +12,7 @@ import {
   restingFace,
   type Point,
 } from "../../src/landmarks/expression";
-import { ExpressionFinder, type ExpressionWorker, type PartAnswer, type PartPicture } from "../../src/landmarks/expressions";
+import { ExpressionDetector, type ExpressionWorker, type PartAnswer, type PartPicture } from "../../src/landmarks/expressions";
 import { LANDMARK_COUNT, type Landmarks } from "../../src/landmarks/packet";
 
 /** The server's numbers; the test there tells how they are made anew. */
@@ -94,11 +94,11 @@ class FakeWorker implements ExpressionWorker {
 
 const settled = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
 
-describe("ExpressionFinder", () => {
+describe("ExpressionDetector", () => {
   function setUp() {
     const worker = new FakeWorker();
     const clock = { ms: 0 };
-    const finder = new ExpressionFinder(async () => ({}) as ImageBitmap, () => clock.ms, worker);
+    const finder = new ExpressionDetector(async () => ({}) as ImageBitmap, () => clock.ms, worker);
     /** A picture of the body's finder at `ms`; the part that is looked at, which takes `costMs`. */
     const offer = async (ms: number, costMs: number): Promise<string | undefined> => {
       const before = worker.pictures.length;

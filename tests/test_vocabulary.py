@@ -1,0 +1,96 @@
+"""One vocabulary: retired names stay away, and no two things share a name.
+
+`docs/glossary.md` says what the names in use mean and whose they are.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+from collections import defaultdict
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+BLOCKS = ("scene", "db", "capture", "renderer", "services", "benchmarks", "tools")
+
+RETIRED = {
+    # services, database and control channel
+    r"Standing(?=[.(])": "Admission, FootLocking or FootContacts",
+    "stir": "notify",
+    "_look_calmly": "_poll",
+    "_bury": "_reap",
+    "rows_of": "plane_rows",
+    "wishes": "commands",
+    # training and rendering
+    "slow_down": "halve_learning_rate",
+    "SceneStage": "SceneRenderer",
+    "PersonModel": "PerformerModel",
+    # the clip-wide fit
+    "fit_problem": "capture.fitting.state, observations and terms",
+    "doubted": "outlier_frames",
+    "let_go": "reinitialise",
+    "unsteadiness": "acceleration",
+    "very_robust": "geman_mcclure",
+    "TO_Y_UP": "OPENCV_TO_OPENGL",
+    "SEEN_TO_CAMERA": "OPENGL_TO_OPENCV",
+    "marks_on": "landmarks_on",
+    "mark_points": "landmark_positions",
+    # capture
+    "LandmarkModel": "BodyLandmarks or LandmarkNetwork",
+    "ModelSource": "NetworkSource",
+    "SeenExpression": "ObservedExpression",
+    "ExpressionFinder": "ExpressionDetector",
+    "Likeness": "Appearance",
+    "Backdrop": "BackgroundModel",
+    "capture_video": "capture_clip",
+    "capture_frames": "capture_clip",
+    # kinematics
+    "place_joints": "forward_kinematics",
+    "write_turn": "write_rotation",
+    "turns_of": "axis_angles_to_matrices",
+    "angles_of": "matrices_to_axis_angles",
+}
+"""Names of before, and what took their place."""
+
+_HISTORY = ("CHANGELOG.md", "docs/experiments/", "db/migrations/", "tests/stored/")
+"""What tells of before may use its names."""
+_KINDS = {".py", ".ts", ".md", ".toml", ".sh", ".css", ".html", ".yml"}
+
+
+def _texts() -> list[tuple[str, str]]:
+    listed = subprocess.run(
+        ["git", "ls-files", "-co", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    names = [name for name in listed.stdout.splitlines() if Path(name).suffix in _KINDS]
+    kept = [name for name in names if not name.startswith(_HISTORY) and (ROOT / name).exists()]
+    return [(name, (ROOT / name).read_text()) for name in kept if ROOT / name != Path(__file__)]
+
+
+def test_no_retired_name_is_in_use():
+    retired = {re.compile(rf"(?<!\w){name}(?!\w)"): now for name, now in RETIRED.items()}
+    found = [
+        f"{file}:{number}: {name.pattern} is {now} now"
+        for file, text in _texts()
+        for number, line in enumerate(text.splitlines(), 1)
+        for name, now in retired.items()
+        if name.search(line)
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_no_two_public_classes_share_a_name():
+    """But for REST's shapes, which may be called what they show of a thing."""
+    classes: dict[str, list[str]] = defaultdict(list)
+    for block in BLOCKS:
+        for path in sorted((ROOT / block).rglob("*.py")):
+            shapes = path.parent == ROOT / "services" / "api"
+            for node in ast.parse(path.read_text()).body:
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and not shapes:
+                    classes[node.name].append(str(path.relative_to(ROOT)))
+    shared = {name: paths for name, paths in classes.items() if len(paths) > 1}
+    assert not shared
