@@ -80,7 +80,7 @@ HANDS = Part(
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class RenderedExpression:
     """A test picture and the crops of it that count."""
 
     pose: Pose
@@ -171,7 +171,7 @@ def without(clip: Sequence, names: tuple[str, ...]) -> Sequence:
     return replace(clip, motion=replace(motion, expressions=_hidden(motion.expressions, names)))
 
 
-def unseen_shots(part: Part, performer: StudioPerformer, seed: int) -> list[Shot]:
+def unseen_shots(part: Part, performer: StudioPerformer, seed: int) -> list[RenderedExpression]:
     """Pictures of poses, expressions and from cameras that no clip has."""
     rng, skeleton = np.random.default_rng(seed + 1000), performer.body.skeleton
     moves, shots, eyes = gestures(TESTS, 10.0), [], _eyes(performer.known_body)
@@ -194,7 +194,7 @@ def unseen_shots(part: Part, performer: StudioPerformer, seed: int) -> list[Shot
             for lid, eye in eyes.items():
                 place = head[:3, 3] + head[:3, :3] @ eye
                 crops[lid] = [_crop(camera, place, _EYE_HALF_M)]
-        shots.append(Shot(pose, camera, image, crops))
+        shots.append(RenderedExpression(pose, camera, image, crops))
     return shots
 
 
@@ -233,7 +233,9 @@ def faces(clip: Sequence, seed: int) -> Float[Array, "H W 3"]:
     return np.hstack(columns)
 
 
-def judged(model: SplatModel, shots: list[Shot], hidden: tuple[str, ...]) -> dict[str, float]:
+def judged(
+    model: SplatModel, shots: list[RenderedExpression], hidden: tuple[str, ...]
+) -> dict[str, float]:
     """Mean PSNR, dB, over each kind of crop of `shots`, drawn without the expressions `hidden`."""
     found: dict[str, list[float]] = {name: [] for name in shots[0].crops}
     for shot in shots:

@@ -27,7 +27,7 @@ _NEWEST = {"ordered": False, "maxRetransmits": 0}
 _AT_WORST_S = 60.0
 
 
-class People:
+class LivePeople:
     """One connection that drives performers; no pictures are made for it."""
 
     def __init__(

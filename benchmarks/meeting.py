@@ -33,7 +33,7 @@ from benchmarks.browser import (
     processor_seconds,
     running_demo,
 )
-from benchmarks.live_people import People
+from benchmarks.live_people import LivePeople
 from benchmarks.reporting.figures import FigureWriter
 
 PERFORMERS = (1, 2, 4, 8)
@@ -76,7 +76,7 @@ class DrivenMeeting:
 
     address: str
     meeting_id: str
-    people: People
+    people: LivePeople
 
 
 def run(writer: FigureWriter, clip: Path, pose_model: Path) -> None:
@@ -113,7 +113,7 @@ def driven(performers: int) -> Iterator[DrivenMeeting]:
     with tempfile.TemporaryDirectory() as folder:
         meeting_id, token, ids = _prepare(Path(folder), performers)
         with running_demo(Path(folder), METANERF_STAMP_PICTURES="1") as address:
-            people = People(address, meeting_id, token, ids)
+            people = LivePeople(address, meeting_id, token, ids)
             with people.moving():
                 yield DrivenMeeting(address, meeting_id, people)
 

@@ -20,7 +20,7 @@ from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from capture.body.landmarks import MIRROR
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
 from capture.detection.lifter import WEIGHTS_FILE, Inputs, inputs_of
-from capture.detection.lifter_network import Network, forward_kinematics, local_turns
+from capture.detection.lifter_network import LifterNetwork, forward_kinematics, local_turns
 from capture.studio.performer import film, make_performer
 from capture.studio.poses import random_pose
 from capture.studio.room import room_background
@@ -132,12 +132,12 @@ def mirrored(shard: Shard) -> Shard:
     }
 
 
-def learn(shard: Shard, epochs: int = _EPOCHS) -> Network:
+def learn(shard: Shard, epochs: int = _EPOCHS) -> LifterNetwork:
     """The network that explains `shard` and its mirror image. The same input, the same network."""
     torch.manual_seed(0)
     both = {name: np.concatenate([shard[name], other]) for name, other in mirrored(shard).items()}
     features, closed_form, truth, rest = _tensors(both)
-    network = Network(features.mean(0), features.std(0) + 1e-3)
+    network = LifterNetwork(features.mean(0), features.std(0) + 1e-3)
     adam = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=_WEIGHT_DECAY)
     total, step = epochs * (len(features) // _BATCH), 0
     warm_up = min(_WARM_UP_STEPS, max(total // 4, 1))

@@ -26,7 +26,7 @@ class _Half(nn.Module):
         return self.dropout(functional.silu(self.norm(self.linear(x))))
 
 
-class Network(nn.Module):
+class LifterNetwork(nn.Module):
     """Features [N F] and closed-form world turns [N 24 3 3] to world turns and log spreads."""
 
     mean: Tensor

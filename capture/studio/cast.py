@@ -14,7 +14,7 @@ from capture.errors import CaptureError
 
 
 @dataclass(frozen=True)
-class Role:
+class NamedPerformer:
     """A performer of the cast."""
 
     seed: int
@@ -24,11 +24,11 @@ class Role:
 
 
 CAST = {
-    "amber": Role(2, "dance_turn_on_spot_94_14"),
-    "basil": Role(6, "walk_figure8_91_62"),
-    "clover": Role(9, "bend_scoop_lift_arm_02_06"),
-    "dune": Role(11, "wash_self_02_10"),
-    "ember": Role(14, "dance_indian_94_15"),
+    "amber": NamedPerformer(2, "dance_turn_on_spot_94_14"),
+    "basil": NamedPerformer(6, "walk_figure8_91_62"),
+    "clover": NamedPerformer(9, "bend_scoop_lift_arm_02_06"),
+    "dune": NamedPerformer(11, "wash_self_02_10"),
+    "ember": NamedPerformer(14, "dance_indian_94_15"),
 }
 
 

@@ -27,7 +27,7 @@ _PAPER = 0.12
 
 
 @dataclass(frozen=True)
-class Caption:
+class Label:
     """Words for a view; whoever can draw letters puts them there."""
 
     x: int
@@ -37,7 +37,7 @@ class Caption:
     text: str
 
 
-def contact_sheet(views: list[EvaluatedView]) -> tuple[Float[Array, "H W 3"], list[Caption]]:
+def contact_sheet(views: list[EvaluatedView]) -> tuple[Float[Array, "H W 3"], list[Label]]:
     """The sheet of `views`, row by row, and their captions. Raises InvalidInput where none is."""
     if not views:
         raise InvalidInput("a contact sheet must show at least one view; got none")
@@ -53,7 +53,7 @@ def contact_sheet(views: list[EvaluatedView]) -> tuple[Float[Array, "H W 3"], li
         decibels = min(psnr(view.made[crop], view.truth[crop]), 100.0)
         name = view.split.replace("_", " ")
         captions.append(
-            Caption(left, top + CAPTION_PX - 6, f"{name} {view.index}: {decibels:.1f} dB")
+            Label(left, top + CAPTION_PX - 6, f"{name} {view.index}: {decibels:.1f} dB")
         )
         error = error_colours(np.abs(view.made - view.truth).mean(axis=-1))
         for cell, picture in enumerate((view.truth, view.made, error)):

@@ -13,7 +13,7 @@ from benchmarks.expressions import (
     LIDS,
     SEEDS,
     Part,
-    Shot,
+    RenderedExpression,
     unseen_shots,
     without,
     worth,
@@ -24,7 +24,7 @@ from tests.renderer.studio import make_sequence
 
 
 @pytest.fixture(scope="module", params=[FACE, HANDS], ids=["face", "hands"])
-def filmed(request) -> tuple[Part, list[Shot]]:
+def filmed(request) -> tuple[Part, list[RenderedExpression]]:
     performer = make_performer(SEEDS[0], expressive=True)
     return request.param, unseen_shots(request.param, performer, SEEDS[0])
 

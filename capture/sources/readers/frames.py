@@ -28,7 +28,7 @@ _FLOOR_TOLERANCE_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class DatasetFrame:
     """Where one frame lies on disk, and the lens it was seen through."""
 
     picture: Path
@@ -45,7 +45,7 @@ class Shot:
 class DatasetFrames:
     """Frames of a data set, read from disk when asked for (a `FrameSource`)."""
 
-    shots: Series[Shot]
+    shots: Series[DatasetFrame]
     motion: Motion
     """One pose a shot at increasing times; a moment seen by several cameras has `moments`."""
     moments: Series[int]
@@ -80,7 +80,7 @@ class DatasetFrames:
         return alpha.astype(np.float32) / np.float32(255.0)
 
     @staticmethod
-    def _straight(pixels: Array, shot: Shot) -> Array:
+    def _straight(pixels: Array, shot: DatasetFrame) -> Array:
         return pixels if shot.lens is None else cv2.undistort(pixels, *shot.lens)
 
 

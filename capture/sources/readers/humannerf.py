@@ -23,8 +23,8 @@ import numpy as np
 
 from capture.errors import BrokenDataset
 from capture.sources.readers.frames import (
+    DatasetFrame,
     DatasetFrames,
-    Shot,
     data_hash,
     moved_camera,
     our_intrinsics,
@@ -121,7 +121,7 @@ def _pose(mesh: Any, name: str) -> tuple[Array, Array, Array]:
     return orient, turn @ rest[0] + place, poses[1:]
 
 
-def _shot(path: Path, name: str, held: Any, size: tuple[int, int], ours: Array) -> Shot:
+def _shot(path: Path, name: str, held: Any, size: tuple[int, int], ours: Array) -> DatasetFrame:
     held = table(held, name, "intrinsics", "extrinsics")
     intrinsics = numbers(held["intrinsics"], (3, 3), f"intrinsics of {name}")
     extrinsics = numbers(held["extrinsics"], (4, 4), f"extrinsics of {name}")
@@ -131,7 +131,7 @@ def _shot(path: Path, name: str, held: Any, size: tuple[int, int], ours: Array) 
         lens = (intrinsics, distortion) if distortion.any() else None
     seen = Camera(our_intrinsics(intrinsics), moved_camera(extrinsics[:3], ours), *size)
     picture, mask = (_picture(path / kind, name) for kind in ("images", "masks"))
-    return Shot(picture, (mask,), seen, lens=lens)
+    return DatasetFrame(picture, (mask,), seen, lens=lens)
 
 
 def _picture(folder: Path, name: str) -> Path:

@@ -27,8 +27,8 @@ import numpy as np
 
 from capture.errors import BrokenDataset
 from capture.sources.readers.frames import (
+    DatasetFrame,
     DatasetFrames,
-    Shot,
     data_hash,
     moved_camera,
     our_intrinsics,
@@ -147,7 +147,7 @@ class _Views:
             intrinsics, distortion, _ = self.calibration[camera]
             lens = (intrinsics, distortion) if distortion.any() else None
             masks = self._masks(self.pictures[moment][camera])
-            shots.append(Shot(picture, masks, seen[camera], labels=True, lens=lens))
+            shots.append(DatasetFrame(picture, masks, seen[camera], labels=True, lens=lens))
         moments = sorted({moment for moment, _ in shown})
         return DatasetFrames(
             shots, _picked(motion, moments), [moments.index(moment) for moment, _ in shown]

@@ -43,7 +43,7 @@ CONNECT_S = 15.0
 Clock = Callable[[], float]
 
 
-class Meetings(Protocol):
+class MeetingSource(Protocol):
     """Where meetings are stored; see services.live.sessions.stored_meetings."""
 
     async def performers(self, meeting_id: str) -> tuple[MeetingPerformer, ...]:
@@ -90,7 +90,7 @@ class ViewSessions:
 
     def __init__(
         self,
-        meetings: Meetings,
+        meetings: MeetingSource,
         clock: Clock,
         *,
         ice_servers: list[str],

@@ -8,7 +8,7 @@ import torch
 
 from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from capture.detection.lifter import WEIGHTS_FILE, closed_form, inputs_of, lift
-from capture.detection.lifter_network import Network, forward_kinematics, local_turns
+from capture.detection.lifter_network import LifterNetwork, forward_kinematics, local_turns
 from capture.studio.poses import random_pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from tests.capture.people import body, landmark_positions, up_is_down
@@ -51,7 +51,7 @@ def test_numpy_runs_the_network_that_torch_has_taught():
     shard = _shard(8, 1, 0.8)
     with np.load(WEIGHTS_FILE) as file:
         weights = {name: torch.tensor(file[name].astype(np.float32)) for name in file.files}
-    network = Network(weights["mean"], weights["deviation"]).eval()
+    network = LifterNetwork(weights["mean"], weights["deviation"]).eval()
     network.load_state_dict(weights)
     inputs = inputs_of(
         shard["pixels"], shard["world"], shard["visibility"], shard["focal_px"], np.zeros(2)
