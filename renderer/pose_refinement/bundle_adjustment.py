@@ -31,7 +31,7 @@ _SHARED = np.append(np.full(SHARED_PARAMETERS - 1, 0.03), 0.005)
 all of them, so that many frames know no more of a bone's length than one."""
 _ALIKE_PX = 4.0
 """Neighbouring pixels that are wrong alike: so many count as one."""
-_ITERATIONS, _PRECISION = 60, 1e-4
+_ITERATIONS, _PRECISION = 60, 1e-2
 _LARGEST = 0.25
 """rad and m: where a step's linear picture of the body ends."""
 _PARTS = (slice(0, POSE_PARAMETERS - 3), slice(POSE_PARAMETERS - 3, POSE_PARAMETERS))
@@ -124,9 +124,9 @@ class _System:
         moved += self._operator.transposed(self._steady * self._operator(d))
         return moved, np.einsum("fij,fi->j", self._cross, d) + self._across @ s
 
-    def precondition(self, r: Array, rs: Array) -> tuple[Array, Array]:
-        """Nearly the inverse: each frame by itself."""
-        return (self._inverse @ r[..., None])[..., 0], self._inverse_shared @ rs
+    def preconditioner_roots(self) -> tuple[Float[Array, "F 75 75"], Float[Array, "S S"]]:
+        """W with W W^T nearly the inverse of the matrix: each frame by itself, what they share."""
+        return np.linalg.cholesky(self._inverse), np.linalg.cholesky(self._inverse_shared)
 
     def determined(self) -> Float[Array, "75"]:
         """How much of each number, added up over the frames, pixels decide rather than priors."""
@@ -134,18 +134,27 @@ class _System:
 
 
 def _conjugate_gradients(system: _System) -> tuple[Array, Array]:
-    r, rs = system.right, system.right_shared
-    d, s = np.zeros_like(r), np.zeros_like(rs)
-    z, zs = system.precondition(r, rs)
-    p, ps = z, zs
-    left = first = float((r * z).sum() + rs @ zs)
-    for _ in range(_ITERATIONS):
-        if left <= _PRECISION * first:
-            break
-        q, qs = system.apply(p, ps)
-        length = left / float((p * q).sum() + ps @ qs)
-        d, s, r, rs = d + length * p, s + length * ps, r - length * q, rs - length * qs
-        z, zs = system.precondition(r, rs)
-        before, left = left, float((r * z).sum() + rs @ zs)
-        p, ps = z + left / before * p, zs + left / before * ps
-    return d, s
+    """Steps that solve the system, by preconditioned conjugate gradients.
+
+    The preconditioner W W^T is split, so that W^T A W y = W^T b is solved for x = W y and the norm
+    in which residuals are judged is the preconditioned one.
+    """
+    from scipy.sparse.linalg import LinearOperator, cg
+
+    root, root_shared = system.preconditioner_roots()
+    frames, count = system.right.shape
+
+    def unpacked(y: Array) -> tuple[Array, Array]:
+        d, s = y[: frames * count].reshape(frames, count), y[frames * count :]
+        return (root @ d[..., None])[..., 0], root_shared @ s
+
+    def packed(r: Array, rs: Array) -> Array:
+        whole = np.swapaxes(root, 1, 2) @ r[..., None]
+        return np.concatenate([whole.ravel(), root_shared.T @ rs])
+
+    right = packed(system.right, system.right_shared)
+    matrix = LinearOperator(
+        (len(right), len(right)), matvec=lambda y: packed(*system.apply(*unpacked(y))), dtype=float
+    )
+    y, _ = cg(matrix, right, rtol=_PRECISION, maxiter=_ITERATIONS)
+    return unpacked(y)

@@ -24,8 +24,6 @@ _NEIGHBOURS = 16
 """Splats whose normals make up one; at 10,000 a person they lie within 3 cm."""
 _ALIKE = 0.3
 """Cosine from which a neighbour lies on the same side: a finger's back is not its front."""
-_ROWS = 1024
-"""Distances are taken in blocks of so many rows, to bound memory."""
 _TABLE_STEPS = 1024
 
 
@@ -141,14 +139,8 @@ def neighbours(
     points: Float[Array, "N 3"], among: Float[Array, "V 3"], count: int
 ) -> tuple[Int[Array, "N M"], Float[Array, "N M"]]:
     """The `count` rows of `among` nearest to each point, and their distances, the nearest first."""
-    import torch
+    from scipy.spatial import cKDTree
 
-    places, others = (
-        torch.from_numpy(np.ascontiguousarray(rows, np.float32)) for rows in (points, among)
-    )
-    found = [
-        torch.topk(torch.cdist(block, others), min(count, len(among)), largest=False)
-        for block in places.split(_ROWS)
-    ]
-    distance = torch.cat([one.values for one in found]).numpy()
-    return torch.cat([one.indices for one in found]).numpy(), distance
+    count = min(count, len(among))
+    distance, index = cKDTree(among).query(points, k=np.arange(1, count + 1))
+    return index, distance.astype(np.float32)

@@ -10,7 +10,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from renderer.nearest import ROWS, nearest_points, squared_distances
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION
 from renderer.splats.model import SplatModel
 from scene.arrays import Array, Bool, Float
@@ -31,28 +30,34 @@ def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Floa
 
     Their shape and opacity stay: training has made those transparent that stood in its way.
     """
+    from scipy.spatial import cKDTree
+
     if seen.all() or not seen.any():
         return parameters
     filled = parameters.copy()
     missing, known = np.flatnonzero(~seen), np.flatnonzero(seen)
     rest, colours = parameters[:, POSITION : POSITION + 3], slice(COLOUR, COLOUR + 3)
     mirrored = rest[missing] * np.array([-1.0, 1.0, 1.0], np.float32)
-    mirror_distance, mirror = nearest_points(mirrored, rest[known])
-    _, nearest = nearest_points(rest[missing], rest[known])
+    tree = cKDTree(rest[known])
+    mirror_distance, mirror = tree.query(mirrored)
+    _, nearest = tree.query(rest[missing])
     donor = known[np.where(mirror_distance < _MIRROR_REACH_M, mirror, nearest)]
     givers, place = np.unique(donor, return_inverse=True)
-    filled[missing, colours] = _about(rest[givers], rest[known], parameters[known, colours])[place]
+    filled[missing, colours] = _mean_colours_around(
+        rest[givers], rest[known], parameters[known, colours]
+    )[place]
     return filled
 
 
-def _about(
+def _mean_colours_around(
     points: Float[Array, "M 3"], others: Float[Array, "K 3"], colours: Float[Array, "K 3"]
 ) -> Float[Array, "M 3"]:
     """Mean colour of the `others` round each of `points`, which is one of them."""
+    from scipy.spatial import cKDTree
+
     mean = np.empty_like(colours, shape=(len(points), 3))
-    for start in range(0, len(points), ROWS):
-        near = squared_distances(points[start : start + ROWS], others) < _ROUND_M**2
-        mean[start : start + ROWS] = near @ colours / near.sum(axis=1, keepdims=True)
+    for index, near in enumerate(cKDTree(others).query_ball_point(points, _ROUND_M)):
+        mean[index] = colours[near].mean(axis=0)
     return mean
 
 
@@ -74,11 +79,13 @@ _CAPTURED_ONLY: WeakKeyDictionary[SplatModel, SplatModel] = WeakKeyDictionary()
 
 def presence(model: SplatModel) -> Float[Array, "N"]:
     """1 where the person was filmed, falling smoothly to 0 where they were not."""
+    from scipy.spatial import cKDTree
+
     rest = model.parameters[:, POSITION : POSITION + 3]
     present = np.where(model.seen, 1.0, 0.0)
     if model.seen.any():
         missing = np.flatnonzero(~model.seen)
-        distance, _ = nearest_points(rest[missing], rest[model.seen])
+        distance, _ = cKDTree(rest[model.seen]).query(rest[missing])
         near = np.clip((_GONE_M - distance) / (_GONE_M - _KEPT_M), 0.0, 1.0)
         present[missing] = near**2 * (3.0 - 2.0 * near)
     return present
