@@ -37,7 +37,7 @@ from scene import (
     orbit_camera,
 )
 from scene.expression import neutral
-from tests.renderer.splats.test_rasteriser import dense_weights, make_camera, make_scene
+from tests.renderer.splats.rasteriser.test_rasteriser import dense_weights, make_camera, make_scene
 from tests.renderer.splats.viewer_file import decode
 from tests.renderer.studio import DrawnFrames, make_body, make_model, make_motion, make_sequence
 

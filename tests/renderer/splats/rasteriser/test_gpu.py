@@ -13,7 +13,7 @@ from renderer.splats.rasteriser.gpu import GpuSplatRenderer, splat_renderer
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene import Motion, Pose, Skeleton
 from scene.lighting import Lighting
-from tests.renderer.splats.test_rasteriser import make_camera, make_scene
+from tests.renderer.splats.rasteriser.test_rasteriser import make_camera, make_scene
 
 
 def _model(count: int, seed: int = 0) -> tuple[SplatModel, np.ndarray]:
