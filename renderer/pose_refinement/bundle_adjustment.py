@@ -14,6 +14,7 @@ they share.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -139,7 +140,7 @@ def _conjugate_gradients(system: _System) -> tuple[Array, Array]:
     The preconditioner W W^T is split, so that W^T A W y = W^T b is solved for x = W y and the norm
     in which residuals are judged is the preconditioned one.
     """
-    from scipy.sparse.linalg import LinearOperator, cg
+    from scipy.sparse import linalg
 
     root, root_shared = system.preconditioner_roots()
     frames, count = system.right.shape
@@ -153,8 +154,10 @@ def _conjugate_gradients(system: _System) -> tuple[Array, Array]:
         return np.concatenate([whole.ravel(), root_shared.T @ rs])
 
     right = packed(system.right, system.right_shared)
-    matrix = LinearOperator(
-        (len(right), len(right)), matvec=lambda y: packed(*system.apply(*unpacked(y))), dtype=float
+    operator: Any = linalg.LinearOperator  # scipy's annotations know subclasses of it alone
+    size = len(right)
+    matrix = operator(
+        (size, size), matvec=lambda y: packed(*system.apply(*unpacked(y))), dtype=float
     )
-    y, _ = cg(matrix, right, rtol=_PRECISION, maxiter=_ITERATIONS)
+    y, _ = linalg.cg(matrix, right, rtol=_PRECISION, maxiter=_ITERATIONS)
     return unpacked(y)

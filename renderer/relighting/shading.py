@@ -139,8 +139,9 @@ def neighbours(
     points: Float[Array, "N 3"], among: Float[Array, "V 3"], count: int
 ) -> tuple[Int[Array, "N M"], Float[Array, "N M"]]:
     """The `count` rows of `among` nearest to each point, and their distances, the nearest first."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     count = min(count, len(among))
-    distance, index = cKDTree(among).query(points, k=np.arange(1, count + 1))
-    return index, distance.astype(np.float32)
+    distance, index = KDTree(among).query(points, k=count)
+    shape = (len(points), count)
+    return np.reshape(index, shape), np.reshape(distance, shape).astype(np.float32)

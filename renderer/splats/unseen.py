@@ -30,7 +30,7 @@ def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Floa
 
     Their shape and opacity stay: training has made those transparent that stood in its way.
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     if seen.all() or not seen.any():
         return parameters
@@ -38,7 +38,7 @@ def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Floa
     missing, known = np.flatnonzero(~seen), np.flatnonzero(seen)
     rest, colours = parameters[:, POSITION : POSITION + 3], slice(COLOUR, COLOUR + 3)
     mirrored = rest[missing] * np.array([-1.0, 1.0, 1.0], np.float32)
-    tree = cKDTree(rest[known])
+    tree = KDTree(rest[known])
     mirror_distance, mirror = tree.query(mirrored)
     _, nearest = tree.query(rest[missing])
     donor = known[np.where(mirror_distance < _MIRROR_REACH_M, mirror, nearest)]
@@ -53,10 +53,10 @@ def _mean_colours_around(
     points: Float[Array, "M 3"], others: Float[Array, "K 3"], colours: Float[Array, "K 3"]
 ) -> Float[Array, "M 3"]:
     """Mean colour of the `others` round each of `points`, which is one of them."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     mean = np.empty_like(colours, shape=(len(points), 3))
-    for index, near in enumerate(cKDTree(others).query_ball_point(points, _ROUND_M)):
+    for index, near in enumerate(KDTree(others).query_ball_point(points, _ROUND_M)):
         mean[index] = colours[near].mean(axis=0)
     return mean
 
@@ -79,13 +79,13 @@ _CAPTURED_ONLY: WeakKeyDictionary[SplatModel, SplatModel] = WeakKeyDictionary()
 
 def presence(model: SplatModel) -> Float[Array, "N"]:
     """1 where the person was filmed, falling smoothly to 0 where they were not."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     rest = model.parameters[:, POSITION : POSITION + 3]
     present = np.where(model.seen, 1.0, 0.0)
     if model.seen.any():
         missing = np.flatnonzero(~model.seen)
-        distance, _ = cKDTree(rest[model.seen]).query(rest[missing])
+        distance, _ = KDTree(rest[model.seen]).query(rest[missing])
         near = np.clip((_GONE_M - distance) / (_GONE_M - _KEPT_M), 0.0, 1.0)
         present[missing] = near**2 * (3.0 - 2.0 * near)
     return present

@@ -83,12 +83,12 @@ def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -
 
     Their normals are those of `first`; so are offsets of expressions where the model knows none.
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     joints = model.joints.astype(np.uint16)
     parameters = moved_with_bones(model.parameters, joints, model.weights, model.skeleton, skeleton)
     place = slice(POSITION, POSITION + 3)
-    _, nearest = cKDTree(first.parameters[:, place]).query(parameters[:, place])
+    _, nearest = KDTree(first.parameters[:, place]).query(parameters[:, place])
     splats, offsets = model.expression_splats, model.expression_offsets
     if not len(splats) and len(first.expression_splats):
         known = np.zeros((len(first.parameters), *offsets.shape[1:]), np.float32)
