@@ -94,9 +94,9 @@ def _unpack(
     tensors: dict[str, Array], about: dict[str, Any], skeleton: Skeleton, motion: Motion
 ) -> PerformerModel:
     if about["kind"] == "splats":
-        from renderer.splats.files.tensors import unpack
+        from renderer.splats.model import SplatModel
 
-        return unpack(tensors, about, skeleton, motion)
+        return SplatModel.from_tensors(tensors, about, skeleton, motion)
     from renderer.field.model import FieldModel
 
     return FieldModel.from_tensors(tensors, about, skeleton, motion)

@@ -1,17 +1,13 @@
 """Splats that no frame showed take the colour of their mirror image, else of the nearest seen.
 
-They stay marked, so that a viewer may ask for what was filmed alone.
+They stay marked, so that a viewer may ask for what was captured alone.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from weakref import WeakKeyDictionary
-
 import numpy as np
 
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION
-from renderer.splats.model import SplatModel
 from scene.arrays import Array, Bool, Float
 
 _MIRROR_REACH_M = 0.03
@@ -61,37 +57,33 @@ def _mean_colours_around(
     return mean
 
 
-def captured_only(model: SplatModel) -> SplatModel:
-    """`model` with what no frame showed faded away; made once and kept as long as `model` lives."""
-    if model.seen.all():
-        return model
-    if model not in _CAPTURED_ONLY:
-        parameters = model.parameters.copy()
-        # the far side, which closed what gaps there are between splats, is gone
-        parameters[:, LOG_SCALE : LOG_SCALE + 3] += _WIDER
-        parameters[:, OPACITY] = _faded(parameters[:, OPACITY], presence(model))
-        _CAPTURED_ONLY[model] = replace(model, parameters=parameters)
-    return _CAPTURED_ONLY[model]
+def faded(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Float[Array, "N P"]:
+    """`parameters` with what no frame showed faded away."""
+    result = parameters.copy()
+    # the far side, which closed what gaps there are between splats, is gone
+    result[:, LOG_SCALE : LOG_SCALE + 3] += _WIDER
+    rest = parameters[:, POSITION : POSITION + 3]
+    result[:, OPACITY] = _faded_logits(result[:, OPACITY], presence(rest, seen))
+    return result
 
 
-_CAPTURED_ONLY: WeakKeyDictionary[SplatModel, SplatModel] = WeakKeyDictionary()
+def presence(rest: Float[Array, "N 3"], seen: Bool[Array, "N"]) -> Float[Array, "N"]:
+    """1 where the person was captured, falling smoothly to 0 where they were not.
 
-
-def presence(model: SplatModel) -> Float[Array, "N"]:
-    """1 where the person was filmed, falling smoothly to 0 where they were not."""
+    `rest` are the splats' positions at rest, m.
+    """
     from scipy.spatial import KDTree
 
-    rest = model.parameters[:, POSITION : POSITION + 3]
-    present = np.where(model.seen, 1.0, 0.0)
-    if model.seen.any():
-        missing = np.flatnonzero(~model.seen)
-        distance, _ = KDTree(rest[model.seen]).query(rest[missing])
+    present = np.where(seen, 1.0, 0.0)
+    if seen.any():
+        missing = np.flatnonzero(~seen)
+        distance, _ = KDTree(rest[seen]).query(rest[missing])
         near = np.clip((_GONE_M - distance) / (_GONE_M - _KEPT_M), 0.0, 1.0)
         present[missing] = near**2 * (3.0 - 2.0 * near)
     return present
 
 
-def _faded(logits: Float[Array, "N"], presence: Float[Array, "N"]) -> Float[Array, "N"]:
+def _faded_logits(logits: Float[Array, "N"], presence: Float[Array, "N"]) -> Float[Array, "N"]:
     """Logits of the opacities times `presence`."""
     opacity = np.clip(presence / (1.0 + np.exp(-logits.astype(np.float64))), 1e-9, 1.0 - 1e-9)
     return np.log(opacity / (1.0 - opacity)).astype(logits.dtype)
