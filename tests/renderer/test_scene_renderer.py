@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -168,7 +169,9 @@ def test_geometry_tells_how_far_people_are_and_which_way_they_face():
 
 
 def test_geometry_of_a_field_is_refused_in_words():
-    picture = Performer("Ada", cast(PerformerModel, object()), np.zeros(3), 0.0, Pose.rest())
+    picture = Performer(
+        "Ada", cast(PerformerModel, SimpleNamespace(splats=None)), np.zeros(3), 0.0, Pose.rest()
+    )
     camera = orbit_camera((0, 0.8, 0), 4.0, 0.0, 0.05, 32, 32)
     with pytest.raises(InvalidInput, match="performers who are splats; got 'Ada'"):
         SceneRenderer().geometry(Scene(ROOM, (picture,)), camera)
