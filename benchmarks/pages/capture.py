@@ -119,7 +119,7 @@ def summary(figures: Figures) -> str:
     fitted, refined = list(_judged(figures["mean"]).values())[-2:]
     exact, aligned, captured = _new_views_db(figures)
     return (
-        "From pixels alone poses are off, and that decides. Over "
+        "From pixels alone poses are off, and that limits the pictures most. Over "
         f"{len(figures['rows'])} performers who move as recorded people did (`metanerf bench "
         f"capture`: {figures['frames']} frames of {figures['size']} px in a room, unseen views, "
         f"{figures['region']}) joints are {fitted['joint_mm']:.0f} mm off, "

@@ -380,7 +380,7 @@ export class LiveView {
     const adapts = !pinned && !visits;
     const { highest } = this.size;
     const step = this.flow.observe({ fps, received, lost, live, adapts, highest, patienceS: this.patienceS });
-    if (step === "renew") this.link.restart();
+    if (step === "renew") this.link.reconnect();
     if (step === "ask") {
       this.fit();
       if (!this.local.ready) this.stalls.shown(performance.now());

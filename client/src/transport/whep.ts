@@ -113,7 +113,7 @@ export class WhepLink {
   }
 
   /** The pictures have stopped although the connection stands: make a new one. */
-  restart(): void {
+  reconnect(): void {
     this.cut?.();
   }
 

@@ -15,9 +15,9 @@ from renderer.field.rendering.ray_marching import (
     OPAQUE,
     Samples,
     alphas,
-    blending_weights,
     box_span,
     composite,
+    compositing_weights,
     march,
     steps_of,
 )
@@ -197,7 +197,7 @@ class _Draw:
         if canonical.has_grid:
             density = canonical.density_at(place)
             alpha = alphas(density, likelihood, samples.step)
-            weights, before = blending_weights(alpha, samples)
+            weights, before = compositing_weights(alpha, samples)
             seen = weights > _LEAST_WEIGHT
             if field.sizes.early_stop:
                 seen &= before > OPAQUE
@@ -206,7 +206,7 @@ class _Draw:
         colours, density = canonical.at(place)
         if occupied is not None:
             density = density * occupied
-        weights, _ = blending_weights(alphas(density, likelihood, samples.step), samples)
+        weights, _ = compositing_weights(alphas(density, likelihood, samples.step), samples)
         return composite(weights, colours, samples)
 
     def _canonical(self, samples: Samples) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N"]]:

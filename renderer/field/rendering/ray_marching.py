@@ -121,7 +121,7 @@ def alphas(
     return likelihood * (1.0 - torch.exp(-density * step_m))
 
 
-def blending_weights(
+def compositing_weights(
     alpha: Float[Tensor, "N"], samples: Samples
 ) -> tuple[Float[Tensor, "N"], Float[Tensor, "N"]]:
     """T_i alpha_i and T_i of every sample."""

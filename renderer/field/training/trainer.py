@@ -18,8 +18,8 @@ from renderer.field.rendering.field_renderer import FieldRenderer
 from renderer.field.rendering.ray_marching import (
     Samples,
     alphas,
-    blending_weights,
     composite,
+    compositing_weights,
     joined,
     march,
     steps_of,
@@ -221,13 +221,13 @@ class FieldTrainer:
         if canonical.has_grid:
             with torch.no_grad():
                 alpha = alphas(canonical.density_at(place), likelihood, samples.step)
-                visible = blending_weights(alpha, samples)[1] > _HIDDEN
+                visible = compositing_weights(alpha, samples)[1] > _HIDDEN
                 self._end_rays(bundles, samples, visible)
             samples, place, likelihood = (
                 samples.kept(visible), place.kept(visible), likelihood[visible]
             )  # fmt: skip
         colours, density = canonical.at(place)
-        weights, _ = blending_weights(alphas(density, likelihood, samples.step), samples)
+        weights, _ = compositing_weights(alphas(density, likelihood, samples.step), samples)
         return composite(weights, colours, samples)
 
     def _end_rays(self, bundles: list[_Bundle], samples: Samples, visible: Tensor) -> None:

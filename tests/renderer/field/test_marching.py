@@ -9,9 +9,9 @@ import torch
 from renderer.field.rendering.ray_marching import (
     Samples,
     alphas,
-    blending_weights,
     box_span,
     composite,
+    compositing_weights,
     joined,
     packed,
 )
@@ -50,7 +50,7 @@ def test_agrees_with_the_slow_twin():
     colours = torch.rand(count, 3, generator=generator).double()
     density = 200.0 * torch.rand(count, generator=generator).double()
     likelihood = torch.rand(count, generator=generator).double()
-    weights, _ = blending_weights(alphas(density, likelihood, samples.step), samples)
+    weights, _ = compositing_weights(alphas(density, likelihood, samples.step), samples)
     got = composite(weights, colours, samples)
     for ray in range(7):
         mine = samples.ray == ray
@@ -64,7 +64,7 @@ def test_gradients_against_finite_differences():
     count = len(samples.ray)
 
     def rendered(colours: torch.Tensor, density: torch.Tensor, f: torch.Tensor) -> torch.Tensor:
-        weights, _ = blending_weights(alphas(density, f, samples.step), samples)
+        weights, _ = compositing_weights(alphas(density, f, samples.step), samples)
         return composite(weights, colours, samples)
 
     inputs = (
@@ -80,12 +80,12 @@ def test_joined_bundles_render_as_each_alone():
     lives = [torch.rand(4, 6, generator=generator) < 0.6 for _ in range(2)]
     bundles = [_samples(live) for live in lives]
     alpha = [torch.rand(len(b.ray), generator=generator).double() for b in bundles]
-    whole, _ = blending_weights(torch.cat(alpha), joined(bundles))
-    alone = [blending_weights(a, b)[0] for a, b in zip(alpha, bundles, strict=True)]
+    whole, _ = compositing_weights(torch.cat(alpha), joined(bundles))
+    alone = [compositing_weights(a, b)[0] for a, b in zip(alpha, bundles, strict=True)]
     assert torch.allclose(whole, torch.cat(alone))
 
 
 def test_a_bundle_that_meets_nothing_is_transparent():
     samples = _samples(torch.zeros(3, 4, dtype=torch.bool))
-    weights, _ = blending_weights(torch.zeros(0).double(), samples)
+    weights, _ = compositing_weights(torch.zeros(0).double(), samples)
     assert composite(weights, torch.zeros(0, 3).double(), samples).tolist() == [[0.0] * 4] * 3

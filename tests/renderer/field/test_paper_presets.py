@@ -12,7 +12,7 @@ import torch
 from renderer.errors import TrainingError
 from renderer.field.field import PersonField
 from renderer.field.model import FieldModel
-from renderer.field.rendering.ray_marching import Samples, alphas, blending_weights, composite
+from renderer.field.rendering.ray_marching import Samples, alphas, composite, compositing_weights
 from renderer.field.settings import HUMANNERF, PAPER, FieldSettings
 from renderer.field.sizes import MlpSize
 from renderer.field.skinning.inverse_skinning import WeightVolume, rotations, skinning_transforms
@@ -189,7 +189,7 @@ def test_gradients_of_a_pixel_against_finite_differences():
         colours, density = torch.func.functional_call(
             field.canonical, {"mlp.hidden.0.weight": first}, (field.moved(found, posed),)
         )
-        blend, _ = blending_weights(alphas(density, likelihood, step), samples)
+        blend, _ = compositing_weights(alphas(density, likelihood, step), samples)
         return composite(blend, colours, samples)
 
     first = field.canonical.mlp.hidden[0].weight.detach().clone()  # type: ignore[union-attr]
