@@ -123,6 +123,8 @@ def test_everything_is_reached_by_keyboard_in_a_sensible_order(demo):
         page.keyboard.type("Ada")
         page.keyboard.press("Enter")
         expect(page.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
+        # what is said before the control channel has let somebody in is not sent
+        expect(page.get_by_test_id("open-people")).to_contain_text("1 here", timeout=MINUTE)
         focused = "() => document.activeElement.dataset.testid ?? ''"
         met = []
         for _ in range(20):
