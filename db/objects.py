@@ -59,35 +59,38 @@ class Objects(Protocol):
     """Where bytes are kept."""
 
     def put(self, owner: str, chunks: Iterable[bytes]) -> StoredObject:
-        """Store a stream, whole or not at all. Raises StoreFull, StoreAway."""
+        """Store a stream, whole or not at all; its name and size in bytes.
+
+        Raises StoreFull, StoreAway; what the stream itself raises passes through.
+        """
         ...
 
     def stream(self, owner: str, sha256: str) -> Iterator[bytes]:
-        """The bytes, piece by piece. Raises NotFound before the first piece."""
+        """The bytes, piece by piece. Raises NotFound before the first piece, or StoreAway."""
         ...
 
     def delete(self, owner: str, sha256: str) -> None:
-        """Remove an object; one that is gone already is no error."""
+        """Remove an object; one that is gone already is no error. Raises StoreAway."""
         ...
 
     def delete_all(self, owner: str) -> int:
-        """Remove everything of `owner`; says how many objects that were."""
+        """Remove everything of `owner`; the number of objects. Raises StoreAway."""
         ...
 
     def list(self, owner: str) -> Iterator[ObjectInfo]:
-        """What `owner` has."""
+        """What `owner` has, with sizes in bytes, in no particular order. Raises StoreAway."""
         ...
 
     def owners(self) -> list[str]:
-        """Everybody who has objects."""
+        """Everybody who has objects, sorted. Raises StoreAway."""
         ...
 
     def incoming(self) -> Iterator[tuple[str, datetime]]:
-        """Names and times of what is under way, or was when its writer died."""
+        """Names and times of what is under way, or was when its writer died. Raises StoreAway."""
         ...
 
     def drop_incoming(self, name: str) -> None:
-        """Remove what a dead writer left."""
+        """Remove what a dead writer left. Raises NotFound where `name` is of none, StoreAway."""
         ...
 
     def ping(self) -> None:
@@ -102,6 +105,7 @@ class ObstoreObjects:
         self._store = store
 
     def put(self, owner: str, chunks: Iterable[bytes]) -> StoredObject:
+        """See `Objects.put`."""
         digest, size = hashlib.sha256(), 0
 
         def hashed() -> Iterator[bytes]:
@@ -118,6 +122,7 @@ class ObstoreObjects:
         return StoredObject(digest.hexdigest(), size)
 
     def stream(self, owner: str, sha256: str) -> Iterator[bytes]:
+        """See `Objects.stream`."""
         with naming_errors():
             found = obstore.get(self._store, _key(owner, sha256))
         return self._pieces(iter(found.stream(min_chunk_size=CHUNK_BYTES)))
@@ -131,16 +136,19 @@ class ObstoreObjects:
             yield bytes(piece)  # type: ignore[call-overload]
 
     def delete(self, owner: str, sha256: str) -> None:
+        """See `Objects.delete`."""
         with naming_errors():
             self._delete([_key(owner, sha256)])
 
     def delete_all(self, owner: str) -> int:
+        """See `Objects.delete_all`."""
         with naming_errors():
             keys = [meta["path"] for batch in self._batches(owner) for meta in batch]
             self._delete(keys)
         return len(keys)
 
     def list(self, owner: str) -> Iterator[ObjectInfo]:
+        """See `Objects.list`."""
         with naming_errors():
             for batch in self._batches(owner):
                 for meta in batch:
@@ -148,23 +156,27 @@ class ObstoreObjects:
                     yield ObjectInfo(owner, sha256, meta["size"], meta["last_modified"])
 
     def owners(self) -> list[str]:
+        """See `Objects.owners`."""
         with naming_errors():
             found = obstore.list_with_delimiter(self._store)["common_prefixes"]
         return sorted(str(prefix) for prefix in found if str(prefix) != INCOMING)
 
     def incoming(self) -> Iterator[tuple[str, datetime]]:
+        """See `Objects.incoming`."""
         with naming_errors():
             for batch in self._batches(INCOMING):
                 for meta in batch:
                     yield meta["path"], meta["last_modified"]
 
     def drop_incoming(self, name: str) -> None:
+        """See `Objects.drop_incoming`."""
         if not name.startswith(f"{INCOMING}/"):
             raise NotFound(f"name must be of an object under way; got {name!r}")
         with naming_errors():
             self._delete([name])
 
     def ping(self) -> None:
+        """See `Objects.ping`."""
         with naming_errors():
             next(iter(obstore.list(self._store, f"{INCOMING}/", chunk_size=1)), None)
 

@@ -24,20 +24,25 @@ class SqlRecordings:
         self._session = session
 
     def add(self, recording: RecordingRow) -> None:
+        """See `Recordings.add`."""
         self._session.add(recording)
 
     def get(self, recording_id: str) -> RecordingRow:
+        """See `Recordings.get`."""
         return self._found(self._session.get(RecordingRow, recording_id), recording_id)
 
     def get_for_change(self, recording_id: str) -> RecordingRow:
+        """See `Recordings.get_for_change`."""
         row = self._session.get(RecordingRow, recording_id, with_for_update=True)
         return self._found(row, recording_id)
 
     def of_meeting(self, meeting_id: str) -> list[RecordingRow]:
+        """See `Recordings.of_meeting`."""
         query = select(RecordingRow).where(RecordingRow.meeting_id == meeting_id)
         return list(self._session.scalars(query.order_by(RecordingRow.asked_at.desc())))
 
     def of_account(self, account: str) -> list[RecordingRow]:
+        """See `Recordings.of_account`."""
         agreed = select(RecordingMemberRow.recording_id).where(
             RecordingMemberRow.account == account, RecordingMemberRow.agreed
         )
@@ -47,21 +52,25 @@ class SqlRecordings:
         return list(self._session.scalars(query.order_by(RecordingRow.asked_at.desc())))
 
     def under_way(self, meeting_id: str) -> RecordingRow | None:
+        """See `Recordings.under_way`."""
         query = select(RecordingRow).where(
             RecordingRow.meeting_id == meeting_id, RecordingRow.state != RecordingState.ENDED
         )
         return self._session.scalars(query.limit(1)).first()
 
     def with_person(self, person_id: str) -> list[str]:
+        """See `Recordings.with_person`."""
         query = select(RecordingChunkRow.recording_id).where(
             RecordingChunkRow.person_id == person_id
         )
         return list(self._session.scalars(query.distinct()))
 
     def add_chunk(self, chunk: RecordingChunkRow) -> None:
+        """See `Recordings.add_chunk`."""
         self._session.add(chunk)
 
     def chunks(self, recording_id: str, track: str | None = None) -> list[RecordingChunkRow]:
+        """See `Recordings.chunks`."""
         query = select(RecordingChunkRow).where(RecordingChunkRow.recording_id == recording_id)
         if track is not None:
             query = query.where(RecordingChunkRow.track == track)
@@ -69,25 +78,30 @@ class SqlRecordings:
         return list(self._session.scalars(ordered))
 
     def drop_chunks(self, recording_id: str, account: str) -> list[RecordingChunkRow]:
+        """See `Recordings.drop_chunks`."""
         theirs = [one for one in self.chunks(recording_id) if one.account == account]
         for chunk in theirs:
             self._session.delete(chunk)
         return theirs
 
     def add_export(self, export: RecordingExportRow) -> None:
+        """See `Recordings.add_export`."""
         self._session.add(export)
 
     def exports(self, recording_ids: Collection[str]) -> list[RecordingExportRow]:
+        """See `Recordings.exports`."""
         named = RecordingExportRow.recording_id.in_(recording_ids)
         return list(self._session.scalars(select(RecordingExportRow).where(named)))
 
     def drop_exports(self, recording_ids: Collection[str]) -> list[RecordingExportRow]:
+        """See `Recordings.drop_exports`."""
         found = self.exports(recording_ids)
         named = RecordingExportRow.recording_id.in_(recording_ids)
         self._session.execute(delete(RecordingExportRow).where(named))
         return found
 
     def remove(self, recording: RecordingRow) -> None:
+        """See `Recordings.remove`."""
         self._session.delete(recording)
 
     def _found(self, row: RecordingRow | None, recording_id: str) -> RecordingRow:

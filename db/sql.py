@@ -52,16 +52,20 @@ class SqlPeople(_Repository):
     """Persons."""
 
     def add(self, person: PersonRow) -> None:
+        """See `People.add`."""
         self._session.add(person)
 
     def get(self, person_id: str) -> PersonRow:
+        """See `People.get`."""
         return self._get(PersonRow, person_id, "person")
 
     def of_account(self, account: str) -> list[PersonRow]:
+        """See `People.of_account`."""
         query = select(PersonRow).where(PersonRow.account == account)
         return list(self._session.scalars(query.order_by(PersonRow.created_at)))
 
     def erase(self, person_id: str) -> dict[str, int]:
+        """See `People.erase`."""
         self.get(person_id)
         erased = {}
         # children first: the counts are then exact, where a cascade would tell nothing
@@ -74,6 +78,7 @@ class SqlPeople(_Repository):
         return {name: count for name, count in erased.items() if count}
 
     def count_rows(self, person_id: str) -> int:
+        """See `People.count_rows`."""
         queries = [
             select(func.count()).select_from(table).where(table.c.person_id == person_id)
             for table in _tables_of_persons()
@@ -86,21 +91,26 @@ class SqlUploads(_Repository):
     """Resumable uploads under way."""
 
     def add(self, upload: UploadRow) -> None:
+        """See `Uploads.add`."""
         self._session.add(upload)
 
     def get(self, upload_id: str) -> UploadRow:
+        """See `Uploads.get`."""
         return self._get(UploadRow, upload_id, "upload")
 
     def with_content(self, person_id: str, sha256: str) -> UploadRow | None:
+        """See `Uploads.with_content`."""
         query = select(UploadRow).where(
             UploadRow.person_id == person_id, UploadRow.sha256 == sha256
         )
         return self._session.scalars(query.limit(1)).first()
 
     def remove(self, upload: UploadRow) -> None:
+        """See `Uploads.remove`."""
         self._session.delete(upload)
 
     def started_before(self, moment: datetime) -> list[UploadRow]:
+        """See `Uploads.started_before`."""
         return list(self._session.scalars(select(UploadRow).where(UploadRow.created_at < moment)))
 
 
@@ -108,22 +118,27 @@ class SqlSequences(_Repository):
     """Clips."""
 
     def add(self, sequence: SequenceRow) -> None:
+        """See `Sequences.add`."""
         self._session.add(sequence)
 
     def get(self, sequence_id: str) -> SequenceRow:
+        """See `Sequences.get`."""
         return self._get(SequenceRow, sequence_id, "sequence")
 
     def of_person(self, person_id: str) -> list[SequenceRow]:
+        """See `Sequences.of_person`."""
         query = select(SequenceRow).where(SequenceRow.person_id == person_id)
         return list(self._session.scalars(query.order_by(SequenceRow.created_at)))
 
     def with_source(self, person_id: str, sha256: str) -> SequenceRow | None:
+        """See `Sequences.with_source`."""
         query = select(SequenceRow).where(
             SequenceRow.person_id == person_id, SequenceRow.source_sha256 == sha256
         )
         return self._session.scalars(query).one_or_none()
 
     def remove(self, sequence: SequenceRow) -> None:
+        """See `Sequences.remove`."""
         self._session.delete(sequence)
 
 
@@ -131,9 +146,11 @@ class SqlMotions(_Repository):
     """Motions of sequences."""
 
     def add(self, motion: MotionRow) -> None:
+        """See `Motions.add`."""
         self._session.add(motion)
 
     def of_sequence(self, sequence_id: str) -> MotionRow | None:
+        """See `Motions.of_sequence`."""
         query = select(MotionRow).where(MotionRow.sequence_id == sequence_id)
         return self._session.scalars(query).one_or_none()
 
@@ -142,20 +159,25 @@ class SqlModels(_Repository):
     """Trained models."""
 
     def add(self, model: ModelRow) -> None:
+        """See `Models.add`."""
         self._session.add(model)
 
     def get(self, model_id: str) -> ModelRow:
+        """See `Models.get`."""
         return self._get(ModelRow, model_id, "model")
 
     def of_person(self, person_id: str) -> list[ModelRow]:
+        """See `Models.of_person`."""
         query = select(ModelRow).where(ModelRow.person_id == person_id)
         return self._best(query)
 
     def of_account(self, account: str) -> list[ModelRow]:
+        """See `Models.of_account`."""
         query = select(ModelRow).join(PersonRow).where(PersonRow.account == account)
         return self._best(query)
 
     def supersede(self, model_id: str, better: ModelRow, now: datetime) -> list[str]:
+        """See `Models.supersede`."""
         worse = self._session.get(ModelRow, model_id)
         if worse is None:  # erased meanwhile
             return []
@@ -167,6 +189,7 @@ class SqlModels(_Repository):
         return sorted({performer.meeting_id for performer in performers})
 
     def superseded_before(self, moment: datetime) -> list[ModelRow]:
+        """See `Models.superseded_before`."""
         performing = select(PerformerRow.model_id)
         query = select(ModelRow).where(
             ModelRow.superseded_at < moment, ModelRow.id.not_in(performing)
@@ -174,6 +197,7 @@ class SqlModels(_Repository):
         return list(self._session.scalars(query))
 
     def remove(self, model: ModelRow) -> None:
+        """See `Models.remove`."""
         self._session.delete(model)
 
     def _best(self, query: Select[ModelRow]) -> list[ModelRow]:
@@ -185,12 +209,15 @@ class SqlJobs(_Repository):
     """The queue, and what became of its jobs."""
 
     def add(self, job: JobRow) -> None:
+        """See `Jobs.add`."""
         self._session.add(job)
 
     def get(self, job_id: str) -> JobRow:
+        """See `Jobs.get`."""
         return self._get(JobRow, job_id, "job")
 
     def claim(self, kinds: Collection[JobKind], worker: str, now: datetime) -> JobRow | None:
+        """See `Jobs.claim`."""
         # PostgreSQL skips rows that another worker holds; SQLite has one writer at a time anyway
         query = (
             select(JobRow)
@@ -206,6 +233,7 @@ class SqlJobs(_Repository):
         return job
 
     def with_expired_lease(self, renewed_before: datetime) -> list[JobRow]:
+        """See `Jobs.with_expired_lease`."""
         query = (
             select(JobRow)
             .where(JobRow.state == JobState.RUNNING, JobRow.heartbeat_at < renewed_before)
@@ -214,6 +242,7 @@ class SqlJobs(_Repository):
         return list(self._session.scalars(query))
 
     def write(self, job_id: str, attempt: int, values: dict[str, Any]) -> bool:
+        """See `Jobs.write`."""
         statement = (
             update(JobRow)
             .where(
@@ -226,16 +255,20 @@ class SqlJobs(_Repository):
         return _count(self._session.execute(statement)) == 1
 
     def latest(self, sequence_id: str, kind: JobKind) -> JobRow | None:
+        """See `Jobs.latest`."""
         query = select(JobRow).where(JobRow.sequence_id == sequence_id, JobRow.kind == kind)
         return self._session.scalars(query.order_by(JobRow.created_at.desc()).limit(1)).first()
 
     def of_sequence(self, sequence_id: str) -> list[JobRow]:
+        """See `Jobs.of_sequence`."""
         return list(self._session.scalars(select(JobRow).where(JobRow.sequence_id == sequence_id)))
 
     def preview(self, job_id: str) -> bytes | None:
+        """See `Jobs.preview`."""
         return self._session.scalar(select(JobRow.preview).where(JobRow.id == job_id))
 
     def count(self) -> dict[tuple[str, str], int]:
+        """See `Jobs.count`."""
         query = select(JobRow.kind, JobRow.state, func.count()).group_by(JobRow.kind, JobRow.state)
         return {(kind, state): count for kind, state, count in self._session.execute(query)}
 
@@ -244,26 +277,32 @@ class SqlMeetings(_Repository):
     """Meetings with their performers and participants."""
 
     def add(self, meeting: MeetingRow) -> None:
+        """See `Meetings.add`."""
         self._session.add(meeting)
 
     def get(self, meeting_id: str) -> MeetingRow:
+        """See `Meetings.get`."""
         return self._get(MeetingRow, meeting_id, "meeting")
 
     def get_for_change(self, meeting_id: str) -> MeetingRow:
+        """See `Meetings.get_for_change`."""
         row = self._session.get(MeetingRow, meeting_id, with_for_update=True)
         return row if row is not None else self.get(meeting_id)
 
     def with_label(self, label: str) -> MeetingRow | None:
+        """See `Meetings.with_label`."""
         return self._session.scalars(
             select(MeetingRow).where(MeetingRow.label == label)
         ).one_or_none()
 
     def moved_by(self, sequence_id: str) -> list[str]:
+        """See `Meetings.moved_by`."""
         query = select(PerformerRow.meeting_id)
         query = query.where(PerformerRow.motion_sequence_id == sequence_id)
         return list(self._session.scalars(query.distinct()))
 
     def where_performs(self, person_id: str) -> list[str]:
+        """See `Meetings.where_performs`."""
         theirs = select(SequenceRow.id).where(SequenceRow.person_id == person_id)
         query = select(PerformerRow.meeting_id).where(
             (PerformerRow.person_id == person_id) | PerformerRow.motion_sequence_id.in_(theirs)
@@ -271,11 +310,13 @@ class SqlMeetings(_Repository):
         return list(self._session.scalars(query.distinct()))
 
     def seen(self, participant_ids: Collection[str], now: datetime) -> set[str]:
+        """See `Meetings.seen`."""
         named = ParticipantRow.id.in_(participant_ids)
         self._session.execute(update(ParticipantRow).where(named).values(seen_at=now))
         return set(self._session.scalars(select(ParticipantRow.id).where(named)))
 
     def heard(self, moments: Mapping[str, datetime]) -> None:
+        """See `Meetings.heard`."""
         for participant_id, at in moments.items():
             statement = update(ParticipantRow).where(ParticipantRow.id == participant_id)
             self._session.execute(statement.values(heard_at=at, seen_at=at))
@@ -283,6 +324,7 @@ class SqlMeetings(_Repository):
     def drop_participants(
         self, participant_ids: Collection[str], *, unless_heard_since: datetime | None = None
     ) -> None:
+        """See `Meetings.drop_participants`."""
         dropped = delete(ParticipantRow).where(ParticipantRow.id.in_(participant_ids))
         if unless_heard_since is not None:
             silent = ParticipantRow.heard_at.is_(None) | (
@@ -292,16 +334,20 @@ class SqlMeetings(_Repository):
         self._session.execute(dropped)
 
     def panorama(self, meeting_id: str) -> PanoramaRow | None:
+        """See `Meetings.panorama`."""
         return self._session.get(PanoramaRow, meeting_id)
 
     def panorama_picture(self, meeting_id: str) -> bytes | None:
+        """See `Meetings.panorama_picture`."""
         query = select(PanoramaRow.picture).where(PanoramaRow.meeting_id == meeting_id)
         return self._session.scalar(query)
 
     def set_panorama(self, panorama: PanoramaRow) -> None:
+        """See `Meetings.set_panorama`."""
         self._session.merge(panorama)
 
     def say(self, message: MessageRow) -> None:
+        """See `Meetings.say`."""
         newest = select(func.max(MessageRow.number)).where(
             MessageRow.meeting_id == message.meeting_id
         )
@@ -309,6 +355,7 @@ class SqlMeetings(_Repository):
         self._session.add(message)
 
     def said_since(self, meeting_id: str, number: int) -> list[MessageRow]:
+        """See `Meetings.said_since`."""
         query = (
             select(MessageRow)
             .where(MessageRow.meeting_id == meeting_id, MessageRow.number > number)
@@ -318,6 +365,7 @@ class SqlMeetings(_Repository):
         return list(self._session.scalars(query))[::-1]
 
     def forget_said(self, meeting_id: str, kind: MessageKind, before: datetime) -> None:
+        """See `Meetings.forget_said`."""
         self._session.execute(
             delete(MessageRow).where(
                 MessageRow.meeting_id == meeting_id,
@@ -331,9 +379,11 @@ class SqlAuditLog(_Repository):
     """Who did what, when."""
 
     def add(self, event: AuditEventRow) -> None:
+        """See `AuditLog.add`."""
         self._session.add(event)
 
     def of_account(self, account: str) -> list[AuditEventRow]:
+        """See `AuditLog.of_account`."""
         query = select(AuditEventRow).where(AuditEventRow.account == account)
         return list(self._session.scalars(query.order_by(AuditEventRow.at)))
 
@@ -342,6 +392,7 @@ class SqlReferences(_Repository):
     """Which objects of the store rows point at, read off the tables themselves."""
 
     def of_owner(self, owner: str) -> set[str]:
+        """See `References.of_owner`."""
         found: set[str] = set()
         for table in _tables_of_persons():
             for column in table.c:
@@ -353,6 +404,7 @@ class SqlReferences(_Repository):
         return found
 
     def owners(self, among: Iterable[str]) -> set[str]:
+        """See `References.owners`."""
         return set(self._session.scalars(select(PersonRow.id).where(PersonRow.id.in_(among))))
 
 

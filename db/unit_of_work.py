@@ -89,11 +89,11 @@ class SqlUnitOfWork:
             raise _domain_error(error) from error
 
     def flush(self) -> None:
-        """Send what is pending, so that its constraints speak now."""
+        """See `repositories.UnitOfWork.flush`."""
         self._session.flush()
 
     def commit(self) -> None:
-        """Make it so."""
+        """See `repositories.UnitOfWork.commit`."""
         self._session.commit()
 
 
