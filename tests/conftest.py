@@ -1,4 +1,4 @@
-"""Checks array annotations of scene/ and renderer/ while testing.
+"""Checks array annotations of scene/ and renderer/ while testing; marks what asks for a server.
 
 Modules of numba code (`*kernels`) are left out: a compiled function can't be wrapped.
 """
@@ -14,6 +14,12 @@ import pytest
 import torch
 
 import tests.annotations  # noqa: F401  (the hook finds its checker by this name)
+from tests.servers import SERVER_FIXTURES
+from tests.servers import face_model as face_model
+from tests.servers import hand_model as hand_model
+from tests.servers import pose_model as pose_model
+from tests.servers import postgres_url as postgres_url
+from tests.servers import redis_url as redis_url
 
 # before anything imports triton: without a GPU its kernels run one by one on the CPU
 if not torch.cuda.is_available():
@@ -31,6 +37,13 @@ def _checked_modules() -> list[str]:
 
 
 jaxtyping.install_import_hook(_checked_modules(), "tests.annotations.typecheck")
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Mark what needs a server, by its fixtures."""
+    assert isinstance(item, pytest.Function)
+    if not SERVER_FIXTURES.isdisjoint(item.fixturenames):
+        item.add_marker(pytest.mark.server)
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

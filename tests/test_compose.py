@@ -21,15 +21,11 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
-import psycopg
 import pytest
-import redis
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 SCHEMA = files("check_jsonschema") / "builtin_schemas" / "vendor" / "compose-spec.json"
-POSTGRES = os.environ.get("METANERF_TEST_POSTGRES", "postgresql+psycopg://root@127.0.0.1:5432/test")
-REDIS = "redis://127.0.0.1:6379/15"
 OURS = ("gateway", "capture", "worker")
 VARIABLES = {"JWT_SECRET": "kq8Zr2mW" * 6, "POSTGRES_PASSWORD": "p" * 24, "S3_SECRET": "s" * 24}
 
@@ -65,32 +61,18 @@ def test_every_dependency_is_a_service_with_a_health_check():
                 assert "healthcheck" in services[needed], needed
 
 
-def environment(service: dict[str, Any], folder: Path, port: int) -> dict[str, str]:
+def environment(
+    service: dict[str, Any], folder: Path, port: int, stores: dict[str, str]
+) -> dict[str, str]:
     given = {k: str(v) for k, v in service["environment"].items()}
     return {
         **{k: v for k, v in os.environ.items() if not k.startswith("METANERF_")},
         **given,
-        "METANERF_DATABASE_URL": POSTGRES,
-        "METANERF_REDIS_URL": REDIS,
+        **stores,
         "METANERF_OBJECT_STORE_URL": f"file://{folder}/objects",
         "METANERF_DATA_DIR": str(folder / "data"),
         "METANERF_PORT": str(port),
     }
-
-
-@pytest.fixture
-def stores():
-    """A local PostgreSQL with a schema of our own, and Redis; skips where they are not."""
-    plain = POSTGRES.replace("+psycopg", "")
-    try:
-        redis.Redis.from_url(REDIS).ping()
-        with psycopg.connect(plain, autocommit=True) as connection:
-            connection.execute("DROP SCHEMA IF EXISTS public CASCADE; CREATE SCHEMA public")
-    except (psycopg.OperationalError, redis.RedisError) as error:
-        pytest.skip(f"needs PostgreSQL at {POSTGRES} and Redis at {REDIS}: {error}")
-    yield
-    with psycopg.connect(plain, autocommit=True) as connection:
-        connection.execute("DROP SCHEMA IF EXISTS public CASCADE; CREATE SCHEMA public")
 
 
 def free_port() -> int:
@@ -99,14 +81,16 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-@pytest.mark.usefixtures("stores")
-def test_each_service_starts_with_its_own_command_and_environment(tmp_path):
+def test_each_service_starts_with_its_own_command_and_environment(
+    tmp_path: Path, postgres_url: str, redis_url: str
+):
+    stores = {"METANERF_DATABASE_URL": postgres_url, "METANERF_REDIS_URL": redis_url}
     services, port = compose()["services"], free_port()
     main = [sys.executable, "-c", "from services.cli import main; main()"]
     running = {
         name: subprocess.Popen(
             [*main, *services[name]["command"][1:]],
-            env=environment(services[name], tmp_path, port),
+            env=environment(services[name], tmp_path, port, stores),
             stderr=subprocess.PIPE,
             text=True,
         )

@@ -30,12 +30,11 @@ from tests.capture.people import (
     seen_by,
     standing,
 )
-from tests.landmark_models import face_model, silent_server
+from tests.landmark_models import silent_server
 from tests.shared_data import shared_data
 
 FRAMES = 10
 COLOUR = (200, 60, 40)
-MODEL = "models/pose_landmarker_full.task"
 
 
 @pytest.fixture(scope="module")
@@ -190,21 +189,21 @@ def test_a_stop_leaves_nothing(zipped, estimator, tmp_path, stage):
     assert _nothing_left(tmp_path)
 
 
-def test_models_that_are_not_there_are_named(zipped, tmp_path):
+def test_models_that_are_not_there_are_named(zipped, pose_model, tmp_path):
     absent = tmp_path / "absent.task"
     with pytest.raises(InvalidInput, match="a pose_model or an estimator"):
         capture_clip(zipped, tmp_path / "out", CaptureOptions(person="p"))
     with pytest.raises(PoseModelMissing, match="set METANERF_POSE_MODEL"):
         capture_clip(zipped, tmp_path / "out", CaptureOptions(person="p", pose_model=absent))
-    options = CaptureOptions(person="p", pose_model=shared_data(MODEL), face_model=absent)
+    options = CaptureOptions(person="p", pose_model=pose_model, face_model=absent)
     with pytest.raises(PoseModelMissing, match="set METANERF_FACE_MODEL"):
         capture_clip(zipped, tmp_path / "out", options)
     assert _nothing_left(tmp_path)
 
 
-def test_a_real_clip_with_others_behind_becomes_a_sequence(tmp_path):
+def test_a_real_clip_with_others_behind_becomes_a_sequence(pose_model, tmp_path):
     clip = shared_data("real-two-cameras/cam01.mp4")
-    options = CaptureOptions(person="p", pose_model=shared_data(MODEL), max_frames=12)
+    options = CaptureOptions(person="p", pose_model=pose_model, max_frames=12)
     quality = capture_clip(clip, tmp_path / "out", options)
     assert quality.frames_used == 12
     assert quality.mask_overlap > 0.78
@@ -221,15 +220,15 @@ def test_a_real_clip_with_others_behind_becomes_a_sequence(tmp_path):
         assert 0.03 < (frame.mask > 0.5).mean() < 0.5
 
 
-def test_an_upper_body_is_captured_standing(tmp_path):
+def test_an_upper_body_is_captured_standing(pose_model, face_model, tmp_path):
     clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
     with silent_server() as address:
         hands = NetworkSource(url=f"{address}/m.task", folder=tmp_path / "kept", model=HAND_MODEL)
         options = CaptureOptions(
             person="p",
-            pose_model=shared_data(MODEL),
+            pose_model=pose_model,
             max_frames=10,
-            face_model=face_model(),
+            face_model=face_model,
             hand_model=hands,
         )
         quality = capture_clip(clip, tmp_path / "out", options)

@@ -9,10 +9,10 @@ import pytest
 
 from db.objects import ObstoreObjects, open_objects
 from db.unit_of_work import Database
-from tests.db.databases import fresh_database
+from tests.servers import DATABASES, fresh_database
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(params=DATABASES)
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
     with fresh_database(request.param, tmp_path) as address:
         yield address

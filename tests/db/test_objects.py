@@ -38,7 +38,10 @@ def _open(kind: str, folder: Path) -> ObstoreObjects:
     return ObstoreObjects(MemoryStore()) if kind == "memory" else open_objects(f"file://{folder}")
 
 
-@pytest.mark.parametrize("kind", ["folder", "memory", *(["s3"] if S3 else [])])
+_ON_S3 = [pytest.param("s3", marks=pytest.mark.server)] if S3 else []
+
+
+@pytest.mark.parametrize("kind", ["folder", "memory", *_ON_S3])
 def test_bytes_come_out_as_they_went_in(kind: str, tmp_path: Path):
     objects = _open(kind, tmp_path)
     data = os.urandom(12_345_678)

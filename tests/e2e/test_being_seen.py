@@ -16,6 +16,7 @@ from playwright.sync_api import Page, Request, WebSocket, expect
 
 from benchmarks.browser import open_page
 from benchmarks.landmark_finder import film
+from capture.detection.network_files import FACE_MODEL, HAND_MODEL, POSE_MODEL
 from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
 from services.app import create_app
 from services.auth import GUEST
@@ -27,7 +28,7 @@ from services.live.room import Room
 from services.meetings import create_meeting
 from services.settings import load_settings
 from tests.capture.people import JOINT
-from tests.landmark_models import face_model, hand_model
+from tests.landmark_models import landmark_model
 from tests.services.jobs.waiting import until
 from tests.shared_data import shared_data
 
@@ -71,10 +72,10 @@ def webcam(source: Path, out: Path) -> Path:
 @contextmanager
 def meeting_with_ada(data_dir: Path) -> Iterator[tuple[str, dict[str, Room]]]:
     """A server with Ada in a meeting: the page's address, and the rooms that are looked into."""
-    pose_model = shared_data("models/pose_landmarker_full.task")
     settings = load_settings(
-        data_dir=data_dir, open_access=True, embedded_worker=False, pose_model=pose_model,
-        face_model=face_model(), hand_model=hand_model(),
+        data_dir=data_dir, open_access=True, embedded_worker=False,
+        pose_model=landmark_model(POSE_MODEL), face_model=landmark_model(FACE_MODEL),
+        hand_model=landmark_model(HAND_MODEL),
     )  # fmt: skip
     services = build_services(settings)
     services.database.migrate()

@@ -12,7 +12,6 @@ from tests.shared_data import shared_data
 
 pytestmark = pytest.mark.e2e
 CLIP = "real-monocular/webcam_upperbody_woman_asl.mp4"
-POSE_MODEL = "models/pose_landmarker_full.task"
 
 
 def test_a_clip_becomes_the_film_of_a_camera(tmp_path: Path):
@@ -22,8 +21,8 @@ def test_a_clip_becomes_the_film_of_a_camera(tmp_path: Path):
     assert [(frame.width, frame.height) for frame in frames] == 5 * [CAMERA]
 
 
-def test_the_worker_tells_its_time_for_each_picture():
-    figures = measured(shared_data(CLIP), shared_data(POSE_MODEL), watched_s=4.0)
+def test_the_worker_tells_its_time_for_each_picture(pose_model: Path):
+    figures = measured(shared_data(CLIP), pose_model, watched_s=4.0)
     assert figures["pictures"] >= 4
     assert 0.0 < figures["p50_ms"] <= figures["p95_ms"] < 4000.0
     # one picture at a time: together they take no longer than was watched

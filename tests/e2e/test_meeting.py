@@ -19,10 +19,12 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from benchmarks.browser import open_page, running_demo
+from capture.detection.network_files import POSE_MODEL
 from db.models import SequenceRow, SequenceState
 from services.container import Services, build_services
 from services.settings import load_settings
 from tests.e2e.stage import frames_shown, picture
+from tests.landmark_models import landmark_model
 from tests.services import seeds
 from tests.services.jobs.waiting import until
 from tests.shared_data import shared_data
@@ -200,7 +202,7 @@ def only_the_likeness_is_left(services: Services, film: SequenceRow) -> None:
 
 def test_a_real_clip_becomes_somebody_in_the_meeting_and_only_their_likeness_is_kept(tmp_path):
     clip = short_clip(shared_data("real-two-cameras/cam01.mp4"), tmp_path / "clip.mp4", every=4)
-    pose_model = str(shared_data("models/pose_landmarker_full.task"))
+    pose_model = str(landmark_model(POSE_MODEL))
     environment = {"METANERF_POSE_MODEL": pose_model}
     data = tmp_path / "data"
     with (

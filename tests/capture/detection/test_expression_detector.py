@@ -17,8 +17,6 @@ from capture.studio import make_sequence
 from scene.arrays import Array, UInt8
 from scene.expression import EXPRESSION_NAMES
 from scene.sequence import Sequence
-from tests.landmark_models import face_model, hand_model
-from tests.shared_data import shared_data
 
 FRAMES = 24
 JAW = EXPRESSION_NAMES.index("jaw_open")
@@ -43,14 +41,14 @@ def pictures(filmed: Sequence) -> list[UInt8[Array, "H W 3"]]:
 
 
 @pytest.fixture(scope="module")
-def people(pictures: list[UInt8[Array, "H W 3"]]) -> list[Landmarks | None]:
-    with MediaPipeEstimator(shared_data("models/pose_landmarker_full.task")) as estimator:
+def people(pictures: list[UInt8[Array, "H W 3"]], pose_model: Path) -> list[Landmarks | None]:
+    with MediaPipeEstimator(pose_model) as estimator:
         found = [estimator.detect(picture) for picture in pictures]
     return [one[0] if one else None for one in found]
 
 
-def test_a_mouth_is_seen_to_open_as_it_did(filmed, pictures, people):
-    with closing(ExpressionDetector(face_model(), hand_model())) as finder:
+def test_a_mouth_is_seen_to_open_as_it_did(filmed, pictures, people, face_model, hand_model):
+    with closing(ExpressionDetector(face_model, hand_model)) as finder:
         shown = clip_expressions(pictures, people, finder)
     truth = filmed.motion.expressions[:FRAMES]
     assert np.ptp(truth[:, JAW]) > 0.5  # else nothing is tested
@@ -59,10 +57,10 @@ def test_a_mouth_is_seen_to_open_as_it_did(filmed, pictures, people):
     assert ((shown >= 0.0) & (shown <= 1.0)).all()
 
 
-def test_who_is_lost_or_hidden_is_at_rest(pictures, people):
+def test_who_is_lost_or_hidden_is_at_rest(pictures, people, face_model, hand_model):
     first = next(one for one in people if one is not None)
     away = replace(first, visibility=np.zeros(33), pixels=first.pixels + 4000.0)
-    with closing(ExpressionDetector(face_model(), hand_model())) as finder:
+    with closing(ExpressionDetector(face_model, hand_model)) as finder:
         assert not clip_expressions(pictures[:2], [None, away], finder).any()
         assert finder.hand(pictures[0], away, "left_hand_curl") is None
 

@@ -17,8 +17,8 @@ from tests.shared_data import shared_data
 
 
 @pytest.fixture(scope="module")
-def estimator():
-    with MediaPipeEstimator(shared_data("models/pose_landmarker_full.task")) as found:
+def estimator(pose_model):
+    with MediaPipeEstimator(pose_model) as found:
         yield found
 
 

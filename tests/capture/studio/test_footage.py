@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import cv2
@@ -17,7 +16,6 @@ from capture.storage import open_sequence
 from capture.studio import Footage, make_sequence
 from capture.studio.room import room_background
 from scene import orbit_camera
-from tests.shared_data import shared_data
 
 FRAMES, SIZE = 5, 96
 
@@ -118,9 +116,7 @@ def test_a_video_is_near_lossless_and_has_the_rate(textured, tmp_path):
     assert 20.0 * np.log10(255.0 / np.sqrt((error**2).mean())) > 42.0
 
 
-def test_the_estimator_sees_a_human(tmp_path):
-    model = os.environ.get("METANERF_POSE_MODEL")
-    path = Path(model) if model else shared_data("models/pose_landmarker_full.task")
+def test_the_estimator_sees_a_human(pose_model, tmp_path):
     raw = tmp_path / "raw.mp4"
     make_sequence(
         tmp_path / "seq", look="lit", frames=12, size=512, test_cameras=1, seed=1,
@@ -128,7 +124,7 @@ def test_the_estimator_sees_a_human(tmp_path):
     )  # fmt: skip
     truth = open_sequence(tmp_path / "seq")
     found, near = 0, []
-    with MediaPipeEstimator(path) as estimator:
+    with MediaPipeEstimator(pose_model) as estimator:
         for index, image in enumerate(read_video(raw).images):
             people = estimator.detect(image)
             found += len(people) == 1

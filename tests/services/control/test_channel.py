@@ -15,7 +15,6 @@ from services.control import channel
 from services.control.roster import SILENCE_S
 from services.jobs.events import RedisEvents
 from services.seats import SEAT_LAPSES_S
-from tests.db.databases import redis_url
 from tests.fakes import Clock
 from tests.services.control.conftest import on_a_port
 from tests.services.control.page import Page, join
@@ -163,8 +162,8 @@ async def test_who_talks_without_end_is_told_to_wait(
         assert channel.COMMANDS_PER_MINUTE > 2
 
 
-async def test_two_gateways_are_one_meeting_by_redis(services: Services):
-    both = [replace(services, events=RedisEvents(redis_url())) for _ in range(2)]
+async def test_two_gateways_are_one_meeting_by_redis(services: Services, redis_url: str):
+    both = [replace(services, events=RedisEvents(redis_url)) for _ in range(2)]
     apps = [create_app(one.settings, one) for one in both]
     async with on_a_port(apps[0], both[0]) as here, on_a_port(apps[1], both[1]) as there:
         opened = (await here.post("/v1/meetings", json={"name": "Monday"})).json()

@@ -23,9 +23,8 @@ from tests.shared_data import shared_data
 
 
 @pytest.fixture
-def caller(settings: Settings) -> Iterator[httpx.Client]:
-    model = shared_data("models/pose_landmarker_full.task")
-    changes = {"embedded_worker": True, "pose_model": model}
+def caller(settings: Settings, pose_model: Path) -> Iterator[httpx.Client]:
+    changes = {"embedded_worker": True, "pose_model": pose_model}
     with serving(settings.model_copy(update=changes)) as made:
         yield made
 

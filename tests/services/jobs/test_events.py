@@ -7,7 +7,6 @@ import threading
 import time
 
 from services.jobs.events import Events, LocalEvents, RedisEvents
-from tests.db.databases import redis_url
 
 
 def _wakes_a_thread(listening: Events, speaking: Events) -> bool:
@@ -35,15 +34,15 @@ def test_an_event_wakes_a_thread():
     assert _wakes_a_thread(events, events)
 
 
-def test_an_event_wakes_another_process_by_redis():
-    listening, speaking = RedisEvents(redis_url()), RedisEvents(redis_url())
+def test_an_event_wakes_another_process_by_redis(redis_url: str):
+    listening, speaking = RedisEvents(redis_url), RedisEvents(redis_url)
     assert _wakes_a_thread(listening, speaking)
     listening.close()
     speaking.close()
 
 
-async def test_no_event_after_listening_is_missed():
-    listening, speaking = RedisEvents(redis_url()), RedisEvents(redis_url())
+async def test_no_event_after_listening_is_missed(redis_url: str):
+    listening, speaking = RedisEvents(redis_url), RedisEvents(redis_url)
     async with listening.listen("job:1") as listener:
         speaking.publish("job:1")
         await asyncio.wait_for(listener.wait(60.0), 30.0)

@@ -19,7 +19,6 @@ from tests.services.conftest import serving, stored_files
 from tests.services.disks import TinyDisk
 from tests.services.jobs.test_capturing import real_frames, upload
 from tests.services.jobs.waiting import job_when
-from tests.shared_data import shared_data
 
 PLENTY = 64_000_000
 _OVER = ("succeeded", "failed")
@@ -83,8 +82,9 @@ def test_a_training_says_what_is_full_and_is_resumed(
 
 
 @pytest.mark.parametrize("disk", ["scratch"], indirect=True)
-def test_a_capture_keeps_the_clip_and_is_tried_again(working: Settings, disk: TinyDisk):
-    pose_model = shared_data("models/pose_landmarker_full.task")
+def test_a_capture_keeps_the_clip_and_is_tried_again(
+    working: Settings, disk: TinyDisk, pose_model: Path
+):
     clip = real_frames()
     with serving(working.model_copy(update={"pose_model": pose_model})) as caller:
         # uploads pass by the same disk: the clip comes while there is room

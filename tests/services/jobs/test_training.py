@@ -16,7 +16,7 @@ import pytest
 from services.container import build_services
 from services.jobs.train_job import round_ends
 from services.settings import Settings
-from tests.db.databases import fresh_database, redis_url
+from tests.servers import DATABASES, fresh_database
 from tests.services import seeds
 from tests.services.conftest import serving, stored_files
 from tests.services.jobs.waiting import child_of, job_when, until
@@ -29,7 +29,7 @@ def working(
     """Settings of a gateway that runs jobs; with PostgreSQL goes Redis, as when deployed."""
     kind = getattr(request, "param", "sqlite")
     with fresh_database(kind, tmp_path) as url:
-        events = redis_url() if kind == "postgresql" else None
+        events = request.getfixturevalue("redis_url") if kind == "postgresql" else None
         changes = {"database_url": url, "redis_url": events, "embedded_worker": True}
         yield settings.model_copy(update=changes)
 
@@ -63,7 +63,7 @@ def _follow(caller: httpx.Client, job_id: str) -> list[tuple[str, dict]]:
     return events
 
 
-@pytest.mark.parametrize("working", ["sqlite", "postgresql"], indirect=True)
+@pytest.mark.parametrize("working", DATABASES, indirect=True)
 def test_a_training_is_followed_to_its_model(working: Settings, sequence_id: str):
     with serving(working) as caller:
         job_id = _start(caller, sequence_id, budget_s=2.0)
