@@ -18,7 +18,7 @@ from services.jobs.packing import unpack
 from services.settings import Settings
 from tests.services import seeds
 from tests.services.conftest import serving, stored_files
-from tests.services.jobs.waiting import job_when
+from tests.services.jobs.waiting import job_when, until
 from tests.shared_data import shared_data
 
 
@@ -95,7 +95,7 @@ def test_a_video_without_a_person_fails_with_the_reason_and_leaves_nothing(
     assert job["sequence_id"] is None
     assert caller.get(f"/v1/sequences/{uploaded['id']}").status_code == 404
     assert caller.post(f"/v1/jobs/{job['id']}/resume").status_code == 409
-    assert stored_files(settings) == []
+    until(lambda: stored_files(settings) == [], "deleting what was uploaded")
 
 
 def test_a_running_capture_can_be_cancelled(caller: httpx.Client, settings: Settings):
@@ -104,4 +104,4 @@ def test_a_running_capture_can_be_cancelled(caller: httpx.Client, settings: Sett
     caller.delete(f"/v1/jobs/{uploaded['job_id']}")
     job_when(caller, uploaded["job_id"], lambda job: job["state"] == "cancelled", "the end")
     assert caller.get(f"/v1/sequences/{uploaded['id']}").status_code == 404
-    assert stored_files(settings) == []
+    until(lambda: stored_files(settings) == [], "deleting what was uploaded")
