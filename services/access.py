@@ -8,7 +8,7 @@ from services.auth import Principal
 
 
 def person_of(unit: UnitOfWork, caller: Principal, person_id: str) -> PersonRow:
-    """The person, if it is the caller's. Raises NotFound, a 403 problem."""
+    """The person, if it is the caller's. Raises NotFound, NotOwner."""
     person = unit.people.get(person_id)
     caller.require_account(person.account)
     return person

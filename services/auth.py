@@ -20,7 +20,7 @@ from fastapi import Request, Security
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer, SecurityScopes
 
 from db.models import Role, new_id
-from services.problems import ProblemError
+from services.errors import NotOwner, OtherMeeting, ScopeMissing, Unauthorized
 
 _ALGORITHM = "HS256"
 _ISSUER = "metanerf"
@@ -62,26 +62,22 @@ class Principal:
         return account == self.account or (account == GUEST and is_guest(self.account))
 
     def require_use(self, account: str) -> None:
-        """Raise a 403 problem unless this caller may use what `account` owns."""
+        """Raise NotOwner unless this caller may use what `account` owns."""
         if not self.may_use(account):
             self.require_account(account)
 
     def require_account(self, account: str) -> None:
-        """Raise a 403 problem unless what `account` owns is this caller's."""
+        """Raise NotOwner unless what `account` owns is this caller's."""
         if account != self.account:
-            raise ProblemError(
-                403,
-                "not-yours",
+            raise NotOwner(
                 f"the token must be of the account that owns this; got one of {self.account!r}; "
                 "use the token it was made with",
             )
 
     def require_meeting(self, meeting_id: str) -> None:
-        """Raise a 403 problem where this token opens another meeting only."""
+        """Raise OtherMeeting where this token opens another meeting only."""
         if self.meeting_id is not None and self.meeting_id != meeting_id:
-            raise ProblemError(
-                403,
-                "other-meeting",
+            raise OtherMeeting(
                 f"the token must be for meeting {meeting_id!r}; got one for "
                 f"{self.meeting_id!r}; join this meeting first",
             )
@@ -124,13 +120,13 @@ class Tokens:
         """The guest whose token this is, or lately was; None for anything else."""
         try:
             caller = self._read(token, self._clock() - _RENEWABLE)
-        except ProblemError:
+        except Unauthorized:
             return None
         whole = caller.meeting_id is None and is_guest(caller.account)
         return caller.account if whole else None
 
     def read(self, token: str) -> Principal:
-        """Whose token it is. Raises a 401 problem unless it is one of ours and still good."""
+        """Whose token it is. Raises Unauthorized unless it is one of ours and still good."""
         return self._read(token, self._clock())
 
     def _read(self, token: str, good_at: datetime) -> Principal:
@@ -147,10 +143,10 @@ class Tokens:
                 },
             )
         except jwt.PyJWTError as error:
-            raise _unauthorized(f"the token must be signed by this server; got: {error}") from error
+            raise Unauthorized(f"the token must be signed by this server; got: {error}") from error
         # the clock is ours, so that tests need not wait
         if float(claims["exp"]) <= good_at.timestamp():
-            raise _unauthorized("the token must not be over; got one that is; get a new one")
+            raise Unauthorized("the token must not be over; got one that is; get a new one")
         return Principal(
             str(claims["sub"]),
             frozenset(str(claims["scope"]).split()),
@@ -174,21 +170,17 @@ def principal(
 ) -> Principal:
     """The caller, who must hold every scope that the route asks for."""
     if credentials is None:
-        raise _unauthorized(
+        raise Unauthorized(
             "the request must carry `Authorization: Bearer TOKEN`; got none; get a token first"
         )
     services: _HasTokens = request.app.state.services
     caller = services.tokens.read(credentials.credentials)
     missing = sorted(set(needed.scopes) - caller.scopes)
     if missing:
-        raise ProblemError(
-            403,
-            "scope-missing",
+        raise ScopeMissing(
             f"the token must have scope {missing[0]!r}; got {sorted(caller.scopes)}; "
             "get a token with more scopes",
-            headers={
-                "WWW-Authenticate": f'Bearer error="insufficient_scope", scope="{missing[0]}"'
-            },
+            missing[0],
         )
     return caller
 
@@ -199,7 +191,3 @@ Writer = Annotated[Principal, Security(principal, scopes=["write"])]
 """A caller who may change."""
 Joiner = Annotated[Principal, Security(principal, scopes=["join"])]
 """A caller who may enter meetings."""
-
-
-def _unauthorized(detail: str) -> ProblemError:
-    return ProblemError(401, "unauthorized", detail, headers={"WWW-Authenticate": "Bearer"})

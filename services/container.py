@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import Depends, Request
 
@@ -15,6 +15,7 @@ from services.auth import Tokens
 from services.jobs.events import Events, open_events
 from services.limits import RateLimit
 from services.person_models import ModelCache
+from services.problems import stored_failure
 from services.settings import Settings
 
 Clock = Callable[[], datetime]
@@ -32,6 +33,8 @@ class Services:
     models: ModelCache
     guest_limit: RateLimit
     clock: Clock
+    describe_failure: Callable[[Exception], dict[str, Any]]
+    """What the row of a job keeps of the error that ended it."""
 
     def unit_of_work(self) -> SqlUnitOfWork:
         """A transaction that may write."""
@@ -77,6 +80,7 @@ def build_services(
             "guest tokens from one address", settings.guest_tokens_per_minute, clock
         ),
         clock=clock,
+        describe_failure=stored_failure,
     )
 
 

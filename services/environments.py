@@ -13,13 +13,13 @@ import cv2
 import numpy as np
 
 from capture.sources.archive import decode_picture
+from db.errors import NotFound
 from db.models import PanoramaRow
 from db.repositories import UnitOfWork
 from scene.arrays import Array, Float
 from scene.colour import to_linear, to_srgb
 from scene.environment import Environment
 from scene.lighting import Lighting, require_panorama
-from services.problems import ProblemError
 
 THEMES = Path(__file__).parent / "assets" / "themes"
 STUDIO = "studio"
@@ -56,16 +56,16 @@ def themes() -> dict[str, Theme]:
 
 
 def find_theme(name: str) -> Theme:
-    """The theme of this name. Raises a 404 problem where there is none."""
+    """The theme of this name. Raises NotFound where there is none."""
     if name not in themes():
         known = ", ".join(themes())
-        raise ProblemError(404, "not-found", f"environment must be one of {known}; got {name!r}")
+        raise NotFound(f"environment must be one of {known}; got {name!r}")
     return themes()[name]
 
 
 @cache
 def environment(name: str) -> Environment:
-    """The surroundings that a theme stands for, read once. Raises a 404 problem."""
+    """The surroundings that a theme stands for, read once. Raises NotFound."""
     theme = find_theme(name)
     if theme.picture is None:
         return Environment(theme.name)

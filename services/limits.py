@@ -11,7 +11,7 @@ from datetime import datetime
 from fastapi import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from services.problems import ProblemError
+from services.errors import TooLarge, TooManyRequests
 
 LARGEST_BODY_BYTES = 1 << 20
 """Of a request that is read into memory: the largest, a pose and its camera, has a few thousand."""
@@ -34,7 +34,7 @@ class RateLimit:
         self._guard = threading.Lock()
 
     def take(self, caller: str) -> None:
-        """Count one more of `caller`. Raises a 429 problem with `Retry-After` beyond the limit."""
+        """Count one more of `caller`. Raises TooManyRequests beyond the limit."""
         step_s = _WINDOW_S / self._per_minute
         with self._guard:
             now_s = self._clock().timestamp()
@@ -44,12 +44,10 @@ class RateLimit:
                 self._free_s[caller] = free_s
                 self._forget(now_s)
                 return
-        raise ProblemError(
-            429,
-            "too-many-requests",
+        raise TooManyRequests(
             f"{self._what} must be at most {self._per_minute} a minute; got one more; "
             f"come back in {math.ceil(wait_s)} s",
-            headers={"Retry-After": str(math.ceil(wait_s))},
+            math.ceil(wait_s),
         )
 
     def _forget(self, now_s: float) -> None:
@@ -69,7 +67,7 @@ def network_of(address: str) -> str:
 
 
 class LimitBodies:
-    """ASGI middleware: no request fills the memory. Raises a 413 problem where the body is read."""
+    """ASGI middleware: no request fills the memory. Raises TooLarge where the body is read."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -82,9 +80,7 @@ class LimitBodies:
             message = await receive()
             received += len(message.get("body", b""))
             if received > LARGEST_BODY_BYTES and not scope.get(_OWN_LIMIT):
-                raise ProblemError(
-                    413,
-                    "too-large",
+                raise TooLarge(
                     f"the body must have at most {LARGEST_BODY_BYTES} bytes; got more; clips and "
                     "keypoints go to the sequences of a person",
                 )

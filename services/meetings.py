@@ -5,14 +5,15 @@ from __future__ import annotations
 from datetime import timedelta
 from urllib.parse import quote
 
+from db.errors import NotFound
 from db.models import MeetingRow, ModelRow, PerformerRow, Role, new_id
 from db.repositories import UnitOfWork
 from scene.motion import Motion
 from services.auth import INVITED
 from services.container import Services
+from services.errors import MeetingFull
 from services.live.room import circle_layout, facing_yaw
 from services.motions import motion_of
-from services.problems import ProblemError
 
 DEMO = "demo"
 """Label of the meeting that the demo shows."""
@@ -55,12 +56,10 @@ def add_performer(
 ) -> PerformerRow:
     """One more performer, who moves by a sequence's motion or by the model's own.
 
-    Everybody moves up. Raises a 409 problem when the room is full, or the sequence has no motion.
+    Everybody moves up. Raises MeetingFull, or NotCaptured where the sequence has no motion.
     """
     if len(meeting.performers) >= MOST_PERFORMERS:
-        raise ProblemError(
-            409,
-            "meeting-full",
+        raise MeetingFull(
             f"a meeting must have at most {MOST_PERFORMERS} performers; got one more; "
             "remove somebody first",
         )
@@ -72,12 +71,10 @@ def add_performer(
 def remove_performer(
     services: Services, unit: UnitOfWork, meeting: MeetingRow, performer_id: str
 ) -> None:
-    """One performer less. Raises a 404 problem for one who is not there."""
+    """One performer less. Raises NotFound for one who is not there."""
     found = [one for one in meeting.performers if one.id == performer_id]
     if not found:
-        raise ProblemError(
-            404,
-            "not-found",
+        raise NotFound(
             f"id must be that of a performer of this meeting; got {performer_id!r}; "
             "read the meeting to see who is there",
         )

@@ -9,16 +9,14 @@ import numpy as np
 from db.repositories import UnitOfWork
 from scene.motion import Motion
 from services.container import Services
-from services.problems import ProblemError
+from services.errors import NotCaptured
 
 
 def motion_of(services: Services, unit: UnitOfWork, sequence_id: str) -> Motion:
-    """The motion of a sequence. Raises a 409 problem as long as it has none."""
+    """The motion of a sequence. Raises NotCaptured as long as it has none."""
     row = unit.motions.of_sequence(sequence_id)
     if row is None:
-        raise ProblemError(
-            409,
-            "not-captured",
+        raise NotCaptured(
             "motion_sequence_id must be of a sequence that is ready; got "
             f"{sequence_id!r}; wait for its capture",
         )

@@ -1,13 +1,14 @@
 """Errors as problems (RFC 9457, `application/problem+json`): type, title, status, detail.
 
-`detail` says the rule, the value received and how to mend it. `type` is a URN of ours.
+The one place that knows which error is answered by which status and problem type. `detail` says the
+rule, the value received and how to mend it. `type` is a URN of ours.
 """
 
 from __future__ import annotations
 
 import logging
 from http import HTTPStatus
-from typing import Any
+from typing import Any, NamedTuple
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -18,12 +19,13 @@ from starlette.exceptions import HTTPException
 from db.errors import Conflict, DatabaseAway, DatabaseError, NotFound, StoreAway, StoreFull
 from db.objects import no_space
 from scene.errors import SceneError
+from services import errors
 
 log = logging.getLogger(__name__)
 
 MEDIA_TYPE = "application/problem+json"
 RETRY_AFTER_S = 3
-NO_SPACE_STATUS = 507
+"""Until the store or the database may be back."""
 _LONGEST_VALUE = 80
 
 
@@ -39,53 +41,126 @@ class Problem(BaseModel):
     )
 
 
-class ProblemError(HTTPException):
-    """A problem on its way to the caller."""
+class ProblemKind(NamedTuple):
+    """How a class of errors is answered."""
 
-    def __init__(
-        self,
-        status: int,
-        kind: str,
-        detail: str,
-        *,
-        title: str | None = None,
-        headers: dict[str, str] | None = None,
-    ) -> None:
-        super().__init__(status, detail, headers or {})
-        self.problem = Problem(
-            type=f"urn:metanerf:{kind}",
-            title=title or kind.replace("-", " ").capitalize(),
-            status=status,
-            detail=detail,
+    status: int
+    name: str
+    """Last part of the problem's URN, and its title with spaces."""
+
+    def problem(self, detail: str) -> Problem:
+        """The problem of this kind."""
+        title = self.name.replace("-", " ").capitalize()
+        return Problem(
+            type=f"urn:metanerf:{self.name}", title=title, status=self.status, detail=detail
         )
 
-    def __str__(self) -> str:
-        return self.problem.detail
+
+_NAMES: dict[int, dict[type[SceneError], str]] = {
+    400: {errors.BadCandidate: "bad-candidate", errors.ProtocolViolation: "bad-request"},
+    401: {errors.Unauthorized: "unauthorized"},
+    403: {
+        errors.Forbidden: "forbidden",
+        errors.ScopeMissing: "scope-missing",
+        errors.NotOwner: "not-yours",
+        errors.OtherMeeting: "other-meeting",
+        errors.AccessNotOpen: "access-not-open",
+        errors.NoSeat: "no-seat",
+        errors.SeatReleased: "seat-given-back",
+        errors.AwaitingAdmission: "not-let-in-yet",
+        errors.AdmissionDenied: "not-let-in",
+        errors.RemovedFromMeeting: "removed",
+        errors.AdmissionEnded: "meeting-over",
+        errors.ViewerMayNotSpeak: "viewers-look-on",
+        errors.HostCommand: "host-only",
+        errors.NotHost: "not-host",
+        errors.NotPresenting: "not-presenting",
+        errors.NotInMeeting: "not-in-meeting",
+        errors.NotInRecording: "not-in-recording",
+    },
+    404: {NotFound: "not-found"},
+    409: {
+        Conflict: "conflict",
+        errors.WrongState: "conflict",
+        errors.JobOver: "job-over",
+        errors.NotResumable: "not-resumable",
+        errors.SequenceInUse: "sequence-in-use",
+        errors.NotCaptured: "not-captured",
+        errors.MeetingFull: "meeting-full",
+        errors.TargetIsHost: "host-stays",
+        errors.NothingRecorded: "nothing-recorded",
+        errors.StillRecording: "still-recording",
+        errors.NoOwnPerson: "nobody-of-yours",
+        errors.DrivenElsewhere: "driven-elsewhere",
+        errors.WrongOffset: "wrong-offset",
+        errors.HelloRepeated: "greeted-already",
+    },
+    410: {errors.Gone: "gone", errors.MeetingOver: "meeting-over"},
+    412: {errors.PreconditionFailed: "precondition-failed"},
+    413: {errors.TooLarge: "too-large"},
+    415: {errors.UnsupportedMediaType: "unsupported-media-type"},
+    422: {
+        SceneError: "invalid-input",
+        errors.Unusable: "invalid-input",
+        errors.WrongHash: "wrong-hash",
+        errors.KeypointsOnly: "keypoints-only",
+        errors.OfferRefused: "invalid-input",
+        errors.InvalidForm: "invalid-form",
+        errors.HelloExpected: "hello-first",
+        errors.NoIceRestart: "no-ice-restart",
+    },
+    428: {errors.PreconditionRequired: "precondition-required"},
+    429: {errors.TooManyRequests: "too-many-requests"},
+    500: {errors.WorkerDied: "worker-died"},
+    503: {
+        StoreAway: "store-away",
+        DatabaseAway: "database-away",
+        errors.Unavailable: "unavailable",
+        errors.NoSeatFree: "no-seat",
+        errors.ServerFull: "server-full",
+        errors.LandmarkModelMissing: "landmark-model-missing",
+    },
+    507: {StoreFull: "no-space-left"},
+}
+KINDS: dict[type[Exception], ProblemKind] = {
+    error: ProblemKind(status, name)
+    for status, names in _NAMES.items()
+    for error, name in names.items()
+}
+"""By class of error; a class that is not listed is answered as the nearest base that is."""
+_INTERNAL = ProblemKind(500, "internal-error")
 
 
-_KINDS: tuple[tuple[type[SceneError], int, str], ...] = (
-    (NotFound, 404, "not-found"),
-    (Conflict, 409, "conflict"),
-    (StoreFull, NO_SPACE_STATUS, "no-space-left"),
-    (StoreAway, 503, "store-away"),
-    (DatabaseAway, 503, "database-away"),
-    (SceneError, 422, "invalid-input"),
-)
-
-
-def problem_of(error: Exception) -> ProblemError:
+def problem_of(error: Exception) -> Problem:
     """The problem that `error` is; one that nobody foresaw tells no secrets."""
-    if isinstance(error, ProblemError):
-        return error
-    if not isinstance(error, DatabaseError) and (full := no_space(error)):
-        return ProblemError(NO_SPACE_STATUS, "no-space-left", full)
-    for kind, status, name in _KINDS:
-        if isinstance(error, kind):
-            headers = {"Retry-After": str(RETRY_AFTER_S)} if status == 503 else None
-            return ProblemError(status, name, str(error), headers=headers)
-    return ProblemError(
-        500, "internal-error", f"the server failed ({type(error).__name__}); its log says more"
-    )
+    if not isinstance(error, (DatabaseError, errors.ServiceError)) and (full := no_space(error)):
+        return KINDS[StoreFull].problem(full)
+    kind = next((KINDS[base] for base in type(error).__mro__ if base in KINDS), None)
+    if kind is None:
+        return _INTERNAL.problem(f"the server failed ({type(error).__name__}); its log says more")
+    return kind.problem(str(error))
+
+
+def stored_failure(error: Exception) -> dict[str, Any]:
+    """The problem that `error` is, as the row of a job that failed keeps it."""
+    return problem_of(error).model_dump()
+
+
+def headers_of(error: Exception) -> dict[str, str]:
+    """What the answer to `error` says in its header."""
+    match error:
+        case StoreAway() | DatabaseAway():
+            return {"Retry-After": str(RETRY_AFTER_S)}
+        case errors.Unavailable() | errors.TooManyRequests():
+            return {"Retry-After": str(error.retry_after_s)}
+        case errors.Unauthorized():
+            return {"WWW-Authenticate": "Bearer"}
+        case errors.ScopeMissing():
+            challenge = f'Bearer error="insufficient_scope", scope="{error.scope}"'
+            return {"WWW-Authenticate": challenge}
+        case errors.WrongOffset():
+            return {"Upload-Offset": str(error.offset), "Upload-Length": str(error.length)}
+    return {}
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -107,36 +182,34 @@ def install(app: FastAPI) -> None:
     """Answer every error of `app` as a problem."""
 
     async def on_error(_request: Request, error: Exception) -> JSONResponse:
-        return _response(problem_of(error))
+        return _response(problem_of(error), headers_of(error))
 
     async def on_surprise(request: Request, error: Exception) -> JSONResponse:
         log.exception("%s %s failed", request.method, request.url.path, exc_info=error)
-        return _response(problem_of(error))
+        return _response(problem_of(error), headers_of(error))
 
     async def on_invalid(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)
-        return _response(ProblemError(422, "invalid-input", _faults(error)))
+        return _response(KINDS[SceneError].problem(_faults(error)), {})
 
-    async def on_http(_request: Request, error: Exception) -> JSONResponse:
+    async def on_http(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HTTPException)
+        if isinstance(error.__cause__, SceneError):
+            # FastAPI answers 400 to whatever ends the reading of a body: the cause says more
+            return await on_error(request, error.__cause__)
         phrase = HTTPStatus(error.status_code).phrase
-        kind = phrase.lower().replace(" ", "-")
-        headers = dict(error.headers or {})
-        return _response(ProblemError(error.status_code, kind, str(error.detail), headers=headers))
+        kind = ProblemKind(error.status_code, phrase.lower().replace(" ", "-"))
+        return _response(kind.problem(str(error.detail)), dict(error.headers or {}))
 
-    app.add_exception_handler(ProblemError, on_error)
     app.add_exception_handler(SceneError, on_error)
     app.add_exception_handler(RequestValidationError, on_invalid)
     app.add_exception_handler(HTTPException, on_http)
     app.add_exception_handler(Exception, on_surprise)
 
 
-def _response(error: ProblemError) -> JSONResponse:
+def _response(problem: Problem, headers: dict[str, str]) -> JSONResponse:
     return JSONResponse(
-        error.problem.model_dump(),
-        status_code=error.problem.status,
-        media_type=MEDIA_TYPE,
-        headers=dict(error.headers or {}),
+        problem.model_dump(), status_code=problem.status, media_type=MEDIA_TYPE, headers=headers
     )
 
 

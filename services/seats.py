@@ -17,7 +17,15 @@ from db.models import Admission, BanRow, MeetingRow, ParticipantRow, Role, new_i
 from db.repositories import UnitOfWork
 from services.auth import GUEST, INVITED, Principal
 from services.container import Services
-from services.problems import ProblemError
+from services.errors import (
+    AdmissionDenied,
+    AdmissionEnded,
+    AwaitingAdmission,
+    MeetingOver,
+    NoSeatFree,
+    RemovedFromMeeting,
+    SeatReleased,
+)
 
 MOST_SEATS = 100
 """Viewers of one meeting, of all gateways."""
@@ -27,13 +35,13 @@ _RETRY_AFTER_S = 15
 _TOKEN_LIFETIME = timedelta(hours=12)
 _REFUSALS = {
     Admission.WAITING: (
-        "not-let-in-yet",
+        AwaitingAdmission,
         "one who waits for the host",
         "wait until you are let in",
     ),
-    Admission.DENIED: ("not-let-in", "one whom the host has not let in", "ask the host"),
-    Admission.REMOVED: ("removed", "one whom the host has sent out", "ask the host"),
-    Admission.ENDED: ("meeting-over", "one of a meeting that is over", "open another meeting"),
+    Admission.DENIED: (AdmissionDenied, "one whom the host has not let in", "ask the host"),
+    Admission.REMOVED: (RemovedFromMeeting, "one whom the host has sent out", "ask the host"),
+    Admission.ENDED: (AdmissionEnded, "one of a meeting that is over", "open another meeting"),
 }
 
 
@@ -42,15 +50,12 @@ def take_seat(
 ) -> tuple[ParticipantRow, str]:
     """The first free seat of a meeting that is locked for it, and the token that opens its view.
 
-    The same token takes the seat up again after a reload or an outage. Raises a 403 problem for
-    somebody who was sent out, a 410 problem for a meeting that is over, a 503 problem with
-    `Retry-After` when every seat is taken.
+    The same token takes the seat up again after a reload or an outage. Raises
+    RemovedFromMeeting, MeetingOver, and NoSeatFree when every seat is taken.
     """
     require_open(meeting)
     if any(ban.account == caller.account for ban in meeting.bans):
-        raise ProblemError(
-            403,
-            "removed",
+        raise RemovedFromMeeting(
             "whoever joins must not have been sent out; got somebody who was; ask the host",
         )
     now = services.clock()
@@ -60,12 +65,10 @@ def take_seat(
     unit.flush()
     taken = {one.seat for one in meeting.participants}
     if len(taken) >= MOST_SEATS:
-        raise ProblemError(
-            503,
-            "no-seat",
+        raise NoSeatFree(
             f"a meeting must have at most {MOST_SEATS} viewers; got one more; try again when "
             "somebody has left",
-            headers={"Retry-After": str(_RETRY_AFTER_S)},
+            _RETRY_AFTER_S,
         )
     role = _role_for(meeting, caller)
     let_in = not meeting.lobby or (role is Role.HOST and not _has_host(meeting))
@@ -123,11 +126,9 @@ def _role_for(meeting: MeetingRow, caller: Principal) -> Role:
 
 
 def require_open(meeting: MeetingRow) -> None:
-    """Raise a 410 problem for a meeting that was ended."""
+    """Raise MeetingOver for a meeting that was ended."""
     if meeting.ended_at is not None:
-        raise ProblemError(
-            410,
-            "meeting-over",
+        raise MeetingOver(
             f"a meeting must not be over; got one that was ended at {meeting.ended_at:%H:%M} UTC; "
             "open another",
         )
@@ -142,31 +143,27 @@ def keep_seats(services: Services, participant_ids: set[str]) -> set[str]:
 
 
 def require_admitted(meeting: MeetingRow, caller: Principal) -> None:
-    """Raise a 403 problem unless `caller` may see and hear this meeting now.
+    """Raise MeetingOver, or a Forbidden, unless `caller` may see and hear this meeting now.
 
     A caller without a seat, such as a foreign viewer, is let in only where nobody has to wait.
     """
     require_open(meeting)
     if caller.participant_id is None:
         if meeting.lobby:
-            raise ProblemError(
-                403,
-                "not-let-in-yet",
+            raise AwaitingAdmission(
                 "the token must be of somebody whom the host has let in; got one without a seat; "
                 "join the meeting and wait",
             )
         return
     found = next((one for one in meeting.participants if one.id == caller.participant_id), None)
     if found is None:
-        raise ProblemError(
-            403,
-            "seat-given-back",
+        raise SeatReleased(
             "the token must be of a seat that is taken; got one whose seat was given back; "
             "join the meeting again",
         )
     if found.admission is not Admission.ADMITTED:
-        kind, got, mend = _REFUSALS[found.admission]
-        raise ProblemError(403, kind, f"the token must be of somebody let in; got {got}; {mend}")
+        refused, got, mend = _REFUSALS[found.admission]
+        raise refused(f"the token must be of somebody let in; got {got}; {mend}")
 
 
 def give_back(services: Services, participant_ids: set[str]) -> None:

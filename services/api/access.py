@@ -10,8 +10,9 @@ from fastapi import APIRouter, Header, Request, status
 from services.api import shapes
 from services.auth import ALL_SCOPES, new_guest
 from services.container import Provided
+from services.errors import AccessNotOpen
 from services.limits import network_of
-from services.problems import ProblemError, problems
+from services.problems import problems
 
 router = APIRouter(prefix="/v1", tags=["access"], responses=problems(403, 422, 429))
 
@@ -26,9 +27,7 @@ def be_guest(
     who they were.
     """
     if not services.settings.open_access:
-        raise ProblemError(
-            403,
-            "access-not-open",
+        raise AccessNotOpen(
             "guests must be let in by the server's settings (open_access); got a server that "
             "lets none in; ask its keeper for a token",
         )

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Header, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, Field
 
+from db.errors import NotFound
 from db.models import Admission, MeetingRow, PanoramaRow, Role
 from scene.lighting import Lighting
 from services.api.cast import tell_cast_changed
@@ -16,9 +17,10 @@ from services.api.shapes import Body
 from services.auth import Joiner, Principal
 from services.container import Provided, Services
 from services.environments import STUDIO, Theme, brought_along, find_theme, light_of, themes
+from services.errors import NotHost, TooLarge
 from services.jobs.events import meeting_topic
 from services.limits import has_own_limit
-from services.problems import PROBLEMS, ProblemError
+from services.problems import PROBLEMS
 from services.seats import require_admitted
 
 router = APIRouter(prefix="/v1", tags=["environments"], responses=PROBLEMS)
@@ -96,9 +98,7 @@ def read_picture(name: str, if_none_match: IfNoneMatch = None) -> Response:
     """The environment as an equirectangular picture. It is public."""
     theme = find_theme(name)
     if theme.picture is None:
-        raise ProblemError(
-            404, "not-found", f"environment must be one with a picture; got {name!r}, a plain room"
-        )
+        raise NotFound(f"environment must be one with a picture; got {name!r}, a plain room")
     return picture_answer(theme.picture.read_bytes(), if_none_match, "public, max-age=86400")
 
 
@@ -163,9 +163,7 @@ def read_own_picture(
         require_admitted(unit.meetings.get(meeting_id), caller)
         picture = unit.meetings.panorama_picture(meeting_id)
     if picture is None:
-        raise ProblemError(
-            404, "not-found", "the meeting must have a place of its own; got one without; bring one"
-        )
+        raise NotFound("the meeting must have a place of its own; got one without; bring one")
     return picture_answer(picture, if_none_match, "private, no-cache")
 
 
@@ -194,9 +192,7 @@ async def _read_picture(request: Request) -> bytes:
     async for chunk in request.stream():
         body += chunk
         if len(body) > LARGEST_PICTURE_BYTES:
-            raise ProblemError(
-                413,
-                "too-large",
+            raise TooLarge(
                 f"a panorama must have at most {LARGEST_PICTURE_BYTES} bytes; got more; shrink it",
             )
     return bytes(body)
@@ -236,7 +232,7 @@ def _bring(services: Services, caller: Principal, own: PanoramaRow) -> None:
 
 
 def _require_host(meeting: MeetingRow, caller: Principal) -> None:
-    """Raise a 403 problem unless the caller sits as its host, or opened the meeting."""
+    """Raise NotHost unless the caller sits as its host, or opened the meeting."""
     if caller.participant_id is None:
         caller.require_account(meeting.account)
         may = "write" in caller.scopes
@@ -248,8 +244,6 @@ def _require_host(meeting: MeetingRow, caller: Principal) -> None:
             for one in meeting.participants
         )
     if not may:
-        raise ProblemError(
-            403,
-            "not-host",
+        raise NotHost(
             "the token must be of the meeting's host; got one of somebody else; ask the host",
         )

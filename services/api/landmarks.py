@@ -10,7 +10,8 @@ from fastapi.responses import FileResponse
 from capture.detection.network_files import NetworkSource, landmark_network_file
 from capture.errors import PoseModelMissing
 from services.container import Provided
-from services.problems import ProblemError, problems
+from services.errors import LandmarkModelMissing
+from services.problems import problems
 
 log = logging.getLogger(__name__)
 
@@ -58,12 +59,10 @@ def _file(source: NetworkSource) -> FileResponse:
         path = landmark_network_file(source)
     except PoseModelMissing as error:
         log.error("%s", error)
-        raise ProblemError(
-            503,
-            "landmark-model-missing",
+        raise LandmarkModelMissing(
             "the landmark model must be on this server; got none that could be had; its keeper "
             "finds the reason in the log",
-            headers={"Retry-After": str(_RETRY_AFTER_S)},
+            _RETRY_AFTER_S,
         ) from error
     return FileResponse(
         path,

@@ -10,14 +10,16 @@ from fastapi.responses import StreamingResponse
 from db.errors import NotFound
 from db.models import ModelRow
 from db.repositories import UnitOfWork
+from scene.errors import InvalidInput
 from services.access import model_of, sequence_of
 from services.api import shapes
 from services.api.view_shapes import NewView
 from services.auth import GUEST, Joiner, Principal, Reader
 from services.container import Provided, Services
+from services.errors import NotInMeeting
 from services.motions import motion_of
 from services.person_models import VIEWER_FILE
-from services.problems import PROBLEMS, ProblemError
+from services.problems import PROBLEMS
 from services.seats import require_admitted
 from services.views import MEDIA_TYPES, render_view
 
@@ -93,9 +95,7 @@ def make_view(model_id: str, body: NewView, services: Provided, caller: Reader) 
     """A picture of the person, from any side, at any moment of a motion or in any pose."""
     longest = services.settings.max_view_px
     if max(body.width, body.height) > longest:
-        raise ProblemError(
-            422,
-            "invalid-input",
+        raise InvalidInput(
             f"width and height must be at most {longest} px; got {body.width} x {body.height}; "
             "ask for fewer",
         )
@@ -117,9 +117,7 @@ def _shown_to(unit: UnitOfWork, caller: Principal, model_id: str) -> ModelRow:
     meeting = unit.meetings.get(caller.meeting_id)
     require_admitted(meeting, caller)
     if all(performer.model_id != model_id for performer in meeting.performers):
-        raise ProblemError(
-            403,
-            "not-in-meeting",
+        raise NotInMeeting(
             f"the model must stand in the meeting that the token is for; got {model_id!r}, which "
             "does not; read the meeting to see who does",
         )

@@ -20,9 +20,10 @@ from services.api.environments import (
 )
 from services.auth import Joiner, Principal, Writer
 from services.container import Provided, Services
+from services.errors import NoOwnPerson, NotInRecording, StillRecording
 from services.jobs.events import QUEUE
 from services.person_models import VIEWER_FILE
-from services.problems import PROBLEMS, ProblemError
+from services.problems import PROBLEMS
 from services.recording import consent, replay
 from services.recording.ogg import ogg_opus, with_silence
 
@@ -194,14 +195,10 @@ def export_recording(
     with services.unit_of_work() as unit:
         recording = _shown_to(unit, caller, recording_id)
         if recording.state is not RecordingState.ENDED:
-            raise ProblemError(
-                409, "still-recording", "a recording must have ended; got one under way; end it"
-            )
+            raise StillRecording("a recording must have ended; got one under way; end it")
         people = unit.people.of_account(caller.account)
         if not people:
-            raise ProblemError(
-                409,
-                "nobody-of-yours",
+            raise NoOwnPerson(
                 "a video must be kept under a person of yours; got an account without one; "
                 "enrol first",
             )
@@ -255,17 +252,15 @@ def _track(services: Services, caller: Principal, recording_id: str, track: str)
     return replay.unpacked(services, chunks)
 
 
-def _no_place() -> ProblemError:
-    return ProblemError(
-        404,
-        "not-found",
+def _no_place() -> NotFound:
+    return NotFound(
         "the recorded meeting must have had a place of its own; got one held in a place of the "
         "library; see /v1/environments",
     )
 
 
 def _shown_to(unit: UnitOfWork, caller: Principal, recording_id: str) -> RecordingRow:
-    """The recording, if the caller asked for it or agreed to it. Raises a 403 or 404 problem."""
+    """The recording, if the caller asked for it or agreed to it. Raises NotInRecording."""
     recording = unit.recordings.get(recording_id)
     _require_part(recording, caller)
     return recording
@@ -274,9 +269,7 @@ def _shown_to(unit: UnitOfWork, caller: Principal, recording_id: str) -> Recordi
 def _require_part(recording: RecordingRow, caller: Principal) -> None:
     agreed = {one.account for one in recording.members if one.agreed}
     if caller.account not in agreed | {recording.account}:
-        raise ProblemError(
-            403,
-            "not-in-recording",
+        raise NotInRecording(
             "the token must be of somebody who agreed to be recorded, or asked for it; got one of "
             "somebody else",
         )

@@ -8,14 +8,16 @@ from fastapi.concurrency import run_in_threadpool
 from db.errors import NotFound
 from db.models import AuditEventRow, JobKind, ModelRow, SequenceKind, SequenceRow, SequenceState
 from renderer.presets import find_preset
+from scene.errors import InvalidInput
 from services.access import model_of, sequence_of
 from services.api import shapes
 from services.api.cast import tell_cast_changed
 from services.auth import Principal, Reader, Writer
 from services.container import Provided, Services
+from services.errors import KeypointsOnly, NotCaptured
 from services.jobs.events import QUEUE
 from services.jobs.queue import discard, drop_orphans, enqueue
-from services.problems import PROBLEMS, ProblemError, problems
+from services.problems import PROBLEMS, problems
 
 router = APIRouter(prefix="/v1/sequences", tags=["sequences"], responses=PROBLEMS)
 
@@ -68,25 +70,19 @@ def train_model(
     preset = find_preset(body.preset)
     longest = services.settings.max_budget_s
     if body.budget_s > longest:
-        raise ProblemError(
-            422,
-            "invalid-input",
+        raise InvalidInput(
             f"budget_s must be at most {longest:g}; got {body.budget_s:g}; ask for less time",
         )
     with services.unit_of_work() as unit:
         sequence = sequence_of(unit, caller, sequence_id)
         if sequence.kind is SequenceKind.KEYPOINTS:
-            raise ProblemError(
-                422,
-                "keypoints-only",
+            raise KeypointsOnly(
                 "a model must be trained from pictures of the person; got keypoints alone, which "
                 "have no colours; they can drive a model (`motion_sequence_id` of a view), or "
                 "upload a video",
             )
         if sequence.state is not SequenceState.READY:
-            raise ProblemError(
-                409,
-                "not-captured",
+            raise NotCaptured(
                 f"a sequence must be ready before it is trained from; got {sequence.state}; "
                 "wait for its capture",
             )
@@ -122,16 +118,12 @@ def _discard(services: Services, caller: Principal, sequence_id: str) -> list[st
 
 def _require_improvable(model: ModelRow, sequence: SequenceRow, preset: str) -> None:
     if model.person_id != sequence.person_id:
-        raise ProblemError(
-            422,
-            "invalid-input",
+        raise InvalidInput(
             f"improves must be a model of the sequence's person; got one of {model.person_id}; "
             "leave it out",
         )
     if (model.preset, preset) != ("splats", "splats"):
-        raise ProblemError(
-            422,
-            "invalid-input",
+        raise InvalidInput(
             f"improves must be a model of splats and go with the preset splats; got one of "
             f"{model.preset!r} and the preset {preset!r}; leave it out",
         )

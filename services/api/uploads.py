@@ -12,8 +12,9 @@ from services.access import person_of
 from services.api import shapes
 from services.auth import Principal, Writer
 from services.container import Provided, Services
+from services.errors import WrongHash, WrongOffset
 from services.jobs.queue import Orphan, drop_orphans
-from services.problems import PROBLEMS, ProblemError, problems
+from services.problems import PROBLEMS, problems
 from services.uploads.intake import Arrival, end_upload, known_sequence, safe_name, take_in
 from services.uploads.receive import Spool, join, receive_file, receive_raw, spool, too_large
 
@@ -203,9 +204,7 @@ def _complete(
     try:
         whole.close()
         if whole.sha256 != upload.sha256:
-            raise ProblemError(
-                422,
-                "wrong-hash",
+            raise WrongHash(
                 f"the file's sha256 must be {upload.sha256}; got {whole.sha256}; upload it again",
             )
         whole.filename = upload.filename
@@ -226,11 +225,10 @@ def _offset(upload: UploadRow) -> dict[str, str]:
     return {"Upload-Offset": str(upload.offset), "Upload-Length": str(upload.size)}
 
 
-def _wrong_offset(upload: UploadRow, got: int) -> ProblemError:
-    return ProblemError(
-        409,
-        "wrong-offset",
+def _wrong_offset(upload: UploadRow, got: int) -> WrongOffset:
+    return WrongOffset(
         f"Upload-Offset must be {upload.offset}, where the last piece ended; got {got}; "
         "go on from there",
-        headers=_offset(upload),
+        upload.offset,
+        upload.size,
     )

@@ -19,6 +19,7 @@ from prometheus_client import Gauge
 from pydantic import ValidationError
 from starlette.websockets import WebSocketDisconnected
 
+from scene.errors import InvalidInput
 from services.container import Services
 from services.control import messages
 from services.control.commands import connect, execute, read_caller
@@ -34,13 +35,14 @@ from services.control.messages import (
     Welcome,
 )
 from services.control.roster import SILENCE_S
+from services.errors import HelloExpected, HelloRepeated, SeatReleased, TooLarge
 from services.jobs.events import meeting_topic
 from services.limits import RateLimit
 from services.live.sessions.view_sessions import ViewSessions
 from services.live.sessions.voice_sessions import VoiceSessions
 from services.live.signalling.voice import router as voice_router
 from services.live.signalling.whip import router as whip_router
-from services.problems import ProblemError, problem_of
+from services.problems import Problem, problem_of
 from services.recording.recorder import Recorders
 
 log = logging.getLogger(__name__)
@@ -51,7 +53,6 @@ PARTICIPANTS = Gauge("metanerf_participants", "Pages on the control channel now.
 COMMANDS_PER_MINUTE = 120
 _CLOSE_S = 2.0
 _GONE = (WebSocketDisconnect, WebSocketDisconnected)
-_REASONS: dict[str, Reason] = {"urn:metanerf:seat-given-back": "given-back"}
 
 
 def install(app: FastAPI, services: Services, views: ViewSessions) -> Hub:
@@ -106,17 +107,15 @@ async def _greet(
         async with asyncio.timeout(SILENCE_S):
             hello = _read(await _receive(socket))
         if not isinstance(hello, Hello):
-            raise ProblemError(
-                422, "hello-first", f"the first message must be 'hello'; got {hello.type!r}"
-            )
+            raise HelloExpected(f"the first message must be 'hello'; got {hello.type!r}")
         caller = await run_in_threadpool(read_caller, services, meeting_id, hello)
         me = await run_in_threadpool(connect, services, meeting_id, caller, hello.name)
     except (*_GONE, TimeoutError):
         raise
     except Exception as error:
-        problem = _logged_problem(error).problem
-        reason = _REASONS.get(problem.type, "refused")
-        await socket.send_text(Goodbye(reason=reason, problem=problem).model_dump_json())
+        reason: Reason = "given-back" if isinstance(error, SeatReleased) else "refused"
+        goodbye = Goodbye(reason=reason, problem=_logged_problem(error))
+        await socket.send_text(goodbye.model_dump_json())
         return None
     await run_in_threadpool(services.events.publish, meeting_topic(meeting_id))
     connection = ControlConnection(meeting_id, me.id, services.clock(), hello.after)
@@ -160,16 +159,14 @@ async def _listen(
             if isinstance(message, Beat):
                 connection.send(message)
             elif isinstance(message, Hello):
-                raise ProblemError(
-                    409,
-                    "greeted-already",
+                raise HelloRepeated(
                     "'hello' must come once; got it again; open a new channel",
                 )
             else:
                 limit.take(connection.participant_id)
                 await _execute(services, hub, connection, message)
         except Exception as error:
-            connection.send(Refusal(problem=_logged_problem(error).problem))
+            connection.send(Refusal(problem=_logged_problem(error)))
 
 
 async def _receive(socket: WebSocket) -> str:
@@ -196,9 +193,7 @@ async def _execute(
 
 def _read(text: str) -> Hello | Beat | Command:
     if len(text) > messages.LONGEST_MESSAGE_BYTES:
-        raise ProblemError(
-            413,
-            "too-large",
+        raise TooLarge(
             f"a message must have at most {messages.LONGEST_MESSAGE_BYTES} characters; got "
             f"{len(text)}",
         )
@@ -207,16 +202,14 @@ def _read(text: str) -> Hello | Beat | Command:
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in fault["loc"]) or "the message"
-        raise ProblemError(
-            422,
-            "invalid-input",
+        raise InvalidInput(
             f"a message must be one of the control channel's JSON objects; got a fault at {where}: "
             f"{fault['msg']}; see ToServer in /openapi.json",
         ) from error
 
 
-def _logged_problem(error: Exception) -> ProblemError:
+def _logged_problem(error: Exception) -> Problem:
     problem = problem_of(error)
-    if problem.problem.status == 500:
+    if problem.status == 500:
         log.exception("a control channel failed", exc_info=error)
     return problem

@@ -1,9 +1,10 @@
-"""What people in a meeting may ask for, done on its rows. Every refusal is a problem."""
+"""What people in a meeting may ask for, done on its rows; a refusal is an error that says why."""
 
 from __future__ import annotations
 
 from datetime import datetime, timedelta
 
+from db.errors import NotFound
 from db.models import (
     Admission,
     MeetingRow,
@@ -41,7 +42,14 @@ from services.control.messages import (
     Speech,
 )
 from services.control.roster import host_of, performers_by_participant, presenter_of
-from services.problems import ProblemError
+from services.errors import (
+    AwaitingAdmission,
+    HostCommand,
+    NoSeat,
+    SeatReleased,
+    TargetIsHost,
+    ViewerMayNotSpeak,
+)
 from services.recording import consent
 
 _PASSING_LASTS_S = 60.0
@@ -51,14 +59,12 @@ _PASSING_LASTS_S = 60.0
 def read_caller(services: Services, meeting_id: str, hello: Hello) -> Principal:
     """The principal whose seat a page takes.
 
-    Raises a 401 or 403 problem for a token of no seat in it.
+    Raises Unauthorized, OtherMeeting or NoSeat for a token of no seat in it.
     """
     caller = services.tokens.read(hello.token)
     caller.require_meeting(meeting_id)
     if "join" not in caller.scopes or caller.participant_id is None:
-        raise ProblemError(
-            403,
-            "no-seat",
+        raise NoSeat(
             "the token must be one that joining gave; got one without a seat; join the meeting",
         )
     return caller
@@ -67,8 +73,8 @@ def read_caller(services: Services, meeting_id: str, hello: Hello) -> Principal:
 def connect(services: Services, meeting_id: str, caller: Principal, name: str) -> ParticipantRow:
     """Take up a seat, at first or again.
 
-    Whoever may host is the host from now on where nobody else is. Raises a 403 problem where the
-    seat was given back.
+    Whoever may host is the host from now on where nobody else is. Raises SeatReleased
+    where the seat is no longer theirs.
     """
     assert caller.participant_id is not None
     now = services.clock()
@@ -87,16 +93,14 @@ def connect(services: Services, meeting_id: str, caller: Principal, name: str) -
 
 
 def execute(services: Services, meeting_id: str, participant_id: str, command: Command) -> None:
-    """Do what a participant asks for. Raises a problem that says why not."""
+    """Do what a participant asks for. Raises a ServiceError, or NotFound, that says why not."""
     with services.unit_of_work() as unit:
         meeting = unit.meetings.get_for_change(meeting_id)
         me = _find(meeting, participant_id)
         if isinstance(command, Leave):
             meeting.participants.remove(me)
         elif me.admission is not Admission.ADMITTED:
-            raise ProblemError(
-                403,
-                "not-let-in-yet",
+            raise AwaitingAdmission(
                 f"a command must come from somebody let in; got {command.type!r} from one who "
                 "is not; wait for the host",
             )
@@ -238,18 +242,14 @@ def _have_wait(meeting: MeetingRow) -> None:
 
 def _require_speaker(me: ParticipantRow) -> None:
     if me.role is Role.VIEWER:
-        raise ProblemError(
-            403,
-            "viewers-look-on",
+        raise ViewerMayNotSpeak(
             "whoever talks or writes must be the host or a speaker; got a viewer; raise a hand",
         )
 
 
 def _require_host(me: ParticipantRow, command: Command) -> None:
     if me.role is not Role.HOST:
-        raise ProblemError(
-            403,
-            "host-only",
+        raise HostCommand(
             f"{command.type!r} must come from the host; got it from a {me.role.value}; "
             "ask the host",
         )
@@ -262,19 +262,16 @@ def _find(
         if one.id == participant_id and admission in (None, one.admission):
             return one
     kind = "somebody in this meeting" if admission is None else f"somebody who is {admission.value}"
-    raise ProblemError(
-        403 if admission is None else 404,
-        "seat-given-back" if admission is None else "not-found",
+    refused = SeatReleased if admission is None else NotFound
+    raise refused(
         f"participant_id must be that of {kind}; got {participant_id!r}; look at the roster, "
-        "or join again",
+        "or join again"
     )
 
 
 def _find_other(meeting: MeetingRow, participant_id: str, me: ParticipantRow) -> ParticipantRow:
     if participant_id == me.id:
-        raise ProblemError(
-            409,
-            "host-stays",
+        raise TargetIsHost(
             "this must be done to somebody else; got the host's own id; make another "
             "the host first",
         )

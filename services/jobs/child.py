@@ -22,11 +22,10 @@ from services.jobs.capture_job import run_capture
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.export_job import run_export
 from services.jobs.lease import JobLease
-from services.jobs.queue import Orphan, drop_orphans, finish, give_back
+from services.jobs.queue import Orphan, drop_orphans, fail, finish, give_back
 from services.jobs.report import JobStopped, Reporter
 from services.jobs.scratch import scratch_folder
 from services.jobs.train_job import run_train
-from services.problems import problem_of
 from services.settings import Settings, load_settings
 
 log = logging.getLogger("services.jobs.child")
@@ -95,8 +94,7 @@ def _end(services: Services, claimed: JobRow, error: Exception) -> None:
         if job.state is not JobState.RUNNING or job.attempt != claimed.attempt:
             return
         if not isinstance(error, JobStopped):
-            problem = problem_of(error).problem
-            orphans = finish(unit, job, JobState.FAILED, now, error=problem)
+            orphans = fail(unit, job, error, now, services.describe_failure)
         elif job.cancel_requested:
             orphans = finish(unit, job, JobState.CANCELLED, now, message="cancelled")
         else:

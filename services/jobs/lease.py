@@ -12,7 +12,7 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from db.repositories import UnitOfWork
-from services.jobs.queue import Orphan, crashed
+from services.jobs.queue import DescribeFailure, Orphan, crashed
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,12 @@ class JobLease:
 
 
 def reclaim_expired(
-    unit: UnitOfWork, now: datetime, timeout_s: float, *, at_most: int
+    unit: UnitOfWork,
+    now: datetime,
+    timeout_s: float,
+    describe: DescribeFailure,
+    *,
+    at_most: int,
 ) -> tuple[list[str], list[Orphan]]:
     """Take back jobs whose lease was not renewed for `timeout_s`: which, and what to delete.
 
@@ -38,5 +43,5 @@ def reclaim_expired(
     expired = unit.jobs.with_expired_lease(now - timedelta(seconds=timeout_s))
     orphans: list[Orphan] = []
     for job in expired:
-        orphans += crashed(unit, job, "its worker went silent", now, at_most=at_most)
+        orphans += crashed(unit, job, "its worker went silent", now, describe, at_most=at_most)
     return [job.id for job in expired], orphans

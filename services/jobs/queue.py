@@ -10,17 +10,21 @@ transaction is committed.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from datetime import datetime
 from typing import Any
 
-from db.errors import NotFound
+from db.errors import NotFound, StoreFull
 from db.models import JobKind, JobRow, JobState, SequenceRow, SequenceState, new_id
+from db.objects import no_space
 from db.repositories import UnitOfWork
 from services.container import Services
-from services.problems import NO_SPACE_STATUS, Problem, ProblemError
+from services.errors import JobOver, NotResumable, SequenceInUse, WorkerDied
 
 Orphan = tuple[str, str]
 """Owner and sha256 of an object."""
+DescribeFailure = Callable[[Exception], dict[str, Any]]
+"""What a job's row keeps of the error that ended it, with what people read as `detail`."""
 
 
 def enqueue(
@@ -51,11 +55,9 @@ def enqueue(
 
 
 def cancel(unit: UnitOfWork, job: JobRow, now: datetime) -> list[Orphan]:
-    """Cancel at once what waits; ask what runs to stop. Raises a 409 problem for what is over."""
+    """Cancel at once what waits; ask what runs to stop. Raises JobOver for what has ended."""
     if job.state.final:
-        raise ProblemError(
-            409, "job-over", f"a job must be queued or running to be cancelled; got {job.state}"
-        )
+        raise JobOver(f"a job must be queued or running to be cancelled; got {job.state}")
     if job.state is JobState.QUEUED:
         return finish(unit, job, JobState.CANCELLED, now, message="cancelled")
     job.cancel_requested = True
@@ -66,12 +68,10 @@ def cancel(unit: UnitOfWork, job: JobRow, now: datetime) -> list[Orphan]:
 def resume(job: JobRow) -> None:
     """Queue a cancelled or failed job again; a training goes on from its checkpoint.
 
-    Raises a 409 problem for a job that is not over, or whose sequence is gone.
+    Raises NotResumable for a job that is not over, or whose sequence is gone.
     """
     if job.state not in (JobState.CANCELLED, JobState.FAILED) or job.sequence_id is None:
-        raise ProblemError(
-            409,
-            "not-resumable",
+        raise NotResumable(
             "only a cancelled or failed job of a stored sequence can be resumed; got a "
             f"{job.kind} job that is {job.state}; start a new one",
         )
@@ -87,7 +87,13 @@ def give_back(job: JobRow, message: str) -> None:
 
 
 def crashed(
-    unit: UnitOfWork, job: JobRow, reason: str, now: datetime, *, at_most: int
+    unit: UnitOfWork,
+    job: JobRow,
+    reason: str,
+    now: datetime,
+    describe: DescribeFailure,
+    *,
+    at_most: int,
 ) -> list[Orphan]:
     """A running job's process is gone: try again, or give up after `at_most` times."""
     job.crashes += 1
@@ -96,33 +102,34 @@ def crashed(
     if job.crashes < at_most:
         give_back(job, f"{reason}; trying again")
         return []
-    error = ProblemError(
-        500,
-        "worker-died",
+    error = WorkerDied(
         f"a job's process must live; it died {job.crashes} times, lately: {reason}",
     )
-    return finish(unit, job, JobState.FAILED, now, error=error.problem)
+    return fail(unit, job, error, now, describe)
 
 
 def finish(
-    unit: UnitOfWork,
-    job: JobRow,
-    state: JobState,
-    now: datetime,
-    *,
-    message: str = "",
-    error: Problem | None = None,
+    unit: UnitOfWork, job: JobRow, state: JobState, now: datetime, *, message: str = ""
 ) -> list[Orphan]:
-    """End a job."""
+    """End a job that succeeded or was cancelled."""
     job.state, job.finished_at = state, now
-    job.message = (error.detail if error else message)[:500]
-    job.error = error.model_dump() if error else None
+    job.message, job.error = message[:500], None
     if state is JobState.SUCCEEDED:
         job.progress = 1.0
         return drop_checkpoint(job) + _forget_frames(unit, job)
+    return _discard_sequence(unit, job) if job.kind is JobKind.CAPTURE else []
+
+
+def fail(
+    unit: UnitOfWork, job: JobRow, error: Exception, now: datetime, describe: DescribeFailure
+) -> list[Orphan]:
+    """End a job for `error`, of which the row keeps what `describe` gives."""
+    job.state, job.finished_at = JobState.FAILED, now
+    job.error = described = describe(error)
+    job.message = described["detail"][:500]
     if job.kind is not JobKind.CAPTURE:
         return []
-    if error and error.status == NO_SPACE_STATUS and job.sequence_id is not None:
+    if job.sequence_id is not None and (isinstance(error, StoreFull) or no_space(error)):
         unit.sequences.get(job.sequence_id).state = SequenceState.UPLOADED
         return []
     return _discard_sequence(unit, job)
@@ -131,14 +138,12 @@ def finish(
 def discard(unit: UnitOfWork, sequence: SequenceRow) -> list[Orphan]:
     """Remove a clip with its frames, its motion and its jobs' pictures of it; models stay.
 
-    Raises a 409 problem while a job works on it.
+    Raises SequenceInUse while a job works on it.
     """
     jobs = unit.jobs.of_sequence(sequence.id)
     for job in jobs:
         if not job.state.final:
-            raise ProblemError(
-                409,
-                "sequence-in-use",
+            raise SequenceInUse(
                 "a sequence must have no job queued or running to be deleted; got the "
                 f"{job.kind} job {job.id}, which is {job.state}; cancel it and wait for its end",
             )

@@ -145,6 +145,7 @@ class Worker:
                     unit.jobs.get(child.lease.job_id),
                     _cause(code),
                     self._services.clock(),
+                    self._services.describe_failure,
                     at_most=self._services.settings.job_crashes,
                 )
             unit.commit()
@@ -158,6 +159,7 @@ class Worker:
                 unit,
                 self._services.clock(),
                 settings.job_heartbeat_timeout_s,
+                self._services.describe_failure,
                 at_most=settings.job_crashes,
             )
             unit.commit()

@@ -19,7 +19,7 @@ from db.models import (
     new_id,
 )
 from db.repositories import UnitOfWork
-from services.problems import ProblemError
+from services.errors import NothingRecorded
 
 
 def ask(
@@ -47,12 +47,10 @@ def answer(
     unit: UnitOfWork, meeting: MeetingRow, me: ParticipantRow, performer_id: str | None,
     now: datetime, *, agreed: bool,
 ) -> None:  # fmt: skip
-    """Note what somebody says to it. Raises a 409 problem where nobody asked."""
+    """Note what somebody says to it. Raises NothingRecorded where nobody asked."""
     recording = unit.recordings.under_way(meeting.id)
     if recording is None:
-        raise ProblemError(
-            409, "nothing-recorded", "whoever agrees must have been asked; got an answer to no one"
-        )
+        raise NothingRecorded("whoever agrees must have been asked; got an answer to no one")
     # who withdraws had agreed until now: what was kept so far stays theirs to see and take out
     if agreed or me.id not in agreed_in(recording):
         _note(recording, meeting, me, performer_id, agreed=agreed)

@@ -17,9 +17,9 @@ from python_multipart.multipart import parse_options_header
 from starlette.requests import ClientDisconnect
 
 from db.objects import naming_errors
+from services.errors import InvalidForm, TooLarge
 from services.jobs.scratch import scratch_folder
 from services.limits import has_own_limit
-from services.problems import ProblemError
 
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks
@@ -49,7 +49,7 @@ class Spool:
         return self._digest.hexdigest()
 
     def add(self, data: bytes) -> None:
-        """Take bytes into memory. Raises a 413 problem beyond the limit."""
+        """Take bytes into memory. Raises TooLarge beyond the limit."""
         self.size += len(data)
         if self.size > self.limit_bytes:
             raise too_large(self.limit_bytes, f"more than {self.limit_bytes}")
@@ -94,7 +94,7 @@ def spool(folder: Path, limit_bytes: int) -> Iterator[Spool]:
 async def receive_file(request: Request, into: Spool) -> None:
     """Receive the field `file` of a multipart form (RFC 7578).
 
-    Raises a 413 problem as soon as the limit is passed, 422 for another body.
+    Raises TooLarge as soon as the limit is passed, InvalidForm for another body.
     """
     has_own_limit(request)
     boundary = _boundary(request)
@@ -142,11 +142,9 @@ def join(pieces: Iterable[bytes], into: Spool) -> None:
         into.flush()
 
 
-def too_large(limit_bytes: int, got: str) -> ProblemError:
-    """The problem of a body over the limit."""
-    return ProblemError(
-        413,
-        "too-large",
+def too_large(limit_bytes: int, got: str) -> TooLarge:
+    """The error of a body over the limit."""
+    return TooLarge(
         f"an upload must have at most {limit_bytes} bytes; got {got}; cut the clip or shrink it",
     )
 
@@ -205,10 +203,8 @@ def _boundary(request: Request) -> bytes:
     return boundary
 
 
-def _bad_form(got: str) -> ProblemError:
-    return ProblemError(
-        422,
-        "invalid-form",
+def _bad_form(got: str) -> InvalidForm:
+    return InvalidForm(
         f"the body must be multipart/form-data with a field `file`; got {got}; send it as "
         "`curl -F file=@clip.mp4` does",
     )

@@ -10,7 +10,7 @@ import pytest
 
 from services.auth import ALL_SCOPES, Tokens
 from services.container import Services
-from services.problems import ProblemError
+from services.errors import Unauthorized
 from tests.fakes import Clock
 from tests.services.conftest import bearer
 
@@ -22,7 +22,7 @@ def test_a_token_is_over_when_its_time_is():
     assert tokens.read(token).account == "house"
     assert expires - clock() == timedelta(hours=1)
     clock.advance(hours=1)
-    with pytest.raises(ProblemError, match="the token must not be over"):
+    with pytest.raises(Unauthorized, match="the token must not be over"):
         tokens.read(token)
 
 
@@ -35,7 +35,7 @@ def test_a_token_is_over_when_its_time_is():
     ],
 )
 def test_foreign_tokens_are_refused(token: str):
-    with pytest.raises(ProblemError, match="must be signed by this server"):
+    with pytest.raises(Unauthorized, match="must be signed by this server"):
         Tokens("k" * 40, Clock()).read(token)
 
 

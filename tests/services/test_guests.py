@@ -11,11 +11,11 @@ from db.models import JobKind, JobState, SequenceState
 from services.auth import ALL_SCOPES, GUEST, Principal, Tokens
 from services.bootstrap import ensure_demo, import_model
 from services.container import Services
+from services.errors import NotOwner, Unauthorized
 from services.jobs.queue import drop_orphans, enqueue, finish
 from services.live.motion.keypoint_channels import drivable_performer
 from services.live.room import Room
 from services.live.sessions.stored_meetings import load_performers
-from services.problems import ProblemError
 from tests.db.rows import NOW, job, sequence
 from tests.fakes import Clock
 from tests.services.conftest import SECRET, bearer
@@ -48,12 +48,12 @@ async def test_a_guest_sees_and_changes_nothing_of_another(client, services, mod
     room = Room(meeting_id, load_performers(services, meeting_id))
     robin, own = (one.performer_id for one in room.performers)
     stranger = services.tokens.read(bo["Authorization"].removeprefix("Bearer ")).account
-    with pytest.raises(ProblemError, match="account whose person is driven"):
+    with pytest.raises(NotOwner, match="account whose person is driven"):
         drivable_performer(room, stranger, own)
     assert drivable_performer(room, account, own).name == "Ada"
     # the demo's performer is lent to all
     assert drivable_performer(room, stranger, robin).name == "Robin"
-    with pytest.raises(ProblemError, match="account whose person is driven"):
+    with pytest.raises(NotOwner, match="account whose person is driven"):
         drivable_performer(room, "house", robin)
     (listed,) = (await client.get("/v1/people", headers=bo)).json()["items"]
     assert (listed["name"], listed["mine"]) == ("Robin", False)
@@ -77,7 +77,7 @@ def test_a_token_that_ended_long_ago_says_nothing():
     tokens = Tokens(SECRET, clock)
     token, _ = tokens.issue("guest-1", ALL_SCOPES, timedelta(hours=1))
     clock.now += timedelta(days=30)
-    with pytest.raises(ProblemError, match="must not be over"):
+    with pytest.raises(Unauthorized, match="must not be over"):
         tokens.read(token)
     assert tokens.guest_of(token) == "guest-1"
     clock.now += timedelta(days=90)

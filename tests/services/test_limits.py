@@ -7,8 +7,9 @@ import pytest
 
 from services.app import create_app
 from services.container import build_services
+from services.errors import TooManyRequests
 from services.limits import RateLimit, network_of
-from services.problems import ProblemError
+from services.problems import headers_of, problem_of
 from services.settings import Settings
 from tests.fakes import Clock
 
@@ -18,13 +19,16 @@ def test_so_many_a_minute_and_no_more():
     limit = RateLimit("guest tokens", 6, clock)
     for _ in range(6):
         limit.take("a")
-    with pytest.raises(ProblemError, match=r"guest tokens must be at most 6 a minute") as refused:
+    with pytest.raises(
+        TooManyRequests, match=r"guest tokens must be at most 6 a minute"
+    ) as refused:
         limit.take("a")
-    assert (refused.value.problem.status, refused.value.headers) == (429, {"Retry-After": "10"})
+    assert problem_of(refused.value).status == 429
+    assert headers_of(refused.value) == {"Retry-After": "10"}
     limit.take("b")
     clock.advance(seconds=10)
     limit.take("a")
-    with pytest.raises(ProblemError):
+    with pytest.raises(TooManyRequests):
         limit.take("a")
     clock.advance(seconds=60)
     for _ in range(6):

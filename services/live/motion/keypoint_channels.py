@@ -17,12 +17,13 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from aiortc import RTCDataChannel
 from prometheus_client import Counter, Gauge, Histogram
 
+from db.errors import NotFound
 from scene.errors import InvalidInput
 from services.auth import GUEST, is_guest
+from services.errors import DrivenElsewhere, NotOwner
 from services.live.motion.live_motion import LiveMotion, warm_up
 from services.live.packets import KeypointsPacket, PacketError, decode_keypoints, is_newer
 from services.live.room import MeetingPerformer, Room, facing_yaw
-from services.problems import ProblemError
 
 log = logging.getLogger(__name__)
 
@@ -39,13 +40,15 @@ TO_POSE_SECONDS = Histogram(
 DRIVEN = Gauge("metanerf_driven_performers", "Performers driven live now.")
 
 Clock = Callable[[], float]
+DescribeError = Callable[[Exception], str]
+"""An error as the JSON text of a problem (RFC 9457)."""
 
 
 class KeypointChannels:
     """All keypoint channels of this process. Every method runs on its event loop."""
 
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
+    def __init__(self, clock: Clock, describe_error: DescribeError) -> None:
+        self._clock, self._describe_error = clock, describe_error
         # one thread for all: a pose takes milliseconds, and a packet that waits is replaced
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="solve")
         self._channels: dict[tuple[Room, str], RTCDataChannel] = {}
@@ -54,12 +57,12 @@ class KeypointChannels:
         """Have `channel` drive the performer of `room` that it names, if `account` may."""
         try:
             performer = drivable_performer(room, account, channel.protocol)
-        except ProblemError as refusal:
-            _reject(channel, refusal)
+        except (NotFound, NotOwner) as refusal:
+            self._reject(channel, refusal)
             return
         key = (room, performer.performer_id)
         if (before := self._channels.get(key)) is not None:
-            _reject(before, _TAKEN_OVER)
+            self._reject(before, DrivenElsewhere(_TAKEN_OVER))
         motion = LiveMotion(performer.model.skeleton, -facing_yaw(performer.motion))
         receiver = KeypointReceiver(motion, self._executor, self._clock)
         self._channels[key] = channel
@@ -75,6 +78,11 @@ class KeypointChannels:
     def close(self) -> None:
         """Stop the thread."""
         self._executor.shutdown(wait=False, cancel_futures=True)
+
+    def _reject(self, channel: RTCDataChannel, refusal: Exception) -> None:
+        if channel.readyState == "open":  # nobody reads from one that is closing
+            channel.send(self._describe_error(refusal))
+            channel.close()
 
     def _remove(self, key: tuple[Room, str], channel: RTCDataChannel) -> None:
         room, performer_id = key
@@ -139,38 +147,26 @@ class KeypointReceiver:
             TO_POSE_SECONDS.observe(self._clock() - arrived_s)
 
 
-_TAKEN_OVER = ProblemError(
-    409,
-    "driven-elsewhere",
+_TAKEN_OVER = (
     "a performer must be driven from one place at a time; got a newer one; close the other page "
     "or switch the camera on here again",
 )
 
 
 def drivable_performer(room: Room, account: str | None, performer_id: str) -> MeetingPerformer:
-    """The performer of this id, if `account` may drive it. Raises a 404 or 403 problem."""
+    """The performer of this id, if `account` may drive it. Raises NotFound, NotOwner."""
     for performer in room.performers:
         if performer.performer_id != performer_id:
             continue
         # any guest may drive the demo's performer, which belongs to nobody
         lent = performer.account == GUEST and is_guest(account or "")
         if account is None or not (performer.account == account or lent):
-            raise ProblemError(
-                403,
-                "not-yours",
+            raise NotOwner(
                 f"the token must be of the account whose person is driven; got one of {account!r}; "
                 "bring somebody of your own into the meeting",
             )
         return performer
-    raise ProblemError(
-        404,
-        "not-found",
+    raise NotFound(
         "protocol of the channel must be the id of a performer of this meeting; got "
         f"{performer_id!r}; read the meeting to see who is there",
     )
-
-
-def _reject(channel: RTCDataChannel, refusal: ProblemError) -> None:
-    if channel.readyState == "open":  # nobody reads from one that is closing
-        channel.send(refusal.problem.model_dump_json())
-        channel.close()

@@ -21,11 +21,11 @@ from aiortc import (
 
 from renderer.scene_renderer import warm_up
 from scene.environment import Environment
+from services.errors import OfferRefused, ServerFull
 from services.live.aiortc_compat import on_rtcp_packet
-from services.live.motion.keypoint_channels import KeypointChannels
+from services.live.motion.keypoint_channels import DescribeError, KeypointChannels
 from services.live.packets import NewestView, PacketError, decode_view
 from services.live.room import MeetingPerformer, Room
-from services.live.sessions.errors import OfferRefused, ServerFull
 from services.live.streaming.encoding import PictureEncoder, negotiated_codec
 from services.live.streaming.instrumentation import Instrumentation
 from services.live.streaming.pose_feed import PoseFeed, pose_packets
@@ -95,9 +95,11 @@ class ViewSessions:
         *,
         ice_servers: list[str],
         max_viewers: int,
+        describe_error: DescribeError,
         instrumentation: Instrumentation | None = None,
     ) -> None:
-        """`instrumentation` is called for all that is sent to viewers."""
+        """`describe_error` words why a keypoint channel is closed; `instrumentation` is called for
+        all that is sent to viewers."""
         self._meetings, self._clock = meetings, clock
         self._ice_servers = [RTCIceServer(urls=url) for url in ice_servers]
         self._max_viewers = max_viewers
@@ -106,7 +108,7 @@ class ViewSessions:
         self._pictures: dict[Room, SharedPictures] = {}
         self._sessions: dict[str, ViewSession] = {}
         self._pose_feed = PoseFeed(clock, self._instrumentation)
-        self._keypoint_channels = KeypointChannels(clock)
+        self._keypoint_channels = KeypointChannels(clock, describe_error)
         # one thread renders for all: a picture already uses every core
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="render")
         self._warming_up: Future[None] | None = None

@@ -5,8 +5,8 @@ from __future__ import annotations
 from enum import Enum
 from typing import Literal
 
+from services.errors import OfferRefused
 from services.live.aiortc_compat import SessionDescription
-from services.live.sessions.errors import OfferRefused
 from services.live.streaming.voice_slots import SLOTS
 
 Direction = Literal["sendrecv", "sendonly", "recvonly", "inactive"]

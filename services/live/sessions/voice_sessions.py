@@ -20,8 +20,8 @@ from aiortc import (
     RTCSessionDescription,
 )
 
+from services.errors import NotPresenting, OfferRefused, ServerFull
 from services.live.aiortc_compat import on_key_frame_request, request_key_frame
-from services.live.sessions.errors import OfferRefused, ServerFull
 from services.live.sessions.voice_offer import Direction, Endpoint, read_media_sections
 from services.live.streaming.forwarding import (
     EncodedPicture,
@@ -32,7 +32,6 @@ from services.live.streaming.forwarding import (
     on_vp8_picture,
 )
 from services.live.streaming.voice_slots import VoiceSlots
-from services.problems import ProblemError
 
 _CONNECT_TIMEOUT_S = 20.0
 """From the answer to a connection; a client that needs longer has left or can't get through."""
@@ -115,13 +114,11 @@ class VoiceSessions:
 
         The connection that the participant had through the same endpoint is closed. Raises
         OfferRefused for an SDP that can't be answered, ServerFull where there are too many
-        connections, and a 403 problem for a screen of a participant who may not present.
+        connections, and NotPresenting for a screen of a participant who may not present.
         """
         sections = read_media_sections(sdp_offer, endpoint)
         if ("video", "recvonly") in sections and not self.may_present(meeting_id, participant_id):
-            raise ProblemError(
-                403,
-                "not-presenting",
+            raise NotPresenting(
                 "a screen must come from whom the control channel lets present; got one of "
                 "somebody else; ask to present first",
             )

@@ -15,9 +15,18 @@ from typing import Protocol
 from aiortc import RTCIceCandidate, RTCPeerConnection
 from fastapi import Request, Response, status
 
+from db.errors import NotFound
+from scene.errors import InvalidInput
 from services.auth import Principal
+from services.errors import (
+    BadCandidate,
+    NoIceRestart,
+    PreconditionFailed,
+    PreconditionRequired,
+    TooLarge,
+    UnsupportedMediaType,
+)
 from services.live.aiortc_compat import candidate_from_sdp
-from services.problems import ProblemError
 
 SDP = "application/sdp"
 SDP_FRAGMENT = "application/trickle-ice-sdpfrag"
@@ -61,7 +70,7 @@ class Sessions(Protocol):
 
 
 async def read_offer(request: Request) -> str:
-    """The SDP offer in a request's body. Raises a 413, 415 or 422 problem."""
+    """The SDP offer in a request's body. Raises UnsupportedMediaType, TooLarge, InvalidInput."""
     text = await _read(request, SDP, MAX_OFFER_BYTES)
     # RFC 8858: a client may offer rtcp-mux-only alone, but aiortc reads only rtcp-mux
     sections = re.split(r"(?m)^(?=m=)", text)
@@ -100,7 +109,7 @@ def options(allow: str) -> Response:
 
 
 def own_session(sessions: Sessions, session_id: str, meeting_id: str, caller: Principal) -> Session:
-    """The session, if it is the caller's. Raises a 403 or 404 problem."""
+    """The session, if it is the caller's. Raises OtherMeeting, NotFound."""
     caller.require_meeting(meeting_id)
     found = sessions.find(session_id)
     if (
@@ -108,9 +117,7 @@ def own_session(sessions: Sessions, session_id: str, meeting_id: str, caller: Pr
         or found.meeting_id != meeting_id
         or found.participant_id != caller.participant_id
     ):
-        raise ProblemError(
-            404,
-            "not-found",
+        raise NotFound(
             f"id must be that of a running session of yours; got {session_id!r}; it may have "
             "ended already",
         )
@@ -120,14 +127,14 @@ def own_session(sessions: Sessions, session_id: str, meeting_id: str, caller: Pr
 async def end_session(
     sessions: Sessions, session_id: str, meeting_id: str, caller: Principal
 ) -> Response:
-    """End the caller's session. Raises a 403 or 404 problem."""
+    """End the caller's session. Raises OtherMeeting, NotFound."""
     own_session(sessions, session_id, meeting_id, caller)
     await sessions.close(session_id)
     return Response(status_code=status.HTTP_200_OK)
 
 
 async def add_candidates(request: Request, session: Session, session_id: str) -> Response:
-    """Trickle ICE: add a request's candidates. Raises the problems of RFC 9725, section 4.3."""
+    """Trickle ICE: add a request's candidates. Raises the errors of RFC 9725, section 4.3."""
     _require_match(request.headers.get("if-match"), session_id)
     text = await _read(request, SDP_FRAGMENT, _MAX_FRAGMENT_BYTES)
     expected = _UFRAG.search(session.connection.remoteDescription.sdp)
@@ -143,27 +150,21 @@ async def add_candidates(request: Request, session: Session, session_id: str) ->
 
 def _require_match(if_match: str | None, session_id: str) -> None:
     if if_match is None:
-        raise ProblemError(
-            428,
-            "precondition-required",
+        raise PreconditionRequired(
             "a PATCH must carry `If-Match` with the session's ETag; got none",
         )
     if if_match.strip() == "*":
         raise reject_ice_restart("`If-Match: *`")
     if if_match.strip() != f'"{session_id}"':
-        raise ProblemError(
-            412,
-            "precondition-failed",
+        raise PreconditionFailed(
             f"If-Match must be the ETag of this session; got {if_match[:80]!r}; it may be that of "
             "one before",
         )
 
 
-def reject_ice_restart(got: str) -> ProblemError:
-    """The 422 problem of a PATCH that asks for an ICE restart (RFC 8445, section 9)."""
-    return ProblemError(
-        422,
-        "no-ice-restart",
+def reject_ice_restart(got: str) -> NoIceRestart:
+    """The error of a PATCH that asks for an ICE restart (RFC 8445, section 9)."""
+    return NoIceRestart(
         f"a PATCH must bring candidates of the offer's own ICE session; got {got}, which asks for "
         "a restart; end this session and post a new offer",
     )
@@ -181,16 +182,14 @@ def _candidates(text: str) -> list[RTCIceCandidate]:
             try:
                 candidate = candidate_from_sdp(line.removeprefix("a=candidate:"))
             except (ValueError, IndexError, AssertionError) as error:
-                raise ProblemError(
-                    400, "bad-candidate", f"a candidate must be as in RFC 8839; got {line[:120]!r}"
+                raise BadCandidate(
+                    f"a candidate must be as in RFC 8839; got {line[:120]!r}"
                 ) from error
             candidate.sdpMid = mid
             candidate.sdpMLineIndex = max(0, line_index)
             found.append(candidate)
     if len(found) > _MAX_CANDIDATES:
-        raise ProblemError(
-            413,
-            "too-large",
+        raise TooLarge(
             f"a fragment must bring at most {_MAX_CANDIDATES} candidates; got {len(found)}",
         )
     return found
@@ -199,19 +198,15 @@ def _candidates(text: str) -> list[RTCIceCandidate]:
 async def _read(request: Request, media_type: str, max_bytes: int) -> str:
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind != media_type:
-        raise ProblemError(
-            415,
-            "unsupported-media-type",
+        raise UnsupportedMediaType(
             f"the body must be of type {media_type}; got {kind or 'none'!r}",
         )
     body = bytearray()
     async for chunk in request.stream():
         body += chunk
         if len(body) > max_bytes:
-            raise ProblemError(
-                413, "too-large", f"the body must be at most {max_bytes} bytes; got more"
-            )
+            raise TooLarge(f"the body must be at most {max_bytes} bytes; got more")
     try:
         return body.decode()
     except UnicodeDecodeError as error:
-        raise ProblemError(422, "invalid-input", f"the body must be UTF-8; got {error}") from error
+        raise InvalidInput(f"the body must be UTF-8; got {error}") from error

@@ -27,16 +27,14 @@ from db.models import MeetingRow
 from services import seats
 from services.auth import Joiner, Principal
 from services.container import Provided, Services
-from services.live.sessions.errors import ServerFull
+from services.errors import NoSeat
 from services.live.sessions.voice_offer import Endpoint
 from services.live.sessions.voice_sessions import VoiceSessions
 from services.live.signalling import sdp_http
 from services.live.signalling.sdp_http import SDP
-from services.problems import PROBLEMS, ProblemError
+from services.problems import PROBLEMS
 
 router = APIRouter(prefix="/v1/meetings", tags=["meetings"], responses=PROBLEMS)
-
-_RETRY_AFTER_S = 5
 
 
 def _sessions(request: Request) -> VoiceSessions:
@@ -58,19 +56,11 @@ async def create_voice_session(
     """Answer the offer of an admitted participant; the session resource lies below `path`."""
     caller.require_meeting(meeting_id)
     if caller.participant_id is None:
-        raise ProblemError(
-            403, "no-seat", "the token must be one that joining gave; got one without a seat; join"
-        )
+        raise NoSeat("the token must be one that joining gave; got one without a seat; join")
     sdp_offer = await sdp_http.read_offer(request)
     meeting = await run_in_threadpool(_meeting, services, meeting_id)
     seats.require_admitted(meeting, caller)
-    try:
-        session_id, answer = await voices.open(
-            meeting_id, caller.participant_id, sdp_offer, endpoint
-        )
-    except ServerFull as full:
-        headers = {"Retry-After": str(_RETRY_AFTER_S)}
-        raise ProblemError(503, "server-full", str(full), headers=headers) from full
+    session_id, answer = await voices.open(meeting_id, caller.participant_id, sdp_offer, endpoint)
     # from now on the hub closes the connection of a participant who is removed
     request.app.state.hub.notify(meeting_id)
     location = f"{path}/{session_id}"

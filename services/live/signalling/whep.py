@@ -17,17 +17,15 @@ from prometheus_client import Gauge
 from services import seats
 from services.auth import Joiner, Principal
 from services.container import Provided, Services
-from services.live.sessions.errors import ServerFull
 from services.live.sessions.stored_meetings import StoredMeetings
 from services.live.sessions.view_sessions import ViewSessions
 from services.live.signalling import sdp_http
 from services.live.signalling.sdp_http import SDP
 from services.live.streaming.latency_code import LatencyCode
-from services.problems import PROBLEMS, ProblemError
+from services.problems import PROBLEMS, problem_of
 
 router = APIRouter(tags=["meetings"], responses=PROBLEMS)
 
-_RETRY_AFTER_S = 5
 VIEWERS = Gauge("metanerf_viewers", "Viewers served live now.")
 RENDER_MS = Gauge("metanerf_render_milliseconds", "Median of the latest renders, ms.")
 
@@ -40,6 +38,7 @@ def install(app: FastAPI, services: Services) -> ViewSessions:
         time.monotonic,
         ice_servers=settings.ice_servers,
         max_viewers=settings.max_viewers,
+        describe_error=lambda error: problem_of(error).model_dump_json(),
         instrumentation=LatencyCode() if settings.stamp_pictures else None,
     )
     app.state.views = sessions
@@ -71,13 +70,9 @@ async def create_session(
     caller.require_meeting(meeting_id)
     sdp_offer = await sdp_http.read_offer(request)
     await run_in_threadpool(_require_seat, services, meeting_id, caller)
-    try:
-        session_id, sdp_answer = await views.open(
-            meeting_id, sdp_offer, caller.participant_id, caller.account
-        )
-    except ServerFull as full:
-        headers = {"Retry-After": str(_RETRY_AFTER_S)}
-        raise ProblemError(503, "server-full", str(full), headers=headers) from full
+    session_id, sdp_answer = await views.open(
+        meeting_id, sdp_offer, caller.participant_id, caller.account
+    )
     # from now on the hub ends the session of a viewer who is removed
     request.app.state.hub.notify(meeting_id)
     location, ice_servers = f"/whep/{meeting_id}/{session_id}", services.settings.ice_servers

@@ -113,5 +113,5 @@ def test_every_kind_of_full_is_told(number: int):
     wrapped = ValueError("the archive could not be closed")
     wrapped.__context__ = full
     for error in (full, wrapped, RuntimeError(f"I/O error: it is full (os error {number})")):
-        assert problem_of(error).problem.status == 507
-    assert problem_of(OSError(errno.EACCES, "no")).problem.status == 500
+        assert problem_of(error).status == 507
+    assert problem_of(OSError(errno.EACCES, "no")).status == 500

@@ -11,6 +11,7 @@ from db.models import JobKind, JobRow, JobState, SequenceState
 from services.container import Services, build_services
 from services.jobs.lease import reclaim_expired
 from services.jobs.queue import crashed, drop_orphans, enqueue
+from services.problems import stored_failure
 from services.settings import Settings
 from tests.fakes import Clock
 from tests.services import seeds
@@ -44,7 +45,9 @@ def test_a_job_is_given_up_after_its_last_crash(services: Services, sequence_fol
         job = _claim(services)
         with services.unit_of_work() as unit:
             job = unit.jobs.get(job_id)
-            crashed(unit, job, "its process was killed", services.clock(), at_most=3)
+            crashed(
+                unit, job, "its process was killed", services.clock(), stored_failure, at_most=3
+            )
             unit.commit()
         assert job.state is (JobState.FAILED if last else JobState.QUEUED)
     assert job.error is not None
@@ -58,7 +61,7 @@ def test_silence_is_noticed_by_the_clock(services: Services, clock: Clock, seque
 
     def revived() -> list[str]:
         with services.unit_of_work() as unit:
-            found, _ = reclaim_expired(unit, clock(), 30.0, at_most=3)
+            found, _ = reclaim_expired(unit, clock(), 30.0, stored_failure, at_most=3)
             unit.commit()
         return found
 
@@ -81,7 +84,9 @@ def test_a_capture_that_is_given_up_takes_its_upload_along(
         unit.commit()
     _claim(services)
     with services.unit_of_work() as unit:
-        orphans = crashed(unit, unit.jobs.get(job_id), "it died", clock(), at_most=1)
+        orphans = crashed(
+            unit, unit.jobs.get(job_id), "it died", clock(), stored_failure, at_most=1
+        )
         unit.commit()
     drop_orphans(services, orphans)
     with services.reading() as unit:
@@ -97,6 +102,6 @@ def test_a_cancelled_job_that_crashes_is_cancelled(services: Services, sequence_
     with services.unit_of_work() as unit:
         job = unit.jobs.get(job_id)
         job.cancel_requested = True
-        crashed(unit, job, "it died", services.clock(), at_most=3)
+        crashed(unit, job, "it died", services.clock(), stored_failure, at_most=3)
         unit.commit()
     assert job.state is JobState.CANCELLED

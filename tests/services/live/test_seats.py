@@ -161,7 +161,7 @@ async def test_a_meeting_with_every_seat_taken_says_when_to_come_back(
 @pytest.fixture
 async def watched() -> AsyncIterator[tuple[ViewSessions, Seconds, EmptyMeetings]]:
     clock, noted = Seconds(), EmptyMeetings()
-    views = ViewSessions(noted, clock, ice_servers=[], max_viewers=2)
+    views = ViewSessions(noted, clock, ice_servers=[], max_viewers=2, describe_error=str)
     yield views, clock, noted
     await views.close_all()
 
