@@ -73,7 +73,9 @@ def run(
         writer.write({**about, "mean": mean_of(judged), "rows": rows})
 
 
-def film(folder: Path, motion: Path, seed: int, rate: float = RATE, frames: int = FRAMES) -> None:
+def render_clip(
+    folder: Path, motion: Path, seed: int, rate: float = RATE, frames: int = FRAMES
+) -> None:
     """Truth in `folder`/truth, footage in `folder`/raw.mp4."""
     make_sequence(
         folder / "truth", motion=motion, seed=seed, frames=frames, size=SIZE_PX,
@@ -115,7 +117,7 @@ def _row(
 ) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        film(folder, motion, seed)
+        render_clip(folder, motion, seed)
         return {"clip": motion.stem, **_judged(folder, pose_model, backbone, clock)}
 
 

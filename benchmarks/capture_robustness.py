@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.capture import FRAMES, RATE, StageWatch, film, truth_joints
+from benchmarks.capture import FRAMES, RATE, StageWatch, render_clip, truth_joints
 from benchmarks.pose_errors import Joints
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import clock_named
@@ -21,8 +21,7 @@ from capture.overlay import write_video
 from capture.pipeline import CaptureOptions, capture_clip
 from capture.sources.video import read_video
 from capture.storage import open_sequence
-from capture.studio.performer import film as film_performer
-from capture.studio.performer import make_performer
+from capture.studio.performer import make_performer, render_performer
 from scene.arrays import Array, UInt8
 from scene.sequence import Sequence
 
@@ -42,7 +41,7 @@ def run(writer: FigureWriter, motions: Path, pose_model: Path) -> None:
     rows: dict[str, dict[str, float]] = {}
     with tempfile.TemporaryDirectory() as name, MediaPipeEstimator(pose_model) as estimator:
         folder = Path(name)
-        film(folder, motions / f"{CLIP}.bvh", 7, _FASTEST, _MOST_FRAMES)
+        render_clip(folder, motions / f"{CLIP}.bvh", 7, _FASTEST, _MOST_FRAMES)
         for row, path, seen_by, focal_known, rate in _variants(folder, estimator):
             truth = open_sequence(folder / "truth")
             watch = StageWatch(_at_rate(truth, rate), clock_named("wall"))
@@ -131,7 +130,7 @@ def _passed_by(
         frame, camera = index * step, truth.train.camera(index * step)
         pose = truth.train.pose((frame + 60) % len(truth.train))
         across = np.array([-1.6 + 3.2 * index / len(images), 0.0, -1.5])
-        seen, alpha = film_performer(other, replace(pose, root_translation=across), camera, "lit")
+        seen, alpha = render_performer(other, replace(pose, root_translation=across), camera, "lit")
         free = 1.0 - truth.train.mask(frame)[..., None]
         mixed = image / 255.0 * (1.0 - alpha[..., None] * free) + seen * free
         yield np.clip(255.0 * mixed + 0.5, 0, 255).astype(np.uint8)

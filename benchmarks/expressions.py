@@ -23,8 +23,8 @@ from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import milliseconds
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from capture.studio.moves import gestures
-from capture.studio.performer import StudioPerformer, film, make_performer
+from capture.studio.motions import gesture_motion
+from capture.studio.performer import StudioPerformer, make_performer, render_performer
 from renderer.evaluation.evaluate import evaluate
 from renderer.evaluation.metrics import psnr
 from renderer.presets import find_preset
@@ -174,7 +174,7 @@ def without(clip: Sequence, names: tuple[str, ...]) -> Sequence:
 def unseen_shots(part: Part, performer: StudioPerformer, seed: int) -> list[RenderedExpression]:
     """Pictures of poses, expressions and from cameras that no clip has."""
     rng, skeleton = np.random.default_rng(seed + 1000), performer.body.skeleton
-    moves, shots, eyes = gestures(TESTS, 10.0), [], _eyes(performer.known_body)
+    moves, shots, eyes = gesture_motion(TESTS, 10.0), [], _eyes(performer.known_body)
     for index in range(TESTS):
         shown = np.clip(rng.uniform(-0.4, 1.2, len(EXPRESSION_NAMES)), 0.0, 1.0)
         pose = replace(moves.pose(index), expression=shown)
@@ -186,7 +186,7 @@ def unseen_shots(part: Part, performer: StudioPerformer, seed: int) -> list[Rend
             aim, part.distance_m, facing + rng.uniform(-part.round_rad, part.round_rad),
             rng.uniform(-0.1, 0.3), part.size, part.size, 0.6,
         )  # fmt: skip
-        image, _ = film(performer, pose, camera, "plain")
+        image, _ = render_performer(performer, pose, camera, "plain")
         middles = [joints[JOINT_NAMES.index(name)] for name in part.joints]
         places = [j[:3, 3] + (j[:3, :3] @ _FACE_M if part is FACE else 0.0) for j in middles]
         crops = {part.name: [_crop(camera, place, part.half_m) for place in places]}
@@ -227,7 +227,7 @@ def faces(clip: Sequence, seed: int) -> Float[Array, "H W 3"]:
     for shown in ((), ("jaw_open",), LIDS, ("brows_up",), ("smile",)):
         values = np.array([float(name in shown) for name in EXPRESSION_NAMES])
         posed = replace(pose, expression=values)
-        truth, _ = film(performer, posed, camera, "plain")
+        truth, _ = render_performer(performer, posed, camera, "plain")
         made = np.clip(model.render(camera, posed)[..., :3], 0.0, 1.0)
         columns.append(np.vstack([truth[crop], made[crop]]))
     return np.hstack(columns)

@@ -15,7 +15,7 @@ from aiortc import RTCConfiguration, RTCDataChannel, RTCPeerConnection, RTCSessi
 from capture.body.landmark_names import LANDMARK_NAMES
 from capture.body.landmarks import load_body_landmarks
 from capture.body.model import load_body_model
-from capture.studio.moves import turning
+from capture.studio.motions import turntable_motion
 from scene.camera import orbit_camera
 from scene.skeleton import Skeleton
 from services.live.packets import KeypointsPacket, ViewPacket, encode_keypoints, encode_view
@@ -109,7 +109,7 @@ def _landmarks() -> list[tuple[np.ndarray, np.ndarray]]:
     skeleton, marks = Skeleton(load_body_model().rest_joints), load_body_landmarks()
     camera = orbit_camera((0.0, 0.9, 0.0), 3.0, 0.0, 0.0, *_SIZE, 0.8)
     hips = [LANDMARK_NAMES.index(f"{side}_hip") for side in ("left", "right")]
-    motion, found = turning(_FRAMES, float(RATE_HZ), 60.0), []
+    motion, found = turntable_motion(_FRAMES, float(RATE_HZ), 60.0), []
     for frame in range(_FRAMES):
         # forwards and back: where the round begins again nobody jumps
         pose = motion.pose(2 * min(frame, _FRAMES - 1 - frame))

@@ -17,7 +17,7 @@ from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from capture.studio.cast import CAST
+from capture.studio.named_performers import NAMED_PERFORMERS
 from capture.studio.sequence import LOOKS
 from renderer.evaluation.evaluate import evaluate
 from renderer.training import train
@@ -35,7 +35,7 @@ def run(
     cache, clock = writer.cache(only), clock_named(clock_name)
     rows = []
     for look in LOOKS:
-        for performer in CAST:
+        for performer in NAMED_PERFORMERS:
             for preset, budget_s in BUDGETS_S.items():
                 about = {"look": look, "performer": performer, "preset": preset,
                          "budget_s": budget_s, **clock.about()}  # fmt: skip

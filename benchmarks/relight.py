@@ -22,9 +22,9 @@ from benchmarks.reporting.timing import Clock, clock_named, milliseconds
 from capture.sources.panorama import read_panorama
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from capture.studio.cast import seed_of
-from capture.studio.light import SurroundingLight
-from capture.studio.performer import StudioPerformer, film, make_performer
+from capture.studio.light import EnvironmentLight
+from capture.studio.named_performers import seed_of_performer
+from capture.studio.performer import StudioPerformer, make_performer, render_performer
 from renderer.evaluation.metrics import psnr
 from renderer.relighting.shading import Relighting
 from renderer.splats.model import SplatModel
@@ -66,7 +66,9 @@ def run(writer: FigureWriter, panoramas: Path, picture: Path | None, clock_name:
                     if shown_in == filmed_in:
                         continue
                     shown = Environment.of_panorama(shown_in, rooms[shown_in])
-                    compared = _compare(model, clip, make_performer(seed_of(performer)), shown)
+                    compared = _compare(
+                        model, clip, make_performer(seed_of_performer(performer)), shown
+                    )
                     about = {"performer": performer, "filmed_in": filmed_in, "shown_in": shown_in}
                     rows.append({**about, **compared.figures})
                     strips.append(compared.strip)
@@ -114,12 +116,12 @@ def _compare(
     model: SplatModel, clip: Sequence, performer: StudioPerformer, shown: Environment
 ) -> _Compared:
     assert shown.panorama is not None
-    light, source = SurroundingLight(shown.panorama), clip.test[NOVEL_VIEW]
+    light, source = EnvironmentLight(shown.panorama), clip.test[NOVEL_VIEW]
     renderer, figures = SplatRenderer((model,)), []
     strip = np.zeros((*_CELL_PX, 3))
     for index in np.linspace(0, len(source) - 1, _VIEWS).round().astype(int).tolist():
         camera, pose = source.camera(index), source.pose(index)
-        truth, alpha = film(performer, pose, camera, "lit", light=light)
+        truth, alpha = render_performer(performer, pose, camera, "lit", light=light)
         crop = body_crop(alpha)
         assert crop is not None
         moved = model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)

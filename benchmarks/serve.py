@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import late_share, milliseconds
-from capture.studio.moves import turning
+from capture.studio.motions import turntable_motion
 from capture.studio.performer import make_performer
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, ROTATION
 from renderer.splats.model import SplatModel
@@ -212,7 +212,7 @@ def surface_model(count: int) -> SplatModel:
     parameters[:, COLOUR : COLOUR + 3] = rng.uniform(size=(count, 3))
     joints = np.argsort(-weights, axis=1)[:, :4].astype(np.uint8)
     top = np.take_along_axis(weights, joints.astype(int), axis=1).astype(np.float32)
-    motion = turning(60, 30.0, 360.0)
+    motion = turntable_motion(60, 30.0, 360.0)
     return SplatModel(
         parameters, joints, top, np.ones(count, bool), body.skeleton, motion, "benchmark"
     )

@@ -17,13 +17,13 @@ from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from capture.studio.cast import CAST
+from capture.studio.named_performers import NAMED_PERFORMERS
 from renderer.evaluation.evaluate import evaluate
 from renderer.performer_model import PerformerModel
 from renderer.training import train
 from scene.sequence import Sequence
 
-PERFORMERS = tuple(CAST)[:3]
+PERFORMERS = tuple(NAMED_PERFORMERS)[:3]
 FRAMES, SIZE = 60, 256
 EARLIER_S = 20.0
 """Training of the earlier model."""

@@ -106,15 +106,17 @@ def relative_axis_angles(start: Array, end: Array) -> Array:
 
 
 @numba.njit(cache=True)
-def integrate_rotations(rotations: Array, angular_velocity: Array, duration: float) -> Array:
-    """The angles [K 3] of `rotations` [K 3 3] after `duration` (s) at `angular_velocity` [K 3].
+def integrate_rotations(rotations: Array, rotation_vectors: Array, factor: float) -> Array:
+    """The angles [K 3] of R exp(factor * v) for `rotations` R [K 3 3] and `rotation_vectors` v [K
+    3].
 
-    The velocity (rad/s) is in each rotation's own frame: R exp(duration * velocity).
+    The vectors are in each rotation's own frame: velocities in rad/s with a duration in s as the
+    factor, or whole steps in rad with the share of them that is taken.
     """
-    angles, step, moved = np.empty(angular_velocity.shape), np.empty((3, 3)), np.empty((3, 3))
+    angles, step, moved = np.empty(rotation_vectors.shape), np.empty((3, 3)), np.empty((3, 3))
     for k in range(len(rotations)):
-        x, y, z = angular_velocity[k, 0], angular_velocity[k, 1], angular_velocity[k, 2]
-        write_rotation(duration * x, duration * y, duration * z, step)
+        x, y, z = rotation_vectors[k, 0], rotation_vectors[k, 1], rotation_vectors[k, 2]
+        write_rotation(factor * x, factor * y, factor * z, step)
         multiply(rotations[k], step, moved)
         write_axis_angle(moved, angles[k])
     return angles

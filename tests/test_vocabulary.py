@@ -45,6 +45,20 @@ RETIRED = {
     "Backdrop": "BackgroundModel",
     "capture_video": "capture_clip",
     "capture_frames": "capture_clip",
+    # the studio
+    "acted": "with_random_expressions",
+    "SurroundingLight": "EnvironmentLight",
+    "seed_of": "seed_of_performer",
+    "clip_of": "motion_file_of",
+    "framed_head": "frame_head",
+    r"studio\.(cast|acting|moves|wardrobe)": "named_performers, expressions, motions, outfit",
+    # readers, live capture
+    "our_intrinsics": "to_half_pixel_centres",
+    r"(?<!def )(?<!\.)their_intrinsics": "to_integer_pixel_centres",
+    "moved_camera": "camera_in_world",
+    "moved_pose": "apply_pose_step",
+    "depth_trust": "depth_weights",
+    r"live\.kernels": "energy_kernels, gauss_newton_kernels or filter_kernels",
     # kinematics
     "place_joints": "forward_kinematics",
     "write_turn": "write_rotation",

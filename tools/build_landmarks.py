@@ -18,8 +18,8 @@ from capture.body.landmark_names import LANDMARK_COUNT, LANDMARK_NAMES
 from capture.body.landmarks import MIRROR, OFFSETS_FILE, BodyLandmarks, place_landmarks
 from capture.body.model import load_body_model
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
-from capture.studio.moves import gestures, turning
-from capture.studio.performer import film, make_performer
+from capture.studio.motions import gesture_motion, turntable_motion
+from capture.studio.performer import make_performer, render_performer
 from capture.studio.room import room_background
 from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
@@ -90,9 +90,9 @@ def _sights_of(seed: int, marks: BodyLandmarks, estimator: MediaPipeEstimator) -
     rest = landmarks_of(skeleton, marks)
     camera = orbit_camera((0.0, 0.95, 0.0), 3.6, 0.0, 0.05, _SIZE_PX, _SIZE_PX, 0.6)
     room = room_background(camera, seed)
-    for motion in (turning(_MOMENTS, 10.0, 360.0), gestures(_MOMENTS, 10.0)):
+    for motion in (turntable_motion(_MOMENTS, 10.0, 360.0), gesture_motion(_MOMENTS, 10.0)):
         for pose in map(motion.pose, range(len(motion))):
-            image, alpha = film(actor, pose, camera, "lit")
+            image, alpha = render_performer(actor, pose, camera, "lit")
             picture = image + (1.0 - alpha[..., None]) * room
             people = estimator.detect(np.clip(255.0 * picture + 0.5, 0, 255).astype(np.uint8))
             if people:
@@ -110,7 +110,7 @@ def sights_in(
 ) -> list[Sight]:  # fmt: skip
     """One picture's sights; `rest` holds the landmarks' anatomical places at rest."""
     moved = skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)[joints]
-    turned = camera.rotation @ moved[:, :3, :3]
+    with_turn = camera.rotation @ moved[:, :3, :3]
     world = np.einsum("nij,nj->ni", moved[:, :3, :3], rest) + moved[:, :3, 3]
     seen = world @ camera.rotation.T + camera.translation
     pixels, _ = camera.project(world)
@@ -119,7 +119,7 @@ def sights_in(
         onto_plane = np.concatenate([np.eye(2), -(place[:2] / place[2])[:, None]], axis=1)
         metres_a_px = place[2] / camera.focal_px
         off = (person.pixels[n] - pixels[n]) * metres_a_px
-        sights.append((onto_plane @ turned[n], off, float(person.visibility[n])))
+        sights.append((onto_plane @ with_turn[n], off, float(person.visibility[n])))
     return sights
 
 

@@ -21,7 +21,7 @@ from capture.body.landmarks import MIRROR
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
 from capture.detection.lifter import WEIGHTS_FILE, Inputs, inputs_of
 from capture.detection.lifter_network import LifterNetwork, forward_kinematics, local_turns
-from capture.studio.performer import film, make_performer
+from capture.studio.performer import make_performer, render_performer
 from capture.studio.poses import random_pose
 from capture.studio.room import room_background
 from scene.arrays import Array, Float, Tensor
@@ -84,7 +84,7 @@ def _film(seed: int, estimator: MediaPipeEstimator) -> Shard:
             camera = _random_camera(rng)
             room = room_background(camera, seed)
         pose = random_pose(rng, skeleton)
-        image, alpha = film(performer, pose, camera, look, supersampling=1)
+        image, alpha = render_performer(performer, pose, camera, look, supersampling=1)
         people = estimator.detect(_as_recorded(rng, image + (1.0 - alpha[..., None]) * room))
         if not people:
             continue

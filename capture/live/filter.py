@@ -1,8 +1,8 @@
-"""Smooth and briefly predict poses as they come: the One-Euro filter on rotations and places.
+"""Smooths and briefly predicts live poses: the One-Euro filter on rotations and positions.
 
-One-Euro (Casiez et al. 2012): a low pass whose cutoff rises with speed, so that who stands still
-does not tremble and who moves is not late. Turns are filtered along geodesics: each joint moves a
-share of the way, log(F^T R), from where it was to where it is seen.
+One-Euro (Casiez et al. 2012): a low pass whose cutoff rises with speed, so that a
+person at rest does not jitter and a fast motion does not lag. Rotations are filtered along
+geodesics: each joint moves a share of log(F^T R), from its filtered to its measured rotation.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from scene.arrays import Array, Float
 from scene.motion import Pose
 
 AT_MOST_S = 0.15
-"""A longer prediction is worse than standing still."""
+"""Longer predictions are worse than holding the pose."""
 _Number = TypeVar("_Number", float, np.ndarray)
 _SPEED_CUTOFF_HZ = 1.0
-"""Of the speed itself."""
+"""Cutoff of the low pass on the speed itself."""
 
 
 @dataclass(frozen=True)
 class Smoothing:
-    """How steady, and how quick to follow."""
+    """Parameters of the One-Euro filter: jitter against lag."""
 
     cutoff_hz: float = 1.5
-    """Of a joint that stands still."""
+    """Cutoff for a joint at rest."""
     cutoff_per_rad_s: float = 1.0
     """Hz more for each rad/s."""
     cutoff_per_m_s: float = 4.0
@@ -43,36 +43,41 @@ class PoseFilter:
         self._time_s: float | None = None
         self._rotations = np.tile(np.eye(3), (24, 1, 1))
         self._root = np.zeros(3)
-        self._seen = self._rotations, self._root  # the last ones as they came: speed has no lag
+        self._measured = (
+            self._rotations,
+            self._root,
+        )  # the last measurements: the speed is of these, without lag
         self._angular_velocity = np.zeros((24, 3))
         self._velocity = np.zeros(3)
 
     def add(
         self, rotations: Float[Array, "24 3 3"], root: Float[Array, "3"], time_s: float
     ) -> None:
-        """Take the local rotations and the root's translation (m) seen at `time_s`."""
+        """Add the local rotations and the root's translation (m) measured at `time_s`."""
         if self._time_s is None:
             self._rotations, self._root, self._time_s = rotations.copy(), root.copy(), time_s
-            self._seen = rotations, root
+            self._measured = rotations, root
             return
-        from capture.live.kernels import filter_rotations
+        from capture.live.filter_kernels import filter_rotations
 
         step_s, s = time_s - self._time_s, self._smoothing
-        before, root_before = self._seen
+        previous, previous_root = self._measured
         filter_rotations(
-            self._rotations, self._angular_velocity, before, rotations, step_s,
+            self._rotations, self._angular_velocity, previous, rotations, step_s,
             _SPEED_CUTOFF_HZ, s.cutoff_hz, s.cutoff_per_rad_s,
         )  # fmt: skip
-        moving = (root - root_before) / step_s
-        self._velocity += low_pass_share(_SPEED_CUTOFF_HZ * step_s) * (moving - self._velocity)
+        measured_velocity = (root - previous_root) / step_s
+        self._velocity += low_pass_share(_SPEED_CUTOFF_HZ * step_s) * (
+            measured_velocity - self._velocity
+        )
         cutoff_hz = s.cutoff_hz + s.cutoff_per_m_s * math.sqrt(
             float(self._velocity @ self._velocity)
         )
         self._root = self._root + low_pass_share(cutoff_hz * step_s) * (root - self._root)
-        self._time_s, self._seen = time_s, (rotations, root)
+        self._time_s, self._measured = time_s, (rotations, root)
 
     def pose(self, time_s: float) -> Pose:
-        """The pose at `time_s`, moved on at its pace if that is later than the last one seen."""
+        """The pose at `time_s`, extrapolated at constant velocity after the last measurement."""
         if self._time_s is None:
             return Pose.rest(time_s)
         from scene.kinematics_kernels import integrate_rotations
@@ -83,6 +88,7 @@ class PoseFilter:
 
 
 def low_pass_share(cycles: _Number) -> _Number:
-    """How far a low pass goes in a step of so many cycles of its cutoff, 0 to 1."""
+    """Share of the way, 0 to 1, that a low pass goes in a step of `cycles` periods of its
+    cutoff."""
     ratio = 2.0 * math.pi * cycles
     return ratio / (1.0 + ratio)

@@ -1,11 +1,11 @@
-"""Pose from one frame's landmarks, as they come: for a person and a camera that are known.
+"""Live poses from the landmarks of one frame at a time, for a known body and camera.
 
 Two damped Gauss-Newton steps (Levenberg-Marquardt) bring a pose's landmarks onto the picture: the
 terms are those of the clip-wide fit (`capture.fitting.state`) without silhouette and future. They
-start from the last frame's pose; at first, after a gap, where that explains the frame badly and now
-and then anyway they start from what the frame says by itself too (`capture.detection.lifter`), and
-the better one stays. What nothing shows stays where it was and drifts to rest. A One-Euro filter
-smooths, and predicts by the latency. Nothing here sees a picture.
+start from the last frame's pose; at first, after a gap, where that fits the frame badly, and every
+`LIFT_EVERY` frames they start from the frame's own lifted pose too (`capture.detection.lifter`),
+and the pose of lower energy is kept. Joints without landmarks keep their rotation and drift to the
+prior's mean. A One-Euro filter smooths, and predicts by the latency. No pictures are used.
 """
 
 from __future__ import annotations
@@ -33,28 +33,28 @@ from scene.rotations import matrix_to_axis_angle
 from scene.skeleton import JOINT_COUNT, PARENTS
 
 if TYPE_CHECKING:
-    from capture.live.kernels import FrameObservation, SolverModel
+    from capture.live.energy_kernels import FrameObservation, SolverModel
 
 STEPS = 2
-STEPS_AT_FIRST = 6
-"""Of a pose that the last frame's does not lead to."""
-LIFTED_EVERY = 60
-"""Frames between looks at a frame by itself, which cost several times as much as both steps."""
+INITIAL_STEPS = 6
+"""From a lifted pose, without a previous frame's."""
+LIFT_EVERY = 60
+"""Frames between lifted starts, which cost several times as much as both steps."""
 _GAP_S = 0.3
-"""After so long the last pose says little."""
+"""Age from which the last pose is not used as a start."""
 _TURNING_RAD_S, _MOVING_M_S = 3.0, 1.0
-"""Usual pace: what landmarks tell little of, such as depth, stays about where it was."""
-_BAD = 2.0
-"""Times the usual energy from which a frame is explained badly."""
+"""Typical speeds: what landmarks hardly determine, such as depth, stays about where it was."""
+_POOR_FIT = 2.0
+"""Times the typical energy from which a frame counts as badly fitted."""
 _PIXEL_DEVIATION = 0.016
 """Of a landmark, in heights of the person."""
 _WORLD_DEVIATION_M = 0.07
-_FACE_DEPTH_TRUST = 0.3
+_FACE_DEPTH_WEIGHT = 0.3
 _DAMPING = 1e-2
-"""Share of the diagonal that is added; ten times more after a step that made things worse."""
-_FLOOR = 1e-6
-_USUAL_SHARE = 0.1
-"""Of each frame in the usual energy."""
+"""Share of the diagonal that is added; ten times more after a step that raised the energy."""
+_DIAGONAL_FLOOR = 1e-6
+_TYPICAL_SHARE = 0.1
+"""Share of each frame in the running mean of the energy."""
 _HIPS = np.array([LANDMARK_NAMES.index("left_hip"), LANDMARK_NAMES.index("right_hip")])
 _SHOULDERS = [LANDMARK_NAMES.index("left_shoulder"), LANDMARK_NAMES.index("right_shoulder")]
 UNKNOWNS = 3 * JOINT_COUNT + 3
@@ -71,7 +71,7 @@ class _State:
 
 
 class LiveSolver:
-    """Follows one person with one still camera; belongs to one thread."""
+    """Tracks one person with one still camera; for one thread."""
 
     def __init__(
         self,
@@ -86,7 +86,7 @@ class LiveSolver:
 
         Args:
             latency_s: how far ahead of its landmarks a pose is predicted, at most 0.15 s.
-            lifter: what a frame means by itself; `capture.detection.lifter.lift` for MediaPipe's
+            lifter: pose from a frame alone; `capture.detection.lifter.lift` for MediaPipe's
                 landmarks.
             smoothing: None gives each frame's own solution.
 
@@ -101,20 +101,20 @@ class LiveSolver:
         self._filter = None if smoothing is None else PoseFilter(smoothing)
         self._last: _State | None = None
         self._time_s = -np.inf
-        self._usual, self._since = 0.0, 0
-        self.trust: Float[Array, "33"] = np.zeros(len(LANDMARK_NAMES))
-        """In each landmark of the newest frame, 0 to 1."""
+        self._typical_energy, self._frames_since_lift = 0.0, 0
+        self.landmark_weights: Float[Array, "33"] = np.zeros(len(LANDMARK_NAMES))
+        """Of each landmark of the newest frame, 0 to 1."""
 
     def step(self, landmarks: Landmarks, time_s: float) -> Pose:
         """The pose at `time_s` + latency, from the landmarks of `time_s`.
 
-        Raises InvalidInput where time does not move on or nothing at all is seen.
+        Raises InvalidInput where time does not advance or no landmark is visible.
         """
         if not time_s > self._time_s:
             raise InvalidInput(f"time_s must be later than {self._time_s}; got {time_s!r}")
-        seen = frame_observation(landmarks, self._camera)
-        state = self._solved(landmarks, seen, time_s - self._time_s)
-        self._last, self._time_s, self.trust = state, time_s, seen.trust
+        observation = frame_observation(landmarks, self._camera)
+        state = self._solve_frame(landmarks, observation, time_s - self._time_s)
+        self._last, self._time_s, self.landmark_weights = state, time_s, observation.weights
         root = state.pelvis - self._rest[0]
         if self._filter is None:
             return Pose(matrix_to_axis_angle(state.local), root, time_s)
@@ -124,92 +124,109 @@ class LiveSolver:
     def predict(self, time_s: float) -> Pose:
         """The pose at `time_s` without landmarks: a frame is lost, or the next is late."""
         if self._filter is None:
-            raise InvalidInput("predict must have a smoothing, which knows the pace; got None")
+            raise InvalidInput(
+                "predict must have a smoothing, which estimates velocities; got None"
+            )
         return self._filter.pose(time_s + self.latency_s)
 
-    def _solved(self, landmarks: Landmarks, seen: FrameObservation, step_s: float) -> _State:
+    def _solve_frame(
+        self, landmarks: Landmarks, observation: FrameObservation, step_s: float
+    ) -> _State:
         """The best pose for one frame, from the last one or from nothing."""
         found: list[_State] = []
         if self._last is not None and step_s < _GAP_S:
             start = self._last
-            pull = np.full(UNKNOWNS, (_TURNING_RAD_S * step_s) ** -2)
-            pull[3 * JOINT_COUNT :] = (_MOVING_M_S * step_s) ** -2
-            found.append(self._refined(start.local, start.pelvis, seen, STEPS, pull))
+            precision = np.full(UNKNOWNS, (_TURNING_RAD_S * step_s) ** -2)
+            precision[3 * JOINT_COUNT :] = (_MOVING_M_S * step_s) ** -2
+            found.append(self._refine(start.local, start.pelvis, observation, STEPS, precision))
         lost = not found
-        self._since += 1
-        if lost or self._since >= LIFTED_EVERY or found[0].energy > _BAD * self._usual:
-            self._since = 0
-            local, pelvis = self._lifted(landmarks, seen)
-            steps, free = STEPS_AT_FIRST if lost else STEPS, np.zeros(UNKNOWNS)
-            found.append(self._refined(local, pelvis, seen, steps, free))
+        self._frames_since_lift += 1
+        if (
+            lost
+            or self._frames_since_lift >= LIFT_EVERY
+            or found[0].energy > _POOR_FIT * self._typical_energy
+        ):
+            self._frames_since_lift = 0
+            local, pelvis = self._lifted(landmarks, observation)
+            steps, no_prior = INITIAL_STEPS if lost else STEPS, np.zeros(UNKNOWNS)
+            found.append(self._refine(local, pelvis, observation, steps, no_prior))
         best = min(found, key=lambda one: one.energy)
-        self._usual += (1.0 if lost else _USUAL_SHARE) * (best.energy - self._usual)
+        self._typical_energy += (1.0 if lost else _TYPICAL_SHARE) * (
+            best.energy - self._typical_energy
+        )
         return best
 
     def _lifted(
-        self, landmarks: Landmarks, seen: FrameObservation
+        self, landmarks: Landmarks, observation: FrameObservation
     ) -> tuple[Float[Array, "24 3 3"], Float[Array, "3"]]:
-        """Local rotations as the lifter has them, and the pelvis' position from the landmarks."""
-        from capture.live.kernels import body_landmarks
+        """Local rotations by the lifter, and the pelvis' position from the landmarks."""
+        from capture.live.gauss_newton_kernels import body_landmarks
 
         k, world, visibility = self._camera.intrinsics, landmarks.world, landmarks.visibility
         local = self._lifter(
-            seen.pixels[None], world[None], visibility[None], self._camera.focal_px, k[:2, 2]
+            observation.pixels[None], world[None], visibility[None], self._camera.focal_px, k[:2, 2]
         ).rotations[0]
         local[0] = self._to_world @ local[0]
         points = body_landmarks(local, self._model) @ self._camera.rotation.T
-        shift = solve_translation(points[None], seen.pixels[None], seen.trust[None], k)[0]
+        shift = solve_translation(
+            points[None], observation.pixels[None], observation.weights[None], k
+        )[0]
         return local, (shift - self._camera.translation) @ self._camera.rotation
 
-    def _refined(
+    def _refine(
         self,
         local: Float[Array, "24 3 3"],
         pelvis: Float[Array, "3"],
-        seen: FrameObservation,
+        observation: FrameObservation,
         steps: int,
-        pull: Float[Array, "75"],
+        precision: Float[Array, "75"],
     ) -> _State:
-        """Damped Gauss-Newton steps; `pull` (1 / deviation^2) holds each unknown at the start."""
-        from capture.live.kernels import refined
+        """Damped Gauss-Newton steps; `precision` (1 / deviation^2) ties each unknown to its
+        start."""
+        from capture.live.gauss_newton_kernels import gauss_newton
 
-        return _State(*refined(local, pelvis, self._model, seen, steps, pull, _DAMPING, _FLOOR))
+        return _State(
+            *gauss_newton(
+                local, pelvis, self._model, observation, steps, precision, _DAMPING, _DIAGONAL_FLOOR
+            )
+        )
 
 
 def frame_observation(landmarks: Landmarks, camera: Camera) -> FrameObservation:
     """One frame's landmarks as the kernels take them. Raises InvalidInput where nothing is seen."""
-    from capture.live.kernels import FrameObservation
+    from capture.live.energy_kernels import FrameObservation
 
-    all_pixels, all_world, all_trust = landmark_arrays([landmarks], camera.width, camera.height)
-    pixels, world, trust = all_pixels[0], all_world[0], all_trust[0]
-    if not trust.any():
+    all_pixels, all_world, all_weights = landmark_arrays([landmarks], camera.width, camera.height)
+    pixels, world, weights = all_pixels[0], all_world[0], all_weights[0]
+    if not weights.any():
         raise InvalidInput("landmarks must show something inside the picture; got nothing")
     if camera.distortion is not None:
         k, distortion = camera.intrinsics, np.asarray(camera.distortion, dtype=np.float64)
         pixels = cv2.undistortPoints(pixels, k, distortion, P=k).reshape(pixels.shape)
-    across, down = 0.5 * (pixels[_SHOULDERS] - pixels[_HIPS]).sum(axis=0)
-    height_px = height_from_trunk_px(math.hypot(across, down))
+    trunk_x, trunk_y = 0.5 * (pixels[_SHOULDERS] - pixels[_HIPS]).sum(axis=0)
+    height_px = height_from_trunk_px(math.hypot(trunk_x, trunk_y))
     to_world = camera.rotation.T @ np.diag(OPENCV_TO_OPENGL)
-    seen = np.ascontiguousarray((world * OPENCV_TO_OPENGL) @ to_world.T)
+    world_landmarks = np.ascontiguousarray((world * OPENCV_TO_OPENGL) @ to_world.T)
     return FrameObservation(
-        np.ascontiguousarray(pixels), trust, seen, 1.0 / (_PIXEL_DEVIATION * height_px)
+        np.ascontiguousarray(pixels), weights, world_landmarks, 1.0 / (_PIXEL_DEVIATION * height_px)
     )
 
 
 def solver_model(body: Body, camera: Camera) -> SolverModel:
-    """What the kernels are told of a body, its camera and the prior of poses."""
+    """The kernels' constants: a body, its camera and the prior of poses."""
     from capture.body.pose_prior import pose_prior  # imports torch
-    from capture.live.kernels import SolverModel
+    from capture.live.energy_kernels import SolverModel
 
     landmarks, joints = landmarks_on(body)
-    prior, depth_trust = pose_prior(), np.ones(len(LANDMARK_NAMES))
-    depth_trust[:FACE_LANDMARKS] = _FACE_DEPTH_TRUST
+    prior, depth_weights = pose_prior(), np.ones(len(LANDMARK_NAMES))
+    depth_weights[:FACE_LANDMARKS] = _FACE_DEPTH_WEIGHT
     return SolverModel(
         rest=np.array(body.skeleton.rest_joints),
         parents=np.array(PARENTS),
         landmarks=landmarks,
         joints=joints,
         hips=_HIPS,
-        depth_trust=depth_trust,
+        depth_weights=depth_weights,
         camera=_packed(camera),
         per_metre=1.0 / _WORLD_DEVIATION_M,
         mean=prior.mean.numpy().astype(np.float64),

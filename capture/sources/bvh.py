@@ -2,9 +2,8 @@
 
 Three skeleton families of the CMU database are known by their joint names: MotionBuilder (MB), DAZ
 and the original ASF. Rotation orders are read from each CHANNELS line. Retargeting transfers global
-rotations: a bone's rotation away from the file's rest pose, after the rest pose itself is turned to
-our T-pose by the bones' directions.
-"""
+rotations: a bone's rotation away from the file's rest pose, after the rest pose itself is rotated
+to our T-pose by the bones' directions."""
 
 from __future__ import annotations
 
@@ -25,11 +24,12 @@ _CHILD_OF = {"left_hip": "left_knee", "left_knee": "left_ankle", "left_shoulder"
              "right_shoulder": "right_elbow", "right_elbow": "right_wrist"}  # fmt: skip
 """Limbs, whose direction at rest differs between skeletons; trunks all stand upright."""
 
-_CONTINUES = {"wrist": "elbow", "ankle": "knee", "foot": "knee"}
-"""Hands and feet turn with the limb they end: where legs are apart at rest, so are the soles."""
+_FOLLOWS_LIMB = {"wrist": "elbow", "ankle": "knee", "foot": "knee"}
+"""Hands and feet take the rotation of their limb: legs that are apart at rest tilt the soles,
+too."""
 
 _LEGS = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("hip", "knee", "ankle"))
-"""What no clip may lack: a leg's length is the unit, and the feet find the floor."""
+"""Required of every clip: leg length sets the scale, and the feet the floor."""
 
 _SIDED = {
     "MB": {"hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase",
@@ -66,14 +66,19 @@ class Bvh:
 
     def world(self) -> tuple[Float[Array, "F J 3 3"], Float[Array, "F J 3"]]:
         """Global rotations and positions by forward kinematics."""
-        turned, placed = self.rotations.copy(), np.zeros((*self.rotations.shape[:2], 3))
+        global_rotations, joint_positions = (
+            self.rotations.copy(),
+            np.zeros((*self.rotations.shape[:2], 3)),
+        )
         for joint, parent in enumerate(self.parents):
             if parent < 0:
-                placed[:, joint] = self.positions
+                joint_positions[:, joint] = self.positions
                 continue
-            turned[:, joint] = turned[:, parent] @ self.rotations[:, joint]
-            placed[:, joint] = placed[:, parent] + turned[:, parent] @ self.offsets[joint]
-        return turned, placed
+            global_rotations[:, joint] = global_rotations[:, parent] @ self.rotations[:, joint]
+            joint_positions[:, joint] = (
+                joint_positions[:, parent] + global_rotations[:, parent] @ self.offsets[joint]
+            )
+        return global_rotations, joint_positions
 
 
 def parse_bvh(text: str) -> Bvh:
@@ -123,45 +128,49 @@ def read_bvh(path: Path, skeleton: Skeleton) -> Motion:
 
 def retarget(clip: Bvh, rest: Bvh, family: str, skeleton: Skeleton) -> Motion:
     """Global rotations relative to `rest` (first frame), carried to `skeleton`."""
-    mapped = _mapping(clip, family)
-    turned, placed = clip.world()
-    rest_turned, rest_placed = (part[0] for part in rest.world())
-    world = np.tile(np.eye(3), (len(turned), JOINT_COUNT, 1, 1))
+    source_joints = _mapping(clip, family)
+    global_rotations, joint_positions = clip.world()
+    rest_rotations, rest_positions = (part[0] for part in rest.world())
+    world = np.tile(np.eye(3), (len(global_rotations), JOINT_COUNT, 1, 1))
     for joint, name in enumerate(JOINT_NAMES):
-        source = mapped.get(name)
+        source = source_joints.get(name)
         if source is None:
             world[:, joint] = world[:, PARENTS[joint]]
             continue
-        relative = turned[:, source] @ rest_turned[source].T
-        world[:, joint] = relative @ _to_t_pose(name, mapped, rest_placed, skeleton).T
+        relative = global_rotations[:, source] @ rest_rotations[source].T
+        world[:, joint] = relative @ _to_t_pose(name, source_joints, rest_positions, skeleton).T
     local = world.copy()
     for joint in range(1, JOINT_COUNT):
         local[:, joint] = np.swapaxes(world[:, PARENTS[joint]], -1, -2) @ world[:, joint]
     angles = matrix_to_axis_angle(local)
-    leg = np.linalg.norm(
-        rest_placed[mapped["left_hip"]] - rest_placed[mapped["left_knee"]]
-    ) + np.linalg.norm(rest_placed[mapped["left_knee"]] - rest_placed[mapped["left_ankle"]])
-    ours = (
+    file_leg = np.linalg.norm(
+        rest_positions[source_joints["left_hip"]] - rest_positions[source_joints["left_knee"]]
+    ) + np.linalg.norm(
+        rest_positions[source_joints["left_knee"]] - rest_positions[source_joints["left_ankle"]]
+    )
+    leg = (
         skeleton.rest_joints[JOINT_NAMES.index("left_hip"), 1]
         - (skeleton.rest_joints[JOINT_NAMES.index("left_ankle"), 1])
     )
-    root = placed[:, mapped["pelvis"]] * (ours / leg)
+    root = joint_positions[:, source_joints["pelvis"]] * (leg / file_leg)
     root = root - root[0] * [1.0, 0.0, 1.0] - skeleton.rest_joints[0] * [0.0, 1.0, 0.0]
     times = np.arange(len(root)) * clip.frame_time_s
     motion = Motion(times, angles, root, np.ones((len(root), JOINT_COUNT)))
     return _align_to_floor(motion, skeleton)
 
 
-def _to_t_pose(name: str, mapped: dict[str, int], rest: Array, skeleton: Skeleton) -> Array:
+def _to_t_pose(name: str, source_joints: dict[str, int], rest: Array, skeleton: Skeleton) -> Array:
     """The rotation that takes the limb `name` from the file's rest pose to our T-pose."""
-    for end, limb in _CONTINUES.items():
+    for end, limb in _FOLLOWS_LIMB.items():
         name = name.replace(end, limb)
     child = _CHILD_OF.get(name, "")
-    if child not in mapped:
+    if child not in source_joints:
         return np.eye(3)
     start, end = JOINT_NAMES.index(name), JOINT_NAMES.index(child)
-    theirs = rest[mapped[child]] - rest[mapped[name]]
-    return rotation_between(theirs, skeleton.rest_joints[end] - skeleton.rest_joints[start])
+    source_direction = rest[source_joints[child]] - rest[source_joints[name]]
+    return rotation_between(
+        source_direction, skeleton.rest_joints[end] - skeleton.rest_joints[start]
+    )
 
 
 def _align_to_floor(motion: Motion, skeleton: Skeleton) -> Motion:
@@ -182,22 +191,27 @@ def _family(clip: Bvh) -> str:
 
 
 def _mapping(clip: Bvh, family: str) -> dict[str, int]:
-    wanted = dict(_TRUNK[family])
+    source_names = dict(_TRUNK[family])
     for side, prefix in zip(("left", "right"), _PREFIX[family], strict=True):
-        for ours, theirs in _SIDED[family].items():
-            wanted[f"{side}_{ours}"] = prefix + theirs
-    mapped = {ours: clip.names.index(name) for ours, name in wanted.items() if name in clip.names}
+        for part, suffix in _SIDED[family].items():
+            source_names[f"{side}_{part}"] = prefix + suffix
+    mapped = {
+        part: clip.names.index(name) for part, name in source_names.items() if name in clip.names
+    }
     missing = [joint for joint in _LEGS if joint not in mapped]
     if missing:
         raise BrokenMotionCapture(
-            f"the skeleton must have both legs; {missing[0]} is missing, named {wanted[missing[0]]}"
+            f"the skeleton must have both legs; {missing[0]} is missing, named "
+            f"{source_names[missing[0]]}"
         )
     return mapped
 
 
 def _zero_pose(clip: Bvh) -> Bvh:
-    turned = np.tile(np.eye(3), (1, len(clip.names), 1, 1))
-    return Bvh(clip.names, clip.parents, clip.offsets, turned, np.zeros((1, 3)), clip.frame_time_s)
+    identity = np.tile(np.eye(3), (1, len(clip.names), 1, 1))
+    return Bvh(
+        clip.names, clip.parents, clip.offsets, identity, np.zeros((1, 3)), clip.frame_time_s
+    )
 
 
 def _parse_tree(
@@ -232,7 +246,7 @@ def _parse_tree(
                 position += 4
             elif word == "CHANNELS":
                 count = int(tokens[position + 1])
-                channels[stack[-1]] = _known(tokens[position + 2 : position + 2 + count])
+                channels[stack[-1]] = _require_channels(tokens[position + 2 : position + 2 + count])
                 position += 2 + count
             else:
                 raise ValueError(f"unknown word {word!r}")
@@ -241,7 +255,7 @@ def _parse_tree(
     return names, parents, offsets, channels
 
 
-def _known(channels: list[str]) -> list[str]:
+def _require_channels(channels: list[str]) -> list[str]:
     for name in channels:
         if name[:1] not in _AXES or name[1:] not in ("position", "rotation"):
             raise ValueError(f"channels must be Xposition, ..., Zrotation; got {name!r}")

@@ -1,6 +1,6 @@
-"""What shows in a face that moves: eyes of their own under the lids, a dark mouth with a tongue.
+"""Surfaces that only a moving face shows: eyeballs under the lids, a dark mouth with a tongue.
 
-A face at rest has its eyes painted on; as lids close, these must stay behind them.
+A face at rest has its eyes painted on the skin; closing lids need eyeballs of their own.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ class Face:
         """The face of `body`, whose triangles are of `parts`."""
         assert body.rest_vertices is not None
         assert body.faces is not None
-        balls = [body.rest_vertices[np.unique(body.faces[parts == eye])] for eye in EYES]
-        return cls(parts, np.stack([0.5 * (b.min(axis=0) + b.max(axis=0)) for b in balls]))
+        eyeballs = [body.rest_vertices[np.unique(body.faces[parts == eye])] for eye in EYES]
+        return cls(parts, np.stack([0.5 * (b.min(axis=0) + b.max(axis=0)) for b in eyeballs]))
 
     def paint(
         self, colour: Float[Array, "N 3"], triangle: Int[Array, "N"], rest: Float[Array, "N 3"]
     ) -> None:
-        """Colour, in place, the samples at `rest` on each `triangle` that are no skin."""
+        """Colour, in place, the samples at `rest`, on each `triangle`, that are not skin."""
         part = self.parts[triangle]
         colour[part == MOUTH] = _INSIDE
         colour[part == TONGUE] = _TONGUE
         for eye, centre in zip(EYES, self.eyes, strict=True):
             colour[part == eye] = _WHITE
-            off = np.hypot(rest[:, 0] - centre[0], rest[:, 1] - centre[1])
-            colour[(part == eye) & (off < _IRIS_M) & (rest[:, 2] > centre[2])] = _IRIS
+            distance = np.hypot(rest[:, 0] - centre[0], rest[:, 1] - centre[1])
+            colour[(part == eye) & (distance < _IRIS_M) & (rest[:, 2] > centre[2])] = _IRIS

@@ -1,6 +1,6 @@
-"""Raw footage of the training camera: the pixels a real one would have recorded, room and all.
+"""Raw footage of the training camera: as a real camera records it, with a room behind the person.
 
-A sequence keeps the person alone, exact and clean; footage is what a capture has to start from.
+A sequence holds the person alone, without noise; footage is the input of a capture.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ _NEAR_LOSSLESS = {"crf": "4", "preset": "veryfast"}
 
 @dataclass(frozen=True)
 class Footage:
-    """Where the raw training frames go, and through what they were seen.
+    """Where the raw training frames go, and the camera's imperfections.
 
     Frame i of the footage is training frame i of the sequence, whose pose and camera are exact.
-    Raises CaptureError for senseless numbers.
+    Raises CaptureError for numbers out of range.
     """
 
     path: Path
@@ -125,7 +125,7 @@ class _Video:
                 "libx264", rate=self._rate, options=_NEAR_LOSSLESS
             )
             self._stream.height, self._stream.width = picture.shape[:2]
-            self._stream.pix_fmt = "yuv444p"  # an outline's colours are as fine as its light
+            self._stream.pix_fmt = "yuv444p"  # 4:2:0 would blur the colours of outlines
         frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")
         self._container.mux(self._stream.encode(frame))
 

@@ -1,9 +1,9 @@
 """Loose clothes: a skirt and wide sleeves that lag behind the body and hang from it.
 
-A garment is a tube of rings; its first ring is sewn to a joint, each thread (one vertex of every
-ring) hangs from there at a fixed length. Threads follow the joint by a weak spring, fall, swing on,
-and are pushed out of the limbs inside: position-based dynamics (Müller et al. 2007) at a fixed
-step, so the same motion drapes the same way. The body below knows nothing of it.
+A garment is a tube of rings; its first ring is fixed to a joint, and each thread (one vertex of
+every ring) hangs from there at a fixed length. Threads follow the joint by a weak spring, fall by
+their inertia and gravity, and are pushed out of the limbs inside: position-based dynamics (Müller
+et al. 2007) at a fixed step, so the same motion gives the same cloth. It has no effect on the body.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from scene.skeleton import JOINT_NAMES
 
 _STEPS_PER_SECOND = 60.0
 _SETTLING_S = 4.0
-"""How long clothes hang in the first pose before filming begins."""
+"""How long clothes settle in the first pose before the motion begins."""
 _SPRING_HZ = 0.8
-"""How fast a thread would swing about its place at rest."""
+"""Frequency at which a thread swings about its rest position."""
 _DRAG_HZ = 1.0
 """Share of its speed that a thread loses in a second."""
 _GRAVITY = np.array([0.0, -9.81, 0.0])
-_EVENING = 0.1
-"""Share of its neighbours' mean that a thread's offset takes on each step: cloth hangs together."""
-_CLOTH_M = 0.012
-"""How far cloth keeps from skin."""
-_ROUNDS = 8
-"""Rounds in which links regain their length and limbs push; more only stiffen."""
+_SMOOTHING = 0.1
+"""Share of its neighbours' mean that a thread's offset takes on each step: cloth is coherent."""
+_CLEARANCE_M = 0.012
+"""Distance kept between cloth and skin."""
+_CONSTRAINT_ITERATIONS = 8
+"""Projections of lengths and collisions a step; more only stiffen the cloth."""
 _SIDES = 32
 
 
 @dataclass(frozen=True, eq=False)
 class Garment:
-    """A tube of R rings of A vertices, sewn to a joint by its first ring."""
+    """A tube of R rings of A vertices, fixed to a joint by its first ring."""
 
     joint: int
     rest: Float[Array, "R A 3"]
     """T-pose, m; the last vertex of a ring is its first again, for the texture's seam."""
     limbs: tuple[tuple[int, int, float], ...]
-    """What it can't pass through: capsules between two joints, with their radius, m."""
+    """Colliders: capsules between two joints, with their radius, m."""
     texture: Float[Array, "R A 2"]
     """Metres around and metres down to the hem (0 at the hem)."""
 
@@ -58,18 +58,18 @@ class Garment:
 
 @dataclass(frozen=True, eq=False)
 class Drape:
-    """How garments hang during a motion."""
+    """Simulated garments over a motion."""
 
     times_s: Float[Array, "S"]
     vertices: Float[Array, "S V 3"]
-    """World places of all garments' vertices, in their order."""
+    """World positions of all garments' vertices, in their order."""
 
     def at(self, time_s: float) -> Float[Array, "V 3"]:
-        """Between the two nearest steps; the first or last outside."""
-        place = float(np.interp(time_s, self.times_s, np.arange(len(self.times_s))))
-        before = min(int(place), len(self.times_s) - 2)
-        share = place - before
-        return (1.0 - share) * self.vertices[before] + share * self.vertices[before + 1]
+        """Positions interpolated between the two nearest steps; the first or last outside."""
+        position = float(np.interp(time_s, self.times_s, np.arange(len(self.times_s))))
+        before = min(int(position), len(self.times_s) - 2)
+        fraction = position - before
+        return (1.0 - fraction) * self.vertices[before] + fraction * self.vertices[before + 1]
 
 
 def make_garments(body: Body) -> tuple[Garment, ...]:
@@ -78,66 +78,70 @@ def make_garments(body: Body) -> tuple[Garment, ...]:
 
 
 def drape(garments: tuple[Garment, ...], body: Body, motion: Motion) -> Drape:
-    """Let `garments` hang on `body` while it moves."""
+    """Simulate `garments` on `body` during `motion`."""
     count = max(2, int(np.ceil(motion.duration_s * _STEPS_PER_SECOND)) + 1)
     times = motion.times_s[0] + np.arange(count) / _STEPS_PER_SECOND
     moving = Motion.from_poses([motion.pose_at(float(time)) for time in times])
     angles, root = moving.joint_angles, moving.root_translation
     skinning = body.skeleton.skinning_transforms(angles, root)
     joints = body.skeleton.joint_transforms(angles, root)[..., :3, 3]
-    hung = [_hang(garment, skinning[:, garment.joint], joints) for garment in garments]
-    return Drape(times, np.concatenate([h.reshape(count, -1, 3) for h in hung], axis=1))
+    simulated = [_simulate(garment, skinning[:, garment.joint], joints) for garment in garments]
+    return Drape(times, np.concatenate([h.reshape(count, -1, 3) for h in simulated], axis=1))
 
 
-def _hang(
-    garment: Garment, moved: Float[Array, "S 4 4"], joints: Float[Array, "S 24 3"]
+def _simulate(
+    garment: Garment, skinning: Float[Array, "S 4 4"], joints: Float[Array, "S 24 3"]
 ) -> Float[Array, "S R A 3"]:
     step = 1.0 / _STEPS_PER_SECOND
     lengths = np.linalg.norm(np.diff(garment.rest, axis=0), axis=-1, keepdims=True)
-    places = np.empty((len(moved), *garment.rest.shape))
-    now = before = garment.rest @ moved[0, :3, :3].T + moved[0, :3, 3]
+    positions = np.empty((len(skinning), *garment.rest.shape))
+    current = previous = garment.rest @ skinning[0, :3, :3].T + skinning[0, :3, 3]
     settling = round(_SETTLING_S * _STEPS_PER_SECOND)
-    for s in range(-settling, len(moved)):
-        at = max(s, 0)
-        sewn = garment.rest @ moved[at, :3, :3].T + moved[at, :3, 3]
-        pull = (2.0 * np.pi * _SPRING_HZ) ** 2 * (sewn - now) + _GRAVITY
-        swung = now + (1.0 - _DRAG_HZ * step) * (now - before) + step**2 * pull
-        swung = sewn + _evened(swung - sewn)
-        swung[0] = sewn[0]
-        for _ in range(_ROUNDS):
-            _keep_lengths(swung, lengths)
+    for s in range(-settling, len(skinning)):
+        frame = max(s, 0)
+        target = garment.rest @ skinning[frame, :3, :3].T + skinning[frame, :3, 3]
+        acceleration = (2.0 * np.pi * _SPRING_HZ) ** 2 * (target - current) + _GRAVITY
+        predicted = (
+            current + (1.0 - _DRAG_HZ * step) * (current - previous) + step**2 * acceleration
+        )
+        predicted = target + _smoothed(predicted - target)
+        predicted[0] = target[0]
+        for _ in range(_CONSTRAINT_ITERATIONS):
+            _restore_lengths(predicted, lengths)
             for start, end, radius in garment.limbs:
-                swung[1:] = _outside(swung[1:], joints[at, start], joints[at, end], radius)
-        before, now = now, swung
-        places[at] = now
-    return places
+                predicted[1:] = _push_out_of_capsule(
+                    predicted[1:], joints[frame, start], joints[frame, end], radius
+                )
+        previous, current = current, predicted
+        positions[frame] = current
+    return positions
 
 
-def _keep_lengths(threads: Float[Array, "R A 3"], lengths: Float[Array, "R-1 A 1"]) -> None:
-    """Move the ends of every other link, then of the rest, half each; the sewn ring stays."""
+def _restore_lengths(threads: Float[Array, "R A 3"], lengths: Float[Array, "R-1 A 1"]) -> None:
+    """Move the ends of every other link, then of the rest, half each; the fixed ring stays."""
     for first in (0, 1):
         upper, lower = threads[first:-1:2], threads[first + 1 :: 2]
         link = lower - upper
         length = np.maximum(np.linalg.norm(link, axis=-1, keepdims=True), 1e-9)
         excess = link * (1.0 - lengths[first::2] / length)
-        share = np.full((len(upper), 1, 1), 0.5)
+        upper_share = np.full((len(upper), 1, 1), 0.5)
         if first == 0:
-            share[0] = 0.0
-        upper += share * excess
-        lower -= (1.0 - share) * excess
+            upper_share[0] = 0.0
+        upper += upper_share * excess
+        lower -= (1.0 - upper_share) * excess
 
 
-def _evened(offset: Float[Array, "R A 3"]) -> Float[Array, "R A 3"]:
+def _smoothed(offset: Float[Array, "R A 3"]) -> Float[Array, "R A 3"]:
     ring = offset[:, :-1]
     neighbours = 0.5 * (np.roll(ring, 1, axis=1) + np.roll(ring, -1, axis=1))
-    ring = (1.0 - _EVENING) * ring + _EVENING * neighbours
+    ring = (1.0 - _SMOOTHING) * ring + _SMOOTHING * neighbours
     return np.concatenate([ring, ring[:, :1]], axis=1)
 
 
-def _outside(
+def _push_out_of_capsule(
     points: Float[Array, "R A 3"], start: Float[Array, "3"], end: Float[Array, "3"], radius: float
 ) -> Float[Array, "R A 3"]:
-    """`points`, those within `radius` of the bone from `start` to `end` pushed out of it."""
+    """`points`, those inside the capsule of `radius` from `start` to `end` moved to its surface."""
     bone = end - start
     along = np.clip((points - start) @ bone / (bone @ bone), 0.0, 1.0)
     nearest = start + along[..., None] * bone
@@ -157,38 +161,38 @@ def _skirt(body: Body) -> Garment:
     radii, widest = [], np.zeros(len(angles))
     for height in heights:
         slice_ = vertices[np.abs(vertices[:, 1] - height) < 0.025][:, [0, 2]]
-        # a cloth round something is as wide as its convex hull: the support of each direction
+        # cloth around a body has the width of its convex hull: the support in each direction
         widest = np.maximum(widest, (slice_ @ outward.T).max(axis=0))
-        radii.append(widest + _CLOTH_M + 0.22 * (top - height))
+        radii.append(widest + _CLEARANCE_M + 0.22 * (top - height))
     rest = np.empty((len(heights), len(angles), 3))
     rest[..., [0, 2]] = np.array(radii)[..., None] * outward
     rest[..., 1] = heights[:, None]
     hips = JOINT_NAMES.index("left_hip"), JOINT_NAMES.index("right_hip")
     thighs = tuple(
         (JOINT_NAMES.index(f"{side}_hip"), JOINT_NAMES.index(f"{side}_knee"),
-         _thickness(body, f"{side}_hip"))
+         _limb_radius(body, f"{side}_hip"))
         for side in ("left", "right")
     )  # fmt: skip
-    return Garment(0, rest, (*thighs, (*hips, thighs[0][2])), _texture(rest))
+    return Garment(0, rest, (*thighs, (*hips, thighs[0][2])), _texture_coordinates(rest))
 
 
 def _sleeve(body: Body, side: str) -> Garment:
     elbow, wrist = JOINT_NAMES.index(f"{side}_elbow"), JOINT_NAMES.index(f"{side}_wrist")
     start, end = body.skeleton.rest_joints[[elbow, wrist]]
-    radius = _thickness(body, f"{side}_elbow")
+    radius = _limb_radius(body, f"{side}_elbow")
     angles = np.linspace(0.0, 2.0 * np.pi, _SIDES // 2 + 1)
     along = np.linspace(-0.12, 0.8, 8)
-    wide = radius + 0.075 * np.clip(along, 0.0, 1.0) ** 1.5
+    radii = radius + 0.075 * np.clip(along, 0.0, 1.0) ** 1.5
     axis = (end - start) / np.linalg.norm(end - start)
     up = np.cross(axis, [0.0, 0.0, 1.0])
     up /= np.linalg.norm(up)
     circle = np.cos(angles)[:, None] * up + np.sin(angles)[:, None] * np.cross(axis, up)
-    rest = start + along[:, None, None] * (end - start) + wide[:, None, None] * circle
-    return Garment(elbow, rest, ((elbow, wrist, radius),), _texture(rest))
+    rest = start + along[:, None, None] * (end - start) + radii[:, None, None] * circle
+    return Garment(elbow, rest, ((elbow, wrist, radius),), _texture_coordinates(rest))
 
 
-def _thickness(body: Body, joint: str) -> float:
-    """How far the skin lies from the bone below `joint`: nearly its widest, and cloth, m."""
+def _limb_radius(body: Body, joint: str) -> float:
+    """Radius, m, of the capsule around the bone below `joint`: nearly the widest, and clearance."""
     assert body.rest_vertices is not None
     assert body.blend_weights is not None
     index = JOINT_NAMES.index(joint)
@@ -196,10 +200,13 @@ def _thickness(body: Body, joint: str) -> float:
     bone = body.skeleton.rest_joints[body.skeleton.parents.index(index)] - start
     skin = body.rest_vertices[body.blend_weights[:, index] > 0.6] - start
     along = np.clip(skin @ bone / (bone @ bone), 0.0, 1.0)
-    return float(np.percentile(np.linalg.norm(skin - along[:, None] * bone, axis=1), 97)) + _CLOTH_M
+    return (
+        float(np.percentile(np.linalg.norm(skin - along[:, None] * bone, axis=1), 97))
+        + _CLEARANCE_M
+    )
 
 
-def _texture(rest: Float[Array, "R A 3"]) -> Float[Array, "R A 2"]:
+def _texture_coordinates(rest: Float[Array, "R A 3"]) -> Float[Array, "R A 2"]:
     around = np.linalg.norm(np.diff(rest[-1], axis=0), axis=1)
     down = np.linalg.norm(np.diff(rest, axis=0), axis=-1).mean(axis=1)
     texture = np.empty((*rest.shape[:2], 2))

@@ -1,7 +1,7 @@
-"""Light of a panorama on the studio's performers: summed over every pixel, nothing approximated.
+"""Diffuse light of a panorama on the studio's performers, summed over every pixel.
 
-What `scene.lighting` boils down to a few numbers is kept whole here, so that it can be judged by
-what it should give. Neither knows of shadows that a body casts on itself.
+The reference for `scene.lighting`, which approximates it by spherical harmonics and a key light.
+Neither knows of shadows that a body casts on itself.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ from scene.colour import to_linear, to_srgb
 from scene.lighting import panorama_directions, require_panorama, solid_angles
 
 _NORMALS = (48, 96)
-_SUMMED_ROWS = 128
-"""Of a panorama with more, pixels are first added up to so many rows."""
+_POOLED_ROWS = 128
+"""Panoramas with more rows are first summed to about so many."""
 
 
-class SurroundingLight:
-    """What a white, matt surface shows, by its normal."""
+class EnvironmentLight:
+    """Irradiance of a panorama over pi, by surface normal: what white, matt surfaces show."""
 
     def __init__(self, panorama: Float[Array, "H W 3"]) -> None:
         require_panorama(panorama)
         power = panorama * solid_angles(*panorama.shape[:2])[..., None]
-        share = max(1, panorama.shape[0] // _SUMMED_ROWS)
-        rows, columns = (side // share for side in panorama.shape[:2])
-        cut = power[: rows * share, : columns * share]
-        summed = cut.reshape(rows, share, columns, share, 3).sum(axis=(1, 3)).reshape(-1, 3)
-        towards = panorama_directions(rows, columns).reshape(-1, 3)
+        pooling = max(1, panorama.shape[0] // _POOLED_ROWS)
+        rows, columns = (side // pooling for side in panorama.shape[:2])
+        cropped = power[: rows * pooling, : columns * pooling]
+        pooled = cropped.reshape(rows, pooling, columns, pooling, 3).sum(axis=(1, 3)).reshape(-1, 3)
+        directions = panorama_directions(rows, columns).reshape(-1, 3)
         normals = panorama_directions(*_NORMALS).reshape(-1, 3)
-        facing = [
-            np.maximum(block @ towards.T, 0.0) @ summed for block in np.array_split(normals, 24)
+        irradiance = [
+            np.maximum(block @ directions.T, 0.0) @ pooled for block in np.array_split(normals, 24)
         ]
-        self._table = (np.concatenate(facing) / np.pi).reshape(*_NORMALS, 3).astype(np.float32)
+        self._table = (np.concatenate(irradiance) / np.pi).reshape(*_NORMALS, 3).astype(np.float32)
 
     def shading(self, normals: Float[Array, "N 3"]) -> Float[Array, "N 3"]:
         """E of `normals` (any length), linear RGB."""
@@ -49,6 +49,8 @@ class SurroundingLight:
         )
         return (1.0 - down) * above + down * below
 
-    def lit(self, albedo: Float[Array, "N 3"], normals: Float[Array, "N 3"]) -> Float[Array, "N 3"]:
+    def shade(
+        self, albedo: Float[Array, "N 3"], normals: Float[Array, "N 3"]
+    ) -> Float[Array, "N 3"]:
         """sRGB of surfaces of sRGB `albedo`."""
         return to_srgb(to_linear(albedo) * self.shading(normals))

@@ -1,4 +1,4 @@
-"""A synthetic performer, and how a camera sees them: exactly, and anti-aliased as pixels are."""
+"""A synthetic performer and its anti-aliased renderer."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from capture.body.model import load_body_model
 from capture.studio.face import Face
 from capture.studio.garments import Garment, make_garments
-from capture.studio.light import SurroundingLight
-from capture.studio.wardrobe import Outfit, albedo, cloth_albedo, make_outfit
+from capture.studio.light import EnvironmentLight
+from capture.studio.outfit import Outfit, albedo, cloth_albedo, make_outfit
 from scene.arrays import Array, Float
 from scene.body import Body, vertex_normals
 from scene.camera import Camera
@@ -18,16 +18,16 @@ from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
 from scene.motion import Pose
 
 SUPERSAMPLING = 4
-"""Samples a pixel side: a camera's pixel is the mean of the light that falls on all of it."""
-_OWN_STRENGTH = (0.7, 1.3)
-"""How far a performer's own expressions go, as a share of the body model's; lids just close."""
+"""Samples a pixel side: a pixel is the mean of its samples."""
+_EXPRESSION_STRENGTH = (0.7, 1.3)
+"""Range of a performer's own expressions as a share of the body model's; lids just close."""
 _KEY_LIGHT = np.array([0.6, 0.55, 0.58])
 """Direction towards the key light of the lit room (front, left, above), unit length below."""
 
 
 @dataclass(frozen=True, eq=False)
 class StudioPerformer:
-    """A body with clothes; everything about them is known."""
+    """A body with clothes, all of it ground truth."""
 
     body: Body
     outfit: Outfit
@@ -37,9 +37,9 @@ class StudioPerformer:
     garments: tuple[Garment, ...]
     """Loose clothes, worn in the look `loose` only."""
     known_body: Body
-    """What a capture would know of the body: it has the body model's expressions, not their own."""
+    """The body as a capture knows it, with the body model's expressions instead of their own."""
     face: Face | None = None
-    """What a face that moves shows; None where it can't."""
+    """Eyes and mouth of a face that moves; None of one that does not."""
 
 
 def make_performer(seed: int, *, expressive: bool = False) -> StudioPerformer:
@@ -62,30 +62,30 @@ def make_performer(seed: int, *, expressive: bool = False) -> StudioPerformer:
     joint = body.blend_weights.argmax(axis=1)
     outfit = make_outfit(rng)
     if known.expression_directions is not None:
-        strength = rng.uniform(*_OWN_STRENGTH, EXPRESSION_COUNT)
+        strength = rng.uniform(*_EXPRESSION_STRENGTH, EXPRESSION_COUNT)
         strength[[name.startswith("blink") for name in EXPRESSION_NAMES]] = 1.0
         own = strength[:, None, None] * known.expression_directions
         body = replace(known, expression_directions=own)
     return StudioPerformer(body, outfit, joint, normals, make_garments(body), known, face)
 
 
-def film(
+def render_performer(
     performer: StudioPerformer,
     pose: Pose,
     camera: Camera,
     look: str,
     cloth: Float[Array, "C 3"] | None = None,
     supersampling: int = SUPERSAMPLING,
-    light: SurroundingLight | None = None,
+    light: EnvironmentLight | None = None,
 ) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
     """The picture (premultiplied over black, sRGB) and its alpha.
 
-    `cloth` is where the vertices of the performer's garments hang; None wears none. In the look
+    `cloth` holds the vertices of the performer's garments; None leaves them out. In the look
     `lit`, `light` takes the place of the studio's own.
     """
     from capture.studio.mesh_kernels import box_filter, rasterise
 
-    fine = camera.resized(camera.width * supersampling, camera.height * supersampling)
+    supersampled = camera.resized(camera.width * supersampling, camera.height * supersampling)
     posed = performer.body.posed_vertices(pose)
     faces = performer.body.faces
     assert faces is not None
@@ -93,19 +93,23 @@ def film(
     if cloth is not None:
         vertices = np.concatenate([posed, cloth])
         triangles = np.concatenate([faces, _garment_faces(performer, len(posed))])
-    pixels, depth = fine.project(vertices)
-    size = (fine.height, fine.width)
+    pixels, depth = supersampled.project(vertices)
+    size = (supersampled.height, supersampled.width)
     triangle = np.empty(size, np.int32)
     barycentric, nearest = np.empty((*size, 3), np.float32), np.empty(size, np.float32)
     rasterise(pixels, depth, triangles, triangle, barycentric, nearest)
     samples = np.zeros((*size, 4), np.float32)
-    skin, worn = (triangle >= 0) & (triangle < len(faces)), triangle >= len(faces)
-    samples[skin, :3] = _shade(
-        performer, posed, triangle[skin], barycentric[skin].astype(np.float64), look, light
+    is_skin, is_cloth = (triangle >= 0) & (triangle < len(faces)), triangle >= len(faces)
+    samples[is_skin, :3] = _shade(
+        performer, posed, triangle[is_skin], barycentric[is_skin].astype(np.float64), look, light
     )
     if cloth is not None:
-        samples[worn, :3] = _shade_cloth(
-            performer, cloth, triangles[triangle[worn]] - len(posed), barycentric[worn], camera
+        samples[is_cloth, :3] = _shade_cloth(
+            performer,
+            cloth,
+            triangles[triangle[is_cloth]] - len(posed),
+            barycentric[is_cloth],
+            camera,
         )
     samples[..., 3] = triangle >= 0
     out = np.empty((camera.height, camera.width, 4), np.float32)
@@ -114,7 +118,7 @@ def film(
 
 
 def _shade(performer: StudioPerformer, posed: Array, triangle: Array, weights: Array,
-           look: str, light: SurroundingLight | None) -> Float[Array, "N 3"]:  # fmt: skip
+           look: str, light: EnvironmentLight | None) -> Float[Array, "N 3"]:  # fmt: skip
     rest_vertices = performer.body.rest_vertices
     assert rest_vertices is not None
     assert performer.body.faces is not None
@@ -129,14 +133,14 @@ def _shade(performer: StudioPerformer, posed: Array, triangle: Array, weights: A
         face.paint(colour, triangle, rest)
     if look != "lit":
         return colour
-    turned = vertex_normals(posed, performer.body.faces)
-    normal = np.einsum("nc,ncx->nx", weights, turned[corners])
+    posed_normals = vertex_normals(posed, performer.body.faces)
+    normal = np.einsum("nc,ncx->nx", weights, posed_normals[corners])
     if light is not None:
-        return light.lit(colour, normal).astype(np.float32)
+        return light.shade(colour, normal).astype(np.float32)
     key = _KEY_LIGHT / np.linalg.norm(_KEY_LIGHT)
-    facing = np.maximum(normal @ key, 0.0)
+    diffuse = np.maximum(normal @ key, 0.0)
     sky = 0.5 + 0.5 * normal[:, 1]
-    return colour * (0.72 + 0.08 * sky + 0.2 * facing)[:, None].astype(np.float32)
+    return colour * (0.72 + 0.08 * sky + 0.2 * diffuse)[:, None].astype(np.float32)
 
 
 def _garment_faces(performer: StudioPerformer, first: int) -> Array:
@@ -151,9 +155,9 @@ def _garment_faces(performer: StudioPerformer, first: int) -> Array:
 def _shade_cloth(
     performer: StudioPerformer, cloth: Array, corners: Array, weights: Array, camera: Camera
 ) -> Float[Array, "N 3"]:
-    """Flat light, as on the rest of `loose`: one thing at a time."""
+    """Flat light, as on the rest of the look `loose`."""
     texture = np.concatenate([g.texture.reshape(-1, 2) for g in performer.garments])
-    place = np.einsum("nc,ncx->nx", weights, texture[corners])
+    uv = np.einsum("nc,ncx->nx", weights, texture[corners])
     a, b, c = (cloth[corners[:, i]] for i in range(3))
-    inside = np.einsum("nx,nx->n", np.cross(b - a, c - a), camera.position - a) > 0.0
-    return cloth_albedo(performer.outfit, place, inside)
+    back_facing = np.einsum("nx,nx->n", np.cross(b - a, c - a), camera.position - a) > 0.0
+    return cloth_albedo(performer.outfit, uv, back_facing)

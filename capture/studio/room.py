@@ -1,7 +1,7 @@
-"""The room behind a performer: a box with things in it, fixed in the world, painted from a seed.
+"""The room behind a performer: a textured box with furniture, fixed in the world, random by seed.
 
-Moderate contrast, straight edges and clutter, as a home has: what finds people in pictures must
-tell them from it. Walls are painted flat in pixels and looked up where rays leave the box.
+Moderate contrast, straight edges and clutter, as in a home, which segmentation has to cope with.
+Walls are drawn into textures, which are sampled where rays leave the box.
 """
 
 from __future__ import annotations
@@ -18,52 +18,52 @@ _HALF_WIDTH_M, _HEIGHT_M, _BACK_M = 3.0, 2.8, -1.8
 """The box: x from -3 to 3, y from 0 to 2.8, z from -1.8 to behind the camera."""
 _BEHIND_CAMERA_M = 1.0
 _FLOOR_DEPTH_M = 12.0
-_PAINT_PX_PER_M = 256
+_TEXTURE_PX_PER_M = 256
 _SUPERSAMPLING = 3
 Colour = tuple[float, float, float]
 """sRGB in [0, 255]."""
-_FADE = 0.75
-"""Everything is a little dimmer and greyer than the person in front."""
+_SATURATION = 0.75
+"""Share of the colours' saturation and brightness kept: the room is duller than the person."""
 
 
 def room_background(camera: Camera, seed: int) -> Float[Array, "H W 3"]:
-    """What `camera` sees of the room of `seed` without anybody in it: sRGB in [0, 1]."""
+    """The empty room of `seed` seen by `camera`: sRGB in [0, 1]."""
     rng = np.random.default_rng([seed, 0x700D])
-    wall = _paint(rng.uniform(), rng.uniform(0.08, 0.25), rng.uniform(0.65, 0.8))
-    back, plain, floor = _back_wall(rng, wall), _papered(wall, 2.0), _planks(rng)
-    fine = camera.resized(camera.width * _SUPERSAMPLING, camera.height * _SUPERSAMPLING)
-    origins, directions = fine.rays()
+    wall = _hsv(rng.uniform(), rng.uniform(0.08, 0.25), rng.uniform(0.65, 0.8))
+    back_wall, side_wall, floor = _back_wall(rng, wall), _wallpaper(wall, 2.0), _planks(rng)
+    supersampled = camera.resized(camera.width * _SUPERSAMPLING, camera.height * _SUPERSAMPLING)
+    origins, directions = supersampled.rays()
     directions = np.where(np.abs(directions) < 1e-9, 1e-9, directions)
     front = max(float(camera.position[2]), 0.0) + _BEHIND_CAMERA_M
     low = np.array([-_HALF_WIDTH_M, 0.0, _BACK_M])
     high = np.array([_HALF_WIDTH_M, _HEIGHT_M, front])
-    leaving = np.maximum((low - origins) / directions, (high - origins) / directions)
-    axis = leaving.argmin(axis=-1)
-    hit = origins + np.take_along_axis(leaving, axis[..., None], axis=-1) * directions
+    exit_distance = np.maximum((low - origins) / directions, (high - origins) / directions)
+    axis = exit_distance.argmin(axis=-1)
+    hit = origins + np.take_along_axis(exit_distance, axis[..., None], axis=-1) * directions
     x, y, z = (hit[..., i] for i in range(3))
-    seen = np.full((*axis.shape, 3), 205.0, np.float32)  # the ceiling
-    for where, picture, across, down in (
-        ((axis == 2) & (z < 0.0), back, x + _HALF_WIDTH_M, _HEIGHT_M - y),
-        ((axis == 2) & (z >= 0.0), plain, x + _HALF_WIDTH_M, _HEIGHT_M - y),
-        (axis == 0, plain, z - _BACK_M, _HEIGHT_M - y),
+    samples = np.full((*axis.shape, 3), 205.0, np.float32)  # the ceiling
+    for selected, picture, u_m, v_m in (
+        ((axis == 2) & (z < 0.0), back_wall, x + _HALF_WIDTH_M, _HEIGHT_M - y),
+        ((axis == 2) & (z >= 0.0), side_wall, x + _HALF_WIDTH_M, _HEIGHT_M - y),
+        (axis == 0, side_wall, z - _BACK_M, _HEIGHT_M - y),
         ((axis == 1) & (y < 0.5 * _HEIGHT_M), floor, x + _HALF_WIDTH_M, z - _BACK_M),
     ):
-        seen[where] = _look_up(picture, across[where], down[where])
+        samples[selected] = _sample_texture(picture, u_m[selected], v_m[selected])
     shape = (camera.height, _SUPERSAMPLING, camera.width, _SUPERSAMPLING, 3)
-    grey = seen.reshape(shape).mean(axis=(1, 3))
-    grey = _FADE * grey + (1.0 - _FADE) * 0.6 * grey.mean(axis=-1, keepdims=True)
-    return (grey / 255.0).astype(np.float32)
+    pixels = samples.reshape(shape).mean(axis=(1, 3))
+    pixels = _SATURATION * pixels + (1.0 - _SATURATION) * 0.6 * pixels.mean(axis=-1, keepdims=True)
+    return (pixels / 255.0).astype(np.float32)
 
 
-def _look_up(picture: Array, across_m: Array, down_m: Array) -> Array:
-    """The colours at places measured from the top left corner; the picture repeats."""
+def _sample_texture(picture: Array, u_m: Array, v_m: Array) -> Array:
+    """Nearest texels at metres from the top left corner; the texture repeats."""
     rows, columns = picture.shape[:2]
-    x = np.mod((across_m * _PAINT_PX_PER_M).astype(np.int64), columns)
-    y = np.mod((down_m * _PAINT_PX_PER_M).astype(np.int64), rows)
+    x = np.mod((u_m * _TEXTURE_PX_PER_M).astype(np.int64), columns)
+    y = np.mod((v_m * _TEXTURE_PX_PER_M).astype(np.int64), rows)
     return picture[y, x]
 
 
-def _paint(hue: float, saturation: float, value: float) -> Colour:
+def _hsv(hue: float, saturation: float, value: float) -> Colour:
     red, green, blue = colorsys.hsv_to_rgb(hue % 1.0, saturation, value)
     return 255.0 * red, 255.0 * green, 255.0 * blue
 
@@ -74,7 +74,7 @@ def _dimmed(colour: Colour, share: float) -> Colour:
 
 
 def _px(metres: float) -> int:
-    return round(metres * _PAINT_PX_PER_M)
+    return round(metres * _TEXTURE_PX_PER_M)
 
 
 def _rectangle(
@@ -89,7 +89,7 @@ def _rectangle(
     cv2.rectangle(picture, (_px(left), _px(top)), (_px(right), _px(bottom)), colour, -1)
 
 
-def _papered(wall: Colour, width_m: float) -> UInt8[Array, "H W 3"]:
+def _wallpaper(wall: Colour, width_m: float) -> UInt8[Array, "H W 3"]:
     """Striped paper above a panelled lower part and a skirting board."""
     picture = np.empty((_px(_HEIGHT_M), _px(width_m), 3), np.uint8)
     picture[:] = wall
@@ -103,19 +103,19 @@ def _papered(wall: Colour, width_m: float) -> UInt8[Array, "H W 3"]:
 
 
 def _back_wall(rng: np.random.Generator, wall: Colour) -> UInt8[Array, "H W 3"]:
-    """Papered, with a bookcase, a window and pictures; which stands where is the seed's."""
-    picture = _papered(wall, 2.0 * _HALF_WIDTH_M)
+    """Papered, with a bookcase, a window and pictures; placed at random."""
+    picture = _wallpaper(wall, 2.0 * _HALF_WIDTH_M)
     sides = [1.25, 4.0] if rng.uniform() < 0.5 else [4.0, 1.25]
     _bookcase(picture, rng, sides[0], 0.8)
     _window(picture, rng, sides[1], 0.35)
     _cabinet(picture, rng, sides[1], 2.05)
     for left, top in ((2.35, 0.3), (3.1, 0.45)):
-        _hung_picture(picture, rng, left + rng.uniform(-0.05, 0.05), top)
+        _framed_picture(picture, rng, left + rng.uniform(-0.05, 0.05), top)
     return picture
 
 
 def _bookcase(picture: Array, rng: np.random.Generator, left: float, top: float) -> None:
-    wood, right = _paint(rng.uniform(0.05, 0.1), 0.5, rng.uniform(0.3, 0.5)), left + 0.8
+    wood, right = _hsv(rng.uniform(0.05, 0.1), 0.5, rng.uniform(0.3, 0.5)), left + 0.8
     _rectangle(picture, left, top, right, _HEIGHT_M, wood)
     shelves = np.linspace(top + 0.04, _HEIGHT_M - 0.1, 6)
     for above, below in zip(shelves[:-1], shelves[1:] - 0.03, strict=True):
@@ -125,7 +125,7 @@ def _bookcase(picture: Array, rng: np.random.Generator, left: float, top: float)
             thick = rng.uniform(0.015, 0.05)
             if rng.uniform() < 0.85:  # else a gap
                 tall = rng.uniform(0.6, 0.92) * (below - above)
-                cover = _paint(rng.uniform(), rng.uniform(0.2, 0.6), rng.uniform(0.3, 0.75))
+                cover = _hsv(rng.uniform(), rng.uniform(0.2, 0.6), rng.uniform(0.3, 0.75))
                 _rectangle(picture, place, below - tall, place + thick - 0.004, below, cover)
                 band = below - rng.uniform(0.3, 0.8) * tall
                 _rectangle(
@@ -146,9 +146,9 @@ def _window(picture: Array, rng: np.random.Generator, left: float, top: float) -
             if row == 1:  # trees outside
                 for _ in range(7):
                     middle = (_px(x + rng.uniform(0.05, 0.31)), _px(y + rng.uniform(0.38, 0.5)))
-                    green = _paint(rng.uniform(0.22, 0.36), 0.4, rng.uniform(0.3, 0.55))
+                    green = _hsv(rng.uniform(0.22, 0.36), 0.4, rng.uniform(0.3, 0.55))
                     cv2.circle(picture, middle, _px(rng.uniform(0.03, 0.055)), green, -1)
-    cloth = _paint(rng.uniform(), rng.uniform(0.2, 0.5), rng.uniform(0.4, 0.65))
+    cloth = _hsv(rng.uniform(), rng.uniform(0.2, 0.5), rng.uniform(0.4, 0.65))
     for start in (left - 0.16, left + width - 0.06):
         for fold in range(5):
             shade = _dimmed(cloth, 1.0 - 0.13 * (fold % 2))
@@ -157,7 +157,7 @@ def _window(picture: Array, rng: np.random.Generator, left: float, top: float) -
 
 
 def _cabinet(picture: Array, rng: np.random.Generator, left: float, top: float) -> None:
-    wood = _paint(rng.uniform(0.05, 0.12), 0.4, rng.uniform(0.4, 0.65))
+    wood = _hsv(rng.uniform(0.05, 0.12), 0.4, rng.uniform(0.4, 0.65))
     _rectangle(picture, left - 0.1, top, left + 0.95, _HEIGHT_M - 0.03, wood)
     dark = _dimmed(wood, 0.7)
     for drawer in range(3):
@@ -166,25 +166,25 @@ def _cabinet(picture: Array, rng: np.random.Generator, left: float, top: float) 
             picture, (_px(left - 0.07), _px(y)), (_px(left + 0.92), _px(y + 0.2)), dark, 3
         )
         cv2.circle(picture, (_px(left + 0.42), _px(y + 0.1)), _px(0.015), (206, 190, 140), -1)
-    pot = _paint(rng.uniform(), 0.5, 0.5)
+    pot = _hsv(rng.uniform(), 0.5, 0.5)
     _rectangle(picture, left + 0.62, top - 0.14, left + 0.78, top, pot)
     for _ in range(16):
         tip = (_px(left + 0.7 + rng.uniform(-0.2, 0.2)), _px(top - rng.uniform(0.2, 0.42)))
-        green = _paint(rng.uniform(0.25, 0.38), 0.5, rng.uniform(0.25, 0.5))
+        green = _hsv(rng.uniform(0.25, 0.38), 0.5, rng.uniform(0.25, 0.5))
         cv2.line(picture, (_px(left + 0.7), _px(top - 0.14)), tip, green, 6)
 
 
-def _hung_picture(picture: Array, rng: np.random.Generator, left: float, top: float) -> None:
+def _framed_picture(picture: Array, rng: np.random.Generator, left: float, top: float) -> None:
     width, height = rng.uniform(0.4, 0.55), rng.uniform(0.45, 0.65)
     _rectangle(picture, left, top, left + width, top + height, (70, 56, 44))
     _rectangle(picture, left + 0.03, top + 0.03, left + width - 0.03, top + height - 0.03,
-               _paint(rng.uniform(), 0.2, 0.8))  # fmt: skip
+               _hsv(rng.uniform(), 0.2, 0.8))  # fmt: skip
     for _ in range(9):
         middle = (
             _px(left + rng.uniform(0.12, width - 0.12)), _px(top + rng.uniform(0.12, height - 0.12))
         )  # fmt: skip
         axes = (_px(rng.uniform(0.02, 0.08)), _px(rng.uniform(0.02, 0.08)))
-        colour = _paint(rng.uniform(), rng.uniform(0.2, 0.6), rng.uniform(0.35, 0.8))
+        colour = _hsv(rng.uniform(), rng.uniform(0.2, 0.6), rng.uniform(0.35, 0.8))
         cv2.ellipse(picture, middle, axes, float(rng.uniform(0, 180)), 0, 360, colour, -1)
 
 
@@ -196,7 +196,7 @@ def _planks(rng: np.random.Generator) -> UInt8[Array, "H W 3"]:
     for column in range(int(2.0 * _HALF_WIDTH_M / wide) + 1):
         start = -rng.uniform(0.0, 1.2)
         while start < _FLOOR_DEPTH_M:
-            board = _paint(hue, 0.4, deep * rng.uniform(0.85, 1.1))
+            board = _hsv(hue, 0.4, deep * rng.uniform(0.85, 1.1))
             x = column * wide
             _rectangle(picture, x, max(start, 0.0), x + wide, start + 1.2, board)
             gap = _dimmed(board, 0.6)
@@ -207,5 +207,5 @@ def _planks(rng: np.random.Generator) -> UInt8[Array, "H W 3"]:
     for ring in range(6):
         inset, tone = 0.09 * ring, 0.62 if ring % 2 else 0.45
         _rectangle(picture, 1.9 + inset, 1.0 + inset, 4.1 - inset, 2.9 - inset,
-                   _paint(hue + 0.07 * (ring % 3), 0.3, tone))  # fmt: skip
+                   _hsv(hue + 0.07 * (ring % 3), 0.3, tone))  # fmt: skip
     return picture

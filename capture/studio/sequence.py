@@ -1,4 +1,4 @@
-"""Films a studio performer into a sequence folder with test views whose truth is exact."""
+"""Renders a studio performer into a sequence folder with exact ground truth for every view."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import numpy as np
 from capture.errors import CaptureError
 from capture.sources.bvh import read_bvh
 from capture.storage import write_sequence
-from capture.studio.acting import acted
-from capture.studio.cast import clip_of, seed_of
+from capture.studio.expressions import with_random_expressions
 from capture.studio.footage import Footage, FootageWriter
 from capture.studio.garments import Drape, drape
-from capture.studio.light import SurroundingLight
-from capture.studio.moves import gestures, turned, turning
-from capture.studio.performer import StudioPerformer, film, make_performer
+from capture.studio.light import EnvironmentLight
+from capture.studio.motions import gesture_motion, turntable_motion, with_turn
+from capture.studio.named_performers import motion_file_of, seed_of_performer
+from capture.studio.performer import StudioPerformer, make_performer, render_performer
 from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
 from scene.environment import Environment
@@ -32,11 +32,11 @@ FRAMINGS = ("body", "head")
 """The whole motion, or head and shoulders."""
 FRAMES_PER_SECOND = 10.0
 """A full turn of 60 frames takes six seconds."""
-_SHUTTER_MOMENTS = 7
-"""Moments that add up to a frame while the shutter is open."""
-_NOVEL_MOMENTS, _UNSEEN_MOMENTS = 16, 8
+_SHUTTER_SAMPLES = 7
+"""Renders averaged into a frame while the shutter is open."""
+_NOVEL_VIEW_FRAMES, _UNSEEN_POSE_FRAMES = 16, 8
 _FIELD_OF_VIEW_RAD = 0.6
-_FILL = 0.9
+_FILL_SHARE = 0.9
 """Share of the picture's height that the whole motion may fill."""
 _HEAD_REACH_M = 0.25
 """Half the height of a picture of head and shoulders."""
@@ -45,14 +45,14 @@ _HEAD_CENTRE_M = 0.03
 
 
 @dataclass(frozen=True, eq=False)
-class _Take:
-    """A performer who moves, in a look."""
+class _AnimatedPerformer:
+    """A performer with a motion, in a look."""
 
     performer: StudioPerformer
     motion: Motion
     look: str
     cloth: Drape | None
-    light: SurroundingLight | None
+    light: EnvironmentLight | None
 
     @classmethod
     def of(
@@ -60,26 +60,28 @@ class _Take:
         performer: StudioPerformer,
         motion: Motion,
         look: str,
-        light: SurroundingLight | None = None,
-    ) -> _Take:
+        light: EnvironmentLight | None = None,
+    ) -> _AnimatedPerformer:
         loose = look == "loose"
         cloth = drape(performer.garments, performer.body, motion) if loose else None
         return cls(performer, motion, look, cloth, light)
 
-    def film(self, pose: Pose, camera: Camera) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
-        """What `camera` sees at the moment of `pose`."""
+    def render(
+        self, pose: Pose, camera: Camera
+    ) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
+        """The performer in `pose` from `camera`: sRGB premultiplied by alpha, and alpha."""
         cloth = None if self.cloth is None else self.cloth.at(pose.time_s)
-        return film(self.performer, pose, camera, self.look, cloth, light=self.light)
+        return render_performer(self.performer, pose, camera, self.look, cloth, light=self.light)
 
-    def exposed(
+    def render_motion_blurred(
         self, time_s: float, camera: Camera, open_s: float
     ) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
-        """What falls on the sensor while the shutter is open, for `open_s` about `time_s`."""
-        times = time_s + open_s * np.linspace(-0.5, 0.5, _SHUTTER_MOMENTS)
-        seen = [self.film(self.motion.pose_at(float(time)), camera) for time in times]
+        """The same with motion blur: the mean over a shutter open for `open_s` about `time_s`."""
+        times = time_s + open_s * np.linspace(-0.5, 0.5, _SHUTTER_SAMPLES)
+        renders = [self.render(self.motion.pose_at(float(time)), camera) for time in times]
         return (
-            np.mean([image for image, _ in seen], axis=0),
-            np.mean([alpha for _, alpha in seen], axis=0),
+            np.mean([image for image, _ in renders], axis=0),
+            np.mean([alpha for _, alpha in renders], axis=0),
         )
 
 
@@ -101,7 +103,7 @@ def make_sequence(
     framing: str = "body",
     on_progress: Callable[[float, str], None] | None = None,
 ) -> None:
-    """Write a sequence of the performer `seed`, or of the `performer` of the cast, to `out`.
+    """Write a sequence of the performer `seed`, or of the named `performer`, to `out`.
 
     Training frames come from one camera; test frames from a ring of `test_cameras` others, at
     moments of the training motion (novel_view) and of another motion (unseen_pose). With `motion`
@@ -109,35 +111,38 @@ def make_sequence(
     turned alike, is the unseen motion.
 
     With `footage`, the raw training frames are written too, as the camera records them (room,
-    noise, blur), for whoever has to find the person in them; the sequence itself stays clean:
+    noise, blur), as input of a capture; the sequence itself stays clean:
 
         make_sequence(
             Path("truth.seq"), size=512, frames_per_second=30.0,
             footage=Footage(Path("raw.mp4"), background="textured", noise=2.0, blur_px=0.6),
         )
 
-    With `expressions` they talk, blink, smile and close their hands, which the sequence's motion
-    tells; `framing` is of the whole `body`, or of head and shoulders (`head`).
+    With `expressions` they talk, blink, smile and close their hands, as the sequence's motion
+    records; `framing` is of the whole `body`, or of head and shoulders (`head`).
 
     In the look `lit`, an `environment` with a panorama lights the performer; none: the studio's own
     light, sRGB values dimmed by a key light and a sky.
 
-    Raises CaptureError for senseless numbers or an unknown look, BrokenMotionCapture for an
+    Raises CaptureError for numbers out of range or an unknown look, BrokenMotionCapture for an
     unreadable file.
     """
     _check(look, framing, frames, size, test_cameras, turn_deg, frames_per_second)
-    light = _light(look, environment)
-    seed = seed if performer is None else seed_of(performer)
-    motion = None if motion is None else clip_of(motion, performer)
-    actor = make_performer(seed, expressive=expressions)
-    skeleton = actor.body.skeleton
-    seen, unseen = _motions(motion, skeleton, frames, turn_deg, frames_per_second)
+    light = _environment_light(look, environment)
+    seed = seed if performer is None else seed_of_performer(performer)
+    motion = None if motion is None else motion_file_of(motion, performer)
+    subject = make_performer(seed, expressive=expressions)
+    skeleton = subject.body.skeleton
+    train_motion, unseen_motion = _motions(motion, skeleton, frames, turn_deg, frames_per_second)
     if expressions:
-        seen, unseen = acted(seen, 2 * seed), acted(unseen, 2 * seed + 1)
-    framed = framed_head if framing == "head" else _framing
-    centre, distance = framed(skeleton, seen)
+        train_motion, unseen_motion = (
+            with_random_expressions(train_motion, 2 * seed),
+            with_random_expressions(unseen_motion, 2 * seed + 1),
+        )
+    frame_camera = frame_head if framing == "head" else _frame_body
+    centre, distance = frame_camera(skeleton, train_motion)
     camera = orbit_camera(centre, distance, 0.0, 0.05, size, size, _FIELD_OF_VIEW_RAD)
-    centre, distance = framed(skeleton, seen, unseen)
+    centre, distance = frame_camera(skeleton, train_motion, unseen_motion)
     ring = [
         orbit_camera(centre, distance, azimuth, elevation, size, size, _FIELD_OF_VIEW_RAD)
         for azimuth, elevation in zip(
@@ -146,30 +151,40 @@ def make_sequence(
             strict=True,
         )
     ]
-    novel, others = _spread(len(seen), _NOVEL_MOMENTS), _spread(len(unseen), _UNSEEN_MOMENTS)
-    total = frames + len(novel) + len(others)
+    novel_indices, unseen_indices = (
+        _evenly_spaced(len(train_motion), _NOVEL_VIEW_FRAMES),
+        _evenly_spaced(len(unseen_motion), _UNSEEN_POSE_FRAMES),
+    )
+    total = frames + len(novel_indices) + len(unseen_indices)
     done = 0
 
-    def shots(take: _Take, moments: Array, cameras: list[Camera]) -> Iterator[Frame]:
+    def rendered_frames(
+        animated: _AnimatedPerformer, indices: Array, cameras: list[Camera]
+    ) -> Iterator[Frame]:
         nonlocal done
-        for shot, moment in enumerate(moments):
-            view, pose = cameras[shot % len(cameras)], take.motion.pose(int(moment))
-            image, mask = take.film(pose, view)
+        for number, index in enumerate(indices):
+            view_camera, pose = cameras[number % len(cameras)], animated.motion.pose(int(index))
+            image, mask = animated.render(pose, view_camera)
             done += 1
             if on_progress is not None:
                 on_progress(done / total, f"frame {done} of {total}")
-            yield Frame(image, mask, view, pose)
+            yield Frame(image, mask, view_camera, pose)
 
-    trained, tested = (_Take.of(actor, moves, look, light) for moves in (seen, unseen))
+    train_performer, unseen_performer = (
+        _AnimatedPerformer.of(subject, one_motion, look, light)
+        for one_motion in (train_motion, unseen_motion)
+    )
 
-    def training_shots(writer: FootageWriter | None) -> Iterator[Frame]:
-        for frame in shots(trained, np.arange(frames), [camera]):
+    def training_frames(writer: FootageWriter | None) -> Iterator[Frame]:
+        for frame in rendered_frames(train_performer, np.arange(frames), [camera]):
             if writer is not None and footage is not None:
                 open_s = footage.shutter / frames_per_second
-                raw = (frame.image, frame.mask)
+                recorded = (frame.image, frame.mask)
                 if open_s > 0.0:
-                    raw = trained.exposed(frame.pose.time_s, camera, open_s)
-                writer.add(*raw)
+                    recorded = train_performer.render_motion_blurred(
+                        frame.pose.time_s, camera, open_s
+                    )
+                writer.add(*recorded)
             yield frame
 
     recording = (
@@ -182,11 +197,11 @@ def make_sequence(
             out,
             person=f"studio performer {seed}" if performer is None else performer,
             frames_per_second=frames_per_second,
-            body=actor.known_body,
-            train=training_shots(writer),
+            body=subject.known_body,
+            train=training_frames(writer),
             test={
-                NOVEL_VIEW: shots(trained, novel, ring),
-                UNSEEN_POSE: shots(tested, others, ring),
+                NOVEL_VIEW: rendered_frames(train_performer, novel_indices, ring),
+                UNSEEN_POSE: rendered_frames(unseen_performer, unseen_indices, ring),
             },
             source=f"studio look={look} seed={seed} turn={turn_deg:g}"
             + (f" environment={environment.name}" if environment else "")
@@ -216,7 +231,7 @@ def _check(
         raise CaptureError(f"frames_per_second must be above 0 and at most 240; got {rate}")
 
 
-def _light(look: str, environment: Environment | None) -> SurroundingLight | None:
+def _environment_light(look: str, environment: Environment | None) -> EnvironmentLight | None:
     if environment is None:
         return None
     if look != "lit" or environment.panorama is None:
@@ -224,27 +239,27 @@ def _light(look: str, environment: Environment | None) -> SurroundingLight | Non
             "environment must have a panorama and go with the look lit; got look "
             f"{look!r} and environment {environment.name!r}"
         )
-    return SurroundingLight(environment.panorama)
+    return EnvironmentLight(environment.panorama)
 
 
 def _motions(
     path: Path | None, skeleton: Skeleton, frames: int, turn_deg: float, rate: float
 ) -> tuple[Motion, Motion]:
     if path is None:
-        return turning(frames, rate, turn_deg), gestures(32, rate)
+        return turntable_motion(frames, rate, turn_deg), gesture_motion(32, rate)
     whole = read_bvh(path, skeleton)
     cut_s = 0.75 * whole.duration_s
     start_s, end_s = whole.times_s[0], whole.times_s[-1]
     return (
-        turned(_in_real_time(whole, start_s, start_s + cut_s, frames, rate), turn_deg),
-        turned(_in_real_time(whole, start_s + cut_s, end_s, 32, rate), turn_deg),
+        with_turn(_motion_span(whole, start_s, start_s + cut_s, frames, rate), turn_deg),
+        with_turn(_motion_span(whole, start_s + cut_s, end_s, 32, rate), turn_deg),
     )
 
 
-def _in_real_time(motion: Motion, start_s: float, end_s: float, frames: int, rate: float) -> Motion:
-    """`frames` poses of [start_s, end_s) at `rate`; a span too short is played to and fro.
+def _motion_span(motion: Motion, start_s: float, end_s: float, frames: int, rate: float) -> Motion:
+    """`frames` poses of [start_s, end_s) at `rate`; a span too short is played back and forth.
 
-    On the spot, as on a treadmill: framed over a path of metres, nobody would fill the picture.
+    On the spot, as on a treadmill: over a path of metres the person would be small in the picture.
     """
     times = np.arange(frames) / rate
     span = max(end_s - start_s, 1e-6)
@@ -254,8 +269,8 @@ def _in_real_time(motion: Motion, start_s: float, end_s: float, frames: int, rat
     return Motion(times, angles, root, np.ones(angles.shape[:2]))
 
 
-def _framing(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"], float]:
-    """Where to look, and from how far, so that every pose fits and fills the picture."""
+def _frame_body(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"], float]:
+    """Target and distance of a camera whose picture every pose fits and fills."""
     joints = np.concatenate(
         [
             skeleton.joint_transforms(m.joint_angles, m.root_translation)[..., :3, 3].reshape(-1, 3)
@@ -268,13 +283,13 @@ def _framing(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"], f
     low, high = (joints[:, 1] - below).min(), joints[:, 1].max() + 2.0 * margin
     sideways = float(np.abs(joints[:, [0, 2]]).max()) + margin
     reach = max(sideways, 0.5 * (high - low))
-    distance = reach / (_FILL * np.tan(0.5 * _FIELD_OF_VIEW_RAD))
-    # what comes towards the camera looks larger
+    distance = reach / (_FILL_SHARE * np.tan(0.5 * _FIELD_OF_VIEW_RAD))
+    # perspective enlarges what is nearer to the camera
     return np.array([0.0, 0.5 * (low + high), 0.0]), float(distance + 0.5 * sideways)
 
 
-def framed_head(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"], float]:
-    """Where to look, and from how far, to see head and shoulders through all of it."""
+def frame_head(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"], float]:
+    """Target and distance of a camera that shows head and shoulders throughout."""
     head = JOINT_NAMES.index("head")
     places = np.concatenate(
         [skeleton.joint_transforms(m.joint_angles, m.root_translation)[:, head, :3, 3]
@@ -286,5 +301,5 @@ def framed_head(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"]
     return centre, float(reach / np.tan(0.5 * _FIELD_OF_VIEW_RAD))
 
 
-def _spread(length: int, count: int) -> Array:
+def _evenly_spaced(length: int, count: int) -> Array:
     return np.unique(np.linspace(0, length - 1, min(count, length)).round().astype(int))

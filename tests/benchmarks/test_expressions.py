@@ -18,7 +18,7 @@ from benchmarks.expressions import (
     without,
     worth,
 )
-from capture.studio.performer import film, make_performer
+from capture.studio.performer import make_performer, render_performer
 from scene import EXPRESSION_NAMES
 from tests.renderer.studio import make_sequence
 
@@ -46,7 +46,7 @@ def test_an_eye_that_shuts_changes_its_crop():
     for lid in (*LIDS, None):
         shown = [float(name == lid) for name in EXPRESSION_NAMES]
         pose = replace(shot.pose, expression=np.array(shown))
-        pictures[lid] = film(performer, pose, shot.camera, "plain")[0]
+        pictures[lid] = render_performer(performer, pose, shot.camera, "plain")[0]
     left, right = LIDS
     (crop,) = shot.crops[left]
     changed = {lid: np.abs(pictures[lid] - pictures[None])[crop].mean() for lid in LIDS}

@@ -1,4 +1,5 @@
-"""Sequences from folders of any layout we know: our own, HumanNeRF's prepared one, ZJU-MoCap's."""
+"""Sequences from folders of any known layout: MetaNeRF's own, HumanNeRF's prepared one,
+ZJU-MoCap's."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ __all__ = ["open_folder", "open_humannerf", "open_zju_mocap", "write_humannerf"]
 
 
 def open_folder(path: Path) -> Sequence:
-    """The sequence in folder `path`, whoever wrote it; the layout is told by the files in it.
+    """The sequence in folder `path`, in any known layout, recognised by its files.
 
     Raises BrokenSequence for a folder of no known layout, and what that layout's reader raises.
     """
@@ -25,6 +26,6 @@ def open_folder(path: Path) -> Sequence:
     if (path / "annots.npy").exists():
         return open_zju_mocap(path)
     raise BrokenSequence(
-        f"{path} must be a sequence folder: with sequence.json (ours), {', '.join(PICKLES)} "
+        f"{path} must be a sequence folder: with sequence.json (MetaNeRF), {', '.join(PICKLES)} "
         "(HumanNeRF) or annots.npy (ZJU-MoCap); got none of them; name another, or capture a clip"
     )

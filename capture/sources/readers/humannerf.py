@@ -25,12 +25,12 @@ from capture.errors import BrokenDataset
 from capture.sources.readers.frames import (
     DatasetFrame,
     DatasetFrames,
+    camera_in_world,
     data_hash,
-    moved_camera,
-    our_intrinsics,
     picture_size,
     rest_skeleton,
-    their_intrinsics,
+    to_half_pixel_centres,
+    to_integer_pixel_centres,
     upright_world,
 )
 from capture.sources.readers.pickles import load_pickle, numbers, table
@@ -43,16 +43,15 @@ from scene.sequence import Sequence
 PICKLES = ("cameras.pkl", "mesh_infos.pkl", "canonical_joints.pkl")
 _PICTURES = (".png", ".jpg", ".jpeg")
 FRAMES_PER_SECOND = 30.0
-"""The layout does not say; only the speed of playing depends on it."""
+"""Not stored in the layout; only the playback speed depends on it."""
 
 
 def open_humannerf(path: Path) -> Sequence:
     """The sequence in folder `path`; pictures are read later, one by one.
 
-    The surface is our body model's, fitted to the joints; poses were estimated, so training may
-    refine them. Raises BrokenDataset naming the file and the
-    rule it breaks, also for a pickle with code in it.
-    """
+    The surface is that of MetaNeRF's body model, fitted to the joints; poses were estimated, so
+    training may refine them. Raises BrokenDataset naming the file and the rule it breaks, also for
+    a pickle with code in it."""
     cameras, meshes, canonical = (load_pickle(path / name) for name in PICKLES)
     joints = numbers(table(canonical, PICKLES[2], "joints")["joints"], (24, 3), "joints")
     skeleton = rest_skeleton(joints)
@@ -63,18 +62,18 @@ def open_humannerf(path: Path) -> Sequence:
     table(cameras, PICKLES[0], *names)
     table(meshes, PICKLES[1], *names)
     poses = [_pose(meshes[name], name) for name in names]
-    orient, pelvis, body_pose = (np.stack([pose[i] for pose in poses]) for i in range(3))
+    global_orient, pelvis, body_pose = (np.stack([pose[i] for pose in poses]) for i in range(3))
     times = np.arange(len(names)) / FRAMES_PER_SECOND
-    motion, ours = upright_world(skeleton, orient, pelvis, body_pose, times)
+    motion, dataset_to_world = upright_world(skeleton, global_orient, pelvis, body_pose, times)
     size = picture_size(_picture(path / "images", names[0]))
-    shots = [_shot(path, name, cameras[name], size, ours) for name in names]
+    frames = [_frame_of(path, name, cameras[name], size, dataset_to_world) for name in names]
     files = [path / name for name in PICKLES]
-    files += [file for shot in shots for file in (shot.picture, *shot.masks) if file.exists()]
+    files += [file for frame in frames for file in (frame.picture, *frame.masks) if file.exists()]
     return Sequence(
         person=path.resolve().name,
         frames_per_second=FRAMES_PER_SECOND,
         body=with_surface(skeleton),
-        train=DatasetFrames(shots, motion, range(len(shots))),
+        train=DatasetFrames(frames, motion, range(len(frames))),
         data_hash=data_hash(path, files),
         motion=motion,
     )
@@ -83,7 +82,7 @@ def open_humannerf(path: Path) -> Sequence:
 def write_humannerf(sequence: Sequence, path: Path) -> None:
     """Write the training frames of `sequence`. The folder appears at `path` whole, or not at all.
 
-    Where the mask is soft, colours are divided by it, as their code multiplies by it again.
+    Colours are divided by the soft mask, since HumanNeRF's code multiplies by it again.
     Raises BrokenDataset if `path` exists, or for a lens with distortion.
     """
     if path.exists():
@@ -101,8 +100,8 @@ def write_humannerf(sequence: Sequence, path: Path) -> None:
             meshes[name] = _mesh_of(sequence, index)
             _write_pictures(building, name, sequence.train.image(index), sequence.train.mask(index))
         rest = sequence.body.skeleton.rest_joints.astype(np.float32)
-        for name, held in zip(PICKLES, (cameras, meshes, {"joints": rest}), strict=True):
-            (building / name).write_bytes(pickle.dumps(held, protocol=4))
+        for name, contents in zip(PICKLES, (cameras, meshes, {"joints": rest}), strict=True):
+            (building / name).write_bytes(pickle.dumps(contents, protocol=4))
         building.chmod(0o755)
         building.rename(path)
     except BaseException:
@@ -111,31 +110,35 @@ def write_humannerf(sequence: Sequence, path: Path) -> None:
 
 
 def _pose(mesh: Any, name: str) -> tuple[Array, Array, Array]:
-    """Global orientation [3], place of the pelvis [3], the other joints' angles [23 3]."""
+    """Global orientation [3], position of the pelvis [3], the other joints' angles [23 3]."""
     mesh = table(mesh, name, "Rh", "Th", "poses", "tpose_joints")
     poses = numbers(mesh["poses"], (72,), f"poses of {name}").reshape(24, 3)
     rest = numbers(mesh["tpose_joints"], (24, 3), f"tpose_joints of {name}")
-    turn = axis_angle_to_matrix(numbers(mesh["Rh"], (3,), f"Rh of {name}"))
-    place = numbers(mesh["Th"], (3,), f"Th of {name}")
-    orient = matrix_to_axis_angle(turn @ axis_angle_to_matrix(poses[0]))
-    return orient, turn @ rest[0] + place, poses[1:]
+    rotation = axis_angle_to_matrix(numbers(mesh["Rh"], (3,), f"Rh of {name}"))
+    translation = numbers(mesh["Th"], (3,), f"Th of {name}")
+    global_orient = matrix_to_axis_angle(rotation @ axis_angle_to_matrix(poses[0]))
+    return global_orient, rotation @ rest[0] + translation, poses[1:]
 
 
-def _shot(path: Path, name: str, held: Any, size: tuple[int, int], ours: Array) -> DatasetFrame:
-    held = table(held, name, "intrinsics", "extrinsics")
-    intrinsics = numbers(held["intrinsics"], (3, 3), f"intrinsics of {name}")
-    extrinsics = numbers(held["extrinsics"], (4, 4), f"extrinsics of {name}")
+def _frame_of(
+    path: Path, name: str, stored: Any, size: tuple[int, int], dataset_to_world: Array
+) -> DatasetFrame:
+    stored = table(stored, name, "intrinsics", "extrinsics")
+    intrinsics = numbers(stored["intrinsics"], (3, 3), f"intrinsics of {name}")
+    extrinsics = numbers(stored["extrinsics"], (4, 4), f"extrinsics of {name}")
     lens = None
-    if "distortions" in held:
-        distortion = numbers(held["distortions"], (5,), f"distortions of {name}")
+    if "distortions" in stored:
+        distortion = numbers(stored["distortions"], (5,), f"distortions of {name}")
         lens = (intrinsics, distortion) if distortion.any() else None
-    seen = Camera(our_intrinsics(intrinsics), moved_camera(extrinsics[:3], ours), *size)
+    camera = Camera(
+        to_half_pixel_centres(intrinsics), camera_in_world(extrinsics[:3], dataset_to_world), *size
+    )
     picture, mask = (_picture(path / kind, name) for kind in ("images", "masks"))
-    return DatasetFrame(picture, (mask,), seen, lens=lens)
+    return DatasetFrame(picture, (mask,), camera, lens=lens)
 
 
 def _picture(folder: Path, name: str) -> Path:
-    """The file of that name, whatever its format; the usual one where there is none."""
+    """The file of that name in any format; its .png path where there is none."""
     files = [folder / f"{name}{ending}" for ending in _PICTURES]
     return next((file for file in files if file.exists()), files[0])
 
@@ -146,7 +149,7 @@ def _camera_of(camera: Camera) -> dict[str, Array]:
     extrinsics = np.eye(4)
     extrinsics[:3] = camera.world_to_camera
     return {
-        "intrinsics": their_intrinsics(camera.intrinsics).astype(np.float32),
+        "intrinsics": to_integer_pixel_centres(camera.intrinsics).astype(np.float32),
         "extrinsics": extrinsics,
         "distortions": np.zeros(5, np.float32),
     }
@@ -155,13 +158,13 @@ def _camera_of(camera: Camera) -> dict[str, Array]:
 def _mesh_of(sequence: Sequence, index: int) -> dict[str, Array]:
     pose, skeleton = sequence.train.pose(index), sequence.body.skeleton
     rest, angles = skeleton.rest_joints, pose.joint_angles.copy()
-    orient = angles[0].copy()
+    global_orient = angles[0].copy()
     angles[0] = 0.0
     joints = skeleton.joint_transforms(angles, np.zeros(3))[:, :3, 3]
-    place = rest[0] + pose.root_translation - axis_angle_to_matrix(orient) @ rest[0]
+    translation = rest[0] + pose.root_translation - axis_angle_to_matrix(global_orient) @ rest[0]
     return {
-        "Rh": orient.astype(np.float32),
-        "Th": place.astype(np.float32),
+        "Rh": global_orient.astype(np.float32),
+        "Th": translation.astype(np.float32),
         "poses": angles.reshape(72).astype(np.float32),
         "joints": joints.astype(np.float32),
         "tpose_joints": rest.astype(np.float32),

@@ -1,4 +1,4 @@
-"""ZJU-MoCap in its own layout: a person filmed by a ring of synchronised cameras.
+"""ZJU-MoCap in its own layout: a person recorded by a ring of synchronised cameras.
 
     annots.npy     {"cams": {"K", "D", "R", "T"}, "ims": [{"ims": [picture of each camera]}]}
                    a camera a list entry; T in millimetres, x_camera = R x_world + T
@@ -29,11 +29,11 @@ from capture.errors import BrokenDataset
 from capture.sources.readers.frames import (
     DatasetFrame,
     DatasetFrames,
+    camera_in_world,
     data_hash,
-    moved_camera,
-    our_intrinsics,
     picture_size,
     rest_skeleton,
+    to_half_pixel_centres,
     upright_world,
 )
 from capture.sources.readers.joints import joints_from_vertices
@@ -46,36 +46,36 @@ from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Sequence
 
 FRAMES_PER_SECOND = 30.0
-"""The layout does not say; only the speed of playing depends on it."""
+"""Not stored in the layout; only the playback speed depends on it."""
 _PARAMETERS = ("new_params", "smpl_params", "params")
 _VERTICES = {"new_params": "new_vertices", "smpl_params": "smpl_vertices", "params": "vertices"}
-_TRAINED_SHARE = 0.8
-"""Of the moments, from the first; the rest are unseen poses."""
+_TRAINING_SHARE = 0.8
+"""Share of the frames, from the first, that train; the rest are unseen poses."""
 _TEST_EVERY = 30
-"""A moment in so many is seen by the other cameras, as the field's tables do."""
-_JOINT_MOMENTS, _JOINT_VERTICES = 60, 1200
-"""From how much the joints are found: enough, and a second's work."""
+"""Every 30th frame is evaluated from the other cameras, as in published tables."""
+_JOINT_FRAMES, _JOINT_VERTICES = 60, 1200
+"""Frames and vertices used to estimate the joints, which takes a second."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Poses:
-    """What the parameter files say, in their world."""
+class _SmplParameters:
+    """SMPL parameters of all frames, in the data set's world."""
 
-    orient: Float[Array, "F 3"]
-    place: Float[Array, "F 3"]
+    global_orient: Float[Array, "F 3"]
+    translation: Float[Array, "F 3"]
     """Th."""
-    turn: Float[Array, "F 3 3"]
+    rotation: Float[Array, "F 3 3"]
     """R(Rh), before the pelvis' own angles."""
-    angles: Float[Array, "F 24 3"]
-    """Row 0 as stored: what Rh leaves, nearly always nil."""
+    joint_angles: Float[Array, "F 24 3"]
+    """Row 0 as stored, beside Rh; nearly always zero."""
 
 
 def open_zju_mocap(path: Path, training_camera: int = 0) -> Sequence:
     """The sequence in folder `path` (CoreView_387, my_377, ...); pictures are read one by one.
 
-    One camera trains on the first 80 % of the moments. Every 30th moment is seen by all other
-    cameras: as new views, and of the rest as unseen poses. The surface is our body model's, fitted
-    to the joints; poses were estimated, so training may refine them.
+    One camera trains, on the first 80 % of the frames. Every 30th frame of the other cameras is for
+    evaluation: novel views of these, unseen poses of the rest. The surface is that of MetaNeRF's
+    body model, fitted to the joints; poses were estimated, so training may refine them.
     Raises BrokenDataset naming the file and the rule it breaks, also for code in annots.npy.
     """
     annots = table(load_npy(path / "annots.npy"), "annots.npy", "cams", "ims")
@@ -86,30 +86,32 @@ def open_zju_mocap(path: Path, training_camera: int = 0) -> Sequence:
         raise BrokenDataset(
             f"training_camera must be one of the {cameras} cameras; got {training_camera}"
         )
-    numbers_of = [_number(names[training_camera]) for names in pictures]
+    frame_numbers = [_frame_number(names[training_camera]) for names in pictures]
     folder = next((path / name for name in _PARAMETERS if (path / name).is_dir()), None)
     if folder is None:
         raise BrokenDataset(f"{path} must hold {', '.join(_PARAMETERS[:2])} or params; got none")
-    poses = _read_poses(folder, numbers_of)
-    joints = _rest_joints(path, folder.name, numbers_of, poses)
+    poses = _read_poses(folder, frame_numbers)
+    joints = _rest_joints(path, folder.name, frame_numbers, poses)
     skeleton = rest_skeleton(joints)
-    pelvis = np.einsum("fij,j->fi", poses.turn, joints[0]) + poses.place
+    pelvis = np.einsum("fij,j->fi", poses.rotation, joints[0]) + poses.translation
     times = np.arange(len(pictures)) / FRAMES_PER_SECOND
-    motion, ours = upright_world(skeleton, poses.orient, pelvis, poses.angles[:, 1:], times)
-    views = _Views(path, pictures, calibration, ours)
-    cut = max(1, int(_TRAINED_SHARE * len(pictures)))
+    motion, dataset_to_world = upright_world(
+        skeleton, poses.global_orient, pelvis, poses.joint_angles[:, 1:], times
+    )
+    multi_view = _MultiViewFrames(path, pictures, calibration, dataset_to_world)
+    cut = max(1, int(_TRAINING_SHARE * len(pictures)))
     others = [camera for camera in range(cameras) if camera != training_camera]
-    train = views.frames(motion, [(moment, training_camera) for moment in range(cut)])
+    train = multi_view.frames(motion, [(index, training_camera) for index in range(cut)])
     tests = {}
-    for split, moments in (
+    for split, indices in (
         (NOVEL_VIEW, range(0, cut, _TEST_EVERY)),
         (UNSEEN_POSE, range(cut, len(pictures), _TEST_EVERY)),
     ):
-        shown = [(m, c) for m in moments for c in others if views.has(m, c)]
-        if shown:
-            tests[split] = views.frames(motion, shown)
-    files = [path / "annots.npy", *(folder / f"{n}.npy" for n in numbers_of[:cut])]
-    files += [file for shot in train.shots for file in (shot.picture, *shot.masks)]
+        test_views = [(m, c) for m in indices for c in others if multi_view.has(m, c)]
+        if test_views:
+            tests[split] = multi_view.frames(motion, test_views)
+    files = [path / "annots.npy", *(folder / f"{n}.npy" for n in frame_numbers[:cut])]
+    files += [file for shot in train.frames for file in (shot.picture, *shot.masks)]
     return Sequence(
         person=path.resolve().name,
         frames_per_second=FRAMES_PER_SECOND,
@@ -122,90 +124,101 @@ def open_zju_mocap(path: Path, training_camera: int = 0) -> Sequence:
 
 
 @dataclass(frozen=True, eq=False)
-class _Views:
-    """Pictures by moment and camera."""
+class _MultiViewFrames:
+    """Pictures by frame and camera."""
 
     root: Path
     pictures: Series[list[str]]
     calibration: Series[tuple[Array, Array, Array]]
     """Of each camera: K, distortion, world -> camera [3 4] in m."""
-    ours: Float[Array, "4 4"]
+    dataset_to_world: Float[Array, "4 4"]
 
-    def has(self, moment: int, camera: int) -> bool:
-        """Whether that picture is there: some cameras failed."""
-        return (self.root / self.pictures[moment][camera]).exists()
+    def has(self, index: int, camera: int) -> bool:
+        """Whether that picture exists: some cameras failed."""
+        return (self.root / self.pictures[index][camera]).exists()
 
-    def frames(self, motion: Motion, shown: Series[tuple[int, int]]) -> DatasetFrames:
-        """Frames of (moment, camera) pairs."""
-        first: dict[int, int] = {}
-        for moment, camera in shown:
-            first.setdefault(camera, moment)
-        seen = {camera: self._camera(camera, moment) for camera, moment in first.items()}
-        shots = []
-        for moment, camera in shown:
-            picture = self.root / self.pictures[moment][camera]
+    def frames(self, motion: Motion, views: Series[tuple[int, int]]) -> DatasetFrames:
+        """Frames of (frame index, camera) pairs."""
+        first_index: dict[int, int] = {}
+        for index, camera in views:
+            first_index.setdefault(camera, index)
+        cameras = {camera: self._camera(camera, index) for camera, index in first_index.items()}
+        frames = []
+        for index, camera in views:
+            picture = self.root / self.pictures[index][camera]
             intrinsics, distortion, _ = self.calibration[camera]
             lens = (intrinsics, distortion) if distortion.any() else None
-            masks = self._masks(self.pictures[moment][camera])
-            shots.append(DatasetFrame(picture, masks, seen[camera], labels=True, lens=lens))
-        moments = sorted({moment for moment, _ in shown})
+            masks = self._masks(self.pictures[index][camera])
+            frames.append(DatasetFrame(picture, masks, cameras[camera], labels=True, lens=lens))
+        indices = sorted({index for index, _ in views})
         return DatasetFrames(
-            shots, _picked(motion, moments), [moments.index(moment) for moment, _ in shown]
+            frames, _select_poses(motion, indices), [indices.index(index) for index, _ in views]
         )
 
-    def _camera(self, camera: int, moment: int) -> Camera:
+    def _camera(self, camera: int, index: int) -> Camera:
         intrinsics, _, world_to_camera = self.calibration[camera]
-        size = picture_size(self.root / self.pictures[moment][camera])
-        return Camera(our_intrinsics(intrinsics), moved_camera(world_to_camera, self.ours), *size)
+        size = picture_size(self.root / self.pictures[index][camera])
+        return Camera(
+            to_half_pixel_centres(intrinsics),
+            camera_in_world(world_to_camera, self.dataset_to_world),
+            *size,
+        )
 
     def _masks(self, picture: str) -> tuple[Path, ...]:
-        inside = Path(picture).with_suffix(".png")
-        swapped = Path(*("mask" if part == "images" else part for part in inside.parts))
-        tried = [self.root / "mask" / inside, self.root / "mask_cihp" / inside]
-        tried += [self.root / swapped] if swapped != inside else []
-        found = tuple(mask for mask in tried if mask.exists())
+        relative = Path(picture).with_suffix(".png")
+        mask_folder = Path(*("mask" if part == "images" else part for part in relative.parts))
+        candidates = [self.root / "mask" / relative, self.root / "mask_cihp" / relative]
+        candidates += [self.root / mask_folder] if mask_folder != relative else []
+        found = tuple(mask for mask in candidates if mask.exists())
         if not found:
-            raise BrokenDataset(f"{picture} must have a mask; got no {tried[-1]}")
+            raise BrokenDataset(f"{picture} must have a mask; got no {candidates[-1]}")
         return found
 
 
-def _picked(motion: Motion, moments: Series[int]) -> Motion:
-    at = list(moments)
+def _select_poses(motion: Motion, indices: Series[int]) -> Motion:
+    at = list(indices)
     return Motion(
         motion.times_s[at], motion.joint_angles[at], motion.root_translation[at],
         motion.confidence[at],
     )  # fmt: skip
 
 
-def _pictures(held: Any) -> list[list[str]]:
-    """Names of the pictures, a list a moment; none may leave the data set's folder."""
-    if not isinstance(held, list | tuple) or not held:
+def _pictures(stored: Any) -> list[list[str]]:
+    """Names of the pictures of each frame; none may leave the data set's folder."""
+    if not isinstance(stored, list | tuple) or not stored:
         raise BrokenDataset("ims of annots.npy must be a list of moments; got none")
-    moments = [strings(table(one, "ims", "ims")["ims"], "ims of a moment") for one in held]
-    moments = [[name.replace("\\", "/") for name in names] for names in moments]
-    for name in (name for names in moments for name in names):
+    pictures = [strings(table(one, "ims", "ims")["ims"], "ims of a moment") for one in stored]
+    pictures = [[name.replace("\\", "/") for name in names] for names in pictures]
+    for name in (name for names in pictures for name in names):
         if name.startswith("/") or ".." in Path(name).parts:
             raise BrokenDataset(f"pictures must lie in the data set's folder; got {name!r}")
-    return moments
+    return pictures
 
 
-def _calibration(held: Any) -> list[tuple[Array, Array, Array]]:
-    cams = table(held, "cams of annots.npy", "K", "D", "R", "T")
-    matrices = numbers(cams["K"], (None, 3, 3), "K of annots.npy")
-    turns = numbers(cams["R"], (None, 3, 3), "R of annots.npy")
+def _calibration(stored: Any) -> list[tuple[Array, Array, Array]]:
+    cameras = table(stored, "cams of annots.npy", "K", "D", "R", "T")
+    matrices = numbers(cameras["K"], (None, 3, 3), "K of annots.npy")
+    rotations = numbers(cameras["R"], (None, 3, 3), "R of annots.npy")
     count = len(matrices)
-    places = numbers(cams["T"], (count, 3), "T of annots.npy") / 1000.0
-    lenses = numbers(cams["D"], (count, 5), "D of annots.npy")
-    if len(turns) != count:
-        raise BrokenDataset(f"annots.npy must hold an R for each K; got {len(turns)} and {count}")
+    translations = numbers(cameras["T"], (count, 3), "T of annots.npy") / 1000.0
+    distortions = numbers(cameras["D"], (count, 5), "D of annots.npy")
+    if len(rotations) != count:
+        raise BrokenDataset(
+            f"annots.npy must hold an R for each K; got {len(rotations)} and {count}"
+        )
     return [
-        (matrices[i], lenses[i], np.concatenate([turns[i], places[i][:, None]], axis=1))
+        (
+            matrices[i],
+            distortions[i],
+            np.concatenate([rotations[i], translations[i][:, None]], axis=1),
+        )
         for i in range(count)
     ]
 
 
-def _number(picture: str) -> int:
-    """The number of a picture's parameters: 7 of `000007.jpg` and of `Camera (1)_0007_2019-...`."""
+def _frame_number(picture: str) -> int:
+    """The frame number of a picture, which names its parameters: 7 of `000007.jpg` and of `Camera
+    (1)_0007_2019-...`."""
     name = Path(picture).stem
     found = re.search(r"\)_(\d+)_", name) or re.search(r"(\d+)$", name)
     if found is None:
@@ -213,29 +226,31 @@ def _number(picture: str) -> int:
     return int(found.group(1))
 
 
-def _read_poses(folder: Path, wanted: Series[int]) -> _Poses:
-    orient, place, turn, angles = [], [], [], []
-    for number in wanted:
+def _read_poses(folder: Path, frame_numbers: Series[int]) -> _SmplParameters:
+    global_orient, translation, rotation, joint_angles = [], [], [], []
+    for number in frame_numbers:
         name = f"{folder.name}/{number}.npy"
-        held = table(load_npy(folder / f"{number}.npy"), name, "poses", "Rh", "Th")
-        pose = _angles(held["poses"], name)
-        turned = axis_angle_to_matrix(numbers(held["Rh"], (3,), f"Rh of {name}"))
-        turn.append(turned)
-        orient.append(matrix_to_axis_angle(turned @ axis_angle_to_matrix(pose[0])))
-        place.append(numbers(held["Th"], (3,), f"Th of {name}"))
-        angles.append(pose)
-    return _Poses(np.stack(orient), np.stack(place), np.stack(turn), np.stack(angles))
+        stored = table(load_npy(folder / f"{number}.npy"), name, "poses", "Rh", "Th")
+        pose = _angles(stored["poses"], name)
+        frame_rotation = axis_angle_to_matrix(numbers(stored["Rh"], (3,), f"Rh of {name}"))
+        rotation.append(frame_rotation)
+        global_orient.append(matrix_to_axis_angle(frame_rotation @ axis_angle_to_matrix(pose[0])))
+        translation.append(numbers(stored["Th"], (3,), f"Th of {name}"))
+        joint_angles.append(pose)
+    return _SmplParameters(
+        np.stack(global_orient), np.stack(translation), np.stack(rotation), np.stack(joint_angles)
+    )
 
 
-def _angles(held: Any, name: str) -> Float[Array, "24 3"]:
+def _angles(stored: Any, name: str) -> Float[Array, "24 3"]:
     """72 angles, or the 69 that EasyMocap writes without the pelvis' own."""
-    flat = numbers(held, None, f"poses of {name}").ravel()
+    flat = numbers(stored, None, f"poses of {name}").ravel()
     flat = np.concatenate([np.zeros(3), flat]) if flat.size == 69 else flat
     return numbers(flat, (72,), f"poses of {name}").reshape(24, 3)
 
 
 def _rest_joints(
-    path: Path, parameters: str, wanted: Series[int], poses: _Poses
+    path: Path, parameters: str, frame_numbers: Series[int], poses: _SmplParameters
 ) -> Float[Array, "24 3"]:
     known = path / "lbs" / "joints.npy"
     if known.exists():
@@ -245,13 +260,19 @@ def _rest_joints(
         raise BrokenDataset(
             f"{path} must hold lbs/joints.npy or {folder.name}, to know the joints; got neither"
         )
-    used = np.unique(np.linspace(0, len(wanted) - 1, _JOINT_MOMENTS).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(frame_numbers) - 1, _JOINT_FRAMES).round().astype(int))
     world = np.stack(
         [
-            numbers(load_npy(folder / f"{wanted[i]}.npy"), (None, 3), f"{folder.name}/{wanted[i]}")
-            for i in used
+            numbers(
+                load_npy(folder / f"{frame_numbers[i]}.npy"),
+                (None, 3),
+                f"{folder.name}/{frame_numbers[i]}",
+            )
+            for i in chosen
         ]
     )
     world = world[:, :: max(1, world.shape[1] // _JOINT_VERTICES)]
-    inside = np.einsum("fji,fvj->fvi", poses.turn[used], world - poses.place[used][:, None])
-    return joints_from_vertices(inside, poses.angles[used])
+    in_body = np.einsum(
+        "fji,fvj->fvi", poses.rotation[chosen], world - poses.translation[chosen][:, None]
+    )
+    return joints_from_vertices(in_body, poses.joint_angles[chosen])

@@ -144,7 +144,7 @@ class LiveMotion:
         except (InvalidInput, ArithmeticError, np.linalg.LinAlgError) as error:
             self._solver = None  # what it believes may be spoilt
             raise InvalidInput(f"landmarks must be of a person; got none: {error}") from error
-        legs = float(np.median(solver.trust[_LEGS]))
+        legs = float(np.median(solver.landmark_weights[_LEGS]))
         expression = self._expression.update(packet.expression, time_s)
         state = self._next_state(now, ahead, arrived_s, legs_seen=legs > _LEGS_SEEN)
         self._state = replace(state, expression=expression)

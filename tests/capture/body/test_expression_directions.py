@@ -12,9 +12,9 @@ from capture.body.model import EYES, MOUTH, load_body_model
 from capture.errors import CaptureError
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from capture.studio.acting import acted
-from capture.studio.moves import turning
-from capture.studio.performer import film, make_performer
+from capture.studio.expressions import with_random_expressions
+from capture.studio.motions import turntable_motion
+from capture.studio.performer import make_performer, render_performer
 from scene import EXPRESSION_NAMES, Body, InvalidInput, Pose, orbit_camera
 from scene.expression import neutral
 from scene.sequence import NOVEL_VIEW, read_frame
@@ -88,7 +88,7 @@ def portrait(pose: Pose, *, expressive: bool = True) -> np.ndarray:
     performer = make_performer(2, expressive=expressive)
     centre = performer.body.skeleton.rest_joints[HEAD] + [0.0, 0.03, 0.0]
     camera = orbit_camera(centre, 0.6, 0.0, 0.0, 96, 96, 0.35)
-    return film(performer, pose, camera, "plain")[0]
+    return render_performer(performer, pose, camera, "plain")[0]
 
 
 def dark(picture: np.ndarray) -> int:
@@ -130,10 +130,10 @@ def test_parts_are_where_eyes_and_mouth_are():
 
 
 def test_acting_is_smooth_seeded_and_goes_all_the_way():
-    still = turning(200, 30.0, 0.0)
-    shown = acted(still, 5).expressions
-    np.testing.assert_array_equal(shown, acted(still, 5).expressions)
-    assert np.abs(shown - acted(still, 6).expressions).max() > 0.5
+    still = turntable_motion(200, 30.0, 0.0)
+    shown = with_random_expressions(still, 5).expressions
+    np.testing.assert_array_equal(shown, with_random_expressions(still, 5).expressions)
+    assert np.abs(shown - with_random_expressions(still, 6).expressions).max() > 0.5
     assert shown.min() >= 0.0
     assert (shown.max(axis=0) > 0.6).all()
     assert (shown.min(axis=0) < 0.2).all()
@@ -158,7 +158,7 @@ def test_a_sequence_tells_what_was_shown(filmed):
     for frames in (sequence.train, sequence.test[NOVEL_VIEW]):
         pose = frames.pose(1)
         performer = make_performer(2, expressive=True)
-        made, _ = film(performer, pose, frames.camera(1), "plain")
+        made, _ = render_performer(performer, pose, frames.camera(1), "plain")
         np.testing.assert_allclose(read_frame(frames, 1).image, made, atol=3e-3)
 
 

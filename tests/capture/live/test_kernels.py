@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 from capture.body.pose_prior import pose_prior
-from capture.live.kernels import (
-    UNKNOWNS,
-    body_landmarks,
-    filter_rotations,
-    pose_equations,
-    prior_equations,
-    refined,
-)
+from capture.live.energy_kernels import UNKNOWNS, pose_equations, prior_equations
+from capture.live.filter_kernels import filter_rotations
+from capture.live.gauss_newton_kernels import body_landmarks, gauss_newton
 from capture.live.solver import frame_observation, solver_model
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import JOINT_COUNT, PARENTS
@@ -71,7 +66,7 @@ def test_the_way_down_is_that_of_its_plain_twin(problem):
     model, seen, local, pelvis = problem
     pull = np.linspace(0.5, 200.0, UNKNOWNS)
     points = body_landmarks(local, model)
-    ours, weight = points - points[model.hips].mean(axis=0), seen.trust[:, None]
+    ours, weight = points - points[model.hips].mean(axis=0), seen.weights[:, None]
     size = (weight * ours * seen.world).sum() / (weight * seen.world**2).sum()
     sized = seen._replace(world=size * seen.world)
     found, at, damping, gone = local, pelvis, 1e-2, np.zeros(UNKNOWNS)
@@ -89,7 +84,7 @@ def test_the_way_down_is_that_of_its_plain_twin(problem):
             found, at, gone, cost, damping = new_local, new_at, gone + step, total, 0.1 * damping
         else:
             damping *= 10.0
-    rotations, place, left = refined(local, pelvis, model, seen, 4, pull, 1e-2, 1e-6)
+    rotations, place, left = gauss_newton(local, pelvis, model, seen, 4, pull, 1e-2, 1e-6)
     np.testing.assert_allclose(rotations, found, atol=1e-8)
     np.testing.assert_allclose(place, at, atol=1e-8)
     assert left == pytest.approx(energy)

@@ -8,7 +8,7 @@ import pytest
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.garments import Drape, drape
-from capture.studio.moves import gestures, turned, turning
+from capture.studio.motions import gesture_motion, turntable_motion, with_turn
 from capture.studio.performer import StudioPerformer, make_performer
 from scene import Motion
 from scene.sequence import NOVEL_VIEW, UNSEEN_POSE
@@ -43,7 +43,7 @@ def wear(motion: Motion) -> tuple[Drape, list[np.ndarray]]:
 
 def standing(seconds: float) -> Motion:
     frames = round(10.0 * seconds)
-    still = turning(1, 10.0, 0.0)
+    still = turntable_motion(1, 10.0, 0.0)
     return Motion(
         np.arange(frames) / 10.0, np.repeat(still.joint_angles, frames, axis=0),
         np.zeros((frames, 3)), np.ones((frames, 24)),
@@ -52,7 +52,10 @@ def standing(seconds: float) -> Motion:
 
 @pytest.mark.parametrize(
     ("motion", "spread_m"),
-    [(turning(60, 10.0, 360.0), (0.008, 0.02, 0.02)), (gestures(60, 10.0), (0.02, 0.05, 0.05))],
+    [
+        (turntable_motion(60, 10.0, 360.0), (0.008, 0.02, 0.02)),
+        (gesture_motion(60, 10.0), (0.02, 0.05, 0.05)),
+    ],
     ids=["slow", "lively"],
 )
 def test_clothes_swing_by_centimetres_beyond_skinning(motion, spread_m):
@@ -84,13 +87,13 @@ def test_sleeves_hang_down_from_raised_arms():
 def test_a_fast_turn_lifts_the_skirt():
     still = standing(2.0)
     _, slow = wear(still)
-    _, fast = wear(turned(still, 4.0 * 360.0))
+    _, fast = wear(with_turn(still, 4.0 * 360.0))
     width = [np.linalg.norm(hem[0][10:, :, [0, 2]], axis=-1).mean() for hem in (slow, fast)]
     assert width[1] > width[0] + 0.03
 
 
 def test_threads_keep_their_length_and_their_seam():
-    motion = gestures(40, 10.0)
+    motion = gesture_motion(40, 10.0)
     hung, _ = wear(motion)
     rings, sides = SKIRT.rest.shape[:2]
     skirt = hung.vertices[:, : rings * sides].reshape(-1, rings, sides, 3)
@@ -101,7 +104,7 @@ def test_threads_keep_their_length_and_their_seam():
 
 
 def test_legs_stay_inside_the_skirt():
-    motion = gestures(40, 10.0)
+    motion = gesture_motion(40, 10.0)
     hung, _ = wear(motion)
     joints = PERFORMER.body.skeleton.joint_transforms(motion.joint_angles, motion.root_translation)[
         ..., :3, 3
@@ -146,6 +149,6 @@ def test_loose_adds_cloth_and_changes_nothing_else(tmp_path):
 
 
 def test_the_same_motion_drapes_the_same_way():
-    motion = turning(10, 10.0, 90.0)
+    motion = turntable_motion(10, 10.0, 90.0)
     first, again = (drape(PERFORMER.garments, PERFORMER.body, motion) for _ in range(2))
     np.testing.assert_array_equal(first.vertices, again.vertices)

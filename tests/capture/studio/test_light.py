@@ -8,7 +8,7 @@ import pytest
 from capture.errors import CaptureError
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from capture.studio.light import SurroundingLight
+from capture.studio.light import EnvironmentLight
 from scene import Environment, lighting_of
 from scene.lighting import panorama_directions
 
@@ -22,16 +22,16 @@ def sunset(height: int = 32) -> np.ndarray:
 
 
 def test_even_light_leaves_albedo_as_it_is():
-    light = SurroundingLight(np.ones((16, 32, 3)))
+    light = EnvironmentLight(np.ones((16, 32, 3)))
     normals = np.random.default_rng(0).normal(size=(50, 3))
     albedo = np.random.default_rng(1).uniform(size=(50, 3))
-    np.testing.assert_allclose(light.lit(albedo, normals), albedo, atol=5e-3)
+    np.testing.assert_allclose(light.shade(albedo, normals), albedo, atol=5e-3)
 
 
 def test_the_sum_agrees_with_harmonics_and_a_key_light():
     normals = np.random.default_rng(2).normal(size=(200, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    summed, nine = SurroundingLight(sunset()), lighting_of(sunset())
+    summed, nine = EnvironmentLight(sunset()), lighting_of(sunset())
     truth = summed.shading(normals)
     assert np.abs(truth - nine.shading(normals)).max() < 0.04 * truth.max()
     # across the seam behind -x as well

@@ -13,9 +13,9 @@ from capture.errors import CaptureError
 from capture.sources.bvh import read_bvh
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from capture.studio.cast import CAST
-from capture.studio.moves import gestures, turned, turning
-from capture.studio.performer import film, make_performer
+from capture.studio.motions import gesture_motion, turntable_motion, with_turn
+from capture.studio.named_performers import NAMED_PERFORMERS
+from capture.studio.performer import make_performer, render_performer
 from scene import Camera, Motion, Pose, Sequence, orbit_camera
 from scene.sequence import NOVEL_VIEW, UNSEEN_POSE
 from tests.capture.bvh_files import bvh_text, person
@@ -157,14 +157,14 @@ def test_light_stays_with_the_room(look, same):
     """Turning the person or walking round them shows the same pixels only in flat light."""
     performer = make_performer(1)
     turn = np.pi / 2
-    turned_person, _ = film(performer, hold(-turn), round_the_person(0.0), look)
-    walked_round, _ = film(performer, hold(0.0), round_the_person(turn), look)
+    turned_person, _ = render_performer(performer, hold(-turn), round_the_person(0.0), look)
+    walked_round, _ = render_performer(performer, hold(0.0), round_the_person(turn), look)
     assert np.allclose(turned_person, walked_round, atol=1e-2) is same
 
 
 def test_colours_are_finer_than_the_mesh():
     """The texture is evaluated at every sample: stripes and letters, not vertex colours."""
-    image, mask = film(make_performer(0), hold(0.0), round_the_person(0.0), "plain")
+    image, mask = render_performer(make_performer(0), hold(0.0), round_the_person(0.0), "plain")
     inside = (mask[:, 1:] == 1.0) & (mask[:, :-1] == 1.0)
     steps = np.abs(np.diff(image, axis=1)).max(axis=-1)[inside]
     assert (steps > 0.15).mean() > 0.05
@@ -175,20 +175,20 @@ def test_default_turn_shows_every_side(sequence):
     step = 360.0 / FRAMES
     assert yaw[-1] - yaw[0] == pytest.approx(360.0 - step, abs=1.0)
     assert np.diff(yaw).max() < 1.2 * step
-    assert facing(turning(10, 10.0, 0.0)).max() < 1.0
+    assert facing(turntable_motion(10, 10.0, 0.0)).max() < 1.0
 
 
 def test_gestures_are_unlike_the_training_motion():
     seen, unseen = (move(32, 10.0, *more).joint_angles[:, 1:] for move, more in
-                    ((turning, (360.0,)), (gestures, ())))  # fmt: skip
+                    ((turntable_motion, (360.0,)), (gesture_motion, ())))  # fmt: skip
     nearest = np.array([np.abs(seen - pose).max(axis=(1, 2)).min() for pose in unseen])
     assert np.rad2deg(nearest.min()) > 20.0
 
 
 def test_turning_a_motion_carries_its_path_along():
-    still = turning(4, 10.0, 0.0)
+    still = turntable_motion(4, 10.0, 0.0)
     walk = replace(still, root_translation=np.tile([1.0, 0.0, 0.0], (4, 1)))
-    around = turned(walk, 360.0)
+    around = with_turn(walk, 360.0)
     np.testing.assert_allclose(
         around.root_translation, [[1, 0, 0], [0, 0, -1], [-1, 0, 0], [0, 0, 1]], atol=1e-12
     )
@@ -211,7 +211,7 @@ def test_motion_from_a_file(tmp_path):
     assert min(np.rad2deg(unseen.pose(i).joint_angles[16, 2]) for i in range(8)) > -10.8
 
 
-@pytest.mark.parametrize("name", CAST)
+@pytest.mark.parametrize("name", NAMED_PERFORMERS)
 def test_the_cast_moves_to_its_clips(tmp_path, name):
     make_sequence(
         tmp_path / "seq", performer=name, motion=shared_data("mocap"), frames=6, size=64,
@@ -219,17 +219,17 @@ def test_the_cast_moves_to_its_clips(tmp_path, name):
     )  # fmt: skip
     sequence = open_sequence(tmp_path / "seq")
     assert sequence.person == name
-    body = make_performer(CAST[name].seed).body
+    body = make_performer(NAMED_PERFORMERS[name].seed).body
     np.testing.assert_allclose(sequence.body.skeleton.rest_joints, body.skeleton.rest_joints)
-    clip = read_bvh(shared_data(f"mocap/{CAST[name].clip}.bvh"), body.skeleton)
+    clip = read_bvh(shared_data(f"mocap/{NAMED_PERFORMERS[name].clip}.bvh"), body.skeleton)
     bend = sequence.train.pose(0).joint_angles[1:]
     np.testing.assert_allclose(bend, clip.joint_angles[0, 1:], atol=1e-12)
     assert min(rows_filled(sequence.train.mask(index)) for index in range(6)) > 0.3
 
 
 def test_the_cast_are_different_people():
-    people = [make_performer(role.seed) for role in CAST.values()]
-    assert len({person.outfit.skin.tobytes() for person in people}) == len(CAST) == 5
+    people = [make_performer(role.seed) for role in NAMED_PERFORMERS.values()]
+    assert len({person.outfit.skin.tobytes() for person in people}) == len(NAMED_PERFORMERS) == 5
     assert np.ptp([person.body.skeleton.height_m for person in people]) > 0.1
     assert {person.outfit.long_sleeves for person in people} == {True, False}
     assert {person.outfit.checked for person in people} == {True, False}

@@ -22,7 +22,7 @@ from capture.fitting.terms.flow import (
     strides_of,
     visible_vertices,
 )
-from capture.studio.performer import film, make_performer
+from capture.studio.performer import make_performer, render_performer
 from scene.arrays import Array
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix
@@ -178,7 +178,7 @@ def _filmed(motion: Motion) -> tuple[list[Array], list[Landmarks]]:
     images, people = [], []
     for index in range(len(motion)):
         pose = motion.pose(index)
-        image, alpha = film(performer, pose, view, "plain", supersampling=2)
+        image, alpha = render_performer(performer, pose, view, "plain", supersampling=2)
         images.append((255.0 * (image + 0.5 * (1.0 - alpha[..., None])) + 0.5).astype(np.uint8))
         person = seen_by(view, body(), pose)
         noisy = person.pixels + rng.normal(0.0, 5.0, person.pixels.shape)

@@ -10,8 +10,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from capture.studio.moves import gestures
-from capture.studio.performer import StudioPerformer, film, make_performer
+from capture.studio.motions import gesture_motion
+from capture.studio.performer import StudioPerformer, make_performer, render_performer
 from scene import Camera, Motion, orbit_camera
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 
@@ -28,7 +28,7 @@ class Truth:
     """A performer filmed by a ring of cameras; `world` is how the data set sees our world."""
 
     performer: StudioPerformer = field(default_factory=lambda: make_performer(2))
-    motion: Motion = field(default_factory=lambda: gestures(40, 10.0))
+    motion: Motion = field(default_factory=lambda: gesture_motion(40, 10.0))
     cameras: int = 3
     world: np.ndarray = field(default_factory=lambda: Z_UP)
     shift: np.ndarray = field(default_factory=lambda: np.array([0.3, -0.7, 0.9]))
@@ -72,7 +72,7 @@ class Truth:
         """BGR in front of a grey wall, and the alpha, both 8 bit."""
         if (moment, camera) not in self.filmed:
             pose = self.motion.pose(moment)
-            image, alpha = film(self.performer, pose, self.camera(camera), "plain")
+            image, alpha = render_performer(self.performer, pose, self.camera(camera), "plain")
             seen = (image + BACKGROUND * (1.0 - alpha[..., None]))[..., ::-1]
             pixels, mask = ((255.0 * level + 0.5).astype(np.uint8) for level in (seen, alpha))
             self.filmed[moment, camera] = (pixels, mask)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from capture.studio.outfit import albedo
 from capture.studio.performer import StudioPerformer, make_performer
-from capture.studio.wardrobe import albedo
 from scene import JOINT_NAMES
 from tests.capture.sequences import surface
 

@@ -1,4 +1,4 @@
-"""Motion made up for the studio: a slow full turn, and other movements for unseen poses."""
+"""Synthetic motion: a slow full turn for training, and gestures for unseen poses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _joint(name: str) -> int:
     return JOINT_NAMES.index(name)
 
 
-def turning(frames: int, frames_per_second: float, turn_deg: float) -> Motion:
+def turntable_motion(frames: int, frames_per_second: float, turn_deg: float) -> Motion:
     """Standing, breathing, arms swinging a little, while turning by `turn_deg` degrees."""
     phase = np.linspace(0.0, 2.0 * np.pi, frames, endpoint=False)
     angles = np.zeros((frames, JOINT_COUNT, 3))
@@ -39,8 +39,8 @@ def turning(frames: int, frames_per_second: float, turn_deg: float) -> Motion:
     return _motion(angles, frames_per_second)
 
 
-def gestures(frames: int, frames_per_second: float) -> Motion:
-    """Waving, lifting a knee, bending: nothing that `turning` has."""
+def gesture_motion(frames: int, frames_per_second: float) -> Motion:
+    """Waving, lifting a knee, bending: nothing that `turntable_motion` has."""
     phase = np.linspace(0.0, 2.0 * np.pi, frames, endpoint=False)
     angles = np.zeros((frames, JOINT_COUNT, 3))
     _hang_arms(angles, 0.5 * np.sin(phase), 0.3 * np.cos(phase))
@@ -57,14 +57,14 @@ def gestures(frames: int, frames_per_second: float) -> Motion:
     return _motion(angles, frames_per_second)
 
 
-def turned(motion: Motion, turn_deg: float) -> Motion:
+def with_turn(motion: Motion, turn_deg: float) -> Motion:
     """`motion` with a slow turn of `turn_deg` degrees about the vertical added, on the spot."""
     yaw = np.zeros((len(motion), 3))
     yaw[:, 1] = np.deg2rad(turn_deg) * np.arange(len(motion)) / len(motion)
-    spin = axis_angle_to_matrix(yaw)
+    rotation = axis_angle_to_matrix(yaw)
     angles = motion.joint_angles.copy()
-    angles[:, 0] = matrix_to_axis_angle(spin @ axis_angle_to_matrix(angles[:, 0]))
-    root = np.einsum("fij,fj->fi", spin, motion.root_translation)
+    angles[:, 0] = matrix_to_axis_angle(rotation @ axis_angle_to_matrix(angles[:, 0]))
+    root = np.einsum("fij,fj->fi", rotation, motion.root_translation)
     return replace(motion, joint_angles=angles, root_translation=root)
 
 

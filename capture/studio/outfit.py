@@ -1,7 +1,7 @@
-"""What a performer wears: a solid texture, evaluated at every sample of the rest surface.
+"""Clothes, skin and hair: a solid texture, evaluated at every sample of the rest surface.
 
-Colours are sRGB albedo. Edges are hard on purpose: seams, stripes, letters and buttons that a
-blurry model would lose. Everything is a function of the rest position (T-pose, m), the surface
+Colours are sRGB albedo. Edges are hard on purpose: a blurry model loses seams, stripes,
+letters and buttons. Everything is a function of the rest position (T-pose, m), the surface
 normal and the joint that moves the place most.
 """
 
@@ -17,7 +17,7 @@ from scene.arrays import Array, Bool, Float, Int
 from scene.skeleton import JOINT_NAMES
 
 _PRINT_HALF_M = 0.085
-_LETTERS = ("NERF", "META", "VIEW", "SEEN", "HERE")
+_PRINTS = ("NERF", "META", "VIEW", "SEEN", "HERE")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def make_outfit(rng: np.random.Generator) -> Outfit:
     tone = rng.uniform()
     skin = (1.0 - tone) * np.array([0.93, 0.76, 0.65]) + tone * np.array([0.45, 0.29, 0.21])
     canvas = np.zeros((64, 128), np.uint8)
-    word = _LETTERS[int(rng.integers(len(_LETTERS)))]
+    word = _PRINTS[int(rng.integers(len(_PRINTS)))]
     cv2.putText(canvas, word, (6, 47), cv2.FONT_HERSHEY_SIMPLEX, 1.5, 255, 6)
     return Outfit(
         shirt=np.stack([ground, stripe]),
@@ -77,11 +77,11 @@ def albedo(
     at = {name: rest_joints[i] for i, name in enumerate(JOINT_NAMES)}
     height = rest[:, 1]
     head = np.isin(joint, [JOINT_NAMES.index("head"), JOINT_NAMES.index("neck")])
-    # hips may be as wide as shoulders, so arms are also told by their height
+    # hips may be as wide as shoulders, so arms are also recognised by their height
     arms = (np.abs(rest[:, 0]) > 0.9 * at["left_shoulder"][0]) & (height > at["spine3"][1])
     waist = at["pelvis"][1] + 0.06
     cuff = at["left_wrist" if outfit.long_sleeves else "left_elbow"][0] - 0.02
-    collar = _below_collar(rest, at)
+    collar = _distance_below_collar(rest, at)
     is_shirt = (height > waist) & (np.abs(rest[:, 0]) < cuff) & (collar > 0.0)
     is_trousers = (height <= waist) & (height > at["left_ankle"][1] + 0.05)
     is_shoe = height <= at["left_ankle"][1] + 0.05
@@ -96,7 +96,7 @@ def albedo(
     laces = is_shoe & instep & ~toe_cap & (np.mod(height, 0.02) < 0.007)
     colour[laces] = [0.95, 0.95, 0.95]
     _paint_head(colour, head & ~is_shirt, outfit, rest, at, eyes)
-    # what looks down sees less of the sky: chin, nose and fingers get their shape
+    # ambient occlusion of downward normals, which shapes chin, nose and fingers
     bare = ~(is_shirt | is_trousers | is_shoe)
     colour[bare] *= 1.0 - 0.2 * np.maximum(-normal[bare, 1:2], 0.0)
     return colour.astype(np.float32)
@@ -121,8 +121,8 @@ def _rgb(hue: float, saturation: float, value: float) -> Float[Array, "3"]:
     return np.array(colorsys.hsv_to_rgb(hue % 1.0, saturation, value))
 
 
-def _below_collar(rest: Array, at: dict[str, Array]) -> Array:
-    """How far, m, a place lies outside a round neck opening that slopes down at the front."""
+def _distance_below_collar(rest: Array, at: dict[str, Array]) -> Array:
+    """Distance, m, outside a round neck opening that slopes down at the front."""
     edge = at["neck"][1] - 0.02 - 0.35 * np.maximum(rest[:, 2], 0.0)
     from_neck = np.hypot(rest[:, 0], rest[:, 2] - at["neck"][2])
     chin = np.maximum(rest[:, 1] - at["neck"][1] - 0.01, 0.0)  # the head is wider than the opening
