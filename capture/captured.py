@@ -68,7 +68,7 @@ def crop_to_person(
     NoPersonFound where all masks are empty.
     """
     height, width = images[0].shape[:2]
-    kept = np.flatnonzero(track.found).tolist()
+    found_frames = np.flatnonzero(track.found).tolist()
     window = mask_bounds(masks, _FAINT, _CROP_MARGIN)
     if window is None:
         raise NoPersonFound(
@@ -88,19 +88,19 @@ def crop_to_person(
     camera = Camera(intrinsics, placed.world_to_camera, width, height)
     motion = placed.motion
     return CapturedClip(
-        [cropped(images[index]) for index in kept],
-        [cropped(mask) for index in kept if (mask := masks[index]) is not None],
+        [cropped(images[index]) for index in found_frames],
+        [cropped(mask) for index in found_frames if (mask := masks[index]) is not None],
         camera.cropped(x, y, w, h).resized(*target),
         placed.body,
         Motion(
-            motion.times_s[kept],
-            motion.joint_angles[kept],
-            motion.root_translation[kept],
-            motion.confidence[kept],
-            motion.expressions[kept],
+            motion.times_s[found_frames],
+            motion.joint_angles[found_frames],
+            motion.root_translation[found_frames],
+            motion.confidence[found_frames],
+            motion.expressions[found_frames],
         ),
-        fit.landmark_error_px[kept] * scale,
-        len(images) - len(kept),
+        fit.landmark_error_px[found_frames] * scale,
+        len(images) - len(found_frames),
         track.takes[-1] + 1,
         placed.legs_seen,
     )

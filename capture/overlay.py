@@ -1,4 +1,4 @@
-"""The picture to trust: silhouette, box, skeleton and fitted surface drawn over the frames.
+"""Overlays: silhouette, box, skeleton and fitted surface drawn over the frames.
 
 White box and magenta outline: the person's mask. Green outline: the fitted body. They lie on each
 other where the capture went well. Left limbs are orange, right limbs blue.
@@ -22,8 +22,8 @@ from scene.skeleton import JOINT_NAMES, PARENTS
 
 _LEFT, _RIGHT, _MIDDLE = (255, 140, 30), (40, 160, 255), (255, 240, 120)
 _SURFACE, _SILHOUETTE, _BOX = (60, 255, 120), (255, 60, 220), (255, 255, 255)
-_FINER = 4
-"""Times as fine as the picture is what a surface is first drawn on."""
+_SUPERSAMPLING = 4
+"""Supersampling of the drawn surface."""
 
 
 def draw_overlay(frame: Frame, body: Body) -> UInt8[Array, "H W 3"]:
@@ -50,11 +50,13 @@ def surface_mask(frame: Frame, body: Body) -> UInt8[Array, "H W"] | None:
 
 def project_surface(camera: Camera, body: Body, pose: Pose) -> UInt8[Array, "H W"]:
     """1 where `body` in `pose` covers most of a pixel of `camera`; the body needs a surface."""
-    covered = np.zeros((_FINER * camera.height, _FINER * camera.width), dtype=np.uint8)
+    covered = np.zeros(
+        (_SUPERSAMPLING * camera.height, _SUPERSAMPLING * camera.width), dtype=np.uint8
+    )
     pixels, depth = camera.project(body.posed_vertices(pose))
     assert body.faces is not None  # posed_vertices has refused a body without
     whole = (depth[body.faces] > 0.05).all(axis=1)
-    corners = _FINER * pixels[body.faces[whole]] - 0.5  # cv2 counts from pixel centres
+    corners = _SUPERSAMPLING * pixels[body.faces[whole]] - 0.5  # cv2 counts from pixel centres
     scaled = np.round(np.clip(corners, -16000, 32000) * 16.0).astype(np.int32)
     for triangle in scaled:
         cv2.fillConvexPoly(covered, triangle, 1, shift=4)

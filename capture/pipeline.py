@@ -44,12 +44,12 @@ MIN_FOUND = 0.25
 """Share of the sampled frames in which the person must be found."""
 
 Progress = Callable[[float, str], None]
-"""Is told the share done, 0 to 1, and what is being done."""
+"""Called with the share done, 0 to 1, and a message."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureOptions:
-    """What a capture is given beside its clip."""
+    """Options of a capture."""
 
     person: str
     """Name stored with the sequence."""
@@ -62,10 +62,10 @@ class CaptureOptions:
     estimator: PoseEstimator | None = None
     """Finds landmarks and masks in place of MediaPipe."""
     lifter: Lifter = closed_form
-    """What an `estimator`'s landmarks mean; by default its 3D landmarks are believed as they are.
+    """From an `estimator`'s landmarks to poses; by default closed-form kinematics of its 3D ones.
     MediaPipe's go through `capture.detection.lifter.lift`, which corrects their known errors."""
     body_model: BodyModel | None = None
-    """Is fitted in place of the one that ships with the package, which is anny's."""
+    """Fitted in place of the default, which is anny's."""
     max_frames: int = MAX_FRAMES
     """Frames used, spread evenly over the clip."""
     size_px: int = SIZE_PX
@@ -79,7 +79,7 @@ class CaptureOptions:
     """Where to write a video (.mp4) of the clip, whole pictures, with all that was found."""
 
     def require_usable(self) -> None:
-        """Raises InvalidInput or PoseModelMissing, before a minute of work, for what can't do."""
+        """Raises InvalidInput or PoseModelMissing, before any work, for unusable options."""
         path = self.overlay
         if path is not None and (path.suffix.lower() != ".mp4" or not path.parent.is_dir()):
             raise InvalidInput(
@@ -115,7 +115,7 @@ def capture_clip(
 
     Args:
         on_progress: called with the share done and what is being done.
-        on_fit: called with each stage of the fit and what it made of the clip (`fit.STAGES`).
+        on_fit: called with each stage of the fit and its result (`fit.STAGES`).
         should_stop: asked often; CaptureStopped follows.
 
     Returns the quality report, which is stored too. Raises UnreadableClip, NoPersonFound,
@@ -167,7 +167,7 @@ def capture_webcam(
     should_stop: Callable[[], bool] = lambda: False,
 ) -> CaptureQuality:
     """Record with webcam `index` for `seconds`, then capture that clip; see `capture_clip`."""
-    options.require_usable()  # what was recorded would be lost
+    options.require_usable()  # else the recording would be lost
     with tempfile.TemporaryDirectory(prefix="metanerf-webcam-") as folder:
         clip = record_webcam(index, seconds, should_stop, folder=Path(folder))
         return capture_clip(clip, out, options, on_progress=on_progress, should_stop=should_stop)
@@ -203,7 +203,7 @@ def _tracked(clip: Clip, estimator: PoseEstimator, reports: _Reports) -> Track:
 def _expressions(
     clip: Clip, track: Track, options: CaptureOptions, reports: _Reports
 ) -> Float[Array, "F E"]:
-    """What face and hands do in each frame, as far as there are networks to tell."""
+    """Expressions of face and hands in each frame, as far as models are available."""
     models = (options.face_model, options.hand_model)
     files = [None if model is None else _file_or_none(model) for model in models]
     if not any(files):

@@ -1,7 +1,7 @@
-"""Whether a clip's poses belong to its pictures: asked before anyone waits for training.
+"""Whether a clip's poses match its pictures, checked before training.
 
-Cameras of another convention, millimetres for metres, frames in another order: all of them put
-joints beside the person, and a model would learn fog. The picture shows which it is.
+Cameras of another convention, millimetres for metres, frames in another order: all of them project
+joints beside the person, and training on them gives fog. The written picture shows the cause.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scene.sequence import Sequence, read_frame
 
 LEAST_ON_MASK = 0.6
 """Share of the joints in sight that must lie on the mask. Right poses reach 0.9 and more."""
-_ASKED_FRAMES = 12
+_CHECKED_FRAMES = 12
 _SHOWN_FRAMES = 4
 _SHOWN_PX = 320
 
@@ -27,16 +27,18 @@ def joints_on_mask(sequence: Sequence) -> float:
     """Share of all joints within the training pictures that lie on the person's mask, in frames
     from the whole clip; 0 where no joint is within any picture."""
     hits = []
-    for index in map(int, evenly_spaced(len(sequence.train), _ASKED_FRAMES)):
+    for index in map(int, evenly_spaced(len(sequence.train), _CHECKED_FRAMES)):
         pose, mask = sequence.train.pose(index), sequence.train.mask(index)
-        placed = sequence.body.skeleton.joint_transforms(pose.joint_angles, pose.root_translation)
-        pixels, depth = sequence.train.camera(index).project(placed[..., :3, 3])
+        transforms = sequence.body.skeleton.joint_transforms(
+            pose.joint_angles, pose.root_translation
+        )
+        pixels, depth = sequence.train.camera(index).project(transforms[..., :3, 3])
         height, width = mask.shape
         inside = (depth > 0.0) & ((pixels >= 0.0) & (pixels < (width, height))).all(axis=1)
         column, row = np.floor(pixels[inside]).astype(int).T
         hits.append(mask[row, column] > 0.5)
-    found = np.concatenate(hits)
-    return float(found.mean()) if len(found) else 0.0
+    on_mask = np.concatenate(hits)
+    return float(on_mask.mean()) if len(on_mask) else 0.0
 
 
 def write_pose_picture(sequence: Sequence, path: Path) -> None:

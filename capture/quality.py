@@ -1,4 +1,4 @@
-"""What a capture is worth, before anyone waits for training, and what to film again."""
+"""Quality report of a capture: measured before training, with advice on what to record again."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _WEAK = 0.7
 _WEAK_ERROR = 2.5
 """or beyond so many times its usual distance from the landmarks."""
 _WEAK_S = 0.25
-"""Weak frames are told of where they last so long, s."""
+"""Shorter spans of weak frames are not reported."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class CaptureQuality:
     person_px: int
     """Height of the person in the stored frames."""
     advice: tuple[str, ...]
-    """In plain words: what to film again, and how."""
+    """What to record again, and how."""
 
     def as_json(self) -> dict[str, Any]:
         """Plain values for sequence.json."""
@@ -78,7 +78,7 @@ class CaptureQuality:
         }
 
     def rows(self) -> list[tuple[str, str, str]]:
-        """The report as a table: what was measured, its value, and what to make of it."""
+        """The report as a table: what was measured, its value, and the verdict."""
         total = self.frames_used + self.frames_lost
         sides = ", ".join(f"{side} {share:.0%}" for side, share in self.coverage.items())
         hidden = [side for side in SIDES if self.coverage[side] < _SIDE_SEEN]
@@ -168,11 +168,11 @@ def _error_mm(clip: CapturedClip) -> float:
 def _weak_spans(
     clip: CapturedClip, confidence: Float[Array, "F"]
 ) -> tuple[tuple[float, float], ...]:
-    """Runs of frames that stand out from their own clip as hard to see or to follow, s."""
+    """Spans of frames, s, with low confidence or high error relative to the rest of the clip."""
     known = ~np.isnan(clip.landmark_error_px)
     error = np.nansum(clip.landmark_error_px, axis=1) / np.maximum(known.sum(axis=1), 1)
-    usual = np.median(error) + 1e-6
-    weak = (confidence < _WEAK * np.median(confidence)) | (error > _WEAK_ERROR * usual)
+    typical = np.median(error) + 1e-6
+    weak = (confidence < _WEAK * np.median(confidence)) | (error > _WEAK_ERROR * typical)
     weak |= ~known.any(axis=1)
     times = clip.motion.times_s
     edges = np.flatnonzero(np.diff(np.concatenate([[False], weak, [False]]).astype(int)))
@@ -198,18 +198,18 @@ def _pairs(clip: CapturedClip) -> list[tuple[Array, Array]]:
 
 
 def _joints_in_mask(clip: CapturedClip) -> float:
-    placed = clip.body.skeleton.joint_transforms(
+    positions = clip.body.skeleton.joint_transforms(
         clip.motion.joint_angles, clip.motion.root_translation
     )[..., :3, 3]
-    pixels, _ = clip.camera.project(placed)
+    pixels, _ = clip.camera.project(positions)
     hits = []
     for frame, mask in enumerate(clip.masks):
         x, y = np.floor(pixels[frame]).astype(int).T
         inside = (x >= 0) & (y >= 0) & (x < mask.shape[1]) & (y < mask.shape[0])
         inside &= clip.motion.confidence[frame] > 0.5
         hits.append(mask[y[inside], x[inside]] > 0.5)
-    found = np.concatenate(hits)
-    return float(found.mean()) if len(found) else 0.0
+    on_mask = np.concatenate(hits)
+    return float(on_mask.mean()) if len(on_mask) else 0.0
 
 
 def _mask_overlap(clip: CapturedClip) -> float:

@@ -56,6 +56,8 @@ RETIRED = {
     "our_intrinsics": "to_half_pixel_centres",
     r"(?<!def )(?<!\.)their_intrinsics": "to_integer_pixel_centres",
     "moved_camera": "camera_in_world",
+    "local_turns": "local_rotations",
+    "film_missing": "render_missing",
     "moved_pose": "apply_pose_step",
     "depth_trust": "depth_weights",
     r"live\.kernels": "energy_kernels, gauss_newton_kernels or filter_kernels",

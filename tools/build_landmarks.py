@@ -3,7 +3,7 @@
 The estimator learnt from clicks on photographs where "hip" or "heel" is; `fit_landmarks` places
 both by anatomy. Here studio performers, whose joints are known, are filmed and shown to the
 estimator, and one offset a landmark, in the rest axes of its joint, is solved from where it was
-seen. Left and right mirror each other. Nobody of the cast is among the performers.
+seen. Left and right mirror each other. Named performers are not among them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from scene.motion import Pose
 from scene.skeleton import Skeleton
 
 SEEDS = range(100, 106)
-"""Performers; the cast, demo and benchmarks use smaller numbers."""
+"""Performers; named performers, demo and benchmarks use smaller numbers."""
 _MOMENTS = 24
 """Of each of the two motions, a performer."""
 _SIZE_PX = 512

@@ -1,9 +1,9 @@
-"""What a face and hands do, as `scene.expression` names it, from MediaPipe's landmarks alone.
+"""Expressions (`scene.expression`) of a face and hands, from MediaPipe's landmarks alone.
 
 Lengths within a face, in 3D and as shares of the distance between the outer corners of the eyes,
-change with neither distance nor, as far as the landmarks' depth is right, a turn of the head. What
-they are at rest is each person's own: `resting_face` takes it from a clip, a page learns it as it
-goes. The page's twin is `client/src/landmarks/expression.ts`; both are held to the same numbers.
+change with neither distance nor, as far as the landmarks' depth is right, a turn of the head. Their
+values at rest differ between people: `resting_face` estimates them from a clip, a page as it runs.
+The page's twin is `client/src/landmarks/expression.ts`; both are tested on the same numbers.
 
 Face landmarks: https://ai.google.dev/edge/mediapipe/solutions/vision/face_landmarker (478 points,
 the first 468 of which are used); hands: the same, hand_landmarker (21 points). Left and right are
@@ -21,7 +21,7 @@ from scene.expression import EXPRESSION_NAMES
 
 FACE, LEFT_HAND, RIGHT_HAND = 1, 2, 4
 """Groups of numbers that are seen, or not, together: bits."""
-EVERYTHING = FACE | LEFT_HAND | RIGHT_HAND
+ALL_GROUPS = FACE | LEFT_HAND | RIGHT_HAND
 GROUPS = np.array(
     [{"left_hand_curl": LEFT_HAND, "right_hand_curl": RIGHT_HAND}.get(n, FACE)
      for n in EXPRESSION_NAMES]
@@ -30,8 +30,8 @@ GROUPS = np.array(
 FACE_NUMBERS = int((GROUPS == FACE).sum())
 
 SMALLEST_FACE_PX = 40.0
-"""From cheek to cheek; of a smaller one the landmarks tell nothing."""
-_MOST_TURNED = 0.7
+"""From cheek to cheek; landmarks of smaller ones are useless."""
+_MAX_TURN_SINE = 0.7
 """Sine of the turn from which the far side of a face is guessed."""
 
 _OUTER_CORNERS = 33, 263  # right, left
@@ -52,7 +52,8 @@ _JAW_IN_SMILE = 0.6
 USUAL_REST = np.array([0.02, 0.27, 0.27, 0.22, -0.2])
 """Measures of a face at rest, of people in general."""
 _REST_PERCENTILES = (10.0, 65.0, 65.0, 40.0, 30.0)
-"""Where in a clip's measures the face at rest is found: talk opens a mouth, blinks are short."""
+"""Percentiles of a clip's measures that give the face at rest: talk opens a mouth, blinks are
+short."""
 _FULL_JAW, _FULL_BROWS, _FULL_SMILE = 0.32, 0.045, 0.2
 """What each measure grows by from rest to fully."""
 _CLOSED = 0.58
@@ -65,7 +66,7 @@ _FLAT, _FIST = 0.95, 0.45
 
 @dataclass(frozen=True, eq=False)
 class ObservedExpression:
-    """What one picture told."""
+    """Expression observed in one picture."""
 
     values: Float[Array, "E"]
     """Of `scene.expression.EXPRESSION_NAMES`, 0 to 1; without meaning where not known."""
@@ -84,22 +85,22 @@ def face_measures(points: Float[Array, "N 3"]) -> Float[Array, "5"] | None:
     Args:
         points: landmarks, px of the picture, z as MediaPipe gives it times the picture's width.
 
-    Returns None for a face that is too small or turned too far. Lids are shares of their own eye's
-    width, the others of the distance between the eyes' outer corners.
-    """
-    if _apart(points[:, :2], _CHEEKS) < SMALLEST_FACE_PX:
+    Returns None for a face that is too small or turned away too far. Lids are shares of their own
+    eye's width, the others of the distance between the eyes' outer corners."""
+    if _distance(points[:, :2], _CHEEKS) < SMALLEST_FACE_PX:
         return None
     across = points[_OUTER_CORNERS[1]] - points[_OUTER_CORNERS[0]]
     span = float(np.linalg.norm(across))
-    if abs(float(across[2])) > _MOST_TURNED * span:
+    if abs(float(across[2])) > _MAX_TURN_SINE * span:
         return None
     lids = [
-        np.mean([_apart(points, pair) for pair in _LIDS[side]]) / _apart(points, _CORNERS[side])
+        np.mean([_distance(points, pair) for pair in _LIDS[side]])
+        / _distance(points, _CORNERS[side])
         for side in ("left", "right")
     ]
-    lips = _apart(points, _LIPS) / span
-    brows = np.mean([_apart(points, pair) for pair in _BROWS_TO_LIDS]) / span
-    smile = (_apart(points, _MOUTH_CORNERS) + _mouth_height(points, across / span)) / span
+    lips = _distance(points, _LIPS) / span
+    brows = np.mean([_distance(points, pair) for pair in _BROWS_TO_LIDS]) / span
+    smile = (_distance(points, _MOUTH_CORNERS) + _mouth_height(points, across / span)) / span
     return np.array([lips, *lids, brows, smile + _JAW_IN_SMILE * lips])
 
 
@@ -120,18 +121,18 @@ def hand_curl(points: Float[Array, "21 3"]) -> float:
     """How far four fingers are bent, 0 (flat) to 1 (a fist), from landmarks in any one unit."""
     shares = []
     for finger in _FINGERS:
-        way = points[[0, *finger]]
-        along = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
-        shares.append(np.linalg.norm(way[-1] - way[0]) / max(float(along), 1e-9))
+        joints = points[[0, *finger]]
+        length = np.linalg.norm(np.diff(joints, axis=0), axis=1).sum()
+        shares.append(np.linalg.norm(joints[-1] - joints[0]) / max(float(length), 1e-9))
     return float(np.clip((_FLAT - np.mean(shares)) / (_FLAT - _FIST), 0.0, 1.0))
 
 
-def _apart(points: Array, pair: tuple[int, int]) -> float:
+def _distance(points: Array, pair: tuple[int, int]) -> float:
     return float(np.linalg.norm(points[pair[0]] - points[pair[1]]))
 
 
 def _mouth_height(points: Float[Array, "N 3"], right_to_left: Float[Array, "3"]) -> float:
-    """Of the mouth's corners above (below: less than nil) those of the eyes, along the face."""
+    """Of the mouth's corners above (below: negative) those of the eyes, along the face."""
     up = points[_FOREHEAD] - points[_UNDER_NOSE]
     up = up - (up @ right_to_left) * right_to_left
     eyes = points[[*_CORNERS["left"], *_CORNERS["right"]]].mean(axis=0)

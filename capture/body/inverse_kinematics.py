@@ -25,8 +25,8 @@ OPENCV_TO_OPENGL = np.array([1.0, -1.0, -1.0])
 """Axes of OpenCV's and MediaPipe's cameras (x right, y down, z away) to OpenGL's (y up, z towards
 the viewer), and back."""
 VISIBLE = 0.5
-"""Visibility from which a limb's landmarks are believed; below, the limb stays at rest."""
-_BENT_FROM, _BENT_FULLY = 0.15, 0.5
+"""Visibility from which a limb's landmarks are used; below, the limb stays at rest."""
+_BENT_FROM, _FULLY_BENT = 0.15, 0.5
 """Sine of the bend between which the hinge's axis goes from the parent's to the seen one."""
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
@@ -40,20 +40,20 @@ def solve_pose(
 ) -> Float[Array, "*batch 24 3"]:
     """Joint angles (axis-angle, rad) of the body seen as `landmarks` (m, MediaPipe's world axes).
 
-    Only directions count, so any body size will do. Joint 0 is the turn of the whole body. Limbs
+    Only directions count, so any body size will do. Joint 0 is the global orientation. Limbs
     whose landmarks have `visibility` below 0.5 hang straight (legs) or along the body (arms).
     """
     points = np.asarray(landmarks, dtype=np.float64) * OPENCV_TO_OPENGL
     batch = points.shape[:-2]
     points = points.reshape(-1, len(LANDMARK_NAMES), 3)
-    seen = np.ones(points.shape[:2], dtype=bool)
+    visible = np.ones(points.shape[:2], dtype=bool)
     if visibility is not None:
-        seen = np.asarray(visibility).reshape(seen.shape) >= VISIBLE
+        visible = np.asarray(visibility).reshape(visible.shape) >= VISIBLE
     world = np.tile(np.eye(3), (len(points), JOINT_COUNT, 1, 1))
     _solve_trunk(points, world)
-    for side, out in (("left", 1.0), ("right", -1.0)):
-        _solve_arm(points, seen, world, side, out)
-        _solve_leg(points, seen, world, side)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        _solve_arm(points, visible, world, side, sign)
+        _solve_leg(points, visible, world, side)
     local = world.copy()
     for joint in range(1, JOINT_COUNT):
         local[:, joint] = np.swapaxes(world[:, PARENTS[joint]], -1, -2) @ world[:, joint]
@@ -84,13 +84,13 @@ def solve_translation(
 
 def _solve_trunk(points: Array, world: Array) -> None:
     rest = load_body_landmarks().rest
-    hips = _frame(points[:, _TRUNK[2]] - points[:, _TRUNK[3]], _up_of_trunk(points))
-    chest = _frame(points[:, _TRUNK[0]] - points[:, _TRUNK[1]], _up_of_trunk(points))
-    head = _best_rotation(rest[_HEAD], points[:, _HEAD])
+    hips = _frame(points[:, _TRUNK[2]] - points[:, _TRUNK[3]], _trunk_up(points))
+    chest = _frame(points[:, _TRUNK[0]] - points[:, _TRUNK[1]], _trunk_up(points))
+    head = _kabsch(rest[_HEAD], points[:, _HEAD])
     world[:, _J["pelvis"]] = hips
     twist = matrix_to_axis_angle(np.swapaxes(hips, -1, -2) @ chest)
-    for share, name in ((1 / 3, "spine1"), (2 / 3, "spine2"), (1.0, "spine3")):
-        world[:, _J[name]] = hips @ axis_angle_to_matrix(share * twist)
+    for fraction, name in ((1 / 3, "spine1"), (2 / 3, "spine2"), (1.0, "spine3")):
+        world[:, _J[name]] = hips @ axis_angle_to_matrix(fraction * twist)
     for name in ("left_collar", "right_collar"):
         world[:, _J[name]] = chest
     nod = matrix_to_axis_angle(np.swapaxes(chest, -1, -2) @ head)
@@ -98,53 +98,53 @@ def _solve_trunk(points: Array, world: Array) -> None:
     world[:, _J["head"]] = head
 
 
-def _up_of_trunk(points: Array) -> Array:
+def _trunk_up(points: Array) -> Array:
     shoulders = points[:, _TRUNK[0]] + points[:, _TRUNK[1]]
     return shoulders - points[:, _TRUNK[2]] - points[:, _TRUNK[3]]
 
 
-def _solve_arm(points: Array, seen: Array, world: Array, side: str, out: float) -> None:
+def _solve_arm(points: Array, visible: Array, world: Array, side: str, sign: float) -> None:
     shoulder, elbow, wrist = (_L[f"{side}_{n}"] for n in ("shoulder", "elbow", "wrist"))
-    along = np.array([out, 0.0, 0.0])
+    along = np.array([sign, 0.0, 0.0])
     hinge = np.array(ELBOW_HINGE[side])
     chest = world[:, _J[f"{side}_collar"]]
     upper_arm = points[:, elbow] - points[:, shoulder]
     fore_arm = points[:, wrist] - points[:, elbow]
     hanging = chest @ rotation_between(along, np.array([0.0, -1.0, 0.0]))
     upper, fore = _two_bones(chest, upper_arm, fore_arm, along, hinge)
-    arm_seen = seen[:, elbow][:, None, None]
-    fore_seen = (seen[:, elbow] & seen[:, wrist])[:, None, None]
-    upper = np.where(arm_seen, upper, hanging)
-    fore = np.where(fore_seen, fore, upper)
+    arm_visible = visible[:, elbow][:, None, None]
+    forearm_visible = (visible[:, elbow] & visible[:, wrist])[:, None, None]
+    upper = np.where(arm_visible, upper, hanging)
+    fore = np.where(forearm_visible, fore, upper)
     index, pinky = points[:, _L[f"{side}_index"]], points[:, _L[f"{side}_pinky"]]
     fingers = 0.5 * (index + pinky) - points[:, wrist]
-    hand = _frame(out * fingers, np.cross(index - pinky, out * fingers))
-    hand = np.where(fore_seen, _at_most(fore, hand, 1.2), fore)
-    # a turned palm turns the forearm too: half of the twist belongs to the elbow
+    hand = _frame(sign * fingers, np.cross(index - pinky, sign * fingers))
+    hand = np.where(forearm_visible, _limit_angle(fore, hand, 1.2), fore)
+    # a rotated palm rotates the forearm too: half of the twist belongs to the elbow
     twist = matrix_to_axis_angle(np.swapaxes(fore, -1, -2) @ hand) * [0.5, 0.0, 0.0]
     world[:, _J[f"{side}_shoulder"]] = upper
     world[:, _J[f"{side}_elbow"]] = fore @ axis_angle_to_matrix(twist)
     world[:, _J[f"{side}_wrist"]] = world[:, _J[f"{side}_hand"]] = hand
 
 
-def _solve_leg(points: Array, seen: Array, world: Array, side: str) -> None:
+def _solve_leg(points: Array, visible: Array, world: Array, side: str) -> None:
     hip, knee, ankle = (_L[f"{side}_{n}"] for n in ("hip", "knee", "ankle"))
     along, hinge = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
     pelvis = world[:, _J["pelvis"]]
     thigh, shin = _two_bones(
         pelvis, points[:, knee] - points[:, hip], points[:, ankle] - points[:, knee], along, hinge
     )
-    thigh_seen = seen[:, knee][:, None, None]
-    shin_seen = (seen[:, knee] & seen[:, ankle])[:, None, None]
-    thigh = np.where(thigh_seen, thigh, pelvis)
-    shin = np.where(shin_seen, shin, thigh)
+    thigh_visible = visible[:, knee][:, None, None]
+    shin_visible = (visible[:, knee] & visible[:, ankle])[:, None, None]
+    thigh = np.where(thigh_visible, thigh, pelvis)
+    shin = np.where(shin_visible, shin, thigh)
     heel, toe = _L[f"{side}_heel"], _L[f"{side}_foot_index"]
     rest = load_body_landmarks().rest
     foot = _swing(shin, rest[toe] - rest[heel], points[:, toe] - points[:, heel])
-    foot_seen = shin_seen & (seen[:, heel] & seen[:, toe])[:, None, None]
+    foot_visible = shin_visible & (visible[:, heel] & visible[:, toe])[:, None, None]
     world[:, _J[f"{side}_hip"]] = thigh
     world[:, _J[f"{side}_knee"]] = shin
-    world[:, _J[f"{side}_ankle"]] = np.where(foot_seen, _at_most(shin, foot, 1.0), shin)
+    world[:, _J[f"{side}_ankle"]] = np.where(foot_visible, _limit_angle(shin, foot, 1.0), shin)
     world[:, _J[f"{side}_foot"]] = world[:, _J[f"{side}_ankle"]]
 
 
@@ -152,24 +152,24 @@ def _two_bones(
     parent: Array, first: Array, second: Array, along: Array, hinge: Array
 ) -> tuple[Array, Array]:
     """World rotations of two bones that lie `along` at rest and bend about `hinge`."""
-    a = unit(_or_else(first, parent @ along))
-    b = unit(_or_else(second, a))
+    a = unit(_nonzero_or(first, parent @ along))
+    b = unit(_nonzero_or(second, a))
     normal = np.cross(a, b)
     sine = np.linalg.norm(normal, axis=-1, keepdims=True)
-    swung = _swing(parent, along, first) @ hinge
-    trust = np.clip((sine - _BENT_FROM) / (_BENT_FULLY - _BENT_FROM), 0.0, 1.0)
-    # a hinge opens one way only: a seen axis against the parent's is an error in depth
-    trust = trust * (np.sum(normal * swung, axis=-1, keepdims=True) > -0.3 * sine)
-    axis = trust * normal / np.maximum(sine, 1e-9) + (1.0 - trust) * swung
+    parent_hinge = _swing(parent, along, first) @ hinge
+    confidence = np.clip((sine - _BENT_FROM) / (_FULLY_BENT - _BENT_FROM), 0.0, 1.0)
+    # a hinge opens one way only: an observed axis opposite to the parent's is an error in depth
+    confidence = confidence * (np.sum(normal * parent_hinge, axis=-1, keepdims=True) > -0.3 * sine)
+    axis = confidence * normal / np.maximum(sine, 1e-9) + (1.0 - confidence) * parent_hinge
     rest = np.stack([along, hinge, np.cross(along, hinge)], axis=-1)
     upper = _orthonormal(a, axis) @ rest.T
     return upper, _swing(upper, along, second)
 
 
-def _swing(parent: Array, rest: Array, seen: Array) -> Array:
-    """`parent` turned by the least rotation that takes its `rest` direction to `seen`."""
-    now = parent @ rest
-    return rotation_between(now, _or_else(seen, now)) @ parent
+def _swing(parent: Array, rest: Array, observed: Array) -> Array:
+    """`parent` after the least rotation that takes its `rest` direction to `observed`."""
+    current = parent @ rest
+    return rotation_between(current, _nonzero_or(observed, current)) @ parent
 
 
 def _frame(x: Array, y: Array) -> Array:
@@ -177,8 +177,8 @@ def _frame(x: Array, y: Array) -> Array:
     right = unit(x)
     up = unit(y - np.sum(y * right, axis=-1, keepdims=True) * right)
     frame = np.stack([right, up, np.cross(right, up)], axis=-1)
-    whole = np.abs(np.linalg.det(frame)) > 0.5  # not where landmarks fall into one place or line
-    return np.where(whole[..., None, None], frame, np.eye(3))
+    valid = np.abs(np.linalg.det(frame)) > 0.5  # false where landmarks coincide or are collinear
+    return np.where(valid[..., None, None], frame, np.eye(3))
 
 
 def _orthonormal(first: Array, second: Array) -> Array:
@@ -187,29 +187,29 @@ def _orthonormal(first: Array, second: Array) -> Array:
     return np.stack([a, b, np.cross(a, b)], axis=-1)
 
 
-def _at_most(parent: Array, child: Array, angle_rad: float) -> Array:
+def _limit_angle(parent: Array, child: Array, angle_rad: float) -> Array:
     """`child` brought to within `angle_rad` of `parent`."""
-    turn = matrix_to_axis_angle(np.swapaxes(parent, -1, -2) @ child)
-    angle = np.linalg.norm(turn, axis=-1, keepdims=True)
-    shorter = np.minimum(angle, angle_rad) / np.maximum(angle, 1e-9)
-    return parent @ axis_angle_to_matrix(turn * shorter)
+    rotation = matrix_to_axis_angle(np.swapaxes(parent, -1, -2) @ child)
+    angle = np.linalg.norm(rotation, axis=-1, keepdims=True)
+    scale = np.minimum(angle, angle_rad) / np.maximum(angle, 1e-9)
+    return parent @ axis_angle_to_matrix(rotation * scale)
 
 
-def _best_rotation(rest: Array, seen: Array) -> Array:
-    """Rotations [F 3 3] that best turn `rest` [N 3] into `seen` [F N 3] (Kabsch 1976)."""
+def _kabsch(rest: Array, observed: Array) -> Array:
+    """Rotations [F 3 3] that best map `rest` [N 3] to `observed` [F N 3] (Kabsch 1976)."""
     a = rest - rest.mean(axis=0)
-    b = seen - seen.mean(axis=1, keepdims=True)
+    b = observed - observed.mean(axis=1, keepdims=True)
     u, _, vt = np.linalg.svd(np.einsum("fni,nj->fij", b, a))
     flip = np.sign(np.linalg.det(u @ vt))[:, None, None]
     return np.concatenate([u[..., :2], u[..., 2:] * flip], axis=-1) @ vt
 
 
-def _or_else(direction: Array, other: Array) -> Array:
-    """`direction`, or `other` where it is nil: two landmarks in one place."""
-    nil = np.linalg.norm(direction, axis=-1, keepdims=True) < 1e-9
-    return np.where(nil, other, direction)
+def _nonzero_or(direction: Array, other: Array) -> Array:
+    """`direction`, or `other` where it is zero: two landmarks in one place."""
+    zero = np.linalg.norm(direction, axis=-1, keepdims=True) < 1e-9
+    return np.where(zero, other, direction)
 
 
 def unit(vector: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
-    """`vector` of length one; nil stays nil."""
+    """`vector` of length one; zero stays zero."""
     return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)

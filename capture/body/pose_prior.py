@@ -1,4 +1,4 @@
-"""A prior of everyday poses: how far joints bend, and which way they can't. In torch."""
+"""A prior of everyday poses: usual deviations of joints and limits of hinges. In torch."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from scene.arrays import Float, Tensor
 from scene.limits import ELBOW_HINGE, FARTHEST_BEND_RAD
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES
 
-_HELD_RAD = 0.03
-"""Deviation of a joint that nothing shows."""
-_WALL_RAD = 0.05
-"""Deviation beyond a hinge's end."""
+_HIDDEN_DEVIATION_RAD = 0.03
+"""Deviation of a joint that is never visible."""
+_LIMIT_DEVIATION_RAD = 0.05
+"""Deviation beyond a hinge's limit."""
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 
 
 @dataclass(frozen=True)
 class PosePrior:
-    """How far each joint leaves its rest, and which way it can't bend at all."""
+    """Gaussians of the joint angles, and limits of the hinges."""
 
     mean: Float[Tensor, "24 3"]
     deviation: Float[Tensor, "24 3"]
@@ -31,14 +31,14 @@ class PosePrior:
     def energy(
         self, angles: Float[Tensor, "F 24 3"], hidden: Float[Tensor, "*frames 24"]
     ) -> Float[Tensor, "F"]:
-        """Gaussian about the mean, and walls at the hinges' ends.
+        """Gaussian about the mean, and soft limits of the hinges.
 
-        `hidden` joints (1) are held at the mean: the silhouette alone would bend them at will.
+        `hidden` joints (1) are tied to the mean: the silhouette alone does not determine them.
         """
         along = torch.einsum("jka,fja->fjk", self.axes, angles - self.mean)
         spread = (along / self.deviation).square().sum(2)[:, 1:]
-        held = (angles - self.mean).square().sum(2)[:, 1:] / _HELD_RAD**2
-        return torch.lerp(spread, held, hidden[..., 1:]).sum(1) + _hinge_walls(angles)
+        fixed = (angles - self.mean).square().sum(2)[:, 1:] / _HIDDEN_DEVIATION_RAD**2
+        return torch.lerp(spread, fixed, hidden[..., 1:]).sum(1) + _hinge_limits(angles)
 
 
 def pose_prior() -> PosePrior:
@@ -51,8 +51,8 @@ def pose_prior() -> PosePrior:
         if part in wide:
             deviation[index] = wide[part]
     axes = torch.eye(3).repeat(JOINT_COUNT, 1, 1)
-    for side, out in (("left", 1.0), ("right", -1.0)):
-        mean[_J[f"{side}_shoulder"], 2] = -out * 1.0  # arms hang rather than stand out
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        mean[_J[f"{side}_shoulder"], 2] = -sign * 1.0  # arms hang rather than stand out
         hinge = torch.tensor(ELBOW_HINGE[side])
         axes[_J[f"{side}_elbow"], 1] = hinge
         axes[_J[f"{side}_elbow"], 2] = torch.linalg.cross(torch.tensor([1.0, 0.0, 0.0]), hinge)
@@ -62,8 +62,8 @@ def pose_prior() -> PosePrior:
     return PosePrior(mean, deviation, axes)
 
 
-def _hinge_walls(angles: Tensor) -> Tensor:
-    """Elbows and knees neither overstretch nor close further than they can."""
+def _hinge_limits(angles: Tensor) -> Tensor:
+    """Elbows and knees neither overextend nor bend beyond their limit."""
     bends = torch.stack(
         [
             angles[:, _J["left_elbow"]] @ torch.tensor(ELBOW_HINGE["left"]),
@@ -74,4 +74,4 @@ def _hinge_walls(angles: Tensor) -> Tensor:
         1,
     )
     over = torch.relu(-bends) + torch.relu(bends - FARTHEST_BEND_RAD)
-    return (over / _WALL_RAD).square().sum(1)
+    return (over / _LIMIT_DEVIATION_RAD).square().sum(1)

@@ -1,7 +1,7 @@
-"""What somebody wears, as a histogram of their colours: whether two pictures may show one person.
+"""Appearance of a person as a colour histogram: whether two pictures may show one person.
 
 Bhattacharyya's coefficient of colour histograms, as in mean-shift tracking (Comaniciu et al. 2003).
-Clothes say nothing of pose, and hardly change as somebody turns.
+Clothes are independent of pose, and hardly change as somebody turns.
 """
 
 from __future__ import annotations
@@ -14,42 +14,42 @@ from capture.detection.landmarks import Landmarks
 from scene.arrays import Array, Float, UInt8
 
 SAME_PERSON = 0.94
-"""Similarity from which somebody may be the person: the same one keeps above 0.97 as they turn,
-others in similar clothes stay below 0.88, and an estimator that takes two for one comes between."""
-_CERTAIN = 0.96
-"""Similarity from which what is seen adds to what is known: half of somebody else must not."""
-_KEPT = 9
+"""Similarity from which a detection may be the person: the same one stays above 0.97 while turning,
+others in similar clothes stay below 0.88, and detections that merge two people lie between."""
+_UPDATE_FROM = 0.96
+"""Similarity from which a detection updates the histograms: merged detections must not."""
+_HISTORY = 9
 _BINS = 6
 """A colour channel."""
-_REACH = 1.5
-"""Bins over which a colour counts: light and noise carry it over a bin's edge."""
+_KERNEL_BINS = 1.5
+"""Half width of the triangular kernel, since light and noise carry colours over a bin's edge."""
 _FEWEST_PX, _MOST_PX = 50, 4000
 
 
 class Appearance:
-    """Knows the colours of one person, from the first picture and from lately; first, nobody's."""
+    """Colour histograms of one person: of the first picture and of recent ones; empty at first."""
 
     def __init__(self) -> None:
         self._first: Float[Array, "6 6 6"] | None = None
-        self._lately: deque[Float[Array, "6 6 6"]] = deque(maxlen=_KEPT)
+        self._recent: deque[Float[Array, "6 6 6"]] = deque(maxlen=_HISTORY)
 
     def similarity(self, image: UInt8[Array, "H W 3"], person: Landmarks) -> float:
-        """0 to 1; 1 where nothing is known of them."""
-        seen = _colours(image, person)
-        return 1.0 if seen is None else self._similarity(seen)
+        """0 to 1; 1 before the first update."""
+        colours = _colours(image, person)
+        return 1.0 if colours is None else self._similarity(colours)
 
     def update(self, image: UInt8[Array, "H W 3"], person: Landmarks) -> None:
-        """The person looks like this now: people turn, and walk into the shade."""
-        seen = _colours(image, person)
-        if seen is None or self._similarity(seen) < _CERTAIN:
+        """Add a picture of the person: people turn, and walk into the shade."""
+        colours = _colours(image, person)
+        if colours is None or self._similarity(colours) < _UPDATE_FROM:
             return
-        self._first = seen if self._first is None else self._first
-        self._lately.append(seen)
+        self._first = colours if self._first is None else self._first
+        self._recent.append(colours)
 
-    def _similarity(self, seen: Float[Array, "6 6 6"]) -> float:
+    def _similarity(self, colours: Float[Array, "6 6 6"]) -> float:
         if self._first is None:
             return 1.0
-        return max(float((seen * known).sum()) for known in (self._first, *self._lately))
+        return max(float((colours * known).sum()) for known in (self._first, *self._recent))
 
 
 def _colours(image: Array, person: Landmarks) -> Float[Array, "6 6 6"] | None:
@@ -59,7 +59,7 @@ def _colours(image: Array, person: Landmarks) -> Float[Array, "6 6 6"] | None:
         return None
     chosen = pixels[:: -(-len(pixels) // _MOST_PX)] * np.float32((_BINS - 1) / 255.0)
     away = np.abs(chosen[..., None] - np.arange(_BINS, dtype=np.float32))  # [P 3 6]
-    red, green, blue = np.moveaxis(np.maximum(_REACH - away, 0.0), 1, 0)
+    red, green, blue = np.moveaxis(np.maximum(_KERNEL_BINS - away, 0.0), 1, 0)
     pairs = (red[:, :, None] * green[:, None, :]).reshape(len(chosen), -1)
     counts = (pairs.T @ blue).reshape((_BINS,) * 3)
     return np.sqrt(counts / counts.sum())

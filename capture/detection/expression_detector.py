@@ -1,7 +1,7 @@
-"""What somebody's face and hands do in the pictures of a clip, found by MediaPipe.
+"""Expressions of face and hands in the pictures of a clip, by MediaPipe's landmarkers.
 
-Each is shown a square about where the body's landmarks say that the part is; in the whole picture a
-face is often too small to be found. The page's twin is `client/src/landmarks/crops.ts`.
+Each runs on a square around the part's body landmarks; in the whole picture a face is often too
+small to be detected. The page's twin is `client/src/landmarks/crops.ts`.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ _HANDS = {
     ]
     for side in ("left", "right")
 }
-_SEEN = 0.5
+_MIN_VISIBILITY = 0.5
 _AROUND_HEAD, _AROUND_HAND = 1.1, 1.6
 """Half a square's side, in the larger extent of the head's landmarks."""
-_LEAST_CONFIDENCE = 0.3
-_ENOUGH = 10
-"""Measures that tell how somebody's face is at rest."""
+_MIN_CONFIDENCE = 0.3
+_MIN_MEASURES = 10
+"""Frames needed to estimate a person's face at rest."""
 
 
 class ExpressionDetector:
-    """Looks at one person, picture by picture; `close` it (`contextlib.closing`).
+    """Measures one person, picture by picture; `close` it (`contextlib.closing`).
 
-    Raises PoseModelMissing if a file is no model.
+    Raises PoseModelMissing if a file is not a model.
     """
 
     def __init__(self, face_model: Path | None, hand_model: Path | None) -> None:
-        """With the models that there are; without one its numbers stay unknown."""
+        """With the models available; without one its numbers stay unknown."""
         # imported here: it takes a second, and the studio needs none of it
         from mediapipe.tasks.python import BaseOptions
         from mediapipe.tasks.python.vision import (
@@ -64,8 +64,8 @@ class ExpressionDetector:
                 self._faces = FaceLandmarker.create_from_options(
                     FaceLandmarkerOptions(
                         base_options=BaseOptions(model_asset_path=str(face_model)),
-                        min_face_detection_confidence=_LEAST_CONFIDENCE,
-                        min_face_presence_confidence=_LEAST_CONFIDENCE,
+                        min_face_detection_confidence=_MIN_CONFIDENCE,
+                        min_face_presence_confidence=_MIN_CONFIDENCE,
                     )
                 )
             path = hand_model
@@ -89,10 +89,10 @@ class ExpressionDetector:
 
     def face(self, image: UInt8[Array, "H W 3"], person: Landmarks) -> Float[Array, "5"] | None:
         """See `face_measures`; None where no face is found. About 8 ms on one core."""
-        square = _about(person, list(range(FACE_LANDMARKS)), _AROUND_HEAD)
+        square = _square_around(person, list(range(FACE_LANDMARKS)), _AROUND_HEAD)
         if self._faces is None or square is None:
             return None
-        found = self._faces.detect(_picture(image, square)).face_landmarks
+        found = self._faces.detect(_crop(image, square)).face_landmarks
         if not found:
             return None
         return face_measures(square[2] * np.array([[p.x, p.y, p.z] for p in found[0]]))
@@ -100,47 +100,53 @@ class ExpressionDetector:
     def hand(self, image: UInt8[Array, "H W 3"], person: Landmarks, name: str) -> float | None:
         """See `hand_curl`, of `left_hand_curl` or `right_hand_curl`. About 10 ms on one core."""
         points = _HANDS[name]
-        if self._hands is None or person.visibility[points].min() < _SEEN:
+        if self._hands is None or person.visibility[points].min() < _MIN_VISIBILITY:
             return None
-        middle = person.pixels[points].mean(axis=0)
-        inside = (middle >= 0).all() and (middle <= [image.shape[1], image.shape[0]]).all()
-        square = _about(person, points, _AROUND_HAND) if inside else None
+        centre = person.pixels[points].mean(axis=0)
+        inside = (centre >= 0).all() and (centre <= [image.shape[1], image.shape[0]]).all()
+        square = _square_around(person, points, _AROUND_HAND) if inside else None
         if square is None:
             return None
-        found = self._hands.detect(_picture(image, square)).hand_world_landmarks
+        found = self._hands.detect(_crop(image, square)).hand_world_landmarks
         return hand_curl(np.array([[p.x, p.y, p.z] for p in found[0]])) if found else None
 
 
 def clip_expressions(
     images: Sequence[UInt8[Array, "H W 3"]],
     people: Sequence[Landmarks | None],
-    finder: ExpressionDetector,
+    detector: ExpressionDetector,
     on_progress: Callable[[float], None] = lambda _: None,
 ) -> Float[Array, "F E"]:
-    """What one person does in each picture, 0 to 1; at rest where it is not seen.
+    """Expressions of one person in each picture, 0 to 1; at rest where not detected.
 
     Args:
         people: the person in each picture; None where they were lost.
         on_progress: called with the share done; may raise, to stop.
     """
-    shown = np.zeros((len(images), EXPRESSION_COUNT))
+    expressions = np.zeros((len(images), EXPRESSION_COUNT))
     faces: dict[int, Array] = {}
     for index, (image, person) in enumerate(zip(images, people, strict=True)):
         if person is not None:
-            if (measures := finder.face(image, person)) is not None:
+            if (measures := detector.face(image, person)) is not None:
                 faces[index] = measures
             for name in _HANDS:
-                shown[index, EXPRESSION_NAMES.index(name)] = finder.hand(image, person, name) or 0.0
+                expressions[index, EXPRESSION_NAMES.index(name)] = (
+                    detector.hand(image, person, name) or 0.0
+                )
         on_progress((index + 1) / len(images))
-    rest = resting_face(np.array(list(faces.values()))) if len(faces) >= _ENOUGH else USUAL_REST
+    rest = (
+        resting_face(np.array(list(faces.values()))) if len(faces) >= _MIN_MEASURES else USUAL_REST
+    )
     for index, measures in faces.items():
-        shown[index, :FACE_NUMBERS] = face_numbers(measures, rest)
-    return shown
+        expressions[index, :FACE_NUMBERS] = face_numbers(measures, rest)
+    return expressions
 
 
-def _about(person: Landmarks, points: list[int], around: float) -> tuple[int, int, int] | None:
+def _square_around(
+    person: Landmarks, points: list[int], margin: float
+) -> tuple[int, int, int] | None:
     """Left, top and side, px, of a square about some of the landmarks; None for a point."""
-    half = around * float(np.ptp(person.pixels[:FACE_LANDMARKS], axis=0).max())
+    half = margin * float(np.ptp(person.pixels[:FACE_LANDMARKS], axis=0).max())
     side = round(2.0 * half)
     if side < 2 or not np.isfinite(half):
         return None
@@ -149,7 +155,7 @@ def _about(person: Landmarks, points: list[int], around: float) -> tuple[int, in
     return int(x), int(y), side
 
 
-def _picture(image: UInt8[Array, "H W 3"], square: tuple[int, int, int]):
+def _crop(image: UInt8[Array, "H W 3"], square: tuple[int, int, int]):
     """The square of `image` as MediaPipe takes it; black beyond the picture."""
     from mediapipe import Image, ImageFormat
 

@@ -32,7 +32,7 @@ class Landmarks:
         return np.concatenate([self.pixels.min(axis=0), self.pixels.max(axis=0)])
 
     def moved(self, x: float, y: float, width: int, height: int) -> Landmarks:
-        """The same person in a picture `width` x `height` whose window at (x, y) was looked at."""
+        """The same person in a picture `width` x `height` whose window at (x, y) was searched."""
         mask = np.zeros((height, width), dtype=np.float32)
         h, w = self.mask.shape
         mask[int(y) : int(y) + h, int(x) : int(x) + w] = self.mask
@@ -48,9 +48,10 @@ class PoseEstimator(Protocol):
 
 
 class MediaPipeEstimator:
-    """MediaPipe's Pose Landmarker. Pictures are independent: following a person is ours.
+    """MediaPipe's Pose Landmarker. Pictures are independent: tracking is
+    `capture.detection.tracking`'s.
 
-    Use it as a context, or `close` it. Raises PoseModelMissing if `model_path` is no model.
+    Use it as a context, or `close` it. Raises PoseModelMissing if `model_path` is not a model.
     """
 
     def __init__(self, model_path: Path, *, people: int = 4, min_confidence: float = 0.3) -> None:

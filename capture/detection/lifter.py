@@ -1,10 +1,10 @@
-"""From landmarks to the turns of bones, learnt: what the closed form gets wrong, put right.
+"""A learnt lifter from landmarks to joint rotations, which corrects closed-form kinematics.
 
 The estimator's 3D landmarks flatten people in depth, each pose in its own way. A small network
 (two residual blocks, as in Martinez et al. 2017, "A simple yet effective baseline for 3D human pose
-estimation") sees them, the 2D landmarks and the closed form's answer, and turns each bone of that
-answer. It learnt from rendered people in random poses (`tools.build_lifter`), and tells how far
-off it usually is. Numpy only; frames are independent, so any frame rate will do.
+estimation") takes them, the 2D landmarks and the closed-form rotations, and rotates each of
+these. It is trained on rendered people in random poses (`tools.build_lifter`), and predicts its
+own error. Numpy only; frames are independent, so any frame rate will do.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ FEATURES = LANDMARK_COUNT * (2 + 3 + 1 + 3 + 3) + 1 + 6 * (JOINT_COUNT - 1) + 9
 OUTPUTS = 7 * JOINT_COUNT
 """Two columns of a rotation and the logarithm of a spread for each joint."""
 _CLOSED_FORM_SPREAD_RAD = 0.45
-_FARTHEST = 6.0
-"""Spreads from the middle beyond which a landmark (a guess outside the picture) is cut off."""
-_LEAST_TRUST = 0.02
-_SMALLEST = 1e-6
+_CLIP_DEVIATIONS = 6.0
+"""Deviations from the centre at which landmarks (guesses outside the picture) are clipped."""
+_MIN_VISIBILITY = 0.02
+_MIN_SIZE = 1e-6
 _NORMALISATION_EPS = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
 class Lifted:
-    """Poses as the network believes them."""
+    """Poses and their predicted error."""
 
     rotations: Float[Array, "F 24 3 3"]
-    """Local; joint 0 turns the body in the frame y up, z towards the camera."""
+    """Local; joint 0's is relative to axes y up, z towards the camera."""
     spread_rad: Float[Array, "F 24"]
-    """Usual angle (root mean square) by which each joint's rotation is off."""
+    """Root mean square angle of error of each joint's rotation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What the network sees, and what its answer is relative to."""
+    """Input of the network, and the rotations that its output is relative to."""
 
     features: Float[Array, "F N"]
     closed_form: Float[Array, "F 24 3 3"]
@@ -67,7 +67,7 @@ def closed_form(
     focal_px: float,
     centre: Float[Array, "2"],
 ) -> Lifted:
-    """Believes the 3D landmarks as they are: for estimators the network has not learnt from."""
+    """Closed-form kinematics of the 3D landmarks: for estimators the network was not trained on."""
     rotations = axis_angle_to_matrix(solve_pose(world, visibility))
     return Lifted(rotations, np.full(rotations.shape[:2], _CLOSED_FORM_SPREAD_RAD))
 
@@ -79,20 +79,20 @@ def lift(
     focal_px: float,
     centre: Float[Array, "2"],
 ) -> Lifted:
-    """Poses of one person from landmarks as the estimator gives them (px; m, x right, y down).
+    """Poses of one person from the estimator's landmarks (px; m, x right, y down).
 
     `visibility` is the estimator's own, 0 to 1; `focal_px` and `centre` are the camera's.
     """
     inputs = inputs_of(pixels, world, visibility, focal_px, centre)
-    answer = _network(inputs.features)
-    turns = inputs.closed_form @ _orthonormal(answer[:, : 6 * JOINT_COUNT])
-    back = np.swapaxes(inputs.view, 1, 2) * OPENCV_TO_OPENGL[:, None] * OPENCV_TO_OPENGL
-    local = (back[:, None] @ turns).copy()
-    world_turns = local.copy()
+    output = _network(inputs.features)
+    view_rotations = inputs.closed_form @ _orthonormal(output[:, : 6 * JOINT_COUNT])
+    view_to_camera = np.swapaxes(inputs.view, 1, 2) * OPENCV_TO_OPENGL[:, None] * OPENCV_TO_OPENGL
+    local = (view_to_camera[:, None] @ view_rotations).copy()
+    global_rotations = local.copy()
     for joint in range(1, JOINT_COUNT):
-        above = world_turns[:, PARENTS[joint]]
-        local[:, joint] = np.swapaxes(above, 1, 2) @ world_turns[:, joint]
-    return Lifted(local, np.exp(answer[:, 6 * JOINT_COUNT :]))
+        parent = global_rotations[:, PARENTS[joint]]
+        local[:, joint] = np.swapaxes(parent, 1, 2) @ global_rotations[:, joint]
+    return Lifted(local, np.exp(output[:, 6 * JOINT_COUNT :]))
 
 
 def inputs_of(
@@ -105,23 +105,26 @@ def inputs_of(
     """Features: landmarks in the picture and in 3D, in the view's axes and in the body's own."""
     frames = len(pixels)
     plane = (pixels - centre) / np.asarray(focal_px, dtype=np.float64).reshape(-1, 1, 1)
-    trust = np.clip(visibility, _LEAST_TRUST, 1.0)[..., None] ** 2
-    total = trust.sum(axis=1)
-    view = _view_through((plane * trust).sum(axis=1) / total)
+    weights = np.clip(visibility, _MIN_VISIBILITY, 1.0)[..., None] ** 2
+    total = weights.sum(axis=1)
+    view = _view_through((plane * weights).sum(axis=1) / total)
     rays = np.concatenate([plane, np.ones_like(plane[..., :1])], 2) @ np.swapaxes(view, 1, 2)
-    seen = rays[..., :2] / np.maximum(rays[..., 2:], 0.2)
-    size = np.sqrt((trust * seen**2).sum(axis=(1, 2))[:, None] / total) + _SMALLEST
-    seen = np.clip(seen / size[..., None], -_FARTHEST, _FARTHEST)
+    normalised = rays[..., :2] / np.maximum(rays[..., 2:], 0.2)
+    size = np.sqrt((weights * normalised**2).sum(axis=(1, 2))[:, None] / total) + _MIN_SIZE
+    normalised = np.clip(normalised / size[..., None], -_CLIP_DEVIATIONS, _CLIP_DEVIATIONS)
     local = axis_angle_to_matrix(solve_pose(world, visibility))
-    turned = local.copy()
+    global_rotations = local.copy()
     for joint in range(1, JOINT_COUNT):
-        turned[:, joint] = turned[:, PARENTS[joint]] @ local[:, joint]
-    body = turned[:, 0]
-    flat = np.concatenate([seen * OPENCV_TO_OPENGL[:2], np.zeros_like(seen[..., :1])], 2)
-    parts = (seen, 2.0 * world, visibility, np.log(size), 2.0 * (world * OPENCV_TO_OPENGL) @ body,
+        global_rotations[:, joint] = global_rotations[:, PARENTS[joint]] @ local[:, joint]
+    body = global_rotations[:, 0]
+    flat = np.concatenate(
+        [normalised * OPENCV_TO_OPENGL[:2], np.zeros_like(normalised[..., :1])], 2
+    )
+    parts = (normalised, 2.0 * world, visibility, np.log(size),
+             2.0 * (world * OPENCV_TO_OPENGL) @ body,
              flat @ body, local[:, 1:, :, :2], body)  # fmt: skip
     features = np.concatenate([part.reshape(frames, -1) for part in parts], axis=1)
-    return Inputs(features.astype(np.float32), turned, view)
+    return Inputs(features.astype(np.float32), global_rotations, view)
 
 
 def _view_through(middle: Float[Array, "F 2"]) -> Float[Array, "F 3 3"]:

@@ -1,7 +1,8 @@
-"""The door for estimators that give a pose, not landmarks: SPIN, 4D-Humans, any SMPL regressor.
+"""Adapter for estimators that give a pose instead of landmarks: SPIN, 4D-Humans, any SMPL
+regressor.
 
-Our 24 joints are SMPL's, so its theta (24 axis-angles) are a `Pose`'s `joint_angles` as they are;
-its root translation is where the network puts the pelvis, less the body's rest pelvis.
+The 24 joints are SMPL's, so its theta (24 axis-angles) are a `Pose`'s `joint_angles` as they are;
+its root translation is the network's position of the pelvis, less the body's rest pelvis.
 `landmarks_of_pose` says where the 33 landmarks of that pose lie, which is what a `PoseEstimator`
 returns: the fit then treats them as any other estimator's.
 """
@@ -27,7 +28,7 @@ def landmarks_of_pose(
     mask: Float[Array, "H W"],
     visibility: Float[Array, "33"] | None = None,
 ) -> Landmarks:
-    """What `camera` sees of `body` in `pose`, as the 33 landmarks and `mask` (soft alpha, [0, 1]).
+    """The 33 landmarks of `body` in `pose` seen by `camera`, with `mask` (soft alpha, [0, 1]).
 
     Args:
         body: its joints are enough; a regressor's shape may be given by `BodyModel.body`.
@@ -37,10 +38,10 @@ def landmarks_of_pose(
     """
     require_shape("mask", mask, (camera.height, camera.width))
     points, joints = landmarks_on(body)
-    moved = body.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)[joints]
-    placed = np.einsum("nij,nj->ni", moved[:, :3, :3], points) + moved[:, :3, 3]
-    pixels, _ = camera.project(placed)
+    transforms = body.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)[joints]
+    positions = np.einsum("nij,nj->ni", transforms[:, :3, :3], points) + transforms[:, :3, 3]
+    pixels, _ = camera.project(positions)
     hips = [LANDMARK_NAMES.index("left_hip"), LANDMARK_NAMES.index("right_hip")]
-    world = (placed - placed[hips].mean(axis=0)) @ camera.rotation.T
+    world = (positions - positions[hips].mean(axis=0)) @ camera.rotation.T
     seen = np.ones(len(LANDMARK_NAMES)) if visibility is None else visibility
     return Landmarks(pixels, world, seen, np.asarray(mask, dtype=np.float32))

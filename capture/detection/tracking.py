@@ -1,10 +1,10 @@
-"""Follow one person through a clip: the largest, most central one, never a passer-by.
+"""Tracks one person through a clip: the largest, most central one, never a passer-by.
 
-Who it is, is decided once, over a sample of the whole clip. From the frame where they are seen best
-they are followed forwards and backwards: each frame is looked at in a window around where they just
-were, so that they fill the estimator's small input. Who wears something else is somebody else
-(`capture.detection.appearance`): an estimator that saw nobody but them looks again with them
-painted over.
+The subject is chosen once, from a sample of the whole clip. From the frame that shows them best
+they are tracked forwards and backwards: each frame is searched in a window around the last box, so
+that the person fills the estimator's small input. Other people are rejected by the colours of their
+clothes (`capture.detection.appearance`): where only they are detected, their masks are painted over
+and the estimator runs again.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from capture.errors import CaptureStopped, NoPersonFound
 from scene.arrays import Array, Bool, Float, UInt8
 
 SAMPLES = 9
-"""Frames looked at whole to decide whom to follow."""
+"""Whole frames searched to choose the subject."""
 WINDOW_GROW = 0.45
 """The window around the last box, grown by this share of its larger side on every side."""
 MIN_OVERLAP = 0.2
 """Intersection over union with the last box below which it is another person."""
 MIN_SIDE_PX = 40
-"""A smaller person teaches nothing."""
-_GONE_AFTER = 3
+"""A smaller person cannot be trained on."""
+_LOST_AFTER = 3
 """Frames without the person after which the whole picture is searched again."""
-_REMEMBERED = 9
-"""Frames back that tell how tall the person usually is."""
-_SHRUNK = 0.85
-"""Share of that height below which a frame is looked at again."""
-_OTHER_GROWS = (0.15, 0.7)
-_OTHERS = 3
-"""Looks at a window, each with those painted over who are somebody else."""
-_PAINTED, _GREY = 0.3, 128
-"""Mask from which somebody else is painted over, and with what."""
+_HISTORY_FRAMES = 9
+"""Previous boxes whose median gives the person's typical size."""
+_SHRUNK_SHARE = 0.85
+"""Share of that size below which a frame is searched again."""
+_RETRY_GROWS = (0.15, 0.7)
+_MAX_DETECTIONS = 3
+"""Detections in a window at most, each with the other people found so far painted over."""
+_MASK_THRESHOLD, _GREY = 0.3, 128
+"""Alpha from which another person is painted over, and the grey level."""
 _CUT_CHANGE = 0.03
 _CUT_RATIO = 5.0
 
@@ -52,7 +52,7 @@ class Track:
     people: tuple[Landmarks | None, ...]
     """The person in each frame; None where they were lost."""
     takes: tuple[int, ...]
-    """Take number of each frame: the picture jumps between takes, and so may the person."""
+    """Take number of each frame: both picture and person may jump between takes."""
 
     @property
     def found(self) -> Bool[Array, "F"]:
@@ -69,15 +69,15 @@ def track_person(
 ) -> Track:
     """Follow the largest, most central person.
 
-    Raises NoPersonFound if nobody of use is in the sampled frames, CaptureStopped when asked.
+    Raises NoPersonFound if the sampled frames show nobody large enough, CaptureStopped when asked.
     """
-    start, first = _choose(images, estimator)
+    start, first = _select_subject(images, estimator)
     takes = find_takes(images)
     people: list[Landmarks | None] = [None] * len(images)
     people[start] = first
     done = 0
     for order in (range(start + 1, len(images)), range(start - 1, -1, -1)):
-        for index, person in _walk(images, takes, estimator, (start, *order), first):
+        for index, person in _follow(images, takes, estimator, (start, *order), first):
             if should_stop():
                 raise CaptureStopped("capture was stopped while following the person")
             people[index] = person
@@ -96,8 +96,8 @@ def find_takes(images: Sequence[UInt8[Array, "H W 3"]]) -> Array:
         [cv2.resize(image, (32, 32), interpolation=cv2.INTER_AREA).mean(axis=2) for image in images]
     )
     change = np.abs(np.diff(small, axis=0)).mean(axis=(1, 2)) / 255.0
-    usual = float(np.median(change)) if len(change) else 0.0
-    cuts = (change > _CUT_CHANGE) & (change > _CUT_RATIO * usual)
+    typical_change = float(np.median(change)) if len(change) else 0.0
+    cuts = (change > _CUT_CHANGE) & (change > _CUT_RATIO * typical_change)
     return np.concatenate([[0], np.cumsum(cuts)]).astype(int)
 
 
@@ -105,19 +105,19 @@ def prominence(person: Landmarks, width: int, height: int) -> float:
     """How likely this is the subject: seen area, less with distance from the middle."""
     left, top, right, bottom = np.clip(person.box, 0, [width, height, width, height])
     area = max(right - left, 0.0) * max(bottom - top, 0.0) / (width * height)
-    off = np.hypot((left + right) / width - 1.0, 0.5 * ((top + bottom) / height - 1.0))
-    return float(np.sqrt(area) * np.exp(-0.7 * off) * (0.3 + 0.7 * person.visibility.mean()))
+    distance = np.hypot((left + right) / width - 1.0, 0.5 * ((top + bottom) / height - 1.0))
+    return float(np.sqrt(area) * np.exp(-0.7 * distance) * (0.3 + 0.7 * person.visibility.mean()))
 
 
 def overlap(a: Float[Array, "4"], b: Float[Array, "4"]) -> float:
     """Intersection over union of two boxes (left, top, right, bottom)."""
     sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
-    inside = float(np.prod(np.maximum(sides, 0.0)))
+    intersection = float(np.prod(np.maximum(sides, 0.0)))
     areas = [float(np.prod(np.maximum(box[2:] - box[:2], 0.0))) for box in (a, b)]
-    return inside / max(sum(areas) - inside, 1e-9)
+    return intersection / max(sum(areas) - intersection, 1e-9)
 
 
-def _choose(images: Sequence[Array], estimator: PoseEstimator) -> tuple[int, Landmarks]:
+def _select_subject(images: Sequence[Array], estimator: PoseEstimator) -> tuple[int, Landmarks]:
     height, width = images[0].shape[:2]
     sampled = np.unique(np.linspace(0, len(images) - 1, min(SAMPLES, len(images))).astype(int))
     best: tuple[float, int, Landmarks] | None = None
@@ -140,22 +140,22 @@ def _choose(images: Sequence[Array], estimator: PoseEstimator) -> tuple[int, Lan
     return best[1], best[2]
 
 
-def _walk(
+def _follow(
     images: Sequence[Array], takes: Array, estimator: PoseEstimator, order: Sequence[int],
     first: Landmarks,
 ) -> Iterable[tuple[int, Landmarks | None]]:  # fmt: skip
     """The person in the frames `order` but for its first, which shows `first`."""
-    boxes, missed = deque([first.box], maxlen=_REMEMBERED), 0
+    boxes, missed = deque([first.box], maxlen=_HISTORY_FRAMES), 0
     appearance = Appearance()
     appearance.update(images[order[0]], first)
     for before, index in pairwise(order):
-        if takes[index] != takes[before]:  # another light, or another part of them
+        if takes[index] != takes[before]:  # lighting and visible clothes may differ
             appearance = Appearance()
-        looks = _Looks(images[index], estimator, appearance)
-        person = looks.at(boxes[-1], whole=missed >= _GONE_AFTER)
-        usual = float(np.median([_larger_side(box) for box in boxes]))
-        if person is not None and _larger_side(person.box) < _SHRUNK * usual:
-            person = looks.again(boxes, person)
+        search = _FrameSearch(images[index], estimator, appearance)
+        person = search.in_window(boxes[-1], whole=missed >= _LOST_AFTER)
+        typical_side = float(np.median([_larger_side(box) for box in boxes]))
+        if person is not None and _larger_side(person.box) < _SHRUNK_SHARE * typical_side:
+            person = search.retry(boxes, person)
         if person is None:
             missed += 1
         else:
@@ -166,53 +166,53 @@ def _walk(
 
 
 @dataclass(frozen=True, eq=False)
-class _Looks:
-    """Looks at one frame, for one person."""
+class _FrameSearch:
+    """Searches one frame for one person."""
 
     image: UInt8[Array, "H W 3"]
     estimator: PoseEstimator
     appearance: Appearance
 
-    def at(self, box: Array, *, whole: bool, grow: float = WINDOW_GROW) -> Landmarks | None:
-        """The person in a window round `box`, or wherever they are now."""
+    def in_window(self, box: Array, *, whole: bool, grow: float = WINDOW_GROW) -> Landmarks | None:
+        """The person in a window around `box`, or in the `whole` frame."""
         height, width = self.image.shape[:2]
         x0, y0, x1, y1 = (0, 0, width, height) if whole else window(box, width, height, grow)
         if x1 - x0 < MIN_SIDE_PX or y1 - y0 < MIN_SIDE_PX:
             return None
-        found = self._alike(x0, y0, x1, y1)
+        found = self._detect_same_person(x0, y0, x1, y1)
         if not found:
             return None
-        if whole:  # long gone: the most prominent one that is not tiny beside the one who left
+        if whole:  # lost for long: the most prominent one of a plausible size
             person = max(found, key=lambda p: prominence(p, width, height))
-            alike = (person.box[3] - person.box[1]) > 0.4 * (box[3] - box[1])
-            return person if alike else None
+            plausible = (person.box[3] - person.box[1]) > 0.4 * (box[3] - box[1])
+            return person if plausible else None
         person = max(found, key=lambda p: overlap(p.box, box))
         return person if overlap(person.box, box) >= MIN_OVERLAP else None
 
-    def again(self, boxes: Iterable[Array], person: Landmarks) -> Landmarks:
-        """The person once more, through other windows round where they lately were; the tallest
-        counts.
+    def retry(self, boxes: Iterable[Array], person: Landmarks) -> Landmarks:
+        """The person by other windows around their recent boxes; the largest detection is kept.
 
-        Now and then an estimator puts a whole body into half of it, though a window a little larger
-        or smaller shows it the truth; and the next window, cut round half a body, would make it
-        worse.
+        Estimators sometimes fit a whole body into half of it, which a slightly larger or smaller
+        window avoids; otherwise the next window, cropped to half a body, would be worse.
         """
-        lately = np.stack(list(boxes))
-        everywhere = np.concatenate([lately[:, :2].min(axis=0), lately[:, 2:].max(axis=0)])
-        others = (self.at(everywhere, whole=False, grow=grow) for grow in _OTHER_GROWS)
-        return max((person, *(o for o in others if o)), key=lambda p: _larger_side(p.box))
+        recent = np.stack(list(boxes))
+        union = np.concatenate([recent[:, :2].min(axis=0), recent[:, 2:].max(axis=0)])
+        retries = (self.in_window(union, whole=False, grow=grow) for grow in _RETRY_GROWS)
+        return max(
+            (person, *(other for other in retries if other)), key=lambda p: _larger_side(p.box)
+        )
 
-    def _alike(self, x0: int, y0: int, x1: int, y1: int) -> list[Landmarks]:
-        """Everybody in a window who wears what the person wears."""
+    def _detect_same_person(self, x0: int, y0: int, x1: int, y1: int) -> list[Landmarks]:
+        """People in a window whose appearance matches the person's."""
         height, width = self.image.shape[:2]
-        cut = self.image[y0:y1, x0:x1]
-        for _ in range(_OTHERS):
-            found = self.estimator.detect(cut)
-            alike = [p for p in found if self.appearance.similarity(cut, p) >= SAME_PERSON]
-            if alike or not found:
-                return [person.moved(x0, y0, width, height) for person in alike]
-            cut = cut.copy()
-            cut[np.max([person.mask for person in found], axis=0) > _PAINTED] = _GREY
+        crop = self.image[y0:y1, x0:x1]
+        for _ in range(_MAX_DETECTIONS):
+            found = self.estimator.detect(crop)
+            same = [p for p in found if self.appearance.similarity(crop, p) >= SAME_PERSON]
+            if same or not found:
+                return [person.moved(x0, y0, width, height) for person in same]
+            crop = crop.copy()
+            crop[np.max([person.mask for person in found], axis=0) > _MASK_THRESHOLD] = _GREY
         return []
 
 

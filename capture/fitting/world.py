@@ -26,17 +26,17 @@ _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 
 @dataclass(frozen=True, eq=False)
 class PlacedFit:
-    """A fit, standing in the world."""
+    """A fit in world coordinates."""
 
     body: Body
     motion: Motion
-    """Confidence says how well each joint was seen."""
+    """With the confidence of each joint."""
     world_to_camera: Float[Array, "3 4"]
     legs_seen: bool
 
 
 def place_in_world(fit: Fit, times_s: Float[Array, "F"]) -> PlacedFit:
-    """Turn the fit upright, put the floor at y = 0 and the person about x = z = 0.
+    """Rotate the fit upright, with the floor at y = 0 and the person about x = z = 0.
 
     The camera ends up on the side of +z. Where the fit found no floor, it is where the lowest point
     of the surface is in nearly all frames.

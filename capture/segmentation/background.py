@@ -1,9 +1,9 @@
-"""What stands behind the person: a still camera shows most of it in some frame or other.
+"""Background model of a still camera, most of whose background is visible in some frame.
 
-Averaged over the frames in which the person is elsewhere, and trusted only where those agree: a
-camera in the hand, a curtain that moves or a lamp that is switched leave nothing that is trusted.
-Where it is known, a pixel that differs from it is somebody, and one that does not is nobody; a
-shadow, which only darkens the background's own colour, is not taken for somebody.
+The mean over the frames in which the person is elsewhere, known only where these agree: nothing is
+known with a hand-held camera, behind a moving curtain or after a lamp is switched. Where it is
+known, pixels that differ from it are foreground and the others background; shadows, which only
+darken the background's own colour, are not foreground.
 """
 
 from __future__ import annotations
@@ -18,20 +18,21 @@ from scene.arrays import Array, Bool, Float, UInt8
 
 FRAMES = 32
 """Frames that are enough to learn from, spread over the clip."""
-_FEWEST = 4
-"""Views of a pixel from which it is known."""
+_MIN_VIEWS = 4
+"""Observations of a pixel needed to know it."""
 _LEAST_NOISE, _MOST_NOISE = 1.5, 8.0
-"""Levels of 255: a camera without noise is compressed all the same; one with more is not still."""
-_STEADY = 3.0
-"""A pixel that varies more than so many times as much as most do is not known."""
+"""Levels of 255: even noiseless cameras have compression noise; with more, the camera is not
+still."""
+_MAX_DEVIATION = 3.0
+"""Times the median deviation from which a pixel is not known."""
 _DARKEST, _LIGHTEST = 0.6, 1.2
-"""Shares of its light that a background keeps in a shadow and that a camera's exposure may add."""
-_DIFFERS = 5.0
-"""Squared deviations a channel (1 for noise alone) of each of 3 x 3 pixels that show somebody."""
-_DIFFERS_LEVELS = 15.0
-"""Levels a channel that they differ at least: compression smears what moves further than noise."""
-_SAME = 1.5
-"""Mean squared deviations a channel of 3 x 3 pixels that show nobody."""
+"""Range of the background's brightness, by shadows and the camera's exposure."""
+_FOREGROUND = 5.0
+"""Squared deviations a channel (1 for noise alone) of each of 3 x 3 foreground pixels."""
+_FOREGROUND_LEVELS = 15.0
+"""Least difference of these, levels a channel: compression smears moving edges beyond noise."""
+_BACKGROUND = 1.5
+"""Mean squared deviations a channel of 3 x 3 background pixels."""
 _PATCH = np.ones((3, 3), np.uint8)
 
 
@@ -48,45 +49,45 @@ class BackgroundModel:
     def classify(
         self, image: UInt8[Array, "h w 3"], rows: slice, columns: slice
     ) -> tuple[Bool[Array, "h w"], Bool[Array, "h w"]]:
-        """Where the window `image` at (`rows`, `columns`) shows somebody, and where nobody."""
-        behind, known = self.colour[rows, columns], self.known[rows, columns]
-        seen = image.astype(np.float32)
-        unit = 3.0 * self.noise**2  # of three channels
-        light = _dot(seen, behind) / (_dot(behind, behind) + 1.0)
-        shadowed = behind * np.clip(light, _DARKEST, _LIGHTEST)[..., None]
-        least = max(_DIFFERS * unit, 3.0 * _DIFFERS_LEVELS**2)
-        differs = cv2.erode(_squares(seen - shadowed), _PATCH) > least
-        same = cv2.blur(_squares(seen - behind), (3, 3)) < _SAME * unit
-        return known & differs, known & same
+        """Foreground and background of the window `image` at (`rows`, `columns`)."""
+        background, known = self.colour[rows, columns], self.known[rows, columns]
+        pixels = image.astype(np.float32)
+        variance = 3.0 * self.noise**2  # of three channels
+        light = _dot(pixels, background) / (_dot(background, background) + 1.0)
+        shadowed = background * np.clip(light, _DARKEST, _LIGHTEST)[..., None]
+        threshold = max(_FOREGROUND * variance, 3.0 * _FOREGROUND_LEVELS**2)
+        is_foreground = cv2.erode(_squares(pixels - shadowed), _PATCH) > threshold
+        is_background = cv2.blur(_squares(pixels - background), (3, 3)) < _BACKGROUND * variance
+        return known & is_foreground, known & is_background
 
 
 def learn_background(
-    images: Sequence[UInt8[Array, "H W 3"]], covered: Iterable[UInt8[Array, "H W"]]
+    images: Sequence[UInt8[Array, "H W 3"]], person_masks: Iterable[UInt8[Array, "H W"]]
 ) -> BackgroundModel | None:
-    """The background of `images`, from where `covered` (generous; 1: maybe somebody) is 0.
+    """The background of `images`, where `person_masks` (dilated; 1: possibly the person) is 0.
 
-    None where nothing can be trusted. `FRAMES` images, spread over the clip, are enough.
+    None where no pixel is known. `FRAMES` images, spread over the clip, are enough.
     """
-    if len(images) < _FEWEST:
+    if len(images) < _MIN_VIEWS:
         return None
     size = images[0].shape[:2]
     count = np.zeros(size, np.float32)
     total, squares = np.zeros((*size, 3), np.float32), np.zeros((*size, 3), np.float32)
-    for image, mask in zip(images, covered, strict=True):
+    for image, mask in zip(images, person_masks, strict=True):
         free = 1 - mask
         cv2.accumulate(image, total, free)
         cv2.accumulateSquare(image, squares, free)
         count += free
-    often = count >= _FEWEST
-    if not often.any():
+    observed = count >= _MIN_VIEWS
+    if not observed.any():
         return None
     count = np.maximum(count, 1.0)[..., None]
     colour = total / count
     deviation = np.sqrt(np.maximum(squares / count - colour**2, 0.0).mean(axis=2))
-    noise = max(float(np.median(deviation[often])), _LEAST_NOISE)
+    noise = max(float(np.median(deviation[observed])), _LEAST_NOISE)
     if noise > _MOST_NOISE:
         return None
-    return BackgroundModel(colour, often & (deviation < _STEADY * noise), noise)
+    return BackgroundModel(colour, observed & (deviation < _MAX_DEVIATION * noise), noise)
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -1,7 +1,7 @@
-"""The person's own colour where their edge lets the old background through.
+"""Foreground colour estimation: removes the background's share from the person's edge.
 
-A pixel of alpha a shows I = a F + (1 - a) B. F and B begin as the means of what surely is person
-and surely is not around it, then F moves so that the equation holds (one round of blur-fusion
+A pixel of alpha a shows I = a F + (1 - a) B. F and B begin as the means of certain foreground
+and background around it, then F moves so that the equation holds (one round of blur-fusion
 foreground estimation, Forte 2021). Where alpha is 1 the picture is F itself.
 """
 
@@ -14,8 +14,8 @@ from scene.arrays import Array, Float, UInt8
 
 _RADIUS = 3
 """px: half the window of the means; hair and fingers are as thin."""
-_SURENESS = 4
-"""Power of alpha that weighs a pixel: half-covered ones say little of either side."""
+_ALPHA_POWER = 4
+"""Power of alpha that weighs a pixel: half-covered pixels are bad samples of either side."""
 
 
 def premultiplied(
@@ -33,19 +33,19 @@ def premultiplied(
         slice(max(0, int(columns[0]) - grown), int(columns[-1]) + 1 + grown),
     )
     out = np.zeros_like(seen)
-    out[window] = _own_colour(seen[window], share[window]) * share[window]
+    out[window] = _foreground_colour(seen[window], share[window]) * share[window]
     return out
 
 
-def _own_colour(seen: Array, share: Array) -> Float[Array, "h w 3"]:
-    in_front = _side(seen, share**_SURENESS)
-    behind = _side(seen, (1.0 - share) ** _SURENESS)
-    mixed = share * in_front + (1.0 - share) * behind
-    return np.clip(in_front + share * (seen - mixed), 0.0, 1.0)
+def _foreground_colour(seen: Array, share: Array) -> Float[Array, "h w 3"]:
+    foreground = _weighted_colour(seen, share**_ALPHA_POWER)
+    background = _weighted_colour(seen, (1.0 - share) ** _ALPHA_POWER)
+    mixed = share * foreground + (1.0 - share) * background
+    return np.clip(foreground + share * (seen - mixed), 0.0, 1.0)
 
 
-def _side(seen: Array, weight: Array) -> Float[Array, "h w 3"]:
-    """Weighted mean colour around each pixel; black where there is nothing of that side."""
+def _weighted_colour(seen: Array, weight: Array) -> Float[Array, "h w 3"]:
+    """Weighted mean colour around each pixel; black where the weights are zero."""
     return _mean(seen * weight) / (_mean(weight)[..., None] + 1e-4)
 
 

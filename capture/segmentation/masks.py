@@ -1,11 +1,11 @@
 """The person's mask: the estimator's soft one, its edge moved onto the picture's own edges.
 
 The estimator sees the person in 256 pixels and its mask is that coarse. Inside a narrow band around
-its edge the picture's colours decide (GrabCut, Rother et al. 2004), so that a wrong cut does little
-harm; where both sides differ, pixels of the edge get the alpha that mixes their colour. A still
-camera knows what is behind the person (`capture.segmentation.background`): there even hands and
-feet come back that the estimator cut off. What is not connected with the person's skeleton (other
-people, furniture) is dropped. At last neighbouring frames agree on what did not move between them.
+its edge the picture's colours decide (GrabCut, Rother et al. 2004), which bounds the harm of wrong
+cuts; where the colours of both sides differ, edge pixels get the alpha that explains their mixture.
+With a still camera the background is known (`capture.segmentation.background`), which restores
+hands and feet that the estimator missed. Parts that are not connected with the person's skeleton
+(other people, furniture) are dropped. Last, static pixels are averaged over neighbouring frames.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from capture.detection.landmarks import Landmarks
 from capture.segmentation.background import BackgroundModel
 from scene.arrays import Array, Bool, Float, UInt8
 
-_SURE = 0.5
+_THRESHOLD = 0.5
 _CERTAIN = 0.97
-"""Alpha from which the estimator is believed without a look at the colours."""
+"""Alpha from which the estimator's label is final."""
 _BAND_SHARE = 90.0
 """The band's half width is the person's extent over this: about two of the estimator's pixels."""
 _REACH = 3
-"""Half widths within which a known background gives back what the estimator left out."""
-_CUT_ROUNDS = 1
-_FEWEST_PIXELS = 100
-"""Of either side: colour models of fewer say nothing."""
+"""Half widths of the band within which a known background may extend the mask."""
+_CUT_ITERATIONS = 1
+_MIN_PIXELS = 100
+"""Of either side: too few for colour models."""
 _EDGE_BLUR_PX = 0.7
 """Turns the cut's hard edge into the soft one of a camera's pixels."""
 _EDGE_RADIUS = 2
-"""px around a pixel of the edge in which the colours of both sides are looked for."""
+"""px around an edge pixel from which the colours of both sides are averaged."""
 _CONTRAST = 60.0
-"""Levels of 255 between both sides (length of the difference) that are believed by half."""
+"""Difference of both sides' colours, levels of 255, at which the matte counts half."""
 _UNCHANGED = 2.0
 """Squared deviations above noise at which a pixel's neighbour in time counts 1 / e."""
 _NOISE = 3.0
@@ -43,26 +43,30 @@ _NOISE = 3.0
 _PERSON = (cv2.GC_FGD, cv2.GC_PR_FGD)
 _BONES = ((11, 12), (11, 23), (12, 24), (23, 24), (11, 13), (13, 15), (12, 14), (14, 16), (23, 25),
           (25, 27), (24, 26), (26, 28), (0, 11), (0, 12))  # fmt: skip
-_ENDS = ((15, 17), (15, 19), (16, 18), (16, 20), (27, 29), (29, 31), (27, 31), (28, 30), (30, 32),
-         (28, 32))  # fmt: skip
-"""Hands and feet: too short for the estimator's mask, and the first that it leaves out."""
+_HAND_AND_FOOT_BONES = (
+    (15, 17), (15, 19), (16, 18), (16, 20),
+    (27, 29), (29, 31), (27, 31), (28, 30), (30, 32), (28, 32),
+)  # fmt: skip
+"""Hands and feet: often missing from the estimator's mask."""
 
 
 def refine_mask(
     image: UInt8[Array, "H W 3"], person: Landmarks, background: BackgroundModel | None = None
 ) -> Float[Array, "H W"]:
-    """Soft alpha float32 in [0, 1] of `person` in `image`, who stands before `background`."""
+    """Soft alpha float32 in [0, 1] of `person` in `image`, in front of `background`."""
     coarse = keep_connected(person.mask, person)
     radius = _band(person)
     alpha = np.zeros_like(coarse)
     if not (coarse > 0.05).any():
         return alpha
     bones = draw_bones(person, coarse.shape, 2 * radius)
-    rows, columns = _around(coarse if background is None else np.maximum(coarse, bones), 6 * radius)
+    rows, columns = _window_around(
+        coarse if background is None else np.maximum(coarse, bones), 6 * radius
+    )
     window, labels = image[rows, columns], _labels(coarse[rows, columns], radius)
     if background is not None:
-        somebody, nobody = background.classify(window, rows, columns)
-        _apply_background_labels(labels, somebody, nobody, bones[rows, columns], radius)
+        foreground, known_background = background.classify(window, rows, columns)
+        _apply_background_labels(labels, foreground, known_background, bones[rows, columns], radius)
     soft = cv2.GaussianBlur(_grab_cut(window, labels), (0, 0), _EDGE_BLUR_PX)
     alpha[rows, columns] = _matted(window, soft)
     return keep_connected(alpha, person)
@@ -71,16 +75,16 @@ def refine_mask(
 def smooth_masks(
     images: Sequence[UInt8[Array, "H W 3"]], masks: Sequence[Float[Array, "H W"] | None]
 ) -> list[Float[Array, "H W"] | None]:
-    """Masks averaged with their neighbours in time wherever the picture stayed the same.
+    """Masks averaged with their neighbours in time wherever the picture is static.
 
     An edge that moves keeps its place; one that stands still no longer flickers.
     """
-    steady: list[Float[Array, "H W"] | None] = []
+    smoothed: list[Float[Array, "H W"] | None] = []
     for index, mask in enumerate(masks):
         near = [i for i in (index - 1, index + 1) if 0 <= i < len(masks)]
         others = [(images[i], other) for i in near if (other := masks[i]) is not None]
-        steady.append(None if mask is None else _temporal_average(images[index], mask, others))
-    return steady
+        smoothed.append(None if mask is None else _temporal_average(images[index], mask, others))
+    return smoothed
 
 
 def mask_bounds(
@@ -88,21 +92,21 @@ def mask_bounds(
 ) -> tuple[int, int, int, int] | None:
     """x, y, width, height, px, of what holds all masks where they are `above`, with a margin.
 
-    `margin_share` is of the person's longer side. None where nobody is anywhere.
+    `margin_share` is of the person's longer side. None where all masks are empty.
     """
-    ever = np.max([mask > above for mask in masks if mask is not None], axis=0)
-    rows, columns = np.flatnonzero(ever.any(axis=1)), np.flatnonzero(ever.any(axis=0))
+    union = np.max([mask > above for mask in masks if mask is not None], axis=0)
+    rows, columns = np.flatnonzero(union.any(axis=1)), np.flatnonzero(union.any(axis=0))
     if not len(rows):
         return None
     margin = math.ceil(margin_share * max(len(rows), len(columns)))
     x, y = max(0, int(columns[0]) - margin), max(0, int(rows[0]) - margin)
-    height, width = ever.shape
+    height, width = union.shape
     right, below = int(columns[-1]) + 1 + margin, int(rows[-1]) + 1 + margin
     return x, y, min(width, right) - x, min(height, below) - y
 
 
 def dilated_person_mask(person: Landmarks) -> UInt8[Array, "H W"]:
-    """1 wherever `person` could be, generously; 0 where the background is seen for certain."""
+    """1 wherever `person` could be; 0 where the background is certainly visible."""
     radius = _band(person)
     covered = (person.mask > 0.1).astype(np.uint8) | draw_bones(person, person.mask.shape, 1)
     return cv2.dilate(covered, np.ones((4 * radius + 1,) * 2, np.uint8))
@@ -116,7 +120,7 @@ def _band(person: Landmarks) -> int:
 
 def _labels(coarse: Array, radius: int) -> UInt8[Array, "h w"]:
     """What the cut may change: pixels within `radius` of the edge, and where it is unsure."""
-    solid = (coarse > _SURE).astype(np.uint8)
+    solid = (coarse > _THRESHOLD).astype(np.uint8)
     labels = np.where(solid > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     labels[(cv2.erode(solid, _disc(radius)) > 0) | (coarse > _CERTAIN)] = cv2.GC_FGD
     labels[(cv2.dilate(solid, _disc(radius)) == 0) | (coarse < 1.0 - _CERTAIN)] = cv2.GC_BGD
@@ -125,34 +129,34 @@ def _labels(coarse: Array, radius: int) -> UInt8[Array, "h w"]:
 
 def _apply_background_labels(
     labels: Array,
-    somebody: Bool[Array, "h w"],
-    nobody: Bool[Array, "h w"],
+    foreground: Bool[Array, "h w"],
+    known_background: Bool[Array, "h w"],
     bones: Array,
     radius: int,
 ) -> None:
     """Mark the background in the band, and the person up to `_REACH` bands away."""
-    sure, far = labels == cv2.GC_FGD, labels == cv2.GC_BGD
+    certain, certain_background = labels == cv2.GC_FGD, labels == cv2.GC_BGD
     person = np.isin(labels, _PERSON).astype(np.uint8) | bones
-    found = somebody & ~sure & (cv2.dilate(person, _disc(_REACH * radius)) > 0)
-    _, parts = cv2.connectedComponents((found | sure).astype(np.uint8))
+    found = foreground & ~certain & (cv2.dilate(person, _disc(_REACH * radius)) > 0)
+    _, parts = cv2.connectedComponents((found | certain).astype(np.uint8))
     attached = np.zeros(int(parts.max()) + 1, bool)
-    attached[parts[sure | (bones > 0)]] = True
+    attached[parts[certain | (bones > 0)]] = True
     found &= attached[parts]
-    labels[nobody & ~sure & ~far] = cv2.GC_BGD
+    labels[known_background & ~certain & ~certain_background] = cv2.GC_BGD
     labels[found] = cv2.GC_FGD
     rim = cv2.dilate(found.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    labels[rim & far & ~found] = cv2.GC_PR_BGD  # the edge itself is the cut's to find
+    labels[rim & certain_background & ~found] = cv2.GC_PR_BGD  # the edge itself is left to the cut
 
 
 def _grab_cut(image: Array, labels: Array) -> Float[Array, "h w"]:
     """Binary mask [h w] of GrabCut (Rother et al. 2004), 0 or 1."""
     solid = np.isin(labels, _PERSON)
-    if min(solid.sum(), (~solid).sum()) < _FEWEST_PIXELS:
+    if min(solid.sum(), (~solid).sum()) < _MIN_PIXELS:
         return solid.astype(np.float32)
     cv2.setRNGSeed(0)  # its k-means starts at random: the same clip must give the same mask
     models = np.zeros((1, 65)), np.zeros((1, 65))
     pixels = np.ascontiguousarray(image[..., ::-1])
-    cv2.grabCut(pixels, labels, (0, 0, 1, 1), *models, _CUT_ROUNDS, cv2.GC_INIT_WITH_MASK)
+    cv2.grabCut(pixels, labels, (0, 0, 1, 1), *models, _CUT_ITERATIONS, cv2.GC_INIT_WITH_MASK)
     return np.isin(labels, _PERSON).astype(np.float32)
 
 
@@ -183,7 +187,7 @@ def _local_mean_colour(seen: Array, side: Array) -> tuple[Array, Array]:
 def _temporal_average(image: Array, mask: Array, others: Sequence[tuple[Array, Array]]) -> Array:
     """`mask`, averaged with `others` by how little the picture changed there."""
     edges = np.max([mask, *(other for _, other in others)], axis=0)
-    rows, columns = _around(edges, 0)
+    rows, columns = _window_around(edges, 0)
     if rows.stop <= rows.start:
         return mask
     window = (rows, columns)
@@ -196,16 +200,16 @@ def _temporal_average(image: Array, mask: Array, others: Sequence[tuple[Array, A
         same = cv2.exp(np.maximum(excess, 0.0) / -_UNCHANGED)
         total += same * other[window]
         weight += same
-    steady = mask.copy()
-    steady[window] = total / weight
-    return steady
+    smoothed = mask.copy()
+    smoothed[window] = total / weight
+    return smoothed
 
 
 def _disc(radius: int) -> Array:
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
 
 
-def _around(mask: Array, margin: int) -> tuple[slice, slice]:
+def _window_around(mask: Array, margin: int) -> tuple[slice, slice]:
     """Rows and columns that hold the mask and `margin` pixels more; empty for an empty mask."""
     spans = []
     for axis, side in ((1, mask.shape[0]), (0, mask.shape[1])):
@@ -247,7 +251,7 @@ def draw_bones(person: Landmarks, shape: tuple[int, ...], width: int) -> UInt8[A
     """1 along the seen bones, hands and feet too, drawn `width` px wide."""
     drawn = np.zeros(shape, np.uint8)
     points = np.clip(person.pixels, -4000, 8000).astype(int).tolist()
-    for start, end in _BONES + _ENDS:
+    for start, end in _BONES + _HAND_AND_FOOT_BONES:
         if min(person.visibility[start], person.visibility[end]) > 0.5:
             cv2.line(drawn, points[start], points[end], 1, width)
     return drawn

@@ -31,7 +31,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from capture.body.expressions import EVERYTHING, ObservedExpression
+from capture.body.expressions import ALL_GROUPS, ObservedExpression
 from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -231,7 +231,7 @@ def encode_pose(packet: PosePacket) -> bytes:
     head = _POSE.pack(packet.index, packet.count, packet.check, *packet.pelvis)
     packed = pack_quaternions(packet.rotations, _ROTATION_BITS).astype("<u8").view(np.uint8)
     rotations = packed.reshape(JOINT_COUNT, 8)[:, :_ROTATION_BYTES].tobytes()
-    moved = ObservedExpression(packet.expression, EVERYTHING) if packet.expression.any() else None
+    moved = ObservedExpression(packet.expression, ALL_GROUPS) if packet.expression.any() else None
     return header + head + rotations + _expression_bytes(moved)
 
 
@@ -267,7 +267,7 @@ def _expression_in(data: bytes, offset: int) -> ObservedExpression | None:
     if len(data) == offset:
         return None
     levels = np.frombuffer(data, np.uint8, EXPRESSION_COUNT, offset)
-    return ObservedExpression(levels / 255.0, data[-1] & EVERYTHING)
+    return ObservedExpression(levels / 255.0, data[-1] & ALL_GROUPS)
 
 
 def is_newer(sequence: int, than: int) -> bool:

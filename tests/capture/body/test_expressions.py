@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from capture.body.expressions import (
-    EVERYTHING,
+    ALL_GROUPS,
     FACE,
     FACE_NUMBERS,
     GROUPS,
@@ -157,7 +157,7 @@ def test_fingers_curl_from_flat_to_a_fist_whichever_way_the_hand_is_held():
 def test_numbers_belong_to_groups_that_are_seen_together():
     assert [int(bit) for bit in GROUPS] == [FACE] * FACE_NUMBERS + [LEFT_HAND, RIGHT_HAND]
     assert len(USUAL_REST) == FACE_NUMBERS
-    known = ObservedExpression(np.zeros(len(EXPRESSION_NAMES)), EVERYTHING & ~FACE).known_numbers
+    known = ObservedExpression(np.zeros(len(EXPRESSION_NAMES)), ALL_GROUPS & ~FACE).known_numbers
     assert known.tolist() == [False] * FACE_NUMBERS + [True, True]
 
 

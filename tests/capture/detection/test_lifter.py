@@ -8,7 +8,7 @@ import torch
 
 from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from capture.detection.lifter import WEIGHTS_FILE, closed_form, inputs_of, lift
-from capture.detection.lifter_network import LifterNetwork, forward_kinematics, local_turns
+from capture.detection.lifter_network import LifterNetwork, forward_kinematics, local_rotations
 from capture.studio.poses import random_pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from tests.capture.people import body, landmark_positions, up_is_down
@@ -62,7 +62,7 @@ def test_numpy_runs_the_network_that_torch_has_taught():
         )
     said = lift(shard["pixels"], shard["world"], shard["visibility"], FOCAL_PX, np.zeros(2))
     assert said.spread_rad == pytest.approx(np.exp(log_spread.numpy()), rel=1e-3)
-    assert said.rotations[:, 1:] == pytest.approx(local_turns(turns).numpy()[:, 1:], abs=1e-3)
+    assert said.rotations[:, 1:] == pytest.approx(local_rotations(turns).numpy()[:, 1:], abs=1e-3)
 
 
 def test_where_in_the_picture_somebody_stands_changes_only_where_they_face():
@@ -87,7 +87,7 @@ def test_rotations_are_rotations_even_of_landmarks_in_one_place():
 
 def test_the_closed_form_is_believed_of_other_estimators():
     shard = _shard(4, 3, 1.0)
-    truth = local_turns(torch.tensor(shard["turns"])).numpy()
+    truth = local_rotations(torch.tensor(shard["turns"])).numpy()
     pelvis = OPENCV_TO_OPENGL[:, None] * shard["turns"][:, 0]
     said = _lifted(shard, closed_form)
     assert _turned_deg(said[:, 0], pelvis) < 10.0

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from capture.body.expressions import EVERYTHING, FACE, LEFT_HAND, ObservedExpression
+from capture.body.expressions import ALL_GROUPS, FACE, LEFT_HAND, ObservedExpression
 from capture.body.landmark_names import LANDMARK_COUNT
 from services.live import packets
 from services.live.packets import (
@@ -64,7 +64,7 @@ def test_groups_that_nobody_knows_of_are_left_alone():
     data = encode_keypoints(replace(packet(), expression=ObservedExpression(np.zeros(7), 0xFF)))
     back = decode_keypoints(data).expression
     assert back is not None
-    assert back.known == EVERYTHING
+    assert back.known == ALL_GROUPS
     assert back.known_numbers.all()
 
 
