@@ -85,13 +85,13 @@ def measured(clip: Path, pose_model: Path, watched_s: float = _WATCHED_S) -> dic
 
 
 def seen(page: Page, address: str) -> Worker:
-    """Have `page` be seen in the demo's meeting; the worker that finds the landmarks."""
+    """Have `page` track a person for the demo's meeting; the worker that finds the landmarks."""
     page.goto(f"{address}?size={SIZE_PX}")
     page.get_by_test_id("start-join").click(timeout=_AT_WORST_MS)
     with page.expect_worker(lambda one: _WORKER in one.url, timeout=_AT_WORST_MS) as starting:
-        page.get_by_test_id("be-seen").click()
+        page.get_by_test_id("motion-capture").click()
     tracking = page.get_by_test_id("self")
-    expect(tracking).to_have_attribute("data-tracking", "seen", timeout=_AT_WORST_MS)
+    expect(tracking).to_have_attribute("data-tracking", "tracking", timeout=_AT_WORST_MS)
     return starting.value
 
 

@@ -102,8 +102,8 @@ def _measured(performers: int) -> Iterator[dict[str, Any]]:
             pages = [page, second]
             yield {"performers": performers, "drawn_by": "server", **watched(meeting, pages)}
             second.close()
-        page.get_by_test_id("way").select_option("local")
-        page.wait_for_selector(".stage > canvas.seen", timeout=_AT_WORST_MS)
+        page.get_by_test_id("render-mode").select_option("local")
+        page.wait_for_selector(".viewport > canvas.shown", timeout=_AT_WORST_MS)
         yield {"performers": performers, "drawn_by": "page", **watched(meeting, [page])}
 
 
@@ -158,11 +158,11 @@ def look(page: Page, meeting: DrivenMeeting, size: int, *, stamped: bool = True)
     stamp = "&stamp" if stamped else ""
     page.goto(f"{meeting.address}?meeting={meeting.meeting_id}&size={size}{stamp}")
     page.get_by_test_id("start-join").click()
-    page.wait_for_selector("[data-testid=stage-video]")
+    page.wait_for_selector("[data-testid=live-video]")
     page.wait_for_function(
         "() => Number(document.querySelector('[data-testid=fps]')?.dataset.frames) > 5"
     )
-    page.get_by_test_id("way").select_option("server")
+    page.get_by_test_id("render-mode").select_option("server")
 
 
 def watched(meeting: DrivenMeeting, pages: Sequence[Page]) -> dict[str, Any]:
@@ -229,14 +229,14 @@ def _state(meeting: DrivenMeeting, pages: Sequence[Page]) -> dict[str, float]:
 
 def _width(page: Page) -> int:
     """Of the newest picture by the server, px: a service that can't keep up sends smaller ones."""
-    return int(page.get_by_test_id("stage-video").evaluate("video => video.videoWidth"))
+    return int(page.get_by_test_id("live-video").evaluate("video => video.videoWidth"))
 
 
 def _ages(page: Page) -> list[float]:
     """Ages of the pictures shown since the last call, ms."""
     text = page.evaluate(
         """() => {
-            const video = document.querySelector('[data-testid=stage-video]');
+            const video = document.querySelector('[data-testid=live-video]');
             const ages = video.dataset.latencies ?? '';
             delete video.dataset.latencies;
             return ages;

@@ -31,7 +31,7 @@ async function measure({ file, moments, size, seconds }: Asked): Promise<number>
       const moment = packets[pictures % packets.length] ?? [];
       moment.forEach((packet) => {
         new DataView(packet).setUint32(4, pictures + 1, true); // the newest counts
-        room.accept(packet);
+        room.acceptPacket(packet);
       });
       const orbit = { target: [0, 0.9, 0] as const, azimuthRad: TURN_RAD * pictures, elevationRad: 0.05, distanceM: 3.2 };
       if (room.draw(orbitCamera(orbit), FOV_Y_RAD, { width: size, height: size }, false)) {

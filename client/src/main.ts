@@ -4,7 +4,7 @@ import "./style/tokens.css";
 import "./style/base.css";
 import "./style/start.css";
 import "./style/progress.css";
-import "./style/stage.css";
+import "./style/viewport.css";
 import "./style/replay.css";
 import "./style/meeting.css";
 import "./style/panel.css";
@@ -15,26 +15,26 @@ import "./style/screens.css";
 import { Api, type TokenStore } from "./api/api";
 import { chosenDevices } from "./capture/devices";
 import { Enrolment, type Bookmark, type Clip } from "./enrolment/enrol";
-import { everybody, meetMoving, type Somebody } from "./enrolment/keypoints";
+import { animatablePeople, createKeypointsMeeting, type AnimatablePerson } from "./enrolment/keypoints";
 import { LiveView } from "./drawing/live";
-import { Attendance, type Ticket, type TicketStore } from "./meeting/attendance";
+import { MeetingSession, type StoredSeat, type SeatStore } from "./meeting/session";
 import type { ControlState } from "./meeting/controlConnection";
-import { myself } from "./meeting/state";
+import { localParticipant } from "./meeting/state";
 import { Problem, asProblem } from "./api/problem";
 import type { Meeting, NewPerson } from "./api/types";
-import { h, prefersStillness } from "./views/dom";
+import { h, prefersReducedMotion } from "./views/dom";
 import { goodbyeView, lobbyView } from "./views/lobby";
 import { meetingTools } from "./views/meetingTools";
 import { progressView, type ProgressView } from "./views/progress";
 import { button, header, notice, type View } from "./views/shell";
-import { stageView } from "./views/stage";
+import { meetingView } from "./views/meetingView";
 import { startView } from "./views/start";
 import { enterVrButton } from "./xr/enterButton";
 
 const TOKEN_KEY = "metanerf.token";
 const BOOKMARK_KEY = "metanerf.enrolment";
 const HOST_KEY = "metanerf.host.";
-const TICKET_KEY = "metanerf.seat";
+const SEAT_KEY = "metanerf.seat";
 const NAME_KEY = "metanerf.name";
 const GUEST = "Guest";
 
@@ -49,9 +49,9 @@ const tokens: TokenStore = {
   getHost: (meetingId) => sessionStorage.getItem(HOST_KEY + meetingId),
   setHost: (meetingId, token) => sessionStorage.setItem(HOST_KEY + meetingId, token),
 };
-const tickets: TicketStore = {
-  get: () => readStored<Ticket>(TICKET_KEY),
-  set: (ticket) => writeStored(TICKET_KEY, ticket),
+const seatStore: SeatStore = {
+  get: () => readStored<StoredSeat>(SEAT_KEY),
+  set: (stored) => writeStored(SEAT_KEY, stored),
 };
 const query = new URLSearchParams(location.search);
 const api = new Api(tokens);
@@ -59,33 +59,33 @@ const page = document.getElementById("page") as HTMLElement;
 
 let shown: View | null = null;
 let live: LiveView | null = null;
-let attendance: Attendance | null = null;
-let underWay: ProgressView | null = null;
+let session: MeetingSession | null = null;
+let activeProgress: ProgressView | null = null;
 
 takeTokenFromAddress();
 addEventListener("hashchange", () => takeTokenFromAddress() && location.reload());
 const bookmark = readStored<Bookmark>(BOOKMARK_KEY);
 if (query.has("recording")) void showRecording(query.get("recording") ?? "");
 else if (query.has("recordings")) void showRecordings();
-else if (bookmark) watch(null, (enrolment) => enrolment.revisit(bookmark));
+else if (bookmark) showEnrolment(null, (enrolment) => enrolment.continueFrom(bookmark));
 else void start();
 
-/** The first screen, with a look into the meeting if there is one. */
+/** The start screen, with a live preview of the meeting if there is one. */
 async function start(): Promise<void> {
   leaveMeeting();
-  show({ element: h("main", { className: "opening" }, h("span", { className: "spinner" })), close: nothing });
+  show({ element: h("main", { className: "loading" }, h("span", { className: "spinner" })), close: nothing });
   try {
     const meeting = await meetingToJoin();
-    const ticket = tickets.get();
-    // after a reload we sit where we sat
-    if (meeting && ticket?.meetingId === meeting.id) return come(meeting, ticket.name, ticket);
-    if (meeting) attendance = new Attendance(api, meeting, tickets);
-    if (attendance && !meeting?.lobby) {
-      live = look(attendance);
+    const stored = seatStore.get();
+    // a reload keeps the seat
+    if (meeting && stored?.meetingId === meeting.id) return joinMeeting(meeting, stored.name, stored);
+    if (meeting) session = new MeetingSession(api, meeting, seatStore);
+    if (session && !meeting?.lobby) {
+      live = createLiveView(session);
       live.swaying = true;
     }
     const name = localStorage.getItem(NAME_KEY) ?? "";
-    const hooks = { name, onJoin: join, onEnrol: enrol, everybody: () => everybody(api), onMove: move };
+    const hooks = { name, onJoin: join, onEnrol: enrol, listPeople: () => animatablePeople(api), onAnimate: animate };
     show(startView(api, meeting, live, hooks));
     live?.start();
   } catch (error) {
@@ -119,111 +119,111 @@ async function meetingToJoin(): Promise<Meeting | null> {
   return id === null ? null : api.meeting(id);
 }
 
-function look(there: Attendance): LiveView {
+function createLiveView(current: MeetingSession): LiveView {
   const size = Number(query.get("size"));
   const pinned = Number.isInteger(size) && size >= 128 && size <= 1024 ? size : null;
-  // once we are in, the line to the others is what renews a seat
-  const seat = (stale: boolean): ReturnType<Attendance["getSeat"]> =>
-    there.getSeat(stale && !there.entered);
-  return new LiveView(api, there.meeting, { seat, pinned, stamped: query.has("stamp"), inertia: !prefersStillness() });
+  // once we have joined, the control connection renews the seat
+  const seat = (stale: boolean): ReturnType<MeetingSession["getSeat"]> =>
+    current.getSeat(stale && !current.joined);
+  return new LiveView(api, current.meeting, { seat, pinned, stamped: query.has("stamp"), inertia: !prefersReducedMotion() });
 }
 
-/** From the first look into the meeting itself: same seat, same connection, larger picture. */
+/** From the preview into the meeting: same seat, same connection, larger picture. */
 function join(name: string): void {
   if (name !== "") localStorage.setItem(NAME_KEY, name);
-  if (!attendance) return;
-  attendance.comesHeard = chosenDevices().heard;
-  attendance.enter(name || GUEST);
-  attend(attendance);
+  if (!session) return;
+  session.joinsUnmuted = chosenDevices().joinUnmuted;
+  session.join(name || GUEST);
+  followSession(session);
 }
 
-function come(meeting: Meeting, name: string, ticket: Ticket | null = null): void {
+function joinMeeting(meeting: Meeting, name: string, stored: StoredSeat | null = null): void {
   leaveMeeting();
-  attendance = new Attendance(api, meeting, tickets);
-  attendance.enter(name, ticket);
-  attend(attendance);
+  session = new MeetingSession(api, meeting, seatStore);
+  session.join(name, stored);
+  followSession(session);
 }
 
-/** Show where we are: before the door, waiting behind it, inside, or out again. */
-function attend(there: Attendance): void {
-  let place: "door" | "lobby" | "inside" = "door";
-  const go = (next: "lobby" | "inside"): void => {
-    if (place === next) return;
-    place = next;
-    if (next === "inside") goInside(there);
-    else waitBefore(there);
+/** Show the screen of the session's state: lobby, meeting or goodbye. */
+function followSession(current: MeetingSession): void {
+  let screen: "start" | "lobby" | "meeting" = "start";
+  const showScreen = (next: "lobby" | "meeting"): void => {
+    if (screen === next) return;
+    screen = next;
+    if (next === "meeting") showMeeting(current);
+    else showLobby(current);
   };
-  // who has had a look already need not wait for the line
-  if (live) go("inside");
-  there.watch(() => {
-    if (attendance !== there) return;
-    if (there.line.kind === "over") sayGoodbye(there, there.line);
-    else if (there.admitted) go("inside");
-    else if (myself(there.state)) go("lobby");
+  // with the preview live there is no need to wait for the control connection
+  if (live) showScreen("meeting");
+  current.subscribe(() => {
+    if (session !== current) return;
+    if (current.connectionState.kind === "ended") showGoodbye(current, current.connectionState);
+    else if (current.admitted) showScreen("meeting");
+    else if (localParticipant(current.state)) showScreen("lobby");
   });
 }
 
-function goInside(there: Attendance): void {
-  const looking = live ?? look(there);
-  const isNew = looking !== live;
-  live = looking;
-  const again = (): void => (giveUpSeat(), come(there.meeting, localStorage.getItem(NAME_KEY) || GUEST));
-  const tools = meetingTools(api, there);
-  const headset = enterVrButton(looking, there, { microphone: tools.toggleMicrophone, leave: goOut });
-  show(stageView(looking, tools, headset, { onLeave: goOut, onRetry: again }));
-  looking.takeOver();
-  if (isNew) looking.start();
+function showMeeting(current: MeetingSession): void {
+  const view = live ?? createLiveView(current);
+  const isNew = view !== live;
+  live = view;
+  const rejoin = (): void => (giveSeatBack(), joinMeeting(current.meeting, localStorage.getItem(NAME_KEY) || GUEST));
+  const tools = meetingTools(api, current);
+  const headset = enterVrButton(view, current, { microphone: tools.toggleMicrophone, leave: leaveToStart });
+  show(meetingView(view, tools, headset, { onLeave: leaveToStart, onRetry: rejoin }));
+  view.startInteractive();
+  if (isNew) view.start();
   let wasOpen = true;
-  there.watch(() => {
-    const isOpen = there.line.kind === "open";
-    if (isOpen && !wasOpen) looking.hurry();
+  current.subscribe(() => {
+    const isOpen = current.connectionState.kind === "open";
+    if (isOpen && !wasOpen) view.retryNow();
     wasOpen = isOpen;
-    if (there.admitted) void looking.showPlace(there.state.environment);
+    if (current.admitted) void view.showEnvironment(current.state.environment);
   });
 }
 
-function waitBefore(there: Attendance): void {
+function showLobby(current: MeetingSession): void {
   live?.close();
   live = null;
-  show(lobbyView(there, goOut));
+  show(lobbyView(current, leaveToStart));
 }
 
-function sayGoodbye(there: Attendance, { reason, problem }: Extract<ControlState, { kind: "over" }>): void {
+function showGoodbye(current: MeetingSession, { reason, problem }: Extract<ControlState, { kind: "ended" }>): void {
   leaveMeeting();
-  const ticket = tickets.get();
-  const onHere = (): void => come(there.meeting, ticket?.name ?? GUEST, ticket);
+  const stored = seatStore.get();
+  const onHere = (): void => joinMeeting(current.meeting, stored?.name ?? GUEST, stored);
   const onBack = (): void => {
-    tickets.set(null);
-    // to what is over nobody comes back
+    seatStore.set(null);
+    // a meeting that has ended cannot be rejoined
     if (reason === "ended") setMeeting(null);
     void start();
   };
-  show(goodbyeView(reason, problem, { onBack, onHere }));
+  show(goodbyeView(reason, problem, { onStart: onBack, onContinueHere: onHere }));
 }
 
-function goOut(): void {
-  giveUpSeat();
+function leaveToStart(): void {
+  giveSeatBack();
   void start();
 }
 
-function giveUpSeat(): void {
-  attendance?.leave();
+function giveSeatBack(): void {
+  session?.leave();
   leaveMeeting();
 }
 
 function enrol(newcomer: NewPerson, clip: Clip): void {
-  watch(clip, (enrolment) => enrolment.start(newcomer, clip));
+  showEnrolment(clip, (enrolment) => enrolment.start(newcomer, clip));
 }
 
-/** Into a meeting in which `somebody` moves by the keypoints in `file`. */
-async function move(somebody: Somebody, file: File): Promise<void> {
-  const meeting = await meetMoving(api, somebody, file, new AbortController().signal);
+/** Into a meeting in which the model of `person` is animated by the keypoints in `file`. */
+async function animate(person: AnimatablePerson, file: File): Promise<void> {
+  const meeting = await createKeypointsMeeting(api, person, file, new AbortController().signal);
   setMeeting(meeting.id);
-  come(meeting, GUEST);
+  joinMeeting(meeting, GUEST);
 }
 
-/** Show the progress of an enrolment that `begin` sets going. */
-function watch(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>): void {
+/** Show the progress of an enrolment that `begin` starts. */
+function showEnrolment(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>): void {
   // the server needs its strength for the new person, not for a picture that nobody sees
   leaveMeeting();
   const enrolment = new Enrolment(api, (state) => view.show(state), (mark) =>
@@ -231,7 +231,7 @@ function watch(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>
   );
   const view = progressView(api, enrolment, clip, {
     onMeet: (modelId) => {
-      enrolment.leave(); // the server goes on; the meeting is told of better likenesses
+      enrolment.leave(); // the server goes on; the meeting is told of better models
       void meet(modelId, enrolment.state.name);
     },
     onAgain: () => {
@@ -242,7 +242,7 @@ function watch(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>
   });
   view.show(enrolment.state);
   show(view);
-  underWay = view;
+  activeProgress = view;
   void begin(enrolment);
 }
 
@@ -252,7 +252,7 @@ async function meet(modelId: string, name: string): Promise<void> {
     const meeting = (await addToMeeting(modelId)) ?? (await api.createMeeting(`${name}’s meeting`, [modelId]));
     writeStored(BOOKMARK_KEY, null);
     setMeeting(meeting.id);
-    come(meeting, name);
+    joinMeeting(meeting, name);
   } catch (error) {
     showProblem(asProblem(error), () => void meet(modelId, name));
   }
@@ -275,24 +275,24 @@ async function addToMeeting(modelId: string): Promise<Meeting | null> {
 
 function leaveMeeting(): void {
   live?.close();
-  attendance?.close();
-  live = attendance = null;
+  session?.close();
+  live = session = null;
 }
 
 function show(view: View): void {
   shown?.close();
   shown = view;
-  underWay = null;
-  const onStage = view.element.classList.contains("stage");
-  page.replaceChildren(...(onStage ? [] : [header(home)]), view.element);
+  activeProgress = null;
+  const fullWindow = view.element.classList.contains("viewport");
+  page.replaceChildren(...(fullWindow ? [] : [header(home)]), view.element);
   scrollTo(0, 0);
   // whoever uses a keyboard or a screen reader goes on from the top of the new screen
-  const first = onStage ? view.element : view.element.querySelector<HTMLElement>("h1[tabindex]");
+  const first = fullWindow ? view.element : view.element.querySelector<HTMLElement>("h1[tabindex]");
   first?.focus({ preventScroll: true });
 }
 
 function home(): void {
-  if (underWay?.busy()) return;
+  if (activeProgress?.busy()) return;
   writeStored(BOOKMARK_KEY, null);
   void start();
 }
@@ -300,7 +300,7 @@ function home(): void {
 function showProblem(problem: Problem, again: () => void = () => void start()): void {
   const element = h(
     "main",
-    { className: "trouble" },
+    { className: "problem-screen" },
     notice(
       problem,
       button("Try again", again, { look: "primary" }),

@@ -16,7 +16,7 @@ from services.bootstrap import import_model
 from services.container import build_services
 from services.meetings import create_meeting
 from services.settings import load_settings
-from tests.e2e.stage import picture
+from tests.e2e.viewport import picture
 from tests.e2e.test_meeting import MINUTES, difference, watch
 from tests.services import seeds
 
@@ -61,7 +61,7 @@ def test_a_field_moves_and_follows_the_viewer(tmp_path: Path, field: Path):
     with running_demo(tmp_path / "data") as address, open_page() as page:
         page.goto(f"{address}?meeting={meeting_id}&size=256")
         page.get_by_test_id("start-join").click()
-        expect(page.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTES)
+        expect(page.get_by_test_id("live-video")).to_be_visible(timeout=MINUTES)
         expect(page.get_by_role("main")).to_contain_text("Fay's meeting")
         watch(page, 20)
         still = [picture(page)]

@@ -27,7 +27,7 @@ from services.container import Services
 from services.live.packets import decode_view, encode_keypoints
 from services.meetings import create_meeting
 from tests.e2e.serving import WATCH
-from tests.e2e.stage import frames_shown, picture
+from tests.e2e.viewport import frames_shown, picture
 from tests.e2e.test_control import HUM, LOUDNESS, beside
 from tests.e2e.test_meeting import looking_into
 from tests.e2e.test_replay import KEEP_PICTURES, RUNNING, difference, shown
@@ -147,15 +147,15 @@ def come_in(pages: dict[str, Page], address: str) -> None:
     ada, dee = pages["Ada"], pages["Dee"]
     for name in NAMES[:3]:
         join(pages[name], address, name)
-        expect(pages[name].get_by_test_id("stage-video")).to_be_visible(timeout=MINUTES)
+        expect(pages[name].get_by_test_id("live-video")).to_be_visible(timeout=MINUTES)
     ada.get_by_test_id("open-people").click()
     # pictures come before the line does
     expect(ada.get_by_test_id("members").get_by_role("listitem")).to_have_count(3)
-    ada.get_by_role("switch", name="Let people in one by one").check()
+    ada.get_by_role("switch", name="Admit participants one at a time").check()
     join(dee, address, "Dee")
     expect(dee.get_by_test_id("lobby-waiting")).to_be_visible(timeout=MINUTES)
     ada.get_by_test_id("admit").click()
-    expect(dee.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTES)
+    expect(dee.get_by_test_id("live-video")).to_be_visible(timeout=MINUTES)
     ada.get_by_test_id("panel-close").click()
 
 
@@ -166,7 +166,7 @@ def all_write(pages: dict[str, Page]) -> None:
         page.get_by_test_id("chat-send").click()
     for page in pages.values():
         for name in NAMES:
-            expect(page.get_by_test_id("said")).to_contain_text(f"{name} is here")
+            expect(page.get_by_test_id("messages")).to_contain_text(f"{name} is here")
         page.get_by_test_id("panel-close").click()
 
 
@@ -186,15 +186,15 @@ def the_host_mutes(pages: dict[str, Page]) -> None:
     others = [page for name, page in pages.items() if name != "Bo"]
     bo.get_by_test_id("microphone").click()
     for page in others:
-        expect(page.get_by_test_id("talking")).to_have_text("Bo", timeout=MINUTES)
+        expect(page.get_by_test_id("active-speakers")).to_have_text("Bo", timeout=MINUTES)
         page.wait_for_function(f"({LOUDNESS})() > 0.05", timeout=MINUTES)
     ada.get_by_test_id("open-people").click()
     ada.get_by_role("button", name="More about Bo").click()
     ada.get_by_role("button", name="Mute: Bo").click()
     expect(bo.get_by_test_id("microphone")).to_have_attribute("aria-pressed", "false")
-    expect(bo.locator("#announcer")).to_contain_text("The host switched your microphone off")
+    expect(bo.locator("#announcer")).to_contain_text("The host muted you")
     for page in others:
-        expect(page.get_by_test_id("talking")).to_be_hidden()
+        expect(page.get_by_test_id("active-speakers")).to_be_hidden()
     ada.get_by_test_id("panel-close").click()
 
 
@@ -210,7 +210,7 @@ def one_loses_the_network_while_the_place_changes(pages: dict[str, Page], addres
     cy.context.set_offline(True)
     cy.evaluate("viewPeer.close()")
     open_panel(ada, "more")
-    ada.get_by_test_id("place-park").check()
+    ada.get_by_test_id("environment-park").check()
     open_panel(ada, "people")
     expect(members).to_contain_text("Connection lost", timeout=MINUTES)
     seen = frames_shown(cy)
@@ -262,7 +262,7 @@ def send_out_and_end(pages: dict[str, Page]) -> None:
     ada, bo, dee = pages["Ada"], pages["Bo"], pages["Dee"]
     ada.get_by_test_id("open-people").click()
     ada.get_by_role("button", name="More about Dee").click()
-    ada.get_by_role("button", name="Send out: Dee").click()
+    ada.get_by_role("button", name="Remove: Dee").click()
     expect(dee.get_by_test_id("goodbye-removed")).to_be_visible(timeout=MINUTES)
     expect(ada.get_by_test_id("members").get_by_role("listitem")).to_have_count(3)
     ada.get_by_test_id("end").click()

@@ -220,7 +220,7 @@ def test_the_board_mutes_chats_and_leaves(page: Page):
         painted(page, "Hello in there")
         painted(page, "Bo: Hello in there")
         press_button(page, "Thank you")
-        expect(bo.get_by_test_id("said")).to_contain_text("Thank you")
+        expect(bo.get_by_test_id("messages")).to_contain_text("Thank you")
 
     press_button(page, "Leave")
     expect(page.get_by_test_id("start-join")).to_be_visible(timeout=MINUTE)
@@ -236,4 +236,4 @@ def test_fewer_splats_where_pictures_come_late(page: Page):
     assert person(eyes(page)[0]).mean() > 0.002
     page.evaluate("() => headset.activeSession.end()")
     expect(button).to_have_attribute("aria-pressed", "false")
-    expect(page.get_by_test_id("stage-video")).to_be_visible()
+    expect(page.get_by_test_id("live-video")).to_be_visible()

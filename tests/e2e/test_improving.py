@@ -12,8 +12,8 @@ from db.models import SequenceRow
 from services.bootstrap import DEMO_MODEL, import_model
 from services.meetings import create_meeting
 from tests.e2e.serving import Gateway, serving
-from tests.e2e.stage import frames_shown
-from tests.e2e.test_being_seen import webcam
+from tests.e2e.viewport import frames_shown
+from tests.e2e.test_motion_capture import webcam
 from tests.services.jobs.waiting import until
 from tests.shared_data import shared_data
 
@@ -49,7 +49,7 @@ def test_a_film_is_sent_and_taken_back_while_the_meeting_goes_on(tmp_path: Path)
         person_id = enter(page, gateway)
         before = objects(gateway, person_id)
         switch, panel = (
-            page.get_by_role("button", name="Improve me"),
+            page.get_by_role("button", name="Improve my model"),
             page.get_by_test_id("improve"),
         )
         expect(switch).to_have_attribute("aria-pressed", "false", timeout=MINUTE)

@@ -18,7 +18,7 @@ _FILE = "/files/viewer.splats"
 def decoded(page: Page) -> int:
     """Pictures of the server's that the browser has decoded."""
     return page.evaluate(
-        "() => document.querySelector('[data-testid=stage-video]')"
+        "() => document.querySelector('[data-testid=live-video]')"
         ".getVideoPlaybackQuality().totalVideoFrames"
     )
 
@@ -43,9 +43,9 @@ def seen(page: Page) -> np.ndarray:
 
 def draw_here(page: Page) -> None:
     watch(page, 5)
-    page.get_by_test_id("way").select_option("local")
-    expect(page.locator(".stage > canvas.seen")).to_be_visible(timeout=MINUTES)
-    expect(page.get_by_test_id("way")).to_have_attribute("data-way", "local")
+    page.get_by_test_id("render-mode").select_option("local")
+    expect(page.locator(".viewport > canvas.shown")).to_be_visible(timeout=MINUTES)
+    expect(page.get_by_test_id("render-mode")).to_have_attribute("data-mode", "local")
 
 
 def test_a_viewer_draws_for_themselves_and_lets_the_server_draw_again(tmp_path):
@@ -65,8 +65,8 @@ def test_a_viewer_draws_for_themselves_and_lets_the_server_draw_again(tmp_path):
         page.get_by_test_id("filmed-only").click()
         watch(page, 5)
 
-        page.get_by_test_id("way").select_option("server")
-        expect(page.locator(".stage > canvas.seen")).to_have_count(0, timeout=MINUTES)
+        page.get_by_test_id("render-mode").select_option("server")
+        expect(page.locator(".viewport > canvas.shown")).to_have_count(0, timeout=MINUTES)
         before = decoded(page)
         watch(page, 15)
         assert decoded(page) > before

@@ -23,7 +23,7 @@ from capture.detection.network_files import POSE_MODEL
 from db.models import SequenceRow, SequenceState
 from services.container import Services, build_services
 from services.settings import load_settings
-from tests.e2e.stage import frames_shown, picture
+from tests.e2e.viewport import frames_shown, picture
 from tests.landmark_models import landmark_model
 from tests.services import seeds
 from tests.services.jobs.waiting import until
@@ -66,7 +66,7 @@ def test_the_demo_meeting_follows_the_viewer(tmp_path):
     with running_demo(tmp_path / "data") as address, open_page() as page:
         page.goto(address)
         page.get_by_test_id("start-join").click()
-        expect(page.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTES)
+        expect(page.get_by_test_id("live-video")).to_be_visible(timeout=MINUTES)
         watch(page, 20)
         still = [picture(page)]
         watch(page, 5)
@@ -124,7 +124,7 @@ def test_a_touch_device_is_told_of_touches_and_follows_them(tmp_path):
         page = browser.new_page(viewport={"width": 390, "height": 844}, has_touch=True)
         page.goto(f"{address}?size=256")
         page.get_by_test_id("start-join").click()
-        hint = page.locator("#stage-hint")
+        hint = page.locator("#controls-help")
         expect(hint).to_contain_text("Pinch")
         expect(hint).not_to_contain_text("W A S D")
         watch(page, 30)
@@ -225,7 +225,7 @@ def test_a_real_clip_becomes_somebody_in_the_meeting_and_only_their_likeness_is_
         meet = page.get_by_test_id("meet")
         expect(meet).to_be_visible(timeout=3 * MINUTES)
         meet.click()
-        expect(page.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTES)
+        expect(page.get_by_test_id("live-video")).to_be_visible(timeout=MINUTES)
         only_the_likeness_is_left(services, film)
         watch(page, 30)
         before = picture(page)
@@ -257,16 +257,16 @@ def test_keypoints_make_nobody_new_but_move_somebody_who_is_here(tmp_path):
         page.goto(f"{address}?size=256")  # one size throughout: a change of it would be seen
         page.get_by_test_id("enrol-name").fill("Nobody")
         page.get_by_test_id("enrol-file").set_input_files(str(still))
-        expect(page.get_by_test_id("complaint")).to_contain_text(
+        expect(page.get_by_test_id("enrol-error")).to_contain_text(
             "how somebody looks comes from pictures"
         )
         page.get_by_test_id("enrol-submit").click()
-        expect(page.get_by_test_id("complaint")).to_contain_text("Choose a clip first")
+        expect(page.get_by_test_id("enrol-error")).to_contain_text("Choose a clip first")
         page.get_by_role("button", name="Keypoints", exact=True).click()
         page.get_by_test_id("keypoints-file").set_input_files(str(still))
         expect(page.get_by_test_id("keypoints-who")).to_contain_text("Ada")
         page.get_by_test_id("keypoints-submit").click()
-        expect(page.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTES)
+        expect(page.get_by_test_id("live-video")).to_be_visible(timeout=MINUTES)
         expect(page.get_by_role("main")).to_contain_text("Ada by keypoints")
         watch(page, 40)
         pictures = [picture(page)]

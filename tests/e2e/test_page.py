@@ -52,7 +52,7 @@ def test_camera_and_microphone_are_tried_before_joining_and_remembered(demo):
         expect(page.get_by_test_id("check-camera")).to_be_visible()
         page.get_by_test_id("check-audioinput").select_option(label="Table")
         page.wait_for_function("() => asked.at(-1).audio?.deviceId?.ideal === 'm2'")
-        page.get_by_test_id("join-heard").check()
+        page.get_by_test_id("join-unmuted").check()
         assert serious_faults(page) == []
         page.get_by_test_id("start-join").click()
         expect(page.get_by_test_id("microphone")).to_have_attribute(
@@ -61,7 +61,7 @@ def test_camera_and_microphone_are_tried_before_joining_and_remembered(demo):
         assert page.evaluate("asked.at(-1).audio.deviceId.ideal") == "m2"
         page.get_by_test_id("leave").click()
         page.get_by_test_id("device-check").locator("summary").click()
-        expect(page.get_by_test_id("join-heard")).to_be_checked()
+        expect(page.get_by_test_id("join-unmuted")).to_be_checked()
 
 
 def test_what_is_refused_is_explained_and_keeps_nobody_out(demo):
@@ -70,13 +70,13 @@ def test_what_is_refused_is_explained_and_keeps_nobody_out(demo):
         page.add_init_script(_REFUSED)
         page.goto(address)
         page.get_by_test_id("device-check").locator("summary").click()
-        microphone = page.get_by_test_id("trouble-audioinput")
+        microphone = page.get_by_test_id("problem-audioinput")
         expect(microphone).to_contain_text("The microphone is blocked. Allow it")
-        expect(microphone).to_contain_text("You can come in without")
-        expect(page.get_by_test_id("trouble-videoinput")).to_contain_text("The camera is blocked")
+        expect(microphone).to_contain_text("You can join without")
+        expect(page.get_by_test_id("problem-videoinput")).to_contain_text("The camera is blocked")
         assert serious_faults(page) == []
         page.get_by_test_id("start-join").click()
-        expect(page.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
+        expect(page.get_by_test_id("live-video")).to_be_visible(timeout=MINUTE)
         page.get_by_test_id("microphone").click()
         expect(page.locator(".previews")).to_contain_text("The microphone is blocked")
 
@@ -98,7 +98,7 @@ def test_a_television_is_steered_by_arrows_and_enter(demo):
         address = open_meeting(demo, page)
         page.add_init_script(WATCH)
         come(page, address, "Ada")
-        expect(page.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
+        expect(page.get_by_test_id("live-video")).to_be_visible(timeout=MINUTE)
         page.wait_for_function("() => window.lastView", timeout=MINUTE)
         size = page.evaluate("parseFloat(getComputedStyle(document.documentElement).fontSize)")
         assert size >= 20
@@ -122,7 +122,7 @@ def test_a_television_is_steered_by_arrows_and_enter(demo):
             if page.evaluate("document.activeElement.dataset.testid") == "open-more":
                 break
         page.keyboard.press("Enter")
-        expect(page.get_by_test_id("places")).to_be_visible()
+        expect(page.get_by_test_id("environments")).to_be_visible()
         assert serious_faults(page) == []
 
 

@@ -44,9 +44,9 @@ def difference(one: list[int], other: list[int]) -> float:
 def test_a_meeting_is_recorded_and_seen_again_from_another_side(tmp_path):
     with running_demo(tmp_path / "data") as address, open_page() as ada, beside(ada) as bo:
         come(ada, address, "Ada")
-        expect(ada.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
+        expect(ada.get_by_test_id("live-video")).to_be_visible(timeout=MINUTE)
         come(bo, address, "Bo")
-        expect(bo.get_by_test_id("stage-video")).to_be_visible(timeout=MINUTE)
+        expect(bo.get_by_test_id("live-video")).to_be_visible(timeout=MINUTE)
         expect(bo.get_by_test_id("record")).to_be_hidden()
         ada.get_by_test_id("record").click()
         expect(bo.get_by_test_id("recording")).to_contain_text("The host asks to record")

@@ -9,7 +9,7 @@ from playwright.sync_api import Page, expect
 
 from benchmarks.browser import open_page, running_demo
 from tests.e2e.slow_line import SlowLine, slow_line
-from tests.e2e.stage import frames_shown
+from tests.e2e.viewport import frames_shown
 from tests.e2e.test_control import HUM, beside, come, serious_faults
 from tests.e2e.test_meeting import watch
 
@@ -71,15 +71,15 @@ def test_on_a_starved_line_pictures_go_sound_stays_and_pictures_return(tmp_path:
 
         before = frames_shown(bo)
         line.bit_per_s = STARVED_BIT_PER_S
-        note = ada.get_by_test_id("sound-alone")
+        note = ada.get_by_test_id("audio-only")
         expect(note).to_contain_text(WORDS, timeout=MINUTE)
         expect(ada.locator("#announcer")).to_contain_text(WORDS)
         sound_flows_alone(ada, line)
         assert serious_faults(ada) == []
         assert frames_shown(bo) > before + 20  # nobody else is slowed down
-        expect(bo.get_by_test_id("sound-alone")).to_have_count(0)
+        expect(bo.get_by_test_id("audio-only")).to_have_count(0)
 
         line.bit_per_s = None
         expect(note).to_have_count(0, timeout=2 * MINUTE)
-        expect(ada.locator("#announcer")).to_contain_text("Pictures are back")
+        expect(ada.locator("#announcer")).to_contain_text("Video is back")
         watch(ada, 20)

@@ -47,9 +47,9 @@ export function isFinal(job: Job): boolean {
 }
 
 export class Api {
-  private minting: Promise<string> | null = null;
+  private pendingToken: Promise<string> | null = null;
   /** A token that has run out still says who we are. */
-  private last: string | null = null;
+  private expiredToken: string | null = null;
 
   constructor(
     private readonly tokens: TokenStore,
@@ -125,8 +125,8 @@ export class Api {
     return this.json("GET", `/v1/recordings/${id}`);
   }
 
-  /** The place that the host of a recorded meeting had brought along. */
-  recordedPlace(id: string): Promise<Environment> {
+  /** The panorama that the host of a recorded meeting had uploaded. */
+  recordedEnvironment(id: string): Promise<Environment> {
     return this.json("GET", `/v1/recordings/${id}/place`);
   }
 
@@ -152,24 +152,24 @@ export class Api {
     return this.json("GET", `/v1/meetings/${id}`);
   }
 
-  /** Every place that comes with the server. */
-  async places(): Promise<Environment[]> {
+  /** Every environment that the server ships. */
+  async environments(): Promise<Environment[]> {
     return (await this.json<Environments>("GET", "/v1/environments")).items;
   }
 
   /** Where a meeting is held. */
-  place(meetingId: string): Promise<Environment> {
+  environment(meetingId: string): Promise<Environment> {
     return this.json("GET", `/v1/meetings/${meetingId}/environment`);
   }
 
   /** Hold a meeting somewhere else; `token` is the host's seat. */
-  async choosePlace(meetingId: string, name: string, token: string): Promise<Environment> {
+  async setEnvironment(meetingId: string, name: string, token: string): Promise<Environment> {
     const path = `/v1/meetings/${meetingId}/environment`;
     return (await checked(await this.attempt("PUT", path, token, { name } satisfies Place))).json() as Promise<Environment>;
   }
 
   /** Hold a meeting in a panorama of the host's own. */
-  async bringPlace(meetingId: string, picture: Blob, token: string): Promise<Environment> {
+  async uploadPanorama(meetingId: string, picture: Blob, token: string): Promise<Environment> {
     const init = { method: "PUT", headers: { Authorization: `Bearer ${token}` }, body: picture };
     const sent = this.request(`/v1/meetings/${meetingId}/panorama`, init);
     return (await checked(await reached(sent))).json() as Promise<Environment>;
@@ -264,7 +264,7 @@ export class Api {
       } catch (error) {
         signal.throwIfAborted();
         const passing = !(error instanceof Problem) || error.offline || error.status === 503;
-        if (!passing || attempt >= LONGEST_SILENCE) throw error;
+        if (!passing || attempt >= MAX_ATTEMPTS) throw error;
       }
       await sleep(Math.min(250 * 2 ** attempt, 4000), signal);
     }
@@ -285,7 +285,7 @@ export class Api {
     let response = await this.attempt(method, path, token, body, signal);
     if (response.status === 401 && this.tokens.get() !== null) {
       // the token has run out, or belongs to a server that has been set up anew
-      this.last = this.tokens.get();
+      this.expiredToken = this.tokens.get();
       this.tokens.set(null);
       response = await this.attempt(method, path, await this.token(), body, signal);
     }
@@ -313,14 +313,14 @@ export class Api {
   private async token(): Promise<string> {
     const known = this.tokens.get();
     if (known !== null) return known;
-    this.minting ??= this.mint().finally(() => {
-      this.minting = null;
+    this.pendingToken ??= this.requestGuestToken().finally(() => {
+      this.pendingToken = null;
     });
-    return this.minting;
+    return this.pendingToken;
   }
 
-  private async mint(): Promise<string> {
-    const response = await reached(this.request("/v1/guest", { method: "POST", headers: this.last ? { Authorization: `Bearer ${this.last}` } : {} }));
+  private async requestGuestToken(): Promise<string> {
+    const response = await reached(this.request("/v1/guest", { method: "POST", headers: this.expiredToken ? { Authorization: `Bearer ${this.expiredToken}` } : {} }));
     if (response.status === 401 || response.status === 403) {
       throw new Problem(
         "You need an invitation",
@@ -337,7 +337,7 @@ export class Api {
   }
 }
 
-const LONGEST_SILENCE = 8;
+const MAX_ATTEMPTS = 8;
 
 /** The response, or the problem that it tells. */
 async function checked(response: Response): Promise<Response> {

@@ -51,7 +51,7 @@ export function asProblem(error: unknown): Problem {
 const WORDS: Record<number, readonly [string, string]> = {
   401: ["You need an invitation", "Open the link that you were sent again."],
   403: ["That is not allowed", "Your invitation does not cover this."],
-  404: ["Not here any more", "What you asked for does not exist or has been deleted."],
+  404: ["Not found", "What you asked for does not exist or has been deleted."],
   413: ["The file is too large", "Choose a shorter clip and try again."],
   429: ["Too many requests", "Wait a moment and try again."],
   503: ["The server is busy", "Wait a moment and try again."],

@@ -1,7 +1,7 @@
 /** Waiting for what events tell of, for so long and no longer. */
 
 /** Wait until `there` holds after events of `kind`, at most so long. */
-export function until(
+export function waitFor(
   target: EventTarget,
   kind: string,
   there: () => boolean,
@@ -23,7 +23,7 @@ export function until(
 }
 
 /** All of our own addresses are known, or enough time has gone by. */
-export function gathered(peer: RTCPeerConnection, milliseconds: number): Promise<void> {
+export function iceGathered(peer: RTCPeerConnection, milliseconds: number): Promise<void> {
   const complete = (): boolean => peer.iceGatheringState === "complete";
-  return until(peer, "icegatheringstatechange", complete, milliseconds);
+  return waitFor(peer, "icegatheringstatechange", complete, milliseconds);
 }

@@ -6,29 +6,29 @@ export interface DeviceChoice {
   /** Ids as the browser gives them; empty: whichever it takes. */
   camera: string;
   microphone: string;
-  /** Come in with the microphone on. */
-  heard: boolean;
+  /** Join with the microphone on. */
+  joinUnmuted: boolean;
 }
 
 type Store = Pick<Storage, "getItem" | "setItem">;
 
 const KEY = "metanerf.devices";
-const NOTHING: DeviceChoice = { camera: "", microphone: "", heard: false };
+const DEFAULTS: DeviceChoice = { camera: "", microphone: "", joinUnmuted: false };
 
 export function chosenDevices(store: Store | undefined = globalThis.localStorage): DeviceChoice {
   try {
-    return { ...NOTHING, ...(JSON.parse(store?.getItem(KEY) ?? "{}") as Partial<DeviceChoice>) };
+    return { ...DEFAULTS, ...(JSON.parse(store?.getItem(KEY) ?? "{}") as Partial<DeviceChoice>) };
   } catch {
-    return NOTHING; // what another release wrote
+    return DEFAULTS; // what another release wrote
   }
 }
 
-export function chooseDevices(change: Partial<DeviceChoice>, store: Store | undefined = globalThis.localStorage): void {
+export function storeDevices(change: Partial<DeviceChoice>, store: Store | undefined = globalThis.localStorage): void {
   store?.setItem(KEY, JSON.stringify({ ...chosenDevices(store), ...change }));
 }
 
 /** The microphone of one's choice, or another where that one is gone. */
-export function microphoneWanted(): MediaTrackConstraints {
+export function microphoneConstraints(): MediaTrackConstraints {
   const { microphone } = chosenDevices();
   const clean = { echoCancellation: true, noiseSuppression: true, autoGainControl: true };
   return microphone === "" ? clean : { ...clean, deviceId: { ideal: microphone } };
@@ -39,7 +39,7 @@ export async function openMicrophone(): Promise<MediaStream> {
   const devices = globalThis.navigator?.mediaDevices;
   if (!devices?.getUserMedia) throw microphoneProblem("SecurityError");
   try {
-    return await devices.getUserMedia({ audio: microphoneWanted() });
+    return await devices.getUserMedia({ audio: microphoneConstraints() });
   } catch (error) {
     throw microphoneProblem(error instanceof Error ? error.name : "");
   }
@@ -51,16 +51,16 @@ export function microphoneProblem(errorName: string): Problem {
     case "SecurityError":
       return new Problem(
         "The microphone is blocked",
-        "Allow it in the address bar of your browser, then try again. You can come in without: you hear and write.",
+        "Allow it in the address bar of your browser, then try again. You can join without one, to listen and write.",
       );
     case "NotFoundError":
     case "OverconstrainedError":
-      return new Problem("No microphone found", "Plug one in and try again. You can come in without: you hear and write.");
+      return new Problem("No microphone found", "Plug one in and try again. You can join without one, to listen and write.");
     case "NotReadableError":
     case "AbortError":
       return new Problem("The microphone is busy", "Another program may be using it; close that one, then try again.");
     default:
-      return new Problem("The microphone did not start", "Try again. You can come in without: you hear and write.");
+      return new Problem("The microphone did not start", "Try again. You can join without one, to listen and write.");
   }
 }
 

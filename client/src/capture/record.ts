@@ -13,7 +13,7 @@ const TYPES = [
   ["video/webm;codecs=vp8", "webcam.webm"],
   ["video/webm", "webcam.webm"],
 ] as const;
-export interface Film {
+export interface RecordedClip {
   blob: Blob;
   fileName: string;
 }
@@ -66,18 +66,18 @@ export function cameraProblem(errorName: string): Problem {
 }
 
 /** What to call out `second` seconds into the turn. */
-export function guidance(second: number): string {
+export function turnInstruction(second: number): string {
   const share = second / TURN_S;
   if (share < 0.1) return "Face the camera";
   if (share < 0.3) return "Turn slowly to your left";
   if (share < 0.45) return "Keep turning: now your back";
   if (share < 0.65) return "Keep turning, nice and slow";
-  if (share < 0.85) return "Nearly round";
+  if (share < 0.85) return "Almost done";
   return "Face the camera again";
 }
 
 /** Records one turn, or until `signal` aborts (then it rejects). */
-export function recordTurn(stream: MediaStream, onSecond: (second: number) => void, signal: AbortSignal): Promise<Film> {
+export function recordTurn(stream: MediaStream, onSecond: (second: number) => void, signal: AbortSignal): Promise<RecordedClip> {
   return record(stream, TURN_S, onSecond, signal);
 }
 
@@ -87,7 +87,7 @@ export function record(
   seconds: number,
   onSecond: (second: number) => void,
   signal: AbortSignal,
-): Promise<Film> {
+): Promise<RecordedClip> {
   const [mimeType, fileName] = TYPES.find(([type]) => MediaRecorder.isTypeSupported(type)) ?? TYPES[3];
   const recorder = new MediaRecorder(stream, { mimeType, videoBitsPerSecond: BITS_PER_SECOND });
   const parts: Blob[] = [];

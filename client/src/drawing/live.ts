@@ -1,21 +1,21 @@
-/** A look into a meeting: connection, viewpoint and picture size, kept in step with the screen. */
+/** The live view of a meeting: connection, viewpoint and picture size, kept in step with the screen. */
 
 import type { Api } from "../api/api";
 import type { Vec3 } from "../viewpoint/geometry";
-import { FEW_FPS, SIDES } from "../viewpoint/framing";
-import { LocalDrawing } from "./localDrawing";
-import { Pacer, StallWatch, encodeView } from "../transport/packets";
-import { PictureFlow } from "../transport/pictureFlow";
+import { MIN_USABLE_FPS, SIDES } from "../viewpoint/framing";
+import { LocalRendering } from "./localRendering";
+import { Pacer, StallDetector, encodeView } from "../transport/packets";
+import { VideoAdaptation } from "../transport/videoAdaptation";
 import { PictureSize } from "../transport/pictureSize";
-import type { Choice, Drawing } from "../splats/way";
+import type { RenderSetting, RenderStatus } from "../splats/renderMode";
 import { LatencyMeter } from "../transport/latencyCode";
 import { Sway } from "../viewpoint/sway";
 import type { Meeting, Performer, Seat } from "../api/types";
 import { FOV_Y_RAD, Viewpoint, homeOrbit, type CameraPose } from "../viewpoint/viewpoint";
-import { WhepLink, type LinkNumbers, type LinkState } from "../transport/whep";
-import type { Visit } from "./visit";
+import { WhepConnection, type WhepStats, type WhepState } from "../transport/whep";
+import type { HeadsetView } from "./headsetView";
 
-export interface LiveNumbers {
+export interface LiveStats {
   fps: number;
   framesDecoded: number;
   width: number;
@@ -33,15 +33,15 @@ export interface LiveOptions {
   stamped: boolean;
 }
 
-/** As the viewer sees it: connected is not enough, a picture must be there, unless there is sound alone. */
-export type LiveState = LinkState | { kind: "preparing"; firstStart: boolean } | { kind: "sound" };
+/** As the viewer sees it: connected is not enough, a picture must be there, unless there is audio only. */
+export type LiveState = WhepState | { kind: "preparing"; firstStart: boolean } | { kind: "audio-only" };
 
 /** No picture for so long while the page is seen: the connection is dead, whatever it says. */
 const STALLED_S = 4;
 /** The very first picture may take longer: the server may have to load the people first. */
-const PATIENCE_S = 20;
+const FIRST_PICTURE_TIMEOUT_S = 20;
 /** On its first start on a machine, the server compiles its renderer before the first picture. */
-const FIRST_START_PATIENCE_S = 180;
+const FIRST_START_TIMEOUT_S = 180;
 /** Browsers show tiny black pictures before the first real one. */
 const SMALLEST_PX = 16;
 const ROSTER_S = 10;
@@ -53,34 +53,34 @@ export class LiveView {
   readonly video = document.createElement("video");
   readonly viewpoint: Viewpoint;
   onState: (state: LiveState) => void = () => undefined;
-  onNumbers: (numbers: LiveNumbers) => void = () => undefined;
+  onStats: (numbers: LiveStats) => void = () => undefined;
   onPerformers: (performers: readonly Performer[]) => void = () => undefined;
-  onDrawing: (drawing: Drawing) => void = () => undefined;
+  onRenderStatus: (drawing: RenderStatus) => void = () => undefined;
   /** Drift gently to and fro, for a picture that nobody steers. */
   swaying = false;
   state: LiveState = { kind: "connecting" };
   private filmedOnly = false;
 
-  private readonly link: WhepLink;
-  private readonly flow = new PictureFlow();
-  private readonly local: LocalDrawing;
+  private readonly connection: WhepConnection;
+  private readonly adaptation = new VideoAdaptation();
+  private readonly localRendering: LocalRendering;
   private readonly pacer = new Pacer();
-  private readonly stalls = new StallWatch();
+  private readonly stalls = new StallDetector();
   private readonly latency: LatencyMeter | null;
   private readonly timers: ReturnType<typeof setInterval>[] = [];
   private readonly size: PictureSize;
-  private resent = true;
+  private viewpointUnsent = true;
   /** The connection stands; for the viewer it is live with its first picture. */
   private connected = false;
   /** The server has said that its first picture takes longer. */
   private firstStart = false;
   private sequence = 0;
-  private shown = 0;
+  private framesThisSecond = 0;
   private lastTickMs = 0;
   private readonly sway = new Sway();
-  private tick = 0;
-  private framing = 0;
-  private drawn = 0;
+  private animationFrame = 0;
+  private videoFrame = 0;
+  private framesDrawn = 0;
 
   constructor(
     readonly api: Api,
@@ -92,45 +92,45 @@ export class LiveView {
     this.video.autoplay = this.video.muted = this.video.playsInline = true;
     this.video.disablePictureInPicture = true;
     this.size = new PictureSize(this.video, options.pinned, () => this.measure());
-    this.local = new LocalDrawing(api, meeting, {
-      onSwitch: (drawing) => {
-        this.resent = true;
-        this.flow.expect();
-        this.onDrawing(drawing);
+    this.localRendering = new LocalRendering(api, meeting, {
+      onModeChange: (drawing) => {
+        this.viewpointUnsent = true;
+        this.adaptation.resetPatience();
+        this.onRenderStatus(drawing);
       },
-      onSeen: () => this.measureAnew(),
-      onStrangers: () => void this.roster(),
-      trialView: () => ({ camera: this.viewpoint.camera, size: this.size.now }),
+      onShownChange: () => this.restartAdaptation(),
+      onUnknownPerformers: () => void this.refreshRoster(),
+      trialView: () => ({ camera: this.viewpoint.camera, size: this.size.requested }),
     });
-    this.link = new WhepLink({
+    this.connection = new WhepConnection({
       seat: (stale) => this.seat(stale),
       onState: (state) => {
         // a new connection knows nothing of the viewpoint yet
-        this.resent = true;
+        this.viewpointUnsent = true;
         this.connected = state.kind === "live";
-        this.flow.expect();
-        this.local.forgetPoses();
-        this.tell(this.connected ? this.waiting : state);
+        this.adaptation.resetPatience();
+        this.localRendering.forgetPoses();
+        this.setState(this.connected ? this.stateWithoutPicture : state);
       },
       onStream: (stream) => {
         this.video.srcObject = stream;
         this.play();
       },
-      onPose: (packet) => this.local.accept(packet),
+      onPose: (packet) => this.localRendering.acceptPose(packet),
     });
   }
 
   start(): void {
-    void this.link.run();
-    this.tick = requestAnimationFrame((ms) => this.frame(ms));
-    this.framing = this.video.requestVideoFrameCallback(() => this.pictureShown());
+    void this.connection.run();
+    this.animationFrame = requestAnimationFrame((ms) => this.frame(ms));
+    this.videoFrame = this.video.requestVideoFrameCallback(() => this.onVideoFrame());
     this.measure();
     this.size.follow();
     // timers run in hidden pages too, where animation frames do not: the seat must not be lost
     this.timers.push(setInterval(() => this.send(false), 450));
     this.timers.push(setInterval(() => void this.everySecond(), 1000));
-    this.timers.push(setInterval(() => void this.roster(), ROSTER_S * 1000));
-    addEventListener("pagehide", this.leavePage);
+    this.timers.push(setInterval(() => void this.refreshRoster(), ROSTER_S * 1000));
+    addEventListener("pagehide", this.onPageHide);
   }
 
   /** Browsers pause a video that is moved to another place of the page. */
@@ -142,104 +142,104 @@ export class LiveView {
   /** Show only what was filmed of the people; what was never seen of them is a guess. */
   showFilmedOnly(on: boolean): void {
     this.filmedOnly = on;
-    this.resent = true;
+    this.viewpointUnsent = true;
   }
 
   /** Hand the picture over to a viewer: no more drifting, everybody in sight. */
-  takeOver(): void {
+  startInteractive(): void {
     this.swaying = false;
     this.measure();
     this.viewpoint.reset();
     this.play();
-    this.local.begin();
+    this.localRendering.begin();
   }
 
   /** Lies over the video while this device draws. */
   get canvas(): HTMLCanvasElement {
-    return this.local.canvas;
+    return this.localRendering.canvas;
   }
 
-  /** The line to the others is back: so may be the picture. */
-  hurry(): void {
-    this.link.hurry();
+  /** The control connection is back: so may be the picture. */
+  retryNow(): void {
+    this.connection.retryNow();
   }
 
-  /** Show the place of this name as soon as its picture is here. */
-  showPlace(name: string): Promise<void> {
-    return this.local.showPlace(name);
+  /** Show the environment of this name as soon as its picture is here. */
+  showEnvironment(name: string): Promise<void> {
+    return this.localRendering.showEnvironment(name);
   }
 
   /** Hang the screen that `video` shows in the room, where this device draws it; null: none is shared. */
   showScreen(video: HTMLVideoElement | null): void {
-    this.local.showScreen(video);
+    this.localRendering.showScreen(video);
   }
 
   /** Who draws from now on; at once where everything is here that it takes. */
-  choose(choice: Choice): void {
-    this.local.choose(choice);
+  chooseRenderMode(choice: RenderSetting): void {
+    this.localRendering.chooseMode(choice);
   }
 
   /** Have a headset draw into `canvas` from now on, until `endVisit`. */
-  beginVisit(canvas: HTMLCanvasElement): Visit {
-    this.resent = true;
-    return this.local.beginVisit(canvas, this.viewpoint.camera, this.size.now);
+  beginHeadset(canvas: HTMLCanvasElement): HeadsetView {
+    this.viewpointUnsent = true;
+    return this.localRendering.beginHeadset(canvas, this.viewpoint.camera, this.size.requested);
   }
 
   /** The headset drew a picture from where its visit says, with people in it or not yet. */
-  visited(withPeople: boolean): void {
+  headsetFrameDrawn(withPeople: boolean): void {
     this.send(true);
     if (!withPeople) return;
-    this.drawn += 1;
-    this.shown += 1;
-    this.alive();
+    this.framesDrawn += 1;
+    this.framesThisSecond += 1;
+    this.onPicture();
   }
 
-  endVisit(): void {
-    this.local.endVisit();
-    this.resent = true;
-    this.flow.expect();
+  endHeadset(): void {
+    this.localRendering.endHeadset();
+    this.viewpointUnsent = true;
+    this.adaptation.resetPatience();
   }
 
   /** The viewer's head, for voices that come from somewhere. */
-  get ears(): CameraPose {
-    return this.local.visit?.camera ?? this.viewpoint.camera;
+  get listener(): CameraPose {
+    return this.localRendering.headsetView?.camera ?? this.viewpoint.camera;
   }
 
   /** Where a performer's head is, m: above the pelvis that this device draws, or their place. */
-  headOf(performerId: string): Vec3 | null {
+  headPosition(performerId: string): Vec3 | null {
     const index = this.meeting.performers.findIndex(({ id }) => id === performerId);
     const performer = this.meeting.performers[index];
     if (!performer) return null;
-    const pelvis = this.local.pelvisOf(index);
+    const pelvis = this.localRendering.pelvisOf(index);
     const [x, y, z] = pelvis ?? [performer.position[0], performer.position[1] + PELVIS_M, performer.position[2]];
     return [x, y + HEAD_ABOVE_PELVIS_M, z];
   }
 
   /** A channel that moves a performer of ours by keypoints; null while there is no connection. */
-  drive(performerId: string): RTCDataChannel | null {
-    return this.link.keypoints(performerId);
+  openKeypointsChannel(performerId: string): RTCDataChannel | null {
+    return this.connection.openKeypointsChannel(performerId);
   }
 
   close(): void {
-    removeEventListener("pagehide", this.leavePage);
-    this.link.close();
-    cancelAnimationFrame(this.tick);
-    this.video.cancelVideoFrameCallback(this.framing);
+    removeEventListener("pagehide", this.onPageHide);
+    this.connection.close();
+    cancelAnimationFrame(this.animationFrame);
+    this.video.cancelVideoFrameCallback(this.videoFrame);
     this.size.close();
     this.timers.forEach(clearInterval);
-    this.local.close();
+    this.localRendering.close();
     this.video.srcObject = null;
     this.video.remove();
   }
 
-  private readonly leavePage = (): void => this.link.close();
+  private readonly onPageHide = (): void => this.connection.close();
 
   /** Connected, and no picture is there yet. */
-  private get waiting(): LiveState {
-    return this.flow.silent ? { kind: "sound" } : { kind: "preparing", firstStart: this.firstStart };
+  private get stateWithoutPicture(): LiveState {
+    return this.adaptation.audioOnly ? { kind: "audio-only" } : { kind: "preparing", firstStart: this.firstStart };
   }
 
-  private tell(state: LiveState): void {
+  private setState(state: LiveState): void {
     this.state = state;
     this.onState(state);
   }
@@ -247,146 +247,146 @@ export class LiveView {
   private async seat(stale: boolean): Promise<Seat> {
     const seat = await this.options.seat(stale);
     this.firstStart = !seat.ready;
-    this.local.token = seat.token;
-    this.showPerformers(seat.performers);
+    this.localRendering.token = seat.token;
+    this.setPerformers(seat.performers);
     return seat;
   }
 
-  private showPerformers(performers: readonly Performer[]): void {
-    this.viewpoint.rehome(homeOrbit(performers, this.size.aspect));
+  private setPerformers(performers: readonly Performer[]): void {
+    this.viewpoint.setHome(homeOrbit(performers, this.size.aspect));
     this.meeting.performers = [...performers];
     this.onPerformers(performers);
-    void this.local.fetchPeople();
+    void this.localRendering.loadPerformers();
   }
 
-  private async roster(): Promise<void> {
+  private async refreshRoster(): Promise<void> {
     if (!this.live) return;
     // a roster that can't be had now is asked for again in a moment
     const meeting = await this.api.meeting(this.meeting.id).catch(() => null);
     if (!meeting) return;
-    void this.showPlace(meeting.environment);
-    this.showPerformers(meeting.performers);
+    void this.showEnvironment(meeting.environment);
+    this.setPerformers(meeting.performers);
   }
 
   private frame(nowMs: number): void {
-    this.tick = requestAnimationFrame((ms) => this.frame(ms));
+    this.animationFrame = requestAnimationFrame((ms) => this.frame(ms));
     const seconds = Math.max(0, (nowMs - this.lastTickMs) / 1000);
     this.lastTickMs = nowMs;
     if (this.swaying && this.options.inertia) this.viewpoint.turn(this.sway.step(seconds), 0);
     const moved = this.viewpoint.step(seconds);
-    if (this.local.visit) return;
+    if (this.localRendering.headsetView) return;
     this.send(moved);
-    if (this.local.draw(this.viewpoint.camera, this.size.now, this.filmedOnly)) {
-      this.drawn += 1;
-      this.shown += 1;
+    if (this.localRendering.draw(this.viewpoint.camera, this.size.requested, this.filmedOnly)) {
+      this.framesDrawn += 1;
+      this.framesThisSecond += 1;
       // the code goes into the picture, and is read from it as it is seen
-      if (this.latency && this.local.stamp()) this.latency.look(this.canvas);
-      this.local.see(true);
-      this.alive();
+      if (this.latency && this.localRendering.stampLatencyCode()) this.latency.look(this.canvas);
+      this.localRendering.showLocal(true);
+      this.onPicture();
     }
   }
 
   private send(moved: boolean): void {
-    if (!this.pacer.due(performance.now(), moved || this.resent)) return;
-    const { position, wxyz } = this.ears;
+    if (!this.pacer.due(performance.now(), moved || this.viewpointUnsent)) return;
+    const { position, wxyz } = this.listener;
     const packet = encodeView({
       sequence: (this.sequence = (this.sequence + 1) >>> 0),
       captureTimeMs: performance.timeOrigin + performance.now(),
       position,
       wxyz,
-      fovYRad: this.local.visit?.fovYRad ?? FOV_Y_RAD,
+      fovYRad: this.localRendering.headsetView?.fovYRad ?? FOV_Y_RAD,
       hideUnseen: this.filmedOnly,
-      drawsItself: this.local.ready,
-      soundOnly: this.flow.silent && !this.local.visit,
-      stalled: this.connected && !this.flow.silent && !document.hidden && this.stalls.stalled(performance.now()),
-      ...(this.local.visit?.size ?? this.size.now),
+      rendersLocally: this.localRendering.ready,
+      audioOnly: this.adaptation.audioOnly && !this.localRendering.headsetView,
+      stalled: this.connected && !this.adaptation.audioOnly && !document.hidden && this.stalls.stalled(performance.now()),
+      ...(this.localRendering.headsetView?.size ?? this.size.requested),
     });
     // what could not be sent is still news at the next tick
-    this.resent = !this.link.send(packet);
+    this.viewpointUnsent = !this.connection.send(packet);
   }
 
   private measure(): void {
     if (!this.size.measure()) return;
-    this.showPerformers(this.meeting.performers);
+    this.setPerformers(this.meeting.performers);
     this.fit();
   }
 
   private fit(): void {
-    this.size.fit(this.flow.side);
-    this.resent = true;
+    this.size.fit(this.adaptation.side);
+    this.viewpointUnsent = true;
   }
 
-  private measureAnew(): void {
-    this.flow.beginAnew();
+  private restartAdaptation(): void {
+    this.adaptation.restart();
     this.fit();
   }
 
-  private pictureShown(): void {
+  private onVideoFrame(): void {
     if (this.video.videoWidth >= SMALLEST_PX) {
       // a last picture that was on its way when this device took over is not shown any more
-      if (!this.local.seen) {
-        this.shown += 1;
+      if (!this.localRendering.shown) {
+        this.framesThisSecond += 1;
         this.latency?.look(this.video);
       }
-      if (this.local.ready) this.stalls.rest();
+      if (this.localRendering.ready) this.stalls.pause();
       else this.stalls.shown(performance.now());
-      if (this.local.idle) this.local.see(false);
-      this.alive();
+      if (this.localRendering.idle) this.localRendering.showLocal(false);
+      this.onPicture();
     }
-    this.framing = this.video.requestVideoFrameCallback(() => this.pictureShown());
+    this.videoFrame = this.video.requestVideoFrameCallback(() => this.onVideoFrame());
   }
 
-  private alive(): void {
-    // a stray picture does not end sound alone: `judge` does, once enough come
+  private onPicture(): void {
+    // a stray picture does not end audio only: `judge` does, once enough come
     if (!this.connected || this.live) return;
-    this.flow.settle();
-    this.tell({ kind: "live" });
+    this.adaptation.settle();
+    this.setState({ kind: "live" });
   }
 
-  /** In the meeting, with pictures or by sound alone. */
+  /** In the meeting, with pictures or by audio only. */
   private get live(): boolean {
-    return this.state.kind === "live" || this.state.kind === "sound";
+    return this.state.kind === "live" || this.state.kind === "audio-only";
   }
 
-  private get patienceS(): number {
+  private get timeoutS(): number {
     if (this.state.kind === "live") return STALLED_S;
-    return this.firstStart ? FIRST_START_PATIENCE_S : PATIENCE_S;
+    return this.firstStart ? FIRST_START_TIMEOUT_S : FIRST_PICTURE_TIMEOUT_S;
   }
 
   private async everySecond(): Promise<void> {
-    const fps = this.shown;
-    this.shown = 0;
-    const numbers = await this.link.numbers();
-    this.showNumbers(fps, numbers);
-    if (!this.connected || document.hidden) return this.flow.expect(); // hidden pages show no pictures
-    if (this.state.kind === "live") this.local.countSecond(fps);
-    this.judge(fps, numbers);
+    const fps = this.framesThisSecond;
+    this.framesThisSecond = 0;
+    const numbers = await this.connection.stats();
+    this.publishStats(fps, numbers);
+    if (!this.connected || document.hidden) return this.adaptation.resetPatience(); // hidden pages show no pictures
+    if (this.state.kind === "live") this.localRendering.observeSecond(fps);
+    this.adapt(fps, numbers);
   }
 
-  private showNumbers(fps: number, { framesDecoded, roundTripMs }: LinkNumbers): void {
+  private publishStats(fps: number, { framesDecoded, roundTripMs }: WhepStats): void {
     const { videoWidth, videoHeight } = this.video;
-    const drawn = this.local.seen ? this.size.now : { width: videoWidth, height: videoHeight };
-    const { width, height } = this.local.visit?.size ?? drawn;
+    const drawn = this.localRendering.shown ? this.size.requested : { width: videoWidth, height: videoHeight };
+    const { width, height } = this.localRendering.headsetView?.size ?? drawn;
     if (width >= SMALLEST_PX) {
-      this.onNumbers({ fps, framesDecoded: framesDecoded + this.drawn, width, height, roundTripMs });
+      this.onStats({ fps, framesDecoded: framesDecoded + this.framesDrawn, width, height, roundTripMs });
     }
   }
 
   /** Ask for what the pictures of the last second say that can come. */
-  private judge(fps: number, { received, lost }: LinkNumbers): void {
+  private adapt(fps: number, { received, lost }: WhepStats): void {
     const { live } = this;
-    const [pinned, visits] = [this.size.pinned !== null, this.local.visit !== null];
-    if (live && this.local.seen && !visits) this.local.keepUp(fps, pinned || this.flow.side === SIDES[0]);
+    const [pinned, visits] = [this.size.pinned !== null, this.localRendering.headsetView !== null];
+    if (live && this.localRendering.shown && !visits) this.localRendering.observeSpeed(fps, pinned || this.adaptation.side === SIDES[0]);
     const adapts = !pinned && !visits;
     const { highest } = this.size;
-    const step = this.flow.observe({ fps, received, lost, live, adapts, highest, patienceS: this.patienceS });
-    if (step === "renew") this.link.reconnect();
-    if (step === "ask") {
+    const step = this.adaptation.observe({ fps, received, lost, live, adapts, highest, patienceS: this.timeoutS });
+    if (step === "reconnect") this.connection.reconnect();
+    if (step === "request") {
       this.fit();
-      if (!this.local.ready) this.stalls.shown(performance.now());
+      if (!this.localRendering.ready) this.stalls.shown(performance.now());
     }
-    if (this.flow.silent !== (this.state.kind === "sound") && (this.flow.silent || fps >= FEW_FPS)) {
-      this.tell(this.flow.silent ? { kind: "sound" } : { kind: "live" });
+    if (this.adaptation.audioOnly !== (this.state.kind === "audio-only") && (this.adaptation.audioOnly || fps >= MIN_USABLE_FPS)) {
+      this.setState(this.adaptation.audioOnly ? { kind: "audio-only" } : { kind: "live" });
     }
   }
 }

@@ -83,25 +83,25 @@ export class Enrolment {
           onProgress,
           signal,
         );
-        await this.continueFrom(sequence, signal);
-        if (this.state.status === "stopped" && !this.canResume) this.dismiss(person.id);
+        await this.captureAndTrain(sequence, signal);
+        if (this.state.status === "stopped" && !this.canResume) this.erasePerson(person.id);
       } catch (error) {
-        if (this.cameToNothing(error, signal)) this.dismiss(person.id);
+        if (this.leftNoClip(error, signal)) this.erasePerson(person.id);
         throw error;
       }
     });
   }
 
   /** Go on where an earlier visit to the page stopped looking. */
-  revisit(bookmark: Bookmark): Promise<void> {
+  continueFrom(bookmark: Bookmark): Promise<void> {
     this.modelOnly = bookmark.modelOnly ?? false;
     return this.attempt(async (signal) => {
-      this.remember(bookmark);
+      this.setBookmark(bookmark);
       const step = bookmark.jobId ? "train" : "capture";
       this.change({ name: bookmark.name, step, status: "working", problem: null });
       const sequence = await this.api.sequence(bookmark.sequenceId);
       signal.throwIfAborted();
-      if (!bookmark.jobId) return this.continueFrom(sequence, signal);
+      if (!bookmark.jobId) return this.captureAndTrain(sequence, signal);
       this.change({ sequence });
       await this.follow(await this.api.job(bookmark.jobId), signal);
     });
@@ -138,7 +138,7 @@ export class Enrolment {
   }
 
   reconnect(): Promise<void> {
-    return this.bookmark ? this.revisit(this.bookmark) : Promise.resolve();
+    return this.bookmark ? this.continueFrom(this.bookmark) : Promise.resolve();
   }
 
   /** Take up a stopped or failed job again: a training from its last checkpoint. */
@@ -148,7 +148,7 @@ export class Enrolment {
     return this.attempt(async (signal) => {
       this.change({ status: "working", problem: null });
       const resumed = await this.api.resumeJob(job.id);
-      if (job.kind === "capture" && sequence) await this.continueFrom(sequence, signal);
+      if (job.kind === "capture" && sequence) await this.captureAndTrain(sequence, signal);
       else await this.follow(resumed, signal);
     });
   }
@@ -159,20 +159,20 @@ export class Enrolment {
   }
 
   /** A person without a clip would be a name that nobody bears. */
-  private dismiss(personId: string): void {
+  private erasePerson(personId: string): void {
     void this.api.erasePerson(personId).catch(() => undefined);
   }
 
   /** The server has refused the clip or given it up, or it was never sent. */
-  private cameToNothing(error: unknown, signal: AbortSignal): boolean {
+  private leftNoClip(error: unknown, signal: AbortSignal): boolean {
     const { step, sequence, job } = this.state;
     if (step === "upload") return signal.aborted || !asProblem(error).offline;
     if (signal.aborted || asProblem(error).offline) return false;
     return sequence?.state !== "ready" && !job?.sequence_id;
   }
 
-  private async continueFrom(sequence: Sequence, signal: AbortSignal): Promise<void> {
-    this.remember({ name: this.state.name, sequenceId: sequence.id, jobId: null });
+  private async captureAndTrain(sequence: Sequence, signal: AbortSignal): Promise<void> {
+    this.setBookmark({ name: this.state.name, sequenceId: sequence.id, jobId: null });
     this.change({ step: "capture", fraction: 0, message: "", sequence, job: null });
     let current = sequence;
     if (current.state !== "ready" && current.job_id !== null) {
@@ -184,29 +184,29 @@ export class Enrolment {
     if (current.kind === "keypoints") throw MOTION_ONLY;
     signal.throwIfAborted();
     const job = await this.api.train(current.id, this.modelOnly ? { ...TRAINING, model_only: true } : TRAINING);
-    this.remember({ name: this.state.name, sequenceId: current.id, jobId: job.id });
+    this.setBookmark({ name: this.state.name, sequenceId: current.id, jobId: job.id });
     this.change({ step: "train", fraction: 0, message: "", job });
     await this.follow(job, signal);
   }
 
   /** Tell a job's progress until it ends. */
   private async follow(started: Job, signal: AbortSignal): Promise<Job> {
-    this.news(started);
-    const job = await this.api.watchJob(started.id, (latest) => this.news(latest), signal);
-    this.news(job);
+    this.onJob(started);
+    const job = await this.api.watchJob(started.id, (latest) => this.onJob(latest), signal);
+    this.onJob(job);
     if (job.state === "cancelled") {
       this.change({ status: "stopped", job });
     } else if (job.state === "failed") {
-      throw job.error ? Problem.from(job.error) : new Problem("It did not work", job.message, 500);
+      throw job.error ? Problem.from(job.error) : new Problem("The job failed", job.message, 500);
     } else if (job.kind === "train") {
       this.change({ status: "ready", fraction: 1, job, modelId: job.model_id });
     }
     return job;
   }
 
-  private news(job: Job): void {
+  private onJob(job: Job): void {
     const fraction = Math.min(1, Math.max(0, job.progress));
-    // while it is trained, a likeness can be met; better ones take its place
+    // while it is trained, a first model can be met; better ones replace it
     const modelId = job.kind === "train" ? job.model_id : this.state.modelId;
     this.change({ job, fraction, message: job.message, modelId });
   }
@@ -221,11 +221,11 @@ export class Enrolment {
       const problem = asProblem(error);
       this.change({ status: "failed", problem });
       // what can't be taken up again must not come back at the next visit
-      if (!problem.offline && !this.canResume) this.remember(null);
+      if (!problem.offline && !this.canResume) this.setBookmark(null);
     }
   }
 
-  private remember(mark: Bookmark | null): void {
+  private setBookmark(mark: Bookmark | null): void {
     const bookmark = mark && this.modelOnly ? { ...mark, modelOnly: true } : mark;
     this.bookmark = bookmark;
     this.onBookmark(bookmark);

@@ -1,5 +1,5 @@
 /**
- * Bettering one's likeness from inside a meeting: a short film, its capture, and a training that goes
+ * Improving one's model from inside a meeting: a short film, its capture, and a training that goes
  * on from the model that stands there. Holds one state and tells each change of it; all of it can be
  * taken back at any moment. Knows nothing of the page.
  */
@@ -8,10 +8,10 @@ import { isFinal, type Api } from "../api/api";
 import type { Step } from "./enrol";
 import { Problem, asProblem } from "../api/problem";
 import { advice } from "./quality";
-import type { Film } from "../capture/record";
+import type { RecordedClip } from "../capture/record";
 import type { Job, NewModel, Performer, Sequence } from "../api/types";
 
-export const FILM_S = 10;
+export const CLIP_S = 10;
 
 export type ImproveState =
   | { kind: "off" }
@@ -20,9 +20,9 @@ export type ImproveState =
   | { kind: "working"; step: Step; fraction: number; message: string; job: Job | null }
   | { kind: "stopping" }
   /** Taken back. `learnt`: a version of it stands in the meeting already; `left`: its film is still on the server. */
-  | { kind: "stopped"; learnt: boolean; left: boolean }
+  | { kind: "stopped"; improved: boolean; clipOnServer: boolean }
   | { kind: "better"; advice: string[] }
-  | { kind: "failed"; problem: Problem; advice: string[]; left: boolean };
+  | { kind: "failed"; problem: Problem; advice: string[]; clipOnServer: boolean };
 
 /** Somebody of ours in the meeting whose model can be gone on from. */
 export interface Improvable {
@@ -32,16 +32,16 @@ export interface Improvable {
 }
 
 /** Sequences of films whose pictures may still lie on the server; outlives the page. */
-export interface LeftBehind {
+export interface PendingDeletions {
   get(): string[];
   set(ids: string[]): void;
 }
 
 const TRAINING = { preset: "splats", budget_s: 20, seed: 0, model_only: true } satisfies NewModel;
-const NOTHING_TO_MEND = "Nothing needs to be filmed again.";
+const NO_RETAKE_NEEDED = "Nothing needs to be filmed again.";
 const NOT_HERE = new Problem(
-  "You stand in this meeting no more",
-  "Come back into it, then try again.",
+  "Your model is no longer in this meeting",
+  "Rejoin the meeting, then try again.",
 );
 const LEFT = new DOMException("left", "AbortError");
 
@@ -61,15 +61,15 @@ export async function improvable(api: Api, performers: readonly Performer[]): Pr
   }
 }
 
-export class Improvement {
+export class ModelImprovement {
   state: ImproveState = { kind: "off" };
-  private over = new AbortController();
-  private sending = new AbortController();
+  private cancelling = new AbortController();
+  private uploading = new AbortController();
   private running: Promise<void> = Promise.resolve();
 
   constructor(
     private readonly api: Api,
-    private readonly leftBehind: LeftBehind,
+    private readonly pendingDeletions: PendingDeletions,
     private readonly onChange: (state: ImproveState) => void,
   ) {}
 
@@ -80,14 +80,14 @@ export class Improvement {
   start(
     personId: string,
     currentModelId: () => string | null,
-    film: (onSecond: (second: number) => void, signal: AbortSignal) => Promise<Film>,
+    film: (onSecond: (second: number) => void, signal: AbortSignal) => Promise<RecordedClip>,
   ): Promise<void> {
-    this.over = new AbortController();
-    this.sending = new AbortController();
-    this.running = this.attempt(this.over.signal, async (work, signal) => {
+    this.cancelling = new AbortController();
+    this.uploading = new AbortController();
+    this.running = this.attempt(this.cancelling.signal, async (work, signal) => {
       const clip = await film((second) => signal.aborted || this.change({ kind: "filming", second }), signal);
       signal.throwIfAborted();
-      work.sequence = await this.send(personId, clip);
+      work.sequence = await this.upload(personId, clip);
       signal.throwIfAborted();
       work.sequence = await this.capture(work.sequence, work, signal);
       signal.throwIfAborted();
@@ -101,12 +101,12 @@ export class Improvement {
   }
 
   /** Take everything back: no more filming, no upload, no job, no clip. */
-  async takeBack(): Promise<void> {
+  async cancel(): Promise<void> {
     if (this.state.kind === "filming" || this.state.kind === "working") {
       // what has been sent whole is waited for: only with its id can it be removed
       const onItsWay = this.state.kind === "working" && this.state.step === "upload" && this.state.fraction === 1;
-      this.over.abort(new DOMException("taken back", "AbortError"));
-      if (!onItsWay) this.sending.abort(this.over.signal.reason);
+      this.cancelling.abort(new DOMException("taken back", "AbortError"));
+      if (!onItsWay) this.uploading.abort(this.cancelling.signal.reason);
       this.change({ kind: "stopping" });
       await this.running;
     } else if (this.state.kind !== "stopping") this.change({ kind: "off" });
@@ -114,20 +114,20 @@ export class Improvement {
 
   /** Whoever leaves takes back what is not being learnt yet; what is, the server finishes and forgets. */
   async leave(): Promise<void> {
-    if (this.state.kind === "working" && this.state.step === "train") this.over.abort(LEFT);
-    else await this.takeBack();
+    if (this.state.kind === "working" && this.state.step === "train") this.cancelling.abort(LEFT);
+    else await this.cancel();
   }
 
   /** Remove what an earlier visit could not. */
-  async tidy(): Promise<void> {
-    for (const id of this.leftBehind.get()) await this.remove(id, null);
+  async deletePending(): Promise<void> {
+    for (const id of this.pendingDeletions.get()) await this.remove(id, null);
   }
 
-  private async send(personId: string, { blob, fileName }: Film): Promise<Sequence> {
+  private async upload(personId: string, { blob, fileName }: RecordedClip): Promise<Sequence> {
     const onProgress = (fraction: number): void => this.working("upload", fraction, null);
     onProgress(0);
-    const sequence = await this.api.uploadSequence(personId, blob, fileName, onProgress, this.sending.signal);
-    this.leftBehind.set([...this.leftBehind.get(), sequence.id]);
+    const sequence = await this.api.uploadSequence(personId, blob, fileName, onProgress, this.uploading.signal);
+    this.pendingDeletions.set([...this.pendingDeletions.get(), sequence.id]);
     return sequence;
   }
 
@@ -145,11 +145,11 @@ export class Improvement {
     news(started);
     const { state, error, message } = await this.api.watchJob(started.id, news, signal);
     if (state === "succeeded") return;
-    throw error ? Problem.from(error) : new Problem("It did not work", message, 500);
+    throw error ? Problem.from(error) : new Problem("The job failed", message, 500);
   }
 
   private working(step: Step, fraction: number, job: Job | null): void {
-    if (!this.over.signal.aborted) this.change({ kind: "working", step, fraction, message: job?.message ?? "", job });
+    if (!this.cancelling.signal.aborted) this.change({ kind: "working", step, fraction, message: job?.message ?? "", job });
   }
 
   private async attempt(signal: AbortSignal, run: (work: Work, signal: AbortSignal) => Promise<void>): Promise<void> {
@@ -157,16 +157,16 @@ export class Improvement {
     this.change({ kind: "filming", second: -Infinity });
     try {
       await run(work, signal);
-      this.done(work.sequence?.id);
-      this.change({ kind: "better", advice: toMend(work.sequence) });
+      this.forgetPending(work.sequence?.id);
+      this.change({ kind: "better", advice: retakeAdvice(work.sequence) });
     } catch (error) {
       if (signal.reason === LEFT) return;
       const learning = work.job?.kind === "train" ? work.job : null;
       const gone = work.sequence === null || (await this.remove(work.sequence.id, learning));
       // what was learnt until the end is known only then
-      const learnt = learning !== null && (await this.hasModel(learning));
-      if (signal.aborted) this.change({ kind: "stopped", learnt, left: !gone });
-      else this.change({ kind: "failed", problem: asProblem(error), advice: toMend(work.sequence), left: !gone });
+      const improved = learning !== null && (await this.hasModel(learning));
+      if (signal.aborted) this.change({ kind: "stopped", improved, clipOnServer: !gone });
+      else this.change({ kind: "failed", problem: asProblem(error), advice: retakeAdvice(work.sequence), clipOnServer: !gone });
     }
   }
 
@@ -179,8 +179,8 @@ export class Improvement {
   private async remove(id: string, training: Job | null): Promise<boolean> {
     try {
       const { state, job_id } = await this.api.sequence(id);
-      if (state === "uploaded" || state === "capturing") await this.end(job_id);
-      if (training) await this.end(training.id);
+      if (state === "uploaded" || state === "capturing") await this.endJob(job_id);
+      if (training) await this.endJob(training.id);
       // once learnt, its pictures are gone already
       if (state !== "forgotten") await this.api.deleteSequence(id);
     } catch (error) {
@@ -188,12 +188,12 @@ export class Improvement {
       const settled = error instanceof Problem && [403, 404].includes(error.status);
       if (!settled) return false;
     }
-    this.done(id);
+    this.forgetPending(id);
     return true;
   }
 
   /** Cancel a job, and wait until nobody works on it. */
-  private async end(jobId: string | null): Promise<void> {
+  private async endJob(jobId: string | null): Promise<void> {
     if (!jobId || isFinal(await this.api.job(jobId))) return;
     await this.api.cancelJob(jobId).catch((error: unknown) => {
       // 409: it has just ended by itself
@@ -202,8 +202,8 @@ export class Improvement {
     await this.api.watchJob(jobId, () => undefined, new AbortController().signal);
   }
 
-  private done(id: string | undefined): void {
-    this.leftBehind.set(this.leftBehind.get().filter((other) => other !== id));
+  private forgetPending(id: string | undefined): void {
+    this.pendingDeletions.set(this.pendingDeletions.get().filter((other) => other !== id));
   }
 
   private change(state: ImproveState): void {
@@ -218,6 +218,6 @@ interface Work {
   job: Job | null;
 }
 
-function toMend(sequence: Sequence | null): string[] {
-  return sequence ? advice(sequence).filter((line) => line !== NOTHING_TO_MEND) : [];
+function retakeAdvice(sequence: Sequence | null): string[] {
+  return sequence ? advice(sequence).filter((line) => line !== NO_RETAKE_NEEDED) : [];
 }

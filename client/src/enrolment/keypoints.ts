@@ -4,8 +4,8 @@ import type { Api } from "../api/api";
 import { Problem } from "../api/problem";
 import type { Meeting } from "../api/types";
 
-/** Somebody with a model. */
-export interface Somebody {
+/** Somebody with a model, which keypoints can animate. */
+export interface AnimatablePerson {
   personId: string;
   name: string;
   modelId: string;
@@ -15,13 +15,13 @@ export interface Somebody {
 
 /** Why nobody new comes of a file of keypoints, and what does. */
 export const MOTION_ONLY = new Problem(
-  "This file holds movement only",
-  "A new person needs a clip: how somebody looks comes from pictures. Under “Keypoints” the file moves somebody who is here already.",
+  "This file contains motion only",
+  "A new person needs a clip, because appearance comes from images. Use the “Keypoints” tab to animate an existing model with this file.",
 );
 
 const NO_KEYPOINTS = new Problem(
-  "This file holds no keypoints",
-  "Choose a JSON file of the format metanerf-keypoints; a clip of a new person goes under “Clip”.",
+  "This file contains no keypoints",
+  "Choose a JSON file in the metanerf-keypoints format. A clip of a new person goes under “Clip”.",
 );
 const HEAD_BYTES = 256;
 
@@ -32,10 +32,10 @@ export async function isJson(file: Blob): Promise<boolean> {
 }
 
 /** Everybody whom keypoints can move, each with their latest model, the latest first. */
-export async function everybody(api: Api): Promise<Somebody[]> {
+export async function animatablePeople(api: Api): Promise<AnimatablePerson[]> {
   const [people, models] = await Promise.all([api.people(), api.models()]);
   const known = new Map(people.map((person) => [person.id, person]));
-  const latest = new Map<string, Somebody>();
+  const latest = new Map<string, AnimatablePerson>();
   // the oldest come first
   for (const { id, person_id: personId } of models) {
     latest.delete(personId);
@@ -46,16 +46,16 @@ export async function everybody(api: Api): Promise<Somebody[]> {
 }
 
 /** A meeting of its own in which `somebody` moves as `file` says. Throws a Problem. */
-export async function meetMoving(
+export async function createKeypointsMeeting(
   api: Api,
-  somebody: Somebody,
+  person: AnimatablePerson,
   file: File,
   signal: AbortSignal,
 ): Promise<Meeting> {
   // before it is sent: whatever else the file is, the server would take it for a clip of theirs
   if (!(await isJson(file))) throw NO_KEYPOINTS;
-  const { modelId, name } = somebody;
-  const personId = somebody.mine ? somebody.personId : (await api.createPerson({ name })).id;
+  const { modelId, name } = person;
+  const personId = person.mine ? person.personId : (await api.createPerson({ name })).id;
   const sequence = await api.uploadSequence(personId, file, file.name, () => undefined, signal);
   const meeting = await api.createMeeting(`${name} by keypoints`, []);
   await api.addPerformer(meeting.id, modelId, sequence.id);

@@ -13,7 +13,7 @@ export interface QualityLine {
 
 const SIDES = ["front", "left", "back", "right"] as const;
 /** A side seen in fewer than this share of the pictures is worth a word. */
-const SEEN = 0.08;
+const MIN_SIDE_SHARE = 0.08;
 /** Bounds of good and of fair, for what the capture measures. */
 const FRAMES = [30, 12] as const;
 /** Share of the outline that the fitted body covers. */
@@ -47,7 +47,7 @@ export function advice(sequence: Sequence): string[] {
 }
 
 function sidesLine(sides: Record<string, number>): QualityLine {
-  const seen = SIDES.filter((side) => (sides[side] ?? 0) >= SEEN);
+  const seen = SIDES.filter((side) => (sides[side] ?? 0) >= MIN_SIDE_SHARE);
   const level = seen.length === 4 ? "good" : seen.length >= 2 ? "fair" : "poor";
   const value = seen.length === 4 ? "All round" : seen.length ? list(seen) : "None";
   return { label: "Sides seen", value, level };

@@ -13,11 +13,11 @@ export interface Channel {
   close(): void;
 }
 
-const MOST_WAITING = 2 * KEYPOINTS_BYTES;
+const MAX_BUFFERED_BYTES = 2 * KEYPOINTS_BYTES;
 
 export class KeypointsChannel {
   private channel: Channel | null = null;
-  private refused = false;
+  private closed = false;
   private sequence = 0;
 
   /** `open` gives a channel that drives our performer, or null while there is no connection. */
@@ -28,31 +28,31 @@ export class KeypointsChannel {
 
   /** Send what the camera saw at `timeMs`, if it can go out at once; says whether it did. */
   send(seen: Landmarks, timeMs: number, expression: ObservedExpression | null = null): boolean {
-    if (this.refused) return false;
-    const channel = this.opened();
-    if (channel?.readyState !== "open" || channel.bufferedAmount > MOST_WAITING) return false;
+    if (this.closed) return false;
+    const channel = this.usableChannel();
+    if (channel?.readyState !== "open" || channel.bufferedAmount > MAX_BUFFERED_BYTES) return false;
     this.sequence = (this.sequence + 1) >>> 0;
     channel.send(encodeKeypoints(this.sequence, timeMs, seen, expression));
     return true;
   }
 
   close(): void {
-    this.refused = true;
+    this.closed = true;
     this.channel?.close();
   }
 
-  private opened(): Channel | null {
+  private usableChannel(): Channel | null {
     const state = this.channel?.readyState;
     if (state === "connecting" || state === "open") return this.channel;
     this.channel = this.open();
-    if (this.channel) this.channel.onmessage = ({ data }) => this.hear(data);
+    if (this.channel) this.channel.onmessage = ({ data }) => this.onMessage(data);
     return this.channel;
   }
 
   /** The server speaks on this channel only to refuse. */
-  private hear(message: unknown): void {
-    if (typeof message !== "string" || this.refused) return;
-    this.refused = true;
+  private onMessage(message: unknown): void {
+    if (typeof message !== "string" || this.closed) return;
+    this.closed = true;
     const { status } = JSON.parse(message) as { status: number };
     this.onRefused(problemOf(status, message, null));
   }

@@ -3,7 +3,7 @@
 import type { Landmarks } from "./packet";
 
 /** px of the picture; it may reach beyond. */
-export interface Square {
+export interface SquareCrop {
   x: number;
   y: number;
   side: number;
@@ -20,7 +20,7 @@ const AROUND_HEAD = 1.1;
 const AROUND_HAND = 1.6;
 
 /** A square about the part; null where it is hidden or outside of the picture. */
-export function squareAbout(part: Part, seen: Landmarks): Square | null {
+export function cropOf(part: Part, seen: Landmarks): SquareCrop | null {
   const head = extent(seen, HEAD);
   const size = Math.max(head.right - head.left, head.bottom - head.top);
   if (part === "face") return square(head, AROUND_HEAD * size);
@@ -45,7 +45,7 @@ function extent({ xy, width, height }: Landmarks, points: readonly number[]): Ex
   return { left: Math.min(...x), top: Math.min(...y), right: Math.max(...x), bottom: Math.max(...y) };
 }
 
-function square({ left, top, right, bottom }: Extent, half: number): Square | null {
+function square({ left, top, right, bottom }: Extent, half: number): SquareCrop | null {
   const side = Math.round(2 * half);
   if (side < 2) return null;
   return { x: Math.round((left + right) / 2 - half), y: Math.round((top + bottom) / 2 - half), side };

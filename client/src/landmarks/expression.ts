@@ -47,7 +47,7 @@ const FOREHEAD = 10;
 const UNDER_NOSE = 2;
 
 /** Measures of a face at rest, of people in general. */
-export const USUAL_REST: readonly number[] = [0.02, 0.27, 0.27, 0.22, -0.2];
+export const TYPICAL_RESTING_FACE: readonly number[] = [0.02, 0.27, 0.27, 0.22, -0.2];
 /** Where among measures the face at rest is found, percent: talk opens a mouth, blinks are short. */
 const REST_PERCENTILES = [10, 65, 65, 40, 30] as const;
 /** What each measure grows by from rest to fully. */
@@ -69,12 +69,12 @@ export function faceMeasures(points: readonly Point[]): number[] | null {
   const [right, left] = OUTER_CORNERS.map((i) => at(points, i)) as [Point, Point];
   const [cheek, other] = CHEEKS.map((i) => at(points, i)) as [Point, Point];
   if (Math.hypot(other[0] - cheek[0], other[1] - cheek[1]) < SMALLEST_FACE_PX) return null;
-  const across = less(left, right);
+  const across = subtract(left, right);
   const span = Math.hypot(...across);
   if (Math.abs(across[2]) > MOST_TURNED * span) return null;
-  const lips = apart(points, LIPS) / span;
-  const brows = BROWS_TO_LIDS.reduce((sum, pair) => sum + apart(points, pair), 0) / BROWS_TO_LIDS.length;
-  const smile = apart(points, MOUTH_CORNERS) + mouthHeight(points, across.map((value) => value / span) as unknown as Point);
+  const lips = distance(points, LIPS) / span;
+  const brows = BROWS_TO_LIDS.reduce((sum, pair) => sum + distance(points, pair), 0) / BROWS_TO_LIDS.length;
+  const smile = distance(points, MOUTH_CORNERS) + mouthHeight(points, across.map((value) => value / span) as unknown as Point);
   return [
     lips,
     lidsApart(points, LEFT_LIDS, LEFT_EYE),
@@ -107,24 +107,24 @@ export function handCurl(points: readonly Point[]): number {
   const shares = FINGERS.map((finger) => {
     let [along, before] = [0, wrist];
     for (const joint of finger) {
-      along += Math.hypot(...less(at(points, joint), before));
+      along += Math.hypot(...subtract(at(points, joint), before));
       before = at(points, joint);
     }
-    return Math.hypot(...less(before, wrist)) / Math.max(along, 1e-9);
+    return Math.hypot(...subtract(before, wrist)) / Math.max(along, 1e-9);
   });
   const mean = shares.reduce((sum, share) => sum + share, 0) / shares.length;
   return clamp((FLAT - mean) / (FLAT - FIST));
 }
 
 /** Learns somebody's face at rest as it goes, of the last minute; at first it is how they look then, mouth shut. */
-export class RestFinder {
+export class RestingFaceEstimator {
   private readonly measures: number[][] = [];
   private nextMs = -Infinity;
 
   /** Take what was measured at `timeMs`; the face at rest, as far as is known. */
-  learn(measures: number[], timeMs: number): number[] {
+  update(measures: number[], timeMs: number): number[] {
     if (this.measures.length === 0) {
-      const first = [USUAL_REST[0] ?? 0, ...measures.slice(1)];
+      const first = [TYPICAL_RESTING_FACE[0] ?? 0, ...measures.slice(1)];
       this.measures.push(...Array.from({ length: FIRST }, () => first));
     }
     if (timeMs >= this.nextMs) {
@@ -144,12 +144,12 @@ function at(points: readonly Point[], i: number): Point {
   return points[i] ?? [0, 0, 0];
 }
 
-function less(a: Point, b: Point): [number, number, number] {
+function subtract(a: Point, b: Point): [number, number, number] {
   return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 }
 
-function apart(points: readonly Point[], [a, b]: readonly [number, number]): number {
-  return Math.hypot(...less(at(points, a), at(points, b)));
+function distance(points: readonly Point[], [a, b]: readonly [number, number]): number {
+  return Math.hypot(...subtract(at(points, a), at(points, b)));
 }
 
 function lidsApart(
@@ -157,16 +157,16 @@ function lidsApart(
   pairs: readonly (readonly [number, number])[],
   corners: readonly [number, number],
 ): number {
-  const sum = pairs.reduce((all, pair) => all + apart(points, pair), 0);
-  return sum / pairs.length / apart(points, corners);
+  const sum = pairs.reduce((all, pair) => all + distance(points, pair), 0);
+  return sum / pairs.length / distance(points, corners);
 }
 
 /** Of the mouth's corners above (below: less than nil) those of the eyes, along the face. */
 function mouthHeight(points: readonly Point[], across: Point): number {
-  const nose = less(at(points, FOREHEAD), at(points, UNDER_NOSE));
+  const nose = subtract(at(points, FOREHEAD), at(points, UNDER_NOSE));
   const along = dot(nose, across);
   const up = nose.map((value, i) => value - along * (across[i] ?? 0)) as unknown as Point;
-  const above = less(mean(points, MOUTH_CORNERS), mean(points, [...LEFT_EYE, ...RIGHT_EYE]));
+  const above = subtract(mean(points, MOUTH_CORNERS), mean(points, [...LEFT_EYE, ...RIGHT_EYE]));
   return dot(above, up) / Math.hypot(...up);
 }
 

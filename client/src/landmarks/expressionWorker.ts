@@ -7,14 +7,14 @@ import { FaceLandmarker, HandLandmarker, type NormalizedLandmark } from "@mediap
 import wasmLoaderPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.js?url";
 import wasmBinaryPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.wasm?url";
 import { asProblem, problemOf } from "../api/problem";
-import { RestFinder, faceMeasures, faceNumbers, handCurl, type Point } from "./expression";
+import { RestingFaceEstimator, faceMeasures, faceNumbers, handCurl, type Point } from "./expression";
 import type { Part } from "./crops";
-import type { PartAnswer, PartPicture } from "./expressions";
+import type { ExpressionMessage, PartPicture } from "./expressions";
 
 /** How a landmarker's program is made, once from each address; a second landmarker needs one of its own. */
 const FACE_FILES = { wasmLoaderPath, wasmBinaryPath };
 const HAND_FILES = { wasmLoaderPath: `${wasmLoaderPath}?hands`, wasmBinaryPath };
-const rest = new RestFinder();
+const rest = new RestingFaceEstimator();
 
 // a dedicated worker's own scope speaks as a port does
 const page = self as unknown as MessagePort;
@@ -68,14 +68,14 @@ page.onmessage = ({ data: { part, bitmap, timeMs } }: MessageEvent<PartPicture>)
   }
 };
 
-function tell(answer: PartAnswer): void {
+function tell(answer: ExpressionMessage): void {
   page.postMessage(answer);
 }
 
 function faceOf(bitmap: ImageBitmap, timeMs: number): number[] | null {
   const found = faces?.detect(bitmap).faceLandmarks[0];
   const measures = found ? faceMeasures(pointsOf(found, bitmap)) : null;
-  return measures && faceNumbers(measures, rest.learn(measures, timeMs));
+  return measures && faceNumbers(measures, rest.update(measures, timeMs));
 }
 
 function handOf(bitmap: ImageBitmap): number[] | null {

@@ -1,9 +1,9 @@
 /**
  * Has a worker of its own look at face and hands, beside the one that finds the body: one part at a
- * time, never in a queue, a third of its time at most, and not at all where the body's finder is slow.
+ * time, never in a queue, a third of its time at most, and not at all where the body detector is slow.
  */
 
-import { squareAbout, type Part, type Square } from "./crops";
+import { cropOf, type Part, type SquareCrop } from "./crops";
 import { EXPRESSION_COUNT, FACE, LEFT_HAND, RIGHT_HAND, type ObservedExpression } from "./expression";
 import type { Landmarks } from "./packet";
 
@@ -13,14 +13,14 @@ export interface PartPicture {
   timeMs: number;
 }
 
-export type PartAnswer =
+export type ExpressionMessage =
   | { kind: "ready"; parts: Part[] }
   /** What the part does: five numbers of a face, one of a hand; null where it was not found. */
   | { kind: "found"; part: Part; timeMs: number; numbers: number[] | null };
 
 /** As much of a worker as is needed. */
 export interface ExpressionWorker {
-  onmessage: ((event: MessageEvent<PartAnswer>) => void) | null;
+  onmessage: ((event: MessageEvent<ExpressionMessage>) => void) | null;
   postMessage(picture: PartPicture, transfer: Transferable[]): void;
   terminate(): void;
 }
@@ -33,7 +33,7 @@ const HELD = 2;
 const REST = 2;
 /** The first look at a part takes long. */
 const MOST_REST_MS = 500;
-/** Between pictures of the body's finder, ms, on average; beyond, everything is left to it. */
+/** Between pictures of the body detector, ms, on average; beyond, everything is left to it. */
 const SLOWEST_MS = 200;
 const USUAL_SHARE = 0.1;
 /** The face in every second look: it does more than hands. */
@@ -54,13 +54,13 @@ export class ExpressionDetector {
   private readonly heldMs: Record<Part, number> = { face: 0, left_hand: 0, right_hand: 0 };
 
   constructor(
-    private readonly grab: (square: Square) => Promise<ImageBitmap>,
+    private readonly grab: (square: SquareCrop) => Promise<ImageBitmap>,
     private readonly now: () => number = () => performance.now(),
     private readonly worker: ExpressionWorker = new Worker(new URL("./expressionWorker.ts", import.meta.url), {
       type: "module",
     }),
   ) {
-    worker.onmessage = ({ data }) => this.hear(data);
+    worker.onmessage = ({ data }) => this.onMessage(data);
   }
 
   /** The body was found so in the picture of `timeMs`: look at a part of it, if there is time. */
@@ -70,8 +70,8 @@ export class ExpressionDetector {
     if (this.busy || this.now() < this.nextMs || this.betweenMs > SLOWEST_MS) return;
     for (let tried = 0; tried < TURNS.length; tried++) {
       const part = TURNS[this.turn++ % TURNS.length] ?? "face";
-      const square = this.parts.includes(part) ? squareAbout(part, seen) : null;
-      if (square) return void this.look(part, square, timeMs);
+      const square = this.parts.includes(part) ? cropOf(part, seen) : null;
+      if (square) return void this.detect(part, square, timeMs);
     }
   }
 
@@ -88,7 +88,7 @@ export class ExpressionDetector {
     this.worker.terminate();
   }
 
-  private async look(part: Part, square: Square, timeMs: number): Promise<void> {
+  private async detect(part: Part, square: SquareCrop, timeMs: number): Promise<void> {
     this.busy = true;
     this.startedMs = this.now();
     try {
@@ -100,7 +100,7 @@ export class ExpressionDetector {
     }
   }
 
-  private hear(answer: PartAnswer): void {
+  private onMessage(answer: ExpressionMessage): void {
     if (answer.kind === "ready") {
       this.parts = answer.parts;
       return;

@@ -18,7 +18,7 @@ export interface Line {
 }
 
 /** Bones and head points that are seen, px of a picture of `width` x `height`. */
-export function drawing(
+export function skeletonLines(
   seen: Landmarks,
   width: number,
   height: number,
@@ -35,7 +35,7 @@ export function drawing(
 }
 
 /** Draw `seen`, or nothing, over the whole of `canvas`. */
-export function draw(canvas: HTMLCanvasElement, seen: Landmarks | null): void {
+export function drawSkeleton(canvas: HTMLCanvasElement, seen: Landmarks | null): void {
   const pen = canvas.getContext("2d");
   if (!pen) return;
   if (seen && (canvas.width !== seen.width || canvas.height !== seen.height)) {
@@ -44,7 +44,7 @@ export function draw(canvas: HTMLCanvasElement, seen: Landmarks | null): void {
   }
   pen.clearRect(0, 0, canvas.width, canvas.height);
   if (!seen) return;
-  const { lines, points } = drawing(seen, canvas.width, canvas.height);
+  const { lines, points } = skeletonLines(seen, canvas.width, canvas.height);
   pen.strokeStyle = pen.fillStyle = COLOUR;
   pen.lineWidth = canvas.height / 60;
   pen.lineCap = "round";

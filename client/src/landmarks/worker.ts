@@ -9,7 +9,7 @@ import { PoseLandmarker, type PoseLandmarkerResult } from "@mediapipe/tasks-visi
 import wasmLoaderPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.js?url";
 import wasmBinaryPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.wasm?url";
 import { asProblem, problemOf } from "../api/problem";
-import type { Answer, Picture } from "./finder";
+import type { DetectorMessage, Picture } from "./detector";
 import { LANDMARK_COUNT, type Landmarks } from "./packet";
 
 const MODEL = "/v1/landmarks/model";
@@ -50,7 +50,7 @@ page.onmessage = async ({ data }: MessageEvent<Picture>): Promise<void> => {
   }
 };
 
-function tell(answer: Answer): void {
+function tell(answer: DetectorMessage): void {
   page.postMessage(answer);
 }
 

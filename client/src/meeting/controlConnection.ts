@@ -11,9 +11,9 @@ export type ControlState =
   | { kind: "connecting" }
   | { kind: "open" }
   | { kind: "lost" }
-  | { kind: "over"; reason: Goodbye["reason"]; problem: Problem | null };
+  | { kind: "ended"; reason: Goodbye["reason"]; problem: Problem | null };
 
-export interface Greeting {
+export interface HelloDetails {
   address: string;
   token: string;
   name: string;
@@ -23,28 +23,28 @@ export interface Greeting {
 
 export interface ControlHooks {
   /** Whose seat to take up; `stale` when the last one was given back. */
-  greeting(stale: boolean): Promise<Greeting>;
+  hello(stale: boolean): Promise<HelloDetails>;
   onMessage(message: FromServer): void;
   onState(state: ControlState): void;
   /** A beat has come back. */
   onRoundTrip(milliseconds: number): void;
 }
 
-const BEAT_MS = 1000;
-/** The server's own patience, too: no answer for so long and the line is cut. */
-const SILENCE_MS = 5000;
-const CONNECTING_MS = 3000;
-const LONGEST_PAUSE_MS = 1000;
+const HEARTBEAT_MS = 1000;
+/** The server's own patience, too: no answer for so long and the connection is cut. */
+const HEARTBEAT_TIMEOUT_MS = 5000;
+const CONNECT_TIMEOUT_MS = 3000;
+const MAX_DELAY_MS = 1000;
 
 /** The pause before attempt `attempt` (from 0): short, so that a meeting is back within seconds. */
-export function pauseMs(attempt: number, random: number): number {
-  return Math.min(LONGEST_PAUSE_MS, 150 * 2 ** attempt) * (0.75 + 0.25 * random);
+export function reconnectDelayMs(attempt: number, random: number): number {
+  return Math.min(MAX_DELAY_MS, 150 * 2 ** attempt) * (0.75 + 0.25 * random);
 }
 
 export class ControlConnection {
   private readonly closing = new AbortController();
   private socket: WebSocket | null = null;
-  private greeted = false;
+  private welcomed = false;
   private stale = false;
 
   constructor(
@@ -57,25 +57,25 @@ export class ControlConnection {
     this.hooks.onState({ kind: "connecting" });
     for (let attempt = 0; !this.closing.signal.aborted; attempt++) {
       try {
-        const greeting = await this.hooks.greeting(this.stale);
+        const hello = await this.hooks.hello(this.stale);
         this.stale = false;
-        const goodbye = await this.talk(greeting);
-        if (this.greeted) attempt = -1;
-        if (goodbye && !this.comesBack(goodbye)) return this.over(goodbye.reason, goodbye.problem);
+        const goodbye = await this.runConnection(hello);
+        if (this.welcomed) attempt = -1;
+        if (goodbye && !this.reconnectsAfter(goodbye)) return this.end(goodbye.reason, goodbye.problem);
       } catch (error) {
         const problem = asProblem(error);
-        if (!problem.offline && problem.status !== 503) return this.over("refused", problem);
+        if (!problem.offline && problem.status !== 503) return this.end("refused", problem);
       }
       if (this.closing.signal.aborted) return;
       this.hooks.onState({ kind: "lost" });
-      const pause = pauseMs(attempt, Math.random());
+      const pause = reconnectDelayMs(attempt, Math.random());
       await sleep(pause, this.closing.signal).catch(() => undefined);
     }
   }
 
-  /** Send a message; false where the line is down. */
+  /** Send a message; false where the connection is down. */
   send(message: ToServer): boolean {
-    if (!this.greeted || this.socket?.readyState !== WebSocket.OPEN) return false;
+    if (!this.welcomed || this.socket?.readyState !== WebSocket.OPEN) return false;
     this.socket.send(JSON.stringify(message));
     return true;
   }
@@ -85,55 +85,55 @@ export class ControlConnection {
     this.socket?.close();
   }
 
-  private comesBack({ reason }: Goodbye): boolean {
+  private reconnectsAfter({ reason }: Goodbye): boolean {
     this.stale = reason === "given-back";
     return reason === "silent" || reason === "given-back";
   }
 
-  private over(reason: Goodbye["reason"], problem: Goodbye["problem"] | Problem): void {
+  private end(reason: Goodbye["reason"], problem: Goodbye["problem"] | Problem): void {
     if (this.closing.signal.aborted) return;
     const told = problem === null || problem instanceof Problem ? problem : Problem.from(problem);
-    this.hooks.onState({ kind: "over", reason, problem: told });
+    this.hooks.onState({ kind: "ended", reason, problem: told });
   }
 
   /** One connection, from hello to its end; returns the server's goodbye if it said one. */
-  private talk(greeting: Greeting): Promise<Goodbye | null> {
-    const { token, name, after } = greeting;
-    const socket = this.open(greeting.address);
+  private runConnection(hello: HelloDetails): Promise<Goodbye | null> {
+    const { token, name, after } = hello;
+    const socket = this.open(hello.address);
     this.socket = socket;
-    this.greeted = false;
+    this.welcomed = false;
     return new Promise((resolve) => {
       let goodbye: Goodbye | null = null;
-      let beatMs: number | null = null;
-      let beating: ReturnType<typeof setInterval> | undefined;
-      const say = (message: ToServer): void => socket.send(JSON.stringify(message));
+      let sentMs: number | null = null;
+      let heartbeat: ReturnType<typeof setInterval> | undefined;
+      const send = (message: ToServer): void => socket.send(JSON.stringify(message));
       const finish = (): void => {
-        clearTimeout(patience);
-        clearInterval(beating);
+        clearTimeout(timeout);
+        clearInterval(heartbeat);
         if (this.socket === socket) this.socket = null;
         socket.close();
         resolve(goodbye);
       };
-      let patience = setTimeout(finish, CONNECTING_MS);
+      let timeout = setTimeout(finish, CONNECT_TIMEOUT_MS);
       socket.onopen = () => {
-        say({ type: "hello", token, name, after });
-        beating = setInterval(() => {
-          beatMs ??= performance.now();
-          say({ type: "beat" });
-        }, BEAT_MS);
+        send({ type: "hello", token, name, after });
+        heartbeat = setInterval(() => {
+          sentMs ??= performance.now();
+          send({ type: "beat" });
+        }, HEARTBEAT_MS);
       };
       socket.onmessage = ({ data }) => {
-        clearTimeout(patience);
-        patience = setTimeout(finish, SILENCE_MS);
+        clearTimeout(timeout);
+        timeout = setTimeout(finish, HEARTBEAT_TIMEOUT_MS);
         const message = JSON.parse(String(data)) as FromServer;
         if (message.type === "goodbye") goodbye = message;
         else if (message.type === "welcome") {
-          this.greeted = true;
+          this.welcomed = true;
           this.hooks.onState({ kind: "open" });
         }
         if (message.type !== "beat") return this.hooks.onMessage(message);
-        if (beatMs !== null) this.hooks.onRoundTrip(performance.now() - beatMs);
-        beatMs = null;
+        if (sentMs !== null) this.hooks.onRoundTrip(performance.now() - sentMs);
+        sentMs = null;
       };
       socket.onclose = finish;
       if (this.closing.signal.aborted) finish();

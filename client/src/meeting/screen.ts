@@ -4,7 +4,7 @@
  */
 
 import { Problem, problemOf } from "../api/problem";
-import { gathered, until } from "../api/until";
+import { iceGathered, waitFor } from "../api/until";
 
 const CONNECTING_MS = 10_000;
 const GATHERING_MS = 1000;
@@ -16,7 +16,7 @@ const NOT_SENT = new Problem("Your screen could not be sent", "Check your networ
 export class ScreenShare {
   private readonly closing = new AbortController();
   private peer: RTCPeerConnection | null = null;
-  private place: string | null = null;
+  private resource: string | null = null;
 
   private constructor(
     private readonly address: string,
@@ -26,7 +26,7 @@ export class ScreenShare {
     private readonly makePeer: () => RTCPeerConnection,
   ) {}
 
-  static offered(): boolean {
+  static isSupported(): boolean {
     return typeof globalThis.navigator?.mediaDevices?.getDisplayMedia === "function";
   }
 
@@ -37,7 +37,7 @@ export class ScreenShare {
     request: typeof fetch = (input, init) => fetch(input, init),
     makePeer: () => RTCPeerConnection = () => new RTCPeerConnection({ bundlePolicy: "max-bundle" }),
   ): Promise<ScreenShare | null> {
-    if (!ScreenShare.offered()) throw NO_SHARING;
+    if (!ScreenShare.isSupported()) throw NO_SHARING;
     try {
       const stream = await navigator.mediaDevices.getDisplayMedia(SCREEN);
       for (const track of stream.getVideoTracks()) track.contentHint = "detail";
@@ -61,7 +61,7 @@ export class ScreenShare {
     this.peer = peer;
     peer.addTransceiver(track, { direction: "sendonly", streams: [this.stream] });
     await peer.setLocalDescription(await peer.createOffer());
-    await gathered(peer, GATHERING_MS);
+    await iceGathered(peer, GATHERING_MS);
     const headers = { Authorization: `Bearer ${await this.token()}`, "Content-Type": "application/sdp" };
     const body = peer.localDescription?.sdp ?? "";
     const { signal } = this.closing;
@@ -72,9 +72,9 @@ export class ScreenShare {
     });
     const sdp = await response.text();
     if (!response.ok) throw problemOf(response.status, sdp, response.headers.get("Retry-After"));
-    this.place = response.headers.get("Location");
+    this.resource = response.headers.get("Location");
     await peer.setRemoteDescription({ type: "answer", sdp });
-    await until(peer, "connectionstatechange", () => peer.connectionState === "connected", CONNECTING_MS);
+    await waitFor(peer, "connectionstatechange", () => peer.connectionState === "connected", CONNECTING_MS);
     if (peer.connectionState !== "connected") throw NOT_SENT;
   }
 
@@ -82,13 +82,13 @@ export class ScreenShare {
     this.closing.abort();
     for (const track of this.stream.getTracks()) track.stop();
     this.peer?.close();
-    const { place } = this;
-    this.place = null;
-    if (place === null) return;
-    const goodbye = async (): Promise<void> => {
+    const { resource } = this;
+    this.resource = null;
+    if (resource === null) return;
+    const deleteResource = async (): Promise<void> => {
       const headers = { Authorization: `Bearer ${await this.token()}` };
-      await this.request(place, { method: "DELETE", headers, keepalive: true });
+      await this.request(resource, { method: "DELETE", headers, keepalive: true });
     };
-    goodbye().catch(() => undefined);
+    deleteResource().catch(() => undefined);
   }
 }

@@ -9,44 +9,44 @@ export interface MeetingState {
   me: string | null;
   /** Whoever comes waits until the host lets them in. */
   lobby: boolean;
-  /** Name of the place that the meeting is held in; empty until we are told. */
+  /** Name of the environment; empty until the server has sent it. */
   environment: string;
   /** Who may share a screen. */
   presenter: string | null;
   /** Who asks to, in their place; told to the host and to them. */
-  asksToPresent: string | null;
+  presentRequestFrom: string | null;
   /** What was spoken last, in writing. */
   caption: Captioned | null;
   /** What is recorded, or is to be once everybody agrees. */
   recording: RecordingUnderWay | null;
   members: readonly Member[];
-  said: readonly Said[];
+  messages: readonly Said[];
   /** Ids of those who speak now. */
   speaking: readonly string[];
   /** Who is heard in which track of the voice connection. */
   slots: readonly (string | null)[];
   /** Of the newest message; what comes after it is still to be told. */
-  number: number;
+  lastMessageNumber: number;
 }
 
-export const NOBODY_YET: MeetingState = {
+export const INITIAL_STATE: MeetingState = {
   me: null,
   lobby: false,
   environment: "",
   presenter: null,
-  asksToPresent: null,
+  presentRequestFrom: null,
   caption: null,
   recording: null,
   members: [],
-  said: [],
+  messages: [],
   speaking: [],
   slots: [],
-  number: 0,
+  lastMessageNumber: 0,
 };
 
-const MOST_SAID = 500;
+const MAX_MESSAGES = 500;
 
-export function heard(state: MeetingState, message: FromServer): MeetingState {
+export function applyMessage(state: MeetingState, message: FromServer): MeetingState {
   switch (message.type) {
     case "welcome":
       return { ...state, me: message.participant_id };
@@ -56,17 +56,17 @@ export function heard(state: MeetingState, message: FromServer): MeetingState {
         lobby: message.lobby,
         environment: message.environment,
         presenter: message.presenter_id,
-        asksToPresent: message.presenter_asks_id,
+        presentRequestFrom: message.presenter_asks_id,
         recording: message.recording,
         members: message.members,
       };
     case "said":
-      if (message.number <= state.number) return state;
-      return { ...state, said: [...state.said, message].slice(-MOST_SAID), number: message.number };
+      if (message.number <= state.lastMessageNumber) return state;
+      return { ...state, messages: [...state.messages, message].slice(-MAX_MESSAGES), lastMessageNumber: message.number };
     case "captioned":
-      return { ...state, caption: message, number: Math.max(state.number, message.number) };
+      return { ...state, caption: message, lastMessageNumber: Math.max(state.lastMessageNumber, message.number) };
     case "reacted":
-      return { ...state, number: Math.max(state.number, message.number) };
+      return { ...state, lastMessageNumber: Math.max(state.lastMessageNumber, message.number) };
     case "speaking":
       return { ...state, speaking: message.participant_ids, slots: message.slots };
     default:
@@ -75,12 +75,12 @@ export function heard(state: MeetingState, message: FromServer): MeetingState {
 }
 
 /** Names of the others who speak now. */
-export function speakers(state: MeetingState): string[] {
+export function activeSpeakers(state: MeetingState): string[] {
   const { members, speaking, me } = state;
   return members.filter(({ id }) => id !== me && speaking.includes(id)).map(({ name }) => name);
 }
 
-export function myself(state: MeetingState): Member | null {
+export function localParticipant(state: MeetingState): Member | null {
   return state.members.find(({ id }) => id === state.me) ?? null;
 }
 
@@ -89,11 +89,11 @@ export function nameOf(state: MeetingState, id: string): string {
 }
 
 export function isHost(state: MeetingState): boolean {
-  return myself(state)?.role === "host";
+  return localParticipant(state)?.role === "host";
 }
 
 /** Those who are in the meeting, the longest raised hands first. */
-export function inside(state: MeetingState): Member[] {
+export function admittedMembers(state: MeetingState): Member[] {
   const members = state.members.filter(({ admission }) => admission === "admitted");
   const since = ({ hand_at }: Member): number => (hand_at === null ? Infinity : Date.parse(hand_at));
   return members
@@ -103,19 +103,19 @@ export function inside(state: MeetingState): Member[] {
 }
 
 /** Those who wait to be let in; only the host is told of them. */
-export function waiting(state: MeetingState): Member[] {
+export function waitingMembers(state: MeetingState): Member[] {
   return state.members.filter(({ admission, id }) => admission === "waiting" && id !== state.me);
 }
 
 /** What is worth telling of a change, in words; nothing of oneself coming in. */
-export function newsOf(before: MeetingState, after: MeetingState): string[] {
+export function announcementsOf(before: MeetingState, after: MeetingState): string[] {
   // whoever is not in yet sees nobody else: that all are there then is no news
-  if (myself(before)?.admission !== "admitted" || before.members === after.members) return [];
+  if (localParticipant(before)?.admission !== "admitted" || before.members === after.members) return [];
   const was = new Map(before.members.map((member) => [member.id, member]));
   const is = new Map(after.members.map((member) => [member.id, member]));
   const news: string[] = [];
   for (const member of after.members) {
-    news.push(...newsOfMember(was.get(member.id), member, member.id === after.me));
+    news.push(...memberAnnouncements(was.get(member.id), member, member.id === after.me));
   }
   for (const { id, name, admission } of before.members) {
     if (!is.has(id) && admission === "admitted") news.push(`${name} left`);
@@ -123,11 +123,11 @@ export function newsOf(before: MeetingState, after: MeetingState): string[] {
   return news;
 }
 
-function newsOfMember(was: Member | undefined, is: Member, mine: boolean): string[] {
+function memberAnnouncements(was: Member | undefined, is: Member, mine: boolean): string[] {
   if (mine) return was && was.role !== is.role ? [MY_ROLE[is.role]] : [];
-  if (!was) return [is.admission === "waiting" ? `${is.name} wants to come in` : `${is.name} is here`];
+  if (!was) return [is.admission === "waiting" ? `${is.name} is asking to join` : `${is.name} joined`];
   const news: string[] = [];
-  if (was.admission === "waiting" && is.admission === "admitted") news.push(`${is.name} is here`);
+  if (was.admission === "waiting" && is.admission === "admitted") news.push(`${is.name} joined`);
   if (was.hand_at === null && is.hand_at !== null) news.push(`${is.name} raised a hand`);
   if (was.present && !is.present) news.push(`${is.name} lost the connection`);
   if (!was.present && is.present) news.push(`${is.name} is back`);
@@ -135,7 +135,7 @@ function newsOfMember(was: Member | undefined, is: Member, mine: boolean): strin
 }
 
 const MY_ROLE: Record<Member["role"], string> = {
-  host: "You are the host now",
-  speaker: "You may speak and write now",
-  viewer: "You are looking on now",
+  host: "You are now the host",
+  speaker: "You can now speak and write",
+  viewer: "You are now a viewer",
 };

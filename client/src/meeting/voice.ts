@@ -8,11 +8,11 @@
  */
 
 import { sleep } from "../api/api";
-import { microphoneProblem, microphoneWanted } from "../capture/devices";
+import { microphoneProblem, microphoneConstraints } from "../capture/devices";
 import { Problem, problemOf } from "../api/problem";
-import { gathered, until } from "../api/until";
-import type { Speaking } from "./hearing";
-import { pauseMs } from "./controlConnection";
+import { iceGathered, waitFor } from "../api/until";
+import type { VoiceSource } from "./spatialAudio";
+import { reconnectDelayMs } from "./controlConnection";
 
 export interface VoiceHooks {
   /** The token of the seat that we talk from. */
@@ -28,18 +28,18 @@ const CONNECTING_MS = 10_000;
 const GATHERING_MS = 1000;
 const DISCONNECTED_MS = 2500;
 
-export class VoiceLink {
+export class VoiceConnection {
   /** Who is heard, by track. */
-  slots: ReadonlyMap<number, Speaking> = new Map();
+  slots: ReadonlyMap<number, VoiceSource> = new Map();
   /** The screen that somebody shares, if one comes; null without a connection. */
   screen: MediaStream | null = null;
   private streams: MediaStream[] = [];
-  private holders: readonly (string | null)[] = [];
+  private slotHolders: readonly (string | null)[] = [];
   private readonly closing = new AbortController();
   private peer: RTCPeerConnection | null = null;
   private sender: RTCRtpSender | null = null;
   private microphone: MediaStreamTrack | null = null;
-  private place: string | null = null;
+  private resource: string | null = null;
 
   constructor(
     private readonly address: string,
@@ -57,21 +57,21 @@ export class VoiceLink {
       try {
         await this.connect();
         attempt = -1;
-        await this.lost();
+        await this.connectionLost();
       } catch (error) {
-        // who is not let in has nothing to hear; the line says why
-        if (error instanceof Problem && [403, 404, 410].includes(error.status)) return this.drop();
+        // who is not let in has nothing to hear; the control connection says why
+        if (error instanceof Problem && [403, 404, 410].includes(error.status)) return this.disconnect();
       }
-      this.drop();
-      await sleep(pauseMs(attempt, Math.random()), signal).catch(() => undefined);
+      this.disconnect();
+      await sleep(reconnectDelayMs(attempt, Math.random()), signal).catch(() => undefined);
     }
   }
 
   /** Have the microphone ready. Throws a Problem where there is none, or it is not allowed. */
-  async prepare(): Promise<void> {
+  async acquireMicrophone(): Promise<void> {
     if (this.microphone?.readyState === "live") return;
     try {
-      const stream = await navigator.mediaDevices.getUserMedia({ audio: microphoneWanted() });
+      const stream = await navigator.mediaDevices.getUserMedia({ audio: microphoneConstraints() });
       this.microphone = stream.getAudioTracks()[0] ?? null;
     } catch (error) {
       throw microphoneProblem(error instanceof Error ? error.name : "");
@@ -82,20 +82,20 @@ export class VoiceLink {
   }
 
   /** What the server says of who is in which track. */
-  assign(holders: readonly (string | null)[]): void {
-    if (holders.join() === this.holders.join()) return;
-    this.holders = holders;
-    this.changed();
+  assignSlots(holders: readonly (string | null)[]): void {
+    if (holders.join() === this.slotHolders.join()) return;
+    this.slotHolders = holders;
+    this.updateSlots();
   }
 
   /** Let what the microphone takes in be sent, or nothing. */
-  open(on: boolean): void {
+  setMicrophoneEnabled(on: boolean): void {
     if (this.microphone) this.microphone.enabled = on;
   }
 
   close(): void {
     this.closing.abort();
-    this.drop();
+    this.disconnect();
     this.microphone?.stop();
   }
 
@@ -112,20 +112,20 @@ export class VoiceLink {
     const streams = Array.from({ length: SLOTS }, () => receive("audio"));
     const screen = receive("video");
     await peer.setLocalDescription(await peer.createOffer());
-    await gathered(peer, GATHERING_MS);
+    await iceGathered(peer, GATHERING_MS);
     const sdp = await this.exchange(peer.localDescription?.sdp ?? "");
     await peer.setRemoteDescription({ type: "answer", sdp });
     const connected = (): boolean => peer.connectionState === "connected";
-    await until(peer, "connectionstatechange", connected, CONNECTING_MS);
+    await waitFor(peer, "connectionstatechange", connected, CONNECTING_MS);
     if (!connected()) throw new Error("no connection");
     this.streams = streams;
     this.screen = screen;
-    this.changed();
+    this.updateSlots();
   }
 
-  private changed(): void {
+  private updateSlots(): void {
     const heard = this.streams.flatMap((stream, slot) => {
-      const memberId = this.holders[slot];
+      const memberId = this.slotHolders[slot];
       return memberId ? [[slot, { memberId, stream }] as const] : [];
     });
     this.slots = new Map(heard);
@@ -138,11 +138,11 @@ export class VoiceLink {
     const response = await this.request(this.address, { method: "POST", headers, body: offer, signal });
     const body = await response.text();
     if (!response.ok) throw problemOf(response.status, body, response.headers.get("Retry-After"));
-    this.place = response.headers.get("Location");
+    this.resource = response.headers.get("Location");
     return body;
   }
 
-  private async lost(): Promise<void> {
+  private async connectionLost(): Promise<void> {
     const { peer } = this;
     if (!peer) return;
     for (;;) {
@@ -152,18 +152,18 @@ export class VoiceLink {
     }
   }
 
-  private drop(): void {
-    const { place } = this;
+  private disconnect(): void {
+    const { resource } = this;
     this.peer?.close();
-    this.peer = this.sender = this.place = this.screen = null;
+    this.peer = this.sender = this.resource = this.screen = null;
     this.streams = [];
-    this.changed();
-    if (place === null) return;
-    const goodbye = async (): Promise<void> => {
+    this.updateSlots();
+    if (resource === null) return;
+    const deleteResource = async (): Promise<void> => {
       const headers = { Authorization: `Bearer ${await this.hooks.token()}` };
-      await this.request(place, { method: "DELETE", headers, keepalive: true });
+      await this.request(resource, { method: "DELETE", headers, keepalive: true });
     };
-    goodbye().catch(() => undefined);
+    deleteResource().catch(() => undefined);
   }
 }
 

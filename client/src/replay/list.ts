@@ -3,7 +3,7 @@
 import type { Recording } from "../api/types";
 import { h } from "../views/dom";
 import type { View } from "../views/shell";
-import { clockWords } from "./player";
+import { clockText } from "./player";
 
 export function recordingsView(recordings: readonly Recording[]): View {
   const items = recordings.map((one) =>
@@ -11,7 +11,7 @@ export function recordingsView(recordings: readonly Recording[]): View {
       "li",
       {},
       h("a", { href: `/?recording=${one.id}` }, one.name),
-      h("span", { className: "small" }, `${whenWords(one.asked_at)}, ${clockWords(1000 * one.duration_s)}, ${namesOf(one)}`),
+      h("span", { className: "small" }, `${dateText(one.asked_at)}, ${clockText(1000 * one.duration_s)}, ${memberNames(one)}`),
     ),
   );
   const element = h(
@@ -21,18 +21,18 @@ export function recordingsView(recordings: readonly Recording[]): View {
     h(
       "p",
       { className: "small" },
-      "Kept as motion, voices and words of those who agreed. Any of them can take themselves out.",
+      "Motion, voices and messages of the participants who agreed. Each of them can delete their own part.",
     ),
     items.length > 0 ? h("ul", { testId: "recordings" }, ...items) : h("p", {}, "Nothing has been recorded yet."),
-    h("p", {}, h("a", { href: "/" }, "To the start")),
+    h("p", {}, h("a", { href: "/" }, "Back to the start")),
   );
   return { element, close: () => undefined };
 }
 
-function whenWords(moment: string): string {
+function dateText(moment: string): string {
   return new Date(moment).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" });
 }
 
-function namesOf({ members }: Recording): string {
-  return members.map(({ name }) => name).join(", ") || "nobody is left in it";
+function memberNames({ members }: Recording): string {
+  return members.map(({ name }) => name).join(", ") || "no participants left";
 }

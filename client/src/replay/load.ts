@@ -3,11 +3,11 @@
 import type { Api } from "../api/api";
 import type { PosePacket } from "../transport/packets";
 import type { RecordingInFull } from "../api/types";
-import { readMotion, readRooms, readText, type Room, type Track } from "./tracks";
+import { readMotion, readRooms, readText, type RoomRecord, type Track } from "./tracks";
 
-export interface Loaded {
+export interface LoadedRecording {
   recording: RecordingInFull;
-  rooms: Track<Room>;
+  rooms: Track<RoomRecord>;
   /** By performer. */
   motions: Map<string, Track<PosePacket>>;
   /** By member. */
@@ -17,9 +17,9 @@ export interface Loaded {
 }
 
 /** Throws a Problem. */
-export async function loadRecording(api: Api, id: string): Promise<Loaded> {
+export async function loadRecording(api: Api, id: string): Promise<LoadedRecording> {
   const recording = await api.recording(id);
-  const loaded: Loaded = {
+  const loaded: LoadedRecording = {
     recording,
     rooms: { times: [], items: [] },
     motions: new Map(),

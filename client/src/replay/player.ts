@@ -57,7 +57,7 @@ export class Player {
 }
 
 /** 75,000 ms: 1:15. */
-export function clockWords(ms: number): string {
+export function clockText(ms: number): string {
   const seconds = Math.floor(ms / 1000);
   return `${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")}`;
 }

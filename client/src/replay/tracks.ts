@@ -10,7 +10,7 @@ export interface Track<Of> {
 }
 
 /** What the recorder noted of the room. */
-export interface Room {
+export interface RoomRecord {
   environment: string;
   performers: Pick<Performer, "id" | "model_id" | "position" | "yaw_rad">[];
   /** Participant -> who stood for them. */
@@ -40,8 +40,8 @@ export function readTrack<Of>(bytes: ArrayBuffer, read: (data: ArrayBuffer) => O
 export const readMotion = (bytes: ArrayBuffer): Track<PosePacket> => readTrack(bytes, decodePose);
 export const readText = (bytes: ArrayBuffer): Track<string> =>
   readTrack(bytes, (data) => new TextDecoder().decode(data));
-export const readRooms = (bytes: ArrayBuffer): Track<Room> =>
-  readTrack(bytes, (data) => JSON.parse(new TextDecoder().decode(data)) as Room);
+export const readRooms = (bytes: ArrayBuffer): Track<RoomRecord> =>
+  readTrack(bytes, (data) => JSON.parse(new TextDecoder().decode(data)) as RoomRecord);
 
 /** Index of the last moment that is not after `ms`; -1 before the first. */
 export function indexAt(times: readonly number[], ms: number): number {

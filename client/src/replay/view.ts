@@ -1,15 +1,15 @@
 /** A recorded meeting on the page: the room at any moment, from any side, with what was said. */
 
 import type { Api } from "../api/api";
-import { steerWith } from "../viewpoint/controls";
+import { attachControls } from "../viewpoint/controls";
 import { asProblem } from "../api/problem";
 import { isFinal } from "../api/api";
-import { h, prefersStillness } from "../views/dom";
+import { h, prefersReducedMotion } from "../views/dom";
 import { icon, mark } from "../views/icons";
 import { button, notice, type View } from "../views/shell";
-import type { Loaded } from "./load";
-import { Player, SPEEDS, clockWords } from "./player";
-import { ReplayStage } from "./stage";
+import type { LoadedRecording } from "./load";
+import { Player, SPEEDS, clockText } from "./player";
+import { ReplayRenderer } from "./renderer";
 import { indexAt } from "./tracks";
 import { RecordedVoices } from "./voices";
 
@@ -21,34 +21,34 @@ interface ReplayHooks {
   onLeave(): void;
 }
 
-export function replayView(api: Api, loaded: Loaded, hooks: ReplayHooks): View {
+export function replayView(api: Api, loaded: LoadedRecording, hooks: ReplayHooks): View {
   const { recording } = loaded;
   const player = new Player(1000 * recording.duration_s);
-  const stage = new ReplayStage(api, loaded, player, !prefersStillness());
+  const renderer = new ReplayRenderer(api, loaded, player, !prefersReducedMotion());
   const voices = new RecordedVoices(loaded.voices, player);
   const controls = playerControls(player);
   const chat = h("div", { className: "previews", testId: "replay-chat", attributes: { "aria-live": "polite" } });
-  const words = h("div", { className: "middle" });
-  stage.canvas.dataset["testid"] = "replay";
-  stage.canvas.setAttribute("role", "img");
-  stage.canvas.setAttribute("aria-label", `Recording of ${recording.name}`);
+  const words = h("div", { className: "viewport-centre" });
+  renderer.canvas.dataset["testid"] = "replay";
+  renderer.canvas.setAttribute("role", "img");
+  renderer.canvas.setAttribute("aria-label", `Recording of ${recording.name}`);
   const element = h(
     "main",
-    { className: "stage", tabIndex: 0, attributes: { "aria-label": "A recorded meeting" } },
-    stage.canvas,
+    { className: "viewport", tabIndex: 0, attributes: { "aria-label": "A recorded meeting" } },
+    renderer.canvas,
     words,
     h(
       "div",
-      { className: "stage-top" },
-      h("p", { className: "stage-name glass" }, mark(), h("span", {}, recording.name)),
-      h("div", { className: "stage-ways" }, ...ways(api, loaded, words, hooks)),
+      { className: "viewport-top" },
+      h("p", { className: "viewport-title glass" }, mark(), h("span", {}, recording.name)),
+      h("div", { className: "viewport-actions" }, ...actions(api, loaded, words, hooks)),
     ),
-    h("div", { className: "notes" }, chat),
-    h("div", { className: "stage-bottom" }, controls.element),
+    h("div", { className: "notifications" }, chat),
+    h("div", { className: "viewport-bottom" }, controls.element),
   );
-  const release = steerWith(element, stage.viewpoint, () => undefined);
+  const release = attachControls(element, renderer.viewpoint, () => undefined);
   const follow = (): void => {
-    voices.follow();
+    voices.synchronise();
     controls.update();
     showChat(chat, loaded, player.ms);
   };
@@ -59,12 +59,12 @@ export function replayView(api: Api, loaded: Loaded, hooks: ReplayHooks): View {
   let ticking = 0;
   const frame = (nowMs: number): void => {
     ticking = requestAnimationFrame(frame);
-    stage.viewpoint.step(Math.max(0, (nowMs - lastMs) / 1000));
+    renderer.viewpoint.step(Math.max(0, (nowMs - lastMs) / 1000));
     lastMs = nowMs;
     player.tick();
-    if (stage.draw()) stage.canvas.dataset["frames"] = String((frames += 1));
-    voices.place(stage.viewpoint.camera, (memberId) => stage.headOf(memberId));
-    if (stage.obstacle) words.replaceChildren(h("p", { className: "sheet" }, stage.obstacle));
+    if (renderer.draw()) renderer.canvas.dataset["frames"] = String((frames += 1));
+    voices.setPositions(renderer.viewpoint.camera, (memberId) => renderer.headPosition(memberId));
+    if (renderer.obstacle) words.replaceChildren(h("p", { className: "sheet" }, renderer.obstacle));
   };
   ticking = requestAnimationFrame(frame);
   follow();
@@ -75,7 +75,7 @@ export function replayView(api: Api, loaded: Loaded, hooks: ReplayHooks): View {
       clearInterval(following);
       release();
       voices.close();
-      stage.close();
+      renderer.close();
     },
   };
 }
@@ -111,7 +111,7 @@ function playerControls(player: Player): { element: HTMLElement; update(): void 
     element,
     update: () => {
       seek.value = String(player.ms);
-      clock.value = `${clockWords(player.ms)} / ${clockWords(player.durationMs)}`;
+      clock.value = `${clockText(player.ms)} / ${clockText(player.durationMs)}`;
       seek.setAttribute("aria-valuetext", clock.value);
       if (shown === player.playing) return;
       shown = player.playing;
@@ -121,7 +121,7 @@ function playerControls(player: Player): { element: HTMLElement; update(): void 
   };
 }
 
-function showChat(place: HTMLElement, { recording, chats }: Loaded, ms: number): void {
+function showChat(place: HTMLElement, { recording, chats }: LoadedRecording, ms: number): void {
   const names = new Map(recording.members.map(({ participant_id: id, name }) => [id, name]));
   const said = [...chats].flatMap(([who, { times, items }]) =>
     items.slice(0, indexAt(times, ms) + 1).map((text, index) => ({ at: times[index] ?? 0, who, text })),
@@ -132,21 +132,21 @@ function showChat(place: HTMLElement, { recording, chats }: Loaded, ms: number):
   place.dataset["key"] = key;
   place.replaceChildren(
     ...newest.map(({ who, text }) =>
-      h("p", { className: "note glass" }, h("strong", {}, names.get(who) ?? "Somebody"), ` ${text}`),
+      h("p", { className: "notification glass" }, h("strong", {}, names.get(who) ?? "Somebody"), ` ${text}`),
     ),
   );
 }
 
-function ways(api: Api, { recording }: Loaded, words: HTMLElement, hooks: ReplayHooks): HTMLElement[] {
+function actions(api: Api, { recording }: LoadedRecording, words: HTMLElement, hooks: ReplayHooks): HTMLElement[] {
   const fail = (error: unknown): void => words.replaceChildren(h("div", { className: "sheet" }, notice(asProblem(error))));
-  const film = button("Make a video", () => void make(), { look: "glass", icon: "camera", testId: "replay-export" });
+  const film = button("Export video", () => void make(), { look: "glass", icon: "camera", testId: "replay-export" });
   const make = async (): Promise<void> => {
     film.disabled = true;
     const label = film.querySelector("span");
     try {
       let job = await api.exportRecording(recording.id, { path: [], width: 1280, height: 720, fov_deg: 35 });
       for (; !isFinal(job); job = await api.job(job.id)) {
-        label?.replaceChildren(`Filming, ${Math.round(100 * job.progress)} %`);
+        label?.replaceChildren(`Exporting, ${Math.round(100 * job.progress)} %`);
         await new Promise((resolve) => setTimeout(resolve, 1000));
       }
       if (job.error) throw job.error;
@@ -158,13 +158,13 @@ function ways(api: Api, { recording }: Loaded, words: HTMLElement, hooks: Replay
       fail(error);
     }
     film.disabled = false;
-    label?.replaceChildren("Make a video");
+    label?.replaceChildren("Export video");
   };
-  const gone = (action: () => Promise<void>, question: string) => (): void => {
+  const confirmed = (action: () => Promise<void>, question: string) => (): void => {
     if (confirm(question)) action().then(hooks.onLeave, fail);
   };
   const erase = recording.mine
-    ? button("Delete", gone(() => api.deleteRecording(recording.id), "Delete this recording for everybody?"), { look: "glass", icon: "close", testId: "replay-delete" })
-    : button("Take me out", gone(() => api.leaveRecording(recording.id), "Delete what you moved, said and wrote?"), { look: "glass", icon: "close", testId: "replay-mine" });
+    ? button("Delete", confirmed(() => api.deleteRecording(recording.id), "Delete this recording for everybody?"), { look: "glass", icon: "close", testId: "replay-delete" })
+    : button("Remove me", confirmed(() => api.leaveRecording(recording.id), "Delete your motion, voice and messages from this recording?"), { look: "glass", icon: "close", testId: "replay-mine" });
   return [film, erase, button("Leave", hooks.onLeave, { look: "glass", icon: "leave" })];
 }

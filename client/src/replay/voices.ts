@@ -1,7 +1,7 @@
 /** What was said in a recording, in time with what is shown, from where its speaker stands. */
 
 import type { Vec3 } from "../viewpoint/geometry";
-import { turned, type Ears } from "../meeting/hearing";
+import { rotated, type ListenerPose } from "../meeting/spatialAudio";
 import type { Player } from "./player";
 
 interface Voice {
@@ -11,7 +11,7 @@ interface Voice {
 }
 
 /** Further apart than this the sound jumps to the picture, s. */
-const APART_S = 0.12;
+const MAX_DRIFT_S = 0.12;
 const AHEAD_M = 1;
 
 export class RecordedVoices {
@@ -35,13 +35,13 @@ export class RecordedVoices {
   }
 
   /** Follow the player; called at each change, and now and then. */
-  follow(): void {
+  synchronise(): void {
     const { player } = this;
     const at = player.ms / 1000;
     for (const { element } of this.voices) {
       const ended = Number.isFinite(element.duration) && at >= element.duration;
       element.playbackRate = player.speed;
-      if (!ended && Math.abs(element.currentTime - at) > APART_S * player.speed) element.currentTime = at;
+      if (!ended && Math.abs(element.currentTime - at) > MAX_DRIFT_S * player.speed) element.currentTime = at;
       if (player.playing && !ended && element.paused) {
         void this.context.resume();
         // refused only before the first touch of the page; the next change asks again
@@ -50,9 +50,9 @@ export class RecordedVoices {
     }
   }
 
-  place(ears: Ears, headOf: (memberId: string) => Vec3 | null): void {
-    const ahead = turned(ears.wxyz, [0, 0, 1]);
-    const up = turned(ears.wxyz, [0, -1, 0]);
+  setPositions(ears: ListenerPose, headOf: (memberId: string) => Vec3 | null): void {
+    const ahead = rotated(ears.wxyz, [0, 0, 1]);
+    const up = rotated(ears.wxyz, [0, -1, 0]);
     const { listener } = this.context;
     [listener.positionX.value, listener.positionY.value, listener.positionZ.value] = ears.position;
     [listener.forwardX.value, listener.forwardY.value, listener.forwardZ.value] = ahead;

@@ -6,7 +6,7 @@
  */
 
 import { EXPRESSION_COUNT } from "../landmarks/expression";
-import { matrixOf, smallestThree } from "../viewpoint/geometry";
+import { rotationMatrix, smallestThree } from "../viewpoint/geometry";
 import { NOTHING_MOVES, type MovedSplats } from "./moved";
 
 const MAGIC = "MNSP";
@@ -75,7 +75,7 @@ export function readSplats(bytes: ArrayBuffer, share = 1): SplatFile {
   const light = Float32Array.from({ length: LIGHT_NUMBERS }, (_, i) => data.getFloat32(LIGHT_AT + 4 * i, true));
   file.light = light.some((value) => value !== 0) ? light : null;
   file.moved = readMoved(data, movedStart, file.count);
-  const growth = growthOf(whole, file.count);
+  const growth = varianceScale(whole, file.count);
   for (let i = 0; i < file.count; i++) {
     readRecord(data, start + i * RECORD_BYTES, i, bounds, growth, file);
   }
@@ -83,7 +83,7 @@ export function readSplats(bytes: ArrayBuffer, share = 1): SplatFile {
 }
 
 /** Factor of the variances where only the first `kept` of `whole` splats are drawn. */
-export function growthOf(whole: number, kept: number): number {
+export function varianceScale(whole: number, kept: number): number {
   return Math.sqrt(whole / Math.max(kept, 1));
 }
 
@@ -161,5 +161,5 @@ function readRecord(
 
 function rotationOf(packed: number): number[] {
   const three = [packed & 1023, (packed >>> 10) & 1023, (packed >>> 20) & 1023];
-  return matrixOf(smallestThree(three, packed >>> 30, ROTATION_STEPS));
+  return rotationMatrix(smallestThree(three, packed >>> 30, ROTATION_STEPS));
 }

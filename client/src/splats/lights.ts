@@ -2,7 +2,7 @@
 
 import type { Light } from "../api/types";
 import type { Uniforms } from "./program";
-import { MOST_PEOPLE } from "./shaders";
+import { MAX_PEOPLE } from "./shaders";
 
 /** Of one light: nine harmonics of three colours. */
 const NUMBERS = 27;
@@ -12,13 +12,13 @@ export class Lights {
   private room: Light | null = null;
   private filmed: readonly (Float32Array | null)[] = [];
   /** Of each person, as the shader takes it: whether any falls on them, which, and whence. */
-  private readonly lit = new Int32Array(MOST_PEOPLE);
-  private readonly harmonics = new Float32Array(NUMBERS * MOST_PEOPLE);
-  private readonly turned = new Float32Array(2 * MOST_PEOPLE);
+  private readonly lit = new Int32Array(MAX_PEOPLE);
+  private readonly harmonics = new Float32Array(NUMBERS * MAX_PEOPLE);
+  private readonly turned = new Float32Array(2 * MAX_PEOPLE);
 
   /** The light of each person's clip; null where it is not known. */
-  setCast(filmed: readonly (Float32Array | null)[]): void {
-    this.filmed = filmed.slice(0, MOST_PEOPLE);
+  setClipLights(filmed: readonly (Float32Array | null)[]): void {
+    this.filmed = filmed.slice(0, MAX_PEOPLE);
     this.choose();
   }
 
@@ -30,7 +30,7 @@ export class Lights {
 
   /** Hand them to the program in use; each clip's was turned with its person, by a yaw (rad). */
   set(gl: WebGL2RenderingContext, at: Uniforms, eye: readonly [number, number, number], yawsRad: readonly number[]): void {
-    for (let person = 0; person < MOST_PEOPLE; person++) {
+    for (let person = 0; person < MAX_PEOPLE; person++) {
       const yawRad = this.room ? 0 : (yawsRad[person] ?? 0);
       this.turned[2 * person] = Math.cos(yawRad);
       this.turned[2 * person + 1] = Math.sin(yawRad);

@@ -4,23 +4,23 @@ import { decodePose, isNewer, performerCheck, type PosePacket } from "../transpo
 import type { Size } from "../viewpoint/framing";
 import type { Performer } from "../api/types";
 import type { CameraPose } from "../viewpoint/viewpoint";
-import { castOf, shareWithin, type Cast } from "./cast";
-import { growthOf, readSplats, type SplatFile } from "./file";
-import { emptyOffsets, moveSplats } from "./moved";
+import { packSplats, shareWithin, type PackedSplats } from "./packed";
+import { varianceScale, readSplats, type SplatFile } from "./file";
+import { allocateOffsets, moveSplats } from "./moved";
 import { passCamera, SplatPass, type Eye, type PassCamera, type PassPeople } from "./pass";
-import { contactShadows, type Place, type Shadow } from "./room";
-import { skin, TRANSFORM } from "./skeleton";
-import { depthOrder, depthRows, depths, emptyOrder } from "./sort";
+import { contactShadows, type LoadedEnvironment, type Shadow } from "./room";
+import { forwardKinematics, TRANSFORM } from "./skeleton";
+import { depthOrder, depthRows, depths, allocateOrder } from "./sort";
 import type { Sorted, SortTask } from "./sortWorker";
 
 /** Poses older than this show a connection that is gone, or a server that draws by itself. */
 const STALE_MS = 1000;
 const TRIAL_FRAMES = 3;
-const SERVER_ONLY = "Somebody here can only be drawn by the server";
+const SERVER_ONLY = "Somebody here can only be rendered by the server";
 const NOBODY: PassPeople = {
   transforms: new Float32Array(TRANSFORM),
-  offsets: emptyOffsets(0),
-  order: emptyOrder(0),
+  offsets: allocateOffsets(0),
+  order: allocateOrder(0),
   count: 0,
   growth: [],
   yawsRad: [],
@@ -35,7 +35,7 @@ export class LocalRoom {
   /** Everybody's splats are here. */
   onLoaded: () => void = () => undefined;
   /** The server speaks of other people than we know. */
-  onStrangers: () => void = () => undefined;
+  onUnknownPerformers: () => void = () => undefined;
   /** Why this device can't draw the room, in words for its viewer; null where it can or may yet. */
   obstacle: string | null = null;
 
@@ -43,21 +43,21 @@ export class LocalRoom {
   private readonly worker = new Worker(new URL("./sortWorker.ts", import.meta.url), { type: "module" });
   private readonly files = new Map<string, Promise<ArrayBuffer | null>>();
   private performers: readonly Performer[] = [];
-  private cast: Cast | null = null;
-  private casts = 0;
+  private splats: PackedSplats | null = null;
+  private splatsVersion = 0;
   private poses: PosePacket[] = [];
-  private heardMs = -Infinity;
-  private posed = false;
+  private lastPoseMs = -Infinity;
+  private posesChanged = false;
   private transforms = new Float32Array(0);
-  private offsets = emptyOffsets(0);
-  private expressed = "";
+  private offsets = allocateOffsets(0);
+  private appliedExpressions = "";
   private shadows: Shadow[] = [];
   private sorted: Sorted | null = null;
-  private spare: Uint32Array<ArrayBuffer> | null = null;
+  private spareOrder: Uint32Array<ArrayBuffer> | null = null;
   private resorted = false;
-  private drawn = "";
+  private drawnKey = "";
   private screen: HTMLVideoElement | null = null;
-  private watching = 0;
+  private videoCallback = 0;
   /** Counts what was to be seen so far, and says which of it the worker was given last. */
   private version = 0;
   private sortedVersion = 0;
@@ -68,15 +68,15 @@ export class LocalRoom {
     private readonly xrCompatible = false,
   ) {
     this.pass = this.makePass();
-    this.worker.addEventListener("message", ({ data }: MessageEvent<Sorted>) => this.take(data));
+    this.worker.addEventListener("message", ({ data }: MessageEvent<Sorted>) => this.onSorted(data));
     this.canvas.addEventListener("webglcontextlost", () => {
-      this.obstacle = "The graphics of this device have stopped";
-      this.cast = null;
+      this.obstacle = "The graphics context of this device was lost";
+      this.splats = null;
     });
   }
 
   get loaded(): boolean {
-    return this.cast !== null;
+    return this.splats !== null;
   }
 
   /**
@@ -87,10 +87,10 @@ export class LocalRoom {
     const before = this.performers;
     const alike = (key: "id" | "model_id"): boolean =>
       performers.length === before.length && performers.every((one, at) => one[key] === before[at]?.[key]);
-    if (!this.pass || (alike("id") && alike("model_id") && this.cast)) return;
+    if (!this.pass || (alike("id") && alike("model_id") && this.splats)) return;
     this.performers = performers;
     if (!alike("id")) {
-      this.cast = null;
+      this.splats = null;
       this.poses = [];
     }
     try {
@@ -103,25 +103,25 @@ export class LocalRoom {
   }
 
   /** Where everybody is from now on; shown with the next picture. */
-  setPlace(place: Place): void {
-    this.pass?.setPlace(place);
-    this.drawn = "";
+  setEnvironment(place: LoadedEnvironment): void {
+    this.pass?.setEnvironment(place);
+    this.drawnKey = "";
   }
 
   /** A screen that is shared now, each of its pictures with the next of the room; null: none. */
   setScreen(video: HTMLVideoElement | null): void {
-    this.screen?.cancelVideoFrameCallback(this.watching);
+    this.screen?.cancelVideoFrameCallback(this.videoCallback);
     this.screen = video;
     if (!video) this.pass?.setScreen(null);
     else this.watchScreen(video);
-    this.drawn = "";
+    this.drawnKey = "";
   }
 
   private watchScreen(video: HTMLVideoElement): void {
-    this.watching = video.requestVideoFrameCallback(() => {
+    this.videoCallback = video.requestVideoFrameCallback(() => {
       if (this.screen !== video) return;
       this.pass?.setScreen(video, video.videoWidth, video.videoHeight);
-      this.drawn = "";
+      this.drawnKey = "";
       this.watchScreen(video);
     });
   }
@@ -132,48 +132,48 @@ export class LocalRoom {
   }
 
   /** A pose from the server; old ones change nothing. */
-  accept(bytes: ArrayBuffer): void {
+  acceptPacket(bytes: ArrayBuffer): void {
     const pose = decodePose(bytes);
-    if (pose) this.stand(pose);
+    if (pose) this.setPose(pose);
   }
 
   /** A pose of somebody; old ones change nothing. */
-  stand(pose: PosePacket): void {
-    if (!this.cast) return;
+  setPose(pose: PosePacket): void {
+    if (!this.splats) return;
     const performer = this.performers[pose.index];
     if (pose.count !== this.performers.length || !performer || performerCheck(performer.id) !== pose.check) {
-      this.onStrangers();
+      this.onUnknownPerformers();
       return;
     }
     const last = this.poses[pose.index];
     if (last && !isNewer(pose.sequence, last.sequence)) return;
     this.poses[pose.index] = pose;
-    this.heardMs = performance.now();
-    this.posed = true;
+    this.lastPoseMs = performance.now();
+    this.posesChanged = true;
   }
 
   /** Whether poses of everybody are coming. */
   get drawable(): boolean {
-    if (!this.cast || performance.now() - this.heardMs > STALE_MS) return false;
+    if (!this.splats || performance.now() - this.lastPoseMs > STALE_MS) return false;
     return this.performers.every((_, index) => this.poses[index] !== undefined);
   }
 
   /** Draw what has changed since the last time; says whether a picture was drawn. */
   draw(view: CameraPose, fovYRad: number, { width, height }: Size, filmedOnly: boolean): boolean {
-    const { cast, pass } = this;
-    if (!cast || !pass || !this.drawable) return false;
-    if (this.posed) this.pose(cast);
+    const { splats, pass } = this;
+    if (!splats || !pass || !this.drawable) return false;
+    if (this.posesChanged) this.updateTransforms(splats);
     const camera = passCamera(view, fovYRad, width, height);
     const key = [...camera.worldToCamera, width, height, filmedOnly].join();
-    const changed = this.posed || key !== this.drawn;
-    this.posed = false;
-    this.drawn = key;
+    const changed = this.posesChanged || key !== this.drawnKey;
+    this.posesChanged = false;
+    this.drawnKey = key;
     if (changed) this.version += 1;
     this.sort(camera);
     const sorted = this.sorted;
     if (!sorted || !(changed || this.resorted)) return false;
     this.resorted = false;
-    pass.draw({ camera, ...this.people(cast, sorted, filmedOnly) });
+    pass.draw({ camera, ...this.passPeople(splats, sorted, filmedOnly) });
     return true;
   }
 
@@ -189,11 +189,11 @@ export class LocalRoom {
 
   /** Splats of each person; none before they are here. */
   get counts(): readonly number[] {
-    return this.cast?.bound.counts ?? [];
+    return this.splats?.skinned.counts ?? [];
   }
 
   /** Where everybody's pelvis is, m; at their place until they move. */
-  get places(): readonly (readonly [number, number, number])[] {
+  get pelvisPositions(): readonly (readonly [number, number, number])[] {
     return this.performers.map((performer, index) => this.poses[index]?.pelvis ?? performer.position);
   }
 
@@ -203,33 +203,33 @@ export class LocalRoom {
    * whether people are in the picture.
    */
   drawEyes(eyes: readonly Eye[], head: PassCamera, filmedOnly: boolean, kept: readonly number[]): boolean {
-    const { cast, pass } = this;
+    const { splats, pass } = this;
     if (!pass) return false;
-    const drawable = cast !== null && this.drawable;
-    if (cast && drawable) {
-      if (this.posed) this.pose(cast);
-      this.posed = false;
+    const drawable = splats !== null && this.drawable;
+    if (splats && drawable) {
+      if (this.posesChanged) this.updateTransforms(splats);
+      this.posesChanged = false;
       this.version += 1;
       this.sort(head, kept);
     }
     const sorted = drawable ? this.sorted : null;
-    pass.drawEyes(cast && sorted ? this.people(cast, sorted, filmedOnly) : NOBODY, eyes);
+    pass.drawEyes(splats && sorted ? this.passPeople(splats, sorted, filmedOnly) : NOBODY, eyes);
     return sorted !== null;
   }
 
   /** Pictures of `size` that this device draws a second: a short trial, everybody at rest. */
   trialFps(view: CameraPose, fovYRad: number, { width, height }: Size): number {
-    const { cast, pass } = this;
-    if (!cast || !pass) return 0;
-    this.pose(cast, (index) => this.performers[index]?.position);
+    const { splats, pass } = this;
+    if (!splats || !pass) return 0;
+    this.updateTransforms(splats, (index) => this.performers[index]?.position);
     const camera = passCamera(view, fovYRad, width, height);
-    const depth = new Float32Array(cast.count);
-    const order = emptyOrder(cast.count);
-    depths(cast.bound, depthRows(this.transforms, camera.worldToCamera), depth);
+    const depth = new Float32Array(splats.count);
+    const order = allocateOrder(splats.count);
+    depths(splats.skinned, depthRows(this.transforms, camera.worldToCamera), depth);
     const count = depthOrder(depth, order);
     let startMs = 0;
     for (let frame = 0; frame <= TRIAL_FRAMES; frame++) {
-      pass.draw({ camera, ...this.people(cast, { order, count, kept: cast.bound.counts }, false) });
+      pass.draw({ camera, ...this.passPeople(splats, { order, count, kept: splats.skinned.counts }, false) });
       pass.read(1); // waits for the card
       if (frame === 0) startMs = performance.now(); // the first one also makes the shaders ready
     }
@@ -237,7 +237,7 @@ export class LocalRoom {
   }
 
   close(): void {
-    this.screen?.cancelVideoFrameCallback(this.watching);
+    this.screen?.cancelVideoFrameCallback(this.videoCallback);
     this.screen = null;
     this.worker.terminate();
     this.pass?.close();
@@ -248,7 +248,7 @@ export class LocalRoom {
     try {
       return new SplatPass(this.canvas, this.xrCompatible);
     } catch {
-      this.obstacle = "This browser can’t draw people by itself";
+      this.obstacle = "This browser can’t render people: it has no WebGL2";
       return null;
     }
   }
@@ -282,29 +282,29 @@ export class LocalRoom {
     if (!whole) return;
     const share = shareWithin(whole.map(({ count }) => count));
     const people = share < 1 ? files.map((file) => readSplats(file, share)) : whole;
-    const cast = castOf(people);
-    this.cast = cast;
-    this.transforms = new Float32Array(TRANSFORM * cast.joints);
-    this.offsets = emptyOffsets(cast.moved);
-    this.expressed = "";
+    const splats = packSplats(people);
+    this.splats = splats;
+    this.transforms = new Float32Array(TRANSFORM * splats.joints);
+    this.offsets = allocateOffsets(splats.moved);
+    this.appliedExpressions = "";
     this.sorted = null;
-    this.spare = emptyOrder(cast.count);
-    this.pass?.setCast(cast);
-    this.casts += 1;
-    this.worker.postMessage({ cast: this.casts, bound: cast.bound } satisfies SortTask);
+    this.spareOrder = allocateOrder(splats.count);
+    this.pass?.setSplats(splats);
+    this.splatsVersion += 1;
+    this.worker.postMessage({ version: this.splatsVersion, skinned: splats.skinned } satisfies SortTask);
     this.onLoaded();
   }
 
   /** Transforms and shadows of everybody: as they stand, or at rest at the given places. */
-  private pose(cast: Cast, place?: (index: number) => readonly number[] | undefined): void {
+  private updateTransforms(splats: PackedSplats, place?: (index: number) => readonly number[] | undefined): void {
     let at = 0;
-    this.express(cast);
-    this.shadows = cast.people.flatMap((person, index) => {
+    this.applyExpressions(splats);
+    this.shadows = splats.people.flatMap((person, index) => {
       const [x = 0, y = 0, z = 0] = place?.(index) ?? [];
       const [px = 0, py = 0, pz = 0] = person.restJoints;
       const pelvis = place ? [x + px, y + py, z + pz] : (this.poses[index]?.pelvis ?? []);
-      const turns = place ? restTurns(person.parents.length) : (this.poses[index]?.turns ?? []);
-      skin(person, pelvis, turns, this.transforms, at);
+      const turns = place ? restRotations(person.parents.length) : (this.poses[index]?.rotations ?? []);
+      forwardKinematics(person, pelvis, turns, this.transforms, at);
       const shadows = contactShadows(person, this.transforms, at);
       at += TRANSFORM * person.parents.length;
       return shadows;
@@ -312,14 +312,14 @@ export class LocalRoom {
   }
 
   /** Move the splats of faces and hands, where anybody's changed. */
-  private express(cast: Cast): void {
+  private applyExpressions(splats: PackedSplats): void {
     const shown = this.performers.map((_, index) => this.poses[index]?.expression ?? []);
     const key = shown.join(";");
-    if (key === this.expressed) return;
-    this.expressed = key;
-    this.offsets = emptyOffsets(cast.moved); // another array: the card's is to be written anew
+    if (key === this.appliedExpressions) return;
+    this.appliedExpressions = key;
+    this.offsets = allocateOffsets(splats.moved); // another array: the card's is to be written anew
     let first = 0;
-    for (const [index, { moved }] of cast.people.entries()) {
+    for (const [index, { moved }] of splats.people.entries()) {
       moveSplats(moved, shown[index] ?? [], this.offsets, first);
       first += moved.splats.length;
     }
@@ -327,31 +327,31 @@ export class LocalRoom {
 
   /** Have the worker sort for the newest view, unless it is still at the last one. */
   private sort(camera: PassCamera, kept: readonly number[] = this.counts): void {
-    const order = this.spare;
+    const order = this.spareOrder;
     if (!order || this.sortedVersion === this.version) return;
-    this.spare = null;
+    this.spareOrder = null;
     this.sortedVersion = this.version;
     const rows = depthRows(this.transforms, camera.worldToCamera);
-    const task: SortTask = { cast: this.casts, rows, order, kept };
+    const task: SortTask = { version: this.splatsVersion, rows, order, kept };
     this.worker.postMessage(task, [order.buffer]);
   }
 
-  private people(cast: Cast, { order, count, kept }: Omit<Sorted, "cast">, filmedOnly: boolean): PassPeople {
+  private passPeople(splats: PackedSplats, { order, count, kept }: Omit<Sorted, "version">, filmedOnly: boolean): PassPeople {
     const { transforms, offsets, shadows } = this;
-    const growth = cast.bound.counts.map((whole, person) => growthOf(whole, kept[person] ?? whole));
+    const growth = splats.skinned.counts.map((whole, person) => varianceScale(whole, kept[person] ?? whole));
     const yawsRad = this.performers.map((performer) => performer.yaw_rad);
     return { transforms, offsets, shadows, order, count, growth, yawsRad, filmedOnly };
   }
 
-  private take(sorted: Sorted): void {
-    if (sorted.cast !== this.casts) return;
+  private onSorted(sorted: Sorted): void {
+    if (sorted.version !== this.splatsVersion) return;
     // two orders take turns: one is shown while the worker fills the other
-    this.spare = this.sorted?.order ?? emptyOrder(this.cast?.count ?? 0);
+    this.spareOrder = this.sorted?.order ?? allocateOrder(this.splats?.count ?? 0);
     this.sorted = sorted;
     this.resorted = true;
   }
 }
 
-function restTurns(joints: number): number[] {
+function restRotations(joints: number): number[] {
   return Array.from({ length: 4 * joints }, (_, i) => (i % 4 === 0 ? 1 : 0));
 }

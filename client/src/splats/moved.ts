@@ -18,7 +18,7 @@ const NUMBERS = 3 * EXPRESSION_COUNT;
 export const NOTHING_MOVES: MovedSplats = { splats: new Uint32Array(0), offsets: new Int8Array(0), unitM: 0 };
 
 /** Room for the offsets of `count` splats: whole rows of a texture, four numbers each. */
-export function emptyOffsets(count: number): Float32Array<ArrayBuffer> {
+export function allocateOffsets(count: number): Float32Array<ArrayBuffer> {
   return new Float32Array(4 * MOVED_COLUMNS * Math.max(1, Math.ceil(count / MOVED_COLUMNS)));
 }
 

@@ -7,23 +7,23 @@
  * phone blends into them.
  */
 
-import { SPLAT_NUMBERS, type Cast } from "./cast";
-import { matrixOf } from "../viewpoint/geometry";
+import { SPLAT_NUMBERS, type PackedSplats } from "./packed";
+import { rotationMatrix } from "../viewpoint/geometry";
 import { Lights } from "./lights";
 import { MOVED_COLUMNS } from "./moved";
 import { program, uniformsOf, type Uniforms } from "./program";
 import { ORDER_COLUMNS } from "./sort";
 import {
-  MOST_PEOPLE,
-  MOST_SHADOWS,
-  PLACE_FRAGMENT,
+  MAX_PEOPLE,
+  MAX_SHADOWS,
+  PROJECT_FRAGMENT,
   ROOM_FRAGMENT,
   SPLAT_FRAGMENT,
   SPLAT_VERTEX,
   TABLE_COLUMNS,
-  WHOLE_VERTEX,
+  FULLSCREEN_VERTEX,
 } from "./shaders";
-import { SCREEN, STUDIO, screenHalves, type Place, type Shadow } from "./room";
+import { SCREEN, STUDIO, screenHalfSize, type LoadedEnvironment, type Shadow } from "./room";
 import type { CameraPose } from "../viewpoint/viewpoint";
 
 /** A pinhole camera in the room, OpenCV axes. */
@@ -40,7 +40,7 @@ export interface PassCamera {
 }
 
 export function passCamera(pose: CameraPose, fovYRad: number, width: number, height: number): PassCamera {
-  const turn = matrixOf(pose.wxyz); // camera -> world
+  const turn = rotationMatrix(pose.wxyz); // camera -> world
   const worldToCamera = new Float32Array(12);
   for (let r = 0; r < 3; r++) {
     for (let c = 0; c < 3; c++) {
@@ -91,15 +91,15 @@ const TRIANGLES = [0, 1, 2, 2, 1, 3];
 
 export class SplatPass {
   readonly gl: WebGL2RenderingContext;
-  private readonly placing: WebGLProgram;
-  private readonly splats: WebGLProgram;
-  private readonly room: WebGLProgram;
-  private readonly placeUniforms: Uniforms;
+  private readonly projectProgram: WebGLProgram;
+  private readonly splatProgram: WebGLProgram;
+  private readonly roomProgram: WebGLProgram;
+  private readonly projectUniforms: Uniforms;
   private readonly splatUniforms: Uniforms;
   private readonly roomUniforms: Uniforms;
   /** Four corners a splat as two triangles. */
   private readonly corners: WebGLVertexArrayObject;
-  private readonly nothing: WebGLVertexArrayObject;
+  private readonly emptyVertexArray: WebGLVertexArrayObject;
   private readonly order: WebGLTexture;
   private readonly table: WebGLTexture;
   private readonly transforms: WebGLTexture;
@@ -107,16 +107,16 @@ export class SplatPass {
   /** What `PLACE_FRAGMENT` writes, a texel a splat in the order of drawing. */
   private readonly middles: WebGLTexture;
   private readonly looks: WebGLTexture;
-  private readonly placed: WebGLFramebuffer;
+  private readonly projectedFramebuffer: WebGLFramebuffer;
   private readonly picture: WebGLTexture;
   private readonly target: WebGLFramebuffer;
   private readonly panorama: WebGLTexture;
-  private place: Place = { picture: null, light: null };
+  private environment: LoadedEnvironment = { panorama: null, light: null };
   private readonly lights = new Lights();
   private readonly screen: WebGLTexture;
-  private screenHalves: readonly [number, number] | null = null;
-  private orderOnCard: Uint32Array | null = null;
-  private offsetsOnCard: Float32Array | null = null;
+  private screenHalfSize: readonly [number, number] | null = null;
+  private uploadedOrder: Uint32Array | null = null;
+  private uploadedOffsets: Float32Array | null = null;
   private size = { width: 0, height: 0 };
 
   /** Throws where the browser has no WebGL2. `xrCompatible`: a headset is to show what is drawn. */
@@ -125,35 +125,35 @@ export class SplatPass {
     const gl = canvas.getContext("webgl2", attributes) as WebGL2RenderingContext | null;
     if (!gl) throw new Error("drawing takes WebGL2; this browser has none");
     this.gl = gl;
-    this.placing = program(gl, WHOLE_VERTEX, PLACE_FRAGMENT);
-    this.splats = program(gl, SPLAT_VERTEX, SPLAT_FRAGMENT);
-    this.room = program(gl, WHOLE_VERTEX, ROOM_FRAGMENT);
-    this.placeUniforms = uniformsOf(gl, this.placing);
-    this.splatUniforms = uniformsOf(gl, this.splats);
-    this.roomUniforms = uniformsOf(gl, this.room);
+    this.projectProgram = program(gl, FULLSCREEN_VERTEX, PROJECT_FRAGMENT);
+    this.splatProgram = program(gl, SPLAT_VERTEX, SPLAT_FRAGMENT);
+    this.roomProgram = program(gl, FULLSCREEN_VERTEX, ROOM_FRAGMENT);
+    this.projectUniforms = uniformsOf(gl, this.projectProgram);
+    this.splatUniforms = uniformsOf(gl, this.splatProgram);
+    this.roomUniforms = uniformsOf(gl, this.roomProgram);
     this.table = texture(gl);
     this.transforms = texture(gl);
     this.offsets = texture(gl);
     this.middles = texture(gl);
     this.looks = texture(gl);
-    this.placed = gl.createFramebuffer();
+    this.projectedFramebuffer = gl.createFramebuffer();
     this.picture = texture(gl);
     this.panorama = texture(gl, gl.LINEAR);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
     this.screen = texture(gl, gl.LINEAR);
     for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
-    this.setPlace(this.place);
+    this.setEnvironment(this.environment);
     this.setScreen(null);
     this.target = gl.createFramebuffer();
     this.order = texture(gl);
     this.corners = gl.createVertexArray();
-    this.nothing = gl.createVertexArray();
+    this.emptyVertexArray = gl.createVertexArray();
     gl.bindVertexArray(this.corners);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
   }
 
   /** Hand over the splats; they stay on the card. */
-  setCast(cast: Cast): void {
+  setSplats(cast: PackedSplats): void {
     const { gl } = this;
     const rows = Math.max(1, Math.ceil(cast.count / TABLE_COLUMNS));
     const padded = new Uint32Array(rows * TABLE_COLUMNS * SPLAT_NUMBERS);
@@ -166,27 +166,27 @@ export class SplatPass {
     for (let i = 0; i < cast.count; i++) triangles.set(TRIANGLES.map((corner) => 4 * i + corner), 6 * i);
     gl.bindVertexArray(this.corners);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
-    this.makePlaces(cast.count);
-    this.orderOnCard = null;
-    this.lights.setCast(cast.people.map(({ light }) => light));
+    this.allocateProjected(cast.count);
+    this.uploadedOrder = null;
+    this.lights.setClipLights(cast.people.map(({ light }) => light));
   }
 
   /** Where everybody is from now on. */
-  setPlace(place: Place): void {
+  setEnvironment(place: LoadedEnvironment): void {
     const { gl } = this;
-    this.place = place;
+    this.environment = place;
     this.lights.setRoom(place.light);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.panorama);
-    const { picture } = place;
-    if (picture) gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, picture);
+    const { panorama } = place;
+    if (panorama) gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, panorama);
     else gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
   }
 
   /** The newest picture of a shared screen; null: none is shared. */
   setScreen(source: TexImageSource | null, width = 1, height = 1): void {
     const { gl } = this;
-    this.screenHalves = source ? screenHalves(width, height) : null;
+    this.screenHalfSize = source ? screenHalfSize(width, height) : null;
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.screen);
     if (source) gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, source);
@@ -207,7 +207,7 @@ export class SplatPass {
     this.upload(people);
     for (const eye of eyes) {
       this.resize(eye.camera);
-      this.placeSplats(people, eye.camera);
+      this.projectSplats(people, eye.camera);
       this.drawSplats(people, eye.camera);
       this.drawRoom(people, eye);
     }
@@ -241,29 +241,29 @@ export class SplatPass {
     );
     gl.activeTexture(gl.TEXTURE2);
     gl.bindTexture(gl.TEXTURE_2D, this.order);
-    if (this.orderOnCard === order) return;
+    if (this.uploadedOrder === order) return;
     const rows = order.length / ORDER_COLUMNS;
     gl.texImage2D(
       gl.TEXTURE_2D, 0, gl.R32UI, ORDER_COLUMNS, rows, 0, gl.RED_INTEGER, gl.UNSIGNED_INT, order,
     );
-    this.orderOnCard = order;
+    this.uploadedOrder = order;
   }
 
   private uploadOffsets(offsets: Float32Array): void {
     const { gl } = this;
-    if (this.offsetsOnCard === offsets) return;
+    if (this.uploadedOffsets === offsets) return;
     gl.activeTexture(gl.TEXTURE3);
     gl.bindTexture(gl.TEXTURE_2D, this.offsets);
     const rows = offsets.length / (4 * MOVED_COLUMNS);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, MOVED_COLUMNS, rows, 0, gl.RGBA, gl.FLOAT, offsets);
-    this.offsetsOnCard = offsets;
+    this.uploadedOffsets = offsets;
   }
 
-  private makePlaces(count: number): void {
+  private allocateProjected(count: number): void {
     const { gl } = this;
     const rows = Math.max(1, Math.ceil(count / ORDER_COLUMNS));
     const points = [gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1];
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.placed);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.projectedFramebuffer);
     [this.middles, this.looks].forEach((into, nth) => {
       gl.bindTexture(gl.TEXTURE_2D, into);
       gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32UI, ORDER_COLUMNS, rows, 0, gl.RGBA_INTEGER, gl.UNSIGNED_INT, null);
@@ -273,12 +273,12 @@ export class SplatPass {
   }
 
   /** Work out where in the picture each splat is drawn. */
-  private placeSplats({ count, growth, yawsRad, filmedOnly }: PassPeople, camera: PassCamera): void {
-    const { gl, placeUniforms: at } = this;
+  private projectSplats({ count, growth, yawsRad, filmedOnly }: PassPeople, camera: PassCamera): void {
+    const { gl, projectUniforms: at } = this;
     if (count === 0) return;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.placed);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.projectedFramebuffer);
     gl.viewport(0, 0, ORDER_COLUMNS, Math.ceil(count / ORDER_COLUMNS));
-    gl.useProgram(this.placing);
+    gl.useProgram(this.projectProgram);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.table);
     gl.activeTexture(gl.TEXTURE3);
@@ -287,12 +287,12 @@ export class SplatPass {
     gl.uniform1i(at("order"), 2);
     gl.uniform1i(at("offsets"), 3);
     gl.uniform1i(at("filmedOnly"), filmedOnly ? 1 : 0);
-    if (growth.length > 0) gl.uniform1fv(at("growth"), growth.slice(0, MOST_PEOPLE));
+    if (growth.length > 0) gl.uniform1fv(at("growth"), growth.slice(0, MAX_PEOPLE));
     this.setCamera(at, camera);
     const t = camera.worldToCamera;
     gl.uniform3f(at("translation"), t[3] ?? 0, t[7] ?? 0, t[11] ?? 0);
     this.lights.set(gl, at, camera.eye, yawsRad);
-    gl.bindVertexArray(this.nothing);
+    gl.bindVertexArray(this.emptyVertexArray);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
@@ -303,7 +303,7 @@ export class SplatPass {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT);
     if (count === 0) return;
-    gl.useProgram(this.splats);
+    gl.useProgram(this.splatProgram);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.middles);
     gl.activeTexture(gl.TEXTURE3);
@@ -322,7 +322,7 @@ export class SplatPass {
     const { gl } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
     gl.viewport(x, y, camera.width, camera.height);
-    gl.useProgram(this.room);
+    gl.useProgram(this.roomProgram);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.picture);
     this.setCamera(this.roomUniforms, camera);
@@ -333,18 +333,18 @@ export class SplatPass {
     gl.activeTexture(gl.TEXTURE4);
     gl.bindTexture(gl.TEXTURE_2D, this.screen);
     gl.uniform1i(this.roomUniforms("screen"), 4);
-    gl.uniform1i(this.roomUniforms("sharing"), this.screenHalves ? 1 : 0);
+    gl.uniform1i(this.roomUniforms("sharing"), this.screenHalfSize ? 1 : 0);
     gl.uniform3f(this.roomUniforms("screenCentre"), ...SCREEN.centre);
-    gl.uniform2f(this.roomUniforms("screenHalves"), ...(this.screenHalves ?? [1, 1]));
-    gl.uniform1i(this.roomUniforms("panoramic"), this.place.picture ? 1 : 0);
+    gl.uniform2f(this.roomUniforms("screenHalves"), ...(this.screenHalfSize ?? [1, 1]));
+    gl.uniform1i(this.roomUniforms("panoramic"), this.environment.panorama ? 1 : 0);
     gl.uniform3f(this.roomUniforms("eye"), ...camera.eye);
     gl.uniform3f(this.roomUniforms("horizon"), ...STUDIO.horizon);
     gl.uniform3f(this.roomUniforms("zenith"), ...STUDIO.zenith);
     gl.uniform3f(this.roomUniforms("floorColour"), ...STUDIO.floor);
-    const kept = shadows.slice(0, MOST_SHADOWS);
+    const kept = shadows.slice(0, MAX_SHADOWS);
     gl.uniform1i(this.roomUniforms("shadowCount"), kept.length);
     if (kept.length > 0) gl.uniform4fv(this.roomUniforms("shadows"), kept.flat());
-    gl.bindVertexArray(this.nothing);
+    gl.bindVertexArray(this.emptyVertexArray);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 

@@ -1,7 +1,7 @@
 /** The room round the people as the server draws it: its colours, and shadows where people stand. */
 
 import type { Light } from "../api/types";
-import { moved, TRANSFORM, type Bones } from "./skeleton";
+import { transformedJoint, TRANSFORM, type Skeleton } from "./skeleton";
 
 /** sRGB of `scene.environment.Environment`. */
 export const STUDIO = {
@@ -11,10 +11,10 @@ export const STUDIO = {
   shadowStrength: 0.45,
 } as const;
 
-/** A place to meet in: what is seen all round, and the light on people; empty: the studio, as filmed. */
-export interface Place {
+/** An environment: its panorama and its lighting; both null: the studio, with the light of the clips. */
+export interface LoadedEnvironment {
   /** Equirectangular, its middle towards +x. */
-  picture: ImageBitmap | null;
+  panorama: ImageBitmap | null;
   light: Light | null;
 }
 
@@ -22,13 +22,13 @@ export interface Place {
 export const SCREEN = { centre: [0, 1.72, -1.9], widest: 2.6, highest: 1.5 } as const;
 
 /** Half the width and height (m) of a screen of so many pixels. */
-export function screenHalves(width: number, height: number): readonly [number, number] {
+export function screenHalfSize(width: number, height: number): readonly [number, number] {
   const scale = Math.min(SCREEN.widest / Math.max(width, 1), SCREEN.highest / Math.max(height, 1));
   return [0.5 * scale * width, 0.5 * scale * height];
 }
 
-/** The picture of a place, its bytes as they are. Throws where it is none. */
-export function decodePicture(data: Blob): Promise<ImageBitmap> {
+/** The panorama of an environment, its bytes as they are. Throws where it is none. */
+export function decodePanorama(data: Blob): Promise<ImageBitmap> {
   return createImageBitmap(data, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
 }
 
@@ -41,9 +41,9 @@ const FOOT_CLEARANCE_M = 0.35;
 export type Shadow = readonly [number, number, number, number];
 
 /** The shadows under somebody whose transforms begin at `at`. */
-export function contactShadows(bones: Bones, transforms: Float32Array, at: number): Shadow[] {
+export function contactShadows(bones: Skeleton, transforms: Float32Array, at: number): Shadow[] {
   return ANKLES.map((ankle) => {
-    const [x, y, z] = moved(transforms, at + TRANSFORM * ankle, bones.restJoints, ankle);
+    const [x, y, z] = transformedJoint(transforms, at + TRANSFORM * ankle, bones.restJoints, ankle);
     const lifted = Math.max(0, y - (bones.restJoints[3 * ankle + 1] ?? 0)) / FOOT_CLEARANCE_M;
     const strength = STUDIO.shadowStrength * Math.max(0, 1 - lifted);
     return [x, z, SHADOW_RADIUS_M * (1 + lifted), strength];

@@ -10,7 +10,7 @@
  * and on a processor, where they are dear, that is most of what splats cost.
  */
 
-import { OWNER_BITS } from "./cast";
+import { OWNER_BITS } from "./packed";
 import { MOVED_COLUMNS } from "./moved";
 import { NEAR_M, ORDER_COLUMNS } from "./sort";
 
@@ -19,21 +19,21 @@ const PIXEL_FILTER_PX2 = 1 / 12;
 /** Determinant of a covariance from which a splat counts as no smaller, px^4: LEAST_AREA_PX4. */
 const LEAST_AREA_PX4 = 1e-6;
 /** Opacity below which a splat changes no 8-bit pixel. */
-const FAINTEST = 1 / 255;
-const MOST_OPAQUE = 0.99;
+const MIN_OPACITY = 1 / 255;
+const MAX_OPACITY = 0.99;
 /** Factor of variances where only what was filmed is shown, as renderer/splats/unseen.py widens. */
 const WIDER = Math.exp(2 * 0.3);
 /** Splats a row of the table; four texels each. */
 export const TABLE_COLUMNS = 256;
 /** People of a meeting. */
-export const MOST_PEOPLE = 12;
+export const MAX_PEOPLE = 12;
 /** Two ankles each. */
-export const MOST_SHADOWS = 2 * MOST_PEOPLE;
+export const MAX_SHADOWS = 2 * MAX_PEOPLE;
 
 const float = (value: number): string => value.toFixed(9);
 
 /** A fragment a splat: where it is drawn, and its colour. */
-export const PLACE_FRAGMENT = `#version 300 es
+export const PROJECT_FRAGMENT = `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2D;
@@ -50,12 +50,12 @@ uniform vec2 centre;
 uniform vec2 size;
 uniform bool filmedOnly;
 uniform vec3 eye; // m
-uniform bool lit[${MOST_PEOPLE}]; // by the room or as in their clip; else in the mean colours of that
-uniform vec3 harmonics[9 * ${MOST_PEOPLE}];
-uniform vec2 turned[${MOST_PEOPLE}]; // cosine and sine of the yaw by which that light was turned
+uniform bool lit[${MAX_PEOPLE}]; // by the room or as in their clip; else in the mean colours of that
+uniform vec3 harmonics[9 * ${MAX_PEOPLE}];
+uniform vec2 turned[${MAX_PEOPLE}]; // cosine and sine of the yaw by which that light was turned
 uniform vec3 keyDirection;
 uniform vec3 keyColour;
-uniform float growth[${MOST_PEOPLE}]; // of variances, a person
+uniform float growth[${MAX_PEOPLE}]; // of variances, a person
 layout(location = 0) out uvec4 middle; // of the ellipse, px, and its long half axis at one deviation
 layout(location = 1) out uvec4 look; // short over long axis, reach in deviations (0: unseen), colour
 
@@ -133,7 +133,7 @@ void main() {
   vec3 place = vec3(dot(m0, x), dot(m1, x), dot(m2, x));
   vec3 p = rotation * place + translation;
   mat3 turn = rotation * transpose(mat3(m0.xyz, m1.xyz, m2.xyz));
-  if (p.z <= ${float(NEAR_M)} || opacity <= ${float(FAINTEST)}) return;
+  if (p.z <= ${float(NEAR_M)} || opacity <= ${float(MIN_OPACITY)}) return;
 
   vec2 plane = focal / p.z;
   vec3 across = vec3(plane.x, 0.0, -plane.x * p.x / p.z) * turn;
@@ -143,13 +143,13 @@ void main() {
   float yy = dot(down, covariance * down) + ${float(PIXEL_FILTER_PX2)};
   float bare = (xx - ${float(PIXEL_FILTER_PX2)}) * (yy - ${float(PIXEL_FILTER_PX2)}) - xy * xy;
   opacity *= sqrt(max(bare, ${float(LEAST_AREA_PX4)}) / (xx * yy - xy * xy));
-  if (opacity <= ${float(FAINTEST)}) return;
+  if (opacity <= ${float(MIN_OPACITY)}) return;
   float mean = 0.5 * (xx + yy);
   float apart = length(vec2(0.5 * (xx - yy), xy));
   float longest = mean + apart;
   float shortest = max(mean - apart, ${float(PIXEL_FILTER_PX2)});
   vec2 axis = abs(xy) > 1e-6 ? normalize(vec2(longest - yy, xy)) : (xx >= yy ? vec2(1.0, 0.0) : vec2(0.0, 1.0));
-  float reach = sqrt(2.0 * log(opacity / ${float(FAINTEST)}));
+  float reach = sqrt(2.0 * log(opacity / ${float(MIN_OPACITY)}));
   vec2 pixel = plane * p.xy + centre;
   float extent = reach * sqrt(longest);
   // what lies wholly beside the picture costs no quad
@@ -201,12 +201,12 @@ flat in vec4 colour;
 out vec4 premultiplied;
 
 void main() {
-  float alpha = min(colour.a * exp(-0.5 * dot(away, away)), ${float(MOST_OPAQUE)});
+  float alpha = min(colour.a * exp(-0.5 * dot(away, away)), ${float(MAX_OPACITY)});
   premultiplied = vec4(colour.rgb * alpha, alpha);
 }
 `;
 
-export const WHOLE_VERTEX = `#version 300 es
+export const FULLSCREEN_VERTEX = `#version 300 es
 void main() {
   // one triangle that covers everything
   gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0);
@@ -234,7 +234,7 @@ uniform sampler2D screen; // sRGB, the top row first
 uniform vec3 screenCentre; // m
 uniform vec2 screenHalves; // m
 uniform int shadowCount;
-uniform vec4 shadows[${MOST_SHADOWS}]; // x, z, radius (m), strength
+uniform vec4 shadows[${MAX_SHADOWS}]; // x, z, radius (m), strength
 out vec4 shown;
 
 const float FADE_M = 14.0;

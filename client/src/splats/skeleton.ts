@@ -5,13 +5,13 @@
  * "skinning").
  */
 
-import { matrixOf } from "../viewpoint/geometry";
+import { rotationMatrix } from "../viewpoint/geometry";
 
 /** Numbers of one transform. */
 export const TRANSFORM = 12;
 
 /** A body at rest: x, y, z of each joint (m), and its parents (-1: none, else an earlier joint). */
-export interface Bones {
+export interface Skeleton {
   restJoints: Float32Array;
   parents: Int16Array;
 }
@@ -22,15 +22,15 @@ export interface Bones {
  * `pelvis` is where joint 0 is in the room (m); `turns` a quaternion wxyz a joint: of the pelvis in
  * the room, of every other relative to its parent.
  */
-export function skin(
-  { restJoints, parents }: Bones,
+export function forwardKinematics(
+  { restJoints, parents }: Skeleton,
   pelvis: ArrayLike<number>,
-  turns: ArrayLike<number>,
+  rotations: ArrayLike<number>,
   out: Float32Array,
   at = 0,
 ): void {
   for (let joint = 0; joint < parents.length; joint++) {
-    const turn = matrixOf([0, 1, 2, 3].map((i) => turns[4 * joint + i] ?? 0));
+    const turn = rotationMatrix([0, 1, 2, 3].map((i) => rotations[4 * joint + i] ?? 0));
     const parent = parents[joint] ?? -1;
     const own = at + TRANSFORM * joint;
     const above = at + TRANSFORM * parent;
@@ -45,7 +45,7 @@ export function skin(
       }
     }
     // the parent carries the joint's place at rest; what is bound to the joint turns about that
-    const place = parent < 0 ? pelvis : moved(out, above, restJoints, joint);
+    const place = parent < 0 ? pelvis : transformedJoint(out, above, restJoints, joint);
     for (let r = 0; r < 3; r++) {
       let b = place[r] ?? 0;
       for (let c = 0; c < 3; c++) b -= (out[own + 4 * r + c] ?? 0) * (restJoints[3 * joint + c] ?? 0);
@@ -55,7 +55,7 @@ export function skin(
 }
 
 /** Where the transform at `at` takes the place of `joint` at rest. */
-export function moved(
+export function transformedJoint(
   transforms: Float32Array,
   at: number,
   restJoints: Float32Array,

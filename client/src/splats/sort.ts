@@ -11,12 +11,12 @@ const BINS = 4096;
 export const ORDER_COLUMNS = 1024;
 
 /** Room for the order of `count` splats: whole rows. */
-export function emptyOrder(count: number): Uint32Array<ArrayBuffer> {
+export function allocateOrder(count: number): Uint32Array<ArrayBuffer> {
   return new Uint32Array(ORDER_COLUMNS * Math.max(1, Math.ceil(count / ORDER_COLUMNS)));
 }
 
 /** What of the splats their depth depends on. */
-export interface Bound {
+export interface SkinnedPoints {
   /** Splats of each person, who come one after the other. */
   counts: readonly number[];
   /** x, y, z of each at rest, m. */
@@ -42,7 +42,7 @@ export function depthRows(transforms: Float32Array, camera: ArrayLike<number>): 
 }
 
 /** The depth of every splat, m; 0 for all but the first `kept` of each person, which are not drawn. */
-export function depths(bound: Bound, rows: Float32Array, out: Float32Array, kept = bound.counts): void {
+export function depths(bound: SkinnedPoints, rows: Float32Array, out: Float32Array, kept = bound.counts): void {
   let first = 0;
   bound.counts.forEach((count, person) => {
     const end = first + Math.min(count, kept[person] ?? count);
@@ -53,7 +53,7 @@ export function depths(bound: Bound, rows: Float32Array, out: Float32Array, kept
 }
 
 function depthsOf(
-  { positions, joints, weights }: Bound,
+  { positions, joints, weights }: SkinnedPoints,
   rows: Float32Array,
   out: Float32Array,
   first: number,

@@ -5,7 +5,7 @@
  * Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
  * Flags of a view, bit 0: show only what was filmed of a person; bit 1: this page draws the room, so
  * poses are wanted in place of pictures; bit 2: pictures are wanted and have stopped, so one that needs none
- * before it is; bit 3: neither pictures nor poses are wanted, sound alone.
+ * before it is; bit 3: neither pictures nor poses are wanted, audio only.
  * A view's payload: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV camera axes),
  * f32 vertical field of view (rad), u16 width, u16 height (px).
  * A pose's payload: u8 index of the performer, u8 how many there are, u16 check of the performer's id,
@@ -21,13 +21,13 @@ const VERSION = 1;
 const KIND_POSE = 2;
 const KIND_VIEW = 3;
 const HIDE_UNSEEN = 1;
-const DRAWS_ITSELF = 2;
+const RENDERS_LOCALLY = 2;
 const STALLED = 4;
-const SOUND_ONLY = 8;
+const AUDIO_ONLY = 8;
 export const POSE_BYTES = 176;
 const JOINTS = 24;
-const TURNS_AT = 32;
-const TURN_STEPS = 32767;
+const ROTATIONS_AT = 32;
+const ROTATION_STEPS = 32767;
 const LONGER_POSE_BYTES = POSE_BYTES + EXPRESSION_COUNT + 1;
 
 export interface ViewPacket {
@@ -42,11 +42,11 @@ export interface ViewPacket {
   /** What was never filmed of a person, and is a guess, fades away. */
   hideUnseen: boolean;
   /** The page draws the room: poses are wanted, and no pictures. */
-  drawsItself: boolean;
+  rendersLocally: boolean;
   /** Pictures are wanted, and none has been shown for a while. */
   stalled: boolean;
   /** The connection is too slow for pictures, and for poses. */
-  soundOnly: boolean;
+  audioOnly: boolean;
 }
 
 /** How one performer stands in the room. */
@@ -62,7 +62,7 @@ export interface PosePacket {
   /** Room, m. */
   pelvis: Vec3;
   /** 24 quaternions wxyz: of the pelvis in the room, of every other joint relative to its parent. */
-  turns: Float32Array;
+  rotations: Float32Array;
   /** Of face and hands, 0 to 1, in the order of `EXPRESSION_NAMES`; all nil where nothing was sent. */
   expression: Float32Array;
 }
@@ -72,8 +72,8 @@ export function encodeView(packet: ViewPacket): ArrayBuffer {
   const data = new DataView(bytes);
   data.setUint8(0, VERSION);
   data.setUint8(1, KIND_VIEW);
-  const drawing = (packet.hideUnseen ? HIDE_UNSEEN : 0) | (packet.drawsItself ? DRAWS_ITSELF : 0);
-  const coming = (packet.stalled ? STALLED : 0) | (packet.soundOnly ? SOUND_ONLY : 0);
+  const drawing = (packet.hideUnseen ? HIDE_UNSEEN : 0) | (packet.rendersLocally ? RENDERS_LOCALLY : 0);
+  const coming = (packet.stalled ? STALLED : 0) | (packet.audioOnly ? AUDIO_ONLY : 0);
   data.setUint16(2, drawing | coming, true);
   data.setUint32(4, packet.sequence, true);
   data.setFloat64(8, packet.captureTimeMs, true);
@@ -91,10 +91,10 @@ export function decodePose(bytes: ArrayBuffer): PosePacket | null {
   if (!whole || data.getUint8(0) !== VERSION || data.getUint8(1) !== KIND_POSE) return null;
   const turns = new Float32Array(4 * JOINTS);
   for (let joint = 0; joint < JOINTS; joint++) {
-    const low = data.getUint32(TURNS_AT + 6 * joint, true);
-    const high = data.getUint16(TURNS_AT + 6 * joint + 4, true);
+    const low = data.getUint32(ROTATIONS_AT + 6 * joint, true);
+    const high = data.getUint16(ROTATIONS_AT + 6 * joint + 4, true);
     const three = [low & 0x7fff, (low >>> 15) & 0x7fff, (low >>> 30) | ((high & 0x1fff) << 2)];
-    turns.set(smallestThree(three, (high >>> 13) & 3, TURN_STEPS), 4 * joint);
+    turns.set(smallestThree(three, (high >>> 13) & 3, ROTATION_STEPS), 4 * joint);
   }
   return {
     sequence: data.getUint32(4, true),
@@ -103,7 +103,7 @@ export function decodePose(bytes: ArrayBuffer): PosePacket | null {
     count: data.getUint8(17),
     check: data.getUint16(18, true),
     pelvis: [data.getFloat32(20, true), data.getFloat32(24, true), data.getFloat32(28, true)],
-    turns,
+    rotations: turns,
     expression: expressionOf(bytes),
   };
 }
@@ -167,7 +167,7 @@ const STALL_MS = 250;
  * Notices that pictures stop. Browsers ask for a key frame when they can't decode what came; where a key frame
  * itself is lost, or the request, they wait.
  */
-export class StallWatch {
+export class StallDetector {
   private shownMs = Infinity;
 
   /** A picture was shown. */
@@ -176,7 +176,7 @@ export class StallWatch {
   }
 
   /** No pictures are expected until the next one. */
-  rest(): void {
+  pause(): void {
     this.shownMs = Infinity;
   }
 

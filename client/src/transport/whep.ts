@@ -8,24 +8,24 @@
 import { sleep } from "../api/api";
 import { NO_SERVER, Problem, asProblem, problemOf } from "../api/problem";
 import type { Seat } from "../api/types";
-import { gathered } from "../api/until";
+import { iceGathered } from "../api/until";
 
-export type LinkState =
+export type WhepState =
   | { kind: "connecting" }
   | { kind: "live" }
   | { kind: "reconnecting"; problem: Problem | null }
   | { kind: "refused"; problem: Problem };
 
-export interface LinkHooks {
+export interface WhepHooks {
   /** A seat in the meeting; asked for each session, and with `stale` when it is no longer accepted. */
   seat(stale: boolean): Promise<Seat>;
-  onState(state: LinkState): void;
+  onState(state: WhepState): void;
   onStream(stream: MediaStream): void;
   /** A packet of the channel `pose`. */
   onPose(packet: ArrayBuffer): void;
 }
 
-export interface LinkNumbers {
+export interface WhepStats {
   framesDecoded: number;
   roundTripMs: number | null;
   /** Of the pictures' packets on this connection, those that came and those that did not. */
@@ -42,20 +42,20 @@ export function backoffMs(attempt: number, random: number): number {
   return Math.min(8000, 500 * 2 ** attempt) * (0.75 + 0.5 * random);
 }
 
-export class WhepLink {
+export class WhepConnection {
   private readonly closing = new AbortController();
   private seat: Seat | null = null;
   private stale = false;
   private peer: RTCPeerConnection | null = null;
   private channel: RTCDataChannel | null = null;
   private resource: string | null = null;
-  private cut: (() => void) | null = null;
-  private wake: () => void = () => undefined;
+  private endConnection: (() => void) | null = null;
+  private skipDelay: () => void = () => undefined;
   private decodedBefore = 0;
   private decodedNow = 0;
 
   constructor(
-    private readonly hooks: LinkHooks,
+    private readonly hooks: WhepHooks,
     private readonly request: typeof fetch = (input, init) => fetch(input, init),
     private readonly makePeer: (configuration: RTCConfiguration) => RTCPeerConnection = (c) =>
       new RTCPeerConnection(c),
@@ -71,11 +71,11 @@ export class WhepLink {
         await this.connect();
         attempt = refusals = 0;
         this.hooks.onState({ kind: "live" });
-        await this.lost();
+        await this.connectionLost();
       } catch (error) {
         problem = asProblem(error);
       }
-      this.drop();
+      this.disconnect();
       if (this.closing.signal.aborted) return;
       this.stale = problem !== null && [401, 403].includes(problem.status) && refusals++ === 0;
       if (this.stale) this.seat = null;
@@ -87,8 +87,8 @@ export class WhepLink {
       const asked = (problem?.retryAfterS ?? 0) * 1000;
       const pause = Math.max(asked, backoffMs(attempt, Math.random()));
       const over = sleep(pause, this.closing.signal).catch(() => undefined);
-      const hurried = new Promise<void>((resolve) => (this.wake = resolve));
-      await (asked > 0 ? over : Promise.race([over, hurried]));
+      const skipped = new Promise<void>((resolve) => (this.skipDelay = resolve));
+      await (asked > 0 ? over : Promise.race([over, skipped]));
     }
   }
 
@@ -101,23 +101,23 @@ export class WhepLink {
   }
 
   /** A channel that moves a performer of ours by keypoints; null while there is no connection. */
-  keypoints(performerId: string): RTCDataChannel | null {
+  openKeypointsChannel(performerId: string): RTCDataChannel | null {
     if (this.peer?.connectionState !== "connected") return null;
     const newest = { ordered: false, maxRetransmits: 0, protocol: performerId };
     return this.peer.createDataChannel("keypoints", newest);
   }
 
   /** The server is there again: the next attempt need not wait, unless the server asked for that. */
-  hurry(): void {
-    this.wake();
+  retryNow(): void {
+    this.skipDelay();
   }
 
   /** The pictures have stopped although the connection stands: make a new one. */
   reconnect(): void {
-    this.cut?.();
+    this.endConnection?.();
   }
 
-  async numbers(): Promise<LinkNumbers> {
+  async stats(): Promise<WhepStats> {
     let roundTripMs: number | null = null;
     let [received, lost] = [0, 0];
     const report = await this.peer?.getStats().catch(() => null);
@@ -139,8 +139,8 @@ export class WhepLink {
   close(): void {
     if (this.closing.signal.aborted) return;
     this.closing.abort();
-    this.cut?.();
-    this.drop();
+    this.endConnection?.();
+    this.disconnect();
   }
 
   private async connect(): Promise<void> {
@@ -160,11 +160,11 @@ export class WhepLink {
     peer.addEventListener("track", (event) => {
       this.hooks.onStream(event.streams[0] ?? new MediaStream([event.track]));
     });
-    const connected = settled(peer, this.closing.signal);
+    const connected = whenConnected(peer, this.closing.signal);
     // the failure is awaited below; until then it must not count as unhandled
     connected.catch(() => undefined);
     await peer.setLocalDescription(await peer.createOffer());
-    await gathered(peer, GATHERING_MS);
+    await iceGathered(peer, GATHERING_MS);
     const sdp = await this.exchange(seat, peer.localDescription?.sdp ?? "");
     await peer.setRemoteDescription({ type: "answer", sdp });
     await connected;
@@ -191,11 +191,11 @@ export class WhepLink {
   }
 
   /** Resolves when the standing connection is lost, or cut by hand. */
-  private lost(): Promise<void> {
+  private connectionLost(): Promise<void> {
     const peer = this.peer;
     return new Promise((resolve) => {
       let timer: ReturnType<typeof setTimeout> | undefined;
-      this.cut = resolve;
+      this.endConnection = resolve;
       const look = (): void => {
         clearTimeout(timer);
         const state = peer?.connectionState;
@@ -209,19 +209,19 @@ export class WhepLink {
     });
   }
 
-  private drop(): void {
+  private disconnect(): void {
     this.decodedBefore += this.decodedNow;
     this.decodedNow = 0;
     // goodbye before the connection ends: a server that sees it end forgets the session by itself
     if (this.resource && this.seat) {
       const headers = { Authorization: `Bearer ${this.seat.token}` };
-      const goodbye = this.request(this.resource, { method: "DELETE", headers, keepalive: true });
-      goodbye.catch(() => undefined);
+      const deleted = this.request(this.resource, { method: "DELETE", headers, keepalive: true });
+      deleted.catch(() => undefined);
       // a seat is given back with its session: the next connection takes one of its own
       this.seat = null;
     }
     this.peer?.close();
-    this.peer = this.channel = this.resource = this.cut = null;
+    this.peer = this.channel = this.resource = this.endConnection = null;
   }
 }
 
@@ -234,7 +234,7 @@ function pageAddress(): string {
   return globalThis.location?.href ?? "http://localhost/";
 }
 
-function settled(peer: RTCPeerConnection, signal: AbortSignal): Promise<void> {
+function whenConnected(peer: RTCPeerConnection, signal: AbortSignal): Promise<void> {
   const blocked = new Problem(
     "The picture can't get through",
     "Your network may block video connections; try another network.",

@@ -1,4 +1,4 @@
-/** Mouse, touch and keyboard on the stage, turned into moves of the viewpoint. */
+/** Mouse, touch and keyboard on the viewport, turned into moves of the viewpoint. */
 
 import type { Viewpoint } from "./viewpoint";
 
@@ -9,7 +9,7 @@ const LINE_PX = 16;
 const FLING_MS = 80;
 
 /** Every key that steers, by its place on the keyboard, so that WASD lies where it should. */
-const KEYS: Record<string, readonly ["forward" | "right" | "turn" | "nearer", 1 | -1]> = {
+const KEYS: Record<string, readonly ["forward" | "right" | "turn" | "zoom", 1 | -1]> = {
   KeyW: ["forward", 1],
   ArrowUp: ["forward", 1],
   KeyS: ["forward", -1],
@@ -20,24 +20,24 @@ const KEYS: Record<string, readonly ["forward" | "right" | "turn" | "nearer", 1 
   ArrowLeft: ["right", -1],
   KeyQ: ["turn", -1],
   KeyE: ["turn", 1],
-  Equal: ["nearer", 1],
-  NumpadAdd: ["nearer", 1],
-  Minus: ["nearer", -1],
-  NumpadSubtract: ["nearer", -1],
+  Equal: ["zoom", 1],
+  NumpadAdd: ["zoom", 1],
+  Minus: ["zoom", -1],
+  NumpadSubtract: ["zoom", -1],
 };
 const RESET_KEYS = new Set(["KeyR", "Home"]);
 
-interface Finger {
+interface PointerPosition {
   x: number;
   y: number;
 }
 
-/** Listen on `stage` until the returned function is called. `onUse` hears of the first of each move. */
-export function steerWith(stage: HTMLElement, viewpoint: Viewpoint, onUse: () => void): () => void {
+/** Listen on `viewport` until the returned function is called. `onUse` hears of the first of each move. */
+export function attachControls(viewport: HTMLElement, viewpoint: Viewpoint, onUse: () => void): () => void {
   const ending = new AbortController();
   const { signal } = ending;
-  pointers(stage, viewpoint, onUse, signal);
-  stage.addEventListener(
+  pointers(viewport, viewpoint, onUse, signal);
+  viewport.addEventListener(
     "wheel",
     (event) => {
       event.preventDefault();
@@ -48,39 +48,39 @@ export function steerWith(stage: HTMLElement, viewpoint: Viewpoint, onUse: () =>
     },
     { passive: false, signal },
   );
-  stage.addEventListener("dblclick", () => viewpoint.reset(), { signal });
+  viewport.addEventListener("dblclick", () => viewpoint.reset(), { signal });
   keyboard(viewpoint, onUse, signal);
   return () => ending.abort();
 }
 
-function pointers(stage: HTMLElement, view: Viewpoint, onUse: () => void, signal: AbortSignal): void {
-  const fingers = new Map<number, Finger>();
+function pointers(viewport: HTMLElement, view: Viewpoint, onUse: () => void, signal: AbortSignal): void {
+  const pointersDown = new Map<number, PointerPosition>();
   let speed = { x: 0, y: 0, atMs: 0 };
 
-  const metresPerPx = (): number => (view.orbit.distanceM * 0.62) / Math.max(stage.clientHeight, 1);
+  const metresPerPx = (): number => (view.orbit.distanceM * 0.62) / Math.max(viewport.clientHeight, 1);
   const pan = (dx: number, dy: number): void =>
     view.pan(-dx * metresPerPx(), dy * metresPerPx());
 
-  stage.addEventListener(
+  viewport.addEventListener(
     "pointerdown",
     (event) => {
       if ((event.target as Element).closest("button, a, label")) return;
-      stage.setPointerCapture(event.pointerId);
-      fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      viewport.setPointerCapture(event.pointerId);
+      pointersDown.set(event.pointerId, { x: event.clientX, y: event.clientY });
       speed = { x: 0, y: 0, atMs: 0 };
       onUse();
     },
     { signal },
   );
-  stage.addEventListener(
+  viewport.addEventListener(
     "pointermove",
     (event) => {
-      const before = fingers.get(event.pointerId);
+      const before = pointersDown.get(event.pointerId);
       if (!before) return;
       const after = { x: event.clientX, y: event.clientY };
       const [dx, dy] = [after.x - before.x, after.y - before.y];
-      fingers.set(event.pointerId, after);
-      const other = [...fingers].find(([id]) => id !== event.pointerId)?.[1];
+      pointersDown.set(event.pointerId, after);
+      const other = [...pointersDown].find(([id]) => id !== event.pointerId)?.[1];
       if (other) {
         const [was, is] = [span(before, other), span(after, other)];
         if (was > 1 && is > 1) view.zoom(was / is);
@@ -96,22 +96,22 @@ function pointers(stage: HTMLElement, view: Viewpoint, onUse: () => void, signal
     { signal },
   );
   const lift = (event: PointerEvent): void => {
-    if (!fingers.delete(event.pointerId) || fingers.size > 0) return;
+    if (!pointersDown.delete(event.pointerId) || pointersDown.size > 0) return;
     if (event.timeStamp - speed.atMs < FLING_MS) {
       view.fling(-speed.x * TURN_RAD_PER_PX, speed.y * TURN_RAD_PER_PX);
     }
   };
-  stage.addEventListener("pointerup", lift, { signal });
-  stage.addEventListener("pointercancel", lift, { signal });
+  viewport.addEventListener("pointerup", lift, { signal });
+  viewport.addEventListener("pointercancel", lift, { signal });
   // the right button slides the view; its menu would cover it
-  stage.addEventListener("contextmenu", (event) => event.preventDefault(), { signal });
+  viewport.addEventListener("contextmenu", (event) => event.preventDefault(), { signal });
 }
 
 function keyboard(view: Viewpoint, onUse: () => void, signal: AbortSignal): void {
   const held = new Set<string>();
   let run = false;
   const steer = (): void => {
-    const steering = { forward: 0, right: 0, turn: 0, nearer: 0, run };
+    const steering = { forward: 0, right: 0, turn: 0, zoom: 0, run };
     for (const code of held) {
       const [way, sign] = KEYS[code] ?? ["turn", 0];
       steering[way] = Math.max(-1, Math.min(1, steering[way] + sign));
@@ -143,19 +143,19 @@ function keyboard(view: Viewpoint, onUse: () => void, signal: AbortSignal): void
     },
     { signal },
   );
-  const letGo = (): void => {
+  const releaseKeys = (): void => {
     held.clear();
     run = false;
     steer();
   };
-  addEventListener("blur", letGo, { signal });
-  signal.addEventListener("abort", letGo);
+  addEventListener("blur", releaseKeys, { signal });
+  signal.addEventListener("abort", releaseKeys);
 }
 
 function isTyping(target: EventTarget | null): boolean {
   return target instanceof HTMLElement && target.closest("input, textarea, select") !== null;
 }
 
-function span(a: Finger, b: Finger): number {
+function span(a: PointerPosition, b: PointerPosition): number {
   return Math.hypot(a.x - b.x, a.y - b.y);
 }

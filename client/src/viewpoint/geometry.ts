@@ -16,7 +16,7 @@ export function smallestThree(three: readonly number[], largest: number, steps: 
 }
 
 /** The rotation matrix, row by row, of a unit quaternion wxyz. */
-export function matrixOf([w = 1, x = 0, y = 0, z = 0]: readonly number[]): number[] {
+export function rotationMatrix([w = 1, x = 0, y = 0, z = 0]: readonly number[]): number[] {
   return [
     1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
     2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),

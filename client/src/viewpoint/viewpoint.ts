@@ -12,7 +12,7 @@ export const FOV_Y_RAD = 0.6;
 const ELEVATION_LIMITS_RAD = [-0.35, 1.35] as const;
 const DISTANCE_LIMITS_M = [0.5, 12] as const;
 const TARGET_HEIGHT_LIMITS_M = [0.1, 2.4] as const;
-const ROAM_M = 8;
+const MAX_DISTANCE_FROM_HOME_M = 8;
 const LOWEST_EYE_M = 0.12;
 const SETTLE_S = 0.09;
 const GLIDE_S = 0.16;
@@ -41,11 +41,11 @@ export interface Steering {
   forward: number;
   right: number;
   turn: number;
-  nearer: number;
+  zoom: number;
   run: boolean;
 }
 
-export const STILL: Steering = { forward: 0, right: 0, turn: 0, nearer: 0, run: false };
+export const STILL: Steering = { forward: 0, right: 0, turn: 0, zoom: 0, run: false };
 
 /** The first view: in front of everybody, a little above the middle of the body. */
 export function homeOrbit(performers: readonly Performer[], aspect: number): Orbit {
@@ -78,7 +78,7 @@ export function orbitCamera(orbit: Orbit): CameraPose {
 export class Viewpoint {
   private now: Orbit;
   private goal: Orbit;
-  private speed = { forward: 0, right: 0, turn: 0, nearer: 0 };
+  private speed = { forward: 0, right: 0, turn: 0, zoom: 0 };
   private steering: Steering = STILL;
 
   /** With `inertia` false every move is immediate, as people ask for who are made ill by motion. */
@@ -138,7 +138,7 @@ export class Viewpoint {
   }
 
   /** A new first view (people came or the window changed); a view still at the old one follows. */
-  rehome(home: Orbit): void {
+  setHome(home: Orbit): void {
     const untouched = near(this.goal, this.home);
     this.home = home;
     if (untouched) this.goal = home;
@@ -147,7 +147,7 @@ export class Viewpoint {
   /** Advance by `seconds`; says whether the view moved. */
   step(seconds: number): boolean {
     const dt = Math.min(seconds, 0.1);
-    this.drive(dt);
+    this.applySteering(dt);
     if (near(this.now, this.goal)) {
       const moved = this.now !== this.goal;
       this.now = this.goal;
@@ -159,15 +159,15 @@ export class Viewpoint {
   }
 
   /** Held keys speed up and slow down softly. */
-  private drive(dt: number): void {
+  private applySteering(dt: number): void {
     const run = this.steering.run ? RUN : 1;
     const share = this.inertia ? 1 - Math.exp(-dt / SETTLE_S) : 1;
-    for (const way of ["forward", "right", "turn", "nearer"] as const) {
+    for (const way of ["forward", "right", "turn", "zoom"] as const) {
       const wanted = this.steering[way] * run;
       this.speed[way] += (wanted - this.speed[way]) * share;
       if (wanted === 0 && Math.abs(this.speed[way]) < 1e-3) this.speed[way] = 0;
     }
-    const { forward, right, turn, nearer } = this.speed;
+    const { forward, right, turn, zoom } = this.speed;
     if (forward || right) {
       const ways = headings(this.goal.azimuthRad);
       const [x, y, z] = this.goal.target;
@@ -181,7 +181,7 @@ export class Viewpoint {
       });
     }
     if (turn) this.turn(turn * TURN_RAD_PER_S * dt, 0);
-    if (nearer) this.zoom(ZOOM_PER_S ** (-nearer * dt));
+    if (zoom) this.zoom(ZOOM_PER_S ** (-zoom * dt));
   }
 
   private aim(change: Partial<Orbit>): void {
@@ -199,9 +199,9 @@ function limited(orbit: Orbit, middle: Vec3): Orbit {
   let [x, , z] = orbit.target;
   const [dx, dz] = [x - middle[0], z - middle[2]];
   const away = Math.hypot(dx, dz);
-  if (away > ROAM_M) {
-    x = middle[0] + (dx * ROAM_M) / away;
-    z = middle[2] + (dz * ROAM_M) / away;
+  if (away > MAX_DISTANCE_FROM_HOME_M) {
+    x = middle[0] + (dx * MAX_DISTANCE_FROM_HOME_M) / away;
+    z = middle[2] + (dz * MAX_DISTANCE_FROM_HOME_M) / away;
   }
   const y = clamp(orbit.target[1], TARGET_HEIGHT_LIMITS_M);
   const distanceM = clamp(orbit.distanceM, DISTANCE_LIMITS_M);

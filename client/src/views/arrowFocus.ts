@@ -35,31 +35,31 @@ export function nearest(from: Box, boxes: readonly Box[], arrow: Arrow): number 
   return best;
 }
 
-/** Listen on `stage` until the returned function is called; `first` is where Enter leads. */
-export function moveFocusByArrows(stage: HTMLElement, first: () => HTMLElement): () => void {
+/** Listen on `viewport` until the returned function is called; `first` is where Enter leads. */
+export function moveFocusByArrows(viewport: HTMLElement, first: () => HTMLElement): () => void {
   const onKey = (event: KeyboardEvent): void => {
     const at = document.activeElement;
     if (!(at instanceof HTMLElement) || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (at === stage) {
-      if (event.key === "Enter") taken(event, first());
+    if (at === viewport) {
+      if (event.key === "Enter") moveFocus(event, first());
       return;
     }
     // who presses with a mouse goes on steering
     if (!at.matches(":focus-visible") || at.matches(TYPING)) return;
-    if (event.key === "Escape" && !at.closest(".panel, .react")) return taken(event, stage);
+    if (event.key === "Escape" && !at.closest(".panel, .reaction-menu")) return moveFocus(event, viewport);
     if (!event.key.startsWith("Arrow")) return;
-    const others = [...stage.querySelectorAll<HTMLElement>(FOCUSABLE)].filter(
+    const others = [...viewport.querySelectorAll<HTMLElement>(FOCUSABLE)].filter(
       (one) => one !== at && one.checkVisibility({ visibilityProperty: true }),
     );
     const boxes = others.map((one) => one.getBoundingClientRect());
     const next = others[nearest(at.getBoundingClientRect(), boxes, event.key as Arrow)];
-    taken(event, next ?? at);
+    moveFocus(event, next ?? at);
   };
-  stage.addEventListener("keydown", onKey, true);
-  return () => stage.removeEventListener("keydown", onKey, true);
+  viewport.addEventListener("keydown", onKey, true);
+  return () => viewport.removeEventListener("keydown", onKey, true);
 }
 
-function taken(event: KeyboardEvent, next: HTMLElement): void {
+function moveFocus(event: KeyboardEvent, next: HTMLElement): void {
   event.preventDefault();
   event.stopPropagation();
   next.focus();

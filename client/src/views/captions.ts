@@ -1,32 +1,32 @@
 /** Captions: what the others' pages write of what they speak, and one's own speech written for them. */
 
-import type { Attendance } from "../meeting/attendance";
+import type { MeetingSession } from "../meeting/session";
 import { Dictation, recognitionOf } from "../meeting/dictation";
-import { myself } from "../meeting/state";
+import { localParticipant } from "../meeting/state";
 import { h } from "./dom";
 import type { Panel } from "./peoplePanel";
 
 const SHOWN_MS = 6000;
 
 export interface Captions extends Panel {
-  /** The line on the stage. */
+  /** The line on the viewport. */
   line: HTMLElement;
   close(): void;
 }
 
-export function captions(attendance: Attendance, complain: (words: string) => void): Captions {
+export function captions(session: MeetingSession, complain: (words: string) => void): Captions {
   const make = recognitionOf();
   const line = h("p", { className: "captions", hidden: true, testId: "caption", attributes: { "aria-live": "polite" } });
-  let seen = attendance.state.caption?.number ?? 0;
+  let seen = session.state.caption?.number ?? 0;
   let fading: ReturnType<typeof setTimeout> | undefined;
   const dictation =
     make &&
     new Dictation(
       make,
-      (text) => attendance.wish({ type: "caption", text }),
+      (text) => session.send({ type: "caption", text }),
       () => {
         own.box.checked = false;
-        complain("Your browser does not write down what you say. Allow it to use the microphone, or try another browser.");
+        complain("Speech recognition is not available. Allow the browser to use the microphone, or try another browser.");
       },
     );
   const shown = switchLine("captions-show", "Show captions", "", () => {
@@ -34,13 +34,13 @@ export function captions(attendance: Attendance, complain: (words: string) => vo
   });
   const own = switchLine(
     "captions-own",
-    "Write down what I say",
-    "For the others to read. Your browser may send your voice to its maker for this.",
+    "Caption my speech",
+    "Others can read what you say. Your browser may send your voice to its vendor for this.",
     () => update(),
   );
   own.element.hidden = dictation === null;
   const show = (): void => {
-    const { caption } = attendance.state;
+    const { caption } = session.state;
     if (!caption || caption.number <= seen) return;
     seen = caption.number;
     if (!shown.box.checked) return;
@@ -52,7 +52,7 @@ export function captions(attendance: Attendance, complain: (words: string) => vo
   const update = (): void => {
     show();
     // what the microphone does not send is not written either
-    dictation?.listen(own.box.checked && myself(attendance.state)?.microphone === true);
+    dictation?.listen(own.box.checked && localParticipant(session.state)?.microphone === true);
   };
   return {
     line,
@@ -68,6 +68,6 @@ export function captions(attendance: Attendance, complain: (words: string) => vo
 function switchLine(id: string, words: string, more: string, onChange: () => void): { element: HTMLElement; box: HTMLInputElement } {
   const box = h("input", { type: "checkbox", id, testId: id, attributes: { role: "switch" } });
   box.addEventListener("change", onChange);
-  const label = h("label", { attributes: { for: id } }, words, more !== "" && h("small", { className: "soft" }, more));
-  return { element: h("div", { className: "switch-line" }, label, box), box };
+  const label = h("label", { attributes: { for: id } }, words, more !== "" && h("small", { className: "secondary" }, more));
+  return { element: h("div", { className: "switch-row" }, label, box), box };
 }

@@ -1,41 +1,41 @@
 /** What was written to all, and where to write. */
 
-import type { Attendance } from "../meeting/attendance";
-import { myself } from "../meeting/state";
+import type { MeetingSession } from "../meeting/session";
+import { localParticipant } from "../meeting/state";
 import type { Said } from "../api/types";
 import { h } from "./dom";
 import type { Panel } from "./peoplePanel";
 import { button } from "./shell";
 
-const LONGEST = 2000;
+const MAX_LENGTH = 2000;
 /** So close to the end, whoever reads along is taken along. */
 const NEAR_END_PX = 60;
 
-export function chatPanel(attendance: Attendance): Panel & { focus(): void } {
-  const empty = h("p", { className: "soft small" }, "Nobody has written yet.");
+export function chatPanel(session: MeetingSession): Panel & { focus(): void } {
+  const empty = h("p", { className: "secondary small" }, "Nobody has written yet.");
   const list = h("ol");
   // whoever scrolls by keyboard needs to stand on it; whoever listens is read what is new
-  const log = h("div", { className: "said", tabIndex: 0, testId: "said" }, list);
+  const log = h("div", { className: "messages", tabIndex: 0, testId: "messages" }, list);
   log.setAttribute("role", "log");
   log.setAttribute("aria-label", "Messages");
-  const note = h("p", { className: "complaint", attributes: { role: "status" } });
+  const note = h("p", { className: "field-error", attributes: { role: "status" } });
   const field = h("textarea", {
     className: "field",
     rows: 1,
-    maxLength: LONGEST,
+    maxLength: MAX_LENGTH,
     placeholder: "Write to everybody",
     testId: "chat-text",
     attributes: { "aria-label": "Write to everybody" },
   });
   const send = button("Send", () => undefined, { look: "primary", icon: "send", submit: true, testId: "chat-send" });
-  const form = h("form", { className: "say" }, field, send);
+  const form = h("form", { className: "message-form" }, field, send);
   let shown = 0;
 
   const say = (): void => {
     const text = field.value.trim();
     if (text === "") return;
-    const sent = attendance.wish({ type: "say", text });
-    note.textContent = sent ? "" : "Not sent: the connection is lost. It comes back by itself.";
+    const sent = session.send({ type: "say", text });
+    note.textContent = sent ? "" : "Not sent: the connection is lost. Reconnecting…";
     if (sent) field.value = "";
   };
   form.addEventListener("submit", (event) => {
@@ -51,16 +51,16 @@ export function chatPanel(attendance: Attendance): Panel & { focus(): void } {
   return {
     element: h("div", { className: "panel-body chat" }, empty, log, note, form),
     update: () => {
-      const { said } = attendance.state;
+      const { messages } = session.state;
       const atEnd = log.scrollHeight - log.scrollTop - log.clientHeight < NEAR_END_PX;
-      const fresh = said.filter(({ number }) => number > shown);
-      list.append(...fresh.map((one) => message(one, before(said, one), attendance.state.me)));
-      shown = said.at(-1)?.number ?? 0;
-      empty.hidden = said.length > 0;
+      const fresh = messages.filter(({ number }) => number > shown);
+      list.append(...fresh.map((one) => message(one, before(messages, one), session.state.me)));
+      shown = messages.at(-1)?.number ?? 0;
+      empty.hidden = messages.length > 0;
       if (fresh.length > 0 && atEnd) log.scrollTop = log.scrollHeight;
-      const quiet = myself(attendance.state)?.role === "viewer";
+      const quiet = localParticipant(session.state)?.role === "viewer";
       field.disabled = send.disabled = quiet;
-      field.placeholder = quiet ? "You are looking on: raise a hand to speak" : "Write to everybody";
+      field.placeholder = quiet ? "Viewers cannot write. Raise your hand to speak." : "Write to everybody";
     },
     focus: () => {
       log.scrollTop = log.scrollHeight;
@@ -83,10 +83,10 @@ function message(one: Said, last: Said | null, me: string | null): HTMLElement {
     { className: `${mine ? "mine" : ""}${again ? " again" : ""}` },
     h(
       "p",
-      { className: again ? "unseen" : "said-by" },
+      { className: again ? "visually-hidden" : "message-author" },
       h("strong", {}, mine ? "You" : one.name),
       h("time", { dateTime: one.at }, time),
     ),
-    h("p", { className: "said-text" }, one.text),
+    h("p", { className: "message-text" }, one.text),
   );
 }

@@ -1,7 +1,7 @@
 /** Before joining: is the camera the right one, does the microphone hear, and how does one come in? */
 
 import type { Api } from "../api/api";
-import { chooseDevices, chosenDevices, loudness, openMicrophone } from "../capture/devices";
+import { storeDevices, chosenDevices, loudness, openMicrophone } from "../capture/devices";
 import { asProblem, type Problem } from "../api/problem";
 import { closeCamera, openCamera } from "../capture/record";
 import { h } from "./dom";
@@ -16,9 +16,9 @@ export function deviceCheck(api: Api): View {
   const camera = cameraCheck();
   const microphone = microphoneCheck();
   const self = selfPreview(api);
-  const heard = h("input", { type: "checkbox", id: "join-heard", testId: "join-heard", attributes: { role: "switch" } });
-  heard.checked = chosenDevices().heard;
-  heard.addEventListener("change", () => chooseDevices({ heard: heard.checked }));
+  const heard = h("input", { type: "checkbox", id: "join-unmuted", testId: "join-unmuted", attributes: { role: "switch" } });
+  heard.checked = chosenDevices().joinUnmuted;
+  heard.addEventListener("change", () => storeDevices({ joinUnmuted: heard.checked }));
   const element = h(
     "details",
     { className: "device-check", testId: "device-check" },
@@ -26,8 +26,8 @@ export function deviceCheck(api: Api): View {
     h("div", { className: "device-views" }, camera.picture, self.element),
     camera.element,
     microphone.element,
-    h("div", { className: "switch-line" }, h("label", { attributes: { for: heard.id } }, "Come in with the microphone on"), heard),
-    h("p", { className: "soft small" }, "Both stay on this device until you switch them on in the meeting. Of the camera only your movements are ever sent."),
+    h("div", { className: "switch-row" }, h("label", { attributes: { for: heard.id } }, "Join with the microphone on"), heard),
+    h("p", { className: "secondary small" }, "Both stay off in the meeting until you turn them on. Camera images never leave this device; only your movements are sent."),
   );
   const close = (): void => {
     camera.close();
@@ -76,7 +76,7 @@ function cameraCheck(): Check & { picture: HTMLElement } {
     }
   };
   const picker = devicePicker("videoinput", "Camera", (id) => {
-    chooseDevices({ camera: id });
+    storeDevices({ camera: id });
     void open();
   });
   return { element: picker.element, picture, open, close };
@@ -84,7 +84,7 @@ function cameraCheck(): Check & { picture: HTMLElement } {
 
 function microphoneCheck(): Check {
   const level = h("meter", { min: 0, max: 1, testId: "check-level" });
-  level.setAttribute("aria-label", "How loud you are");
+  level.setAttribute("aria-label", "Microphone level");
   let stream: MediaStream | null = null;
   let context: AudioContext | null = null;
   let looking: ReturnType<typeof setInterval> | undefined;
@@ -122,7 +122,7 @@ function microphoneCheck(): Check {
     }
   };
   const picker = devicePicker("audioinput", "Microphone", (id) => {
-    chooseDevices({ microphone: id });
+    storeDevices({ microphone: id });
     void open();
   });
   picker.element.append(level);
@@ -138,7 +138,7 @@ interface Picker {
 
 function devicePicker(kind: MediaDeviceKind, words: string, onChoice: (id: string) => void): Picker {
   const select = h("select", { className: "field", id: `check-${kind}`, testId: `check-${kind}`, hidden: true });
-  const told = h("p", { className: "complaint", testId: `trouble-${kind}`, attributes: { role: "status" } });
+  const told = h("p", { className: "field-error", testId: `problem-${kind}`, attributes: { role: "status" } });
   select.addEventListener("change", () => onChoice(select.value));
   const label = h("label", { className: "label", attributes: { for: select.id } }, words);
   return {

@@ -22,11 +22,11 @@ export function h<Tag extends keyof HTMLElementTagNameMap>(
   Object.assign(element, rest);
   if (testId) element.dataset["testid"] = testId;
   for (const [name, value] of Object.entries(attributes ?? {})) element.setAttribute(name, value);
-  element.append(...present(children));
+  element.append(...withoutEmpty(children));
   return element;
 }
 
-export function present(children: Child[]): (Node | string)[] {
+export function withoutEmpty(children: Child[]): (Node | string)[] {
   return children.filter((child): child is Node | string => child !== null && child !== false);
 }
 
@@ -47,7 +47,7 @@ export function announce(words: string): void {
   while (announcer.childElementCount > ANNOUNCEMENTS_KEPT) announcer.firstElementChild?.remove();
 }
 
-export function prefersStillness(): boolean {
+export function prefersReducedMotion(): boolean {
   return matchMedia("(prefers-reduced-motion: reduce)").matches;
 }
 

@@ -19,7 +19,7 @@ export interface EnrolHooks extends KeypointsHooks {
 
 export function enrolForm(hooks: EnrolHooks): View {
   let clip: Clip | null = null;
-  let film: View | null = null;
+  let recorderView: View | null = null;
 
   const name = h("input", {
     id: "enrol-name",
@@ -32,10 +32,10 @@ export function enrolForm(hooks: EnrolHooks): View {
     value: localStorage.getItem(NAME_KEY) ?? "",
   });
   const height = heightField();
-  const complaint = h("p", { className: "complaint", testId: "complaint", attributes: { role: "alert" } });
+  const complaint = h("p", { className: "field-error", testId: "enrol-error", attributes: { role: "alert" } });
   const drop = fileDrop({
     title: "Choose a clip, or drop it here",
-    kinds: "MP4, MOV or WebM; or a ZIP of pictures",
+    kinds: "MP4, MOV or WebM; or a ZIP of images",
     accept: ACCEPTED,
     label: "Choose a clip",
     testId: "enrol-file",
@@ -55,7 +55,7 @@ export function enrolForm(hooks: EnrolHooks): View {
   };
   const modelOnly = h("input", { type: "checkbox", id: "enrol-model-only", testId: "enrol-model-only" });
   const body = h("div", { className: "enrol-body" });
-  const go = button("Make my likeness", () => undefined, {
+  const go = button("Create my model", () => undefined, {
     look: "primary",
     large: true,
     testId: "enrol-submit",
@@ -67,7 +67,7 @@ export function enrolForm(hooks: EnrolHooks): View {
     body,
     h(
       "div",
-      { className: "newcomer" },
+      { className: "person-fields" },
       h("div", {}, h("label", { className: "label", htmlFor: name.id }, "Your name"), name),
       height.element,
       height.words,
@@ -76,20 +76,20 @@ export function enrolForm(hooks: EnrolHooks): View {
       "label",
       { className: "small model-only", htmlFor: modelOnly.id },
       modelOnly,
-      " Keep only my likeness: delete the clip once it is made",
+      " Keep only the model: delete the clip after training",
     ),
     complaint,
     go,
-    h("p", { className: "soft small" }, "The clip goes to this server only. It takes about a minute."),
+    h("p", { className: "secondary small" }, "The clip is sent to this server only. Training takes about a minute."),
   );
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     const called = name.value.trim();
     if (!clip) {
-      complaint.textContent = film ? "Film yourself first." : "Choose a clip first.";
+      complaint.textContent = recorderView ? "Record a clip first." : "Choose a clip first.";
       drop.focus();
     } else if (called === "") {
-      complaint.textContent = "Tell us your name.";
+      complaint.textContent = "Enter your name.";
       name.focus();
     } else {
       const height_m = height.read();
@@ -105,7 +105,7 @@ export function enrolForm(hooks: EnrolHooks): View {
   };
   const ways = [
     ["Clip", () => clipForm(drop.element)],
-    ["Camera", () => clipForm((film = recorder(filmed)).element)],
+    ["Camera", () => clipForm((recorderView = recorder(filmed)).element)],
     ["Keypoints", () => keypointsForm(hooks)],
   ] as const;
   const clipForm = (source: HTMLElement): HTMLElement => {
@@ -113,8 +113,8 @@ export function enrolForm(hooks: EnrolHooks): View {
     return form;
   };
   const show = (index: number): void => {
-    film?.close();
-    film = null;
+    recorderView?.close();
+    recorderView = null;
     drop.clear();
     take(null);
     const way = ways[index] ?? ways[0];
@@ -123,7 +123,7 @@ export function enrolForm(hooks: EnrolHooks): View {
   const tabs = switcher(ways.map(([label]) => label), show);
   const element = h("div", { className: "card" });
   show(0);
-  return { element, close: () => film?.close() };
+  return { element, close: () => recorderView?.close() };
 }
 
 /** Two or more choices of which one holds. */
@@ -141,6 +141,6 @@ function switcher(labels: readonly string[], onChoice: (index: number) => void):
     onChoice(index);
     choices[index]?.focus();
   };
-  const attributes = { role: "group", "aria-label": "How to come in" };
+  const attributes = { role: "group", "aria-label": "Source of the clip" };
   return h("div", { className: "switcher", attributes }, ...choices);
 }

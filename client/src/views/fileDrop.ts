@@ -26,7 +26,7 @@ export function fileDrop(options: FileDropOptions): FileDrop {
     testId: options.testId,
     type: "file",
     accept: options.accept,
-    className: "unseen",
+    className: "visually-hidden",
     attributes: { "aria-label": options.label },
   });
   const chosen = h("p", { className: "chosen" });
@@ -36,7 +36,7 @@ export function fileDrop(options: FileDropOptions): FileDrop {
     input,
     icon("upload"),
     h("strong", {}, options.title),
-    h("span", { className: "soft" }, options.kinds),
+    h("span", { className: "secondary" }, options.kinds),
     chosen,
   );
   input.addEventListener("change", () => {
@@ -46,7 +46,7 @@ export function fileDrop(options: FileDropOptions): FileDrop {
   dropping(element, options.onFile);
   const say = (words: string): void => {
     chosen.textContent = words;
-    element.classList.toggle("full", words !== "");
+    element.classList.toggle("has-file", words !== "");
     if (words) announce(words);
   };
   return {

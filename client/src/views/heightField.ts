@@ -16,13 +16,13 @@ export interface HeightField {
 export function heightField(): HeightField {
   const hint = h(
     "p",
-    { id: "enrol-height-hint", className: "soft small" },
-    "Your height barefoot, so that you are life-size beside others.",
+    { id: "enrol-height-hint", className: "secondary small" },
+    "Your height without shoes, so that your model is life-size next to others.",
   );
   const complaint = h("p", {
-    id: "enrol-height-complaint",
-    testId: "height-complaint",
-    className: "complaint",
+    id: "enrol-height-error",
+    testId: "height-error",
+    className: "field-error",
     attributes: { role: "alert" },
   });
   const field = h("input", {
@@ -40,7 +40,7 @@ export function heightField(): HeightField {
     const height_m = metres(field.value);
     const wrong = height_m === undefined;
     field.setAttribute("aria-invalid", String(wrong));
-    complaint.textContent = wrong ? `Tell it in centimetres, ${LOWEST_CM} to ${HIGHEST_CM}, or leave it empty.` : "";
+    complaint.textContent = wrong ? `Enter a height from ${LOWEST_CM} to ${HIGHEST_CM} cm, or leave the field empty.` : "";
     return height_m;
   };
   field.addEventListener("change", judge);
@@ -52,7 +52,7 @@ export function heightField(): HeightField {
     return height_m;
   };
   const label = h("label", { className: "label", htmlFor: field.id }, "Height, cm");
-  return { element: h("div", {}, label, field), words: h("div", { className: "why" }, hint, complaint), read };
+  return { element: h("div", {}, label, field), words: h("div", { className: "height-help" }, hint, complaint), read };
 }
 
 /** "178", "178,5 cm" and the like, in metres; null for nothing, undefined for what is no height. */

@@ -52,10 +52,10 @@ export function icon(name: IconName): SVGElement {
 /** The mark: a person, and the way round them. */
 export function mark(): SVGElement {
   return svg(
-    '<svg class="mark" viewBox="0 0 32 32" fill="none" stroke-linecap="round" aria-hidden="true">' +
+    '<svg class="logo" viewBox="0 0 32 32" fill="none" stroke-linecap="round" aria-hidden="true">' +
       '<circle cx="16" cy="8.5" r="4" fill="currentColor"/>' +
       '<path d="M9.5 23v-1.5a6.5 6.5 0 0 1 13 0V23" stroke="currentColor" stroke-width="3"/>' +
-      '<path class="mark-way" d="M7 17.6c-2.6 1-4.2 2.4-4.2 3.9 0 3.2 5.9 5.7 13.2 5.7s13.2-2.5 13.2-5.7c0-1.5-1.6-2.9-4.2-3.9" stroke-width="2.2"/>' +
+      '<path class="logo-orbit" d="M7 17.6c-2.6 1-4.2 2.4-4.2 3.9 0 3.2 5.9 5.7 13.2 5.7s13.2-2.5 13.2-5.7c0-1.5-1.6-2.9-4.2-3.9" stroke-width="2.2"/>' +
       "</svg>",
   );
 }
@@ -75,6 +75,6 @@ export function turningFigure(): SVGElement {
       person(120, slim, nose(1)) +
       person(200, wide, "") +
       person(280, slim, nose(-1)) +
-      '<g class="turning-way"><path d="M40 130c40 12 200 12 240 0"/><path d="m270.5 126.5 10 3.3-6.5 8"/></g></svg>',
+      '<g class="turning-arrow"><path d="M40 130c40 12 200 12 240 0"/><path d="m270.5 126.5 10 3.3-6.5 8"/></g></svg>',
   );
 }

@@ -1,6 +1,6 @@
 /** Keypoints and whom they move: the way to meet somebody by motion alone. */
 
-import type { Somebody } from "../enrolment/keypoints";
+import type { AnimatablePerson } from "../enrolment/keypoints";
 import { asProblem } from "../api/problem";
 import { h } from "./dom";
 import { described, fileDrop } from "./fileDrop";
@@ -8,14 +8,14 @@ import { button } from "./shell";
 
 export interface KeypointsHooks {
   /** Whom keypoints can move. */
-  everybody(): Promise<Somebody[]>;
+  listPeople(): Promise<AnimatablePerson[]>;
   /** Meet them; throws a Problem. */
-  onMove(somebody: Somebody, file: File): Promise<void>;
+  onAnimate(person: AnimatablePerson, file: File): Promise<void>;
 }
 
 export function keypointsForm(hooks: KeypointsHooks): HTMLElement {
   let file: File | null = null;
-  let people: Somebody[] = [];
+  let people: AnimatablePerson[] = [];
 
   const drop = fileDrop({
     title: "Choose keypoints, or drop them here",
@@ -30,8 +30,8 @@ export function keypointsForm(hooks: KeypointsHooks): HTMLElement {
     },
   });
   const who = h("select", { id: "keypoints-who", testId: "keypoints-who", className: "field" });
-  const complaint = h("p", { className: "complaint", attributes: { role: "alert" } });
-  const go = button("Meet them moving", () => undefined, {
+  const complaint = h("p", { className: "field-error", attributes: { role: "alert" } });
+  const go = button("Start the meeting", () => undefined, {
     look: "primary",
     large: true,
     testId: "keypoints-submit",
@@ -39,9 +39,9 @@ export function keypointsForm(hooks: KeypointsHooks): HTMLElement {
   });
   const load = async (): Promise<void> => {
     try {
-      people = await hooks.everybody();
+      people = await hooks.listPeople();
       who.replaceChildren(...people.map(({ name }, i) => h("option", { value: String(i) }, name)));
-      if (people.length === 0) complaint.textContent = "Nobody is here yet; bring somebody in by a clip first.";
+      if (people.length === 0) complaint.textContent = "There are no models yet. Create one from a clip first.";
       go.disabled = who.disabled = people.length === 0;
     } catch (error) {
       complaint.textContent = asProblem(error).message;
@@ -50,14 +50,14 @@ export function keypointsForm(hooks: KeypointsHooks): HTMLElement {
   const move = async (): Promise<void> => {
     const somebody = people[Number(who.value)];
     if (!file || !somebody) {
-      complaint.textContent = "Choose a file of keypoints first.";
+      complaint.textContent = "Choose a keypoints file first.";
       drop.focus();
       return;
     }
     complaint.textContent = "";
     go.disabled = true;
     try {
-      await hooks.onMove(somebody, file);
+      await hooks.onAnimate(somebody, file);
     } catch (error) {
       complaint.textContent = asProblem(error).message;
     } finally {
@@ -70,14 +70,14 @@ export function keypointsForm(hooks: KeypointsHooks): HTMLElement {
     "form",
     { noValidate: true },
     h("div", { className: "enrol-body" }, drop.element),
-    h("label", { className: "label", htmlFor: who.id }, "Who moves"),
+    h("label", { className: "label", htmlFor: who.id }, "Person to animate"),
     who,
     complaint,
     go,
     h(
       "p",
-      { className: "soft small" },
-      "Keypoints move somebody who is here already; a new person needs a clip.",
+      { className: "secondary small" },
+      "Keypoints animate an existing model. A new person needs a clip.",
     ),
   );
   element.addEventListener("submit", (event) => {

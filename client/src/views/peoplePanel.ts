@@ -1,7 +1,7 @@
 /** Who is here, who waits, and what the host may do about it. */
 
-import type { Attendance } from "../meeting/attendance";
-import { inside, isHost, waiting } from "../meeting/state";
+import type { MeetingSession } from "../meeting/session";
+import { admittedMembers, isHost, waitingMembers } from "../meeting/state";
 import type { Connection, Member } from "../api/types";
 import { h } from "./dom";
 import { icon } from "./icons";
@@ -17,26 +17,26 @@ interface Row {
   update(member: Member): void;
 }
 
-export function peoplePanel(attendance: Attendance): Panel {
-  const waitingTitle = h("h3", {}, "Waiting to come in");
+export function peoplePanel(session: MeetingSession): Panel {
+  const waitingTitle = h("h3", {}, "Waiting in the lobby");
   const waitingList = h("ul", { className: "members", testId: "waiting-people" });
   const list = h("ul", { className: "members", testId: "members" });
-  const lobby = lobbySwitch(attendance);
-  const end = endButton(attendance);
+  const lobby = lobbySwitch(session);
+  const end = endButton(session);
   const waitingRows = new Map<string, Row>();
   const rows = new Map<string, Row>();
   const element = h("div", { className: "panel-body" }, lobby.element, waitingTitle, waitingList, list, end);
   return {
     element,
     update: () => {
-      const { state } = attendance;
+      const { state } = session;
       const host = isHost(state);
-      const knocking = waiting(state);
+      const knocking = waitingMembers(state);
       lobby.update();
       lobby.element.hidden = end.hidden = !host;
       waitingTitle.hidden = waitingList.hidden = knocking.length === 0;
-      arrange(waitingList, waitingRows, knocking, () => waitingRow(attendance));
-      arrange(list, rows, inside(state), () => memberRow(attendance));
+      arrange(waitingList, waitingRows, knocking, () => waitingRow(session));
+      arrange(list, rows, admittedMembers(state), () => memberRow(session));
     },
   };
 }
@@ -58,15 +58,15 @@ function arrange(list: HTMLElement, rows: Map<string, Row>, members: Member[], m
   });
 }
 
-function waitingRow(attendance: Attendance): Row {
+function waitingRow(session: MeetingSession): Row {
   const name = h("span", { className: "member-name" });
   let id = "";
-  const admit = button("Let in", () => attendance.wish({ type: "admit", participant_id: id }), {
+  const admit = button("Let in", () => session.send({ type: "admit", participant_id: id }), {
     look: "primary",
     testId: "admit",
   });
-  const deny = button("Deny", () => attendance.wish({ type: "deny", participant_id: id }), { testId: "deny" });
-  const element = h("li", { className: "member" }, name, h("span", { className: "member-ways" }, admit, deny));
+  const deny = button("Deny", () => session.send({ type: "deny", participant_id: id }), { testId: "deny" });
+  const element = h("li", { className: "member" }, name, h("span", { className: "member-actions" }, admit, deny));
   return {
     element,
     update: (member) => {
@@ -78,36 +78,36 @@ function waitingRow(attendance: Attendance): Row {
   };
 }
 
-function memberRow(attendance: Attendance): Row {
-  const face = h("span", { className: "face", attributes: { "aria-hidden": "true" } });
+function memberRow(session: MeetingSession): Row {
+  const face = h("span", { className: "initial", attributes: { "aria-hidden": "true" } });
   const name = h("span", { className: "member-name" });
-  const what = h("span", { className: "member-what" });
-  const hand = h("span", { className: "member-hand" }, icon("hand"), h("span", { className: "unseen" }, "Hand raised"));
-  const ways = hostWays(attendance);
+  const what = h("span", { className: "member-status" });
+  const hand = h("span", { className: "member-hand" }, icon("hand"), h("span", { className: "visually-hidden" }, "Hand raised"));
+  const ways = hostActions(session);
   const more = button("More", () => show(ways.element.hidden !== false), { icon: "more", testId: "member-more" });
   const show = (shown: boolean): void => {
     ways.element.hidden = !shown;
     more.setAttribute("aria-expanded", String(shown));
   };
-  more.classList.add("bare");
+  more.classList.add("icon-only");
   show(false);
-  const words = h("span", { className: "member-words" }, name, what);
-  const heard = h("span", { className: "member-heard" }, icon("mic"), h("span", { className: "unseen" }, "Microphone on"));
-  const carried = connectionMark();
-  const element = h("li", { className: "member" }, face, words, hand, heard, carried.element, more, ways.element);
+  const words = h("span", { className: "member-text" }, name, what);
+  const heard = h("span", { className: "member-microphone" }, icon("mic"), h("span", { className: "visually-hidden" }, "Microphone on"));
+  const network = connectionMark();
+  const element = h("li", { className: "member" }, face, words, hand, heard, network.element, more, ways.element);
   return {
     element,
     update: (member) => {
-      const mine = member.id === attendance.state.me;
+      const mine = member.id === session.state.me;
       element.classList.toggle("away", !member.present);
       face.textContent = [...member.name][0]?.toUpperCase() ?? "";
       name.textContent = mine ? `${member.name} (you)` : member.name;
-      what.textContent = inWords(member);
+      what.textContent = memberStatus(member);
       hand.hidden = member.hand_at === null;
       heard.hidden = !member.microphone;
-      carried.show(member);
-      element.classList.toggle("speaking", attendance.state.speaking.includes(member.id));
-      more.hidden = mine || !isHost(attendance.state);
+      network.show(member);
+      element.classList.toggle("speaking", session.state.speaking.includes(member.id));
+      more.hidden = mine || !isHost(session.state);
       more.setAttribute("aria-label", `More about ${member.name}`);
       if (more.hidden) show(false);
       ways.update(member);
@@ -119,7 +119,7 @@ const CONNECTIONS: Record<Connection, string> = { good: "Good connection", fair:
 
 /** Three bars, as many full as the network is good. */
 function connectionMark(): { element: HTMLElement; show(member: Member): void } {
-  const told = h("span", { className: "unseen" });
+  const told = h("span", { className: "visually-hidden" });
   const bars = h("span", { className: "bars", attributes: { "aria-hidden": "true" } }, h("i"), h("i"), h("i"));
   const element = h("span", { className: "member-network", testId: "network" }, bars, told);
   return {
@@ -132,37 +132,37 @@ function connectionMark(): { element: HTMLElement; show(member: Member): void } 
   };
 }
 
-function inWords({ role, present }: Member): string {
+function memberStatus({ role, present }: Member): string {
   if (!present) return "Connection lost";
-  return { host: "Host", speaker: "", viewer: "Looking on" }[role];
+  return { host: "Host", speaker: "", viewer: "Viewer" }[role];
 }
 
 /** What the host may do with somebody. */
-function hostWays(attendance: Attendance): Row {
+function hostActions(session: MeetingSession): Row {
   let shown: Member | null = null;
   const to = (role: Member["role"]) => (): void => {
-    if (shown) attendance.wish({ type: "role", participant_id: shown.id, role });
+    if (shown) session.send({ type: "role", participant_id: shown.id, role });
   };
   const remove = (): void => {
-    if (shown) attendance.wish({ type: "remove", participant_id: shown.id });
+    if (shown) session.send({ type: "remove", participant_id: shown.id });
   };
-  const mute = button("Mute", () => shown && attendance.wish({ type: "mute", participant_id: shown.id }), {
+  const mute = button("Mute", () => shown && session.send({ type: "mute", participant_id: shown.id }), {
     testId: "mute",
   });
-  const look = button("Only look on", () => to(shown?.role === "viewer" ? "speaker" : "viewer")());
+  const look = button("Make viewer", () => to(shown?.role === "viewer" ? "speaker" : "viewer")());
   const ways: [HTMLButtonElement, string][] = [
     [mute, "Mute"],
     [button("Make host", to("host"), { testId: "make-host" }), "Make host"],
-    [look, "Only look on"],
-    [button("Send out", remove, { testId: "remove" }), "Send out"],
+    [look, "Make viewer"],
+    [button("Remove", remove, { testId: "remove" }), "Remove"],
   ];
-  const element = h("div", { className: "member-more" }, ...ways.map(([way]) => way));
+  const element = h("div", { className: "member-host-actions" }, ...ways.map(([way]) => way));
   return {
     element,
     update: (member) => {
       shown = member;
       mute.hidden = !member.microphone;
-      const words = member.role === "viewer" ? "Let speak" : "Only look on";
+      const words = member.role === "viewer" ? "Make speaker" : "Make viewer";
       look.replaceChildren(h("span", {}, words));
       ways.forEach(([way, label]) => {
         way.setAttribute("aria-label", `${way === look ? words : label}: ${member.name}`);
@@ -172,38 +172,38 @@ function hostWays(attendance: Attendance): Row {
 }
 
 /** So long a switch stands as it was set, whatever else the server says. */
-const ANSWERED_IN_MS = 2000;
+const ANSWER_TIMEOUT_MS = 2000;
 
-function lobbySwitch(attendance: Attendance): { element: HTMLElement; update(): void } {
+function lobbySwitch(session: MeetingSession): { element: HTMLElement; update(): void } {
   const box = h("input", { type: "checkbox", id: "lobby-switch", testId: "lobby", attributes: { role: "switch" } });
   let askedAtMs = -Infinity;
   const update = (): void => {
-    const said = attendance.state.lobby;
+    const said = session.state.lobby;
     // the server's word counts; what it said of others meanwhile is no answer
-    if (said !== box.checked && performance.now() - askedAtMs < ANSWERED_IN_MS) return;
+    if (said !== box.checked && performance.now() - askedAtMs < ANSWER_TIMEOUT_MS) return;
     box.checked = said;
   };
   box.addEventListener("change", () => {
     const on = box.checked;
-    if (!attendance.wish({ type: "lobby", on })) box.checked = !on;
+    if (!session.send({ type: "lobby", on })) box.checked = !on;
     else {
       askedAtMs = performance.now();
-      setTimeout(update, ANSWERED_IN_MS);
+      setTimeout(update, ANSWER_TIMEOUT_MS);
     }
   });
-  const label = h("label", { attributes: { for: box.id } }, "Let people in one by one");
+  const label = h("label", { attributes: { for: box.id } }, "Admit participants one at a time");
   return {
-    element: h("div", { className: "switch-line" }, label, box),
+    element: h("div", { className: "switch-row" }, label, box),
     update,
   };
 }
 
 /** Asks once more: nobody comes back from it. */
-function endButton(attendance: Attendance): HTMLElement {
+function endButton(session: MeetingSession): HTMLElement {
   const ask = button("End for everybody", () => sure(true), { testId: "end" });
-  const yes = button("End it", () => attendance.wish({ type: "end" }), { look: "danger", testId: "end-sure" });
-  const no = button("Go on", () => sure(false));
-  const question = h("div", { className: "ways", attributes: { role: "group" } }, yes, no);
+  const yes = button("End meeting", () => session.send({ type: "end" }), { look: "danger", testId: "end-sure" });
+  const no = button("Cancel", () => sure(false));
+  const question = h("div", { className: "actions", attributes: { role: "group" } }, yes, no);
   question.setAttribute("aria-label", "End the meeting for everybody?");
   const sure = (asking: boolean): void => {
     question.hidden = !asking;
@@ -211,5 +211,5 @@ function endButton(attendance: Attendance): HTMLElement {
     (asking ? yes : ask).focus();
   };
   question.hidden = true;
-  return h("div", { className: "panel-end" }, ask, question);
+  return h("div", { className: "panel-footer" }, ask, question);
 }

@@ -1,4 +1,4 @@
-/** The picture beside the progress: one's own clip at first, then the likeness as it grows. */
+/** The picture beside the progress: one's own clip at first, then the model as it grows. */
 
 import type { Api } from "../api/api";
 import type { Clip, EnrolState } from "../enrolment/enrol";
@@ -13,8 +13,8 @@ export interface PreviewPane {
 }
 
 export function previewPane(api: Api, clip: Clip | null): PreviewPane {
-  const element = h("div", { className: "pane" }, mark());
-  const picture = h("img", { alt: "Your likeness so far", testId: "preview", hidden: true });
+  const element = h("div", { className: "preview-pane" }, mark());
+  const picture = h("img", { alt: "Your model so far", testId: "preview", hidden: true });
   element.append(picture);
   let clipAddress: string | null = null;
   let pictureAddress: string | null = null;
@@ -43,7 +43,7 @@ export function previewPane(api: Api, clip: Clip | null): PreviewPane {
       if (pictureAddress) URL.revokeObjectURL(pictureAddress);
       pictureAddress = address;
       picture.hidden = false;
-      element.classList.add("pictured");
+      element.classList.add("has-preview");
       // nobody sees it any more, and decoding it takes the strength of a phone
       element.querySelector("video")?.pause();
     } catch {

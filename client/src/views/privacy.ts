@@ -6,11 +6,11 @@ import type { Person } from "../api/types";
 import { announce, h } from "./dom";
 import { button } from "./shell";
 
-const LEAVES = [
+const DATA_SENT = [
   "Your viewpoint and your name, while you are in a meeting.",
-  "Your movements, as 33 points of your body and seven numbers of your face and hands, while you are seen. The camera’s pictures stay here.",
-  "Your voice and your screen, while you switch them on.",
-  "The clip that you film of yourself, once, to make your model, and your height if you tell it. Erasing you erases both.",
+  "Your movements, as 33 body landmarks and seven values for face and hands, while they are tracked. Camera images stay on this device.",
+  "Your voice and your screen, while you share them.",
+  "The clip you record to create your model, and your height if you enter it. “Erase me” deletes both.",
 ];
 
 /** `onErased` hears of each person of ours who is gone. */
@@ -21,7 +21,7 @@ export function privacyPanel(api: Api, onErased: () => void): { element: HTMLEle
     "section",
     { className: "privacy", testId: "privacy" },
     h("h3", {}, "What leaves this device"),
-    h("ul", { className: "tips small" }, ...LEAVES.map((words) => h("li", {}, words))),
+    h("ul", { className: "tips small" }, ...DATA_SENT.map((words) => h("li", {}, words))),
     people,
     told,
   );
@@ -31,12 +31,12 @@ export function privacyPanel(api: Api, onErased: () => void): { element: HTMLEle
       if (error instanceof Problem && error.status === 403) return [];
       return null;
     });
-    if (mine) people.replaceChildren(...mine.filter((person) => person.mine).map((person) => eraser(person, erase)));
+    if (mine) people.replaceChildren(...mine.filter((person) => person.mine).map((person) => eraseControl(person, erase)));
   };
   const erase = async ({ id, name }: Person): Promise<void> => {
     try {
       await api.erasePerson(id);
-      told.textContent = `${name} is erased: every clip, model and recording of theirs.`;
+      told.textContent = `${name} has been erased, with every clip, model and recording.`;
       announce(told.textContent);
       onErased();
       await load();
@@ -49,13 +49,13 @@ export function privacyPanel(api: Api, onErased: () => void): { element: HTMLEle
 }
 
 /** Asks once more: what is erased does not come back. */
-function eraser(person: Person, onErase: (person: Person) => Promise<void>): HTMLElement {
+function eraseControl(person: Person, onErase: (person: Person) => Promise<void>): HTMLElement {
   const ask = button(`Erase me: ${person.name}`, () => sure(true), { testId: "erase" });
   const yes = button("Erase everything", () => void go(), { look: "danger", testId: "erase-sure" });
   const no = button("Keep", () => sure(false));
-  const question = h("div", { className: "ways", hidden: true, attributes: { role: "group" } }, yes, no);
+  const question = h("div", { className: "actions", hidden: true, attributes: { role: "group" } }, yes, no);
   question.setAttribute("aria-label", `Erase ${person.name} for good?`);
-  const words = h("p", { className: "small", hidden: true }, "The clip, the model and every recording go for good, and whoever meets you now loses sight of you.");
+  const words = h("p", { className: "small", hidden: true }, "Your clips, models and recordings are deleted permanently, and your model disappears from meetings.");
   const sure = (asking: boolean): void => {
     question.hidden = words.hidden = !asking;
     ask.hidden = asking;

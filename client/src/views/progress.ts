@@ -1,20 +1,20 @@
-/** From clip to likeness: what is being done, how far it is, and what can be seen of it already. */
+/** From clip to model: what is being done, how far it is, and what can be seen of it already. */
 
 import type { Api } from "../api/api";
 import type { Clip, EnrolState, Enrolment, Step } from "../enrolment/enrol";
 import { asProblem } from "../api/problem";
-import { progressInWords } from "../enrolment/progressWords";
+import { progressText } from "../enrolment/progressText";
 import { advice, qualityLines } from "../enrolment/quality";
 import type { Sequence } from "../api/types";
-import { announce, h, present, usesTouch } from "./dom";
+import { announce, h, withoutEmpty, usesTouch } from "./dom";
 import { icon } from "./icons";
 import { previewPane } from "./previewPane";
 import { button, notice, type View } from "./shell";
 
 const STEPS: readonly (readonly [Step, string, string])[] = [
-  ["upload", "Send the clip", "Sending your clip"],
-  ["capture", "Find you in it", "Finding you in the clip"],
-  ["train", "Make your likeness", "Making your likeness"],
+  ["upload", "Upload the clip", "Uploading your clip"],
+  ["capture", "Detect you in the clip", "Detecting you in the clip"],
+  ["train", "Train your model", "Training your model"],
 ];
 
 interface ProgressHooks {
@@ -42,9 +42,9 @@ export function progressView(
   bar.setAttribute("role", "progressbar");
   bar.setAttribute("aria-valuemin", "0");
   bar.setAttribute("aria-valuemax", "100");
-  const message = h("p", { className: "soft message" });
+  const message = h("p", { className: "secondary message" });
   const report = h("div", { className: "quality", testId: "quality", hidden: true });
-  const ways = h("div", { className: "ways" });
+  const ways = h("div", { className: "actions" });
   const trouble = h("div", {});
   let waysShown = "";
 
@@ -86,7 +86,7 @@ export function progressView(
     // replacing buttons would take the focus from whoever is about to press one
     if (actions.key !== waysShown) {
       waysShown = actions.key;
-      ways.replaceChildren(...present(actions.buttons));
+      ways.replaceChildren(...withoutEmpty(actions.buttons));
       announce(title.textContent);
       if (state.problem) ways.scrollIntoView({ block: "nearest" });
     }
@@ -114,7 +114,7 @@ export function progressView(
     "main",
     { className: "progress" },
     pane.element,
-    h("section", { className: "progress-words" }, title, steps, bar, message, trouble, ways, report),
+    h("section", { className: "progress-text" }, title, steps, bar, message, trouble, ways, report),
   );
   const busy = (): boolean => ["working", "stopping"].includes(enrolment.state.status);
   return { element, show, busy, close: () => pane.close() };
@@ -130,7 +130,7 @@ function titleOf({ step, status, name }: EnrolState): string {
     case "stopped":
       return "Stopped";
     case "failed":
-      return "That did not work";
+      return "Something went wrong";
     case "ready":
       return name ? `${name}, you are ready` : "You are ready";
   }
@@ -143,8 +143,8 @@ function messageOf(state: EnrolState): string {
       : "In the meeting, drag to look at yourself from every side.";
   }
   if (state.status === "failed") return "";
-  const words = progressInWords(state);
-  return state.status === "working" && state.modelId ? `${words}. You can meet already; it gets better meanwhile.` : words;
+  const words = progressText(state);
+  return state.status === "working" && state.modelId ? `${words}. You can join the meeting already; the model keeps improving.` : words;
 }
 
 function stepLine([step, label]: (typeof STEPS)[number], state: EnrolState): HTMLElement {

@@ -3,7 +3,7 @@
 import { sleep } from "../api/api";
 import type { Clip } from "../enrolment/enrol";
 import { asProblem } from "../api/problem";
-import { COUNTDOWN_S, TURN_S, closeCamera, guidance, openCamera, recordTurn } from "../capture/record";
+import { COUNTDOWN_S, TURN_S, closeCamera, turnInstruction, openCamera, recordTurn } from "../capture/record";
 import { announce, h } from "./dom";
 import { button, notice, type View } from "./shell";
 
@@ -15,10 +15,10 @@ export function recorder(onClip: (clip: Clip | null) => void): View {
   let clipAddress: string | null = null;
 
   const video = h("video", { className: "mirror", muted: true, playsInline: true, autoplay: true });
-  const words = h("p", { className: "cue" });
+  const words = h("p", { className: "instruction" });
   const ring = h("div", { className: "ring", attributes: { "aria-hidden": "true" } });
-  const screen = h("div", { className: "film" }, video, ring, words);
-  const bar = h("div", { className: "ways" });
+  const screen = h("div", { className: "camera-preview" }, video, ring, words);
+  const bar = h("div", { className: "actions" });
   const element = h("div", { className: "recorder" }, screen, bar);
 
   const say = (text: string, share = 0): void => {
@@ -35,8 +35,8 @@ export function recorder(onClip: (clip: Clip | null) => void): View {
     video.src = "";
     video.srcObject = stream;
     void video.play().catch(() => undefined);
-    say("Step back until all of you is in the picture");
-    bar.replaceChildren(button("Start filming", () => void film(), { look: "primary", icon: "camera" }));
+    say("Step back until your whole body is in view");
+    bar.replaceChildren(button("Start recording", () => void film(), { look: "primary", icon: "camera" }));
   };
 
   const film = async (): Promise<void> => {
@@ -47,10 +47,10 @@ export function recorder(onClip: (clip: Clip | null) => void): View {
     screen.classList.add("filming");
     try {
       for (let second = COUNTDOWN_S; second > 0; second--) {
-        say(`Ready in ${second}`);
+        say(`Recording starts in ${second}`);
         await sleep(1000, signal);
       }
-      const onSecond = (second: number): void => say(guidance(second), second / TURN_S);
+      const onSecond = (second: number): void => say(turnInstruction(second), second / TURN_S);
       review(await recordTurn(stream, onSecond, signal));
     } catch (error) {
       if (closing.signal.aborted) return;
@@ -71,7 +71,7 @@ export function recorder(onClip: (clip: Clip | null) => void): View {
     void video.play().catch(() => undefined);
     say("");
     onClip(clip);
-    bar.replaceChildren(button("Film again", ready, { icon: "reset" }));
+    bar.replaceChildren(button("Record again", ready, { icon: "reset" }));
   };
 
   const refused = (error: unknown): void => {

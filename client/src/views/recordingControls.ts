@@ -1,6 +1,6 @@
 /** Recording a meeting: the host asks, everybody answers, and all see that it runs. */
 
-import type { Attendance } from "../meeting/attendance";
+import type { MeetingSession } from "../meeting/session";
 import { isHost } from "../meeting/state";
 import { announce, h } from "./dom";
 import { icon } from "./icons";
@@ -14,9 +14,9 @@ export interface RecordingControls {
   update(): void;
 }
 
-export function recordingControls(attendance: Attendance): RecordingControls {
-  const asked = (): typeof attendance.state.recording => attendance.state.recording;
-  const element = button("Record", () => attendance.wish({ type: "record", on: asked() === null }), {
+export function recordingControls(session: MeetingSession): RecordingControls {
+  const asked = (): typeof session.state.recording => session.state.recording;
+  const element = button("Record", () => session.send({ type: "record", on: asked() === null }), {
     look: "glass",
     icon: "record",
     testId: "record",
@@ -25,12 +25,12 @@ export function recordingControls(attendance: Attendance): RecordingControls {
   const words = h("p", { testId: "recording" });
   const agree = button("Agree", () => answer(true), { look: "primary", testId: "recording-agree" });
   const refuse = button("Don’t record me", () => answer(false), { look: "glass", testId: "recording-refuse" });
-  const note = h("div", { className: "note knock glass", hidden: true, attributes: { role: "status" } }, words, agree, refuse);
+  const note = h("div", { className: "notification knock glass", hidden: true, attributes: { role: "status" } }, words, agree, refuse);
   let told = "";
   /** Of the newest that we had a part in. */
   let watched: string | null = null;
 
-  const answer = (on: boolean): void => void attendance.wish({ type: "agree", on });
+  const answer = (on: boolean): void => void session.send({ type: "agree", on });
   const say = (text: string, link: string | null = null): void => {
     if (text === told) return;
     told = text;
@@ -43,8 +43,8 @@ export function recordingControls(attendance: Attendance): RecordingControls {
     note,
     update: () => {
       const recording = asked();
-      const mine = recording?.agreed.includes(attendance.state.me ?? "") ?? false;
-      element.hidden = !isHost(attendance.state);
+      const mine = recording?.agreed.includes(session.state.me ?? "") ?? false;
+      element.hidden = !isHost(session.state);
       element.setAttribute("aria-pressed", String(recording !== null));
       note.hidden = recording === null && watched === null;
       agree.hidden = recording === null || mine;
@@ -52,7 +52,7 @@ export function recordingControls(attendance: Attendance): RecordingControls {
       refuse.querySelector("span")?.replaceChildren(mine ? "Stop recording" : "Don’t record me");
       if (recording) {
         if (mine) watched = recording.id;
-        if (!mine) say("The host asks to record how everybody moves, speaks and writes here");
+        if (!mine) say("The host asks to record everybody’s motion, voice and messages");
         else say(recording.running ? "Recording" : "Recording starts once everybody agrees");
       } else if (watched) say("The recording has ended.", watched);
     },

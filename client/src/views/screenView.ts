@@ -1,8 +1,8 @@
 /** A shared screen: the button for one's own, and the panel that shows whoever's is shared. */
 
-import type { Attendance } from "../meeting/attendance";
+import type { MeetingSession } from "../meeting/session";
 import { ScreenShare } from "../meeting/screen";
-import { isHost, myself, nameOf } from "../meeting/state";
+import { isHost, localParticipant, nameOf } from "../meeting/state";
 import { asProblem } from "../api/problem";
 import { announce, h } from "./dom";
 import { button } from "./shell";
@@ -10,7 +10,7 @@ import { button } from "./shell";
 export interface ScreenView {
   /** For the dock. */
   toggle: HTMLButtonElement;
-  /** On the stage, while somebody shares. */
+  /** On the viewport, while somebody shares. */
   panel: HTMLElement;
   /** Hears of what shows a screen now, if one is shared. */
   onShown: (video: HTMLVideoElement | null) => void;
@@ -22,35 +22,35 @@ export interface ScreenView {
   close(): void;
 }
 
-export function screenView(attendance: Attendance, complain: (words: string) => void): ScreenView {
+export function screenView(session: MeetingSession, complain: (words: string) => void): ScreenView {
   const toggle = button("Share screen", () => void press(), { look: "glass", icon: "present", testId: "share-screen" });
   toggle.title = "Share a screen or a window with everybody";
-  toggle.hidden = !ScreenShare.offered();
+  toggle.hidden = !ScreenShare.isSupported();
   const frame = screenFrame(() => stop());
-  const knock = knockOf(attendance);
+  const knock = shareRequest(session);
   let sharing: ScreenShare | null = null;
   let sent = false;
   let asked = false;
   let others: MediaStream | null = null;
 
-  const address = `/whip/${attendance.meeting.id}`;
-  const token = async (): Promise<string> => (await attendance.getSeat()).token;
+  const address = `/whip/${session.meeting.id}`;
+  const token = async (): Promise<string> => (await session.getSeat()).token;
 
-  const letGo = (): void => {
+  const stopSharing = (): void => {
     sharing?.close();
     sharing = null;
     sent = asked = false;
   };
   const end = (): void => {
-    attendance.wish({ type: "present", on: false });
-    letGo();
+    session.send({ type: "present", on: false });
+    stopSharing();
     update();
   };
   /** By the presenter, or by the host. */
   const stop = (): void => {
-    const { presenter } = attendance.state;
+    const { presenter } = session.state;
     if (sharing) end();
-    else if (presenter) attendance.wish({ type: "let-present", participant_id: presenter, on: false });
+    else if (presenter) session.send({ type: "let-present", participant_id: presenter, on: false });
   };
   const press = async (): Promise<void> => {
     if (sharing) return end();
@@ -58,13 +58,13 @@ export function screenView(attendance: Attendance, complain: (words: string) => 
       sharing = await ScreenShare.choose(address, token);
       if (!sharing) return;
       sharing.watch(end);
-      attendance.wish({ type: "present", on: true });
+      session.send({ type: "present", on: true });
       update();
     } catch (error) {
-      tell(error);
+      reportError(error);
     }
   };
-  const tell = (error: unknown): void => {
+  const reportError = (error: unknown): void => {
     const { title, detail } = asProblem(error);
     complain(`${title}. ${detail}`);
   };
@@ -77,35 +77,35 @@ export function screenView(attendance: Attendance, complain: (words: string) => 
       // let go of meanwhile, perhaps for another
       if (sharing !== current) return;
       end();
-      tell(error);
+      reportError(error);
     }
   };
   /** What the host decided of our asking, or of our sharing. */
   const follow = (): void => {
-    const { me, presenter, asksToPresent } = attendance.state;
+    const { me, presenter, presentRequestFrom } = session.state;
     if (!sharing) return;
     if (presenter === me) return void (sent || send());
-    if (asksToPresent === me) {
-      if (!asked) complain("The host is asked whether you may share your screen now.");
+    if (presentRequestFrom === me) {
+      if (!asked) complain("The host has been asked whether you may share your screen.");
       asked = true;
     } else if (sent || asked) {
       complain(sent ? "Your screen is no longer shared." : "The host did not let you share your screen.");
-      letGo();
+      stopSharing();
     }
   };
   const update = (): void => {
     follow();
-    const { me, presenter } = attendance.state;
+    const { me, presenter } = session.state;
     const mine = presenter !== null && presenter === me;
     toggle.setAttribute("aria-pressed", String(sharing !== null));
-    toggle.disabled = myself(attendance.state)?.role === "viewer";
+    toggle.disabled = localParticipant(session.state)?.role === "viewer";
     const stream = mine ? (sharing?.stream ?? null) : presenter ? others : null;
-    const whose = mine ? "Your screen" : `${nameOf(attendance.state, presenter ?? "")}’s screen`;
-    frame.show(stream, whose, mine || isHost(attendance.state));
-    made.onShown(stream && frame.video);
+    const whose = mine ? "Your screen" : `${nameOf(session.state, presenter ?? "")}’s screen`;
+    frame.show(stream, whose, mine || isHost(session.state));
+    view.onShown(stream && frame.video);
     knock.update();
   };
-  const made: ScreenView = {
+  const view: ScreenView = {
     toggle,
     onShown: () => undefined,
     panel: frame.element,
@@ -115,9 +115,9 @@ export function screenView(attendance: Attendance, complain: (words: string) => 
       others = stream;
       update();
     },
-    close: letGo,
+    close: stopSharing,
   };
-  return made;
+  return view;
 }
 
 function screenFrame(onStop: () => void): {
@@ -152,22 +152,22 @@ function screenFrame(onStop: () => void): {
   };
 }
 
-function knockOf(attendance: Attendance): { element: HTMLElement; update(): void } {
+function shareRequest(session: MeetingSession): { element: HTMLElement; update(): void } {
   const words = h("p", {});
   const decide = (on: boolean): void => {
-    const who = attendance.state.asksToPresent;
-    if (who) attendance.wish({ type: "let-present", participant_id: who, on });
+    const who = session.state.presentRequestFrom;
+    if (who) session.send({ type: "let-present", participant_id: who, on });
   };
-  const allow = button("Let share", () => decide(true), { look: "primary", testId: "present-allow" });
+  const allow = button("Allow", () => decide(true), { look: "primary", testId: "present-allow" });
   const deny = button("Not now", () => decide(false), { look: "glass", testId: "present-deny" });
-  const element = h("div", { className: "note knock glass", hidden: true, testId: "present-knock" }, words, allow, deny);
+  const element = h("div", { className: "notification knock glass", hidden: true, testId: "present-knock" }, words, allow, deny);
   return {
     element,
     update: () => {
-      const { asksToPresent, me } = attendance.state;
-      element.hidden = asksToPresent === null || asksToPresent === me;
+      const { presentRequestFrom, me } = session.state;
+      element.hidden = presentRequestFrom === null || presentRequestFrom === me;
       if (element.hidden) return;
-      words.replaceChildren(h("strong", {}, nameOf(attendance.state, asksToPresent ?? "")), " asks to share a screen");
+      words.replaceChildren(h("strong", {}, nameOf(session.state, presentRequestFrom ?? "")), " asks to share a screen");
     },
   };
 }

@@ -13,7 +13,7 @@ export interface View {
 export function header(onHome: () => void): HTMLElement {
   const home = h("button", { className: "wordmark", type: "button", onclick: onHome }, mark(), "MetaNeRF");
   home.setAttribute("aria-label", "MetaNeRF, to the start");
-  return h("header", { className: "top" }, home);
+  return h("header", { className: "page-header" }, home);
 }
 
 interface ButtonOptions {
@@ -49,7 +49,7 @@ export function notice(problem: Problem, ...ways: Child[]): HTMLElement {
       {},
       h("h2", {}, problem.title),
       problem.detail !== "" && h("p", {}, problem.detail),
-      ways.length > 0 && h("div", { className: "ways" }, ...ways),
+      ways.length > 0 && h("div", { className: "actions" }, ...ways),
     ),
   );
 }

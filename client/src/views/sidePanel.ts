@@ -4,9 +4,9 @@ import { h } from "./dom";
 import type { Panel } from "./peoplePanel";
 import { button } from "./shell";
 
-export type Which = "people" | "chat" | "more";
+export type PanelName = "people" | "chat" | "more";
 
-export interface Page extends Panel {
+export interface PanelPage extends Panel {
   title: string;
   toggle: HTMLButtonElement;
   /** Where typing begins; else the title is focused. */
@@ -16,25 +16,25 @@ export interface Page extends Panel {
 
 export interface SidePanel {
   element: HTMLElement;
-  readonly which: Which | null;
+  readonly open: PanelName | null;
 }
 
 /** `onChange` hears of each opening and closing. */
-export function sidePanel(pages: Record<Which, Page>, onChange: () => void): SidePanel {
+export function sidePanel(pages: Record<PanelName, PanelPage>, onChange: () => void): SidePanel {
   const title = h("h2", { tabIndex: -1, id: "panel-title" });
   const shut = button("Close", () => open(null), { icon: "close", testId: "panel-close" });
-  shut.classList.add("bare");
-  const all = Object.entries(pages) as [Which, Page][];
+  shut.classList.add("icon-only");
+  const all = Object.entries(pages) as [PanelName, PanelPage][];
   const element = h(
     "section",
     { className: "panel", hidden: true, testId: "panel", attributes: { "aria-labelledby": title.id } },
-    h("header", { className: "panel-head" }, title, shut),
+    h("header", { className: "panel-header" }, title, shut),
     ...all.map(([, page]) => page.element),
   );
-  const made = { element, which: null as Which | null };
-  const open = (next: Which | null): void => {
-    const last = made.which;
-    made.which = next;
+  const made = { element, open: null as PanelName | null };
+  const open = (next: PanelName | null): void => {
+    const last = made.open;
+    made.open = next;
     element.hidden = next === null;
     for (const [name, page] of all) {
       page.element.hidden = name !== next;
@@ -53,7 +53,7 @@ export function sidePanel(pages: Record<Which, Page>, onChange: () => void): Sid
   };
   for (const [name, page] of all) {
     page.toggle.setAttribute("aria-expanded", "false");
-    page.toggle.addEventListener("click", () => open(made.which === name ? null : name));
+    page.toggle.addEventListener("click", () => open(made.open === name ? null : name));
   }
   element.addEventListener("keydown", (event) => {
     if (event.key === "Escape") open(null);

@@ -34,25 +34,25 @@ export function startView(api: Api, meeting: Meeting | null, live: LiveView | nu
       { className: "enrol", id: "bring", attributes: { "aria-labelledby": "bring-title" } },
       h(
         "div",
-        { className: "enrol-words" },
-        h("h2", { id: "bring-title" }, meeting ? "Bring yourself in" : "Start with yourself"),
+        { className: "enrol-text" },
+        h("h2", { id: "bring-title" }, meeting ? "Create your model" : "Start with your model"),
         h(
           "p",
           { className: "lead" },
-          "One short clip is enough. Turn once, slowly, and you will stand in the meeting as you are.",
+          "One short clip is enough. Turn around once, slowly, and the server trains a 3D model of you for the meeting.",
         ),
         turningFigure(),
         h(
           "ul",
           { className: "tips" },
-          h("li", {}, "10 to 20 seconds, the camera standing still"),
-          h("li", {}, "All of you in the picture, from head to feet"),
-          h("li", {}, "Even light, and nobody close to you"),
+          h("li", {}, "10 to 20 seconds, with the camera held still"),
+          h("li", {}, "Your whole body in view, from head to feet"),
+          h("li", {}, "Even lighting, and nobody else close to you"),
         ),
       ),
       form.element,
     ),
-    h("footer", { className: "start-foot" }, privacy.element),
+    h("footer", { className: "start-footer" }, privacy.element),
   );
   void privacy.load();
   return { element, close: () => (form.close(), check.close()) };
@@ -64,25 +64,25 @@ function meetingHero(meeting: Meeting, live: LiveView | null, check: HTMLElement
     { className: "hero", attributes: { "aria-labelledby": "hero-title" } },
     h(
       "div",
-      { className: "hero-words" },
+      { className: "hero-text" },
       h("h1", { id: "hero-title" }, "A meeting you can walk around in"),
       h(
         "p",
         { className: "lead" },
-        "Everyone is there in full, not in a tile. Step closer, go round, look from wherever you like.",
+        "Everybody appears life-size, not in a video tile. Move around the room and look from wherever you like.",
       ),
       joinForm(meeting, hooks),
       check,
-      meeting.recording === true && h("p", { className: "small", testId: "told-recorded" }, "This meeting is being recorded. You are asked to agree once you are in; nothing of you is kept before."),
+      meeting.recording === true && h("p", { className: "small", testId: "being-recorded" }, "This meeting is being recorded. You will be asked for consent after you join; nothing of yours is recorded before that."),
       h(
         "p",
         { className: "small" },
-        h("a", { href: "#bring", onclick: toForm }, "Bring yourself in"),
+        h("a", { href: "#bring", onclick: scrollToForm }, "Create your model"),
         " · ",
         h("a", { href: "/?recordings" }, "Recorded meetings"),
       ),
     ),
-    live ? liveWindow(live) : shutWindow(meeting),
+    live ? livePreview(live) : lobbyNotice(meeting),
   );
 }
 
@@ -98,11 +98,11 @@ function joinForm(meeting: Meeting, hooks: StartHooks): HTMLElement {
   });
   const form = h(
     "form",
-    { className: "join" },
+    { className: "join-form" },
     h("label", { className: "label", attributes: { for: name.id } }, "Your name"),
     h(
       "div",
-      { className: "ways" },
+      { className: "actions" },
       name,
       button(meeting.lobby ? "Ask to join" : "Join the meeting", () => undefined, {
         look: "primary",
@@ -121,21 +121,21 @@ function joinForm(meeting: Meeting, hooks: StartHooks): HTMLElement {
 }
 
 /** Where the host lets people in, there is nothing to see before. */
-function shutWindow(meeting: Meeting): HTMLElement {
-  const words = h("p", {}, h("strong", {}, meeting.name), h("br"), "The host lets people in one by one.");
-  return h("div", { className: "window shut" }, mark(), words);
+function lobbyNotice(meeting: Meeting): HTMLElement {
+  const words = h("p", {}, h("strong", {}, meeting.name), h("br"), "The host admits participants one at a time.");
+  return h("div", { className: "live-preview lobby-only" }, mark(), words);
 }
 
-function liveWindow(live: LiveView): HTMLElement {
-  const who = h("p", { className: "who" });
+function livePreview(live: LiveView): HTMLElement {
+  const who = h("p", { className: "live-preview-names" });
   const name = (): void => {
     const names = live.meeting.performers.map((performer) => performer.name);
-    who.textContent = names.length ? `Now here: ${names.join(", ")}` : "Nobody is here yet";
+    who.textContent = names.length ? `In the meeting: ${names.join(", ")}` : "Nobody is in the meeting yet";
   };
   name();
   live.onPerformers = name;
-  const middle = h("div", { className: "window-middle" });
-  const window_ = h("div", { className: "window" }, live.video, middle, who);
+  const middle = h("div", { className: "live-preview-centre" });
+  const window_ = h("div", { className: "live-preview" }, live.video, middle, who);
   live.onState = (state) => {
     window_.classList.toggle("waiting", state.kind !== "live");
     const waits = state.kind !== "live" && state.kind !== "refused";
@@ -148,22 +148,22 @@ function liveWindow(live: LiveView): HTMLElement {
 function plainHero(): HTMLElement {
   return h(
     "section",
-    { className: "hero alone" },
+    { className: "hero no-meeting" },
     h(
       "div",
-      { className: "hero-words" },
+      { className: "hero-text" },
       h("h1", {}, "A meeting you can walk around in"),
       h(
         "p",
         { className: "lead" },
-        "Everyone is there in full, not in a tile. Film yourself once, then invite others with a link.",
+        "Everybody appears life-size, not in a video tile. Record yourself once, then invite others with a link.",
       ),
     ),
   );
 }
 
 /** Not by the address: what follows # there is kept for invitations. */
-function toForm(event: Event): void {
+function scrollToForm(event: Event): void {
   event.preventDefault();
   document.getElementById("bring")?.scrollIntoView({ behavior: "smooth" });
   document.querySelector<HTMLElement>("#bring input")?.focus({ preventScroll: true });

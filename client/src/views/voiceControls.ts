@@ -1,21 +1,21 @@
 /** The microphone's button, and the others' voices. */
 
 import type { Vec3 } from "../viewpoint/geometry";
-import type { Attendance } from "../meeting/attendance";
-import { Hearing, type Ears } from "../meeting/hearing";
-import { myself } from "../meeting/state";
-import { VoiceLink } from "../meeting/voice";
+import type { MeetingSession } from "../meeting/session";
+import { SpatialAudio, type ListenerPose } from "../meeting/spatialAudio";
+import { localParticipant } from "../meeting/state";
+import { VoiceConnection } from "../meeting/voice";
 import { asProblem } from "../api/problem";
 import { announce, h } from "./dom";
 import { icon } from "./icons";
 import { button } from "./shell";
 
 /** The room that voices come from. */
-export interface Surroundings {
+export interface AudioScene {
   /** The listener's head. */
-  readonly ears: Ears;
+  readonly listener: ListenerPose;
   /** The head of a performer, m; null for one who is not there. */
-  headOf(performerId: string): Vec3 | null;
+  headPosition(performerId: string): Vec3 | null;
 }
 
 export interface VoiceControls {
@@ -24,62 +24,62 @@ export interface VoiceControls {
   player: HTMLAudioElement;
   update(): void;
   /** Have voices come from where their speakers stand in `room`. */
-  hearIn(room: Surroundings): void;
+  spatialiseIn(room: AudioScene): void;
   close(): void;
 }
 
-const PLACE_MS = 50;
+const POSITION_MS = 50;
 /** Space, held down, opens the microphone for so long. */
 const TALK_KEY = "Space";
 
 /** `onScreen` hears of the connection that others' screens come by. */
 export function voiceControls(
-  attendance: Attendance,
+  session: MeetingSession,
   complain: (words: string) => void,
   onScreen: (stream: MediaStream | null) => void,
 ): VoiceControls {
-  const player = h("audio", { autoplay: true, testId: "others" });
+  const player = h("audio", { autoplay: true, testId: "remote-audio" });
   const element = button("Microphone", () => void toggle(), { look: "glass", icon: "mic", testId: "microphone" });
   element.title = "Microphone on or off; hold Space to talk for a moment";
   const closing = new AbortController();
   const { signal } = closing;
   let wanted = false;
   /** What the server last said. */
-  let told = false;
+  let serverOn = false;
   let wasOpen = false;
-  let link: VoiceLink | null = null;
-  const hearing = new Hearing();
-  let placing: ReturnType<typeof setInterval> | undefined;
-  player.srcObject = hearing.mix;
+  let connection: VoiceConnection | null = null;
+  const spatialAudio = new SpatialAudio();
+  let positioning: ReturnType<typeof setInterval> | undefined;
+  player.srcObject = spatialAudio.output;
 
   const play = (): void => {
     // sound may need a touch first, as after a reload
-    Promise.all([player.play(), hearing.resume()]).catch(() =>
+    Promise.all([player.play(), spatialAudio.resume()]).catch(() =>
       addEventListener("pointerdown", play, { once: true, signal }),
     );
-    addEventListener("pointerdown", () => void hearing.resume(), { once: true, signal });
+    addEventListener("pointerdown", () => void spatialAudio.resume(), { once: true, signal });
   };
-  const listen = async (): Promise<void> => {
-    const { ice_servers } = await attendance.getSeat();
+  const connect = async (): Promise<void> => {
+    const { ice_servers } = await session.getSeat();
     if (signal.aborted) return;
-    link = new VoiceLink(`/v1/meetings/${attendance.meeting.id}/voice`, ice_servers, {
-      token: async () => (await attendance.getSeat()).token,
+    connection = new VoiceConnection(`/v1/meetings/${session.meeting.id}/voice`, ice_servers, {
+      token: async () => (await session.getSeat()).token,
       onChange: () => {
-        hearing.show(link?.slots ?? new Map());
-        onScreen(link?.screen ?? null);
+        spatialAudio.setVoices(connection?.slots ?? new Map());
+        onScreen(connection?.screen ?? null);
       },
     });
-    link.assign(attendance.state.slots);
+    connection.assignSlots(session.state.slots);
     play();
-    void link.run();
-    if (!attendance.comesHeard) return;
-    attendance.comesHeard = false;
+    void connection.run();
+    if (!session.joinsUnmuted) return;
+    session.joinsUnmuted = false;
     await set(true);
   };
   const set = async (on: boolean): Promise<void> => {
     wanted = on;
     try {
-      if (on) await link?.prepare();
+      if (on) await connection?.acquireMicrophone();
     } catch (error) {
       const { title, detail } = asProblem(error);
       wanted = false;
@@ -87,62 +87,62 @@ export function voiceControls(
     }
     // whoever let go of the key meanwhile wants silence
     if (wanted !== on) return;
-    if (!on) link?.open(false);
-    attendance.wish({ type: "microphone", on });
+    if (!on) connection?.setMicrophoneEnabled(false);
+    session.send({ type: "microphone", on });
   };
-  const toggle = (): Promise<void> => set(!told);
+  const toggle = (): Promise<void> => set(!serverOn);
 
-  const free = ({ target, code }: KeyboardEvent): boolean =>
+  const isTalkKey = ({ target, code }: KeyboardEvent): boolean =>
     code === TALK_KEY && !(target as Element).closest("input, textarea, button, a");
   addEventListener("keydown", (event) => {
-    if (!free(event)) return;
+    if (!isTalkKey(event)) return;
     event.preventDefault();
-    if (!event.repeat && !told) void set(true);
+    if (!event.repeat && !serverOn) void set(true);
   }, { signal });
   addEventListener("keyup", (event) => {
-    if (free(event) && wanted) void set(false);
+    if (isTalkKey(event) && wanted) void set(false);
   }, { signal });
 
-  void listen();
+  void connect();
   return {
     element,
     player,
-    hearIn: (room) => {
+    spatialiseIn: (room) => {
       const place = (): void =>
-        hearing.place(room.ears, (memberId) => {
-          const performerId = attendance.state.members.find(({ id }) => id === memberId)?.performer_id;
-          return performerId ? room.headOf(performerId) : null;
+        spatialAudio.setPositions(room.listener, (memberId) => {
+          const performerId = session.state.members.find(({ id }) => id === memberId)?.performer_id;
+          return performerId ? room.headPosition(performerId) : null;
         });
-      clearInterval(placing);
-      placing = setInterval(place, PLACE_MS);
+      clearInterval(positioning);
+      positioning = setInterval(place, POSITION_MS);
     },
     update: () => {
-      link?.assign(attendance.state.slots);
-      const me = myself(attendance.state);
-      const isOpen = attendance.line.kind === "open";
+      connection?.assignSlots(session.state.slots);
+      const me = localParticipant(session.state);
+      const isOpen = session.connectionState.kind === "open";
       // who comes back after a cut says anew that they want to be heard
-      if (isOpen && !wasOpen && wanted) attendance.wish({ type: "microphone", on: true });
+      if (isOpen && !wasOpen && wanted) session.send({ type: "microphone", on: true });
       const isNews = isOpen && wasOpen;
-      if (!isOpen) told = false;
+      if (!isOpen) serverOn = false;
       wasOpen = isOpen;
       if (!isNews) return;
       const on = me?.microphone ?? false;
-      if (told && !on && wanted) {
+      if (serverOn && !on && wanted) {
         wanted = false;
-        announce("The host switched your microphone off");
+        announce("The host muted you");
       }
-      told = on;
+      serverOn = on;
       // what the server does not hear is not sent either
-      link?.open(on && wanted);
+      connection?.setMicrophoneEnabled(on && wanted);
       element.setAttribute("aria-pressed", String(on));
       element.querySelector("svg")?.replaceWith(icon(on ? "mic" : "micOff"));
       element.disabled = me?.role === "viewer";
     },
     close: () => {
       closing.abort();
-      clearInterval(placing);
-      link?.close();
-      hearing.close();
+      clearInterval(positioning);
+      connection?.close();
+      spatialAudio.close();
       player.srcObject = null;
     },
   };

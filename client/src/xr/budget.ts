@@ -92,7 +92,7 @@ export class SplatBudget {
  * Splats of each person, `most` together, by their size in view; whoever has fewer than their part
  * gives all, and leaves the others more.
  */
-export function sharesOf(counts: readonly number[], sizes: readonly number[], most: number): number[] {
+export function shareBudget(counts: readonly number[], sizes: readonly number[], most: number): number[] {
   const given = counts.map(() => 0);
   let open = counts.map((_, person) => person);
   let rest = most;
@@ -121,14 +121,14 @@ export function steadyShares(before: readonly number[], next: readonly number[],
   return before.length === next.length && near && within ? before : next;
 }
 
-const NEAREST_M = 0.5;
+const MIN_DISTANCE_M = 0.5;
 /** What lies beyond so wide an angle is not seen, but may be a moment later. */
 const ASIDE_COS = Math.cos(1.1);
 const ASIDE = 0.15;
 
 /** How large somebody at `place` is in the picture, up to a factor. */
 export function sizeInView({ worldToCamera: m, eye }: PassCamera, [x, y, z]: readonly [number, number, number]): number {
-  const distance = Math.max(NEAREST_M, Math.hypot(x - eye[0], y - eye[1], z - eye[2]));
+  const distance = Math.max(MIN_DISTANCE_M, Math.hypot(x - eye[0], y - eye[1], z - eye[2]));
   const depth = (m[8] ?? 0) * x + (m[9] ?? 0) * y + (m[10] ?? 0) * z + (m[11] ?? 0);
   return (depth < ASIDE_COS * distance ? ASIDE : 1) / distance ** 2;
 }

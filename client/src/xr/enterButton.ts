@@ -1,16 +1,16 @@
 /** The button that leads into a headset, where the browser offers one. */
 
 import type { LiveView } from "../drawing/live";
-import type { Attendance } from "../meeting/attendance";
+import type { MeetingSession } from "../meeting/session";
 import { announce } from "../views/dom";
 import { button } from "../views/shell";
-import type { HeadsetControl } from "../views/stage";
-import type { Headset, HeadsetWays } from "./session";
+import type { HeadsetControl } from "../views/meetingView";
+import type { Headset, HeadsetActions } from "./headset";
 
 const WORDS = { out: "Enter VR", in: "Leave VR" } as const;
 const OPTIONS = { requiredFeatures: ["local-floor"], optionalFeatures: ["hand-tracking"] };
 
-export function enterVrButton(live: LiveView, attendance: Attendance, ways: HeadsetWays): HeadsetControl {
+export function enterVrButton(live: LiveView, meetingSession: MeetingSession, ways: HeadsetActions): HeadsetControl {
   const element = button(WORDS.out, () => void toggle(), { look: "glass", icon: "headset", testId: "enter-vr" });
   const system = navigator.xr;
   const closing = new AbortController();
@@ -27,7 +27,7 @@ export function enterVrButton(live: LiveView, attendance: Attendance, ways: Head
     element.querySelector("span")?.replaceChildren(words);
     element.title = words;
     element.setAttribute("aria-pressed", String(inside));
-    announce(inside ? "You are in the headset now" : "You left the headset");
+    announce(inside ? "VR session started" : "VR session ended");
   };
   const toggle = async (): Promise<void> => {
     if (headset) return headset.end();
@@ -46,14 +46,14 @@ export function enterVrButton(live: LiveView, attendance: Attendance, ways: Head
     let over = signal.aborted;
     session.addEventListener("end", () => (over = true));
     try {
-      const { Headset: Entered } = await import("./session");
+      const { Headset: Entered } = await import("./headset");
       if (over) return null;
-      const made = await Entered.enter(session, live, attendance, ways);
+      const made = await Entered.enter(session, live, meetingSession, ways);
       made.onEnd = () => {
         headset = null;
         show(false);
       };
-      made.onNumbers = ({ fps, splats }) => {
+      made.onStats = ({ fps, splats }) => {
         element.dataset["fps"] = String(fps);
         element.dataset["splats"] = String(splats);
       };

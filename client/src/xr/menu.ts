@@ -1,9 +1,9 @@
 /**
- * What the board in a headset shows, and where on it: the page's own words, in the page's own order.
- * Pixels of the board from its upper left corner. No DOM in here.
+ * The menu panel in a headset and its layout: the labels of the page, in the order of the page.
+ * Pixels of the panel from its upper left corner. No DOM in here.
  */
 
-import { inside, myself, type MeetingState, type Reaction } from "../meeting/state";
+import { admittedMembers, localParticipant, type MeetingState, type Reaction } from "../meeting/state";
 import type { ToServer } from "../api/types";
 import type { IconName } from "../views/icons";
 
@@ -12,11 +12,11 @@ export const MENU_PX = { width: 1024, height: 760 } as const;
 export type Sheet = "people" | "chat" | "react";
 
 /** What a press does. */
-export type Act =
+export type MenuAction =
   | { kind: "microphone" }
   | { kind: "leave" }
   | { kind: "sheet"; sheet: Sheet }
-  | { kind: "wish"; message: ToServer }
+  | { kind: "send"; message: ToServer }
   | { kind: "turn"; way: 1 | -1 }
   | { kind: "height" };
 
@@ -27,7 +27,7 @@ export interface Box {
   height: number;
 }
 
-export interface Item extends Box {
+export interface MenuItem extends Box {
   /** A button, a line of a list, or the sheet that lies behind them. */
   kind: "button" | "line" | "sheet";
   label: string;
@@ -36,7 +36,7 @@ export interface Item extends Box {
   icon?: IconName;
   pressed?: boolean;
   disabled?: boolean;
-  act?: Act;
+  action?: MenuAction;
 }
 
 const GAP = 12;
@@ -63,70 +63,70 @@ export const REPLIES = ["Yes", "No", "One moment", "I can’t hear you", "Thank 
 const SHORT_REPLIES = 3;
 
 /** Everything on the board, the foremost last. */
-export function menuItems(state: MeetingState, sheet: Sheet | null, standing: boolean): Item[] {
+export function menuItems(state: MeetingState, sheet: Sheet | null, standing: boolean): MenuItem[] {
   return [...(sheet ? sheetItems(state, sheet) : []), ...dock(state, sheet), ...moves(standing)];
 }
 
 /** What lies under a point, if it can be pressed. */
-export function itemAt(items: readonly Item[], x: number, y: number): Item | null {
+export function itemAt(items: readonly MenuItem[], x: number, y: number): MenuItem | null {
   const under = items.filter((item) => x >= item.x && y >= item.y && x < item.x + item.width && y < item.y + item.height);
   const front = under.at(-1);
-  return front?.act && !front.disabled ? front : null;
+  return front?.action && !front.disabled ? front : null;
 }
 
 /** Equal parts of a row, with gaps between them. */
-export function parts(count: number, row: Box): Box[] {
+export function splitRow(count: number, row: Box): Box[] {
   const width = (row.width - GAP * (count - 1)) / count;
   return Array.from({ length: count }, (_, nth) => ({ ...row, x: row.x + nth * (width + GAP), width }));
 }
 
-function laid(row: Box, items: readonly Omit<Item, keyof Box | "kind">[]): Item[] {
-  const places = parts(items.length, row);
+function layOut(row: Box, items: readonly Omit<MenuItem, keyof Box | "kind">[]): MenuItem[] {
+  const places = splitRow(items.length, row);
   return items.map((item, nth) => ({ kind: "button", ...item, ...(places[nth] ?? row) }));
 }
 
-function dock(state: MeetingState, open: Sheet | null): Item[] {
-  const me = myself(state);
+function dock(state: MeetingState, open: Sheet | null): MenuItem[] {
+  const me = localParticipant(state);
   const on = me?.microphone ?? false;
   const raised = me?.hand_at != null;
-  const sheet = (which: Sheet): Pick<Item, "act" | "pressed"> => ({
-    act: { kind: "sheet", sheet: which },
+  const sheet = (which: Sheet): Pick<MenuItem, "action" | "pressed"> => ({
+    action: { kind: "sheet", sheet: which },
     pressed: open === which,
   });
   const row = { x: 0, y: DOCK_Y, width: MENU_PX.width, height: ROW };
-  return laid(row, [
+  return layOut(row, [
     { label: "People", icon: "people", ...sheet("people") },
     { label: "Chat", icon: "chat", ...sheet("chat") },
-    { label: on ? "Mute" : "Unmute", icon: on ? "mic" : "micOff", pressed: on, disabled: me?.role === "viewer", act: { kind: "microphone" } },
-    { label: "Raise hand", icon: "hand", pressed: raised, act: { kind: "wish", message: { type: "hand", raised: !raised } } },
+    { label: on ? "Mute" : "Unmute", icon: on ? "mic" : "micOff", pressed: on, disabled: me?.role === "viewer", action: { kind: "microphone" } },
+    { label: "Raise hand", icon: "hand", pressed: raised, action: { kind: "send", message: { type: "hand", raised: !raised } } },
     { label: "React", icon: "smile", ...sheet("react") },
-    { label: "Leave", icon: "leave", act: { kind: "leave" } },
+    { label: "Leave", icon: "leave", action: { kind: "leave" } },
   ]);
 }
 
-function moves(standing: boolean): Item[] {
+function moves(standing: boolean): MenuItem[] {
   const row = { x: 0, y: DOCK_Y + ROW + GAP, width: MENU_PX.width, height: ROW };
-  return laid(row, [
-    { label: "Turn left", act: { kind: "turn", way: 1 } },
-    { label: standing ? "Sit down" : "Stand up", pressed: standing, act: { kind: "height" } },
-    { label: "Turn right", act: { kind: "turn", way: -1 } },
+  return layOut(row, [
+    { label: "Turn left", action: { kind: "turn", way: 1 } },
+    { label: standing ? "Sit down" : "Stand up", pressed: standing, action: { kind: "height" } },
+    { label: "Turn right", action: { kind: "turn", way: -1 } },
   ]);
 }
 
-function sheetItems(state: MeetingState, sheet: Sheet): Item[] {
-  const behind: Item = { kind: "sheet", label: { people: "People", chat: "Chat", react: "React" }[sheet], ...SHEET };
+function sheetItems(state: MeetingState, sheet: Sheet): MenuItem[] {
+  const behind: MenuItem = { kind: "sheet", label: { people: "People", chat: "Chat", react: "React" }[sheet], ...SHEET };
   if (sheet === "people") return [behind, ...people(state)];
   if (sheet === "chat") return [behind, ...chat(state)];
   return [behind, ...reactions()];
 }
 
-function line(nth: number, item: Pick<Item, "label" | "strong" | "icon">): Item {
+function line(nth: number, item: Pick<MenuItem, "label" | "strong" | "icon">): MenuItem {
   const { x, width } = SHEET;
   return { kind: "line", ...item, x: x + 2 * GAP, y: TITLE + nth * LINE, width: width - 4 * GAP, height: LINE };
 }
 
-function people(state: MeetingState): Item[] {
-  const all = inside(state);
+function people(state: MeetingState): MenuItem[] {
+  const all = admittedMembers(state);
   const shown = all.length > MOST_LINES ? all.slice(0, MOST_LINES - 1) : all;
   const lines = shown.map(({ id, name, microphone, hand_at }, nth) =>
     line(nth, {
@@ -138,29 +138,29 @@ function people(state: MeetingState): Item[] {
   return lines;
 }
 
-function chat(state: MeetingState): Item[] {
-  const last = state.said.slice(-MOST_MESSAGES);
+function chat(state: MeetingState): MenuItem[] {
+  const last = state.messages.slice(-MOST_MESSAGES);
   const lines = last.map(({ participant_id, name, text }, nth) =>
     line(nth, { strong: participant_id === state.me ? "You" : name, label: text }),
   );
   if (last.length === 0) lines.push(line(0, { label: "Nobody has written yet." }));
-  const quiet = myself(state)?.role === "viewer";
-  const replies = REPLIES.map((text) => ({ label: text, disabled: quiet, act: { kind: "wish", message: { type: "say", text } } as const }));
+  const quiet = localParticipant(state)?.role === "viewer";
+  const replies = REPLIES.map((text) => ({ label: text, disabled: quiet, action: { kind: "send", message: { type: "say", text } } as const }));
   const rows = [replies.slice(0, SHORT_REPLIES), replies.slice(SHORT_REPLIES)];
   const placed = rows.map((some, nth) => {
     const y = SHEET.height - (rows.length - nth) * (REPLY + GAP);
-    return laid({ x: 2 * GAP, y, width: SHEET.width - 4 * GAP, height: REPLY }, some);
+    return layOut({ x: 2 * GAP, y, width: SHEET.width - 4 * GAP, height: REPLY }, some);
   });
   return [...lines, ...placed.flat()];
 }
 
-function reactions(): Item[] {
+function reactions(): MenuItem[] {
   const [above, below] = [REACTIONS.slice(0, 3), REACTIONS.slice(3)];
   return [above, below].flatMap((some, nth) => {
     const row = { x: 2 * GAP, y: TITLE + GAP + nth * (2 * ROW + GAP), width: SHEET.width - 4 * GAP, height: 2 * ROW };
-    return laid(
+    return layOut(
       row,
-      some.map(([reaction, label]) => ({ label, icon: reaction, act: { kind: "wish", message: { type: "react", reaction } } as const })),
+      some.map(([reaction, label]) => ({ label, icon: reaction, action: { kind: "send", message: { type: "react", reaction } } as const })),
     );
   });
 }

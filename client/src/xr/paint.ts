@@ -1,7 +1,7 @@
 /** Paints boards with the page's colours, type and icons. */
 
 import { icon, type IconName } from "../views/icons";
-import type { Item } from "./menu";
+import type { MenuItem } from "./menu";
 
 export type Painter = CanvasRenderingContext2D;
 
@@ -12,7 +12,7 @@ const TYPE_PX = 27;
 const SMALL_PX = 22;
 
 /** The page's colours, as the theme of the system has them. */
-interface Look {
+interface Theme {
   glass: string;
   ink: string;
   accent: string;
@@ -20,7 +20,7 @@ interface Look {
   font: string;
 }
 
-function look(): Look {
+function theme(): Theme {
   const root = getComputedStyle(document.documentElement);
   const token = (name: string): string => root.getPropertyValue(name).trim();
   return {
@@ -33,29 +33,29 @@ function look(): Look {
 }
 
 /** The whole menu; `under` is what a ray points at. */
-export function paintMenu(on: Painter, items: readonly Item[], under: Item | null): void {
-  const how = look();
+export function paintMenu(on: Painter, items: readonly MenuItem[], under: MenuItem | null): void {
+  const how = theme();
   on.clearRect(0, 0, on.canvas.width, on.canvas.height);
   on.textBaseline = "middle";
   for (const item of items) {
     on.globalAlpha = item.disabled ? 0.45 : 1;
     if (item.kind === "sheet") paintSheet(on, item, how);
     else if (item.kind === "line") paintLine(on, item, how);
-    else paintButton(on, item, how, same(item, under));
+    else paintButton(on, item, how, isSameItem(item, under));
   }
   on.globalAlpha = 1;
 }
 
 /** Lines of words in the middle of a strip; nothing where there are none. */
-export function paintWords(on: Painter, lines: readonly string[]): void {
+export function paintText(on: Painter, lines: readonly string[]): void {
   const { width, height } = on.canvas;
-  const how = look();
+  const how = theme();
   on.clearRect(0, 0, width, height);
   if (lines.length === 0) return;
   on.font = `500 38px ${how.font}`;
   on.textBaseline = "middle";
   on.textAlign = "center";
-  const shown = lines.map((words) => fitting(on, words, width - 80));
+  const shown = lines.map((words) => ellipsize(on, words, width - 80));
   const widest = Math.max(...shown.map((words) => on.measureText(words).width)) + 64;
   const high = 56 * shown.length + 24;
   fill(on, (width - widest) / 2, height - high, widest, high, how.glass);
@@ -65,7 +65,7 @@ export function paintWords(on: Painter, lines: readonly string[]): void {
 }
 
 /** `words`, cut at the end where they are wider than `width`. */
-export function fitting(on: Pick<Painter, "measureText">, words: string, width: number): string {
+export function ellipsize(on: Pick<Painter, "measureText">, words: string, width: number): string {
   const letters = [...words];
   const shown = (count: number): string => (count < letters.length ? `${letters.slice(0, count).join("").trimEnd()}…` : words);
   let [low, high] = [0, letters.length];
@@ -77,7 +77,7 @@ export function fitting(on: Pick<Painter, "measureText">, words: string, width: 
   return shown(low);
 }
 
-export function same(a: Item, b: Item | null): boolean {
+export function isSameItem(a: MenuItem, b: MenuItem | null): boolean {
   return b !== null && a.label === b.label && a.x === b.x && a.y === b.y;
 }
 
@@ -88,14 +88,14 @@ function fill(on: Painter, x: number, y: number, width: number, height: number, 
   on.fill();
 }
 
-function paintSheet(on: Painter, { x, y, width, height, label }: Item, how: Look): void {
+function paintSheet(on: Painter, { x, y, width, height, label }: MenuItem, how: Theme): void {
   fill(on, x, y, width, height, how.glass);
   on.fillStyle = how.ink;
   on.font = `650 34px ${how.font}`;
   on.fillText(label, x + 28, y + 40);
 }
 
-function paintLine(on: Painter, item: Item, how: Look): void {
+function paintLine(on: Painter, item: MenuItem, how: Theme): void {
   const middle = item.y + item.height / 2;
   let x = item.x;
   on.fillStyle = on.strokeStyle = how.ink;
@@ -105,15 +105,15 @@ function paintLine(on: Painter, item: Item, how: Look): void {
   }
   if (item.strong) {
     on.font = `650 ${TYPE_PX}px ${how.font}`;
-    const name = fitting(on, item.strong, item.width / 3);
+    const name = ellipsize(on, item.strong, item.width / 3);
     on.fillText(name, x, middle);
     x += on.measureText(name).width + 14;
   }
   on.font = `400 ${TYPE_PX}px ${how.font}`;
-  on.fillText(fitting(on, item.label, item.x + item.width - x), x, middle);
+  on.fillText(ellipsize(on, item.label, item.x + item.width - x), x, middle);
 }
 
-function paintButton(on: Painter, item: Item, how: Look, hovered: boolean): void {
+function paintButton(on: Painter, item: MenuItem, how: Theme, hovered: boolean): void {
   const { x, y, width, height, label, pressed } = item;
   fill(on, x, y, width, height, pressed ? how.accent : how.glass);
   if (hovered) {
@@ -127,7 +127,7 @@ function paintButton(on: Painter, item: Item, how: Look, hovered: boolean): void
   on.textAlign = "center";
   on.font = `550 ${TYPE_PX}px ${how.font}`;
   if (on.measureText(label).width > width - 16) on.font = `550 ${SMALL_PX}px ${how.font}`;
-  const words = fitting(on, label, width - 16);
+  const words = ellipsize(on, label, width - 16);
   const middle = y + height / 2;
   if (item.icon) {
     const size = Math.min(60, height * 0.42);

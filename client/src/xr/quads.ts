@@ -54,7 +54,7 @@ const RAY_HALF_WIDTH_M = 0.002;
 const RING_M = 0.28;
 
 /** A canvas of words, and its copy on the card. */
-export class Board {
+export class CanvasPanel {
   readonly painter: CanvasRenderingContext2D;
   readonly texture: WebGLTexture;
   private painted = "";
@@ -90,38 +90,38 @@ export class Board {
 }
 
 /** Something flat in the room. */
-export type Flat = { quad: Quad } & ({ kind: "board"; board: Board } | { kind: "ring" | "ray"; colour: Vec3 });
+export type OverlayQuad = { quad: Quad } & ({ kind: "board"; board: CanvasPanel } | { kind: "ring" | "ray"; colour: Vec3 });
 
 /** A ring on the floor. */
-export function ringAt(middle: Vec3): Quad {
+export function ringQuad(middle: Vec3): Quad {
   return { middle, right: [RING_M, 0, 0], up: [0, 0, -RING_M] };
 }
 
 /** A thin strip from one point to another that turns its face to `eye`. */
-export function strip(from: Vec3, to: Vec3, eye: Vec3): Quad {
+export function rayQuad(from: Vec3, to: Vec3, eye: Vec3): Quad {
   const right = scale(add(to, from, -1), 0.5);
   const middle = add(from, right);
   return { middle, right, up: scale(unit(cross(right, add(eye, middle, -1))), RAY_HALF_WIDTH_M) };
 }
 
-export class Quads {
+export class QuadRenderer {
   private readonly program: WebGLProgram;
   private readonly at: Uniforms;
-  private readonly nothing: WebGLVertexArrayObject;
+  private readonly emptyVertexArray: WebGLVertexArrayObject;
 
   constructor(private readonly gl: WebGL2RenderingContext) {
     this.program = program(gl, VERTEX, FRAGMENT);
     this.at = uniformsOf(gl, this.program);
-    this.nothing = gl.createVertexArray();
+    this.emptyVertexArray = gl.createVertexArray();
   }
 
   /** Draw over what is there, the last in front. */
-  draw({ camera, framebuffer, x, y }: Eye, flats: readonly Flat[]): void {
+  draw({ camera, framebuffer, x, y }: Eye, flats: readonly OverlayQuad[]): void {
     const { gl } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
     gl.viewport(x, y, camera.width, camera.height);
     gl.useProgram(this.program);
-    gl.bindVertexArray(this.nothing);
+    gl.bindVertexArray(this.emptyVertexArray);
     gl.activeTexture(gl.TEXTURE0);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);

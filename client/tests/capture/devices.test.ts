@@ -1,5 +1,5 @@
 import { afterEach, describe, expect, it, vi } from "vitest";
-import { chooseDevices, chosenDevices, loudness, microphoneProblem, openMicrophone } from "../../src/capture/devices";
+import { storeDevices, chosenDevices, loudness, microphoneProblem, openMicrophone } from "../../src/capture/devices";
 
 function store(text: string | null = null) {
   return { getItem: () => text, setItem: (_: string, value: string) => void (text = value) };
@@ -8,10 +8,10 @@ function store(text: string | null = null) {
 describe("the choice of devices", () => {
   it("is remembered, each by itself", () => {
     const kept = store();
-    expect(chosenDevices(kept)).toEqual({ camera: "", microphone: "", heard: false });
-    chooseDevices({ camera: "a" }, kept);
-    chooseDevices({ heard: true }, kept);
-    expect(chosenDevices(kept)).toEqual({ camera: "a", microphone: "", heard: true });
+    expect(chosenDevices(kept)).toEqual({ camera: "", microphone: "", joinUnmuted: false });
+    storeDevices({ camera: "a" }, kept);
+    storeDevices({ joinUnmuted: true }, kept);
+    expect(chosenDevices(kept)).toEqual({ camera: "a", microphone: "", joinUnmuted: true });
   });
 
   it("survives what another release wrote", () => {
@@ -31,11 +31,11 @@ describe("openMicrophone", () => {
     expect(asked).toMatchObject([{ audio: { deviceId: { ideal: "m2" }, echoCancellation: true } }]);
   });
 
-  it("says in words what to do, and that one may come in without", async () => {
+  it("says in words what to do, and that one may join without", async () => {
     vi.stubGlobal("navigator", { mediaDevices: { getUserMedia: () => Promise.reject(new DOMException("", "NotAllowedError")) } });
     await expect(openMicrophone()).rejects.toMatchObject({
       title: "The microphone is blocked",
-      detail: expect.stringContaining("come in without"),
+      detail: expect.stringContaining("join without"),
     });
     vi.stubGlobal("navigator", {});
     await expect(openMicrophone()).rejects.toMatchObject({ title: "The microphone is blocked" });

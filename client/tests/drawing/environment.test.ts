@@ -11,7 +11,7 @@ describe("loadEnvironment", () => {
   it("fetches nothing for the studio", async () => {
     const { request, calls } = fakeFetch(() => new Response("x"));
     const studio = { name: "studio", title: "Studio", picture_url: null, light: null };
-    expect(await loadEnvironment(studio, "seat", request)).toEqual({ picture: null, light: null });
+    expect(await loadEnvironment(studio, "seat", request)).toEqual({ panorama: null, light: null });
     expect(calls).toEqual([]);
   });
 
@@ -19,7 +19,7 @@ describe("loadEnvironment", () => {
     const decode = vi.fn(async () => "bitmap");
     vi.stubGlobal("createImageBitmap", decode);
     const { request, calls } = fakeFetch(() => new Response("jpeg"));
-    expect(await loadEnvironment(PARK, "seat", request)).toEqual({ picture: "bitmap", light: PARK.light });
+    expect(await loadEnvironment(PARK, "seat", request)).toEqual({ panorama: "bitmap", light: PARK.light });
     expect(calls[0]).toMatchObject({ path: PARK.picture_url, token: "Bearer seat" });
     expect(decode).toHaveBeenCalledWith(expect.anything(), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
   });

@@ -108,14 +108,14 @@ describe("Enrolment", () => {
 
   it("goes on after the page was reloaded", async () => {
     const { server, enrolment } = setUp();
-    await enrolment.revisit({ name: "Ada", sequenceId: "s", jobId: null });
+    await enrolment.continueFrom({ name: "Ada", sequenceId: "s", jobId: null });
     expect(server.calls).toHaveLength(1);
     expect(enrolment.state.status).toBe("ready");
   });
 
   it("finds a training again that is under way, and begins no second one", async () => {
     const { server, enrolment } = setUp();
-    await enrolment.revisit({ name: "Ada", sequenceId: "s", jobId: "j" });
+    await enrolment.continueFrom({ name: "Ada", sequenceId: "s", jobId: "j" });
     expect(server.calls).toEqual([]);
     expect(enrolment.state).toMatchObject({ status: "ready", step: "train", modelId: "m" });
   });
@@ -208,7 +208,7 @@ describe("Enrolment", () => {
     const { server, enrolment } = setUp();
     server.captured = sequence({ kind: "keypoints" });
     await enrolment.start(ADA, { blob: new Blob(["{}"]), fileName: "walk.json" });
-    expect(enrolment.state.problem?.title).toBe("This file holds movement only");
+    expect(enrolment.state.problem?.title).toBe("This file contains motion only");
     expect(server.calls.some((call) => call.startsWith("train"))).toBe(false);
   });
 

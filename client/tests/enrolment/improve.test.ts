@@ -1,12 +1,12 @@
 import { describe, expect, it } from "vitest";
 import type { Api } from "../../src/api/api";
-import { Improvement, improvable, type ImproveState } from "../../src/enrolment/improve";
+import { ModelImprovement, improvable, type ImproveState } from "../../src/enrolment/improve";
 import { NO_SERVER, Problem } from "../../src/api/problem";
-import type { Film } from "../../src/capture/record";
+import type { RecordedClip } from "../../src/capture/record";
 import type { Job, Performer, Sequence } from "../../src/api/types";
 import { job, sequence } from "../fakes";
 
-const FILM: Film = { blob: new Blob(["film"]), fileName: "webcam.mp4" };
+const FILM: RecordedClip = { blob: new Blob(["film"]), fileName: "webcam.mp4" };
 const CONFLICT = new Problem("Conflict", "", 409);
 const GONE = new Problem("Not found", "", 404);
 
@@ -88,15 +88,15 @@ function setUp(server = new FakeServer()) {
   const states: ImproveState[] = [];
   let left: string[] = [];
   const notes = { get: () => left, set: (ids: string[]) => void (left = ids) };
-  const improvement = new Improvement(server as unknown as Api, notes, (state) => states.push(state));
+  const improvement = new ModelImprovement(server as unknown as Api, notes, (state) => states.push(state));
   const start = (currentModelId: string | null = "m"): Promise<void> =>
     improvement.start("p", () => currentModelId, async (onSecond) => (onSecond(10), FILM));
   const soon = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
   return { server, states, improvement, start, soon, left: () => left, notes };
 }
 
-describe("Improvement", () => {
-  it("leads from a film to a better likeness in the place of the one that stands", async () => {
+describe("ModelImprovement", () => {
+  it("leads from a film to a better model in the place of the one that stands", async () => {
     const { server, states, start, left } = setUp();
     await start();
     const training = { preset: "splats", budget_s: 20, seed: 0, model_only: true, improves: "m" };
@@ -121,10 +121,10 @@ describe("Improvement", () => {
       onSecond(4);
       return new Promise((_, reject) => signal.addEventListener("abort", () => reject(signal.reason)));
     });
-    await improvement.takeBack();
+    await improvement.cancel();
     await running;
     expect(server.calls).toEqual([]);
-    expect(states.at(-1)).toEqual({ kind: "stopped", learnt: false, left: false });
+    expect(states.at(-1)).toEqual({ kind: "stopped", improved: false, clipOnServer: false });
   });
 
   it("breaks an upload off", async () => {
@@ -132,7 +132,7 @@ describe("Improvement", () => {
     server.hold = "upload";
     const running = start();
     await soon();
-    await improvement.takeBack();
+    await improvement.cancel();
     await running;
     expect(server.film).toBeNull();
     expect(states.at(-1)?.kind).toBe("stopped");
@@ -143,7 +143,7 @@ describe("Improvement", () => {
     Object.assign(server, { hold: "upload", sent: 1 });
     const running = start();
     await soon();
-    const back = improvement.takeBack();
+    const back = improvement.cancel();
     expect(states.at(-1)?.kind).toBe("stopping");
     server.arrive();
     await Promise.all([back, running]);
@@ -157,7 +157,7 @@ describe("Improvement", () => {
     const running = start();
     await soon();
     expect(left()).toEqual(["s"]);
-    await improvement.takeBack();
+    await improvement.cancel();
     await running;
     expect(server.calls.slice(1)).toEqual(["cancel c"]);
     expect([server.film, left()]).toEqual([null, []]);
@@ -168,10 +168,10 @@ describe("Improvement", () => {
     server.hold = "j";
     const running = start();
     await soon();
-    await improvement.takeBack();
+    await improvement.cancel();
     await running;
     expect(server.calls.slice(2)).toEqual(["cancel j", "delete s"]);
-    expect(states.at(-1)).toEqual({ kind: "stopped", learnt: true, left: false });
+    expect(states.at(-1)).toEqual({ kind: "stopped", improved: true, clipOnServer: false });
     expect(left()).toEqual([]);
   });
 
@@ -183,14 +183,14 @@ describe("Improvement", () => {
     await soon();
     server.end("j", "failed", { type: "", title: "Worker died", detail: "again", status: 500 });
     await running;
-    expect(states.at(-1)).toMatchObject({ kind: "failed", problem: { title: "Worker died" }, advice: ["Add light."], left: false });
+    expect(states.at(-1)).toMatchObject({ kind: "failed", problem: { title: "Worker died" }, advice: ["Add light."], clipOnServer: false });
     expect([server.film, left()]).toEqual([null, []]);
   });
 
   it("begins no training for somebody who has left the meeting", async () => {
     const { server, states, start } = setUp();
     await start(null);
-    expect(states.at(-1)).toMatchObject({ kind: "failed", problem: { title: "You stand in this meeting no more" } });
+    expect(states.at(-1)).toMatchObject({ kind: "failed", problem: { title: "Your model is no longer in this meeting" } });
     expect(server.calls.slice(1)).toEqual(["delete s"]);
   });
 
@@ -200,12 +200,12 @@ describe("Improvement", () => {
     const running = start();
     await soon();
     server.away = true;
-    await improvement.takeBack();
+    await improvement.cancel();
     await running;
-    expect(states.at(-1)).toMatchObject({ kind: "stopped", left: true });
+    expect(states.at(-1)).toMatchObject({ kind: "stopped", clipOnServer: true });
     expect(left()).toEqual(["s"]);
     server.away = false;
-    await new Improvement(server as unknown as Api, notes, () => undefined).tidy();
+    await new ModelImprovement(server as unknown as Api, notes, () => undefined).deletePending();
     expect([server.film, left()]).toEqual([null, []]);
   });
 
@@ -218,10 +218,10 @@ describe("Improvement", () => {
     await running;
     expect(learning.server.calls).toHaveLength(2);
     // while it learns, the film is in use; afterwards it is forgotten
-    await learning.improvement.tidy();
+    await learning.improvement.deletePending();
     expect(learning.left()).toEqual(["s"]);
     learning.server.end("j", "succeeded");
-    await learning.improvement.tidy();
+    await learning.improvement.deletePending();
     expect(learning.left()).toEqual([]);
 
     const capturing = setUp();

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Api } from "../../src/api/api";
-import { everybody, isJson, meetMoving } from "../../src/enrolment/keypoints";
+import { animatablePeople, isJson, createKeypointsMeeting } from "../../src/enrolment/keypoints";
 import { sequence } from "../fakes";
 
 const ADA = { personId: "a", name: "Ada", modelId: "a2", mine: true };
@@ -49,17 +49,17 @@ describe("isJson", () => {
   });
 });
 
-describe("everybody", () => {
+describe("animatablePeople", () => {
   it("has each person once, with their latest model, the latest first", async () => {
-    const found = await everybody(setUp().api);
+    const found = await animatablePeople(setUp().api);
     expect(found).toEqual([ADA, { personId: "b", name: "Bob", modelId: "b1", mine: false }]);
   });
 });
 
-describe("meetMoving", () => {
+describe("createKeypointsMeeting", () => {
   it("lends the motion to the person in a meeting of its own", async () => {
     const { server, api } = setUp();
-    expect(await meetMoving(api, ADA, KEYPOINTS, never)).toEqual({ id: "m" });
+    expect(await createKeypointsMeeting(api, ADA, KEYPOINTS, never)).toEqual({ id: "m" });
     expect(server.calls).toEqual([
       ["upload", "a", "wave.json"],
       ["meeting", "Ada by keypoints", []],
@@ -70,7 +70,7 @@ describe("meetMoving", () => {
   it("sends no clip as keypoints", async () => {
     const { server, api } = setUp();
     const clip = new File(["\u0000\u0000\u0000 ftypisom"], "me.mp4");
-    await expect(meetMoving(api, ADA, clip, never)).rejects.toThrow("holds no keypoints");
+    await expect(createKeypointsMeeting(api, ADA, clip, never)).rejects.toThrow("contains no keypoints");
     expect(server.calls).toEqual([]);
   });
 });

@@ -1,18 +1,18 @@
 import { describe, expect, it } from "vitest";
 import golden from "../../../tests/capture/expressions.json";
-import { squareAbout } from "../../src/landmarks/crops";
+import { cropOf } from "../../src/landmarks/crops";
 import {
   FACE,
   LEFT_HAND,
-  RestFinder,
-  USUAL_REST,
+  RestingFaceEstimator,
+  TYPICAL_RESTING_FACE,
   faceMeasures,
   faceNumbers,
   handCurl,
   restingFace,
   type Point,
 } from "../../src/landmarks/expression";
-import { ExpressionDetector, type ExpressionWorker, type PartAnswer, type PartPicture } from "../../src/landmarks/expressions";
+import { ExpressionDetector, type ExpressionWorker, type ExpressionMessage, type PartPicture } from "../../src/landmarks/expressions";
 import { LANDMARK_COUNT, type Landmarks } from "../../src/landmarks/packet";
 
 /** The server's numbers; the test there tells how they are made anew. */
@@ -44,13 +44,13 @@ describe("expressions", () => {
   });
 
   it("are told from a rest that is learnt: at first how they look then, mouth shut", () => {
-    const finder = new RestFinder();
+    const finder = new RestingFaceEstimator();
     const [resting = [], talking = []] = golden.measures;
-    const first = finder.learn(talking, 0);
+    const first = finder.update(talking, 0);
     close(first.slice(1), talking.slice(1));
-    expect(first[0]).toBeCloseTo(USUAL_REST[0] ?? NaN, 2);
-    for (let ms = 0; ms < 90_000; ms += 100) finder.learn(resting, ms);
-    close(finder.learn(resting, 90_000), resting);
+    expect(first[0]).toBeCloseTo(TYPICAL_RESTING_FACE[0] ?? NaN, 2);
+    for (let ms = 0; ms < 90_000; ms += 100) finder.update(resting, ms);
+    close(finder.update(resting, 90_000), resting);
   });
 });
 
@@ -67,20 +67,20 @@ function somebody(): Landmarks {
   return seen;
 }
 
-describe("squareAbout", () => {
+describe("cropOf", () => {
   it("holds a head with room about it, and hands of the size that goes with it", () => {
-    expect(squareAbout("face", somebody())).toEqual({ x: 179, y: 99, side: 282 });
-    expect(squareAbout("left_hand", somebody())?.side).toBe(Math.round(2 * 1.6 * 128));
+    expect(cropOf("face", somebody())).toEqual({ x: 179, y: 99, side: 282 });
+    expect(cropOf("left_hand", somebody())?.side).toBe(Math.round(2 * 1.6 * 128));
   });
 
   it("looks for no hand that is hidden or outside of the picture", () => {
     const hidden = somebody();
     hidden.visibility[19] = 0.2;
-    expect(squareAbout("left_hand", hidden)).toBeNull();
-    expect(squareAbout("right_hand", hidden)).not.toBeNull();
+    expect(cropOf("left_hand", hidden)).toBeNull();
+    expect(cropOf("right_hand", hidden)).not.toBeNull();
     const outside = somebody();
     for (const i of [16, 18, 20, 22]) outside.xy[2 * i] = 1.2;
-    expect(squareAbout("right_hand", outside)).toBeNull();
+    expect(cropOf("right_hand", outside)).toBeNull();
   });
 });
 
@@ -89,7 +89,7 @@ class FakeWorker implements ExpressionWorker {
   pictures: PartPicture[] = [];
   postMessage = (picture: PartPicture): void => void this.pictures.push(picture);
   terminate = (): void => undefined;
-  say = (answer: PartAnswer): void => this.onmessage?.({ data: answer } as MessageEvent<PartAnswer>);
+  say = (answer: ExpressionMessage): void => this.onmessage?.({ data: answer } as MessageEvent<ExpressionMessage>);
 }
 
 const settled = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
@@ -99,7 +99,7 @@ describe("ExpressionDetector", () => {
     const worker = new FakeWorker();
     const clock = { ms: 0 };
     const finder = new ExpressionDetector(async () => ({}) as ImageBitmap, () => clock.ms, worker);
-    /** A picture of the body's finder at `ms`; the part that is looked at, which takes `costMs`. */
+    /** A picture of the body detector at `ms`; the part that is looked at, which takes `costMs`. */
     const offer = async (ms: number, costMs: number): Promise<string | undefined> => {
       const before = worker.pictures.length;
       clock.ms = ms;

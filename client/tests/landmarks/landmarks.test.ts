@@ -1,8 +1,8 @@
 import { describe, expect, it } from "vitest";
 import { KeypointsChannel, type Channel } from "../../src/landmarks/channel";
-import { LandmarkFinder, type Answer, type FinderWorker, type Picture } from "../../src/landmarks/finder";
+import { LandmarkDetector, type DetectorMessage, type DetectorWorker, type Picture } from "../../src/landmarks/detector";
 import { KEYPOINTS_BYTES, LANDMARK_COUNT, type Landmarks } from "../../src/landmarks/packet";
-import { drawing } from "../../src/landmarks/skeleton";
+import { skeletonLines } from "../../src/landmarks/skeleton";
 import type { Problem } from "../../src/api/problem";
 
 function somebody(): Landmarks {
@@ -15,19 +15,19 @@ function somebody(): Landmarks {
   };
 }
 
-class FakeWorker implements FinderWorker {
-  onmessage: FinderWorker["onmessage"] = null;
-  onerror: FinderWorker["onerror"] = null;
+class FakeWorker implements DetectorWorker {
+  onmessage: DetectorWorker["onmessage"] = null;
+  onerror: DetectorWorker["onerror"] = null;
   pictures: Picture[] = [];
   ended = false;
   postMessage = (picture: Picture): void => void this.pictures.push(picture);
   terminate = (): void => void (this.ended = true);
-  say = (answer: Answer): void => this.onmessage?.({ data: answer } as MessageEvent<Answer>);
+  say = (answer: DetectorMessage): void => this.onmessage?.({ data: answer } as MessageEvent<DetectorMessage>);
 }
 
 const settled = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
 
-describe("LandmarkFinder", () => {
+describe("LandmarkDetector", () => {
   function setUp(grab = async (): Promise<ImageBitmap> => ({}) as ImageBitmap) {
     const worker = new FakeWorker();
     const found: unknown[] = [];
@@ -35,7 +35,7 @@ describe("LandmarkFinder", () => {
       onFound: (...one: unknown[]) => void found.push(one),
       onFailed: (reason: string) => void found.push(reason),
     };
-    return { worker, found, finder: new LandmarkFinder(grab, hooks, worker) };
+    return { worker, found, finder: new LandmarkDetector(grab, hooks, worker) };
   }
 
   it("gives the worker one picture at a time, and the newest when it is done", async () => {
@@ -138,15 +138,15 @@ describe("KeypointsChannel", () => {
   });
 });
 
-describe("drawing", () => {
+describe("skeletonLines", () => {
   it("shows what is seen and leaves out what is guessed", () => {
     const seen = somebody();
     seen.xy.set([0.25, 0.5], 2 * 11);
-    expect(drawing(seen, 640, 480).lines).toHaveLength(16);
-    expect(drawing(seen, 640, 480).lines[0]?.from).toEqual([160, 240]);
+    expect(skeletonLines(seen, 640, 480).lines).toHaveLength(16);
+    expect(skeletonLines(seen, 640, 480).lines[0]?.from).toEqual([160, 240]);
     seen.visibility.fill(0.2, 23); // hips and legs
-    expect(drawing(seen, 640, 480).lines).toHaveLength(7);
+    expect(skeletonLines(seen, 640, 480).lines).toHaveLength(7);
     seen.visibility.fill(0, 0, 11);
-    expect(drawing(seen, 640, 480).points).toEqual([]);
+    expect(skeletonLines(seen, 640, 480).points).toEqual([]);
   });
 });

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { ControlConnection, pauseMs, type ControlState } from "../../src/meeting/controlConnection";
+import { ControlConnection, reconnectDelayMs, type ControlState } from "../../src/meeting/controlConnection";
 import { NO_SERVER, Problem } from "../../src/api/problem";
 import type { FromServer, ToServer } from "../../src/api/types";
 
@@ -36,7 +36,7 @@ function setUp(greeting?: (stale: boolean) => Promise<never>) {
   const roundTrips: number[] = [];
   const line = new ControlConnection(
     {
-      greeting: async (stale) => {
+      hello: async (stale) => {
         asked.push(stale);
         if (greeting) return greeting(stale);
         return { address: "ws://x/c", token: "t", name: "Ada", after: messages.length };
@@ -58,7 +58,7 @@ function setUp(greeting?: (stale: boolean) => Promise<never>) {
   return { line, sockets, states, messages, asked, roundTrips, kinds, newest };
 }
 
-describe("the control line", () => {
+describe("ControlConnection", () => {
   beforeEach(() => {
     vi.useFakeTimers();
     vi.stubGlobal("WebSocket", FakeSocket);
@@ -151,7 +151,7 @@ describe("the control line", () => {
       socket.tell({ type: "goodbye", reason, problem: null });
       socket.close();
       await vi.advanceTimersByTimeAsync(5000);
-      expect(states.at(-1)).toEqual({ kind: "over", reason, problem: null });
+      expect(states.at(-1)).toEqual({ kind: "ended", reason, problem: null });
       expect(sockets).toHaveLength(1);
     },
   );
@@ -165,12 +165,12 @@ describe("the control line", () => {
     const running = line.run();
     await vi.advanceTimersByTimeAsync(5000);
     await running;
-    expect(kinds()).toEqual(["connecting", "lost", "lost", "lost", "over"]);
+    expect(kinds()).toEqual(["connecting", "lost", "lost", "lost", "ended"]);
     expect(states.at(-1)).toMatchObject({ reason: "refused", problem: over });
   });
 
   it("waits longer between attempts, but never long", () => {
-    expect(pauseMs(0, 0)).toBeLessThan(200);
-    expect(pauseMs(20, 1)).toBe(1000);
+    expect(reconnectDelayMs(0, 0)).toBeLessThan(200);
+    expect(reconnectDelayMs(20, 1)).toBe(1000);
   });
 });

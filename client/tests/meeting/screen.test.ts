@@ -76,7 +76,7 @@ describe("sharing a screen", () => {
     vi.stubGlobal("navigator", { mediaDevices: { getDisplayMedia: refuse } });
     expect(await ScreenShare.choose("/whip/m", async () => "seat")).toBeNull();
     vi.stubGlobal("navigator", { mediaDevices: {} });
-    expect(ScreenShare.offered()).toBe(false);
+    expect(ScreenShare.isSupported()).toBe(false);
     await expect(ScreenShare.choose("/whip/m", async () => "seat")).rejects.toMatchObject({
       title: "This browser can’t share a screen",
     });

@@ -1,10 +1,10 @@
 import { describe, expect, it } from "vitest";
-import { NOBODY_YET, heard, inside, isHost, nameOf, newsOf, speakers, waiting, type MeetingState } from "../../src/meeting/state";
+import { INITIAL_STATE, applyMessage, admittedMembers, isHost, nameOf, announcementsOf, activeSpeakers, waitingMembers, type MeetingState } from "../../src/meeting/state";
 import type { FromServer, Member } from "../../src/api/types";
 import { member } from "../fakes";
 
 function told(...messages: FromServer[]): MeetingState {
-  return messages.reduce(heard, NOBODY_YET);
+  return messages.reduce(applyMessage, INITIAL_STATE);
 }
 
 const welcome: FromServer = { type: "welcome", participant_id: "me", seat: 1, silence_s: 5 };
@@ -13,7 +13,7 @@ const said = (number: number, text = "x"): FromServer => ({
   type: "said", number, participant_id: "bo", name: "Bo", text, at: "2026-01-01T10:00:00Z",
 });
 
-describe("what the page knows of its meeting", () => {
+describe("the meeting state", () => {
   it("puts raised hands first, the longest raised before others", () => {
     const state = told(
       welcome,
@@ -24,23 +24,23 @@ describe("what the page knows of its meeting", () => {
         member({ id: "door", admission: "waiting" }),
       ),
     );
-    expect(inside(state).map(({ id }) => id)).toEqual(["early", "late", "me"]);
-    expect(waiting(state).map(({ id }) => id)).toEqual(["door"]);
+    expect(admittedMembers(state).map(({ id }) => id)).toEqual(["early", "late", "me"]);
+    expect(waitingMembers(state).map(({ id }) => id)).toEqual(["door"]);
     expect(isHost(state)).toBe(true);
   });
 
   it("takes a message that comes twice, as after a cut, once", () => {
     const state = told(welcome, said(1), said(2), said(2), said(1));
-    expect(state.said.map(({ number }) => number)).toEqual([1, 2]);
-    const after = heard(state, { type: "reacted", number: 5, participant_id: "bo", name: "Bo", reaction: "heart" });
-    expect(after.number).toBe(5);
-    expect(after.said).toBe(state.said);
+    expect(state.messages.map(({ number }) => number)).toEqual([1, 2]);
+    const after = applyMessage(state, { type: "reacted", number: 5, participant_id: "bo", name: "Bo", reaction: "heart" });
+    expect(after.lastMessageNumber).toBe(5);
+    expect(after.messages).toBe(state.messages);
   });
 
   it("names the others who speak", () => {
     const here = told(welcome, roster(member({ id: "me" }), member({ id: "Bo" })));
-    const state = heard(here, { type: "speaking", slots: [], participant_ids: ["Bo", "me", "gone"] });
-    expect(speakers(state)).toEqual(["Bo"]);
+    const state = applyMessage(here, { type: "speaking", slots: [], participant_ids: ["Bo", "me", "gone"] });
+    expect(activeSpeakers(state)).toEqual(["Bo"]);
   });
 
   it("tells who comes, goes, knocks, raises a hand, is lost and is back", () => {
@@ -51,7 +51,7 @@ describe("what the page knows of its meeting", () => {
       member({ id: "Di", present: false }),
       member({ id: "Ed" }),
     ));
-    const after = heard(before, roster(
+    const after = applyMessage(before, roster(
       member({ id: "me", role: "host" }),
       member({ id: "Bo", hand_at: "2026-01-01T10:00:01Z" }),
       member({ id: "Di" }),
@@ -59,22 +59,22 @@ describe("what the page knows of its meeting", () => {
       member({ id: "Fay", admission: "waiting" }),
       member({ id: "Gus" }),
     ));
-    expect(newsOf(before, after)).toEqual([
-      "You are the host now",
+    expect(announcementsOf(before, after)).toEqual([
+      "You are now the host",
       "Bo raised a hand",
       "Di is back",
       "Ed lost the connection",
-      "Fay wants to come in",
-      "Gus is here",
+      "Fay is asking to join",
+      "Gus joined",
       "Cy left",
     ]);
   });
 
   it("makes no news of those who were there when we came in", () => {
     const outside = told(welcome, roster(member({ id: "me", admission: "waiting" })));
-    const in_ = heard(outside, roster(member({ id: "me" }), member({ id: "Bo" })));
-    expect(newsOf(outside, in_)).toEqual([]);
-    expect(newsOf(NOBODY_YET, in_)).toEqual([]);
+    const in_ = applyMessage(outside, roster(member({ id: "me" }), member({ id: "Bo" })));
+    expect(announcementsOf(outside, in_)).toEqual([]);
+    expect(announcementsOf(INITIAL_STATE, in_)).toEqual([]);
   });
 });
 
@@ -82,14 +82,14 @@ describe("what else a meeting is told", () => {
   const told = { type: "captioned", number: 4, participant_id: "bo", name: "Bo", text: "Good morning" } as const;
 
   it("keeps the newest caption, and counts it", () => {
-    const state = heard(NOBODY_YET, told);
+    const state = applyMessage(INITIAL_STATE, told);
     expect(state.caption?.text).toBe("Good morning");
-    expect(state.number).toBe(4);
-    expect(heard(state, { ...told, number: 5, text: "And more" }).caption?.text).toBe("And more");
+    expect(state.lastMessageNumber).toBe(4);
+    expect(applyMessage(state, { ...told, number: 5, text: "And more" }).caption?.text).toBe("And more");
   });
 
   it("knows names, and of who is gone none", () => {
-    const state = { ...NOBODY_YET, members: [member({ id: "bo", name: "Bo" })] };
+    const state = { ...INITIAL_STATE, members: [member({ id: "bo", name: "Bo" })] };
     expect(nameOf(state, "bo")).toBe("Bo");
     expect(nameOf(state, "cy")).toBe("");
   });

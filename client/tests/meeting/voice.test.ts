@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { SLOTS, VoiceLink } from "../../src/meeting/voice";
+import { SLOTS, VoiceConnection } from "../../src/meeting/voice";
 import { fakeFetch } from "../fakes";
 
 class FakeTrack {
@@ -53,7 +53,7 @@ function setUp(status = 201) {
     token: async () => "seat",
     onChange: () => heard.push([...link.slots].map(([slot, { memberId }]) => `${slot} ${memberId}`).join()),
   };
-  const link: VoiceLink = new VoiceLink("/voice", [], hooks, request, () => {
+  const link: VoiceConnection = new VoiceConnection("/voice", [], hooks, request, () => {
     peers.push(new FakePeer());
     return peers.at(-1) as unknown as RTCPeerConnection;
   });
@@ -82,10 +82,10 @@ describe("the voice connection", () => {
     void link.run();
     await vi.advanceTimersByTimeAsync(10);
     expect(peers[0]?.sent).toBeNull();
-    await link.prepare();
+    await link.acquireMicrophone();
     expect(peers[0]?.sent).toBe(track);
     expect(track.enabled).toBe(false);
-    link.open(true);
+    link.setMicrophoneEnabled(true);
     expect(track.enabled).toBe(true);
     peers[0]?.become("failed");
     await vi.advanceTimersByTimeAsync(1000);
@@ -97,7 +97,7 @@ describe("the voice connection", () => {
 
   it("hears each speaker in a track of their own, and nobody once the connection is lost", async () => {
     const { link, peers, heard } = setUp();
-    link.assign([null, "bo"]);
+    link.assignSlots([null, "bo"]);
     void link.run();
     await vi.advanceTimersByTimeAsync(10);
     expect(peers[0]?.asked).toEqual([
@@ -108,11 +108,11 @@ describe("the voice connection", () => {
     expect(heard.at(-1)).toBe("1 bo");
     expect(link.screen).not.toBeNull();
     const stream = link.slots.get(1)?.stream;
-    link.assign(["cy", "bo"]);
+    link.assignSlots(["cy", "bo"]);
     expect(heard.at(-1)).toBe("0 cy,1 bo");
     expect(link.slots.get(1)?.stream).toBe(stream);
     const told = heard.length;
-    link.assign(["cy", "bo"]);
+    link.assignSlots(["cy", "bo"]);
     expect(heard).toHaveLength(told);
     peers[0]?.become("failed");
     await vi.advanceTimersByTimeAsync(10);
@@ -148,6 +148,6 @@ describe("the voice connection", () => {
 
   it("says in words that there is no microphone", async () => {
     vi.stubGlobal("navigator", { mediaDevices: { getUserMedia: async () => Promise.reject(new DOMException("", "NotAllowedError")) } });
-    await expect(setUp().link.prepare()).rejects.toMatchObject({ title: "The microphone is blocked" });
+    await expect(setUp().link.acquireMicrophone()).rejects.toMatchObject({ title: "The microphone is blocked" });
   });
 });

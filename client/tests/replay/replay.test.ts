@@ -1,8 +1,8 @@
 import { describe, expect, it } from "vitest";
-import { Player, clockWords } from "../../src/replay/player";
+import { Player, clockText } from "../../src/replay/player";
 import { indexAt, poseAt, readText, readTrack, type Track } from "../../src/replay/tracks";
 import type { PosePacket } from "../../src/transport/packets";
-import { placeOf } from "../../src/replay/stage";
+import { loadEnvironment } from "../../src/replay/renderer";
 import type { Environment } from "../../src/api/types";
 
 function records(...found: [number, string][]): ArrayBuffer {
@@ -79,19 +79,19 @@ describe("the time of a replay", () => {
     player.seek(-5);
     expect(player.ms).toBe(0);
     expect(told).toBe(2);
-    expect(clockWords(75_900)).toBe("1:15");
+    expect(clockText(75_900)).toBe("1:15");
   });
 });
 
-describe("where a recorded meeting was held", () => {
+describe("the environment of a recording", () => {
   const place = (name: string, key: number): Environment => ({
     name, title: name, picture_url: null,
     light: { harmonics: [], key_direction: [0, 1, 0], key_colour: [key, key, key] },
   });
   const asked: string[] = [];
   const api = {
-    places: async () => [place("studio", 0), place("lobby", 1)],
-    recordedPlace: async (id: string) => {
+    environments: async () => [place("studio", 0), place("lobby", 1)],
+    recordedEnvironment: async (id: string) => {
       asked.push(id);
       return place("own-7", 2);
     },
@@ -99,9 +99,9 @@ describe("where a recorded meeting was held", () => {
   };
 
   it("is a place of the library, else the one that the host had brought along", async () => {
-    expect((await placeOf(api, "r1", "lobby")).light?.key_colour).toEqual([1, 1, 1]);
+    expect((await loadEnvironment(api, "r1", "lobby")).light?.key_colour).toEqual([1, 1, 1]);
     expect(asked).toEqual([]);
-    expect((await placeOf(api, "r1", "own-7")).light?.key_colour).toEqual([2, 2, 2]);
+    expect((await loadEnvironment(api, "r1", "own-7")).light?.key_colour).toEqual([2, 2, 2]);
     expect(asked).toEqual(["r1"]);
   });
 });

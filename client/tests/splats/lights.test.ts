@@ -25,7 +25,7 @@ describe("Lights", () => {
   beforeEach(() => {
     given.clear();
     lights = new Lights();
-    lights.setCast([lightOf(1), null, lightOf(3)]);
+    lights.setClipLights([lightOf(1), null, lightOf(3)]);
   });
 
   it("are everybody's own, turned with them, where the room has none", () => {

@@ -1,12 +1,12 @@
 import { describe, expect, it } from "vitest";
-import { castOf, shareWithin } from "../../src/splats/cast";
+import { packSplats, shareWithin } from "../../src/splats/packed";
 import { readSplats, type SplatFile } from "../../src/splats/file";
-import { emptyOffsets, moveSplats } from "../../src/splats/moved";
-import { contactShadows, screenHalves } from "../../src/splats/room";
-import { moved, skin, TRANSFORM } from "../../src/splats/skeleton";
-import { depthOrder, depthRows, depths, emptyOrder } from "../../src/splats/sort";
+import { allocateOffsets, moveSplats } from "../../src/splats/moved";
+import { contactShadows, screenHalfSize } from "../../src/splats/room";
+import { transformedJoint, forwardKinematics, TRANSFORM } from "../../src/splats/skeleton";
+import { depthOrder, depthRows, depths, allocateOrder } from "../../src/splats/sort";
 import { loadSplats } from "../../src/api/splats";
-import { WayChooser } from "../../src/splats/way";
+import { RenderModeSelector } from "../../src/splats/renderMode";
 import { fakeFetch } from "../fakes";
 
 /**
@@ -76,7 +76,7 @@ describe("readSplats", () => {
   it("reads which splats face and hands move, as far as they are drawn", () => {
     const { moved } = readSplats(fileOf(8, 0, [1, 3, 6]));
     expect([...moved.splats]).toEqual([1, 3, 6]);
-    const offsets = emptyOffsets(4);
+    const offsets = allocateOffsets(4);
     moveSplats(moved, [0.5, 0, 0, 0, 0, 0, 1], offsets, 1);
     const [up, aside] = [0.01, -0.02 / 127].map((value) => expect.closeTo(value, 6));
     expect([...offsets.slice(4, 10)]).toEqual([aside, up, 0, 0, aside, up]);
@@ -97,11 +97,11 @@ const QUARTER_Z = [Math.SQRT1_2, 0, 0, Math.SQRT1_2];
 
 function posed(pelvis: number[], turns: number[]): Float32Array {
   const transforms = new Float32Array(2 * TRANSFORM);
-  skin(BONES, pelvis, turns, transforms);
+  forwardKinematics(BONES, pelvis, turns, transforms);
   return transforms;
 }
 
-describe("skin", () => {
+describe("forwardKinematics", () => {
   it("leaves everything where it was at rest", () => {
     const [a, b] = [posed([0, 1, 0], REST), [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]];
     expect([...a]).toEqual([...b, ...b]);
@@ -110,7 +110,7 @@ describe("skin", () => {
   it("turns children with their parents, about where their parents carried them", () => {
     const transforms = posed([5, 1, 0], [...QUARTER_Z, ...QUARTER_Z]);
     // the child sits a metre above the pelvis at rest, so a quarter turn puts it beside
-    expect(moved(transforms, TRANSFORM, BONES.restJoints, 1)).toEqual(
+    expect(transformedJoint(transforms, TRANSFORM, BONES.restJoints, 1)).toEqual(
       [4, 1, 0].map((value) => expect.closeTo(value, 5)),
     );
     // what is bound to the child has turned twice
@@ -120,14 +120,14 @@ describe("skin", () => {
 
 describe("depthOrder", () => {
   it("sorts by rising depth and leaves out what is behind", () => {
-    const order = emptyOrder(5);
+    const order = allocateOrder(5);
     expect(depthOrder(new Float32Array([3, 1, -2, 2, 0.01]), order)).toBe(3);
     expect([...order.slice(0, 3)]).toEqual([1, 3, 0]);
   });
 
   it("agrees with a comparison sort to a bin's width, and keeps equals in their order", () => {
     const depth = Float32Array.from({ length: 5000 }, (_, i) => 2 + ((i * 7919) % 5000) / 5000);
-    const order = emptyOrder(depth.length);
+    const order = allocateOrder(depth.length);
     const count = depthOrder(depth, order);
     expect(new Set(order.slice(0, count)).size).toBe(5000);
     for (let n = 1; n < count; n++) {
@@ -139,37 +139,37 @@ describe("depthOrder", () => {
   });
 
   it("has nothing to sort where everything is behind", () => {
-    expect(depthOrder(new Float32Array([-1, 0]), emptyOrder(2))).toBe(0);
+    expect(depthOrder(new Float32Array([-1, 0]), allocateOrder(2))).toBe(0);
   });
 });
 
 describe("depths", () => {
   it("are those of the skinned places in the camera", () => {
-    const cast = castOf([readSplats(fileOf(4))]);
+    const cast = packSplats([readSplats(fileOf(4))]);
     const transforms = posed([0, 1, 3], [...REST.slice(0, 4), ...QUARTER_Z]);
     const depth = new Float32Array(4);
     // looks along -z from z = 10: depth is 10 - z
     const camera = [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 10];
-    depths(cast.bound, depthRows(transforms, camera), depth);
+    depths(cast.skinned, depthRows(transforms, camera), depth);
     expect([...depth]).toEqual([7, 7, 7, 7].map((value) => expect.closeTo(value, 5)));
   });
 
   it("are nothing for what is left out of a person, whoever comes after", () => {
-    const cast = castOf([readSplats(fileOf(3)), readSplats(fileOf(2))]);
+    const cast = packSplats([readSplats(fileOf(3)), readSplats(fileOf(2))]);
     const rows = new Float32Array(4 * cast.joints);
     for (let joint = 0; joint < cast.joints; joint++) rows[4 * joint + 3] = 5;
     const depth = new Float32Array(5).fill(9);
-    depths(cast.bound, rows, depth, [1, 2]);
+    depths(cast.skinned, rows, depth, [1, 2]);
     expect([...depth]).toEqual([5, 0, 0, 5, 5]);
-    const order = emptyOrder(5);
+    const order = allocateOrder(5);
     expect(depthOrder(depth, order)).toBe(3);
     expect([...order.slice(0, 3)]).toEqual([0, 3, 4]);
   });
 });
 
-describe("castOf", () => {
+describe("packSplats", () => {
   it("tells of each splat that moves where its offset is found, whoever it belongs to", () => {
-    const cast = castOf([readSplats(fileOf(3, 0, [2])), readSplats(fileOf(2, 0, [0, 1]))]);
+    const cast = packSplats([readSplats(fileOf(3, 0, [2])), readSplats(fileOf(2, 0, [0, 1]))]);
     expect(cast.moved).toBe(3);
     const owners = [0, 1, 2, 3, 4].map((splat) => cast.table[16 * splat + 15] ?? 0);
     expect(owners.map((packed) => packed & 255)).toEqual([0, 0, 0, 1, 1]);
@@ -177,9 +177,9 @@ describe("castOf", () => {
   });
 
   it("puts people one after the other, each on joints of their own", () => {
-    const cast = castOf([readSplats(fileOf(2)), readSplats(fileOf(3))]);
+    const cast = packSplats([readSplats(fileOf(2)), readSplats(fileOf(3))]);
     expect([cast.count, cast.joints]).toEqual([5, 4]);
-    expect([0, 1, 2, 3, 4].map((i) => cast.bound.joints[4 * i])).toEqual([0, 1, 2, 3, 2]);
+    expect([0, 1, 2, 3, 4].map((i) => cast.skinned.joints[4 * i])).toEqual([0, 1, 2, 3, 2]);
     expect([0, 1, 2, 3, 4].map((i) => (cast.table[16 * i + 3] ?? 0) & 0xffff)).toEqual([0, 1, 2, 3, 2]);
     const floats = new Float32Array(cast.table.buffer);
     expect(floats[16 * 4 + 1]).toBeCloseTo(0.02, 6);
@@ -201,7 +201,7 @@ describe("contactShadows", () => {
     const restJoints = new Float32Array(27);
     const person: Pick<SplatFile, "restJoints" | "parents"> = { restJoints, parents };
     const transforms = new Float32Array(9 * TRANSFORM);
-    skin(person, [2, lift, 1], Array.from({ length: 36 }, (_, i) => (i % 4 === 0 ? 1 : 0)), transforms);
+    forwardKinematics(person, [2, lift, 1], Array.from({ length: 36 }, (_, i) => (i % 4 === 0 ? 1 : 0)), transforms);
     return contactShadows(person, transforms, 0);
   };
 
@@ -211,44 +211,44 @@ describe("contactShadows", () => {
   });
 });
 
-describe("screenHalves", () => {
+describe("screenHalfSize", () => {
   it("keep a screen's shape, as wide or as high as there is room", () => {
-    expect(screenHalves(1600, 800)).toEqual([1.3, 0.65]);
-    expect(screenHalves(900, 1600)).toEqual([expect.closeTo(0.421875, 6), 0.75]);
-    expect(screenHalves(0, 0).every(Number.isFinite)).toBe(true);
+    expect(screenHalfSize(1600, 800)).toEqual([1.3, 0.65]);
+    expect(screenHalfSize(900, 1600)).toEqual([expect.closeTo(0.421875, 6), 0.75]);
+    expect(screenHalfSize(0, 0).every(Number.isFinite)).toBe(true);
   });
 });
 
-describe("WayChooser", () => {
+describe("RenderModeSelector", () => {
   it("lets a quick device draw and a slow one be served", () => {
-    const chooser = new WayChooser();
-    expect(chooser.way).toBe("server");
-    chooser.tried(300);
-    expect(chooser.way).toBe("local");
-    chooser.tried(12);
-    expect(chooser.way).toBe("server");
+    const chooser = new RenderModeSelector();
+    expect(chooser.mode).toBe("server");
+    chooser.setTrialFps(300);
+    expect(chooser.mode).toBe("local");
+    chooser.setTrialFps(12);
+    expect(chooser.mode).toBe("server");
   });
 
   it("gives way after some seconds that are slow at the smallest size, until another cast", () => {
-    const chooser = new WayChooser();
-    chooser.tried(100);
+    const chooser = new RenderModeSelector();
+    chooser.setTrialFps(100);
     for (let second = 0; second < 10; second++) chooser.observe(5, false);
     for (let second = 0; second < 3; second++) chooser.observe(5, true);
-    expect(chooser.way).toBe("local");
+    expect(chooser.mode).toBe("local");
     chooser.observe(5, true);
-    expect(chooser.way).toBe("server");
-    chooser.tried(100);
-    expect(chooser.way).toBe("local");
+    expect(chooser.mode).toBe("server");
+    chooser.setTrialFps(100);
+    expect(chooser.mode).toBe("local");
   });
 
   it("does as the viewer says, whatever it measured", () => {
-    const chooser = new WayChooser();
+    const chooser = new RenderModeSelector();
     chooser.choose("local");
     for (let second = 0; second < 10; second++) chooser.observe(1, true);
-    expect(chooser.way).toBe("local");
-    chooser.tried(500);
+    expect(chooser.mode).toBe("local");
+    chooser.setTrialFps(500);
     chooser.choose("server");
-    expect(chooser.way).toBe("server");
+    expect(chooser.mode).toBe("server");
   });
 });
 

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { Pacer, StallWatch, VIEW_BYTES, decodePose, encodeView, isNewer, performerCheck } from "../../src/transport/packets";
+import { Pacer, StallDetector, VIEW_BYTES, decodePose, encodeView, isNewer, performerCheck } from "../../src/transport/packets";
 
 describe("encodeView", () => {
   it("writes the very bytes that the server's own encoder writes", () => {
@@ -12,9 +12,9 @@ describe("encodeView", () => {
       width: 1024,
       height: 576,
       hideUnseen: false,
-      drawsItself: false,
+      rendersLocally: false,
       stalled: false,
-      soundOnly: false,
+      audioOnly: false,
     });
     expect(bytes.byteLength).toBe(VIEW_BYTES);
     const hex = [...new Uint8Array(bytes)].map((byte) => byte.toString(16).padStart(2, "0"));
@@ -31,41 +31,41 @@ describe("encodeView", () => {
 
   it("asks for what was filmed alone by the first bit of the flags", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: true, drawsItself: false, stalled: false, soundOnly: false });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: true, rendersLocally: false, stalled: false, audioOnly: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 1, 0]);
   });
 
   it("asks for poses in place of pictures by the second", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, drawsItself: true, stalled: false, soundOnly: false });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, rendersLocally: true, stalled: false, audioOnly: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 2, 0]);
   });
 
   it("says by the third that pictures have stopped", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, drawsItself: false, stalled: true, soundOnly: false });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, rendersLocally: false, stalled: true, audioOnly: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 4, 0]);
   });
 });
 
 describe("encodeView on a line that is too slow", () => {
-  it("asks by the fourth bit for sound alone", () => {
+  it("asks by the fourth bit for audio only", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, drawsItself: true, stalled: false, soundOnly: true });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, rendersLocally: true, stalled: false, audioOnly: true });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 10, 0]);
   });
 });
 
-describe("StallWatch", () => {
+describe("StallDetector", () => {
   it("notices when pictures stop, once there have been some", () => {
-    const watch = new StallWatch();
+    const watch = new StallDetector();
     expect(watch.stalled(10_000)).toBe(false);
     watch.shown(10_000);
     expect(watch.stalled(10_240)).toBe(false);
     expect(watch.stalled(10_260)).toBe(true);
     watch.shown(10_270);
     expect(watch.stalled(10_300)).toBe(false);
-    watch.rest();
+    watch.pause();
     expect(watch.stalled(99_999)).toBe(false);
   });
 });
@@ -82,7 +82,7 @@ describe("decodePose", () => {
     const pose = decodePose(bytes(golden));
     expect(pose).toMatchObject({ sequence: 7, captureTimeMs: 1500, index: 1, count: 3, pelvis: [0.5, 1, -2] });
     expect(pose?.check).toBe(performerCheck("ada"));
-    const turns = pose?.turns ?? [];
+    const turns = pose?.rotations ?? [];
     const length = Math.hypot(0.1, 0.3, 0.2, 0.9);
     // of the same turn's two quaternions the one whose largest component is positive
     [-0.1, 0.3, -0.2, 0.9].forEach((value, i) => expect(turns[i]).toBeCloseTo(value / length, 4));
@@ -92,7 +92,7 @@ describe("decodePose", () => {
   it("reads what face and hands do, and rest where nothing is said", () => {
     const moved = decodePose(bytes(golden + "33ff0066000099" + "07"));
     expect([...(moved?.expression ?? [])]).toEqual([0.2, 1, 0, 0.4, 0, 0, 0.6].map((v) => expect.closeTo(v, 6)));
-    expect(moved?.turns).toEqual(decodePose(bytes(golden))?.turns);
+    expect(moved?.rotations).toEqual(decodePose(bytes(golden))?.rotations);
     expect([...(decodePose(bytes(golden))?.expression ?? [])]).toEqual([0, 0, 0, 0, 0, 0, 0]);
   });
 

@@ -13,8 +13,8 @@ test("pictures have the stage's shape and the size that the line carries", () =>
   expect(size.measure()).toBe(true);
   expect(size.aspect).toBe(2);
   size.fit(512);
-  expect(size.now.width / size.now.height).toBeCloseTo(2, 1);
-  expect(Math.sqrt(size.now.width * size.now.height)).toBeCloseTo(512, -1);
+  expect(size.requested.width / size.requested.height).toBeCloseTo(2, 1);
+  expect(Math.sqrt(size.requested.width * size.requested.height)).toBeCloseTo(512, -1);
 });
 
 test("a stage that is not shown keeps the shape it had", () => {
@@ -27,7 +27,7 @@ test("a pinned size is asked for on every stage", () => {
   const size = new PictureSize(stage(1200, 600), 640, vi.fn());
   size.measure();
   size.fit(256);
-  expect(size.now).toEqual({ width: 640, height: 640 });
+  expect(size.requested).toEqual({ width: 640, height: 640 });
 });
 
 test("a small stage is not worth large pictures", () => {

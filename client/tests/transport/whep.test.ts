@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import type { Seat } from "../../src/api/types";
-import { WhepLink, backoffMs, type LinkState } from "../../src/transport/whep";
+import { WhepConnection, backoffMs, type WhepState } from "../../src/transport/whep";
 import { fakeFetch, json, type Call } from "../fakes";
 
 class FakeChannel extends EventTarget {
@@ -76,7 +76,7 @@ const SEAT: Seat = {
 
 function setUp(answer: (call: Call, attempt: number) => Response) {
   const peers: FakePeer[] = [];
-  const states: LinkState[] = [];
+  const states: WhepState[] = [];
   const heard: ArrayBuffer[] = [];
   let attempt = 0;
   let seats = 0;
@@ -85,11 +85,11 @@ function setUp(answer: (call: Call, attempt: number) => Response) {
   );
   const hooks = {
     seat: async () => ({ ...SEAT, token: `seat${++seats}` }),
-    onState: (state: LinkState) => states.push(state),
+    onState: (state: WhepState) => states.push(state),
     onStream: () => undefined,
     onPose: (packet: ArrayBuffer) => heard.push(packet),
   };
-  const link = new WhepLink(hooks, request, () => {
+  const link = new WhepConnection(hooks, request, () => {
     const peer = new FakePeer();
     peers.push(peer);
     return peer as unknown as RTCPeerConnection;
@@ -108,7 +108,7 @@ afterEach(() => {
   vi.useRealTimers();
 });
 
-describe("WhepLink", () => {
+describe("WhepConnection", () => {
   it("offers one video to receive, and channels for viewpoints and poses", async () => {
     const { link, calls, peers, kinds } = setUp(accepted);
     void link.run();
@@ -157,13 +157,13 @@ describe("WhepLink", () => {
     const { link, peers, calls, kinds } = setUp(accepted);
     void link.run();
     await vi.advanceTimersByTimeAsync(10);
-    expect(await link.numbers()).toEqual({ framesDecoded: 10, roundTripMs: 4, received: 90, lost: 7 });
+    expect(await link.stats()).toEqual({ framesDecoded: 10, roundTripMs: 4, received: 90, lost: 7 });
     breakIt(peers[0] as FakePeer);
     await vi.advanceTimersByTimeAsync(5000);
     expect(peers).toHaveLength(2);
     expect(peers[0]?.closed).toBe(true);
     expect(kinds()).toEqual(["connecting", "live", "reconnecting", "live"]);
-    expect((await link.numbers()).framesDecoded).toBe(20);
+    expect((await link.stats()).framesDecoded).toBe(20);
     expect(calls.filter(({ method }) => method === "DELETE")[0]?.path).toMatch(/\/whep\/m\/7$/);
     const posts = calls.filter(({ method }) => method === "POST");
     expect(posts.map(({ token }) => token)).toEqual(["Bearer seat1", "Bearer seat2"]);
@@ -191,7 +191,7 @@ describe("WhepLink", () => {
     const { link, states, calls } = setUp((_, attempt) => (attempt === 0 ? full() : accepted()));
     void link.run();
     await vi.advanceTimersByTimeAsync(15_000);
-    link.hurry();
+    link.retryNow();
     await vi.advanceTimersByTimeAsync(100);
     expect(calls).toHaveLength(1);
     expect(states.at(-1)).toMatchObject({
@@ -216,7 +216,7 @@ describe("WhepLink", () => {
     await vi.advanceTimersByTimeAsync(20_000); // pauses have grown to eight seconds by now
     away = false;
     const tried = calls.length;
-    link.hurry();
+    link.retryNow();
     await vi.advanceTimersByTimeAsync(10);
     expect(calls).toHaveLength(tried + 1);
     expect(kinds().at(-1)).toBe("live");

@@ -138,12 +138,12 @@ describe("Viewpoint", () => {
   it("follows a new first view only while nobody has moved", () => {
     const wider = { ...HOME, distanceM: 5 };
     const untouched = new Viewpoint(HOME, true);
-    untouched.rehome(wider);
+    untouched.setHome(wider);
     settle(untouched);
     expect(untouched.orbit.distanceM).toBeCloseTo(5, 2);
     const moved = new Viewpoint(HOME, true);
     moved.turn(1, 0);
-    moved.rehome(wider);
+    moved.setHome(wider);
     settle(moved);
     expect(moved.orbit.distanceM).toBe(3);
     moved.reset();

@@ -29,8 +29,8 @@ async function readyForm(): Promise<NewPerson[]> {
   const enrolled: NewPerson[] = [];
   const hooks = {
     onEnrol: (newcomer: NewPerson) => void enrolled.push(newcomer),
-    everybody: async () => [],
-    onMove: async () => undefined,
+    listPeople: async () => [],
+    onAnimate: async () => undefined,
   };
   document.body.replaceChildren(enrolForm(hooks).element);
   const file = find<HTMLInputElement>("enrol-file");
@@ -47,7 +47,7 @@ function submit(): void {
 
 beforeEach(() => localStorage.clear());
 
-describe("The form that brings somebody in", () => {
+describe("The enrolment form", () => {
   it("tells a height in metres, and none where none was told", async () => {
     const enrolled = await readyForm();
     submit();
@@ -61,9 +61,9 @@ describe("The form that brings somebody in", () => {
 
   it("complains of what is no height beside the field, and sends nothing until it is mended", async () => {
     const enrolled = await readyForm();
-    const complaint = find("height-complaint");
+    const complaint = find("height-error");
     const field = enter("enrol-height", "1.78");
-    expect(complaint.textContent).toBe("Tell it in centimetres, 50 to 250, or leave it empty.");
+    expect(complaint.textContent).toBe("Enter a height from 50 to 250 cm, or leave the field empty.");
     expect(field.getAttribute("aria-invalid")).toBe("true");
     expect(field.getAttribute("aria-describedby")?.split(" ")).toContain(complaint.id);
     submit();
@@ -79,7 +79,7 @@ describe("The form that brings somebody in", () => {
   it("does not complain while somebody is still typing", async () => {
     await readyForm();
     type("enrol-height", "1");
-    expect(find("height-complaint").textContent).toBe("");
+    expect(find("height-error").textContent).toBe("");
   });
 });
 

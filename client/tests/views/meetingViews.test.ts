@@ -1,13 +1,13 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Api } from "../../src/api/api";
-import { Attendance } from "../../src/meeting/attendance";
+import { MeetingSession } from "../../src/meeting/session";
 import type { ControlConnection, ControlHooks } from "../../src/meeting/controlConnection";
 import type { Environment, Meeting, Roster, Said, ToServer } from "../../src/api/types";
 import { captions } from "../../src/views/captions";
-import { notesOn } from "../../src/views/notes";
+import { notifications } from "../../src/views/notifications";
 import { peoplePanel } from "../../src/views/peoplePanel";
-import { placeChoice } from "../../src/views/placeChoice";
+import { environmentPicker } from "../../src/views/environmentPicker";
 import { screenView } from "../../src/views/screenView";
 import { waitingNote } from "../../src/views/waitingNote";
 import { fakeFetch, json, member, tokenStore, type Call } from "../fakes";
@@ -34,16 +34,16 @@ function inside(answer: (call: Call) => Response = () => json({})) {
   const sent: ToServer[] = [];
   let hooks: ControlHooks | null = null;
   const line = { run: async () => undefined, send: (message: ToServer) => sent.push(message) > 0, close: () => undefined };
-  const attendance = new Attendance(api, MEETING, { get: () => null, set: () => undefined }, (given) => {
+  const session = new MeetingSession(api, MEETING, { get: () => null, set: () => undefined }, (given) => {
     hooks = given;
     return line as unknown as ControlConnection;
   });
-  attendance.enter("Ada");
+  session.join("Ada");
   const { onMessage } = hooks as unknown as ControlHooks;
   onMessage({ type: "welcome", participant_id: "me", seat: 1, silence_s: 5 });
   onMessage(ROSTER);
   const roster = (part: Partial<Roster>): void => onMessage({ ...ROSTER, ...part });
-  return { api, attendance, calls, sent, hear: onMessage, roster };
+  return { api, session, calls, sent, hear: onMessage, roster };
 }
 
 function find<Kind extends Element>(within: Element, testId: string): Kind {
@@ -65,7 +65,7 @@ afterEach(() => {
   vi.unstubAllGlobals();
 });
 
-describe("choosing a place", () => {
+describe("the environment picker", () => {
   const PLACES: Environment[] = [
     { name: "studio", title: "Studio", picture_url: null, light: null },
     { name: "park", title: "Park", picture_url: "/park.jpg", light: null },
@@ -74,19 +74,19 @@ describe("choosing a place", () => {
   async function choice(choose: () => Response = () => json(PLACES[1])) {
     const there = inside((call) => (call.method === "GET" ? json({ items: PLACES }) : choose()));
     const complain = vi.fn();
-    const panel = placeChoice(there.api, there.attendance, complain);
+    const panel = environmentPicker(there.api, there.session, complain);
     document.body.append(panel.element);
-    there.attendance.watch(panel.update);
-    await vi.waitFor(() => find(panel.element, "place-park"));
+    there.session.subscribe(panel.update);
+    await vi.waitFor(() => find(panel.element, "environment-park"));
     const chosen = (): string | undefined =>
       [...panel.element.querySelectorAll<HTMLInputElement>("input[type=radio]")].find(({ checked }) => checked)?.value;
-    return { ...there, ...panel, complain, chosen, set: find<HTMLFieldSetElement>(panel.element, "places") };
+    return { ...there, ...panel, complain, chosen, set: find<HTMLFieldSetElement>(panel.element, "environments") };
   }
 
   it("asks the server with the seat's token, and shows what all are told", async () => {
     const { element, calls, roster, chosen, set } = await choice();
     expect(chosen()).toBe("studio");
-    press(element, "place-park");
+    press(element, "environment-park");
     expect(set.disabled).toBe(true);
     await vi.waitFor(() => expect(set.disabled).toBe(false));
     expect(calls.at(-1)).toMatchObject({ method: "PUT", path: "/v1/meetings/m/environment", token: "Bearer seat" });
@@ -97,7 +97,7 @@ describe("choosing a place", () => {
 
   it("says why it could not be, and goes back to the place that is", async () => {
     const { element, complain, chosen } = await choice(() => json({ title: "Not now", detail: "Try later." }, 409));
-    press(element, "place-park");
+    press(element, "environment-park");
     await vi.waitFor(() => expect(complain).toHaveBeenCalledWith("Not now. Try later."));
     expect(chosen()).toBe("studio");
   });
@@ -107,18 +107,18 @@ describe("choosing a place", () => {
     expect(set.hidden).toBe(false);
     roster({ environment: "park", members: [member({ id: "me" }), member({ id: "b", role: "host" })] });
     expect(set.hidden).toBe(true);
-    expect(element.textContent).toContain("Place: Park. The host chooses it.");
+    expect(element.textContent).toContain("Environment: Park. Only the host can change it.");
   });
 
   it("takes a picture from this device", async () => {
     const { element, calls, roster } = await choice();
-    const box = find<HTMLInputElement>(element, "place-file");
+    const box = find<HTMLInputElement>(element, "environment-file");
     const file = new File(["jpeg"], "garden.jpg", { type: "image/jpeg" });
     Object.defineProperty(box, "files", { value: [file] });
     box.dispatchEvent(new Event("change"));
     await vi.waitFor(() => expect(calls.at(-1)).toMatchObject({ method: "PUT", path: "/v1/meetings/m/panorama" }));
     roster({ environment: "own-1" });
-    expect(box.closest("label")?.classList.contains("chosen-place")).toBe(true);
+    expect(box.closest("label")?.classList.contains("chosen-environment")).toBe(true);
   });
 });
 
@@ -126,9 +126,9 @@ describe("the lobby's switch", () => {
   function panel() {
     vi.useFakeTimers();
     const there = inside();
-    const { element, update } = peoplePanel(there.attendance);
+    const { element, update } = peoplePanel(there.session);
     document.body.append(element);
-    there.attendance.watch(update);
+    there.session.subscribe(update);
     return { ...there, box: find<HTMLInputElement>(element, "lobby") };
   }
 
@@ -155,9 +155,9 @@ describe("captions", () => {
   function shown() {
     vi.useFakeTimers();
     const there = inside();
-    const view = captions(there.attendance, vi.fn());
+    const view = captions(there.session, vi.fn());
     document.body.append(view.line, view.element);
-    there.attendance.watch(view.update);
+    there.session.subscribe(view.update);
     let number = 0;
     const speak = (text: string): void =>
       there.hear({ type: "captioned", number: ++number, participant_id: "b", name: "Bo", text });
@@ -219,16 +219,16 @@ describe("captions", () => {
   });
 });
 
-describe("notes on the picture", () => {
+describe("notifications", () => {
   it("keep a complaint for its time, whatever else is told; what was read in the chat goes at once", () => {
     vi.useFakeTimers();
-    const { attendance, roster } = inside();
-    const notes = notesOn(attendance);
+    const { session, roster } = inside();
+    const notes = notifications(session);
     const texts = (): (string | null)[] =>
       [...notes.element.querySelectorAll(".previews > *")].map(({ textContent }) => textContent);
     let unread: Said[] = [];
-    attendance.watch(() => notes.update(unread, true));
-    notes.complain("The microphone is blocked.");
+    session.subscribe(() => notes.update(unread, true));
+    notes.showError("The microphone is blocked.");
     unread = [{ type: "said", number: 1, participant_id: "b", name: "Bo", text: "Hello", at: "2026-01-01T00:00:00Z" }];
     roster({});
     expect(texts()).toEqual(["The microphone is blocked.", "Bo Hello"]);
@@ -245,17 +245,17 @@ describe("a shared screen", () => {
   function stage() {
     const there = inside();
     const complain = vi.fn();
-    const view = screenView(there.attendance, complain);
+    const view = screenView(there.session, complain);
     document.body.append(view.toggle, view.panel, view.knock);
     const onShown = vi.fn();
     view.onShown = onShown;
-    there.attendance.watch(view.update);
+    there.session.subscribe(view.update);
     const stream = new MediaStream();
     const words = (): string => view.panel.querySelector("figcaption span")?.textContent ?? "";
     return { ...there, ...view, complain, onShown, stream, words };
   }
 
-  it("of somebody takes the stage while they present, and leaves it", () => {
+  it("of somebody takes the viewport while they present, and leaves it", () => {
     const { panel, show, stream, roster, words, onShown } = stage();
     show(stream);
     expect(panel.hidden).toBe(true); // a track that nobody fills
@@ -328,17 +328,17 @@ describe("a shared screen", () => {
   });
 });
 
-describe("A line too slow for pictures", () => {
+describe("waitingNote", () => {
   it("is told of in plain words, aloud too, and that one still hears the others", () => {
-    const note = waitingNote({ kind: "sound" }, true);
+    const note = waitingNote({ kind: "audio-only" }, true);
     expect(note.querySelector("strong")?.textContent).toBe(
-      "Your connection is too slow for pictures: you still hear everybody",
+      "Your connection is too slow for video. You can still hear everybody.",
     );
     expect(document.getElementById("announcer")?.textContent).toBe(note.querySelector("strong")?.textContent);
     expect(note.querySelector(".spinner")).toBeNull(); // nothing is waited for
   });
 
   it("promises nobody's voice to whoever is not in the meeting yet", () => {
-    expect(waitingNote({ kind: "sound" }, false).textContent).not.toContain("hear");
+    expect(waitingNote({ kind: "audio-only" }, false).textContent).not.toContain("hear");
   });
 });

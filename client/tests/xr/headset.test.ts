@@ -1,9 +1,9 @@
 import { describe, expect, it } from "vitest";
-import { sharesOf, sizeInView, SplatBudget, steadyShares, STEPS } from "../../src/xr/budget";
-import { boardBefore, Footing, seatPlace, STANDING_EYES_M } from "../../src/xr/footing";
-import { aimOf } from "../../src/xr/pointers";
+import { shareBudget, sizeInView, SplatBudget, steadyShares, STEPS } from "../../src/xr/budget";
+import { panelInFrontOf, ViewerRig, seatPose, STANDING_EYES_M } from "../../src/xr/rig";
+import { hitTest } from "../../src/xr/pointers";
 import { column, eyeCamera, floorHit, headPose, quadHit, rayOf, yawOf, type Matrix } from "../../src/xr/space";
-import { matrixOf } from "../../src/viewpoint/geometry";
+import { rotationMatrix } from "../../src/viewpoint/geometry";
 import { passCamera } from "../../src/splats/pass";
 import { orbitCamera } from "../../src/viewpoint/viewpoint";
 import type { Performer } from "../../src/api/types";
@@ -48,7 +48,7 @@ describe("eyeCamera", () => {
   it("is the same camera as the page's for the same place and angle", () => {
     const pose = orbitCamera({ target: [0.3, 1, -0.2], azimuthRad: 0.7, elevationRad: 0.2, distanceM: 2 });
     const page = passCamera(pose, 1, 640, 480);
-    const turn = matrixOf(pose.wxyz);
+    const turn = rotationMatrix(pose.wxyz);
     const at = (r: number, c: number): number => turn[3 * r + c] ?? 0;
     const axis = (c: number, sign: number): number[] => [sign * at(0, c), sign * at(1, c), sign * at(2, c), 0];
     const matrix = [...axis(0, 1), ...axis(1, -1), ...axis(2, -1), ...pose.position, 1];
@@ -66,7 +66,7 @@ describe("eyeCamera", () => {
     for (const yaw of [-3, -1.5, 0, 1.5, 3]) {
       for (const tilt of [-1.4, 0, 1.4, 3]) {
         const head = headAt(0, 1, 0, yaw, tilt);
-        const rows = matrixOf(headPose(head).wxyz);
+        const rows = rotationMatrix(headPose(head).wxyz);
         expect([rows[2], rows[5], rows[8]]).toEqual(close(rayOf(head).along.map((value) => value), 5));
       }
     }
@@ -99,10 +99,10 @@ describe("rays", () => {
     const whole = { kind: "button", label: "All", x: 0, y: 0, width: 1024, height: 760 } as const;
     const act = { kind: "leave" } as const;
     const ray = { from: [0, 1.6, 0], along: [0, -Math.SQRT1_2, -Math.SQRT1_2] } as const;
-    expect(aimOf(ray, { quad: board, items: [{ ...whole, act }] }).over).toMatchObject({ kind: "item" });
-    expect(aimOf(ray, { quad: board, items: [{ ...whole, act, disabled: true }] }).over).toBeNull();
-    expect(aimOf(ray, { quad: board, items: [] }).over).toEqual({ kind: "floor", at: close([0, 0, -1.6]) });
-    expect(aimOf({ from: [0, 1, 0], along: [0, 1, 0] }, null).over).toBeNull();
+    expect(hitTest(ray, { quad: board, items: [{ ...whole, action: act }] }).over).toMatchObject({ kind: "item" });
+    expect(hitTest(ray, { quad: board, items: [{ ...whole, action: act, disabled: true }] }).over).toBeNull();
+    expect(hitTest(ray, { quad: board, items: [] }).over).toEqual({ kind: "floor", at: close([0, 0, -1.6]) });
+    expect(hitTest({ from: [0, 1, 0], along: [0, 1, 0] }, null).over).toBeNull();
   });
 });
 
@@ -115,15 +115,15 @@ const performer = (x: number, z: number): Performer => ({
   yaw_rad: 0,
 });
 
-describe("Footing", () => {
+describe("ViewerRig", () => {
   const head = headAt(0.4, 1.2, -0.3, 0.5);
 
   it("sits whoever comes on their seat, facing the middle, whichever way they stand at home", () => {
-    const footing = new Footing();
+    const footing = new ViewerRig();
     for (const seat of [0, 1, 2, 6, 7]) {
-      const place = seatPlace(seat, [performer(1, 1), performer(3, 1)]);
-      footing.sit(head, place);
-      const room = footing.room(head);
+      const place = seatPose(seat, [performer(1, 1), performer(3, 1)]);
+      footing.placeAt(head, place);
+      const room = footing.toRoom(head);
       expect([...column(room, 3)]).toEqual(close([place.x, 1.2, place.z]));
       const { along } = rayOf(room);
       const towards = [2 - place.x, 1 - place.z];
@@ -133,41 +133,41 @@ describe("Footing", () => {
   });
 
   it("gives seats apart from each other", () => {
-    const places = [0, 1, 2, 3].map((seat) => seatPlace(seat, [performer(0, 0)]));
+    const places = [0, 1, 2, 3].map((seat) => seatPose(seat, [performer(0, 0)]));
     const xs = places.map(({ x }) => x.toFixed(3));
     expect(new Set(xs).size).toBe(4);
-    expect(seatPlace(0, []).z).toBeCloseTo(1.8);
+    expect(seatPose(0, []).z).toBeCloseTo(1.8);
   });
 
   it("steps to a place, though not out of the room, and keeps its direction", () => {
-    const footing = new Footing();
-    footing.sit(head, { x: 0, z: 2, yawRad: 0.3 });
-    footing.step(head, [1, 0, -1], [0, 0]);
-    expect([...column(footing.room(head), 3)]).toEqual(close([1, 1.2, -1]));
-    expect(yawOf(footing.room(head))).toBeCloseTo(0.3, 5);
-    footing.step(head, [30, 0, 40], [0, 0]);
-    expect([...column(footing.room(head), 3)]).toEqual(close([4.8, 1.2, 6.4]));
+    const footing = new ViewerRig();
+    footing.placeAt(head, { x: 0, z: 2, yawRad: 0.3 });
+    footing.teleport(head, [1, 0, -1], [0, 0]);
+    expect([...column(footing.toRoom(head), 3)]).toEqual(close([1, 1.2, -1]));
+    expect(yawOf(footing.toRoom(head))).toBeCloseTo(0.3, 5);
+    footing.teleport(head, [30, 0, 40], [0, 0]);
+    expect([...column(footing.toRoom(head), 3)]).toEqual(close([4.8, 1.2, 6.4]));
   });
 
   it("turns on the spot, and lifts whoever sits to the height of somebody who stands", () => {
-    const footing = new Footing();
-    footing.sit(head, { x: 1, z: 2, yawRad: 0 });
-    footing.turn(head, Math.PI / 6);
-    expect(yawOf(footing.room(head))).toBeCloseTo(Math.PI / 6, 5);
+    const footing = new ViewerRig();
+    footing.placeAt(head, { x: 1, z: 2, yawRad: 0 });
+    footing.snapTurn(head, Math.PI / 6);
+    expect(yawOf(footing.toRoom(head))).toBeCloseTo(Math.PI / 6, 5);
     footing.setStanding(head, true);
-    expect([...column(footing.room(head), 3)]).toEqual(close([1, STANDING_EYES_M, 2]));
-    footing.step(head, [0, 0, 0], [0, 0]);
-    expect(column(footing.room(head), 3)[1]).toBeCloseTo(STANDING_EYES_M, 5);
+    expect([...column(footing.toRoom(head), 3)]).toEqual(close([1, STANDING_EYES_M, 2]));
+    footing.teleport(head, [0, 0, 0], [0, 0]);
+    expect(column(footing.toRoom(head), 3)[1]).toBeCloseTo(STANDING_EYES_M, 5);
     footing.setStanding(head, false);
-    expect(column(footing.room(head), 3)[1]).toBeCloseTo(1.2, 5);
+    expect(column(footing.toRoom(head), 3)[1]).toBeCloseTo(1.2, 5);
   });
 
   it("moves rays and boards with heads", () => {
-    const footing = new Footing();
-    footing.sit(head, { x: -1, z: 0.5, yawRad: 2 });
-    const board = boardBefore(head, 0.75, 0.4, 0.6, 0.4);
-    const there = footing.roomQuad(board);
-    const eye = column(footing.room(head), 3);
+    const footing = new ViewerRig();
+    footing.placeAt(head, { x: -1, z: 0.5, yawRad: 2 });
+    const board = panelInFrontOf(head, 0.75, 0.4, 0.6, 0.4);
+    const there = footing.quadToRoom(board);
+    const eye = column(footing.toRoom(head), 3);
     expect(Math.hypot(...there.middle.map((value, i) => value - (eye[i] ?? 0)))).toBeCloseTo(Math.hypot(0.75, 0.4), 5);
     // it faces the eyes, upright
     const towards = there.middle.map((value, i) => value - (eye[i] ?? 0));
@@ -175,8 +175,8 @@ describe("Footing", () => {
       expect(edge.reduce((sum, value, i) => sum + value * (towards[i] ?? 0), 0)).toBeCloseTo(0, 5);
     }
     expect(there.up[1]).toBeGreaterThan(0);
-    const ray = footing.roomRay(rayOf(head));
-    expect([...ray.along]).toEqual(close(rayOf(footing.room(head)).along.map((value) => value)));
+    const ray = footing.rayToRoom(rayOf(head));
+    expect([...ray.along]).toEqual(close(rayOf(footing.toRoom(head)).along.map((value) => value)));
   });
 });
 
@@ -227,11 +227,11 @@ describe("SplatBudget", () => {
 
 describe("shares of a budget", () => {
   it("go by size in view, and what somebody has not got goes to the others", () => {
-    expect(sharesOf([9000, 9000], [1, 1], 60_000)).toEqual([9000, 9000]);
-    expect(sharesOf([10_000, 10_000], [3, 1], 8000)).toEqual([6000, 2000]);
-    expect(sharesOf([4000, 10_000, 10_000], [6, 1, 1], 8000)).toEqual([4000, 2000, 2000]);
-    expect(sharesOf([10_000, 10_000], [0, 1], 8000)).toEqual([0, 8000]);
-    expect(sharesOf([], [], 8000)).toEqual([]);
+    expect(shareBudget([9000, 9000], [1, 1], 60_000)).toEqual([9000, 9000]);
+    expect(shareBudget([10_000, 10_000], [3, 1], 8000)).toEqual([6000, 2000]);
+    expect(shareBudget([4000, 10_000, 10_000], [6, 1, 1], 8000)).toEqual([4000, 2000, 2000]);
+    expect(shareBudget([10_000, 10_000], [0, 1], 8000)).toEqual([0, 8000]);
+    expect(shareBudget([], [], 8000)).toEqual([]);
   });
 
   it("stay as they are for small changes, unless they are too many", () => {

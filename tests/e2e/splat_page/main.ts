@@ -1,13 +1,13 @@
 /** The page's own splat pass, driven by a test: the very modules of the client, nothing of its own. */
 
 import { decodePose } from "../../../client/src/transport/packets";
-import { castOf, shareWithin } from "../../../client/src/splats/cast";
-import { growthOf, readSplats } from "../../../client/src/splats/file";
-import { emptyOffsets, moveSplats } from "../../../client/src/splats/moved";
+import { packSplats, shareWithin } from "../../../client/src/splats/packed";
+import { varianceScale, readSplats } from "../../../client/src/splats/file";
+import { allocateOffsets, moveSplats } from "../../../client/src/splats/moved";
 import { passCamera, SplatPass, type PassFrame } from "../../../client/src/splats/pass";
-import { contactShadows, decodePicture } from "../../../client/src/splats/room";
-import { skin, TRANSFORM } from "../../../client/src/splats/skeleton";
-import { depthOrder, depthRows, depths, emptyOrder } from "../../../client/src/splats/sort";
+import { contactShadows, decodePanorama } from "../../../client/src/splats/room";
+import { forwardKinematics, TRANSFORM } from "../../../client/src/splats/skeleton";
+import { depthOrder, depthRows, depths, allocateOrder } from "../../../client/src/splats/sort";
 import type { Quaternion, Vec3 } from "../../../client/src/viewpoint/geometry";
 import type { Light } from "../../../client/src/api/types";
 
@@ -40,27 +40,27 @@ function frameOf(asked: Asked): PassFrame {
   const files = asked.files.map(bytes);
   const whole = files.map((file) => readSplats(file));
   const share = shareWithin(whole.map(({ count }) => count), asked.most);
-  const cast = castOf(share < 1 ? files.map((file) => readSplats(file, share)) : whole);
-  pass.setCast(cast);
-  const transforms = new Float32Array(TRANSFORM * cast.joints);
-  const offsets = emptyOffsets(cast.moved);
+  const splats = packSplats(share < 1 ? files.map((file) => readSplats(file, share)) : whole);
+  pass.setSplats(splats);
+  const transforms = new Float32Array(TRANSFORM * splats.joints);
+  const offsets = allocateOffsets(splats.moved);
   let moved = 0;
-  const shadows = cast.people.flatMap((person, index) => {
+  const shadows = splats.people.flatMap((person, index) => {
     const pose = decodePose(bytes(asked.poses[index] ?? ""));
     if (!pose) throw new Error("a pose packet was expected");
     const at = index * TRANSFORM * person.parents.length;
     moveSplats(person.moved, pose.expression, offsets, moved);
     moved += person.moved.splats.length;
-    skin(person, pose.pelvis, pose.turns, transforms, at);
+    forwardKinematics(person, pose.pelvis, pose.rotations, transforms, at);
     return contactShadows(person, transforms, at);
   });
   const camera = passCamera(asked, asked.fovYRad, asked.width, asked.height);
-  const depth = new Float32Array(cast.count);
-  const order = emptyOrder(cast.count);
-  const kept = asked.kept ?? cast.bound.counts;
-  depths(cast.bound, depthRows(transforms, camera.worldToCamera), depth, kept);
+  const depth = new Float32Array(splats.count);
+  const order = allocateOrder(splats.count);
+  const kept = asked.kept ?? splats.skinned.counts;
+  depths(splats.skinned, depthRows(transforms, camera.worldToCamera), depth, kept);
   const count = depthOrder(depth, order);
-  const growth = cast.bound.counts.map((whole, person) => growthOf(whole, kept[person] ?? whole));
+  const growth = splats.skinned.counts.map((whole, person) => varianceScale(whole, kept[person] ?? whole));
   return { camera, transforms, offsets, order, count, growth, yawsRad: asked.yawsRad, shadows, filmedOnly: asked.filmedOnly };
 }
 
@@ -79,8 +79,8 @@ Object.assign(window, {
   /** RGBA bytes, the top row first, base64. */
   async picture(asked: Asked): Promise<string> {
     const { place } = asked;
-    const picture = place ? await decodePicture(new Blob([bytes(place.picture)])) : null;
-    pass.setPlace({ picture, light: place?.light ?? null });
+    const panorama = place ? await decodePanorama(new Blob([bytes(place.picture)])) : null;
+    pass.setEnvironment({ panorama, light: place?.light ?? null });
     const screen = asked.screen ? testScreen() : null;
     pass.setScreen(screen, screen?.width, screen?.height);
     pass.draw(frameOf(asked));

@@ -1,5 +1,5 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
-import { Hearing, turned } from "../../src/meeting/hearing";
+import { SpatialAudio, rotated } from "../../src/meeting/spatialAudio";
 
 class Param {
   value = 0;
@@ -48,7 +48,7 @@ class FakeContext {
 
 function setUp() {
   const context = new FakeContext();
-  return { context, hearing: new Hearing(context as unknown as AudioContext) };
+  return { context, hearing: new SpatialAudio(context as unknown as AudioContext) };
 }
 
 const BO = { memberId: "bo", stream: {} as MediaStream };
@@ -56,15 +56,15 @@ const CY = { memberId: "cy", stream: {} as MediaStream };
 /** Looks along +x from (1, 2, 3): OpenCV's z forward turned by +90 degrees about y. */
 const EARS = { position: [1, 2, 3], wxyz: [Math.SQRT1_2, 0, Math.SQRT1_2, 0] } as const;
 
-describe("voices in the room", () => {
+describe("SpatialAudio", () => {
   beforeEach(() => {
     vi.stubGlobal("Audio", class {});
   });
 
   it("puts each voice where its speaker stands, and others before the listener", () => {
     const { context, hearing } = setUp();
-    hearing.show(new Map([[0, BO], [3, CY]]));
-    hearing.place(EARS, (id) => (id === "bo" ? [4, 1.6, -2] : null));
+    hearing.setVoices(new Map([[0, BO], [3, CY]]));
+    hearing.setPositions(EARS, (id) => (id === "bo" ? [4, 1.6, -2] : null));
     expect(context.panners.map(({ panningModel }) => panningModel)).toEqual(["HRTF", "HRTF"]);
     expect(context.panners[0]?.place).toEqual([4, 1.6, -2]);
     const [x, y, z] = context.panners[1]?.place ?? [];
@@ -77,10 +77,10 @@ describe("voices in the room", () => {
 
   it("keeps a track that another speaks in, and lets go of what is over", () => {
     const { context, hearing } = setUp();
-    hearing.show(new Map([[0, BO], [1, CY]]));
-    hearing.show(new Map([[0, { ...BO, memberId: "dee" }]]));
+    hearing.setVoices(new Map([[0, BO], [1, CY]]));
+    hearing.setVoices(new Map([[0, { ...BO, memberId: "dee" }]]));
     expect(context.sources.map(({ connected }) => connected)).toEqual([1, 0]);
-    hearing.place(EARS, (id) => (id === "dee" ? [7, 0, 0] : [0, 0, 0]));
+    hearing.setPositions(EARS, (id) => (id === "dee" ? [7, 0, 0] : [0, 0, 0]));
     expect(context.panners[0]?.place).toEqual([7, 0, 0]);
     hearing.close();
     expect(context.state).toBe("closed");
@@ -95,7 +95,7 @@ describe("voices in the room", () => {
 
   it("turns by quaternions", () => {
     const about = [Math.cos(0.25), 0, 0, Math.sin(0.25)] as const;
-    const [x, y, z] = turned(about, [1, 0, 0]);
+    const [x, y, z] = rotated(about, [1, 0, 0]);
     expect([x, y, z].map((v) => v.toFixed(6))).toEqual([Math.cos(0.5).toFixed(6), Math.sin(0.5).toFixed(6), "0.000000"]);
   });
 });

@@ -147,10 +147,10 @@ def test_who_is_seen_by_their_webcam_moves_in_the_meeting_and_no_picture_leaves(
         page.get_by_test_id("start-join").click()
         self = page.get_by_test_id("self")
         expect(self).to_be_hidden()
-        page.get_by_test_id("be-seen").click()
+        page.get_by_test_id("motion-capture").click()
         expect(self).to_contain_text("Only your movements leave this device", timeout=MINUTES)
-        expect(self).to_have_attribute("data-tracking", "seen", timeout=2 * MINUTES)
-        expect(self).to_contain_text("You move in the meeting")
+        expect(self).to_have_attribute("data-tracking", "tracking", timeout=2 * MINUTES)
+        expect(self).to_contain_text("Your movements are shown in the meeting")
         (room,) = rooms.values()
         until(lambda: list(room.live_motions.values()) != [], "driving Ada")
         (driven,) = room.live_motions.values()
@@ -179,7 +179,7 @@ def test_who_is_seen_by_their_webcam_moves_in_the_meeting_and_no_picture_leaves(
         feet = np.array(shown)[:, [JOINT["left_ankle"], JOINT["right_ankle"]]]
         assert np.ptp(feet, axis=0).max() < 0.02
         wire.assert_no_picture(page, address)
-        page.get_by_test_id("be-seen").click()
+        page.get_by_test_id("motion-capture").click()
         expect(self).to_be_hidden()
         until(lambda: room.live_motions == {}, "letting go of Ada")
         assert page.evaluate("document.querySelector('.self video') === null")

@@ -1,19 +1,19 @@
 /** The meeting: the live picture, filling the window, and the little that lies on it. */
 
-import { steerWith } from "../viewpoint/controls";
-import type { LiveNumbers, LiveState, LiveView } from "../drawing/live";
-import type { Choice, Drawing } from "../splats/way";
+import { attachControls } from "../viewpoint/controls";
+import type { LiveStats, LiveState, LiveView } from "../drawing/live";
+import type { RenderSetting, RenderStatus } from "../splats/renderMode";
 import type { Performer } from "../api/types";
 import { moveFocusByArrows } from "./arrowFocus";
-import { beSeenView } from "./beSeen";
+import { motionCaptureView } from "./motionCapture";
 import { announce, h, usesTouch } from "./dom";
 import { icon, mark } from "./icons";
-import { improveMeView } from "./improveMe";
+import { improveModelView } from "./improveModel";
 import type { MeetingTools } from "./meetingTools";
 import { button, notice, type View } from "./shell";
 import { waitingNote } from "./waitingNote";
 
-interface StageHooks {
+interface MeetingViewHooks {
   onLeave(): void;
   onRetry(): void;
 }
@@ -29,31 +29,31 @@ export interface HeadsetControl {
   close(): void;
 }
 
-export function stageView(live: LiveView, tools: MeetingTools, headset: HeadsetControl, hooks: StageHooks): View {
-  live.video.dataset["testid"] = "stage-video";
+export function meetingView(live: LiveView, tools: MeetingTools, headset: HeadsetControl, hooks: MeetingViewHooks): View {
+  live.video.dataset["testid"] = "live-video";
   live.video.setAttribute("aria-label", `Live picture of ${live.meeting.name || "the meeting"}`);
-  const hint = stageHint();
-  const people = h("div", { className: "people", attributes: { role: "group", "aria-label": "Who is here" } });
-  const numbers = liveNumbers();
-  const middle = h("div", { className: "middle" });
-  const way = waySwitch((choice) => live.choose(choice));
-  const self = beSeenView(live);
-  const better = improveMeView(live, self.camera);
+  const hint = controlsHint();
+  const people = h("div", { className: "performers", attributes: { role: "group", "aria-label": "People in the meeting" } });
+  const numbers = statsLine();
+  const middle = h("div", { className: "viewport-centre" });
+  const way = renderModeSelect((choice) => live.chooseRenderMode(choice));
+  const self = motionCaptureView(live);
+  const better = improveModelView(live, self.camera);
   const element = h(
     "main",
-    { className: "stage", tabIndex: 0, attributes: { "aria-describedby": hint.element.id, "aria-label": "The meeting" } },
+    { className: "viewport", tabIndex: 0, attributes: { "aria-describedby": hint.element.id, "aria-label": "The meeting" } },
     live.video,
     live.canvas,
     tools.screen,
     middle,
-    stageTop(live, people, hooks),
+    topBar(live, people, hooks),
     h(
       "div",
-      { className: "stage-bottom" },
-      h("div", { className: "stage-self" }, self.element, better.element, numbers.element),
+      { className: "viewport-bottom" },
+      h("div", { className: "viewport-self" }, self.element, better.element, numbers.element),
       hint.element,
       tools.dock,
-      h("div", { className: "stage-ways" }, self.toggle, better.toggle, ...viewButtons(live), way.element, headset.element, hint.toggle),
+      h("div", { className: "viewport-actions" }, self.toggle, better.toggle, ...viewButtons(live), way.element, headset.element, hint.toggle),
     ),
     tools.captions,
     tools.notes,
@@ -61,24 +61,24 @@ export function stageView(live: LiveView, tools: MeetingTools, headset: HeadsetC
   );
   element.addEventListener("dragstart", (event) => event.preventDefault());
   const ends = [
-    steerWith(element, live.viewpoint, hint.used),
+    attachControls(element, live.viewpoint, hint.used),
     moveFocusByArrows(element, () => tools.dock.querySelector("button") ?? element),
   ];
-  tools.bringInto(live);
-  live.onNumbers = numbers.show;
+  tools.connectTo(live);
+  live.onStats = numbers.show;
   live.onState = (state) => {
-    if (state.kind === "live") announce(element.classList.contains("sound") ? "Pictures are back" : "Connected");
-    element.classList.toggle("sound", state.kind === "sound");
-    middle.replaceChildren(...stateInWords(state, hooks));
+    if (state.kind === "live") announce(element.classList.contains("audio-only") ? "Video is back" : "Connected");
+    element.classList.toggle("audio-only", state.kind === "audio-only");
+    middle.replaceChildren(...stateNotice(state, hooks));
   };
-  live.onPerformers = (performers) => showPeople(people, performers, live);
-  live.onDrawing = (drawing) => {
+  live.onPerformers = (performers) => showPerformers(people, performers, live);
+  live.onRenderStatus = (drawing) => {
     way.show(drawing);
     // where this device draws, a shared screen hangs in the room
-    element.classList.toggle("draws", drawing.way === "local");
+    element.classList.toggle("renders-locally", drawing.mode === "local");
   };
   live.onState(live.state);
-  showPeople(people, live.meeting.performers, live);
+  showPerformers(people, live.meeting.performers, live);
   return {
     element,
     close: () => {
@@ -89,15 +89,15 @@ export function stageView(live: LiveView, tools: MeetingTools, headset: HeadsetC
 }
 
 /** Which meeting it is, who stands in it, the ways out and for others in. */
-function stageTop(live: LiveView, people: HTMLElement, hooks: StageHooks): HTMLElement {
+function topBar(live: LiveView, people: HTMLElement, hooks: MeetingViewHooks): HTMLElement {
   return h(
     "div",
-    { className: "stage-top" },
-    h("p", { className: "stage-name glass" }, mark(), h("span", {}, live.meeting.name || "Meeting")),
+    { className: "viewport-top" },
+    h("p", { className: "viewport-title glass" }, mark(), h("span", {}, live.meeting.name || "Meeting")),
     people,
     h(
       "div",
-      { className: "stage-ways" },
+      { className: "viewport-actions" },
       inviteButton(live.meeting.join_url),
       button("Leave", hooks.onLeave, { look: "glass", icon: "leave", testId: "leave" }),
     ),
@@ -106,22 +106,22 @@ function stageTop(live: LiveView, people: HTMLElement, hooks: StageHooks): HTMLE
 
 /** Back to the first view; and only what a camera saw. */
 function viewButtons(live: LiveView): HTMLButtonElement[] {
-  const first = button("First view", () => live.viewpoint.reset(), { look: "glass", icon: "reset" });
-  first.title = "First view";
+  const first = button("Reset view", () => live.viewpoint.reset(), { look: "glass", icon: "reset" });
+  first.title = "Reset view";
   const toggle = (): void => {
     const on = filmed.getAttribute("aria-pressed") !== "true";
     filmed.setAttribute("aria-pressed", String(on));
     live.showFilmedOnly(on);
   };
-  const filmed = button("Only what was filmed", toggle, { look: "glass", icon: "filmed", testId: "filmed-only" });
-  filmed.title = "Show only what was filmed: parts that no camera saw fade away";
+  const filmed = button("Hide unseen parts", toggle, { look: "glass", icon: "filmed", testId: "filmed-only" });
+  filmed.title = "Hide the parts that the camera never saw";
   filmed.setAttribute("aria-pressed", "false");
   return [first, filmed];
 }
 
 /** How to look round: shown at first, and whenever it is asked for. */
-function stageHint(): { element: HTMLElement; toggle: HTMLButtonElement; used(): void; close(): void } {
-  const element = h("div", { className: "hint glass", id: "stage-hint" }, ...controlsInWords());
+function controlsHint(): { element: HTMLElement; toggle: HTMLButtonElement; used(): void; close(): void } {
+  const element = h("div", { className: "controls-help glass", id: "controls-help" }, ...controlsHelp());
   const toggle = button("Controls", () => flip(), { look: "glass", icon: "help" });
   toggle.title = "Controls";
   toggle.setAttribute("aria-controls", element.id);
@@ -147,43 +147,43 @@ function stageHint(): { element: HTMLElement; toggle: HTMLButtonElement; used():
   };
 }
 
-const CHOICES: readonly [Choice, string][] = [
+const RENDER_SETTINGS: readonly [RenderSetting, string][] = [
   ["automatic", "Automatic"],
   ["local", "This device"],
   ["server", "Server"],
 ];
 
-/** Who draws the picture: shows who does, and lets the viewer choose. */
-function waySwitch(onChoice: (choice: Choice) => void): {
+/** Renderer: shows who does, and lets the viewer choose. */
+function renderModeSelect(onChoice: (choice: RenderSetting) => void): {
   element: HTMLElement;
-  show(drawing: Drawing): void;
+  show(drawing: RenderStatus): void;
 } {
-  const options = CHOICES.map(([value, words]) => h("option", { value }, words));
-  const select = h("select", { testId: "way" }, ...options);
-  select.setAttribute("aria-label", "Who draws the picture");
-  select.addEventListener("change", () => onChoice(select.value as Choice));
-  const words = h("span", {}, "Drawn by the server");
-  const element = h("label", { className: "button glass way" }, icon("screen"), words, select);
+  const options = RENDER_SETTINGS.map(([value, words]) => h("option", { value }, words));
+  const select = h("select", { testId: "render-mode" }, ...options);
+  select.setAttribute("aria-label", "Renderer");
+  select.addEventListener("change", () => onChoice(select.value as RenderSetting));
+  const words = h("span", {}, "Rendered by the server");
+  const element = h("label", { className: "button glass render-mode" }, icon("screen"), words, select);
   return {
     element,
-    show: ({ choice, way, obstacle }) => {
-      select.value = choice;
-      select.dataset["way"] = way;
-      element.title = obstacle ?? "Who draws the picture: whichever does it better, this device, or the server";
-      options.forEach((option, index) => (option.disabled = CHOICES[index]?.[0] === "local" && obstacle !== null));
-      words.textContent = way === "local" ? "Drawn here" : "Drawn by the server";
+    show: ({ setting, mode, obstacle }) => {
+      select.value = setting;
+      select.dataset["mode"] = mode;
+      element.title = obstacle ?? "Choose whether this device or the server renders the picture";
+      options.forEach((option, index) => (option.disabled = RENDER_SETTINGS[index]?.[0] === "local" && obstacle !== null));
+      words.textContent = mode === "local" ? "Rendered on this device" : "Rendered by the server";
     },
   };
 }
 
-function stateInWords(state: LiveState, hooks: StageHooks): HTMLElement[] {
+function stateNotice(state: LiveState, hooks: MeetingViewHooks): HTMLElement[] {
   switch (state.kind) {
     case "live":
       return [];
     case "connecting":
     case "preparing":
     case "reconnecting":
-    case "sound":
+    case "audio-only":
       return [waitingNote(state, true)];
     case "refused":
       return [
@@ -200,10 +200,10 @@ function stateInWords(state: LiveState, hooks: StageHooks): HTMLElement[] {
   }
 }
 
-function liveNumbers(): { element: HTMLElement; show(news: LiveNumbers): void } {
+function statsLine(): { element: HTMLElement; show(news: LiveStats): void } {
   const fps = h("span", { testId: "fps" });
   fps.dataset["fps"] = fps.dataset["frames"] = "0";
-  const element = h("p", { className: "numbers glass", attributes: { "aria-hidden": "true" } }, fps);
+  const element = h("p", { className: "stats glass", attributes: { "aria-hidden": "true" } }, fps);
   return {
     element,
     show: (news) => {
@@ -220,7 +220,7 @@ function liveNumbers(): { element: HTMLElement; show(news: LiveNumbers): void } 
 }
 
 /** A press on a name brings the viewer close to that person. */
-function showPeople(people: HTMLElement, performers: readonly Performer[], live: LiveView): void {
+function showPerformers(people: HTMLElement, performers: readonly Performer[], live: LiveView): void {
   const key = performers.map(({ id, name }) => `${id} ${name}`).join();
   if (people.dataset["key"] === key) return;
   people.dataset["key"] = key;
@@ -251,27 +251,27 @@ function inviteButton(joinUrl: string): HTMLElement {
       say("Copied");
     } catch {
       // only secure addresses may write to the clipboard; then people copy by hand
-      prompt("Send this link to whom you want to meet:", link);
+      prompt("Send this link to the people you want to invite:", link);
     }
     setTimeout(() => say("Copy invite link"), COPIED_MS);
   };
   return invite;
 }
 
-function controlsInWords(): HTMLElement[] {
+function controlsHelp(): HTMLElement[] {
   const lines: [string, string][] = usesTouch()
     ? [
         ["One finger", "look around"],
-        ["Pinch", "come closer"],
-        ["Two fingers", "move along"],
-        ["Double tap", "first view"],
+        ["Pinch", "zoom"],
+        ["Two fingers", "pan"],
+        ["Double tap", "reset view"],
       ]
     : [
         ["Drag", "look around"],
-        ["Scroll", "come closer"],
-        ["W A S D", "walk, Shift is faster"],
-        ["R", "first view"],
-        ["Enter", "the buttons"],
+        ["Scroll", "zoom"],
+        ["W A S D", "walk (Shift: faster)"],
+        ["R", "reset view"],
+        ["Enter", "go to the buttons"],
       ];
   return lines.map(([key, what]) => h("span", {}, h("kbd", {}, key), what));
 }

@@ -14,7 +14,7 @@ def picture(page: Page) -> bytes:
     """What the stage's video shows now, as raw RGBA of a 64 x 64 copy."""
     values = page.evaluate(
         """() => {
-            const video = document.querySelector('[data-testid=stage-video]');
+            const video = document.querySelector('[data-testid=live-video]');
             const canvas = new OffscreenCanvas(64, 64), context = canvas.getContext('2d');
             context.drawImage(video, 0, 0, 64, 64);
             return Array.from(context.getImageData(0, 0, 64, 64).data);

@@ -1,28 +1,28 @@
 /** A recorded room on a canvas: everybody as they stood at a moment, seen from any side. */
 
 import type { Api } from "../api/api";
-import { SizeLadder, fittingSize, highestStep } from "../viewpoint/framing";
+import { ResolutionLadder, fitSize, highestStep } from "../viewpoint/framing";
 import type { Vec3 } from "../viewpoint/geometry";
 import { performerCheck } from "../transport/packets";
 import { LocalRoom } from "../splats/localRoom";
-import { decodePicture, type Place } from "../splats/room";
+import { decodePanorama, type LoadedEnvironment } from "../splats/room";
 import type { Performer } from "../api/types";
 import { FOV_Y_RAD, Viewpoint, homeOrbit } from "../viewpoint/viewpoint";
-import type { Loaded } from "./load";
+import type { LoadedRecording } from "./load";
 import type { Player } from "./player";
-import { indexAt, poseAt, type Room } from "./tracks";
+import { indexAt, poseAt, type RoomRecord } from "./tracks";
 
 const COUNTING_MS = 1000;
 const HEAD_ABOVE_PELVIS_M = 0.65;
 
-export class ReplayStage {
+export class ReplayRenderer {
   readonly canvas = document.createElement("canvas");
   readonly viewpoint: Viewpoint;
-  private readonly local: LocalRoom;
+  private readonly room: LocalRoom;
   private performers: Performer[] = [];
-  private place = "";
+  private environmentName = "";
   private sequence = 0;
-  private readonly ladder = new SizeLadder();
+  private readonly ladder = new ResolutionLadder();
   private drawn = 0;
   private countedMs = performance.now();
   /** Of the canvas, width by height. */
@@ -30,28 +30,28 @@ export class ReplayStage {
 
   constructor(
     private readonly api: Api,
-    private readonly loaded: Loaded,
+    private readonly loaded: LoadedRecording,
     private readonly player: Player,
     inertia: boolean,
   ) {
     const { id } = loaded.recording;
-    this.local = new LocalRoom(this.canvas, async (modelId) => {
+    this.room = new LocalRoom(this.canvas, async (modelId) => {
       const file = await api.file(`/v1/recordings/${id}/models/${modelId}`);
       return file.arrayBuffer();
     });
     const first = loaded.rooms.items[0];
-    this.viewpoint = new Viewpoint(homeOrbit(first ? this.castOf(first) : [], this.aspect), inertia);
-    this.canvas.classList.add("seen");
+    this.viewpoint = new Viewpoint(homeOrbit(first ? this.performersOf(first) : [], this.aspect), inertia);
+    this.canvas.classList.add("shown");
   }
 
   /** Why this device can't draw the room, in words; null where it can. */
   get obstacle(): string | null {
-    return this.local.obstacle;
+    return this.room.obstacle;
   }
 
   /** Everybody's files are here. */
   get ready(): boolean {
-    return this.local.loaded;
+    return this.room.loaded;
   }
 
   /** Show the moment that the player is at; says whether a picture was drawn. */
@@ -59,25 +59,25 @@ export class ReplayStage {
     const { ms } = this.player;
     const rooms = this.loaded.rooms;
     const room = rooms.items[Math.max(0, indexAt(rooms.times, ms))];
-    if (room) this.enter(room);
+    if (room) this.showRoom(room);
     if (!this.ready) return false;
     this.performers.forEach((performer, index) => {
       const pose = poseAt(this.loaded.motions.get(performer.id), ms);
       if (!pose) return;
       this.sequence = (this.sequence + 1) >>> 0;
       const check = performerCheck(performer.id);
-      this.local.stand({ ...pose, sequence: this.sequence, index, count: this.performers.length, check });
+      this.room.setPose({ ...pose, sequence: this.sequence, index, count: this.performers.length, check });
     });
     const { clientWidth: width, clientHeight: height } = this.canvas;
     this.fit(width / Math.max(1, height));
-    const size = fittingSize(Math.max(16, width), Math.max(16, height), this.ladder.side);
-    const drawn = this.local.draw(this.viewpoint.camera, FOV_Y_RAD, size, false);
-    if (drawn) this.keepUp(highestStep(width * devicePixelRatio, height * devicePixelRatio));
+    const size = fitSize(Math.max(16, width), Math.max(16, height), this.ladder.side);
+    const drawn = this.room.draw(this.viewpoint.camera, FOV_Y_RAD, size, false);
+    if (drawn) this.adaptSize(highestStep(width * devicePixelRatio, height * devicePixelRatio));
     return drawn;
   }
 
   /** Where the head of whoever stood for a member is; null where nobody did. */
-  headOf(memberId: string): Vec3 | null {
+  headPosition(memberId: string): Vec3 | null {
     const rooms = this.loaded.rooms;
     const room = rooms.items[Math.max(0, indexAt(rooms.times, this.player.ms))];
     const pose = poseAt(this.loaded.motions.get(room?.standing_for[memberId] ?? ""), this.player.ms);
@@ -87,11 +87,11 @@ export class ReplayStage {
   }
 
   close(): void {
-    this.local.close();
+    this.room.close();
   }
 
   /** Larger pictures where this device draws them fluently, smaller ones where it does not. */
-  private keepUp(highest: number): void {
+  private adaptSize(highest: number): void {
     this.drawn += 1;
     const passedMs = performance.now() - this.countedMs;
     if (passedMs < COUNTING_MS) return;
@@ -104,37 +104,37 @@ export class ReplayStage {
   private fit(aspect: number): void {
     if (aspect === 0 || aspect === this.aspect) return;
     this.aspect = aspect;
-    this.viewpoint.rehome(homeOrbit(this.performers, aspect));
+    this.viewpoint.setHome(homeOrbit(this.performers, aspect));
   }
 
   /** Whoever was erased since has no motion, and is not there. */
-  private castOf(room: Room): Performer[] {
+  private performersOf(room: RoomRecord): Performer[] {
     return room.performers
       .filter(({ id }) => this.loaded.motions.has(id))
       .map((one) => ({ ...one, name: "", motion_sequence_id: null }));
   }
 
-  private enter(room: Room): void {
-    const cast = this.castOf(room);
+  private showRoom(room: RoomRecord): void {
+    const cast = this.performersOf(room);
     if (cast.map(({ id }) => id).join() !== this.performers.map(({ id }) => id).join()) {
       this.performers = cast;
       // who can't be had now is asked for again with the next change
-      void this.local.setPerformers(cast).catch(() => undefined);
+      void this.room.setPerformers(cast).catch(() => undefined);
     }
-    if (room.environment === this.place) return;
-    this.place = room.environment;
-    void this.show(room.environment);
+    if (room.environment === this.environmentName) return;
+    this.environmentName = room.environment;
+    void this.showEnvironment(room.environment);
   }
 
-  private async show(name: string): Promise<void> {
-    const place = await placeOf(this.api, this.loaded.recording.id, name).catch(() => null);
-    if (place && this.place === name) this.local.setPlace(place);
+  private async showEnvironment(name: string): Promise<void> {
+    const place = await loadEnvironment(this.api, this.loaded.recording.id, name).catch(() => null);
+    if (place && this.environmentName === name) this.room.setEnvironment(place);
   }
 }
 
-/** A place of the library, else the one that the meeting's host had brought along. Throws a Problem. */
-export async function placeOf(api: Pick<Api, "places" | "recordedPlace" | "file">, recordingId: string, name: string): Promise<Place> {
-  const known = (await api.places()).find((place) => place.name === name);
-  const { picture_url, light } = known ?? (await api.recordedPlace(recordingId));
-  return { picture: picture_url === null ? null : await decodePicture(await api.file(picture_url)), light };
+/** An environment of the library, else the panorama that the host had uploaded. Throws a Problem. */
+export async function loadEnvironment(api: Pick<Api, "environments" | "recordedEnvironment" | "file">, recordingId: string, name: string): Promise<LoadedEnvironment> {
+  const known = (await api.environments()).find((place) => place.name === name);
+  const { picture_url, light } = known ?? (await api.recordedEnvironment(recordingId));
+  return { panorama: picture_url === null ? null : await decodePanorama(await api.file(picture_url)), light };
 }

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { Api } from "../../src/api/api";
-import { Attendance, socketAddress, type Ticket } from "../../src/meeting/attendance";
+import { MeetingSession, socketAddress, type StoredSeat } from "../../src/meeting/session";
 import type { ControlConnection, ControlHooks } from "../../src/meeting/controlConnection";
 import type { Meeting, Seat, ToServer } from "../../src/api/types";
 import { fakeFetch, json, member, tokenStore } from "../fakes";
@@ -15,7 +15,7 @@ function setUp(tokens = tokenStore("guest")) {
       : json({ ...MEETING, host_token: "host" }),
   );
   const api = new Api(tokens, request);
-  let ticket: Ticket | null = null;
+  let ticket: StoredSeat | null = null;
   const sent: ToServer[] = [];
   let hooks: ControlHooks | null = null;
   const line = {
@@ -23,95 +23,95 @@ function setUp(tokens = tokenStore("guest")) {
     send: (message: ToServer) => sent.push(message) > 0,
     close: () => undefined,
   };
-  const attendance = new Attendance(
+  const session = new MeetingSession(
     api,
     MEETING,
     { get: () => ticket, set: (next) => void (ticket = next) },
     (given) => ((hooks = given), line as unknown as ControlConnection),
   );
   (globalThis as { location?: { href: string } }).location ??= { href: "http://localhost/" };
-  return { api, attendance, calls, sent, hooks: () => hooks as unknown as ControlHooks, ticket: () => ticket };
+  return { api, session, calls, sent, hooks: () => hooks as unknown as ControlHooks, ticket: () => ticket };
 }
 
-describe("our part in a meeting", () => {
+describe("MeetingSession", () => {
   it("keeps one seat for the picture and the line, and a ticket to take it up again", async () => {
-    const { attendance, hooks, ticket, calls } = setUp();
-    expect((await attendance.getSeat()).token).toBe("seat1");
+    const { session, hooks, ticket, calls } = setUp();
+    expect((await session.getSeat()).token).toBe("seat1");
     expect(ticket()).toBeNull(); // only looking so far
-    attendance.enter("Ada");
-    expect(await hooks().greeting(false)).toMatchObject({ token: "seat1", name: "Ada", after: 0 });
+    session.join("Ada");
+    expect(await hooks().hello(false)).toMatchObject({ token: "seat1", name: "Ada", after: 0 });
     expect(ticket()).toMatchObject({ meetingId: "m", name: "Ada", seat: { token: "seat1" } });
-    expect(await hooks().greeting(true)).toMatchObject({ token: "seat2" });
-    expect((await attendance.getSeat()).token).toBe("seat2");
+    expect(await hooks().hello(true)).toMatchObject({ token: "seat2" });
+    expect((await session.getSeat()).token).toBe("seat2");
     expect(calls.filter(({ path }) => path.endsWith("/join"))).toHaveLength(2);
   });
 
   it("sits on one seat, however many ask for it at once", async () => {
-    const { attendance, calls } = setUp();
-    const asked = await Promise.all([attendance.getSeat(), attendance.getSeat(), attendance.getSeat(true)]);
+    const { session, calls } = setUp();
+    const asked = await Promise.all([session.getSeat(), session.getSeat(), session.getSeat(true)]);
     expect(asked.map(({ token }) => token)).toEqual(["seat1", "seat1", "seat1"]);
     expect(calls.filter(({ path }) => path.endsWith("/join"))).toHaveLength(1);
   });
 
   it("goes on from the ticket of an earlier load", async () => {
-    const { attendance, hooks, calls } = setUp();
+    const { session, hooks, calls } = setUp();
     const seat = { token: "kept", control_url: "/c" } as Seat;
-    attendance.enter("Ada", { meetingId: "m", name: "Ada", seat, read: 0 });
-    expect(await hooks().greeting(false)).toMatchObject({ token: "kept" });
+    session.join("Ada", { meetingId: "m", name: "Ada", seat, lastRead: 0 });
+    expect(await hooks().hello(false)).toMatchObject({ token: "kept" });
     expect(calls).toHaveLength(0);
   });
 
   it("knows after a reload what was read before", async () => {
-    const { attendance, hooks, ticket } = setUp();
-    attendance.enter("Ada");
-    await hooks().greeting(false);
+    const { session, hooks, ticket } = setUp();
+    session.join("Ada");
+    await hooks().hello(false);
     hooks().onMessage({ type: "said", number: 7, participant_id: "Bo", name: "Bo", text: "Hello", at: "" });
-    expect(attendance.read).toBe(0);
-    attendance.markRead();
+    expect(session.lastRead).toBe(0);
+    session.markRead();
     const left = ticket();
-    expect(left?.read).toBe(7);
-    const { attendance: back } = setUp();
-    back.enter("Ada", left);
-    expect(back.read).toBe(7);
+    expect(left?.lastRead).toBe(7);
+    const { session: back } = setUp();
+    back.join("Ada", left);
+    expect(back.lastRead).toBe(7);
   });
 
   it("is in once the host has let us in, and tells what changes", async () => {
-    const { attendance, hooks } = setUp();
+    const { session, hooks } = setUp();
     const news: string[] = [];
-    attendance.onNews = (words) => news.push(words);
+    session.onAnnouncement = (words) => news.push(words);
     let changes = 0;
-    const release = attendance.watch(() => changes++);
-    attendance.enter("Ada");
+    const release = session.subscribe(() => changes++);
+    session.join("Ada");
     const hear = hooks().onMessage;
     hear({ type: "welcome", participant_id: "me", seat: 1, silence_s: 5 });
     hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me", admission: "waiting" })] });
-    expect(attendance.admitted).toBe(false);
+    expect(session.admitted).toBe(false);
     hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me" })] });
-    expect(attendance.admitted).toBe(true);
+    expect(session.admitted).toBe(true);
     hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me" }), member({ id: "Bo" })] });
-    expect(news).toEqual(["Bo is here"]);
+    expect(news).toEqual(["Bo joined"]);
     expect(changes).toBe(5);
     release();
   });
 
   it("gives the seat and the ticket back when leaving", async () => {
-    const { attendance, hooks, ticket, sent } = setUp();
-    attendance.enter("Ada");
-    await hooks().greeting(false);
-    attendance.leave();
+    const { session, hooks, ticket, sent } = setUp();
+    session.join("Ada");
+    await hooks().hello(false);
+    session.leave();
     expect(sent).toEqual([{ type: "leave" }]);
     expect(ticket()).toBeNull();
   });
 
   it("joins the meetings that we opened as their host", async () => {
-    const { api, attendance, calls } = setUp();
+    const { api, session, calls } = setUp();
     expect(await api.createMeeting("Monday", [])).toEqual(MEETING);
-    await attendance.getSeat();
+    await session.getSeat();
     expect(calls.at(-1)?.token).toBe("Bearer host");
   });
 });
 
-describe("the line's address", () => {
+describe("socketAddress", () => {
   it("is as safe as the page's own", () => {
     expect(socketAddress("/c", "https://meet.example/?x#y")).toBe("wss://meet.example/c");
     expect(socketAddress("/c", "http://127.0.0.1:8000/")).toBe("ws://127.0.0.1:8000/c");

@@ -1,7 +1,7 @@
-/** A raised hand, and passing signs to all. */
+/** Raising a hand, and reactions. */
 
-import type { Attendance } from "../meeting/attendance";
-import { myself, type Reaction } from "../meeting/state";
+import type { MeetingSession } from "../meeting/session";
+import { localParticipant, type Reaction } from "../meeting/state";
 import { h } from "./dom";
 import { button } from "./shell";
 
@@ -14,9 +14,9 @@ export const REACTIONS: [Reaction, string][] = [
   ["party", "Celebrate"],
 ];
 
-export function handButton(attendance: Attendance): { element: HTMLButtonElement; update(): void } {
-  const raised = (): boolean => myself(attendance.state)?.hand_at != null;
-  const element = button("Raise hand", () => attendance.wish({ type: "hand", raised: !raised() }), {
+export function handButton(session: MeetingSession): { element: HTMLButtonElement; update(): void } {
+  const raised = (): boolean => localParticipant(session.state)?.hand_at != null;
+  const element = button("Raise hand", () => session.send({ type: "hand", raised: !raised() }), {
     look: "glass",
     icon: "hand",
     testId: "hand",
@@ -24,7 +24,7 @@ export function handButton(attendance: Attendance): { element: HTMLButtonElement
   return { element, update: () => element.setAttribute("aria-pressed", String(raised())) };
 }
 
-export function reactionButton(attendance: Attendance): { element: HTMLElement } {
+export function reactionButton(session: MeetingSession): { element: HTMLElement } {
   const choices = h("div", { className: "reactions glass", hidden: true, attributes: { role: "group" } });
   choices.setAttribute("aria-label", "Reactions");
   choices.id = "reactions";
@@ -36,7 +36,7 @@ export function reactionButton(attendance: Attendance): { element: HTMLElement }
   main.setAttribute("aria-controls", choices.id);
   show(false);
   for (const [reaction, label] of REACTIONS) {
-    const one = button(label, () => (attendance.wish({ type: "react", reaction }), show(false), main.focus()), {
+    const one = button(label, () => (session.send({ type: "react", reaction }), show(false), main.focus()), {
       look: "glass",
       icon: reaction,
       testId: `react-${reaction}`,
@@ -44,7 +44,7 @@ export function reactionButton(attendance: Attendance): { element: HTMLElement }
     one.title = label;
     choices.append(one);
   }
-  const element = h("div", { className: "react" }, main, choices);
+  const element = h("div", { className: "reaction-menu" }, main, choices);
   element.addEventListener("keydown", (event) => {
     if (event.key !== "Escape" || choices.hidden) return;
     show(false);

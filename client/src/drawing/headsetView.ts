@@ -1,10 +1,10 @@
-/** A look into the meeting through a headset: the room that it draws, and where its viewer's head is. */
+/** The view through a headset: the room that it draws, and where its viewer's head is. */
 
 import type { Size } from "../viewpoint/framing";
 import type { LocalRoom } from "../splats/localRoom";
 import type { CameraPose } from "../viewpoint/viewpoint";
 
-export interface Visit {
+export interface HeadsetView {
   readonly room: LocalRoom;
   /** Of the head, anew for each picture. */
   camera: CameraPose;

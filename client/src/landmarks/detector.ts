@@ -8,46 +8,46 @@ export interface Picture {
   timeMs: number;
 }
 
-export type Answer =
+export type DetectorMessage =
   | { kind: "ready" }
   | { kind: "found"; timeMs: number; seen: Landmarks | null }
   | { kind: "failed"; reason: string };
 
-export interface FinderHooks {
+export interface DetectorHooks {
   /** Landmarks of the picture of `timeMs`; null where nobody is in it. */
   onFound(seen: Landmarks | null, timeMs: number): void;
   onFailed(reason: string): void;
 }
 
 /** As much of a worker as is needed. */
-export interface FinderWorker {
-  onmessage: ((event: MessageEvent<Answer>) => void) | null;
+export interface DetectorWorker {
+  onmessage: ((event: MessageEvent<DetectorMessage>) => void) | null;
   onerror: ((event: ErrorEvent) => void) | null;
   postMessage(picture: Picture, transfer: Transferable[]): void;
   terminate(): void;
 }
 
-export class LandmarkFinder {
+export class LandmarkDetector {
   /** The worker has a picture, or is not ready for one. */
   private busy = true;
   /** A picture came meanwhile. */
-  private missed: number | null = null;
+  private pendingMs: number | null = null;
 
   constructor(
     private readonly grab: () => Promise<ImageBitmap>,
-    private readonly hooks: FinderHooks,
-    private readonly worker: FinderWorker = new Worker(new URL("./worker.ts", import.meta.url), {
+    private readonly hooks: DetectorHooks,
+    private readonly worker: DetectorWorker = new Worker(new URL("./worker.ts", import.meta.url), {
       type: "module",
     }),
   ) {
-    worker.onmessage = ({ data }) => this.hear(data);
+    worker.onmessage = ({ data }) => this.onMessage(data);
     worker.onerror = (event) => hooks.onFailed(event.message);
   }
 
   /** The camera has a new picture, taken at `timeMs`. */
   offer(timeMs: number): void {
-    if (this.busy) this.missed = timeMs;
-    else void this.look(timeMs);
+    if (this.busy) this.pendingMs = timeMs;
+    else void this.detect(timeMs);
   }
 
   close(): void {
@@ -56,18 +56,18 @@ export class LandmarkFinder {
     this.worker.terminate();
   }
 
-  private hear(answer: Answer): void {
+  private onMessage(answer: DetectorMessage): void {
     if (answer.kind === "failed") return this.hooks.onFailed(answer.reason);
     this.busy = false;
     if (answer.kind === "found") this.hooks.onFound(answer.seen, answer.timeMs);
-    const { missed } = this;
+    const { pendingMs } = this;
     // what the camera shows now is the newest, whichever picture was announced
-    if (missed !== null) void this.look(missed);
+    if (pendingMs !== null) void this.detect(pendingMs);
   }
 
-  private async look(timeMs: number): Promise<void> {
+  private async detect(timeMs: number): Promise<void> {
     this.busy = true;
-    this.missed = null;
+    this.pendingMs = null;
     try {
       const bitmap = await this.grab();
       this.worker.postMessage({ bitmap, timeMs }, [bitmap]);

@@ -1,20 +1,20 @@
-/** Several people's splats as one: what the shader reads, and what sorting reads. */
+/** Several people's splats packed into one table: what the shader reads, and what sorting reads. */
 
 import type { SplatFile } from "./file";
-import type { Bound } from "./sort";
+import type { SkinnedPoints } from "./sort";
 
 /** Splats drawn at once; beyond, everybody gives the least important of theirs. */
-export const MOST_SPLATS = 60_000;
+export const MAX_SPLATS = 60_000;
 /** Numbers a splat in the shader's table: four texels of four. */
 export const SPLAT_NUMBERS = 16;
 export const OWNER_BITS = 8;
 
-export interface Cast {
+export interface PackedSplats {
   people: readonly SplatFile[];
   count: number;
   /** Rows of the table of transforms: joints of all. */
   joints: number;
-  bound: Bound;
+  skinned: SkinnedPoints;
   /** Splats that faces and hands move, of all; each person's come one after the other. */
   moved: number;
   /**
@@ -25,13 +25,13 @@ export interface Cast {
 }
 
 /** Which share of their splats everybody gives so that all stay within the budget. */
-export function shareWithin(counts: readonly number[], most = MOST_SPLATS): number {
+export function shareWithin(counts: readonly number[], most = MAX_SPLATS): number {
   return Math.min(1, most / Math.max(1, counts.reduce((sum, count) => sum + count, 0)));
 }
 
-export function castOf(people: readonly SplatFile[]): Cast {
+export function packSplats(people: readonly SplatFile[]): PackedSplats {
   const count = people.reduce((sum, person) => sum + person.count, 0);
-  const bound: Bound = {
+  const bound: SkinnedPoints = {
     counts: people.map((person) => person.count),
     positions: new Float32Array(3 * count),
     joints: new Uint16Array(4 * count),
@@ -52,7 +52,7 @@ export function castOf(people: readonly SplatFile[]): Cast {
     first += person.count;
     joints += person.parents.length;
   }
-  return { people, count, joints, bound, moved, table };
+  return { people, count, joints, skinned: bound, moved, table };
 }
 
 function fillTable(person: SplatFile, owner: number, joints: Uint16Array, table: Uint32Array): void {

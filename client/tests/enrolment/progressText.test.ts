@@ -1,10 +1,10 @@
 import { describe, expect, it } from "vitest";
 import type { EnrolState } from "../../src/enrolment/enrol";
-import { progressInWords } from "../../src/enrolment/progressWords";
+import { progressText } from "../../src/enrolment/progressText";
 import { job } from "../fakes";
 
 function words(part: Partial<EnrolState>): string {
-  return progressInWords({
+  return progressText({
     step: "capture",
     status: "working",
     fraction: 0.404,
@@ -18,15 +18,15 @@ function words(part: Partial<EnrolState>): string {
   });
 }
 
-describe("progressInWords", () => {
+describe("progressText", () => {
   it.each([
-    ["no steps and losses of a training", { step: "train", message: "learning the looks (step 5, loss 0.1)" }, "Learning what you look like · 40 %"],
-    ["the stages of a capture to whom they are about", { message: "finding the person" }, "Finding you · 40 %"],
+    ["no steps and losses of a training", { step: "train", message: "learning the looks (step 5, loss 0.1)" }, "Training your model · 40 %"],
+    ["the stages of a capture to whom they are about", { message: "finding the person" }, "Detecting you · 40 %"],
     ["a stage that it has no words for as it came", { message: "drying the paint" }, "Drying the paint · 40 %"],
     ["how far the sending is", { step: "upload", job: null }, "40 %"],
     ["how far it came when stopped", { step: "train", status: "stopped", message: "cancelled" }, "40 %"],
-    ["a queue", { fraction: 0, job: job({ state: "queued" }) }, "Waiting for the server to be free · 0 %"],
-    ["an interruption", { step: "train", job: job({ state: "queued" }) }, "Interrupted; going on in a moment · 40 %"],
+    ["a queue", { fraction: 0, job: job({ state: "queued" }) }, "Waiting for the server · 0 %"],
+    ["an interruption", { step: "train", job: job({ state: "queued" }) }, "Interrupted, resuming soon · 40 %"],
     ["nothing where nothing was said", { job: null }, "40 %"],
   ] as [string, Partial<EnrolState>, string][])("tells %s", (_, part, expected) => {
     expect(words(part)).toBe(expected);

@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import type { Api } from "../../src/api/api";
-import { LocalDrawing } from "../../src/drawing/localDrawing";
-import type { Drawing } from "../../src/splats/way";
+import { LocalRendering } from "../../src/drawing/localRendering";
+import type { RenderStatus } from "../../src/splats/renderMode";
 import type { Meeting } from "../../src/api/types";
 import type { CameraPose } from "../../src/viewpoint/viewpoint";
 
@@ -12,13 +12,13 @@ vi.mock("../../src/splats/localRoom", () => ({
     loaded = false;
     drawable = false;
     obstacle = null;
-    places = [];
-    setPlace = vi.fn();
+    pelvisPositions = [];
+    setEnvironment = vi.fn();
     setScreen = vi.fn();
     setPerformers = vi.fn(async () => undefined);
     trialFps = (): number => 60;
     onLoaded = (): void => undefined;
-    onStrangers = (): void => undefined;
+    onUnknownPerformers = (): void => undefined;
     close = vi.fn();
     constructor() {
       rooms.push(this as unknown as Record<string, unknown>);
@@ -31,17 +31,17 @@ const CAMERA: CameraPose = { position: [0, 1, 2], wxyz: [1, 0, 0, 0] };
 const SIZE = { width: 128, height: 128 };
 
 function drawing(place: () => Promise<unknown> = async () => STUDIO) {
-  const told: Drawing[] = [];
-  const onStrangers = vi.fn();
+  const told: RenderStatus[] = [];
+  const onUnknownPerformers = vi.fn();
   const asked = vi.fn(place);
   const meeting = { id: "m", environment: "studio", performers: [] } as unknown as Meeting;
-  const local = new LocalDrawing({ place: asked } as unknown as Api, meeting, {
-    onSwitch: (one) => told.push(one),
-    onSeen: () => undefined,
-    onStrangers,
+  const local = new LocalRendering({ environment: asked } as unknown as Api, meeting, {
+    onModeChange: (one) => told.push(one),
+    onShownChange: () => undefined,
+    onUnknownPerformers: onUnknownPerformers,
     trialView: () => ({ camera: CAMERA, size: SIZE }),
   });
-  return { local, told, asked, onStrangers };
+  return { local, told, asked, onUnknownPerformers };
 }
 
 /** The page's picture is this device's to draw: everything is here, and its trial was fast. */
@@ -49,14 +49,14 @@ async function ready() {
   const made = drawing();
   made.local.token = "seat";
   made.local.begin();
-  const room = rooms.at(-1) as { loaded: boolean; drawable: boolean; onLoaded(): void; onStrangers(): void };
+  const room = rooms.at(-1) as { loaded: boolean; drawable: boolean; onLoaded(): void; onUnknownPerformers(): void };
   await vi.waitFor(() => expect(made.told.length).toBeGreaterThan(0));
   room.loaded = true;
   room.onLoaded();
   return { ...made, room };
 }
 
-describe("LocalDrawing", () => {
+describe("LocalRendering", () => {
   beforeEach(() => {
     vi.stubGlobal("document", { createElement: () => ({ classList: { toggle: vi.fn() } }) });
   });
@@ -69,19 +69,19 @@ describe("LocalDrawing", () => {
   it("asks for a place once, and anew where it was refused", async () => {
     const refused = vi.fn().mockRejectedValueOnce(new Error("gone")).mockResolvedValue(STUDIO);
     const { local, asked } = drawing(refused);
-    await local.showPlace("studio");
+    await local.showEnvironment("studio");
     expect(asked).not.toHaveBeenCalled(); // nobody without a seat is shown it
     local.token = "seat";
-    await local.showPlace("studio");
-    await local.showPlace("studio");
-    await local.showPlace("studio");
+    await local.showEnvironment("studio");
+    await local.showEnvironment("studio");
+    await local.showEnvironment("studio");
     expect(asked).toHaveBeenCalledTimes(2);
   });
 
   it("draws once people and place are here and a trial was fast, unless the viewer has the server draw", async () => {
     const { local } = await ready();
     expect(local.ready).toBe(true);
-    local.choose("server");
+    local.chooseMode("server");
     expect(local.ready).toBe(false);
   });
 
@@ -94,30 +94,30 @@ describe("LocalDrawing", () => {
 
   it("says that the server draws alone after four seconds of pictures in place of poses", async () => {
     const { local, told } = await ready();
-    for (let second = 0; second < 3; second++) local.countSecond(30);
+    for (let second = 0; second < 3; second++) local.observeSecond(30);
     expect(told.at(-1)?.obstacle).toBeNull();
-    local.countSecond(30);
-    expect(told.at(-1)?.obstacle).toBe("This room is drawn by the server alone");
-    local.see(true);
-    expect(told.at(-1)).toMatchObject({ way: "local", obstacle: null });
+    local.observeSecond(30);
+    expect(told.at(-1)?.obstacle).toBe("This server does not let pages render the room");
+    local.showLocal(true);
+    expect(told.at(-1)).toMatchObject({ mode: "local", obstacle: null });
   });
 
   it("asks who the strangers are once a second at most", async () => {
     vi.useFakeTimers({ toFake: ["performance"] });
-    const { room, onStrangers } = await ready();
-    room.onStrangers();
-    room.onStrangers();
-    expect(onStrangers).toHaveBeenCalledTimes(1);
+    const { room, onUnknownPerformers } = await ready();
+    room.onUnknownPerformers();
+    room.onUnknownPerformers();
+    expect(onUnknownPerformers).toHaveBeenCalledTimes(1);
     vi.advanceTimersByTime(1001);
-    room.onStrangers();
-    expect(onStrangers).toHaveBeenCalledTimes(2);
+    room.onUnknownPerformers();
+    expect(onUnknownPerformers).toHaveBeenCalledTimes(2);
   });
 
   it("draws for a headset at once, and closes its room with the visit", () => {
     const { local } = drawing();
-    local.beginVisit({} as HTMLCanvasElement, CAMERA, SIZE);
+    local.beginHeadset({} as HTMLCanvasElement, CAMERA, SIZE);
     expect(local.ready).toBe(true);
-    local.endVisit();
+    local.endHeadset();
     expect(local.ready).toBe(false);
     expect((rooms[0] as { close: unknown }).close).toHaveBeenCalledTimes(1);
   });

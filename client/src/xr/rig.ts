@@ -8,12 +8,12 @@ import { add, column, scale, unit, yawOf, type Matrix, type Quad, type Ray } fro
 export const STANDING_EYES_M = 1.6;
 export const SNAP_RAD = Math.PI / 6;
 /** So far from the middle of everybody one may step, m: as far as walking goes on a screen. */
-const ROAM_M = 8;
+const MAX_TELEPORT_M = 8;
 const SEAT_DISTANCE_M = 1.8;
-const SEAT_APART_RAD = 0.45;
+const SEAT_SPACING_RAD = 0.45;
 const SEATS_ROUND = 7;
 
-export interface Place {
+export interface FloorPose {
   x: number;
   z: number;
   /** Which way one looks there, turned about y from -z. */
@@ -21,91 +21,91 @@ export interface Place {
 }
 
 /** The seat number `seat`: beside the others in front of everybody, facing their middle. */
-export function seatPlace(seat: number, performers: readonly Performer[]): Place {
-  const [x, z] = middleOf(performers);
+export function seatPose(seat: number, performers: readonly Performer[]): FloorPose {
+  const [x, z] = centreOf(performers);
   const spread = Math.max(0, ...performers.map(({ position: [px, , pz] }) => Math.hypot(px - x, pz - z)));
   const nth = seat % SEATS_ROUND;
-  const yawRad = SEAT_APART_RAD * Math.ceil(nth / 2) * (nth % 2 === 1 ? 1 : -1);
+  const yawRad = SEAT_SPACING_RAD * Math.ceil(nth / 2) * (nth % 2 === 1 ? 1 : -1);
   const distance = SEAT_DISTANCE_M + spread;
   return { x: x + distance * Math.sin(yawRad), z: z + distance * Math.cos(yawRad), yawRad };
 }
 
-export function middleOf(performers: readonly Performer[]): readonly [number, number] {
+export function centreOf(performers: readonly Performer[]): readonly [number, number] {
   const count = Math.max(1, performers.length);
   const sum = (axis: 0 | 2): number => performers.reduce((all, { position }) => all + position[axis], 0);
   return [sum(0) / count, sum(2) / count];
 }
 
 /** A rigid motion from a headset's space (floor at y = 0) into the room. */
-export class Footing {
+export class ViewerRig {
   private origin: Vec3 = [0, 0, 0];
   private yawRad = 0;
-  private raised = false;
+  private isStanding = false;
 
   /** Whether the viewer is shown the room from the height of somebody who stands. */
   get standing(): boolean {
-    return this.raised;
+    return this.isStanding;
   }
 
   /** `m` of the headset's space, in the room. */
-  room(m: Matrix): Float32Array {
+  toRoom(m: Matrix): Float32Array {
     const out = new Float32Array(16);
-    for (const c of [0, 1, 2, 3] as const) out.set(this.turned(column(m, c)), 4 * c);
+    for (const c of [0, 1, 2, 3] as const) out.set(this.rotated(column(m, c)), 4 * c);
     out.set(add(column(out, 3), this.origin), 12);
     out[15] = 1;
     return out;
   }
 
   /** The same of a ray. */
-  roomRay({ from, along }: Ray): Ray {
-    return { from: add(this.turned(from), this.origin), along: this.turned(along) };
+  rayToRoom({ from, along }: Ray): Ray {
+    return { from: add(this.rotated(from), this.origin), along: this.rotated(along) };
   }
 
   /** The same of a rectangle. */
-  roomQuad({ middle, right, up }: Quad): Quad {
-    return { middle: add(this.turned(middle), this.origin), right: this.turned(right), up: this.turned(up) };
+  quadToRoom({ middle, right, up }: Quad): Quad {
+    return { middle: add(this.rotated(middle), this.origin), right: this.rotated(right), up: this.rotated(up) };
   }
 
   /** Put somebody whose head is at `head` (in the headset's space) at a place of the room. */
-  sit(head: Matrix, { x, z, yawRad }: Place): void {
+  placeAt(head: Matrix, { x, z, yawRad }: FloorPose): void {
     this.yawRad = yawRad - yawOf(head);
     this.put(column(head, 3), x, z);
   }
 
   /** Step to a place on the floor, or as near to it as one may go from `middle`. */
-  step(head: Matrix, [x, , z]: Vec3, [mx, mz]: readonly [number, number]): void {
+  teleport(head: Matrix, [x, , z]: Vec3, [mx, mz]: readonly [number, number]): void {
     const away = Math.hypot(x - mx, z - mz);
-    const share = Math.min(1, ROAM_M / Math.max(away, 1e-9));
+    const share = Math.min(1, MAX_TELEPORT_M / Math.max(away, 1e-9));
     this.put(column(head, 3), mx + share * (x - mx), mz + share * (z - mz));
   }
 
   /** Turn on the spot; positive: to the left. */
-  turn(head: Matrix, radians: number): void {
-    const [x, , z] = column(this.room(head), 3);
+  snapTurn(head: Matrix, radians: number): void {
+    const [x, , z] = column(this.toRoom(head), 3);
     this.yawRad += radians;
     this.put(column(head, 3), x, z);
   }
 
   /** Lift whoever sits to the height of somebody who stands, or set them down again. */
   setStanding(head: Matrix, standing: boolean): void {
-    this.raised = standing;
+    this.isStanding = standing;
     const lift = standing ? Math.max(0, STANDING_EYES_M - column(head, 3)[1]) : 0;
     this.origin = [this.origin[0], lift, this.origin[2]];
   }
 
   private put(head: Vec3, x: number, z: number): void {
-    const [hx, , hz] = this.turned(head);
+    const [hx, , hz] = this.rotated(head);
     this.origin = [x - hx, this.origin[1], z - hz];
   }
 
-  private turned([x, y, z]: Vec3): Vec3 {
+  private rotated([x, y, z]: Vec3): Vec3 {
     const [s, c] = [Math.sin(this.yawRad), Math.cos(this.yawRad)];
     return [c * x + s * z, y, c * z - s * x];
   }
 }
 
 /** A board before somebody's eyes: so far ahead and below, tilted back so that it faces them, m. */
-export function boardBefore(head: Matrix, aheadM: number, belowM: number, widthM: number, heightM: number): Quad {
+export function panelInFrontOf(head: Matrix, aheadM: number, belowM: number, widthM: number, heightM: number): Quad {
   const yaw = yawOf(head);
   const ahead: Vec3 = [-Math.sin(yaw), 0, -Math.cos(yaw)];
   const right: Vec3 = [Math.cos(yaw), 0, -Math.sin(yaw)];

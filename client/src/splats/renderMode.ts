@@ -1,13 +1,13 @@
-/** Who draws the picture: this device from poses, or the server by video. */
+/** Renderer: this device from poses, or the server by video. */
 
 /** What the viewer asks for. */
-export type Choice = "automatic" | "local" | "server";
-export type Way = "local" | "server";
+export type RenderSetting = "automatic" | "local" | "server";
+export type RenderMode = "local" | "server";
 
 /** Who draws: what the viewer chose, who does, and why this device can't, if so. */
-export interface Drawing {
-  choice: Choice;
-  way: Way;
+export interface RenderStatus {
+  setting: RenderSetting;
+  mode: RenderMode;
   obstacle: string | null;
 }
 
@@ -17,30 +17,30 @@ const SLOW_FPS = 20;
 const SLOW_S = 4;
 
 /** Chooses by a trial of what the device can draw, and gives way where it turns out to be too slow. */
-export class WayChooser {
-  private asked: Choice = "automatic";
+export class RenderModeSelector {
+  private chosen: RenderSetting = "automatic";
   private trialFps = 0;
   private slow = 0;
   private tooSlow = false;
 
-  get choice(): Choice {
-    return this.asked;
+  get setting(): RenderSetting {
+    return this.chosen;
   }
 
   /** The way to go where this device has everything it needs to draw. */
-  get way(): Way {
-    if (this.asked !== "automatic") return this.asked;
+  get mode(): RenderMode {
+    if (this.chosen !== "automatic") return this.chosen;
     return this.trialFps >= ENOUGH_FPS && !this.tooSlow ? "local" : "server";
   }
 
-  choose(choice: Choice): void {
-    this.asked = choice;
+  choose(choice: RenderSetting): void {
+    this.chosen = choice;
     this.slow = 0;
     this.tooSlow = false;
   }
 
   /** A trial on this cast drew so many pictures a second. */
-  tried(fps: number): void {
+  setTrialFps(fps: number): void {
     this.trialFps = fps;
     this.slow = 0;
     this.tooSlow = false;

@@ -4,7 +4,7 @@ import { Problem } from "../api/problem";
 import { closeCamera, openCamera } from "../capture/record";
 import { KeypointsChannel, type Channel } from "./channel";
 import { ExpressionDetector } from "./expressions";
-import { LandmarkFinder } from "./finder";
+import { LandmarkDetector } from "./detector";
 import type { Landmarks } from "./packet";
 
 /** Landmarks need no more. */
@@ -15,34 +15,34 @@ const LOST_MS = 600;
 export type Tracking =
   | "starting"
   /** Nobody is in the picture. */
-  | "looking"
+  | "searching"
   /** Somebody is, but the meeting can't be reached just now. */
-  | "waiting"
-  | "seen";
+  | "disconnected"
+  | "tracking";
 
-export interface BeingSeenHooks {
+export interface MotionCaptureHooks {
   onTracking(tracking: Tracking): void;
   onLandmarks(seen: Landmarks | null): void;
   /** It is over: the camera, the finder or the meeting refused. */
   onProblem(problem: Problem): void;
 }
 
-export class BeingSeen {
+export class MotionCapture {
   readonly video = document.createElement("video");
   tracking: Tracking = "starting";
   private stream: MediaStream | null = null;
-  private finder: LandmarkFinder | null = null;
+  private detector: LandmarkDetector | null = null;
   private expressions: ExpressionDetector | null = null;
   private readonly channel: KeypointsChannel;
-  private over = false;
-  private waiting = 0;
+  private closed = false;
+  private frameCallback = 0;
   private timeMs = 0;
   private foundMs = 0;
 
   /** `open` gives a channel that drives our performer. */
   constructor(
     open: () => Channel | null,
-    private readonly hooks: BeingSeenHooks,
+    private readonly hooks: MotionCaptureHooks,
   ) {
     this.video.autoplay = this.video.muted = this.video.playsInline = true;
     this.channel = new KeypointsChannel(open, (problem) => this.fail(problem));
@@ -52,7 +52,7 @@ export class BeingSeen {
     this.hooks.onTracking(this.tracking);
     try {
       const stream = await openCamera(CAMERA);
-      if (this.over) return closeCamera(stream);
+      if (this.closed) return closeCamera(stream);
       this.stream = stream;
       stream.getVideoTracks()[0]?.addEventListener("ended", () => this.fail(CAMERA_GONE));
       this.video.srcObject = stream;
@@ -60,11 +60,11 @@ export class BeingSeen {
     } catch (error) {
       return this.fail(error instanceof Problem ? error : CAMERA_GONE);
     }
-    this.finder = new LandmarkFinder(() => createImageBitmap(this.video), {
-      onFound: (seen, timeMs) => this.found(seen, timeMs),
-      onFailed: (reason) => this.fail(new Problem("You can't be seen just now", reason)),
+    this.detector = new LandmarkDetector(() => createImageBitmap(this.video), {
+      onFound: (seen, timeMs) => this.onFound(seen, timeMs),
+      onFailed: (reason) => this.fail(new Problem("Motion capture failed", reason)),
     });
-    this.watch();
+    this.nextFrame();
   }
 
   /** What the camera sees, while it is on. */
@@ -74,56 +74,56 @@ export class BeingSeen {
 
   /** The camera goes off, and the performer is left to their recorded motion. */
   close(): void {
-    this.over = true;
-    this.video.cancelVideoFrameCallback(this.waiting);
-    this.finder?.close();
+    this.closed = true;
+    this.video.cancelVideoFrameCallback(this.frameCallback);
+    this.detector?.close();
     this.expressions?.close();
     this.channel.close();
     closeCamera(this.stream);
     this.video.srcObject = null;
   }
 
-  private watch(): void {
-    this.waiting = this.video.requestVideoFrameCallback((nowMs, { captureTime = nowMs }) => {
-      // cameras do not always tell rising times, and the finder needs them
+  private nextFrame(): void {
+    this.frameCallback = this.video.requestVideoFrameCallback((nowMs, { captureTime = nowMs }) => {
+      // cameras do not always tell rising times, and the detector needs them
       this.timeMs = Math.max(this.timeMs + 1, performance.timeOrigin + captureTime);
-      this.finder?.offer(this.timeMs);
-      this.watch();
+      this.detector?.offer(this.timeMs);
+      this.nextFrame();
     });
   }
 
-  private found(seen: Landmarks | null, timeMs: number): void {
+  private onFound(seen: Landmarks | null, timeMs: number): void {
     this.hooks.onLandmarks(seen);
     if (seen) this.foundMs = timeMs;
     const expression = this.expressions?.at(timeMs) ?? null;
     const sent = seen !== null && this.channel.send(seen, timeMs, expression);
-    if (seen) this.lookCloser(seen, timeMs);
-    if (this.over) return;
-    if (sent) this.tell("seen");
-    else if (seen) this.tell("waiting");
-    else if (timeMs - this.foundMs > LOST_MS) this.tell("looking");
+    if (seen) this.offerExpressions(seen, timeMs);
+    if (this.closed) return;
+    if (sent) this.setTracking("tracking");
+    else if (seen) this.setTracking("disconnected");
+    else if (timeMs - this.foundMs > LOST_MS) this.setTracking("searching");
   }
 
-  private lookCloser(seen: Landmarks, timeMs: number): void {
+  private offerExpressions(seen: Landmarks, timeMs: number): void {
     // only now, so that finding the body starts as soon as it can
     this.expressions ??= new ExpressionDetector(({ x, y, side }) => createImageBitmap(this.video, x, y, side, side));
     this.expressions.offer(seen, timeMs);
   }
 
-  private tell(tracking: Tracking): void {
+  private setTracking(tracking: Tracking): void {
     if (tracking === this.tracking) return;
     this.tracking = tracking;
     this.hooks.onTracking(tracking);
   }
 
   private fail(problem: Problem): void {
-    if (this.over) return;
+    if (this.closed) return;
     this.close();
     this.hooks.onProblem(problem);
   }
 }
 
 const CAMERA_GONE = new Problem(
-  "The camera went off",
-  "Plug it in again, or close the program that took it, then try again.",
+  "The camera was disconnected",
+  "Reconnect it, or close the program that uses it, then try again.",
 );

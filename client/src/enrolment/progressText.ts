@@ -1,0 +1,33 @@
+/** What the server is doing, in words for the person whom it is doing it with. */
+
+import type { EnrolState } from "./enrol";
+
+type Doing = Pick<EnrolState, "step" | "status" | "fraction" | "message" | "job">;
+
+const WAITING = "Waiting for the server";
+const LEARNING = "Training your model";
+/** The server's words for a stage, and ours: it speaks of "the person", we speak to them. */
+const WORDS: Readonly<Record<string, string>> = {
+  "waiting for a worker": WAITING,
+  starting: "Preparing",
+  "reading the clip": "Reading your clip",
+  "finding the person": "Detecting you",
+  "cutting out the person": "Separating you from the background",
+  "fitting the body": "Estimating your movements",
+  "writing the sequence": "Storing the frames",
+  storing: "Storing the frames",
+};
+
+/** One line of progress: "Detecting you · 40 %". Of the sending there is no more to say than how far. */
+export function progressText({ step, status, fraction, message, job }: Doing): string {
+  const percent = `${Math.round(100 * fraction)} %`;
+  if (status !== "working" || step === "upload") return percent;
+  return [activityText(step, job?.state === "queued", fraction, message), percent].filter(Boolean).join(" · ");
+}
+
+function activityText(step: EnrolState["step"], queued: boolean, fraction: number, message: string): string {
+  if (queued) return fraction > 0 ? "Interrupted, resuming soon" : WAITING;
+  // how a training counts its steps means nothing to people
+  if (step === "train" && fraction > 0) return LEARNING;
+  return WORDS[message] ?? message.charAt(0).toUpperCase() + message.slice(1);
+}

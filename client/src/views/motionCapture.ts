@@ -1,0 +1,106 @@
+/** Motion capture on or off, a preview of the landmarks, and the state of the tracking. */
+
+import type { Api } from "../api/api";
+import { MotionCapture, type Tracking } from "../landmarks/motionCapture";
+import { drawSkeleton } from "../landmarks/skeleton";
+import type { LiveView } from "../drawing/live";
+import { Problem, asProblem } from "../api/problem";
+import type { Performer } from "../api/types";
+import { announce, h } from "./dom";
+import { button, notice, type View } from "./shell";
+
+const WORDS: Record<Tracking, string> = {
+  starting: "Starting…",
+  searching: "Nobody in view. Step back until your shoulders are visible.",
+  disconnected: "Connecting to the meeting…",
+  tracking: "Your movements are shown in the meeting",
+};
+const NO_OWN_MODEL = new Problem(
+  "You have no model in this meeting",
+  "Create a model on the start page, then come back.",
+);
+
+/** A button that switches the camera on and off, and a panel for what it shows. */
+export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonElement; camera(): MediaStream | null } {
+  const toggle = button("Track my movements", () => void (element.hidden ? begin() : end()), {
+    look: "glass",
+    icon: "camera",
+    testId: "motion-capture",
+  });
+  toggle.title = "Animate your model with your camera";
+  const element = h("section", {
+    className: "self glass",
+    hidden: true,
+    testId: "self",
+    attributes: { "aria-label": "Motion capture" },
+  });
+  let capture: MotionCapture | null = null;
+  let asked = 0;
+
+  const show = (on: boolean, ...children: Node[]): void => {
+    toggle.setAttribute("aria-pressed", String(on));
+    element.hidden = !on;
+    element.replaceChildren(...children);
+  };
+
+  const end = (): void => {
+    asked += 1;
+    capture?.close();
+    capture = null;
+    show(false);
+  };
+
+  const showProblem = (problem: Problem): void => {
+    end();
+    show(true, notice(problem, button("Close", end)));
+  };
+
+  const begin = async (): Promise<void> => {
+    const now = ++asked;
+    show(true, statusLine(WORDS.starting));
+    try {
+      const mine = await ownPerformers(live.api, live.meeting.performers);
+      if (now !== asked) return;
+      if (mine.length === 0) throw NO_OWN_MODEL;
+      if (mine.length === 1) captureAs(mine[0] as Performer);
+      else show(true, statusLine("Which model is yours?"), ...mine.map((one) => button(one.name, () => captureAs(one))));
+    } catch (error) {
+      if (now === asked) showProblem(asProblem(error));
+    }
+  };
+
+  const captureAs = ({ id, name }: Performer): void => {
+    const status = statusLine(WORDS.starting);
+    const canvas = h("canvas", { attributes: { "aria-hidden": "true" } });
+    const line = h("p", { className: "self-detail" }, `Animating ${name}. Only your movements leave this device.`);
+    capture = new MotionCapture(() => live.openKeypointsChannel(id), {
+      onTracking: (tracking) => {
+        element.dataset["tracking"] = tracking;
+        status.textContent = WORDS[tracking];
+        announce(WORDS[tracking]);
+      },
+      onLandmarks: (seen) => drawSkeleton(canvas, seen),
+      onProblem: showProblem,
+    });
+    show(true, h("div", { className: "self-picture" }, capture.video, canvas), status, line);
+    void capture.start();
+  };
+
+  toggle.setAttribute("aria-pressed", "false");
+  return { element, toggle, close: end, camera: () => capture?.camera ?? null };
+}
+
+/** Performers of our own people; none for who was only invited to look. */
+async function ownPerformers(api: Api, performers: readonly Performer[]): Promise<Performer[]> {
+  try {
+    const models = new Set((await api.models()).map(({ id }) => id));
+    return performers.filter(({ model_id }) => models.has(model_id));
+  } catch (error) {
+    if (error instanceof Problem && error.status === 403) return [];
+    throw error;
+  }
+}
+
+function statusLine(text: string): HTMLElement {
+  return h("p", { className: "self-status", testId: "self-status" }, text);
+}
