@@ -59,7 +59,7 @@ def test_a_film_is_sent_and_taken_back_while_the_meeting_goes_on(tmp_path: Path)
         expect(panel).to_have_attribute("data-kind", "filming", timeout=MINUTE)
         expect(switch).to_have_attribute("aria-pressed", "true")
         shown = frames_shown(page)
-        expect(panel).to_contain_text("Finding you in it", timeout=MINUTE)
+        expect(panel).to_contain_text("Detecting you in the clip", timeout=MINUTE)
         assert frames_shown(page) > shown
         (film,) = films(gateway, person_id)
         assert film.source_sha256 in objects(gateway, person_id)

@@ -147,5 +147,5 @@ def test_whoever_wants_to_be_forgotten_is_asked_once_more_and_gone(demo):
         mine.click()
         assert serious_faults(page) == []
         page.get_by_role("button", name="Erase everything").click()
-        expect(page.get_by_test_id("privacy")).to_contain_text("Ada Example is erased")
+        expect(page.get_by_test_id("privacy")).to_contain_text("Ada Example has been erased")
         expect(mine).to_have_count(0)

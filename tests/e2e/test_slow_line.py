@@ -17,7 +17,7 @@ pytestmark = pytest.mark.e2e
 MINUTE = 60_000
 STARVED_BIT_PER_S = 100_000.0
 """Enough for voices; the smallest picture takes some 500 kbit/s."""
-WORDS = "Your connection is too slow for pictures: you still hear everybody"
+WORDS = "Your connection is too slow for video. You can still hear everybody."
 _SECONDS = 4
 
 _PEERS = """
