@@ -70,7 +70,8 @@ function parse(body: string): { title: string; detail?: string } | null {
   }
 }
 
-function sentence(text: string): string {
+/** `text` with a capital and a full stop. */
+export function sentence(text: string): string {
   const trimmed = text.trim();
   if (trimmed === "") return "";
   const start = trimmed.charAt(0).toUpperCase() + trimmed.slice(1);

@@ -2,7 +2,7 @@
 
 import type { Api } from "../api/api";
 import { attachControls } from "../viewpoint/controls";
-import { asProblem } from "../api/problem";
+import { Problem, asProblem, sentence } from "../api/problem";
 import { isFinal } from "../api/api";
 import { h, prefersReducedMotion } from "../views/dom";
 import { icon, mark } from "../views/icons";
@@ -57,6 +57,7 @@ export function replayView(api: Api, loaded: LoadedRecording, hooks: ReplayHooks
   let lastMs = performance.now();
   let frames = 0;
   let ticking = 0;
+  let obstacle: string | null = null;
   const frame = (nowMs: number): void => {
     ticking = requestAnimationFrame(frame);
     renderer.viewpoint.step(Math.max(0, (nowMs - lastMs) / 1000));
@@ -64,7 +65,11 @@ export function replayView(api: Api, loaded: LoadedRecording, hooks: ReplayHooks
     player.tick();
     if (renderer.draw()) renderer.canvas.dataset["frames"] = String((frames += 1));
     voices.setPositions(renderer.viewpoint.camera, (memberId) => renderer.headPosition(memberId));
-    if (renderer.obstacle) words.replaceChildren(h("p", { className: "sheet" }, renderer.obstacle));
+    if (renderer.obstacle !== obstacle) {
+      // once, so that it hides no later notice
+      obstacle = renderer.obstacle;
+      words.replaceChildren(...(obstacle === null ? [] : [h("p", { className: "sheet" }, obstacle)]));
+    }
   };
   ticking = requestAnimationFrame(frame);
   follow();
@@ -149,7 +154,7 @@ function actions(api: Api, { recording }: LoadedRecording, words: HTMLElement, h
         label?.replaceChildren(`Exporting, ${Math.round(100 * job.progress)} %`);
         await new Promise((resolve) => setTimeout(resolve, 1000));
       }
-      if (job.error) throw job.error;
+      if (job.state !== "succeeded") throw job.error ? Problem.from(job.error) : new Problem("The export was stopped", sentence(job.message));
       const link = h("a", { download: `${recording.name}.mp4` });
       link.href = URL.createObjectURL(await api.file(`/v1/recordings/${recording.id}/videos/${job.id}`));
       link.click();
