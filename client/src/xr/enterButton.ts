@@ -43,8 +43,12 @@ export function enterVrButton(live: LiveView, meetingSession: MeetingSession, wa
     element.disabled = false;
   };
   const enter = async (session: XRSession): Promise<Headset | null> => {
-    let over = signal.aborted;
+    let over = false;
     session.addEventListener("end", () => (over = true));
+    // whoever leaves the meeting on the way in is not left in the headset
+    const leave = (): void => void session.end().catch(() => undefined);
+    signal.addEventListener("abort", leave);
+    if (signal.aborted) leave();
     try {
       const { Headset: Entered } = await import("./headset");
       if (over) return null;

@@ -76,15 +76,18 @@ export class Headset {
     const { seat } = await meetingSession.getSeat();
     const rates = [...(session.supportedFrameRates ?? [])];
     if (rates.includes(PACE_HZ)) await session.updateTargetFrameRate?.(PACE_HZ);
-    const visit = live.beginHeadset(document.createElement("canvas"));
-    const gl = visit.room.graphics;
-    if (!gl) {
+    const view = live.beginHeadset(document.createElement("canvas"));
+    try {
+      const gl = view.room.graphics;
+      if (!gl) throw new Error(view.room.obstacle ?? "");
+      const headset = new Headset(session, space, gl, live, view, meetingSession, ways, seat);
+      headset.start();
+      return headset;
+    } catch (error) {
+      // the page draws again where the session has ended meanwhile, too
       live.endHeadset();
-      throw new Error(visit.room.obstacle ?? "");
+      throw error;
     }
-    const headset = new Headset(session, space, gl, live, visit, meetingSession, ways, seat);
-    headset.start();
-    return headset;
   }
 
   private constructor(
