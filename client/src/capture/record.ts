@@ -18,6 +18,12 @@ export interface RecordedClip {
   fileName: string;
 }
 
+/** An open camera stopped. */
+export const CAMERA_GONE = new Problem(
+  "The camera was disconnected",
+  "Reconnect it, or close the program that uses it, then try again.",
+);
+
 const BITS_PER_SECOND = 6_000_000;
 
 /** Opens the camera; a refusal or a missing camera becomes a Problem that says what to do. */

@@ -1,7 +1,7 @@
 /** From the camera to the meeting: pictures stay here, landmarks go out. */
 
 import { Problem } from "../api/problem";
-import { closeCamera, openCamera } from "../capture/record";
+import { CAMERA_GONE, closeCamera, openCamera } from "../capture/record";
 import { KeypointsChannel, type Channel } from "./channel";
 import { ExpressionDetector } from "./expressions";
 import { LandmarkDetector } from "./detector";
@@ -122,8 +122,3 @@ export class MotionCapture {
     this.hooks.onProblem(problem);
   }
 }
-
-const CAMERA_GONE = new Problem(
-  "The camera was disconnected",
-  "Reconnect it, or close the program that uses it, then try again.",
-);

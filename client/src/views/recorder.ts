@@ -3,7 +3,7 @@
 import { sleep } from "../api/api";
 import type { Clip } from "../enrolment/enrol";
 import { asProblem } from "../api/problem";
-import { COUNTDOWN_S, TURN_S, closeCamera, turnInstruction, openCamera, recordTurn } from "../capture/record";
+import { CAMERA_GONE, COUNTDOWN_S, TURN_S, closeCamera, turnInstruction, openCamera, recordTurn } from "../capture/record";
 import { announce, h } from "./dom";
 import { button, notice, type View } from "./shell";
 
@@ -88,7 +88,7 @@ export function recorder(onClip: (clip: Clip | null) => void): View {
       stream = opened;
       stream.getVideoTracks()[0]?.addEventListener("ended", () => {
         takes.abort();
-        refused(new DOMException("ended", "NotReadableError"));
+        refused(CAMERA_GONE);
       });
       ready();
     } catch (error) {
