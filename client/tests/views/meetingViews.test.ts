@@ -1,61 +1,14 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { Api } from "../../src/api/api";
-import { MeetingSession } from "../../src/meeting/session";
-import type { ControlConnection, ControlHooks } from "../../src/meeting/controlConnection";
-import type { Environment, Meeting, Roster, Said, ToServer } from "../../src/api/types";
+import type { Environment, Said } from "../../src/api/types";
 import { captions } from "../../src/views/captions";
 import { notifications } from "../../src/views/notifications";
 import { peoplePanel } from "../../src/views/peoplePanel";
 import { environmentPicker } from "../../src/views/environmentPicker";
 import { screenView } from "../../src/views/screenView";
 import { waitingNote } from "../../src/views/waitingNote";
-import { fakeFetch, json, member, tokenStore, type Call } from "../fakes";
-
-const MEETING = { id: "m", name: "Monday", join_url: "/", performers: [], lobby: false } as unknown as Meeting;
-const HOST = member({ id: "me", role: "host", microphone: true });
-const BO = member({ id: "b", name: "Bo" });
-const ROSTER: Roster = {
-  type: "roster",
-  lobby: false,
-  environment: "studio",
-  presenter_id: null,
-  presenter_asks_id: null,
-  recording: null,
-  members: [HOST, BO],
-};
-
-/** Somebody in a meeting: `hear` is what the server says by the line, `sent` what it is asked for. */
-function inside(answer: (call: Call) => Response = () => json({})) {
-  const { request, calls } = fakeFetch((call) =>
-    call.path.endsWith("/join") ? json({ token: "seat", control_url: "/c" }) : answer(call),
-  );
-  const api = new Api(tokenStore("guest"), request);
-  const sent: ToServer[] = [];
-  let hooks: ControlHooks | null = null;
-  const line = { run: async () => undefined, send: (message: ToServer) => sent.push(message) > 0, close: () => undefined };
-  const session = new MeetingSession(api, MEETING, { get: () => null, set: () => undefined }, (given) => {
-    hooks = given;
-    return line as unknown as ControlConnection;
-  });
-  session.join("Ada");
-  const { onMessage } = hooks as unknown as ControlHooks;
-  onMessage({ type: "welcome", participant_id: "me", seat: 1, silence_s: 5 });
-  onMessage(ROSTER);
-  const roster = (part: Partial<Roster>): void => onMessage({ ...ROSTER, ...part });
-  return { api, session, calls, sent, hear: onMessage, roster };
-}
-
-function find<Kind extends Element>(within: Element, testId: string): Kind {
-  const found = within.querySelector<Kind>(`[data-testid="${testId}"]`);
-  if (!found) throw new Error(`${testId} is not there`);
-  return found;
-}
-
-/** As a click of the mouse does. */
-function press(within: Element, testId: string): void {
-  find<HTMLElement>(within, testId).click();
-}
+import { json, member } from "../fakes";
+import { BO, HOST, find, inside, press } from "./inside";
 
 beforeEach(() => {
   document.body.innerHTML = '<div id="announcer"></div>';
