@@ -16,8 +16,8 @@ from services.bootstrap import import_model
 from services.container import build_services
 from services.meetings import create_meeting
 from services.settings import load_settings
-from tests.e2e.viewport import picture
 from tests.e2e.test_meeting import MINUTES, difference, watch
+from tests.e2e.viewport import picture
 from tests.services import seeds
 
 pytestmark = pytest.mark.e2e

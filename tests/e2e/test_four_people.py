@@ -27,10 +27,10 @@ from services.container import Services
 from services.live.packets import decode_view, encode_keypoints
 from services.meetings import create_meeting
 from tests.e2e.serving import WATCH
-from tests.e2e.viewport import frames_shown, picture
 from tests.e2e.test_control import HUM, LOUDNESS, beside
 from tests.e2e.test_meeting import looking_into
 from tests.e2e.test_replay import KEEP_PICTURES, RUNNING, difference, shown
+from tests.e2e.viewport import frames_shown, picture
 from tests.services.jobs.waiting import until
 from tests.services.live.test_keypoint_channels import waving
 

@@ -12,8 +12,8 @@ from db.models import SequenceRow
 from services.bootstrap import DEMO_MODEL, import_model
 from services.meetings import create_meeting
 from tests.e2e.serving import Gateway, serving
-from tests.e2e.viewport import frames_shown
 from tests.e2e.test_motion_capture import webcam
+from tests.e2e.viewport import frames_shown
 from tests.services.jobs.waiting import until
 from tests.shared_data import shared_data
 

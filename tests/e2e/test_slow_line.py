@@ -9,9 +9,9 @@ from playwright.sync_api import Page, expect
 
 from benchmarks.browser import open_page, running_demo
 from tests.e2e.slow_line import SlowLine, slow_line
-from tests.e2e.viewport import frames_shown
 from tests.e2e.test_control import HUM, beside, come, serious_faults
 from tests.e2e.test_meeting import watch
+from tests.e2e.viewport import frames_shown
 
 pytestmark = pytest.mark.e2e
 MINUTE = 60_000
