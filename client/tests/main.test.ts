@@ -1,0 +1,214 @@
+// @vitest-environment happy-dom
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { fakeFetch, json, type Call } from "./fakes";
+
+const MEETING = { id: "m", name: "Monday", join_url: "/?meeting=m", environment: "studio", performers: [], lobby: true };
+const SEAT = { token: "seat", control_url: "/v1/meetings/m/control", whep_url: "/whep/m", ice_servers: [], ready: true, performers: [] };
+
+class FakeSocket extends EventTarget {
+  static OPEN = 1;
+  static made: FakeSocket[] = [];
+  readyState = 1;
+  onopen: () => void = () => undefined;
+  onmessage: (event: { data: string }) => void = () => undefined;
+  onclose: () => void = () => undefined;
+  sent: Record<string, unknown>[] = [];
+  constructor(readonly address: string) {
+    super();
+    FakeSocket.made.push(this);
+  }
+  send(text: string): void {
+    this.sent.push(JSON.parse(text) as Record<string, unknown>);
+  }
+  close(): void {
+    this.readyState = 3;
+  }
+  say(message: object): void {
+    this.onmessage({ data: JSON.stringify(message) });
+  }
+}
+
+let answer: (call: Call) => Response | null;
+let calls: Call[];
+
+function server({ path }: Call): Response {
+  if (path === "/v1/guest") return json({ token: "guest" });
+  if (path === "/v1/demo") return json({ meeting_id: "m" });
+  if (path === "/v1/meetings/m") return json(MEETING);
+  if (path.endsWith("/join")) return json(SEAT);
+  return json({ items: [] });
+}
+
+/** Open the page at `address`, as a fresh tab or a reload does. */
+async function open(address: string): Promise<HTMLElement> {
+  history.replaceState(null, "", address);
+  document.body.innerHTML = '<div id="page"></div><div id="announcer"></div>';
+  vi.resetModules();
+  await import("../src/main");
+  await vi.advanceTimersByTimeAsync(50);
+  return document.getElementById("page") as HTMLElement;
+}
+
+const find = <Kind extends HTMLElement>(page: HTMLElement, testId: string): Kind => {
+  const found = page.querySelector<Kind>(`[data-testid="${testId}"]`);
+  if (!found) throw new Error(`${testId} is not in “${page.textContent}”`);
+  return found;
+};
+const press = async (page: HTMLElement, label: string): Promise<void> => {
+  [...page.querySelectorAll("button")].find(({ textContent }) => textContent === label)?.click();
+  await vi.advanceTimersByTimeAsync(50);
+};
+const join = async (page: HTMLElement, name: string): Promise<FakeSocket> => {
+  find<HTMLInputElement>(page, "join-name").value = name;
+  find(page, "start-join").closest("form")?.dispatchEvent(new Event("submit", { cancelable: true }));
+  await vi.advanceTimersByTimeAsync(50);
+  const socket = FakeSocket.made.at(-1) as FakeSocket;
+  socket.onopen();
+  return socket;
+};
+/** The server lets us into the lobby. */
+const wait = async (socket: FakeSocket): Promise<void> => {
+  const me = { id: "me", name: "Ada", role: "speaker", admission: "waiting", present: true, hand_at: null, microphone: false, performer_id: null, connection: null };
+  socket.say({ type: "welcome", participant_id: "me", seat: 1, silence_s: 5 });
+  socket.say({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [me] });
+  await vi.advanceTimersByTimeAsync(50);
+};
+
+beforeEach(() => {
+  vi.useFakeTimers();
+  sessionStorage.clear();
+  localStorage.clear();
+  FakeSocket.made = [];
+  answer = () => null;
+  const fake = fakeFetch((call) => answer(call) ?? server(call));
+  calls = fake.calls;
+  vi.stubGlobal("fetch", fake.request);
+  vi.stubGlobal("WebSocket", FakeSocket);
+  vi.stubGlobal("scrollTo", () => undefined);
+});
+afterEach(() => {
+  vi.useRealTimers();
+  vi.unstubAllGlobals();
+});
+
+describe("opening the page", () => {
+  it("offers the demo's meeting as a guest, and keeps the guest's token over a reload", async () => {
+    const page = await open("/");
+    expect(find(page, "start-join").textContent).toBe("Ask to join");
+    expect(localStorage.getItem("metanerf.token")).toBe("guest");
+    await open("/");
+    expect(calls.filter(({ path }) => path === "/v1/guest")).toHaveLength(1);
+  });
+
+  it("takes an invitation's token from the address, for this tab only, and out of sight", async () => {
+    await open("/?meeting=m#token=invited");
+    expect(location.hash).toBe("");
+    expect(calls[0]).toMatchObject({ path: "/v1/meetings/m", token: "Bearer invited" });
+    expect([sessionStorage.getItem("metanerf.token"), localStorage.getItem("metanerf.token")]).toEqual(["invited", null]);
+  });
+
+  it("starts with one's own model where the server runs no demo", async () => {
+    answer = ({ path }) => (path === "/v1/demo" ? json({ title: "No demo" }, 404) : null);
+    const page = await open("/");
+    expect(page.textContent).toContain("Start with your model");
+    expect(page.querySelector("[data-testid=start-join]")).toBeNull();
+  });
+
+  it("says what is wrong, tries again, and leads away from a meeting that is gone", async () => {
+    let gone = true;
+    answer = ({ path }) => (gone && path === "/v1/meetings/x" ? json({ title: "No such meeting", detail: "it has ended" }, 404) : null);
+    const page = await open("/?meeting=x");
+    expect(find(page, "error").textContent).toContain("No such meeting");
+    await press(page, "Try again");
+    expect(calls.filter(({ path }) => path === "/v1/meetings/x")).toHaveLength(2);
+    gone = false;
+    await press(page, "Go to the start");
+    expect(location.search).toBe("");
+    expect(find(page, "start-join").textContent).toBe("Ask to join");
+  });
+
+  it("shows recordings at their address", async () => {
+    const page = await open("/?recordings");
+    await vi.dynamicImportSettled();
+    await vi.advanceTimersByTimeAsync(50);
+    expect(page.textContent).toContain("Nothing has been recorded yet.");
+    expect(calls.map(({ path }) => path)).toContain("/v1/recordings");
+  });
+
+  it("goes on with an enrolment that was under way", async () => {
+    sessionStorage.setItem("metanerf.enrolment", JSON.stringify({ name: "Ada", sequenceId: "s", jobId: null }));
+    answer = ({ path }) => (path === "/v1/sequences/s" ? json({ title: "The clip is gone", detail: "" }, 404) : null);
+    const page = await open("/");
+    expect(page.textContent).toContain("The clip is gone");
+    // what can't be taken up again does not come back
+    expect(sessionStorage.getItem("metanerf.enrolment")).toBeNull();
+  });
+});
+
+describe("joining a meeting with a lobby", () => {
+  it("says hello by name, waits, and leaves again", async () => {
+    const page = await open("/");
+    const socket = await join(page, "Ada");
+    expect(socket.sent[0]).toMatchObject({ type: "hello", token: "seat", name: "Ada", after: 0 });
+    await wait(socket);
+    expect(page.textContent).toContain("Waiting to be let in");
+    expect(calls.some(({ path }) => path.includes("whep"))).toBe(false);
+    find(page, "lobby-leave").click();
+    await vi.advanceTimersByTimeAsync(50);
+    expect(socket.sent.at(-1)).toEqual({ type: "leave" });
+    expect(find<HTMLInputElement>(page, "join-name").value).toBe("Ada");
+  });
+
+  it("keeps name and seat over a reload", async () => {
+    await wait(await join(await open("/"), "Ada"));
+    const joined = calls.filter(({ path }) => path.endsWith("/join")).length;
+    const page = await open("/");
+    const again = FakeSocket.made.at(-1) as FakeSocket;
+    again.onopen();
+    expect(again.sent[0]).toMatchObject({ type: "hello", token: "seat", name: "Ada" });
+    expect(calls.filter(({ path }) => path.endsWith("/join"))).toHaveLength(joined);
+    await wait(again);
+    expect(page.textContent).toContain("Waiting to be let in");
+  });
+
+  it("says that one was not let in, and starts anew from there", async () => {
+    const page = await open("/");
+    const socket = await join(page, "Ada");
+    await wait(socket);
+    socket.say({ type: "goodbye", reason: "denied", problem: null });
+    socket.onclose();
+    await vi.advanceTimersByTimeAsync(50);
+    expect(find(page, "goodbye-denied").textContent).toContain("You were not let in");
+    expect(sessionStorage.getItem("metanerf.seat")).toBeNull();
+    find(page, "goodbye-back").click();
+    await vi.advanceTimersByTimeAsync(50);
+    expect(find(page, "start-join").textContent).toBe("Ask to join");
+  });
+
+  it("goes on here, on the same seat, after another tab took over", async () => {
+    const page = await open("/");
+    const socket = await join(page, "Ada");
+    await wait(socket);
+    socket.say({ type: "goodbye", reason: "replaced", problem: null });
+    socket.onclose();
+    await vi.advanceTimersByTimeAsync(50);
+    await press(page, "Continue here");
+    const again = FakeSocket.made.at(-1) as FakeSocket;
+    again.onopen();
+    expect(again).not.toBe(socket);
+    expect(again.sent[0]).toMatchObject({ type: "hello", token: "seat", name: "Ada" });
+  });
+
+  it("forgets the address of a meeting that has ended", async () => {
+    const page = await open("/?meeting=m");
+    const socket = await join(page, "Ada");
+    await wait(socket);
+    socket.say({ type: "goodbye", reason: "ended", problem: null });
+    socket.onclose();
+    await vi.advanceTimersByTimeAsync(50);
+    expect(find(page, "goodbye-ended").textContent).toContain("The meeting is over");
+    find(page, "goodbye-back").click();
+    await vi.advanceTimersByTimeAsync(50);
+    expect(location.search).toBe("");
+  });
+});

@@ -1,0 +1,170 @@
+// @vitest-environment happy-dom
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { voiceControls } from "../../src/views/voiceControls";
+import { BO, HOST, inside } from "./inside";
+
+class FakeTrack extends EventTarget {
+  kind = "audio";
+  enabled = true;
+  readyState = "live";
+  stop(): void {
+    this.readyState = "ended";
+  }
+}
+
+class FakePeer extends EventTarget {
+  connectionState = "new";
+  iceGatheringState = "complete";
+  localDescription = { sdp: "offer" };
+  addTransceiver = (): object => ({ sender: { replaceTrack: async () => undefined }, receiver: { track: new FakeTrack() } });
+  createOffer = async (): Promise<object> => ({});
+  setLocalDescription = async (): Promise<void> => undefined;
+  async setRemoteDescription(): Promise<void> {
+    this.connectionState = "connected";
+    this.dispatchEvent(new Event("connectionstatechange"));
+  }
+  close = (): void => undefined;
+}
+
+const OFF = { ...HOST, microphone: false };
+let close: () => void = () => undefined;
+
+async function setUp({ unmuted = false, getUserMedia }: { unmuted?: boolean; getUserMedia?: () => Promise<unknown> } = {}) {
+  const track = new FakeTrack();
+  const asked = vi.fn(getUserMedia ?? (async () => ({ getAudioTracks: () => [track], getTracks: () => [track] })));
+  vi.stubGlobal("navigator", Object.assign(Object.create(navigator), { mediaDevices: { getUserMedia: asked } }));
+  const there = inside();
+  there.session.getSeat = async () => ({ token: "seat", ice_servers: [] }) as never;
+  there.session.joinsUnmuted = unmuted;
+  const errors: string[] = [];
+  const controls = voiceControls(there.session, (words) => errors.push(words), () => undefined);
+  close = controls.close;
+  document.body.append(controls.element);
+  there.session.subscribe(controls.update);
+  there.state({ kind: "open" });
+  there.roster({ members: [OFF, BO] });
+  await vi.advanceTimersByTimeAsync(50);
+  const space = (kind: string, on: EventTarget = document.body, init: KeyboardEventInit = {}): void =>
+    void on.dispatchEvent(new KeyboardEvent(kind, { code: "Space", bubbles: true, cancelable: true, ...init }));
+  const wanted = (): unknown[] => there.sent.filter(({ type }) => type === "microphone").map((message) => "on" in message && message.on);
+  const settle = async (): Promise<void> => void (await vi.advanceTimersByTimeAsync(10));
+  return { ...there, ...controls, track, asked, errors, space, wanted, settle };
+}
+
+beforeEach(() => {
+  vi.useFakeTimers();
+  document.body.innerHTML = '<div id="announcer"></div>';
+  vi.stubGlobal("RTCPeerConnection", FakePeer);
+  vi.stubGlobal("fetch", async () => new Response("answer", { status: 201 }));
+  vi.stubGlobal("MediaStream", class {});
+  vi.stubGlobal("AudioContext", class {
+    state = "running";
+    createMediaStreamDestination = (): object => ({ stream: {} });
+    close = async (): Promise<void> => undefined;
+  });
+  Object.defineProperty(HTMLMediaElement.prototype, "srcObject", { writable: true, value: null, configurable: true });
+  HTMLMediaElement.prototype.play = async () => undefined;
+});
+afterEach(() => {
+  close();
+  vi.useRealTimers();
+  vi.unstubAllGlobals();
+});
+
+describe("the microphone's button", () => {
+  it("asks for no microphone before it is pressed, and sends nothing before the server agrees", async () => {
+    const { element, asked, track, roster, wanted, settle } = await setUp();
+    expect(asked).not.toHaveBeenCalled();
+    element.click();
+    await settle();
+    expect([asked.mock.calls.length, wanted(), track.enabled]).toEqual([1, [true], false]);
+    roster({ members: [HOST, BO] });
+    expect([track.enabled, element.getAttribute("aria-pressed")]).toEqual([true, "true"]);
+    element.click();
+    await settle();
+    expect([track.enabled, wanted()]).toEqual([false, [true, false]]);
+  });
+
+  it("says so when the host mutes one, and stays off", async () => {
+    const { element, track, roster, settle } = await setUp();
+    element.click();
+    await settle();
+    roster({ members: [HOST, BO] });
+    roster({ members: [OFF, BO] });
+    expect([track.enabled, element.getAttribute("aria-pressed")]).toEqual([false, "false"]);
+    expect(document.getElementById("announcer")?.textContent).toBe("The host muted you");
+  });
+
+  it("says what to do where the microphone is blocked", async () => {
+    const { element, errors, wanted, settle } = await setUp({ getUserMedia: () => Promise.reject(new DOMException("no", "NotAllowedError")) });
+    element.click();
+    await settle();
+    expect(errors).toEqual([expect.stringContaining("The microphone is blocked. Allow it")]);
+    expect(wanted()).toEqual([]);
+  });
+
+  it("is on from the start where one joins unmuted", async () => {
+    const { wanted, session } = await setUp({ unmuted: true });
+    expect([wanted(), session.joinsUnmuted]).toEqual([[true], false]);
+  });
+
+  it("asks again for the microphone after the connection was lost", async () => {
+    const { element, state, roster, wanted, settle } = await setUp();
+    element.click();
+    await settle();
+    roster({ members: [HOST, BO] });
+    state({ kind: "lost" });
+    state({ kind: "open" });
+    expect(wanted()).toEqual([true, true]);
+  });
+
+  it("is not for viewers", async () => {
+    const { element, roster } = await setUp();
+    roster({ members: [{ ...OFF, role: "viewer" }, BO] });
+    expect(element.disabled).toBe(true);
+  });
+});
+
+describe("Space", () => {
+  it("held down talks, and no longer", async () => {
+    const { space, wanted, roster, settle } = await setUp();
+    space("keydown");
+    await settle();
+    roster({ members: [HOST, BO] });
+    space("keydown", document.body, { repeat: true });
+    space("keyup");
+    await settle();
+    expect(wanted()).toEqual([true, false]);
+  });
+
+  it("let go of before the microphone was there keeps it off", async () => {
+    let open: (stream: unknown) => void = () => undefined;
+    const { space, wanted, track, settle } = await setUp({ getUserMedia: () => new Promise((resolve) => (open = resolve)) });
+    space("keydown");
+    space("keyup");
+    open({ getAudioTracks: () => [track], getTracks: () => [track] });
+    await settle();
+    expect(wanted()).toEqual([false]);
+    expect(track.enabled).toBe(false);
+  });
+
+  it("is left to fields and buttons", async () => {
+    const { space, wanted, settle } = await setUp();
+    for (const tag of ["input", "textarea", "button"]) space("keydown", document.body.appendChild(document.createElement(tag)));
+    await settle();
+    expect(wanted()).toEqual([]);
+  });
+});
+
+describe("leaving", () => {
+  it("switches the microphone off, and Space talks no more", async () => {
+    const { element, track, space, wanted, settle } = await setUp();
+    element.click();
+    await settle();
+    close();
+    expect(track.readyState).toBe("ended");
+    space("keydown");
+    await settle();
+    expect(wanted()).toEqual([true]);
+  });
+});
