@@ -1,4 +1,4 @@
-"""How exact a capture from pixels alone is, and what that costs the model trained on it.
+"""Accuracy of a capture from pixels alone, and of the model trained on it.
 
 Studio performers move to real, recorded motion in a room, through a lens and a sensor; truth is
 known. One camera can't tell a small person nearby from a tall one further away: where figures say
@@ -54,7 +54,7 @@ def run(
     writer: FigureWriter, motions: Path, pose_model: Path, backbone: Path | None, clips: int,
     clock_name: str, only: str,
 ) -> None:  # fmt: skip
-    """Film, capture, train and judge the performers that were not measured yet, and report."""
+    """Render, capture, train and evaluate the performers not measured yet, and report."""
     cache, clock = writer.cache(only), clock_named(clock_name)
     about = {"frames": FRAMES, "frames_per_second": RATE, "size": SIZE_PX, "noise": NOISE,
              "blur_px": BLUR_PX, "background": "textured", "turn_deg": 360,
@@ -122,7 +122,7 @@ def _row(
 
 
 def _judged(folder: Path, pose_model: Path, backbone: Path | None, clock: Clock) -> dict[str, Any]:
-    """Capture what was filmed into `folder`, train on that and on the truth, judge both."""
+    """Capture the footage in `folder`, train on that and on the truth, evaluate both."""
     truth = open_sequence(folder / "truth")
     watch = StageWatch(truth_joints(truth), clock)
     options = CaptureOptions(
@@ -166,7 +166,7 @@ def _height_m(truth: Sequence) -> float:
 
 
 class StageWatch:
-    """What each stage of a capture took, and how far from the truth it left the motion."""
+    """Time of each stage of a capture, and the motion's error after it."""
 
     def __init__(self, truth: Joints, clock: Clock) -> None:
         self._truth, self._clock = truth, clock
@@ -183,7 +183,7 @@ class StageWatch:
             self._message = message
 
     def fitted(self, stage: str, fit: Fit) -> None:
-        """Judge what `stage` of the fit left."""
+        """Evaluate the fit after `stage`."""
         self._close(stage)
         joints = fit_joints(fit, self._truth.times_s)
         errors = pose_errors(joints, self._truth)
@@ -194,7 +194,7 @@ class StageWatch:
         self._began = self._clock.now()
 
     def refined(self, model: PerformerModel, captured: Sequence) -> None:
-        """Judge what training made of the captured motion."""
+        """Evaluate the motion that training refined."""
         extrinsics = captured.train.camera(0).world_to_camera
         joints = seen_joints(model.skeleton, model.motion, extrinsics)
         moments = np.abs(self._truth.times_s - joints.times_s[:, None]).argmin(axis=1)

@@ -1,4 +1,4 @@
-"""What bad weather does to a capture: each row spoils one thing of the same performance."""
+"""Robustness of a capture: each row degrades one thing of the same clip."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _HOLES, _HOLE_SHARE = 4, 0.08
 
 
 def run(writer: FigureWriter, motions: Path, pose_model: Path) -> None:
-    """Capture one performance again and again, spoilt in one way each time."""
+    """Capture one clip repeatedly, degraded in one way each time."""
     rows: dict[str, dict[str, float]] = {}
     with tempfile.TemporaryDirectory() as name, MediaPipeEstimator(pose_model) as estimator:
         folder = Path(name)
@@ -62,7 +62,7 @@ Variant = tuple[str, Path, PoseEstimator, bool, float]
 
 
 def _variants(folder: Path, estimator: PoseEstimator) -> Iterator[Variant]:
-    """Name, clip, estimator, whether the focal length is told, frames a second."""
+    """Name, clip, estimator, whether the focal length is given, frames a second."""
     images = read_video(folder / "raw.mp4", max_frames=_MOST_FRAMES).images
 
     def written(name: str, pictures: Iterator[UInt8[Array, "H W 3"]], rate: float) -> Path:
@@ -79,38 +79,38 @@ def _variants(folder: Path, estimator: PoseEstimator) -> Iterator[Variant]:
         path = written(f"{rate:g}_frames_a_second", iter(thinned(rate)), rate)
         yield path.stem, path, estimator, True, rate
     for share in (0.1, 0.3, 0.5):
-        blind = _Spoilt(estimator, _dropping(share))
+        blind = _Degraded(estimator, _dropping_landmarks(share))
         yield f"{100 * share:g}_percent_of_landmarks_dropped", usual, blind, True, RATE
-    yield "holes_in_masks", usual, _Spoilt(estimator, _holed), True, RATE
+    yield "holes_in_masks", usual, _Degraded(estimator, _with_mask_holes), True, RATE
     yield "focal_length_unknown", usual, estimator, False, RATE
     halved = (cv2.resize(i, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
               for i in thinned(RATE))  # fmt: skip
     yield "half_resolution", written("half", halved, RATE), estimator, True, RATE
-    crossed = written("crossed", _passed_by(folder, thinned(RATE)), RATE)
+    crossed = written("crossed", _with_passer_by(folder, thinned(RATE)), RATE)
     yield "somebody_passes_behind", crossed, estimator, True, RATE
 
 
-class _Spoilt:
-    """An estimator whose findings are spoilt, repeatably."""
+class _Degraded:
+    """An estimator whose detections are degraded, repeatably."""
 
     def __init__(
-        self, inner: PoseEstimator, spoil: Callable[[Landmarks, np.random.Generator], Landmarks]
+        self, inner: PoseEstimator, degrade: Callable[[Landmarks, np.random.Generator], Landmarks]
     ) -> None:
-        self._inner, self._spoil, self._rng = inner, spoil, np.random.default_rng(0)
+        self._inner, self._degrade, self._rng = inner, degrade, np.random.default_rng(0)
 
     def detect(self, image: UInt8[Array, "H W 3"]) -> list[Landmarks]:
-        return [self._spoil(person, self._rng) for person in self._inner.detect(image)]
+        return [self._degrade(person, self._rng) for person in self._inner.detect(image)]
 
 
-def _dropping(share: float) -> Callable[[Landmarks, np.random.Generator], Landmarks]:
-    def spoil(person: Landmarks, rng: np.random.Generator) -> Landmarks:
+def _dropping_landmarks(share: float) -> Callable[[Landmarks, np.random.Generator], Landmarks]:
+    def degrade(person: Landmarks, rng: np.random.Generator) -> Landmarks:
         kept = rng.uniform(size=len(person.visibility)) >= share
         return replace(person, visibility=person.visibility * kept)
 
-    return spoil
+    return degrade
 
 
-def _holed(person: Landmarks, rng: np.random.Generator) -> Landmarks:
+def _with_mask_holes(person: Landmarks, rng: np.random.Generator) -> Landmarks:
     mask = person.mask.copy()
     rows, columns = np.nonzero(mask > 0.5)
     for _ in range(_HOLES if len(rows) else 0):
@@ -120,7 +120,7 @@ def _holed(person: Landmarks, rng: np.random.Generator) -> Landmarks:
     return replace(person, mask=mask)
 
 
-def _passed_by(
+def _with_passer_by(
     folder: Path, images: list[UInt8[Array, "H W 3"]]
 ) -> Iterator[UInt8[Array, "H W 3"]]:
     """`images` with another performer, who walks through behind the first."""

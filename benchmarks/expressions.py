@@ -1,4 +1,4 @@
-"""What moving splats of face and hands is worth, on studio performers who talk, blink and wave.
+"""Gain of blend shapes of face and hands, on studio performers who talk, blink and wave.
 
 Truth: a face is filmed as head and shoulders, hands with the whole body; splats are then judged in
 poses, expressions and from cameras that training never saw, on the crop of the face or a hand. Each
@@ -50,7 +50,7 @@ _ASIDE_RAD = 0.35
 
 @dataclass(frozen=True)
 class Part:
-    """Of whom what is judged."""
+    """A part of the body that is evaluated."""
 
     name: str
     framing: str
@@ -65,7 +65,7 @@ class Part:
     expressions: tuple[str, ...]
 
     def crop_of(self, expression: str) -> str:
-        """Of which crop an expression's worth is told."""
+        """The crop in which an expression's gain is measured."""
         return expression if expression in LIDS else self.name
 
 
@@ -81,7 +81,7 @@ HANDS = Part(
 
 @dataclass(frozen=True, eq=False)
 class RenderedExpression:
-    """A test picture and the crops of it that count."""
+    """A test picture and its evaluated crops."""
 
     pose: Pose
     camera: Camera
@@ -106,13 +106,13 @@ def run(writer: FigureWriter, picture: Path | None) -> None:
     figures = [row for row in rows if row is not None]
     writer.write({**about, "frame_ms": frame_ms, "worth": worth(figures), "rows": figures})
     if picture is not None:
-        with _filmed(FACE, SEEDS[0]) as clip:
+        with _rendered_clip(FACE, SEEDS[0]) as clip:
             drawn = (faces(clip, SEEDS[0])[..., ::-1] * 255.0 + 0.5).astype(np.uint8)
         cv2.imwrite(str(picture), drawn)
 
 
 @contextmanager
-def _filmed(part: Part, seed: int) -> Iterator[Sequence]:
+def _rendered_clip(part: Part, seed: int) -> Iterator[Sequence]:
     """One performer's `part`, as training sees it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "sequence"
@@ -123,18 +123,18 @@ def _filmed(part: Part, seed: int) -> Iterator[Sequence]:
 
 
 def _row(part: Part, seed: int) -> dict[str, Any]:
-    with _filmed(part, seed) as clip:
+    with _rendered_clip(part, seed) as clip:
         return {"seed": seed, "part": part.name, **measured(part, clip, seed)}
 
 
 def _frame_ms() -> dict[str, Any]:
-    with _filmed(FACE, SEEDS[0]) as clip:
+    with _rendered_clip(FACE, SEEDS[0]) as clip:
         return frame_times(trained(clip, SEEDS[0]))
 
 
 def measured(part: Part, clip: Sequence, seed: int) -> dict[str, Any]:
     """dB of every way to train one performer's `part`."""
-    shots = unseen_shots(part, make_performer(seed, expressive=True), seed)
+    shots = unseen_views(part, make_performer(seed, expressive=True), seed)
     unknown = replace(clip, body=replace(clip.body, expression_directions=None))
     ways: dict[str, tuple[Sequence, float, tuple[str, ...]]] = {
         "off": (unknown, 1.0, ()),
@@ -166,13 +166,13 @@ def trained(sequence: Sequence, seed: int, density: float | None = None) -> Spla
 
 
 def without(clip: Sequence, names: tuple[str, ...]) -> Sequence:
-    """`clip` as if nobody knew that it shows the expressions `names`."""
+    """`clip` without the values of the expressions `names`."""
     motion = clip.motion
     return replace(clip, motion=replace(motion, expressions=_hidden(motion.expressions, names)))
 
 
-def unseen_shots(part: Part, performer: StudioPerformer, seed: int) -> list[RenderedExpression]:
-    """Pictures of poses, expressions and from cameras that no clip has."""
+def unseen_views(part: Part, performer: StudioPerformer, seed: int) -> list[RenderedExpression]:
+    """Pictures in poses, expressions and from cameras outside of the training clip."""
     rng, skeleton = np.random.default_rng(seed + 1000), performer.body.skeleton
     moves, shots, eyes = gesture_motion(TESTS, 10.0), [], _eyes(performer.known_body)
     for index in range(TESTS):

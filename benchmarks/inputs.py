@@ -60,7 +60,7 @@ def require_panoramas(folder: Path = PANORAMAS) -> None:
 def require_webcam_clip(clip: Path = WEBCAM) -> None:
     """Raises InvalidInput where there is no clip for a page's camera to show."""
     if not clip.is_file():
-        raise InvalidInput(f"clip must be a film of one person; got {clip}; name one by --clip")
+        raise InvalidInput(f"clip must be a video of one person; got {clip}; name one by --clip")
 
 
 def require_footage(folder: Path = TWO_CAMERAS) -> None:

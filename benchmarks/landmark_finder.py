@@ -1,4 +1,4 @@
-"""How long a page takes to find somebody in a webcam's picture: MediaPipe in its worker.
+"""Time a page takes to detect landmarks in a webcam's picture: MediaPipe in its worker.
 
 A headless Chromium without a graphics card, whose camera shows a clip, is seen in the demo's
 meeting; the worker times itself from a picture's coming to the landmarks' going. Channel, solver
@@ -44,16 +44,16 @@ _TIME_ITSELF = """() => {
 }"""
 
 
-def film(clip: Path, out: Path, first: int = 0, last: int | None = None) -> Path:
+def write_webcam_video(clip: Path, out: Path, first: int = 0, last: int | None = None) -> Path:
     """Frames of a clip, `first` until `last`, as Motion JPEG: Chromium takes it for a camera."""
-    with av.open(str(clip)) as source, av.open(str(out), "w", format="mjpeg") as film:
-        stream = film.add_stream("mjpeg", rate=_RATE_HZ)
+    with av.open(str(clip)) as source, av.open(str(out), "w", format="mjpeg") as video:
+        stream = video.add_stream("mjpeg", rate=_RATE_HZ)
         (stream.width, stream.height), stream.pix_fmt = CAMERA, "yuvj420p"
         for number, frame in enumerate(source.decode(video=0)):
             if number >= first and (last is None or number < last):
                 frame.pts, frame.time_base = number - first, Fraction(1, _RATE_HZ)
-                film.mux(stream.encode(frame))
-        film.mux(stream.encode())
+                video.mux(stream.encode(frame))
+        video.mux(stream.encode())
     return out
 
 
@@ -61,12 +61,12 @@ def measured(clip: Path, pose_model: Path, watched_s: float = _WATCHED_S) -> dic
     """p50 and p95 of the worker's time a picture, ms, and pictures a second."""
     model = {"METANERF_POSE_MODEL": str(pose_model)}
     with tempfile.TemporaryDirectory() as folder:
-        camera = film(clip, Path(folder) / "webcam.mjpeg")
+        camera = write_webcam_video(clip, Path(folder) / "webcam.mjpeg")
         with (
             running_demo(Path(folder) / "data", **model) as address,
             open_page(WINDOW_PX, WINDOW_PX, camera) as page,
         ):
-            worker = seen(page, address)
+            worker = start_tracking(page, address)
             page.wait_for_timeout(_STARTED_MS)
             beside = [one for one in page.workers if _EXPRESSION_WORKER in one.url]
             times, *looks = worker_times([worker, *beside], page, watched_s)
@@ -84,8 +84,8 @@ def measured(clip: Path, pose_model: Path, watched_s: float = _WATCHED_S) -> dic
     return figures
 
 
-def seen(page: Page, address: str) -> Worker:
-    """Have `page` track a person for the demo's meeting; the worker that finds the landmarks."""
+def start_tracking(page: Page, address: str) -> Worker:
+    """Start body tracking of `page` in the demo's meeting; returns the landmark worker."""
     page.goto(f"{address}?size={SIZE_PX}")
     page.get_by_test_id("start-join").click(timeout=_AT_WORST_MS)
     with page.expect_worker(lambda one: _WORKER in one.url, timeout=_AT_WORST_MS) as starting:
@@ -96,7 +96,7 @@ def seen(page: Page, address: str) -> Worker:
 
 
 def worker_times(workers: list[Worker], page: Page, watched_s: float) -> list[list[float]]:
-    """What each picture took each worker within so many seconds, ms."""
+    """Times a picture of each worker within so many seconds, ms."""
     for worker in workers:
         worker.evaluate(_TIME_ITSELF)
     page.wait_for_timeout(1e3 * watched_s)

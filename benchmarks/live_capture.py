@@ -67,13 +67,13 @@ def run(writer: FigureWriter, clip: Path | None) -> None:
     with tempfile.TemporaryDirectory(prefix="metanerf-bench-") as folder:
         truth = None
         if clip is None:
-            truth, clip = _film(Path(folder))
+            truth, clip = _render_clip(Path(folder))
         figures = _measure(read_video(clip, max_frames=FRAMES), truth)
     source = "studio" if truth is not None else clip.name
     writer.write({"source": source, **figures})
 
 
-def _film(folder: Path) -> tuple[_Known, Path]:
+def _render_clip(folder: Path) -> tuple[_Known, Path]:
     raw = folder / "raw.mp4"
     make_sequence(
         folder / "truth", look="lit", frames=FRAMES, size=SIZE, test_cameras=1, seed=1,

@@ -39,12 +39,12 @@ def run(writer: FigureWriter) -> None:
     figures = {}
     for look in PERFORMERS:
         with tempfile.TemporaryDirectory(prefix="metanerf-bench-") as folder:
-            figures[look] = _measure(*_film(Path(folder), look))
+            figures[look] = _measure(*_render(Path(folder), look))
     about = {"size": f"{SIZE}x{SIZE}", "frames": FRAMES, "band_px": BAND_PX}
     writer.write({**about, **figures})
 
 
-def _film(folder: Path, look: str) -> tuple[list[Array], list[Landmarks], Array, Array]:
+def _render(folder: Path, look: str) -> tuple[list[Array], list[Landmarks], Array, Array]:
     """Frames and people that were found, with their true masks and premultiplied colours."""
     seed, turn_deg = PERFORMERS[look]
     raw = folder / "raw.mp4"
@@ -76,7 +76,7 @@ def _measure(
                 image / np.float32(255.0) * mask[..., None]
                 for image, mask in zip(images, masks, strict=True)
             ]
-        return _judge(np.stack(masks), np.stack(pictures), alpha, colour) | {"work_ms": work_ms}
+        return _errors(np.stack(masks), np.stack(pictures), alpha, colour) | {"work_ms": work_ms}
 
     figures = {"estimator": judged([person.mask for person in people], None, 0.0)}
     cut, cut_ms = _timed(lambda: list(map(refine_mask, images, people)))
@@ -98,13 +98,13 @@ def _measure(
 
 
 def _timed(work: Callable[[], Any]) -> tuple[Any, float]:
-    """What `work` gives, and ms of the processor a frame."""
+    """The result of `work`, and ms of the processor a frame."""
     started = time.process_time()
     done = work()
     return done, round((time.process_time() - started) * 1e3 / FRAMES, 1)
 
 
-def _judge(masks: Array, pictures: Array, alpha: Array, colour: Array) -> dict[str, float]:
+def _errors(masks: Array, pictures: Array, alpha: Array, colour: Array) -> dict[str, float]:
     kernel = np.ones((2 * BAND_PX + 1,) * 2, np.uint8)
     solid = [(mask > 0.5).astype(np.uint8) for mask in alpha]
     band = np.stack([cv2.dilate(m, kernel) > cv2.erode(m, kernel) for m in solid])

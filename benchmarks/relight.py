@@ -1,4 +1,4 @@
-"""Performers filmed in one light and shown in another: as they were filmed, and relit, in dB.
+"""Performers captured in one light and shown in another: as captured, and relit, in dB.
 
 As filmed is what the other room would show of them if it had no light: that of their clip.
 
@@ -46,7 +46,7 @@ _TIMED = 200
 
 
 @dataclass(frozen=True, eq=False)
-class _Compared:
+class _Comparison:
     figures: dict[str, Any]
     strip: Float[Array, "H W 3"]
     """As filmed, relit, truth."""
@@ -60,7 +60,7 @@ def run(writer: FigureWriter, panoramas: Path, picture: Path | None, clock_name:
     for performer in PERFORMERS:
         for filmed_in in FILMED_IN:
             with tempfile.TemporaryDirectory() as folder:
-                clip = _filmed(Path(folder) / "clip", performer, filmed_in, rooms[filmed_in])
+                clip = _render_clip(Path(folder) / "clip", performer, filmed_in, rooms[filmed_in])
                 model, fit_s = _trained(clip, clock)
                 for shown_in in SHOWN_IN:
                     if shown_in == filmed_in:
@@ -97,7 +97,7 @@ def _panorama(folder: Path, name: str) -> Float[Array, "H W 3"]:
     return read_panorama(found[0])
 
 
-def _filmed(folder: Path, performer: str, name: str, room: Float[Array, "H W 3"]) -> Sequence:
+def _render_clip(folder: Path, performer: str, name: str, room: Float[Array, "H W 3"]) -> Sequence:
     mean = (room * solid_angles(*room.shape[:2])[..., None]).sum(axis=(0, 1)) / (4.0 * np.pi)
     balanced = Environment.of_panorama(name, room / mean)
     make_sequence(folder, performer=performer, look="lit", environment=balanced, size=_SIZE)
@@ -114,7 +114,7 @@ def _trained(clip: Sequence, clock: Clock) -> tuple[SplatModel, float]:
 
 def _compare(
     model: SplatModel, clip: Sequence, performer: StudioPerformer, shown: Environment
-) -> _Compared:
+) -> _Comparison:
     assert shown.panorama is not None
     light, source = EnvironmentLight(shown.panorama), clip.test[NOVEL_VIEW]
     renderer, figures = SplatRenderer((model,)), []
@@ -132,9 +132,9 @@ def _compare(
         figures.append([psnr(one[crop], truth[crop]) for one in made])
         if index == 0:
             cells = [one[crop] for one in (*made, truth)]
-            strip = np.hstack([_fitted(cell) for cell in cells])
+            strip = np.hstack([_fit_into_cell(cell) for cell in cells])
     unlit, relit = np.mean(figures, axis=0)
-    return _Compared(
+    return _Comparison(
         {
             "psnr_as_filmed": round(float(unlit), 2),
             "psnr_relit": round(float(relit), 2),
@@ -160,7 +160,7 @@ def _cost(model: SplatModel, shown: Environment, clock: Clock) -> dict[str, floa
     return milliseconds(seconds)
 
 
-def _fitted(cell: Float[Array, "H W 3"]) -> Float[Array, "h w 3"]:
+def _fit_into_cell(cell: Float[Array, "H W 3"]) -> Float[Array, "h w 3"]:
     """In the middle of a cell, as large as fits."""
     room = np.zeros((*_CELL_PX, 3))
     scale = min(whole / side for whole, side in zip(_CELL_PX, cell.shape[:2], strict=True))

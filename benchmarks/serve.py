@@ -1,4 +1,4 @@
-"""What a live view costs: pose and camera to picture, then all the way into a browser.
+"""Cost of a live view: from pose and camera to the picture, then into a browser.
 
 Trained: one step of training splats (a frame drawn, compared, gone back through, all splats moved)
 on every core, through a whole short schedule, since steps become cheaper as splats shrink.
@@ -51,10 +51,10 @@ def run(writer: FigureWriter) -> None:
     figures: dict[str, Any] = {"batch": 1, "threads": numba.get_num_threads()}
     figures["trained"] = _training_step()
     figures["drawn"] = [
-        _drawn(count, performers, size)
+        _drawing(count, performers, size)
         for count, performers, size in product(COUNTS, PERFORMERS, SIZES)
     ]
-    figures["coded"] = [_coded(*case) for case in product((512, 1024), (1, 4), (False, True))]
+    figures["coded"] = [_encoding(*case) for case in product((512, 1024), (1, 4), (False, True))]
     figures["session"] = _long_session()
     figures["served"] = [_served(viewers, size) for viewers, size in VIEWERS]
     writer.write(figures)
@@ -84,7 +84,7 @@ def _training_step() -> dict[str, Any]:
     return row
 
 
-def _drawn(count: int, performers: int, size: int) -> dict[str, Any]:
+def _drawing(count: int, performers: int, size: int) -> dict[str, Any]:
     """One view after the other round `performers` who stand side by side."""
     people = StudioPerformers(count, performers)
     seconds = []
@@ -99,18 +99,18 @@ def _drawn(count: int, performers: int, size: int) -> dict[str, Any]:
     return row
 
 
-def _coded(size: int, performers: int, moving: bool) -> dict[str, Any]:
+def _encoding(size: int, performers: int, moving: bool) -> dict[str, Any]:
     """Processor ms a picture: drawing into a frame, and each codec; by a still or moving viewer."""
     from services.live.room import MeetingPerformer, Room, circle_layout
     from services.live.streaming.encoding import Codec, PictureEncoder
     from services.live.streaming.view_track import FrameRenderer
 
     model = surface_model(10_000)
-    cast = (
+    performers_in_room = (
         MeetingPerformer(str(n), "", model, model.motion, place, yaw)
         for n, (place, yaw) in enumerate(circle_layout(performers))
     )
-    room, canvas = Room("", tuple(cast)), FrameRenderer()
+    room, canvas = Room("", tuple(performers_in_room)), FrameRenderer()
     encoders, spent = {codec: PictureEncoder(codec) for codec in Codec}, dict.fromkeys(Codec, 0.0)
     painted, camera = 0.0, room.initial_camera(size, size)
     for tick in range(-_WARM_UPS, _VIEWS):

@@ -1,10 +1,11 @@
-"""A scene to a picture: all splat performers in one pass, fields at preview size, the room behind.
+"""A scene to a picture: all splat performers in one pass, fields at preview size, over the
+background.
 
-While the camera rests, only those blocks of 16 x 16 px are drawn anew in which somebody or a shadow
-is or was: what lies beside them is still in the buffer.
+While the camera rests, only those blocks of 16 x 16 px are redrawn in which a performer or a shadow
+is or was: the others are still in the buffer.
 
-Splats hide each other rightly, sample by sample. A field performer is a layer of its own, sorted by
-the distance of its pelvis: right unless people embrace.
+Splats occlude each other correctly. A field performer is a layer of its own, sorted by
+the distance of its pelvis: correct unless people embrace.
 """
 
 from __future__ import annotations
@@ -39,18 +40,18 @@ _FAINTEST_SHADOW = 1.0 / 1024.0
 
 
 class SceneRenderer:
-    """Renders scenes into buffers that it keeps; one stage belongs to one thread."""
+    """Renders scenes into buffers that it keeps; for one thread."""
 
     def __init__(self) -> None:
         self._models: tuple[SplatModel, ...] = ()
         self._splats: SplatRenderer | None = None
-        self._blank = np.zeros((0, 0, 4), np.float32)
+        self._empty = np.zeros((0, 0, 4), np.float32)
         self._picture = np.zeros((0, 0, 3), np.uint8)
-        self._behind: tuple[Environment, Camera] | None = None
-        """The room as the picture shows it, and from where."""
-        self._busy = np.zeros((0, 0), bool)
-        """Blocks of the last picture in which there is more than the room."""
-        self.changed: Bool[Array, "bH bW"] = self._busy
+        self._background: tuple[Environment, Camera] | None = None
+        """Environment and camera of the background in the buffer."""
+        self._occupied = np.zeros((0, 0), bool)
+        """Blocks of the last picture that hold more than background."""
+        self.changed: Bool[Array, "bH bW"] = self._occupied
         """Blocks of 16 x 16 px in which the last picture may differ from the one before."""
 
     def render(self, scene: Scene[PerformerModel], camera: Camera) -> UInt8[Array, "H W 3"]:
@@ -58,14 +59,20 @@ class SceneRenderer:
         size = (camera.height, camera.width)
         if self._picture.shape[:2] != size:
             self._picture = np.zeros((*size, 3), np.uint8)
-            self._blank = np.zeros((*size, 4), np.float32)
-            self._behind = None
+            self._empty = np.zeros((*size, 4), np.float32)
+            self._background = None
         layers = self._layers(scene, camera)
         shadows = contact_shadows(scene.environment, scene.performers)
-        busy = self._blocks(scene, camera) | shadow_blocks(shadows, camera)
-        self.changed = busy | self._busy if self._shows(scene, camera) else np.ones_like(busy)
-        _put_behind(self._picture, layers, camera, scene.environment, shadows, self.changed)
-        self._behind, self._busy = (scene.environment, camera), busy
+        occupied = self._blocks(scene, camera) | shadow_blocks(shadows, camera)
+        self.changed = (
+            occupied | self._occupied
+            if self._has_background(scene, camera)
+            else np.ones_like(occupied)
+        )
+        _composite_background(
+            self._picture, layers, camera, scene.environment, shadows, self.changed
+        )
+        self._background, self._occupied = (scene.environment, camera), occupied
         return self._picture
 
     def geometry(self, scene: Scene[PerformerModel], camera: Camera) -> Geometry:
@@ -83,20 +90,20 @@ class SceneRenderer:
             return Geometry(np.zeros(size), np.zeros((*size, 3)), np.zeros(size))
         self._splat_layer(scene.performers, camera, None)
         assert self._splats is not None
-        return self._splats.geometry([_moved(p) for p in scene.performers])
+        return self._splats.geometry([_skinning_transforms(p) for p in scene.performers])
 
-    def _shows(self, scene: Scene[PerformerModel], camera: Camera) -> bool:
-        """Whether the picture's buffer holds the room that is asked for, seen from there."""
-        if self._behind is None:
+    def _has_background(self, scene: Scene[PerformerModel], camera: Camera) -> bool:
+        """Whether the buffer holds this scene's background from this camera."""
+        if self._background is None:
             return False
-        environment, before = self._behind
+        environment, before = self._background
         return environment is scene.environment and (
             np.array_equal(before.world_to_camera, camera.world_to_camera)
             and np.array_equal(before.intrinsics, camera.intrinsics)
         )
 
     def _blocks(self, scene: Scene[PerformerModel], camera: Camera) -> Bool[Array, "bH bW"]:
-        """Blocks that performers may be in; a field tells nothing of where it is."""
+        """Blocks that performers may cover; all of them for fields."""
         blocks = np.zeros((-(-camera.height // TILE), -(-camera.width // TILE)), bool)
         for performer in scene.performers:
             if performer.model.splats is None:
@@ -116,7 +123,7 @@ class SceneRenderer:
             layers.append((nearest, self._splat_layer(splats, camera, lighting)))
         if len(layers) == 1:
             return layers[0][1]
-        blended = self._blank.copy()
+        blended = self._empty.copy()
         for _, layer in sorted(layers, key=lambda item: -item[0]):
             blended = layer + (1.0 - layer[..., 3:]) * blended
         return blended
@@ -132,9 +139,12 @@ class SceneRenderer:
             from renderer.splats.rasteriser.gpu import splat_renderer
 
             self._models, self._splats = models, splat_renderer(models)
-        moved, placements = [_moved(p) for p in performers], [p.placement for p in performers]
+        transforms, placements = (
+            [_skinning_transforms(p) for p in performers],
+            [p.placement for p in performers],
+        )
         shown = [p.pose.expression for p in performers]
-        return self._splats.render(camera, moved, lighting, placements, shown)
+        return self._splats.render(camera, transforms, lighting, placements, shown)
 
 
 def warm_up() -> None:
@@ -160,18 +170,18 @@ def warm_up() -> None:
         Motion.from_poses([rest]),
         data_hash="",
     )
-    somebody = Performer("", model, np.zeros(3), 0.0, rest)
+    performer = Performer("", model, np.zeros(3), 0.0, rest)
     camera = orbit_camera((0.0, 0.0, 0.0), 2.0, 0.0, 0.1, 32, 32)
     dark = Lighting(np.zeros((HARMONICS, 3)), np.array([0.0, 1.0, 0.0]), np.zeros(3))
     place = Environment(panorama=np.zeros((8, 16, 3), np.float32), lighting=dark)
-    SceneRenderer().render(Scene(place, (somebody,)), camera)
+    SceneRenderer().render(Scene(place, (performer,)), camera)
     stage = SceneRenderer()
-    picture = stage.render(Scene(Environment(), (somebody,)), camera)
+    picture = stage.render(Scene(Environment(), (performer,)), camera)
     luma, chroma = np.zeros((32, 32), np.uint8), np.zeros((2, 16, 16), np.uint8)
     to_yuv420(picture, stage.changed, luma, *chroma)
 
 
-def _put_behind(
+def _composite_background(
     out: UInt8[Array, "H W 3"],
     layers: Float[Array, "H W 4"],
     camera: Camera,
@@ -179,7 +189,7 @@ def _put_behind(
     shadows: Float[Array, "S 4"],
     drawn: Bool[Array, "bH bW"],
 ) -> None:
-    """Write the performers over the room that they are in, in the blocks `drawn`."""
+    """Composite the performers over the background, in the blocks `drawn`."""
     view = (camera.intrinsics, camera.rotation, camera.position)
     if environment.panorama is None:
         from renderer.compositing.backdrop_kernels import compose
@@ -211,7 +221,7 @@ def contact_shadows(
     rows = []
     for performer in performers:
         for joint in _ANKLES:
-            ankle = _place(performer, joint)
+            ankle = _joint_position(performer, joint)
             rest = performer.model.skeleton.rest_joints[joint, 1]
             lifted = max(0.0, float(ankle[1] - rest)) / _FOOT_CLEARANCE_M
             strength = environment.shadow_strength * max(0.0, 1.0 - lifted)
@@ -240,32 +250,34 @@ def shadow_blocks(shadows: Float[Array, "S 4"], camera: Camera) -> Bool[Array, "
     return blocks
 
 
-def _moved(performer: Performer[PerformerModel]) -> Float[Array, "K 4 4"]:
-    """Skinning transforms, rest -> room; worked out once for all who look at this moment."""
+def _skinning_transforms(performer: Performer[PerformerModel]) -> Float[Array, "K 4 4"]:
+    """Skinning transforms, rest -> room; computed once for all viewers of this pose."""
     from scene.kinematics_kernels import skinning
 
-    if performer not in _MOVED:
+    if performer not in _TRANSFORMS:
         skeleton, pose = performer.model.skeleton, performer.pose
-        # copies: what was loaded or sliced is of another kind, for which kernels compile anew
+        # copies: kernels compile anew for arrays of another memory layout
         rest, angles = np.array(skeleton.rest_joints), np.array(pose.joint_angles)
-        _MOVED[performer] = skinning(
+        _TRANSFORMS[performer] = skinning(
             angles, rest[0] + pose.root_translation, rest, np.array(skeleton.parents),
             performer.placement,
         )  # fmt: skip
-    return _MOVED[performer]
+    return _TRANSFORMS[performer]
 
 
-_MOVED: WeakKeyDictionary[Performer[PerformerModel], Float[Array, "K 4 4"]] = WeakKeyDictionary()
+_TRANSFORMS: WeakKeyDictionary[Performer[PerformerModel], Float[Array, "K 4 4"]] = (
+    WeakKeyDictionary()
+)
 
 
-def _place(performer: Performer[PerformerModel], joint: int) -> Float[Array, "3"]:
+def _joint_position(performer: Performer[PerformerModel], joint: int) -> Float[Array, "3"]:
     """Where a joint is in the room, m."""
-    moved = _moved(performer)[joint]
-    return moved[:3, :3] @ performer.model.skeleton.rest_joints[joint] + moved[:3, 3]
+    transforms = _skinning_transforms(performer)[joint]
+    return transforms[:3, :3] @ performer.model.skeleton.rest_joints[joint] + transforms[:3, 3]
 
 
 def _distance(performer: Performer[PerformerModel], camera: Camera) -> float:
-    return float(np.linalg.norm(_place(performer, 0) - camera.position))
+    return float(np.linalg.norm(_joint_position(performer, 0) - camera.position))
 
 
 def _field_layer(performer: Performer[PerformerModel], camera: Camera) -> Float[Array, "H W 4"]:

@@ -65,12 +65,13 @@ class Trainer(Protocol):
         ...
 
     def before_step(self, fraction: float) -> None:
-        """What is due before the step at `fraction` and is no training: its time is not counted."""
+        """Called before the step at `fraction` for work other than training: its time is not
+        counted."""
         ...
 
     def step(self, fraction: float) -> float:
-        """One step at `fraction` of the schedule; returns the loss. One that is not finite says
-        that training has diverged, or that nobody is left in the picture."""
+        """One step at `fraction` of the schedule; returns the loss. One that is not finite means
+        that training has diverged, or that the person has vanished."""
         ...
 
     def preview(self) -> Float[Array, "H W 3"]:
@@ -116,9 +117,9 @@ def train(
         budget_s: training time (compilation, reading and looking for the light apart); schedules
             scale with it.
         iterations: a number of steps in its place: repeatable to the bit for one seed.
-        lpips_backbone: weights for a perceptual loss, where the preset trains on patches.
-        start: an earlier model of the person, of this clip or another, to go on from (splats).
-        find_light: learn albedos, by the light that the clip was filmed in (splats); seconds more.
+        lpips_backbone: weights for a perceptual loss, where the preset trains on patches. start: an
+        earlier model of the person, of this clip or another, to go on from (splats). find_light:
+        learn albedos, by the light that the clip was captured in (splats); seconds more.
         checkpoint: where a stopped run is kept, and where this one goes on from if it is there.
         clock: monotonic seconds.
     Raises:
@@ -194,10 +195,10 @@ class _Run:
     ) -> None:
         """Step until the budget is used."""
         started = clock() - self.elapsed_s
-        looked, report_due = self.elapsed_s, self.elapsed_s + REPORT_EVERY_S
+        last_check, report_due = self.elapsed_s, self.elapsed_s + REPORT_EVERY_S
         save_due = self.elapsed_s + CHECKPOINT_EVERY_S
-        # two, since the newest may already hold the step that went wrong
-        good = deque([(self.trainer.state(), self.step)], maxlen=2)
+        # two, since the newest may already be corrupt
+        snapshots = deque([(self.trainer.state(), self.step)], maxlen=2)
         while True:
             fraction = self.elapsed_s / budget_s if budget_s else self.step / (iterations or 1)
             if fraction >= 1.0:
@@ -209,29 +210,29 @@ class _Run:
             self.step += 1
             self.elapsed_s = clock() - started
             if not np.isfinite(self.loss):
-                self._roll_back(good)
+                self._roll_back(snapshots)
                 continue
-            look_due = min(looked + REPORT_EVERY_S, report_due)
-            if self.step % _CHECK_EVERY_STEPS and self.elapsed_s < look_due:
+            check_due = min(last_check + REPORT_EVERY_S, report_due)
+            if self.step % _CHECK_EVERY_STEPS and self.elapsed_s < check_due:
                 continue
-            looked = self.elapsed_s
+            last_check = self.elapsed_s
             if should_stop():
                 self.save(checkpoint)
                 raise TrainingStopped(f"training was stopped at step {self.step}")
             if self.elapsed_s >= report_due:
                 state = self.trainer.state()
                 if not _is_finite(state):
-                    self._roll_back(good)
+                    self._roll_back(snapshots)
                     continue
-                good.append((state, self.step))
+                snapshots.append((state, self.step))
                 on_progress(self._progress(fraction))
-                report_due = _next(clock() - started, looked, REPORT_EVERY_S)
+                report_due = _next_due(clock() - started, last_check, REPORT_EVERY_S)
             if self.elapsed_s >= save_due:
                 begun = clock() - started
                 self.save(checkpoint)
-                save_due = _next(clock() - started, begun, CHECKPOINT_EVERY_S)
+                save_due = _next_due(clock() - started, begun, CHECKPOINT_EVERY_S)
         if not _is_finite(self.trainer.state()):
-            self.trainer.restore(good[-1][0])
+            self.trainer.restore(snapshots[-1][0])
         on_progress(self._progress(1.0))
 
     def save(self, path: Path | None) -> None:
@@ -269,7 +270,7 @@ class _Run:
         self.trainer.restore({name.removeprefix(_STATE): value for name, value in arrays.items()})
         self.step, self.elapsed_s = int(about["step"]), float(about["elapsed_s"])
 
-    def _roll_back(self, good: deque[tuple[dict[str, Array], int]]) -> None:
+    def _roll_back(self, snapshots: deque[tuple[dict[str, Array], int]]) -> None:
         self.rollbacks += 1
         if self.rollbacks > _ATTEMPTS:
             raise TrainingError(
@@ -277,9 +278,9 @@ class _Run:
                 f"{self.loss} at step {self.step}, {_ATTEMPTS} times after halving the rates; "
                 "look at the clip's masks and poses"
             )
-        state, self.step = good[-1]
-        if len(good) > 1:
-            good.pop()
+        state, self.step = snapshots[-1]
+        if len(snapshots) > 1:
+            snapshots.pop()
         self.trainer.restore(state)
         self.trainer.halve_learning_rate()
 
@@ -288,8 +289,8 @@ class _Run:
         return Progress(self.step, min(1.0, fraction), self.elapsed_s, self.loss, picture)
 
 
-def _next(now_s: float, begun_s: float, least_s: float) -> float:
-    """When to do again what began at `begun_s` and has just ended."""
+def _next_due(now_s: float, begun_s: float, least_s: float) -> float:
+    """When the work that began at `begun_s` and has just ended is due again."""
     return now_s + max(least_s, _REST * (now_s - begun_s))
 
 

@@ -1,4 +1,4 @@
-"""What surrounds the performers, and the whole that a view is rendered from."""
+"""Environment, performers and scene: the input of a rendered view."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Model = TypeVar("Model", covariant=True)
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """What surrounds the performers: a panorama and its light, or a plain studio.
+    """Surroundings of the performers: a panorama and its light, or a plain studio.
 
     The studio is a floor at y = 0 under a sky, linear gradients in sRGB, and leaves the light on
-    everybody as it was filmed.
+    everybody as captured.
     """
 
     name: str = "studio"
@@ -31,7 +31,7 @@ class Environment:
     panorama: Float[Array, "H W 3"] | None = None
     """Linear radiance all round, exposed: 1 is white; see `scene.lighting` for its axes."""
     lighting: Lighting | None = None
-    """The light that falls on performers; None leaves them as they were filmed."""
+    """The light that falls on performers; None leaves them as they were captured."""
 
     @classmethod
     def of_panorama(
@@ -43,14 +43,14 @@ class Environment:
         InvalidInput for a panorama that is none.
         """
         width = panorama.shape[1]
-        turned = np.roll(panorama, -round(turn_rad / (2.0 * np.pi) * width), axis=1)
-        lighting = lighting_of(turned)
+        rotated = np.roll(panorama, -round(turn_rad / (2.0 * np.pi) * width), axis=1)
+        lighting = lighting_of(rotated)
         gain = exposure(lighting)
-        return cls(name, panorama=turned * gain, lighting=lighting.scaled(gain))
+        return cls(name, panorama=rotated * gain, lighting=lighting.scaled(gain))
 
 
 def exposure(lighting: Lighting) -> float:
-    """The gain with which the side of a white body that gets most light shows a luminance of 1."""
+    """The gain with which the brightest side of a white body has a luminance of 1."""
     normals = panorama_directions(32, 64).reshape(-1, 3)
     return 1.0 / float((lighting.shading(normals) @ LUMINANCE).max())
 
@@ -82,7 +82,7 @@ class Scene(Generic[Model]):
 
 
 def placement(position: Float[Array, "3"], yaw_rad: float) -> Float[Array, "4 4"]:
-    """The rigid transform that turns by `yaw_rad` about +y, then moves to `position` (m)."""
+    """The rigid transform that rotates by `yaw_rad` about +y, then translates to `position` (m)."""
     cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
     matrix = np.eye(4)
     matrix[:3, :3] = [[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]]

@@ -1,4 +1,4 @@
-"""Rotations and forward kinematics of one body, compiled: what live poses are made with. float64.
+"""Compiled rotations and forward kinematics of one body, for live poses. float64.
 
 `scene.rotations` and `scene.skeleton` say the same for any batch, and are the twins that these are
 tested against; there each of many small steps costs more than the arithmetic. A rotation is a

@@ -1,4 +1,4 @@
-"""Motion: poses at their times, and how to read between, smooth and briefly predict them."""
+"""Motion: poses at times, with interpolation, smoothing and brief extrapolation."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Motion:
     joint_angles: Float[Array, "F K 3"]
     root_translation: Float[Array, "F 3"]
     confidence: Float[Array, "F K"]
-    """Trust in each joint, 0 (guessed) to 1 (seen)."""
+    """Confidence of each joint, 0 (guessed) to 1 (seen)."""
     expressions: Float[Array, "F E"] = field(default_factory=lambda: np.zeros((0, 0)))
     """Of each frame, see `Pose.expression`; left out, all are at rest."""
 
@@ -79,7 +79,7 @@ class Motion:
 
     @classmethod
     def from_poses(cls, poses: Sequence[Pose]) -> Motion:
-        """The motion through fully trusted `poses`."""
+        """The motion through `poses` of full confidence."""
         return cls(
             np.array([pose.time_s for pose in poses]),
             np.array([pose.joint_angles for pose in poses]).reshape(-1, JOINT_COUNT, 3),
@@ -114,7 +114,7 @@ class Motion:
         return self._blend(after - 1, time_s)
 
     def extrapolated(self, time_s: float, *, at_most_s: float = 0.15) -> Pose:
-        """The pose predicted for a `time_s` past the end, moving on at the last pace.
+        """The pose extrapolated to a `time_s` past the end at the last velocity.
 
         The pace is that of the last two poses; it stops after `at_most_s` seconds, since a longer
         prediction is worse than standing still.

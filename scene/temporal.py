@@ -1,4 +1,4 @@
-"""How bodies move in time: accelerations, and what real motion makes of them.
+"""Accelerations of a motion, and their typical sizes in recorded motion.
 
 Noise is independent from frame to frame, motion is not: an acceleration costs by how far it is
 beyond what recorded motion shows. Capture's fit of a whole clip and the renderer's refinement of
@@ -16,20 +16,20 @@ from scene.arrays import Array, Float
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 
 ROTATION_RAD_S2 = 6.0
-"""Usual acceleration of a joint's turn about each axis: over ten recorded motions at 15 frames/s
+"""Typical angular acceleration of a joint about each axis: over ten recorded motions at 15 frames/s
 the median lies between 1.4 (trunk) and 14 (right wrist), the joints' mean at 5.6."""
 ROOT_M_S2 = 1.0
-"""Usual acceleration of the root along each axis: medians of 0.6 sideways, 1.2 up and down."""
+"""Typical acceleration of the root along each axis: medians of 0.6 sideways, 1.2 up and down."""
 
 
 @dataclass(frozen=True, eq=False)
 class Accelerations:
-    """Second differences over a clip's own times; nil at its first and last frame."""
+    """Second differences over a clip's own times, zero at its first and last frame."""
 
     before: Float[Array, "F"]
     here: Float[Array, "F"]
     after: Float[Array, "F"]
-    """What the value of the frame before, of this and of the next counts in this one's, 1/s^2."""
+    """Coefficients of the previous, this and the next frame, 1/s^2."""
 
     @classmethod
     def of(cls, times_s: Float[Array, "F"]) -> Accelerations:
@@ -55,16 +55,16 @@ class Accelerations:
         return self._sum(weights, before, self.here**2, after)
 
     def of_rotations(self, joint_angles: Float[Array, "F K 3"]) -> Float[Array, "F K 3"]:
-        """Accelerations of the joints' turns, each in its own frame, rad/s^2.
+        """Angular accelerations of the joints, each in its own frame, rad/s^2.
 
         To first order they change by this operator of small own-frame turns.
         """
         rotations = axis_angle_to_matrix(joint_angles)
-        turned = np.zeros_like(joint_angles)
-        turned[1:] = matrix_to_axis_angle(np.swapaxes(rotations[:-1], -1, -2) @ rotations[1:])
+        steps = np.zeros_like(joint_angles)
+        steps[1:] = matrix_to_axis_angle(np.swapaxes(rotations[:-1], -1, -2) @ rotations[1:])
         return (
-            self.after[:, None, None] * np.roll(turned, -1, axis=0)
-            - self.before[:, None, None] * turned
+            self.after[:, None, None] * np.roll(steps, -1, axis=0)
+            - self.before[:, None, None] * steps
         )
 
     @staticmethod

@@ -75,6 +75,16 @@ RETIRED = {
     "clip_of": "motion_file_of",
     "framed_head": "frame_head",
     r"studio\.(cast|acting|moves|wardrobe)": "named_performers, expressions, motions, outfit",
+    # renderer
+    r"unseen import presence": "capture_weight",
+    "NOBODYS": "NO_LIGHT",
+    "FIRST_SPREADS": "INITIAL_DEVIATIONS",
+    "mean_of_alike": "same_side_mean",
+    "_as_filmed": "_as_captured",
+    "_Answers": "_Candidates",
+    r"passes\.due": "should_run",
+    "unseen_shots": "unseen_views",
+    "Only what was filmed": "Hide unseen parts",
     # readers, live capture
     "our_intrinsics": "to_half_pixel_centres",
     r"(?<!def )(?<!\.)their_intrinsics": "to_integer_pixel_centres",

@@ -46,7 +46,7 @@ HUMANNERF_EVERY = 30
 """HumanNeRF's protocol judges one moment in so many."""
 _TRAINING_VIEWS = 8
 _SMALLEST_CROP_PX = 32
-_MODEL_SAYS = (
+_MODEL_METRICS = (
     "steps", "train_seconds", "published_iterations", "schedule_scale", "rays_a_step",
     "samples_a_ray", "perceptual_loss", "scaled",
 )  # fmt: skip
@@ -67,7 +67,7 @@ class EvaluatedView:
 
 
 @dataclass(frozen=True, eq=False)
-class _Judge:
+class _Evaluation:
     """What every picture is measured with."""
 
     model: PerformerModel
@@ -102,10 +102,10 @@ def evaluate(
             then measured is the model without the offset of its canonical body.
         every: judge one moment in so many of each split (HumanNeRF's protocol: 30), training
             frames alike. With 1, all test views and a few training frames.
-        on_view: told every picture as it is judged.
+        on_view: called with every picture as it is evaluated.
     """
     aligner = Aligner(model, sequence) if aligned else None
-    judge = _Judge(
+    evaluation = _Evaluation(
         model,
         sequence.body.skeleton,
         _sides(sequence.train, sequence.body.skeleton),
@@ -117,12 +117,12 @@ def evaluate(
     for split in (NOVEL_VIEW, UNSEEN_POSE):
         source = sequence.test.get(split)
         per_view[split] = [] if source is None else [
-            _measure(judge, split, source, index, _test_pose(source, index, aligner))
-            for index in _chosen(source, every, rate)
+            _measure(evaluation, split, source, index, _test_pose(source, index, aligner))
+            for index in _frames_every(source, every, rate)
         ]  # fmt: skip
-    frames = _chosen(train, every, rate) if every > 1 else _some(len(train))
+    frames = _frames_every(train, every, rate) if every > 1 else _spread_frames(len(train))
     per_view[TRAINING_VIEW] = [
-        _measure(judge, TRAINING_VIEW, train, i, model.motion.pose_at(train.pose(i).time_s))
+        _measure(evaluation, TRAINING_VIEW, train, i, model.motion.pose_at(train.pose(i).time_s))
         for i in frames
     ]
     return {
@@ -131,17 +131,17 @@ def evaluate(
         "unseen_side": _summary(per_view, _mean, seen_side=False),
         "per_frame": {split: _per_frame(views) for split, views in per_view.items()},
         "per_view": per_view,
-        "conditions": _conditions(judge, sequence, aligned=aligned, every=every),
+        "conditions": _conditions(evaluation, sequence, aligned=aligned, every=every),
     }
 
 
 def _conditions(
-    judge: _Judge, sequence: Sequence, *, aligned: bool, every: int
+    evaluation: _Evaluation, sequence: Sequence, *, aligned: bool, every: int
 ) -> dict[str, Any]:  # fmt: skip
-    lpips, model = judge.lpips, judge.model
-    said = {name: model.metrics[name] for name in _MODEL_SAYS if name in model.metrics}
+    lpips, model = evaluation.lpips, evaluation.model
+    model_metrics = {name: model.metrics[name] for name in _MODEL_METRICS if name in model.metrics}
     return {
-        "model": {"preset": model.preset, **said},
+        "model": {"preset": model.preset, **model_metrics},
         "resolution": _resolutions(sequence),
         "background": "black",
         "colour": "sRGB in [0, 1]",
@@ -168,16 +168,16 @@ def _sides(source: FrameSource, skeleton: Skeleton) -> Float[Array, "F"]:
     return np.array([side_of_body(source.camera(i), source.pose(i), skeleton) for i in indices])
 
 
-def _some(frames: int) -> list[int]:
+def _spread_frames(frames: int) -> list[int]:
     picked = np.linspace(0, frames - 1, min(frames, _TRAINING_VIEWS)).round().astype(int)
     return np.unique(picked).tolist()
 
 
-def _chosen(source: FrameSource, every: int, frames_per_second: float) -> list[int]:
+def _frames_every(source: FrameSource, every: int, frames_per_second: float) -> list[int]:
     """The views of one moment in `every`, counted from the source's first."""
     times = np.array([source.pose(index).time_s for index in range(len(source))])
-    moments = np.round((times - times.min(initial=np.inf)) * frames_per_second).astype(int)
-    return np.flatnonzero(moments % every == 0).tolist()
+    numbers = np.round((times - times.min(initial=np.inf)) * frames_per_second).astype(int)
+    return np.flatnonzero(numbers % every == 0).tolist()
 
 
 def _test_pose(source: FrameSource, index: int, aligner: Aligner | None) -> Pose:
@@ -185,15 +185,15 @@ def _test_pose(source: FrameSource, index: int, aligner: Aligner | None) -> Pose
 
 
 def _measure(
-    judge: _Judge, split: str, source: FrameSource, index: int, pose: Pose
+    evaluation: _Evaluation, split: str, source: FrameSource, index: int, pose: Pose
 ) -> dict[str, Any]:
     """One picture's figures."""
     camera, mask = source.camera(index), source.mask(index)
     truth = over_black(source.image(index), mask)
-    made = np.clip(judge.model.render(camera, pose)[..., :3], 0.0, 1.0)
+    made = np.clip(evaluation.model.render(camera, pose)[..., :3], 0.0, 1.0)
     given = source.pose(index)
-    side = side_of_body(camera, given, judge.skeleton)
-    nearest = np.abs((judge.seen - side + np.pi) % (2.0 * np.pi) - np.pi).min()
+    side = side_of_body(camera, given, evaluation.skeleton)
+    nearest = np.abs((evaluation.seen - side + np.pi) % (2.0 * np.pi) - np.pi).min()
     figures: dict[str, Any] = {
         "index": index,
         "time_s": round(given.time_s, 4),
@@ -201,7 +201,7 @@ def _measure(
         "seen_side": bool(nearest <= np.radians(SEEN_WITHIN_DEG)),
     }
     crop = body_crop(mask)
-    judge.on_view(EvaluatedView(split, index, truth, made, crop))
+    evaluation.on_view(EvaluatedView(split, index, truth, made, crop))
     for region, window in zip(REGIONS, (crop, (slice(None), slice(None))), strict=True):
         if window is None:
             continue
@@ -210,7 +210,7 @@ def _measure(
             # capped where pictures are equal, so that a mean exists and JSON can hold it
             "psnr": min(psnr(one, other), 100.0),
             "ssim": ssim(one, other) if min(one.shape[:2]) >= _SMALLEST_CROP_PX else None,
-            "lpips": _distance(judge.lpips, one, other),
+            "lpips": _distance(evaluation.lpips, one, other),
         }
     return figures
 
@@ -253,14 +253,14 @@ def _summary(
 def _per_frame(views: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Means of each moment's views, whichever side they saw."""
     times = sorted({view["time_s"] for view in views})
-    alike = {time_s: [v for v in views if v["time_s"] == time_s] for time_s in times}
+    by_time = {time_s: [v for v in views if v["time_s"] == time_s] for time_s in times}
     return [
-        {"time_s": time_s, "views": len(mine)}
+        {"time_s": time_s, "views": len(frame_views)}
         | {
-            region: {m: _mean(v[region][m] for v in mine if region in v) for m in MEASURES}
+            region: {m: _mean(v[region][m] for v in frame_views if region in v) for m in MEASURES}
             for region in REGIONS
         }
-        for time_s, mine in alike.items()
+        for time_s, frame_views in by_time.items()
     ]
 
 

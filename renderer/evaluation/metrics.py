@@ -52,7 +52,7 @@ def ssim(made: Float[Array, "H W 3"], truth: Float[Array, "H W 3"]) -> float:
 
 
 def over_black(image: Float[Array, "H W 3"], mask: Float[Array, "H W"]) -> Float[Array, "H W 3"]:
-    """The person over black: the picture itself where it was filmed so, else cut by the mask."""
+    """The person over black: the picture itself where it is so already, else cut by the mask."""
     outside = image[mask == 0.0]
     if outside.size and float(outside.mean()) < _BLACK:
         return image

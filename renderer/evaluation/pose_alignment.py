@@ -76,7 +76,7 @@ class Aligner:
     def _descend(
         self, truth: Float[Array, "H W 4"], camera: Camera, pose: Pose, given: Pose
     ) -> Pose:
-        left = np.zeros(POSE_PARAMETERS)  # the way from `given` so far, added up
+        total_step = np.zeros(POSE_PARAMETERS)  # the way from `given` so far, added up
         for _ in range(_STEPS):
             equations = normal_equations(
                 self._model.render(camera, pose), truth, self._front(camera, pose), self._points,
@@ -84,9 +84,9 @@ class Aligner:
             )  # fmt: skip
             step = np.linalg.solve(
                 equations.matrix + _PRIOR * np.eye(POSE_PARAMETERS),
-                equations.vector - _PRIOR * left,
+                equations.vector - _PRIOR * total_step,
             )
-            pose, left = apply_pose_step(pose, step), left + step
+            pose, total_step = apply_pose_step(pose, step), total_step + step
         return pose
 
     def _cost(self, truth: Float[Array, "H W 4"], camera: Camera, pose: Pose) -> float:
@@ -107,6 +107,6 @@ def _reduced(
 ) -> tuple[Float[Array, "h w 4"], Camera]:
     """Box-filtered to 1/`share` of the size; what is left over at the right and below is cut."""
     height, width = truth.shape[0] // share, truth.shape[1] // share
-    cut = truth[: height * share, : width * share]
-    small = cut.reshape(height, share, width, share, 4).mean(axis=(1, 3), dtype=np.float32)
+    cropped = truth[: height * share, : width * share]
+    small = cropped.reshape(height, share, width, share, 4).mean(axis=(1, 3), dtype=np.float32)
     return small, camera.cropped(0, 0, width * share, height * share).resized(width, height)

@@ -1,12 +1,12 @@
-"""All poses of a clip, and the body they share, moved at once by one Gauss-Newton step.
+"""One Gauss-Newton step of all poses of a clip and of the body they share.
 
-Pixels say where each frame's body should go (`photometry`). What they leave open is held by the
-estimate, by how bodies move (`scene.temporal`), and by the surface that the splats are drawn back
-to: without it, the same rotation of a joint in every frame would be a body of another rest shape.
+The data term is photometric (`photometry`). Priors are the estimate, smooth motion
+(`scene.temporal`), and the surface that the splats are pulled to: without it, the same rotation of
+a joint in every frame would be equivalent to another rest shape.
 
-How far the estimate is to be trusted is not known: it may be exact, or off by many degrees. It is
-read off the clip (evidence framework, MacKay 1992, eq. 4.9): the spread of the corrections is that
-which the pixels, where they do say something, ask for. All terms are in nats: squares over
+The error of the estimate is not known: it may be exact, or off by many degrees. It is inferred from
+the clip (evidence framework, MacKay 1992, eq. 4.9): the deviation of the corrections is that of the
+parameters that the pixels determine. All terms are in nats: squares over
 variances. Letters: F frames, S = `SHARED_PARAMETERS`, D = 75 + S; d steps of the poses, s of what
 they share.
 """
@@ -22,26 +22,28 @@ from renderer.pose_refinement.photometry import POSE_PARAMETERS, SHARED_PARAMETE
 from scene.arrays import Array, Float
 from scene.temporal import ROOT_M_S2, ROTATION_RAD_S2, Accelerations
 
-FIRST_SPREADS = (0.1, 0.1)
-"""Deviations that are assumed before the first pass: of the corrections of turns (rad), and of
-those of the root (m)."""
-_SPREADS = (1e-3, 0.3)
-"""The least and the most that may be read off a clip."""
-_SHARED = np.append(np.full(SHARED_PARAMETERS - 1, 0.03), 0.005)
-"""Deviations of the logarithms of bone lengths and focal length, in each frame: splats err alike in
-all of them, so that many frames know no more of a bone's length than one."""
-_ALIKE_PX = 4.0
-"""Neighbouring pixels that are wrong alike: so many count as one."""
+INITIAL_DEVIATIONS = (0.1, 0.1)
+"""Deviations assumed before the first pass: of the corrections of rotations (rad) and of the root
+(m)."""
+_DEVIATION_RANGE = (1e-3, 0.3)
+"""Range of the inferred deviations."""
+_SHARED_DEVIATIONS = np.append(np.full(SHARED_PARAMETERS - 1, 0.03), 0.005)
+"""Deviations of the logarithms of bone lengths and focal length, in each frame: the splats'
+errors are common to all, so that many frames determine a bone's length no better than one."""
+_CORRELATED_PX = 4.0
+"""Neighbouring pixels with correlated errors, which count as one."""
 _ITERATIONS, _PRECISION = 60, 1e-2
-_LARGEST = 0.25
-"""rad and m: where a step's linear picture of the body ends."""
+_MAX_STEP = 0.25
+"""rad and m: limit of the linearisation."""
 _PARTS = (slice(0, POSE_PARAMETERS - 3), slice(POSE_PARAMETERS - 3, POSE_PARAMETERS))
-_USUAL = np.concatenate([np.full(POSE_PARAMETERS - 3, ROTATION_RAD_S2), np.full(3, ROOT_M_S2)])
+_ACCELERATION_DEVIATIONS = np.concatenate(
+    [np.full(POSE_PARAMETERS - 3, ROTATION_RAD_S2), np.full(3, ROOT_M_S2)]
+)
 
 
 @dataclass(frozen=True, eq=False)
 class ClipNormalEquations:
-    """What the pixels of all frames ask for."""
+    """Photometric normal equations of all frames."""
 
     matrices: Float[Array, "F D D"]
     vectors: Float[Array, "F D"]
@@ -51,38 +53,38 @@ class ClipNormalEquations:
 
 @dataclass(frozen=True, eq=False)
 class ClipState:
-    """How far the clip has come from its estimate."""
+    """Corrections so far, and priors of the next step."""
 
     correction: Float[Array, "F 75"]
-    """Turns in own frames (rad) and shifts of the root (m)."""
+    """Rotations in own frames (rad) and shifts of the root (m)."""
     shared: Float[Array, "S"]
     accelerations: Float[Array, "F 75"]
-    """Of the poses as they stand."""
-    held: tuple[Float[Array, "F 75 75"], Float[Array, "F 75"]]
-    """Matrices and vectors of what else holds the poses: feet that stand."""
-    spreads: Float[Array, "2"]
-    """As in `FIRST_SPREADS`."""
+    """Of the current poses."""
+    contacts: tuple[Float[Array, "F 75 75"], Float[Array, "F 75"]]
+    """Matrices and vectors of the foot contacts."""
+    deviations: Float[Array, "2"]
+    """As in `INITIAL_DEVIATIONS`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What one pass moves."""
+    """Step of one pass."""
 
     poses: Float[Array, "F 75"]
     shared: Float[Array, "S"]
-    spreads: Float[Array, "2"]
-    """Deviations that these corrections speak for."""
+    deviations: Float[Array, "2"]
+    """Inferred deviations of the corrections."""
 
 
 def solve(equations: ClipNormalEquations, state: ClipState, operator: Accelerations) -> Step:
-    """The step to where pixels and priors agree, by conjugate gradients."""
+    """The step that minimises data term and priors, by conjugate gradients."""
     system = _System(equations, state, operator)
     d, s = _conjugate_gradients(system)
-    d, s = np.clip(d, -_LARGEST, _LARGEST), np.clip(s, -_LARGEST, _LARGEST)
+    d, s = np.clip(d, -_MAX_STEP, _MAX_STEP), np.clip(s, -_MAX_STEP, _MAX_STEP)
     determined = system.determined()
-    corrected = ((state.correction + d) ** 2).sum(axis=0)
-    spread = [np.sqrt(corrected[part].sum() / max(determined[part].sum(), 1.0)) for part in _PARTS]
-    return Step(d, s, np.clip(spread, *_SPREADS))
+    squared = ((state.correction + d) ** 2).sum(axis=0)
+    spread = [np.sqrt(squared[part].sum() / max(determined[part].sum(), 1.0)) for part in _PARTS]
+    return Step(d, s, np.clip(spread, *_DEVIATION_RANGE))
 
 
 class _System:
@@ -91,54 +93,65 @@ class _System:
     def __init__(
         self, equations: ClipNormalEquations, state: ClipState, operator: Accelerations
     ) -> None:
-        frames, trust = len(state.correction), 1.0 / (_ALIKE_PX * equations.difference + 1e-9)
-        matrices, vectors = equations.matrices, equations.vectors
-        held, pulled = state.held
-        self._seen = trust * matrices[:, :POSE_PARAMETERS, :POSE_PARAMETERS]
-        self._own, self._cross = (
-            self._seen + held,
-            trust * matrices[:, :POSE_PARAMETERS, POSE_PARAMETERS:],
+        frames, precision = (
+            len(state.correction),
+            1.0 / (_CORRELATED_PX * equations.difference + 1e-9),
         )
-        shared = frames * _SHARED**-2.0
-        self._across = trust * matrices[:, POSE_PARAMETERS:, POSE_PARAMETERS:].sum(
+        matrices, vectors = equations.matrices, equations.vectors
+        contact_matrices, contact_vectors = state.contacts
+        self._data = precision * matrices[:, :POSE_PARAMETERS, :POSE_PARAMETERS]
+        self._frame_matrices, self._cross = (
+            self._data + contact_matrices,
+            precision * matrices[:, :POSE_PARAMETERS, POSE_PARAMETERS:],
+        )
+        shared = frames * _SHARED_DEVIATIONS**-2.0
+        self._shared_matrix = precision * matrices[:, POSE_PARAMETERS:, POSE_PARAMETERS:].sum(
             axis=0
         ) + np.diag(shared)
         self._operator = operator
-        self._estimate = np.repeat(state.spreads**-2.0, (POSE_PARAMETERS - 3, 3))
-        squared = (state.accelerations / _USUAL).reshape(frames, -1, 3) ** 2
+        self._estimate = np.repeat(state.deviations**-2.0, (POSE_PARAMETERS - 3, 3))
+        squared = (state.accelerations / _ACCELERATION_DEVIATIONS).reshape(frames, -1, 3) ** 2
         robust = 1.0 / np.sqrt(1.0 + squared.mean(axis=2))
-        self._steady = np.repeat(robust, 3, axis=1) / _USUAL**2
+        self._smoothness = np.repeat(robust, 3, axis=1) / _ACCELERATION_DEVIATIONS**2
         self.right = (
-            trust * vectors[:, :POSE_PARAMETERS]
-            + pulled
+            precision * vectors[:, :POSE_PARAMETERS]
+            + contact_vectors
             - self._estimate * state.correction
-            - operator.transposed(self._steady * state.accelerations)
+            - operator.transposed(self._smoothness * state.accelerations)
         )
-        self.right_shared = trust * vectors[:, POSE_PARAMETERS:].sum(axis=0) - shared * state.shared
-        diagonal = self._estimate + operator.diagonal(self._steady)
-        self._inverse = np.linalg.inv(self._own + diagonal[:, :, None] * np.eye(POSE_PARAMETERS))
-        self._inverse_shared = np.linalg.inv(self._across)
+        self.right_shared = (
+            precision * vectors[:, POSE_PARAMETERS:].sum(axis=0) - shared * state.shared
+        )
+        diagonal = self._estimate + operator.diagonal(self._smoothness)
+        self._inverse = np.linalg.inv(
+            self._frame_matrices + diagonal[:, :, None] * np.eye(POSE_PARAMETERS)
+        )
+        self._inverse_shared = np.linalg.inv(self._shared_matrix)
 
     def apply(self, d: Array, s: Array) -> tuple[Array, Array]:
         """The system's matrix times steps."""
-        moved = (self._own @ d[..., None])[..., 0] + self._cross @ s + self._estimate * d
-        moved += self._operator.transposed(self._steady * self._operator(d))
-        return moved, np.einsum("fij,fi->j", self._cross, d) + self._across @ s
+        product = (
+            (self._frame_matrices @ d[..., None])[..., 0] + self._cross @ s + self._estimate * d
+        )
+        product += self._operator.transposed(self._smoothness * self._operator(d))
+        return product, np.einsum("fij,fi->j", self._cross, d) + self._shared_matrix @ s
 
     def preconditioner_roots(self) -> tuple[Float[Array, "F 75 75"], Float[Array, "S S"]]:
-        """W with W W^T nearly the inverse of the matrix: each frame by itself, what they share."""
+        """W with W W^T about the inverse of the matrix: block diagonal by frame, and the shared
+        block."""
         return np.linalg.cholesky(self._inverse), np.linalg.cholesky(self._inverse_shared)
 
     def determined(self) -> Float[Array, "75"]:
-        """How much of each number, added up over the frames, pixels decide rather than priors."""
-        return np.einsum("fij,fji->i", self._inverse, self._seen)
+        """Share of each parameter that pixels rather than priors determine, summed over the
+        frames."""
+        return np.einsum("fij,fji->i", self._inverse, self._data)
 
 
 def _conjugate_gradients(system: _System) -> tuple[Array, Array]:
     """Steps that solve the system, by preconditioned conjugate gradients.
 
     The preconditioner W W^T is split, so that W^T A W y = W^T b is solved for x = W y and the norm
-    in which residuals are judged is the preconditioned one.
+    of the stopping rule is the preconditioned one.
     """
     from scipy.sparse import linalg
 
@@ -150,8 +163,8 @@ def _conjugate_gradients(system: _System) -> tuple[Array, Array]:
         return (root @ d[..., None])[..., 0], root_shared @ s
 
     def packed(r: Array, rs: Array) -> Array:
-        whole = np.swapaxes(root, 1, 2) @ r[..., None]
-        return np.concatenate([whole.ravel(), root_shared.T @ rs])
+        preconditioned = np.swapaxes(root, 1, 2) @ r[..., None]
+        return np.concatenate([preconditioned.ravel(), root_shared.T @ rs])
 
     right = packed(system.right, system.right_shared)
     operator: Any = linalg.LinearOperator  # scipy's annotations know subclasses of it alone

@@ -1,7 +1,7 @@
-"""Estimated poses get better while the splats are trained: whole passes over the clip.
+"""Refines estimated poses while the splats are trained, in passes over the whole clip.
 
-A pass lets the pixels of all frames say where the body should go, from a coarse picture to a finer
-one, and moves all poses and the bone lengths at once (`bundle_adjustment`).
+A pass collects the photometric normal equations of all frames, from coarse pictures to fine ones,
+and updates all poses and the bone lengths at once (`bundle_adjustment`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from renderer.performer_model import PerformerModel
 from renderer.pose_refinement.bundle_adjustment import (
-    FIRST_SPREADS,
+    INITIAL_DEVIATIONS,
     ClipNormalEquations,
     ClipState,
     solve,
@@ -33,21 +33,21 @@ from scene.temporal import Accelerations
 class PoseRefinement:
     """Poses of all training frames: fixed where they are exact, else refined.
 
-    What `start`, an earlier model, has refined of the same clip is gone on from.
+    Continues from the poses of `start`, an earlier model of the same clip.
     """
 
     def __init__(self, sequence: Sequence, start: PerformerModel | None = None) -> None:
         self.active = not sequence.exact_poses
         self._first_skeleton = self.skeleton = sequence.body.skeleton
-        self._estimate = now = sequence.motion
+        self._estimate = current = sequence.motion
         self._operator = Accelerations.of(self._estimate.times_s)
-        self._standing = FootContacts.of(self.skeleton, self._estimate)
+        self._foot_contacts = FootContacts.of(self.skeleton, self._estimate)
         self._shared = np.zeros(SHARED_PARAMETERS)
         if start is not None and start.data_hash == sequence.data_hash:
-            now, self.skeleton = start.motion, start.skeleton
+            current, self.skeleton = start.motion, start.skeleton
             self._shared = log_bone_ratios(self._first_skeleton, self.skeleton)
-        self._angles, self._root = now.joint_angles.copy(), now.root_translation.copy()
-        self._spreads = np.array(FIRST_SPREADS)
+        self._angles, self._root = current.joint_angles.copy(), current.root_translation.copy()
+        self._deviations = np.array(INITIAL_DEVIATIONS)
         self._transforms = self._all_transforms()
 
     def transforms(self, frame: int) -> Float[Array, "K 4 4"]:
@@ -55,32 +55,32 @@ class PoseRefinement:
         return self._transforms[frame]
 
     def pose(self, frame: int) -> Pose:
-        """The pose of `frame` as it stands."""
+        """The current pose of `frame`."""
         return Pose(self._angles[frame], self._root[frame])
 
-    def move(self, equations: ClipNormalEquations) -> None:
-        """Move all poses and bone lengths by one Gauss-Newton step."""
+    def apply_step(self, equations: ClipNormalEquations) -> None:
+        """Update all poses and bone lengths by one Gauss-Newton step."""
         frames = len(self._angles)
-        before = axis_angle_to_matrix(self._estimate.joint_angles)
-        now = axis_angle_to_matrix(self._angles)
-        turned = matrix_to_axis_angle(np.swapaxes(before, -1, -2) @ now)
+        estimate = axis_angle_to_matrix(self._estimate.joint_angles)
+        current = axis_angle_to_matrix(self._angles)
+        rotation_correction = matrix_to_axis_angle(np.swapaxes(estimate, -1, -2) @ current)
         shift = self._root - self._estimate.root_translation
-        correction = np.concatenate([turned.reshape(frames, -1), shift], axis=1)
-        turn_rates = self._operator.of_rotations(self._angles).reshape(frames, -1)
-        accelerations = np.concatenate([turn_rates, self._operator(self._root)], axis=1)
-        held = self._standing.equations(self.skeleton, self._angles, self._root)
-        state = ClipState(correction, self._shared, accelerations, held, self._spreads)
+        correction = np.concatenate([rotation_correction.reshape(frames, -1), shift], axis=1)
+        angular_accelerations = self._operator.of_rotations(self._angles).reshape(frames, -1)
+        accelerations = np.concatenate([angular_accelerations, self._operator(self._root)], axis=1)
+        contacts = self._foot_contacts.equations(self.skeleton, self._angles, self._root)
+        state = ClipState(correction, self._shared, accelerations, contacts, self._deviations)
         step = solve(equations, state, self._operator)
-        turns = axis_angle_to_matrix(step.poses[:, :-3].reshape(frames, -1, 3))
-        self._angles = matrix_to_axis_angle(now @ turns)
+        rotations = axis_angle_to_matrix(step.poses[:, :-3].reshape(frames, -1, 3))
+        self._angles = matrix_to_axis_angle(current @ rotations)
         self._root = self._root + step.poses[:, -3:]
         self._shared = self._shared + step.shared
-        self._spreads = step.spreads
+        self._deviations = step.deviations
         self.skeleton = with_bone_lengths(self._first_skeleton, self._shared)
         self._transforms = self._all_transforms()
 
     def motion(self) -> Motion:
-        """All poses as they are now."""
+        """All current poses."""
         if not self.active:
             return self._estimate
         return replace(self._estimate, joint_angles=self._angles, root_translation=self._root)
@@ -89,12 +89,12 @@ class PoseRefinement:
         """Copies of what `restore` needs."""
         return {"pose_angles": self._angles.copy(), "pose_root": self._root.copy(),
                 "pose_shared": self._shared.copy(),
-                "pose_spreads": self._spreads.copy()}  # fmt: skip
+                "pose_spreads": self._deviations.copy()}  # fmt: skip
 
     def restore(self, state: dict[str, Array]) -> None:
         """Go back to `state`."""
         self._angles, self._root = state["pose_angles"].copy(), state["pose_root"].copy()
-        self._shared, self._spreads = state["pose_shared"].copy(), state["pose_spreads"].copy()
+        self._shared, self._deviations = state["pose_shared"].copy(), state["pose_spreads"].copy()
         self.skeleton = with_bone_lengths(self._first_skeleton, self._shared)
         self._transforms = self._all_transforms()
 

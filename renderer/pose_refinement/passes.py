@@ -1,7 +1,7 @@
-"""When poses are refined while splats are trained, and what the pixels of the clip then ask for.
+"""Schedule of pose refinement during the training of splats, and the equations of each pass.
 
-Pictures are drawn whole, as training draws them, and made smaller as the frames are: drawn small,
-splats that are thinner than a pixel would cover too much of it and push every body away from the
+Pictures are rendered at full size, as in training, and downscaled with the frames: rendered at a
+small size, splats thinner than a pixel would cover too much of it and push every body away from the
 camera. So did blurring them at the start of a training.
 """
 
@@ -25,44 +25,44 @@ from scene.arrays import Array, Float
 from scene.camera import Camera
 
 _HEIGHTS_PX = (48.0, 96.0, 192.0)
-"""Of the person in the pictures that are compared, from the first passes to the last."""
+"""Height of the person in the compared pictures, from the first passes to the last."""
 _FIRST, _LAST = 0.15, 0.8
-"""Shares of the training between which passes lie: before, splats do not know the person's colours;
-after, they take what sharpness the poses allow."""
-_MOST = 10
-"""RefinementPasses of a training, however long."""
-_FIRST_ROUNDS, _ROUNDS = 6, 1
-"""How often training must have seen every frame before the first pass, and between two: splats
-that are still on their way would take poses with them. Short trainings so have fewer passes."""
+"""Shares of the training between which passes run: after the splats have the person's colours, and
+early enough for them to become as sharp as the poses allow."""
+_MAX_PASSES = 10
+"""Passes of a training at most."""
+_INITIAL_EPOCHS, _EPOCHS = 6, 1
+"""Epochs before the first pass, and between two: splats that have not converged would shift the
+poses. Short trainings therefore have fewer passes."""
 
 
 class RefinementPasses:
-    """The passes of one training; where the person's looks are `known` they begin at once."""
+    """The passes of one training; with `colours_known`, of an earlier model, they begin at once."""
 
-    def __init__(self, views: list[View], *, known: bool = False) -> None:
-        self._views, self._known = views, known
+    def __init__(self, views: list[View], *, colours_known: bool = False) -> None:
+        self._views, self._colours_known = views, colours_known
         self._steps = self._done = 0
-        tall = [np.flatnonzero((view.rgba[..., 3] > 127).any(axis=1)).size for view in views]
-        shares = [max(1, round(float(np.median(tall)) / height)) for height in _HEIGHTS_PX]
-        self._levels = [[_smaller(view, share) for view in views] for share in shares]
+        heights = [np.flatnonzero((view.rgba[..., 3] > 127).any(axis=1)).size for view in views]
+        shares = [max(1, round(float(np.median(heights)) / height)) for height in _HEIGHTS_PX]
+        self._levels = [[_downscaled(view, share) for view in views] for share in shares]
         self._work = Workspace(0)
 
-    def due(self, fraction: float) -> bool:
-        """Whether a pass is to be made now; asked once a step."""
+    def should_run(self, fraction: float) -> bool:
+        """Whether a pass runs now; called once a step."""
         self._steps += 1
-        rounds = _ROUNDS if self._done or self._known else _FIRST_ROUNDS
-        first = 0.0 if self._known else _FIRST
-        planned = first + (_LAST - first) * self._done / _MOST
-        due = planned <= fraction < _LAST and self._steps >= rounds * len(self._views)
-        if due:
+        epochs = _EPOCHS if self._done or self._colours_known else _INITIAL_EPOCHS
+        first = 0.0 if self._colours_known else _FIRST
+        planned = first + (_LAST - first) * self._done / _MAX_PASSES
+        run = planned <= fraction < _LAST and self._steps >= epochs * len(self._views)
+        if run:
             self._steps, self._done = 0, self._done + 1
-        return due
+        return run
 
     def equations(
         self, points: SkinnedPoints, parameters: Float[Array, "N P"], poses: PoseRefinement,
         fraction: float, expressions: ClipBlendShapes,
     ) -> ClipNormalEquations:  # fmt: skip
-        """What all frames ask for, with the splats as they are and each frame shows them."""
+        """Normal equations of all frames, with each frame's expression applied to the splats."""
         if len(self._work.projected) != len(parameters):
             self._work = Workspace(len(parameters))
         level = min(int(len(self._levels) * fraction / _LAST), len(self._levels) - 1)
@@ -71,16 +71,16 @@ class RefinementPasses:
         cost, pixels = 0.0, 0.0
         for frame, (truth, camera) in enumerate(self._levels[level]):
             shown = expressions.moved(parameters, frame)
-            made = _boxed(self._drawn(frame, shown, points, poses), truth.shape[:2])
+            made = _box_filtered(self._render(frame, shown, points, poses), truth.shape[:2])
             front = self._work.front(
                 shown, points.joints, points.weights, poses.transforms(frame), camera,
                 VISIBILITY_DILATION_PX2,
             )  # fmt: skip
-            asked = normal_equations(
+            frame_equations = normal_equations(
                 made, truth, front, points, poses.skeleton, camera, poses.pose(frame), shared=True
             )
-            matrices[frame], vectors[frame] = asked.matrix, asked.vector
-            cost, pixels = cost + asked.cost, pixels + float(truth[..., 3].sum())
+            matrices[frame], vectors[frame] = frame_equations.matrix, frame_equations.vector
+            cost, pixels = cost + frame_equations.cost, pixels + float(truth[..., 3].sum())
         return ClipNormalEquations(matrices, vectors, cost / max(pixels, 1.0))
 
     def state(self) -> dict[str, Array]:
@@ -91,7 +91,7 @@ class RefinementPasses:
         """Go back to `state`."""
         self._steps, self._done = (int(count) for count in state["passes"])
 
-    def _drawn(
+    def _render(
         self, frame: int, parameters: Array, points: SkinnedPoints, poses: PoseRefinement
     ) -> Float[Array, "H W 4"]:
         """The whole picture of `frame`, premultiplied."""
@@ -110,15 +110,16 @@ class RefinementPasses:
         return picture
 
 
-def _smaller(view: View, share: int) -> tuple[Float[Array, "h w 4"], Camera]:
-    """A frame and its camera at 1/`share` of the size; the rest at the right and below is cut."""
+def _downscaled(view: View, share: int) -> tuple[Float[Array, "h w 4"], Camera]:
+    """A frame and its camera at 1/`share` of the size; the remainder at the right and below is
+    cropped."""
     height, width = (side // share for side in view.rgba.shape[:2])
-    picture = _boxed(view.rgba.astype(np.float32) / np.float32(255.0), (height, width))
+    picture = _box_filtered(view.rgba.astype(np.float32) / np.float32(255.0), (height, width))
     return picture, view.window.cropped(0, 0, width * share, height * share).resized(width, height)
 
 
-def _boxed(picture: Float[Array, "H W 4"], size: tuple[int, ...]) -> Float[Array, "h w 4"]:
-    """Box-filtered to `size`, which it is a whole number of times as large as, but for a rest."""
+def _box_filtered(picture: Float[Array, "H W 4"], size: tuple[int, ...]) -> Float[Array, "h w 4"]:
+    """Box-filtered to `size`, an integer fraction of its own but for a cropped remainder."""
     height, width = size
     share = picture.shape[0] // height
     cut = picture[: height * share, : width * share]

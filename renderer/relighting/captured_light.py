@@ -1,4 +1,4 @@
-"""The light that a clip was filmed in, while splats are learnt from it.
+"""The estimated light of a clip, while splats are trained on it.
 
 Whoever turns is brighter now and darker then: a colour that knows nothing of light learns what it
 was last seen in. Here a splat's colour columns hold the root of its albedo instead, against which
@@ -30,23 +30,23 @@ class CapturedLight:
     normals: Float[Array, "N 3"]
     """At rest, outwards, unit length."""
     mean: Float[Array, "N 3"]
-    """Light that fell on each splat, over all frames as far as they saw it."""
+    """Mean irradiance of each splat over the frames that saw it."""
 
     def without_light(self, parameters: Float[Array, "N P"]) -> Float[Array, "N P"]:
-        """`parameters` with the roots of albedos for colours."""
+        """`parameters` with the roots of albedos as colours."""
         changed = parameters.copy()
         light = to_linear(np.clip(parameters[:, _COLOURS], 0.0, 1.0))
         changed[:, _COLOURS] = np.sqrt(light / self.mean)
         return changed
 
     def with_mean_light(self, parameters: Float[Array, "N P"]) -> Float[Array, "N P"]:
-        """Back again: colours as they were filmed on the mean."""
+        """The inverse: colours as captured on the mean."""
         changed = parameters.copy()
         light = parameters[:, _COLOURS] ** 2 * self.mean
         changed[:, _COLOURS] = to_srgb(np.clip(light, 0.0, 1.0))
         return changed
 
-    def lit(
+    def shade(
         self,
         parameters: Float[Array, "N P"],
         joints: Array,

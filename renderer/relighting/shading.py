@@ -1,9 +1,9 @@
-"""Light on people: the room's in place of what they were filmed in, or that again as they turn.
+"""Relighting of splats: by the room's light, or by the clip's own as the body moves.
 
 Every splat has an albedo and a normal, which `light_estimation` finds when a model is trained.
-Without, the shortest axis of a flat splat stands in for the normal: training begins with it along
-the surface's and lets it sway; the mean over neighbours is steadier. In each picture normals turn
-with the body, and the room's light falls on them.
+Without, the shortest axis of a flat splat approximates the normal: training initialises it along
+the surface's and perturbs it, so the mean over neighbours is taken. In each picture normals rotate
+with the body.
 """
 
 from __future__ import annotations
@@ -14,33 +14,36 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from renderer.splats.layout import COLOUR, NOBODYS, POSITION, ROTATION
+from renderer.splats.layout import COLOUR, NO_LIGHT, POSITION, ROTATION
 from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Float, Int
 from scene.colour import to_linear, to_srgb
 from scene.lighting import Lighting
 
 _NEIGHBOURS = 16
-"""Splats whose normals make up one; at 10,000 a person they lie within 3 cm."""
-_ALIKE = 0.3
+"""Splats whose normals are averaged; at 10,000 a person they lie within 3 cm."""
+_SAME_SIDE = 0.3
 """Cosine from which a neighbour lies on the same side: a finger's back is not its front."""
 _TABLE_STEPS = 1024
 
 
 class Relighting:
-    """Colours of one cast of models in any light; keep it as long as the cast stays."""
+    """Colours of a set of models in any light; keep it as long as the set stays."""
 
     def __init__(self, models: Many[SkinnedSplats]) -> None:
         self._albedo = np.concatenate([albedo_of(m) for m in models]).astype(np.float32)
         self._normals = np.concatenate([normals_of(m) for m in models]).astype(np.float32)
         lights = [None if m.light is None else m.light.astype(np.float32) for m in models]
-        self._filmed = [which for which, light in enumerate(lights) if light is not None]
+        self._lit_models = [model for model, light in enumerate(lights) if light is not None]
         self._lights = np.array([light for light in lights if light is not None], np.float32)
-        number = {which: place for place, which in enumerate(self._filmed)}
-        self._whose = np.concatenate(
-            [np.full(len(m.parameters), number.get(n, NOBODYS)) for n, m in enumerate(models)]
+        index_of_model = {model: place for place, model in enumerate(self._lit_models)}
+        self._light_index = np.concatenate(
+            [
+                np.full(len(m.parameters), index_of_model.get(n, NO_LIGHT))
+                for n, m in enumerate(models)
+            ]
         ).astype(np.uint8)
-        self._rooms = np.zeros(len(self._whose), np.uint8)
+        self._first_light = np.zeros(len(self._light_index), np.uint8)
 
     def shade(
         self,
@@ -57,7 +60,7 @@ class Relighting:
 
         shade(
             self._albedo, self._normals, joints, weights, transforms, eye.astype(np.float32),
-            self._rooms, lighting.harmonics[None].astype(np.float32), IDENTITY_ROTATION,
+            self._first_light, lighting.harmonics[None].astype(np.float32), IDENTITY_ROTATION,
             lighting.key_direction.astype(np.float32),
             lighting.key_colour.astype(np.float32), srgb_table(), parameters,
         )  # fmt: skip
@@ -71,14 +74,17 @@ class Relighting:
         eye: Float[Array, "3"],
         placements: Many[Float[Array, "4 4"]],
     ) -> None:
-        """As `shade`, everybody in the light of their own clip, which `placements` (rigid, a
-        model's) brought into the room with them; colours of models without one stay."""
+        """As `shade`, each model in the light of its own clip, rotated into the room by its rigid
+        `placements`; colours of models without a light stay."""
         from renderer.relighting.shading_kernels import shade
 
-        homes = np.array([placements[which][:3, :3].T for which in self._filmed], np.float32)
+        world_to_clip = np.array(
+            [placements[model][:3, :3].T for model in self._lit_models], np.float32
+        )
         shade(
             self._albedo, self._normals, joints, weights, transforms, eye.astype(np.float32),
-            self._whose, self._lights, homes, NO_KEY_LIGHT, NO_KEY_LIGHT, srgb_table(), parameters,
+            self._light_index, self._lights, world_to_clip, NO_KEY_LIGHT, NO_KEY_LIGHT,
+            srgb_table(), parameters,
         )  # fmt: skip
 
 
@@ -94,7 +100,7 @@ def srgb_table() -> Float[Array, "S"]:
 
 
 def albedo_of(model: SkinnedSplats) -> Float[Array, "N 3"]:
-    """Linear albedo; of a model that knows none, its colours as if filmed in white, even light."""
+    """Linear albedo; of a model without, its colours as if captured in uniform white light."""
     if model.albedo is not None:
         return model.albedo
     return to_linear(np.clip(model.parameters[:, COLOUR : COLOUR + 3], 0.0, 1.0))
@@ -103,7 +109,7 @@ def albedo_of(model: SkinnedSplats) -> Float[Array, "N 3"]:
 def normals_of(model: SkinnedSplats) -> Float[Array, "N 3"]:
     """Outward unit normals at rest: the surface's, or those that its splats have by themselves.
 
-    These are worked out once and kept as long as `model` lives.
+    These are computed once and cached as long as `model` lives.
     """
     if model.normals is not None:
         return model.normals
@@ -119,19 +125,19 @@ _NORMALS: WeakKeyDictionary[SkinnedSplats, Float[Array, "N 3"]] = WeakKeyDiction
 
 def smooth_normals(parameters: Float[Array, "N P"], near: Int[Array, "N M"]) -> Float[Array, "N 3"]:
     """Mean of the splats' third axes over the rows `near` that lie on the same side."""
-    turns = parameters[:, ROTATION : ROTATION + 4]
-    w, x, y, z = (turns / np.linalg.norm(turns, axis=1, keepdims=True)).T
+    quaternions = parameters[:, ROTATION : ROTATION + 4]
+    w, x, y, z = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
     axis = np.stack([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)], 1)
-    return mean_of_alike(axis, axis[near])
+    return same_side_mean(axis, axis[near])
 
 
-def mean_of_alike(
+def same_side_mean(
     normals: Float[Array, "N 3"], around: Float[Array, "N M 3"]
 ) -> Float[Array, "N 3"]:
     """Unit mean of those `around` each of unit `normals` that lie on the same side; itself, where
     none does."""
-    alike = (around * normals[:, None]).sum(axis=2, keepdims=True) > _ALIKE
-    mean = (around * alike).sum(axis=1) + 1e-6 * normals
+    same_side = (around * normals[:, None]).sum(axis=2, keepdims=True) > _SAME_SIDE
+    mean = (around * same_side).sum(axis=1) + 1e-6 * normals
     return (mean / np.linalg.norm(mean, axis=1, keepdims=True)).astype(np.float32)
 
 

@@ -1,6 +1,6 @@
 """Splats moved at rest by what a face and hands do.
 
-Letters: M splats that expressions move, E expressions, C models of a cast.
+Letters: M splats that expressions move, E expressions, C models.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scene.arrays import Array
 def apply_blend_shapes(
     parameters: Array,  # [N P] float32, positions of the M changed
     splats: Array,  # [M] int32
-    owner: Array,  # [M] int32: the model in the cast
+    owner: Array,  # [M] int32: index of the model
     rest: Array,  # [M 3] float32: positions where nothing is shown, m
     offsets: Array,  # [M E 3] float32, m
     shown: Array,  # [C E] float32

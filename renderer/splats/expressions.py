@@ -24,12 +24,12 @@ _LEAST_M = 1e-4
 
 
 def no_splats() -> Int[Array, "0"]:
-    """Of a model that knows no expressions."""
+    """Of a model without blend shapes."""
     return np.zeros(0, np.int32)
 
 
 def no_offsets() -> Float[Array, "0 E 3"]:
-    """Of a model that knows no expressions."""
+    """Of a model without blend shapes."""
     return np.zeros((0, EXPRESSION_COUNT, 3), np.float32)
 
 
@@ -42,7 +42,7 @@ def moving_splats(
 
 
 class BlendShapes:
-    """Rest positions of a cast under everybody's expressions; moves them without allocating."""
+    """Expression blend shapes of a set of models, applied in place without allocating."""
 
     def __init__(self, models: Many[SkinnedSplats]) -> None:
         starts = np.cumsum([0] + [len(model.parameters) for model in models])
@@ -60,11 +60,11 @@ class BlendShapes:
 
     @property
     def any(self) -> bool:
-        """Whether anybody's expressions move anything."""
+        """Whether any model has blend shapes."""
         return len(self.splats) > 0
 
     def show(self, expressions: Many[Float[Array, "E"]] | None) -> None:
-        """What everybody shows from now on; None: all are at rest."""
+        """Set each model's expression; None: all are at rest."""
         if expressions is None:
             self.shown[:] = 0.0
             return
@@ -72,7 +72,7 @@ class BlendShapes:
             row[:] = expression
 
     def move(self, parameters: Float[Array, "N P"]) -> None:
-        """Put the positions of `parameters`, in place, where what is shown takes them."""
+        """Write the blended rest positions into `parameters`."""
         from renderer.splats.expression_kernels import apply_blend_shapes
 
         apply_blend_shapes(parameters, self.splats, self.owner, self.rest, self.offsets, self.shown)
@@ -80,7 +80,7 @@ class BlendShapes:
 
 @dataclass(frozen=True, eq=False)
 class ClipBlendShapes:
-    """What the frames of a clip show of the expressions that a person of splats knows."""
+    """Blend shapes of one model, with the expression of each frame of a clip."""
 
     splats: Int[Array, "M"]
     offsets: Float[Array, "M E 3"]

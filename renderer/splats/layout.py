@@ -27,8 +27,8 @@ MOST_OPAQUE = 0.99
 """Keeps 1 - alpha away from nil, so that what lies behind still gets a gradient."""
 FINISHED = 1.0 / 512.0
 """A tile whose every pixel lets less through is finished."""
-NOBODYS = 255
-"""Number, in place of a light's, of splats that none falls on."""
+NO_LIGHT = 255
+"""Light index of splats that keep their colour."""
 LEAST_AREA_PX4 = 1e-6
 """Determinant of a covariance on the picture from which a splat counts as no smaller."""
 NEAR_M = 0.05

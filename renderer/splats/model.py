@@ -11,7 +11,7 @@ import numpy as np
 from renderer.splats.expressions import no_offsets, no_splats
 from renderer.splats.layout import LOG_SCALE, PARAMETERS, POSITION
 from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
-from renderer.splats.unseen import faded
+from renderer.splats.unseen import fade_unseen
 from scene.arrays import Array, Bool, Float, Int, UInt8
 from scene.camera import Camera
 from scene.errors import InvalidInput, require_finite, require_shape
@@ -44,12 +44,12 @@ class SplatModel:
     preset: str = "splats"
     metrics: dict[str, Any] = field(default_factory=dict)
     albedo: Float[Array, "N 3"] | None = None
-    """Linear colour without the light it was filmed in; None where that was not looked for."""
+    """Linear colour without the light it was captured in; None where that was not estimated."""
     normals: Float[Array, "N 3"] | None = None
     """Of the surface at rest, outwards, unit length; known where the albedo is."""
     light: Float[Array, "9 3"] | None = None
-    """Harmonics (`scene.lighting`) of the light that the person was filmed in: times the albedo it
-    gives linear colour. None: where no other light falls, colours are those of `parameters`."""
+    """Harmonics (`scene.lighting`) of the light that the person was captured in: times the albedo
+    it gives linear colour. None: where no other light falls, colours are those of `parameters`."""
     expression_splats: Int[Array, "M"] = field(default_factory=no_splats)
     """Rows of the splats that the person's expressions move, of head and hands; none: not known."""
     expression_offsets: Float[Array, "M E 3"] = field(default_factory=no_offsets)
@@ -107,7 +107,7 @@ class SplatModel:
         if self.seen.all():
             return self
         if self not in _CAPTURED_ONLY:
-            _CAPTURED_ONLY[self] = replace(self, parameters=faded(self.parameters, self.seen))
+            _CAPTURED_ONLY[self] = replace(self, parameters=fade_unseen(self.parameters, self.seen))
         return _CAPTURED_ONLY[self]
 
     def drawn_as(self, preset: Preset) -> SplatModel:

@@ -1,6 +1,6 @@
-"""Splats that no frame showed take the colour of their mirror image, else of the nearest seen.
+"""Fills unseen splats with the colour of their mirror image, else of the nearest seen splat.
 
-They stay marked, so that a viewer may ask for what was captured alone.
+They stay marked, so that a viewer can hide them.
 """
 
 from __future__ import annotations
@@ -10,21 +10,21 @@ import numpy as np
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION
 from scene.arrays import Array, Bool, Float
 
-_MIRROR_REACH_M = 0.03
-"""How far from its mirror image a seen splat may be to stand for it."""
-_ROUND_M = 0.04
-"""Colours are borrowed from all that is seen within this: a single splat may be far off."""
-_KEPT_M, _GONE_M = 0.02, 0.1
-"""Distance at rest from the nearest seen splat up to which an unseen one is whole, and from which
-it is gone: single ones among seen ones leave no hole, and an edge fades over a hand's breadth."""
-_WIDER = 0.3
+_MIRROR_RADIUS_M = 0.03
+"""Distance within which a seen splat counts as the mirror image."""
+_COLOUR_RADIUS_M = 0.04
+"""Colours are the mean of seen splats within this radius: single ones are noisy."""
+_OPAQUE_WITHIN_M, _TRANSPARENT_FROM_M = 0.02, 0.1
+"""Distance at rest from the nearest seen splat up to which an unseen one keeps its opacity, and
+from which it is transparent: no holes among seen ones, and soft edges."""
+_LOG_SCALE_GROWTH = 0.3
 """Added to the logarithm of the sizes."""
 
 
 def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Float[Array, "N P"]:
     """Parameters with the colour of every unseen splat borrowed from a seen one.
 
-    Their shape and opacity stay: training has made those transparent that stood in its way.
+    Their shape and opacity stay: training has made obstructing ones transparent.
     """
     from scipy.spatial import KDTree
 
@@ -37,10 +37,10 @@ def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Floa
     tree = KDTree(rest[known])
     mirror_distance, mirror = tree.query(mirrored)
     _, nearest = tree.query(rest[missing])
-    donor = known[np.where(mirror_distance < _MIRROR_REACH_M, mirror, nearest)]
-    givers, place = np.unique(donor, return_inverse=True)
+    donor = known[np.where(mirror_distance < _MIRROR_RADIUS_M, mirror, nearest)]
+    donors, place = np.unique(donor, return_inverse=True)
     filled[missing, colours] = _mean_colours_around(
-        rest[givers], rest[known], parameters[known, colours]
+        rest[donors], rest[known], parameters[known, colours]
     )[place]
     return filled
 
@@ -52,38 +52,42 @@ def _mean_colours_around(
     from scipy.spatial import KDTree
 
     mean = np.empty_like(colours, shape=(len(points), 3))
-    for index, near in enumerate(KDTree(others).query_ball_point(points, _ROUND_M)):
+    for index, near in enumerate(KDTree(others).query_ball_point(points, _COLOUR_RADIUS_M)):
         mean[index] = colours[near].mean(axis=0)
     return mean
 
 
-def faded(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Float[Array, "N P"]:
-    """`parameters` with what no frame showed faded away."""
+def fade_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Float[Array, "N P"]:
+    """`parameters` with unseen splats faded out."""
     result = parameters.copy()
-    # the far side, which closed what gaps there are between splats, is gone
-    result[:, LOG_SCALE : LOG_SCALE + 3] += _WIDER
+    # the far side no longer fills the gaps between splats
+    result[:, LOG_SCALE : LOG_SCALE + 3] += _LOG_SCALE_GROWTH
     rest = parameters[:, POSITION : POSITION + 3]
-    result[:, OPACITY] = _faded_logits(result[:, OPACITY], presence(rest, seen))
+    result[:, OPACITY] = _scale_opacity(result[:, OPACITY], capture_weight(rest, seen))
     return result
 
 
-def presence(rest: Float[Array, "N 3"], seen: Bool[Array, "N"]) -> Float[Array, "N"]:
-    """1 where the person was captured, falling smoothly to 0 where they were not.
+def capture_weight(rest: Float[Array, "N 3"], seen: Bool[Array, "N"]) -> Float[Array, "N"]:
+    """Factor of opacity: 1 where the person was captured, falling smoothly to 0 elsewhere.
 
     `rest` are the splats' positions at rest, m.
     """
     from scipy.spatial import KDTree
 
-    present = np.where(seen, 1.0, 0.0)
+    weight = np.where(seen, 1.0, 0.0)
     if seen.any():
         missing = np.flatnonzero(~seen)
         distance, _ = KDTree(rest[seen]).query(rest[missing])
-        near = np.clip((_GONE_M - distance) / (_GONE_M - _KEPT_M), 0.0, 1.0)
-        present[missing] = near**2 * (3.0 - 2.0 * near)
-    return present
+        near = np.clip(
+            (_TRANSPARENT_FROM_M - distance) / (_TRANSPARENT_FROM_M - _OPAQUE_WITHIN_M), 0.0, 1.0
+        )
+        weight[missing] = near**2 * (3.0 - 2.0 * near)
+    return weight
 
 
-def _faded_logits(logits: Float[Array, "N"], presence: Float[Array, "N"]) -> Float[Array, "N"]:
+def _scale_opacity(
+    logits: Float[Array, "N"], capture_weight: Float[Array, "N"]
+) -> Float[Array, "N"]:
     """Logits of the opacities times `presence`."""
-    opacity = np.clip(presence / (1.0 + np.exp(-logits.astype(np.float64))), 1e-9, 1.0 - 1e-9)
+    opacity = np.clip(capture_weight / (1.0 + np.exp(-logits.astype(np.float64))), 1e-9, 1.0 - 1e-9)
     return np.log(opacity / (1.0 - opacity)).astype(logits.dtype)

@@ -14,7 +14,7 @@ from benchmarks.expressions import (
     SEEDS,
     Part,
     RenderedExpression,
-    unseen_shots,
+    unseen_views,
     without,
     worth,
 )
@@ -26,7 +26,7 @@ from tests.renderer.studio import make_sequence
 @pytest.fixture(scope="module", params=[FACE, HANDS], ids=["face", "hands"])
 def filmed(request) -> tuple[Part, list[RenderedExpression]]:
     performer = make_performer(SEEDS[0], expressive=True)
-    return request.param, unseen_shots(request.param, performer, SEEDS[0])
+    return request.param, unseen_views(request.param, performer, SEEDS[0])
 
 
 def test_crops_show_skin(filmed):
@@ -42,7 +42,7 @@ def test_crops_show_skin(filmed):
 
 def test_an_eye_that_shuts_changes_its_crop():
     performer, pictures = make_performer(SEEDS[0], expressive=True), {}
-    shot = unseen_shots(FACE, performer, SEEDS[0])[3]  # both eyes show
+    shot = unseen_views(FACE, performer, SEEDS[0])[3]  # both eyes show
     for lid in (*LIDS, None):
         shown = [float(name == lid) for name in EXPRESSION_NAMES]
         pose = replace(shot.pose, expression=np.array(shown))

@@ -7,7 +7,7 @@ from pathlib import Path
 import av
 import pytest
 
-from benchmarks.landmark_finder import CAMERA, film, measured
+from benchmarks.landmark_finder import CAMERA, measured, write_webcam_video
 from tests.shared_data import shared_data
 
 pytestmark = pytest.mark.e2e
@@ -15,7 +15,7 @@ CLIP = "real-monocular/webcam_upperbody_woman_asl.mp4"
 
 
 def test_a_clip_becomes_the_film_of_a_camera(tmp_path: Path):
-    made = film(shared_data(CLIP), tmp_path / "webcam.mjpeg", 70, 75)
+    made = write_webcam_video(shared_data(CLIP), tmp_path / "webcam.mjpeg", 70, 75)
     with av.open(str(made)) as camera:
         frames = list(camera.decode(video=0))
     assert [(frame.width, frame.height) for frame in frames] == 5 * [CAMERA]

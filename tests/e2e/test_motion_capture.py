@@ -15,7 +15,7 @@ import uvicorn
 from playwright.sync_api import Page, Request, WebSocket, expect
 
 from benchmarks.browser import open_page
-from benchmarks.landmark_finder import film
+from benchmarks.landmark_finder import write_webcam_video
 from capture.detection.network_files import FACE_MODEL, HAND_MODEL, POSE_MODEL
 from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
 from services.app import create_app
@@ -66,7 +66,7 @@ SENT = "() => Object.fromEntries(Object.entries(sent).map(([label, sizes]) => [l
 
 def webcam(source: Path, out: Path) -> Path:
     """Some frames of a clip as a camera of Chromium's."""
-    return film(source, out, FIRST, LAST)
+    return write_webcam_video(source, out, FIRST, LAST)
 
 
 @contextmanager

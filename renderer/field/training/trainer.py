@@ -47,7 +47,7 @@ operations. Always two, so that one seed gives one result whatever the number of
 _BEHIND_M = 0.03
 """How far behind the last visible sample a ray goes on."""
 _VANISHED = 1e-3
-"""Share of the mask's alpha below which nobody is rendered."""
+"""Share of the mask's alpha below which the person has vanished."""
 _HIDDEN = 0.01
 """Transmittance below which a training sample is left out: its gradient would be as small."""
 
@@ -68,7 +68,7 @@ class FieldTrainer:
 
     def __init__(self, sequence: Sequence, preset: str, settings: FieldSettings, seed: int) -> None:
         self._sequence, self._preset, self._settings = sequence, preset, settings
-        self._chance = torch.Generator().manual_seed(seed)
+        self._generator = torch.Generator().manual_seed(seed)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)  # layers draw their first weights from the global generator
             field = PersonField.for_body(settings.sizes, sequence.body)
@@ -86,38 +86,42 @@ class FieldTrainer:
             self._lpips = Lpips(settings.lpips_backbone).to(self.device)
         self._parameters = [p for group in self._adam.param_groups for p in group["params"]]
         self._pool = ThreadPoolExecutor(torch.get_num_threads(), initializer=_one_thread)
-        self._slower = 1.0
+        self._rate_factor = 1.0
         self._queue: list[int] = []
-        self._shown: set[int] = set()
+        self._rendered_frames: set[int] = set()
         """Frames in which the person has been rendered."""
 
     def warm_up(self) -> None:
         """Nothing is compiled."""
 
     def before_step(self, fraction: float) -> None:
-        """Nothing: a field keeps the colours that it was filmed in."""
+        """Nothing: a field keeps the captured colours."""
 
     def step(self, fraction: float) -> float:
         """One step at `fraction` of the schedule; returns the loss: NaN where its gradients are not
         finite (nothing is then learnt), infinite where the person has vanished from the picture."""
         self._schedule(fraction)
         frames = self._next_frames()
-        # a GPU waits for launches: parts would but double them
+        # a GPU is bound by launches, which parts would double
         shares = _PARTS if self.device.type == "cpu" else 1
-        seeds = torch.randint(2**62, (shares,), generator=self._chance).tolist()
+        seeds = torch.randint(2**62, (shares,), generator=self._generator).tolist()
         parts = [part for part in (frames[first::shares] for first in range(shares)) if part]
         done = self._pool.map(
             lambda part, seed: self._gradients(part, seed, fraction), parts, seeds[: len(parts)]
         )
-        loss, shown, there = 0.0, 0.0, 0.0
+        loss, rendered_alpha, mask_alpha = 0.0, 0.0, 0.0
         self._adam.zero_grad(set_to_none=True)
-        for part_loss, (part_shown, part_there), gradients in done:
-            loss, shown, there = loss + part_loss, shown + part_shown, there + part_there
+        for part_loss, (part_rendered_alpha, part_mask_alpha), gradients in done:
+            loss, rendered_alpha, mask_alpha = (
+                loss + part_loss,
+                rendered_alpha + part_rendered_alpha,
+                mask_alpha + part_mask_alpha,
+            )
             for parameter, gradient in zip(self._parameters, gradients, strict=True):
                 if gradient is not None:
                     total = gradient if parameter.grad is None else parameter.grad + gradient
                     parameter.grad = total.contiguous()  # as CUDA's fused Adam wants it
-        if self._has_vanished(frames, shown, there):
+        if self._has_vanished(frames, rendered_alpha, mask_alpha):
             return float("inf")
         # a sum is finite where its terms are, and is had in one pass over 64 M of them
         sums = [p.grad.sum() for p in self._parameters if p.grad is not None]
@@ -126,45 +130,48 @@ class FieldTrainer:
         self._adam.step()
         return loss
 
-    def _has_vanished(self, frames: list[int], shown: float, there: float) -> bool:
-        """Whether frames that showed the person once show nothing of them any more. (A frame whose
-        pose is wrong may never show anything, and must not stop the others.)"""
-        if shown > _VANISHED * there:
-            self._shown.update(frames)
+    def _has_vanished(self, frames: list[int], rendered_alpha: float, mask_alpha: float) -> bool:
+        """Whether frames that once rendered the person render nothing any more. (A frame with a
+        wrong pose may never render anything, and must not stop the others.)"""
+        if rendered_alpha > _VANISHED * mask_alpha:
+            self._rendered_frames.update(frames)
             return False
-        return there > 0.0 and self._shown.issuperset(frames)
+        return mask_alpha > 0.0 and self._rendered_frames.issuperset(frames)
 
     def _gradients(
         self, frames: list[int], seed: int, fraction: float
     ) -> tuple[float, tuple[float, float], tuple[Tensor | None, ...]]:
         """Share of the step's loss that some of its frames make, the alpha that was rendered and
         the mask's in the same pixels (sums), and the gradients."""
-        chance = torch.Generator().manual_seed(seed)
+        generator = torch.Generator().manual_seed(seed)
         learnt = self.field.motion.latent is not None
         volume = self.field.weight_volume() if learnt else self._volume
-        bundles = [self._rays_of(self._views[f], volume, fraction, chance) for f in frames]
+        bundles = [self._sample_rays(self._views[f], volume, fraction, generator) for f in frames]
         truth = torch.cat([bundle.view.truth(bundle.pixels) for bundle in bundles])
-        if len(truth) == 0:  # nobody in sight
+        if len(truth) == 0:  # no person in these frames
             return 0.0, (0.0, 0.0), (None,) * len(self._parameters)
         share = len(frames) / min(self._settings.frames_a_step, len(self._views))
-        made = self._rendered(bundles)
+        rendered = self._render(bundles)
         on_body = truth[:, 3] > 0.5
-        alpha = float(made[on_body, 3].detach().sum()), float(on_body.sum())
-        loss = share * self._loss(made, truth, chance)
+        alpha = float(rendered[on_body, 3].detach().sum()), float(on_body.sum())
+        loss = share * self._loss(rendered, truth, generator)
         gradients: tuple[Tensor | None, ...] = (None,) * len(self._parameters)
         if loss.requires_grad:
             gradients = torch.autograd.grad(loss, self._parameters, allow_unused=True)
         return float(loss.detach()), alpha, gradients
 
     def _loss(
-        self, made: Float[Tensor, "R 4"], truth: Float[Tensor, "R 4"], chance: torch.Generator
+        self,
+        rendered: Float[Tensor, "R 4"],
+        truth: Float[Tensor, "R 4"],
+        generator: torch.Generator,
     ) -> Tensor:
-        """Difference over random backgrounds: what the field leaves open must let any through."""
+        """Difference over random backgrounds, which constrains alpha too."""
         settings = self._settings
         patch = settings.patch_px**2 or 1
-        colours = torch.rand(len(made) // patch, 3, generator=chance).to(self.device)
+        colours = torch.rand(len(rendered) // patch, 3, generator=generator).to(self.device)
         background = colours.repeat_interleave(patch, dim=0)
-        one, other = (rgba[:, :3] + (1.0 - rgba[:, 3:]) * background for rgba in (made, truth))
+        one, other = (rgba[:, :3] + (1.0 - rgba[:, 3:]) * background for rgba in (rendered, truth))
         difference = one - other
         if settings.pixel_loss == "l1":
             return difference.abs().mean()
@@ -176,25 +183,25 @@ class FieldTrainer:
         perceived = self._lpips(*pair).mean()
         return settings.patch_mse_weight * squared + settings.lpips_weight * perceived
 
-    def _picked(self, view: TrainingView, chance: torch.Generator) -> Int[Tensor, "R"]:
+    def _sample_pixels(self, view: TrainingView, generator: torch.Generator) -> Int[Tensor, "R"]:
         settings = self._settings
         if settings.patch_px == 0:
-            return view.pick(settings.rays_a_frame, settings.beside_share, chance)
+            return view.pick(settings.rays_a_frame, settings.beside_share, generator)
         count = max(1, settings.rays_a_frame // settings.patch_px**2)
-        return view.pick_patches(count, settings.patch_px, settings.on_body_share, chance)
+        return view.pick_patches(count, settings.patch_px, settings.on_body_share, generator)
 
-    def _rays_of(
-        self, view: TrainingView, volume: WeightVolume, fraction: float, chance: torch.Generator
+    def _sample_rays(
+        self, view: TrainingView, volume: WeightVolume, fraction: float, generator: torch.Generator
     ) -> _Bundle:
         """Some rays of one frame, with the canonical point and likelihood of their samples."""
         field, settings = self.field, self._settings
         refine = self._refines and fraction >= settings.refine_from
         transforms = field.transforms(view.joint_angles, view.root_translation, refine=refine)
         view.prepare(field, volume, self._support, transforms.detach())
-        picked = self._picked(view, chance)
-        jitter = torch.rand(len(picked), generator=chance).to(self.device)
+        pixels = self._sample_pixels(view, generator)
+        jitter = torch.rand(len(pixels), generator=generator).to(self.device)
         sizes, cells = settings.sizes, view.cells
-        *rays, span = view.rays(picked)
+        *rays, span = view.rays(pixels)
         steps = steps_of(span, sizes.step_m, sizes.samples_a_ray)
         samples = march(cells, rays[0], rays[1], span, steps, jitter)
         if isinstance(cells, PosedGrid):
@@ -210,10 +217,10 @@ class FieldTrainer:
             keep = likelihood.detach() > LEAST_LIKELIHOOD
             samples, found, likelihood = samples.kept(keep), found[keep], likelihood[keep]
         found = field.moved(found, view.joint_angles)
-        return _Bundle(samples, found, likelihood, view, picked)
+        return _Bundle(samples, found, likelihood, view, pixels)
 
-    def _rendered(self, bundles: list[_Bundle]) -> Float[Tensor, "R 4"]:
-        """Premultiplied RGBA of all rays; samples behind what is opaque already are not asked."""
+    def _render(self, bundles: list[_Bundle]) -> Float[Tensor, "R 4"]:
+        """Premultiplied RGBA of all rays; samples behind opaque ones are not evaluated."""
         canonical = self.field.canonical
         samples = joined([bundle.samples for bundle in bundles])
         likelihood = torch.cat([bundle.likelihood for bundle in bundles])
@@ -260,13 +267,13 @@ class FieldTrainer:
         return picture[..., :3] + (1.0 - picture[..., 3:]) * np.float32(_PREVIEW_BACKGROUND)
 
     def state(self) -> dict[str, Array]:
-        """Weights, Adam's moments, and where chance stands."""
+        """Weights, Adam's moments and the random state."""
         state = {f"field.{name}": _copied(p) for name, p in self.field.named_parameters()}
         for place, parameter in enumerate(self.field.parameters()):
             for name, value in self._adam.state.get(parameter, {}).items():
                 state[f"adam.{place}.{name}"] = _copied(value)
-        state["chance"] = _copied(self._chance.get_state())
-        state["about"] = np.array(json.dumps({"queue": self._queue, "slower": self._slower}))
+        state["chance"] = _copied(self._generator.get_state())
+        state["about"] = np.array(json.dumps({"queue": self._queue, "slower": self._rate_factor}))
         return state
 
     def restore(self, state: dict[str, Array]) -> None:
@@ -282,13 +289,13 @@ class FieldTrainer:
                 self._adam.state[parameter] = {
                     name: on_device(value, self.device) for name, value in stored.items()
                 }
-        self._chance.set_state(on_device(state["chance"], self._chance.device))
+        self._generator.set_state(on_device(state["chance"], self._generator.device))
         about = json.loads(str(state["about"]))
-        self._queue, self._slower = list(about["queue"]), float(about["slower"])
+        self._queue, self._rate_factor = list(about["queue"]), float(about["slower"])
 
     def halve_learning_rate(self) -> None:
         """Halve all rates."""
-        self._slower *= 0.5
+        self._rate_factor *= 0.5
 
     def finish(self, metrics: dict[str, Any]) -> FieldModel:
         """The model as trained: floaters pruned, baked where its preset says so, and its table
@@ -334,7 +341,7 @@ class FieldTrainer:
 
     def _schedule(self, fraction: float) -> None:
         settings = self._settings
-        share = self._slower * settings.last_rate_share**fraction
+        share = self._rate_factor * settings.last_rate_share**fraction
         for group, rate in zip(self._adam.param_groups, self._base_rates, strict=True):
             group["lr"] = rate * share
         opened = (fraction - settings.residual_from) / (
@@ -346,7 +353,7 @@ class FieldTrainer:
         """Different frames; a frame belongs to one part of a step alone."""
         count = min(self._settings.frames_a_step, len(self._views))
         if len(self._queue) < count:
-            self._queue = torch.randperm(len(self._views), generator=self._chance).tolist()
+            self._queue = torch.randperm(len(self._views), generator=self._generator).tolist()
         frames, self._queue = self._queue[:count], self._queue[count:]
         return frames
 

@@ -4,22 +4,22 @@ Layout, also in docs/splats.md:
 
     char[4] "MNSP", u16 version (4), u16 joints K, u32 splats N
     f32[3] lowest and f32[3] highest position (m), f32 lowest and f32 highest log scale (log m)
-    f32[9 3] harmonics of the light that the person was filmed in, all nil where it is not known
+    f32[9 3] harmonics of the light that the person was recorded in, all nil where it is not known
     u32 splats M that expressions move, f32 offset (m) that 127 stands for
     f32[K 3] joints at rest (m), i16[K] parents (-1: none)
-    N records: u16[3] position, u8[3] log scale, u8 presence, u32 rotation, u8[3] colour,
+    N records: u16[3] position, u8[3] log scale, u8 capture weight, u32 rotation, u8[3] colour,
                u8 opacity, u8[4] joints, u8[4] blend weights, u8[3] albedo, i8[3] normal
     M entries, by rising index: u32 index of a record, i8[7 3] offsets, u8[3] nil
 
 Positions and log scales run linearly from lowest to highest; colour and albedo (sRGB), opacity and
-presence from 0 to 1; a normal, at rest and outwards, is 127 long; weights sum to 255; the rotation
-is packed by `scene.smallest_three` in 10 bits a component. Colour is the mean as filmed; albedo and
-normal are what light falls on, a room's or that of the clip (`renderer.relighting.shading`).
-Presence says how much of a splat was captured (`renderer.splats.unseen`). Records come in order of
-importance: the first n alone are a model, once their scales are multiplied by (N / n)^1/4; entries
-of others are then left out. At rest a splat lies at its position plus the sum over expressions, in
-the order of `scene.expression`, of each value (0 to 1) times its offset.
-"""
+capture weight from 0 to 1; a normal, at rest and outwards, is 127 long; weights sum to 255; the
+rotation is packed by `scene.smallest_three` in 10 bits a component. Colour is the mean as captured;
+albedo and normal are what light falls on, a room's or that of the clip
+(`renderer.relighting.shading`). The capture weight says how much of a splat was captured
+(`renderer.splats.unseen`). Records come in order of importance: the first n alone are a model, once
+their scales are multiplied by (N / n)^1/4; entries of others are then left out. At rest a splat
+lies at its position plus the sum over expressions, in the order of `scene.expression`, of each
+value (0 to 1) times its offset."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from renderer.relighting.shading import albedo_of, normals_of
 from renderer.splats.files.importance import importance_order
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION, ROTATION
 from renderer.splats.model import SplatModel
-from renderer.splats.unseen import presence
+from renderer.splats.unseen import capture_weight
 from scene.arrays import Array, Float, Int, UInt8
 from scene.colour import to_srgb
 from scene.expression import EXPRESSION_COUNT
@@ -43,7 +43,7 @@ MAGIC, VERSION = b"MNSP", 4
 ROTATION_BITS = 10
 HEAD = struct.Struct(f"<4sHHI8f{3 * HARMONICS}fIf")
 RECORD = np.dtype(
-    [("position", "<u2", 3), ("log_scale", "u1", 3), ("presence", "u1"), ("rotation", "<u4"),
+    [("position", "<u2", 3), ("log_scale", "u1", 3), ("capture_weight", "u1"), ("rotation", "<u4"),
      ("colour", "u1", 3), ("opacity", "u1"), ("joints", "u1", 4), ("weights", "u1", 4),
      ("albedo", "u1", 3), ("normal", "i1", 3)]
 )  # fmt: skip
@@ -66,8 +66,8 @@ def encode(model: SplatModel) -> bytes:
     records = np.zeros(len(model), RECORD)
     records["position"] = _levels(position, low, high, 65535)
     records["log_scale"] = _levels(log_scale, thin, wide, 255)
-    shown = presence(model.parameters[:, POSITION : POSITION + 3], model.seen)
-    records["presence"] = _levels(shown, 0.0, 1.0, 255)
+    shown = capture_weight(model.parameters[:, POSITION : POSITION + 3], model.seen)
+    records["capture_weight"] = _levels(shown, 0.0, 1.0, 255)
     records["rotation"] = pack_quaternions(p[:, ROTATION : ROTATION + 4], ROTATION_BITS)
     records["colour"] = _levels(p[:, COLOUR : COLOUR + 3], 0.0, 1.0, 255)
     records["opacity"] = _levels(1.0 / (1.0 + np.exp(-p[:, OPACITY])), 0.0, 1.0, 255)

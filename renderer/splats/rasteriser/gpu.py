@@ -29,7 +29,7 @@ _BLENDED_AT_ONCE = 256
 
 
 def splat_renderer(models: Many[SkinnedSplats]) -> SplatRenderer:
-    """The fastest renderer that this machine has for a cast of models."""
+    """The fastest renderer that this machine has for a set of models."""
     if torch.cuda.is_available() and find_spec("triton") is not None:
         return GpuSplatRenderer(models, torch.device("cuda"))
     return SplatRenderer(models)
@@ -43,7 +43,7 @@ def _kernels() -> Any:
 
 
 class GpuSplatRenderer(SplatRenderer):
-    """Renders one cast of models on `device`: CUDA, or the CPU under Triton's interpreter."""
+    """Renders a set of models on `device`: CUDA, or the CPU under Triton's interpreter."""
 
     def __init__(self, models: Many[SkinnedSplats], device: torch.device) -> None:
         super().__init__(models)
@@ -51,10 +51,10 @@ class GpuSplatRenderer(SplatRenderer):
         self._on_device = torch.from_numpy(self._parameters.copy()).to(device)
         self._device_joints = torch.from_numpy(self._joints.astype(np.int32)).to(device)
         self._device_weights = torch.from_numpy(self._weights).to(device)
-        self._device_splats = torch.from_numpy(self._expressive.splats).long().to(device)
-        self._device_rest = torch.from_numpy(self._expressive.rest).to(device)
-        self._device_offsets = torch.from_numpy(self._expressive.offsets).to(device)
-        self._device_owner = torch.from_numpy(self._expressive.owner).long().to(device)
+        self._device_splats = torch.from_numpy(self._blend_shapes.splats).long().to(device)
+        self._device_rest = torch.from_numpy(self._blend_shapes.rest).to(device)
+        self._device_offsets = torch.from_numpy(self._blend_shapes.offsets).to(device)
+        self._device_owner = torch.from_numpy(self._blend_shapes.owner).long().to(device)
         self._lit_once = False
         self._buffers: _Buffers | None = None
         self._camera: Camera | None = None
@@ -67,8 +67,8 @@ class GpuSplatRenderer(SplatRenderer):
             colours = np.ascontiguousarray(parameters[:, COLOUR : COLOUR + 3])
             self._on_device[:, COLOUR : COLOUR + 3] = torch.from_numpy(colours).to(self._device)
             self._lit_once = lit
-        if self._expressive.any:
-            self._show_expressions()
+        if self._blend_shapes.any:
+            self._apply_expressions_on_device()
         self._camera = camera
         buffers = self.draw(moved, camera)
         buffers.host.copy_(buffers.out, non_blocking=True)
@@ -77,8 +77,8 @@ class GpuSplatRenderer(SplatRenderer):
             torch.cuda.current_stream(self._device).synchronize()
         return buffers.host.numpy()
 
-    def _show_expressions(self) -> None:
-        shown = torch.from_numpy(self._expressive.shown).to(self._device)[self._device_owner]
+    def _apply_expressions_on_device(self) -> None:
+        shown = torch.from_numpy(self._blend_shapes.shown).to(self._device)[self._device_owner]
         places = self._device_rest + torch.einsum("me,mex->mx", shown, self._device_offsets)
         self._on_device[self._device_splats, POSITION : POSITION + 3] = places
 

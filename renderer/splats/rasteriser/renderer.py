@@ -30,7 +30,7 @@ class Geometry:
 
 
 class SplatRenderer:
-    """Renders one cast of models; keep it as long as the cast stays."""
+    """Renders a set of models; keep it as long as the set stays."""
 
     def __init__(self, models: Many[SkinnedSplats]) -> None:
         offsets = np.cumsum([0] + [len(m.skeleton.names) for m in models])
@@ -43,8 +43,8 @@ class SplatRenderer:
         self._models = tuple(models)
         self._relighting: Relighting | None = None
         self._has_light = any(model.light is not None for model in models)
-        self._lit = self._as_filmed = self._parameters
-        self._expressive = BlendShapes(models)
+        self._relit = self._as_captured = self._parameters
+        self._blend_shapes = BlendShapes(models)
         self._workspace = Workspace(len(self._parameters))
         self._out = np.zeros((0, 0, 4), np.float32)
 
@@ -61,31 +61,31 @@ class SplatRenderer:
         Args:
             camera: its distortion, if any, is not drawn.
             transforms: per model, skinning transforms (rest -> world) with its placement.
-            lighting: what falls on everybody; None shows them as they were filmed: in the light of
-                their clip, where the model knows it.
+            lighting: falls on all models; None shows each in the light of its own clip, where the
+                model holds it.
             placements: per model, from the world of its clip to this one, as it is part of
                 `transforms`; None: they are the same. The light of a clip goes with it.
-            expressions: per model, what its face and hands do (`scene.expression`); None: nothing.
+            expressions: per model, its expression (`scene.expression`); None: at rest.
         Returns:
             float32 buffer that the next call overwrites.
         """
         moved = np.concatenate(list(transforms)).astype(np.float32)
-        if self._expressive.any:
-            self._show(expressions)
+        if self._blend_shapes.any:
+            self._apply_expressions(expressions)
         shown = self._parameters
         if lighting is not None:
-            shown = self._shaded(moved, camera, lighting)
+            shown = self._relight(moved, camera, lighting)
         elif self._has_light:
-            shown = self._shaded_as_filmed(moved, camera, placements)
+            shown = self._light_as_captured(moved, camera, placements)
         return self._rasterise(shown, moved, camera)
 
-    def _show(self, expressions: Many[Float[Array, "E"]] | None) -> None:
-        """Move the splats of face and hands, before light that depends on where they are."""
-        self._expressive.show(expressions)
-        self._expressive.move(self._parameters)
-        for lit in (self._lit, self._as_filmed):
+    def _apply_expressions(self, expressions: Many[Float[Array, "E"]] | None) -> None:
+        """Move the splats of face and hands; shading depends on their positions."""
+        self._blend_shapes.show(expressions)
+        self._blend_shapes.move(self._parameters)
+        for lit in (self._relit, self._as_captured):
             if lit is not self._parameters:
-                self._expressive.move(lit)
+                self._blend_shapes.move(lit)
 
     def _rasterise(
         self, parameters: Float[Array, "N P"], moved: Float[Array, "K 4 4"], camera: Camera
@@ -130,37 +130,37 @@ class SplatRenderer:
 
     @property
     def tiles(self) -> Bool[Array, "tH tW"]:
-        """Which tiles of the last picture anybody is in."""
+        """Tiles of the last picture that any splat covers."""
         height, width = self._out.shape[:2]
         return (np.diff(self._workspace.starts) > 0).reshape(-(-height // TILE), -(-width // TILE))
 
-    def _shaded(
+    def _relight(
         self, transforms: Float[Array, "K 4 4"], camera: Camera, lighting: Lighting
     ) -> Float[Array, "N P"]:
         """The parameters with colours as they are in `lighting`."""
-        if self._lit is self._parameters:
-            self._lit = self._parameters.copy()
-        self._light_on_them().shade(
-            self._lit, self._joints, self._weights, transforms, camera.position, lighting
+        if self._relit is self._parameters:
+            self._relit = self._parameters.copy()
+        self._get_relighting().shade(
+            self._relit, self._joints, self._weights, transforms, camera.position, lighting
         )
-        return self._lit
+        return self._relit
 
-    def _shaded_as_filmed(
+    def _light_as_captured(
         self,
         transforms: Float[Array, "K 4 4"],
         camera: Camera,
         placements: Many[Float[Array, "4 4"]] | None,
     ) -> Float[Array, "N P"]:
-        """The parameters with colours as they are in the light of everybody's own clip."""
-        if self._as_filmed is self._parameters:
-            self._as_filmed = self._parameters.copy()
-        self._light_on_them().shade_as_captured(
-            self._as_filmed, self._joints, self._weights, transforms, camera.position,
+        """The parameters with colours in the light of each model's own clip."""
+        if self._as_captured is self._parameters:
+            self._as_captured = self._parameters.copy()
+        self._get_relighting().shade_as_captured(
+            self._as_captured, self._joints, self._weights, transforms, camera.position,
             placements or [np.eye(4)] * len(self._models),
         )  # fmt: skip
-        return self._as_filmed
+        return self._as_captured
 
-    def _light_on_them(self) -> Relighting:
+    def _get_relighting(self) -> Relighting:
         if self._relighting is None:
             self._relighting = Relighting(self._models)
         return self._relighting

@@ -69,7 +69,7 @@ def first_splats(
     share = settings.scale_share if sequence.exact_poses else settings.uncertain_scale_share
     parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(share * spacing)
     parameters[:, LOG_SCALE + 2] += np.log(settings.thickness)
-    parameters[:, ROTATION : ROTATION + 4] = _from_z_axis(normals)
+    parameters[:, ROTATION : ROTATION + 4] = _quaternions_from_z(normals)
     parameters[:, COLOUR : COLOUR + 3] = 0.5
     parameters[:, OPACITY] = settings.opacity_logit
     return FirstSplats(
@@ -108,7 +108,7 @@ def moved_with_bones(
     return moved
 
 
-def _from_z_axis(directions: Float[Array, "N 3"]) -> Float[Array, "N 4"]:
+def _quaternions_from_z(directions: Float[Array, "N 3"]) -> Float[Array, "N 4"]:
     """Quaternions (w, x, y, z) that turn +z to unit `directions`, the shortest way."""
     x, y, z = directions.T
     turns = np.stack([1.0 + z, -y, x, np.zeros_like(z)], axis=1)
@@ -142,7 +142,7 @@ class SurfacePlaces:
         corners = body.rest_vertices[body.faces]
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         areas = 0.5 * np.linalg.norm(normal, axis=1)
-        density = np.where(_moves(body), expressive_density, 1.0)
+        density = np.where(_expressive_faces(body), expressive_density, 1.0)
         share = areas * density
         # stratified along the faces' running area: more even than independent draws
         at = (np.arange(count) + rng.uniform(size=count)) / count * share.sum()
@@ -172,7 +172,7 @@ class SurfacePlaces:
         return points, self.normals, weights, self.area
 
 
-def _moves(body: Body) -> Bool[Array, "T"]:
+def _expressive_faces(body: Body) -> Bool[Array, "T"]:
     """Which triangles of `body` expressions move."""
     assert body.faces is not None
     if body.expression_directions is None:
@@ -199,14 +199,14 @@ def _sample_capsules(
     votes, frames = np.zeros(len(points)), range(0, len(sequence.train), 4)
     for index in frames:
         votes += _inside_mask(sequence, index, points, joints)
-    kept = np.flatnonzero(votes >= _MASK_VOTES * len(frames))
-    if len(kept) < 100:
+    inside = np.flatnonzero(votes >= _MASK_VOTES * len(frames))
+    if len(inside) < 100:
         raise InvalidInput(
-            f"masks must cover the skeleton; got {len(kept)} of {len(points)} points of the "
+            f"masks must cover the skeleton; got {len(inside)} of {len(points)} points of the "
             "limbs inside them; check the camera and the poses"
         )
-    picked = rng.choice(kept, count, replace=len(kept) < count)
-    return points[picked], normals[picked], weights[picked], area
+    chosen = rng.choice(inside, count, replace=len(inside) < count)
+    return points[chosen], normals[chosen], weights[chosen], area
 
 
 def _capsule_points(

@@ -1,7 +1,7 @@
-"""Splats straight from the frames: one frame a step over a random background, Huber's loss, Adam.
+"""Trains splats from the frames: one frame a step over a random background, Huber's loss, Adam.
 
-Learnt from a trained field's pictures they come within 0.3 dB of the field, 1.4 dB below those
-learnt from the frames for as long; from both, 0.7 dB below (`metanerf bench distil`).
+Distilled from a trained field they come within 0.3 dB of the field, 1.4 dB below those trained on
+the frames for as long; from both, 0.7 dB below (`metanerf bench distil`).
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ _VISIBLE = 0.05
 """Share of its own light that must reach the camera in some frame for a splat to count as seen;
 neighbours overlap, so that even at the front it is a tenth to a half, and behind a thousandth."""
 _GRAZING = 0.4
-"""Cosine between surface and view from which a splat faces the camera: at the very rim, poses that
-are slightly off would paint the background's colour on it."""
+"""Cosine between surface and view from which a splat faces the camera: at the rim, small pose
+errors would give it the background's colour."""
 _VISIBILITY_FRAMES = 40
-"""Frames looked at to find out which splats were seen."""
-_LEAST_CONTRIBUTION = 0.02
+"""Frames rendered to find the visible splats."""
+_MIN_CONTRIBUTION = 0.02
 """Summed blending weight, in pixels, from which a step moves a splat."""
 _LIGHT_FROM = 0.3
-"""Share of the training after which the light is looked for."""
+"""Share of the training after which the light is estimated."""
 _PREVIEW_PX = 384
 
 
@@ -90,13 +90,15 @@ class SplatTrainer:
         )
         count = len(self.parameters)
         self._passes = (
-            RefinementPasses(self._views, known=start is not None) if self._poses.active else None
+            RefinementPasses(self._views, colours_known=start is not None)
+            if self._poses.active
+            else None
         )
         self._surface = first.parameters
-        self._first = np.zeros_like(self.parameters)
-        self._second = np.zeros_like(self.parameters)
+        self._first_moment = np.zeros_like(self.parameters)
+        self._second_moment = np.zeros_like(self.parameters)
         self._steps = np.zeros(count, np.int32)
-        self._slower = np.ones(1, np.float32)
+        self._rate_factor = np.ones(1, np.float32)
         self._queue: list[int] = []
         threads = numba.get_num_threads()
         self._work = Workspace(count)
@@ -116,7 +118,7 @@ class SplatTrainer:
         self.restore(before)
 
     def before_step(self, fraction: float) -> None:
-        """Find the light, once the splats have the person's colours."""
+        """Estimate the light, once the splats have the person's colours."""
         if not self._find_light or self._light is not None or fraction < _LIGHT_FROM:
             return
         from renderer.relighting.light_estimation import estimate_light
@@ -128,11 +130,12 @@ class SplatTrainer:
             self.parameters = self._light.without_light(self.parameters)
 
     def step(self, fraction: float) -> float:
-        """Draw one frame, compare, move what it showed; returns the mean loss of a channel."""
+        """Render one frame, compare, update the visible splats; returns the mean loss of a
+        channel."""
         from renderer.splats.rasteriser.projection_kernels import chain_rule
         from renderer.splats.training.adam_kernels import adam_step
 
-        if self._passes is not None and self._passes.due(fraction):
+        if self._passes is not None and self._passes.should_run(fraction):
             self._refine_poses(self._passes, fraction)
         if not self._queue:
             self._queue = self._rng.permutation(len(self._views)).tolist()
@@ -148,21 +151,22 @@ class SplatTrainer:
         contribution = self._by_projected[:, CONTRIBUTION]
         rates = self._rates(fraction)
         adam_step(
-            self.parameters, self._by_parameter, contribution, self._first, self._second,
-            self._steps, rates, self._settings.beta1, self._settings.beta2, _LEAST_CONTRIBUTION,
+            self.parameters, self._by_parameter, contribution, self._first_moment,
+            self._second_moment, self._steps, rates, self._settings.beta1, self._settings.beta2,
+            _MIN_CONTRIBUTION,
             np.log(np.array(self._settings.scale_range_m, np.float32)),
         )  # fmt: skip
         if self._poses.active:
-            self._pull_to_surface(contribution > _LEAST_CONTRIBUTION, fraction)
+            self._pull_to_surface(contribution > _MIN_CONTRIBUTION, fraction)
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
 
     def _draw(
         self, frame: int, background: Float[Array, "3"]
     ) -> tuple[Float[Array, "K 4 4"], Float[Array, "N P"], Float[Array, "N P"]]:
-        """Draw `frame` and compare: fills the gradient by what was projected, and the losses.
+        """Render `frame` and compare: fills the gradients of projected splats, and the losses.
 
-        Returns the transforms, the parameters as the frame's expression moves them, and these as
-        light shows them.
+        Returns the transforms, the parameters with the frame's expression, and these shaded by
+        the light.
         """
         from renderer.splats.rasteriser.tile_kernels import draw_and_differentiate
         from renderer.splats.training.adam_kernels import sum_threads
@@ -172,7 +176,7 @@ class SplatTrainer:
         height, width = view.rgba.shape[:2]
         shown = drawn = self._expressions.moved(self.parameters, frame)
         if self._light is not None:
-            shown = self._light.lit(
+            shown = self._light.shade(
                 drawn, self._joints, self._weights, transforms, view.window.position
             )
         work.arrange(
@@ -187,12 +191,12 @@ class SplatTrainer:
         return transforms, drawn, shown
 
     def _refine_poses(self, passes: RefinementPasses, fraction: float) -> None:
-        """One pass over the clip; what is bound to bones that get longer moves with them."""
+        """One pass over the clip; splats follow changed bone lengths."""
         points = SkinnedPoints(
             self.parameters[:, POSITION : POSITION + 3], self._joints, self._weights
         )  # fmt: skip
         before = self._poses.skeleton
-        self._poses.move(
+        self._poses.apply_step(
             passes.equations(
                 points,
                 self._as_captured(self.parameters),
@@ -201,19 +205,22 @@ class SplatTrainer:
                 self._expressions,
             )
         )
-        self.parameters = self._moved_with_bones(self.parameters, before)
-        self._surface = self._moved_with_bones(self._first_splats.parameters, self._first_skeleton)
+        self.parameters = self._on_current_skeleton(self.parameters, before)
+        self._surface = self._on_current_skeleton(
+            self._first_splats.parameters, self._first_skeleton
+        )
 
-    def _moved_with_bones(
+    def _on_current_skeleton(
         self, parameters: Float[Array, "N P"], before: Skeleton
     ) -> Float[Array, "N P"]:
-        """`parameters` of splats on the skeleton `before`, on the one that is now."""
+        """`parameters` of splats moved from the skeleton `before` to the current one."""
         return moved_with_bones(
             parameters, self._joints, self._weights, before, self._poses.skeleton
         )
 
     def _pull_to_surface(self, moved: Bool[Array, "N"], fraction: float) -> None:
-        """Draw places, sizes and turns of the splats just moved back towards how they began."""
+        """Pull positions, scales and rotations of the splats just updated to their initial
+        values."""
         pull = np.float32(self._settings.shape_pull * (1.0 - fraction))
         shape = slice(POSITION, ROTATION + 4)
         gap = self._surface[moved, shape] - self.parameters[moved, shape]
@@ -232,15 +239,15 @@ class SplatTrainer:
         return picture[..., :3] + (1.0 - picture[..., 3:]) * np.float32(0.93)
 
     def state(self) -> dict[str, Array]:
-        """Parameters, moments, refined poses, and where chance stands."""
-        chance = json.dumps({"rng": self._rng.bit_generator.state, "queue": self._queue})
+        """Parameters, moments, refined poses and the random state."""
+        rng_state = json.dumps({"rng": self._rng.bit_generator.state, "queue": self._queue})
         return {
             "parameters": self.parameters.copy(),
-            "first": self._first.copy(),
-            "second": self._second.copy(),
+            "first": self._first_moment.copy(),
+            "second": self._second_moment.copy(),
             "steps": self._steps.copy(),
-            "slower": self._slower.copy(),
-            "chance": np.array(chance),
+            "slower": self._rate_factor.copy(),
+            "chance": np.array(rng_state),
             **self._poses.state(),
             **(self._passes.state() if self._passes else {}),
             **(self._light.state() if self._light else {}),
@@ -249,24 +256,26 @@ class SplatTrainer:
     def restore(self, state: dict[str, Array]) -> None:
         """Go back to `state`."""
         self.parameters = state["parameters"].copy()
-        self._first, self._second = state["first"].copy(), state["second"].copy()
-        self._steps, self._slower = state["steps"].copy(), state["slower"].copy()
-        chance = json.loads(str(state["chance"]))
-        self._rng.bit_generator.state, self._queue = chance["rng"], list(chance["queue"])
+        self._first_moment, self._second_moment = state["first"].copy(), state["second"].copy()
+        self._steps, self._rate_factor = state["steps"].copy(), state["slower"].copy()
+        rng_state = json.loads(str(state["chance"]))
+        self._rng.bit_generator.state, self._queue = rng_state["rng"], list(rng_state["queue"])
         self._thread_gradients[:] = 0.0
         self._light = CapturedLight.restored(state)
         self._poses.restore(state)
-        self._surface = self._moved_with_bones(self._first_splats.parameters, self._first_skeleton)
+        self._surface = self._on_current_skeleton(
+            self._first_splats.parameters, self._first_skeleton
+        )
         if self._passes is not None:
             self._passes.restore(state)
 
     def halve_learning_rate(self) -> None:
         """Halve all rates."""
-        self._slower *= 0.5
+        self._rate_factor *= 0.5
 
     def finish(self, metrics: dict[str, Any]) -> SplatModel:
         """The model, with unseen splats filled in."""
-        seen = self._seen()
+        seen = self._visible_splats()
         parameters = fill_unseen(self.parameters, seen)
         seen_share = round(float(seen.mean()), 4)
         return self._model(
@@ -297,10 +306,10 @@ class SplatTrainer:
         )
 
     def _as_captured(self, parameters: Float[Array, "N P"]) -> Float[Array, "N P"]:
-        """`parameters` with colours as filmed, whatever is being learnt."""
+        """`parameters` with colours as captured, also while albedos are trained."""
         return parameters if self._light is None else self._light.with_mean_light(parameters)
 
-    def _seen(self) -> Bool[Array, "N"]:
+    def _visible_splats(self) -> Bool[Array, "N"]:
         """Splats that faced the camera in some frame while their light reached it."""
         every = max(1, len(self._views) // _VISIBILITY_FRAMES)
         seen = np.zeros(len(self.parameters), bool)
@@ -312,13 +321,13 @@ class SplatTrainer:
             alone = 2.0 * np.pi * p[:, ALPHA] / np.sqrt(density)
             shown = self._by_projected[:, CONTRIBUTION] > _VISIBLE * alone
             drawn = self._work.boxes[:, 0] != EMPTY_BOX
-            seen |= shown & drawn & self._faces(transforms, self._views[frame].camera)
+            seen |= shown & drawn & self._faces_camera(transforms, self._views[frame].camera)
         return seen
 
-    def _faces(
+    def _faces_camera(
         self, transforms: Float[Array, "K 4 4"], camera: Float[Array, "4 4"]
     ) -> Bool[Array, "N"]:
-        """Whether the body's surface, where each splat began, is turned towards the camera."""
+        """Whether the body's surface at each splat's initial position faces the camera."""
         first = self._first_splats
         blended = np.einsum("ns,nsij->nij", first.weights, transforms[first.joints][:, :, :3])
         rest = first.parameters[:, POSITION : POSITION + 3]
@@ -338,4 +347,4 @@ class SplatTrainer:
         rates[ROTATION : ROTATION + 4] = s.rotation_rate
         rates[COLOUR : COLOUR + 3] = s.colour_rate
         rates[OPACITY] = s.opacity_rate
-        return rates * self._slower[0] * (1.0 - (1.0 - s.last_rate_share) * fraction)
+        return rates * self._rate_factor[0] * (1.0 - (1.0 - s.last_rate_share) * fraction)

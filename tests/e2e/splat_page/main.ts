@@ -1,4 +1,4 @@
-/** The page's own splat pass, driven by a test: the very modules of the client, nothing of its own. */
+/** The page's own splat pass, driven by a test: the client's own modules. */
 
 import { decodePose } from "../../../client/src/transport/packets";
 import { packSplats, shareWithin } from "../../../client/src/splats/packed";
@@ -68,9 +68,9 @@ function testScreen(): HTMLCanvasElement {
   const made = document.createElement("canvas");
   const context = made.getContext("2d") as CanvasRenderingContext2D;
   [made.width, made.height] = [320, 180];
-  for (const [colour, ...rest] of [["red", 0, 0, 160, 180], ["blue", 160, 0, 160, 180], ["white", 0, 0, 320, 40]] as const) {
+  for (const [colour, x, y, width, height] of [["red", 0, 0, 160, 180], ["blue", 160, 0, 160, 180], ["white", 0, 0, 320, 40]] as const) {
     context.fillStyle = colour;
-    context.fillRect(...rest);
+    context.fillRect(x, y, width, height);
   }
   return made;
 }

@@ -32,8 +32,8 @@ def random_clip(strength: float = 1.0) -> tuple[ClipNormalEquations, ClipState, 
 def test_the_matrix_is_the_second_derivative_of_the_priors_and_pixels():
     equations, state, operator = random_clip()
     system = bundle_adjustment._System(equations, state, operator)
-    trust = 1.0 / (bundle_adjustment._ALIKE_PX * equations.difference + 1e-9)
-    robust = system._steady
+    trust = 1.0 / (bundle_adjustment._CORRELATED_PX * equations.difference + 1e-9)
+    robust = system._smoothness
 
     def energy(d: np.ndarray, s: np.ndarray) -> float:
         """Half the squares over variances, as the module tells them."""
@@ -42,13 +42,13 @@ def test_the_matrix_is_the_second_derivative_of_the_priors_and_pixels():
             np.einsum("fi,fij,fj", pixels, equations.matrices, pixels)
             - 2.0 * (equations.vectors * pixels).sum()
         )
-        matrices, vectors = state.held
+        matrices, vectors = state.contacts
         total += np.einsum("fi,fij,fj", d, matrices, d) - 2.0 * (vectors * d).sum()
         gone = state.correction + d
-        total += (gone[:, :-3] ** 2).sum() / state.spreads[0] ** 2
-        total += (gone[:, -3:] ** 2).sum() / state.spreads[1] ** 2
+        total += (gone[:, :-3] ** 2).sum() / state.deviations[0] ** 2
+        total += (gone[:, -3:] ** 2).sum() / state.deviations[1] ** 2
         total += (robust * (state.accelerations + operator(d)) ** 2).sum()
-        total += FRAMES * (((state.shared + s) / bundle_adjustment._SHARED) ** 2).sum()
+        total += FRAMES * (((state.shared + s) / bundle_adjustment._SHARED_DEVIATIONS) ** 2).sum()
         return 0.5 * total
 
     rng = np.random.default_rng(1)
@@ -83,13 +83,13 @@ def test_corrections_that_pixels_do_not_ask_for_make_the_estimate_trusted():
         np.zeros(SHARED_PARAMETERS),
         np.zeros((FRAMES, POSE_PARAMETERS)),
         (np.zeros((FRAMES, POSE_PARAMETERS, POSE_PARAMETERS)), np.zeros((FRAMES, POSE_PARAMETERS))),
-        state.spreads,
+        state.deviations,
     )
     calm = ClipNormalEquations(equations.matrices, 0.0 * equations.vectors, equations.difference)
-    assert (solve(calm, quiet, operator).spreads < 0.1 * state.spreads).all()
+    assert (solve(calm, quiet, operator).deviations < 0.1 * state.deviations).all()
     own = equations.matrices[:, :POSE_PARAMETERS, :POSE_PARAMETERS]
     wanted = 0.2 * np.random.default_rng(2).normal(size=(FRAMES, POSE_PARAMETERS))
     loud = np.zeros((FRAMES, SIZE))
     loud[:, :POSE_PARAMETERS] = np.einsum("fij,fj->fi", own, wanted)
     asked = ClipNormalEquations(equations.matrices, loud, equations.difference)
-    assert (solve(asked, quiet, operator).spreads[0]) > 0.1
+    assert (solve(asked, quiet, operator).deviations[0]) > 0.1

@@ -35,7 +35,7 @@ def test_poses_go_where_sure_pixels_say():
     refinement, wanted = make_refinement(), np.zeros((FRAMES, POSE_PARAMETERS))
     before = refinement.motion()
     wanted[:, 3 * 16 + 1] = 0.05 * np.array([1.0, -1.0, 0.5, -0.5, 1.0, -1.0])
-    refinement.move(asking_for(wanted))
+    refinement.apply_step(asking_for(wanted))
     turns = axis_angle_to_matrix(wanted[:, :-3].reshape(FRAMES, 24, 3))
     expected = matrix_to_axis_angle(axis_angle_to_matrix(before.joint_angles) @ turns)
     np.testing.assert_allclose(refinement.motion().joint_angles, expected, atol=2e-3)
@@ -48,7 +48,7 @@ def test_what_all_frames_ask_for_alike_they_get():
     refinement, wanted = make_refinement(), np.zeros((FRAMES, POSE_PARAMETERS))
     wanted[:, 3 * 16 + 1], wanted[:, POSE_PARAMETERS - 1] = 0.05, 0.02
     before = refinement.motion()
-    refinement.move(asking_for(wanted))
+    refinement.apply_step(asking_for(wanted))
     turned = axis_angle_to_matrix(refinement.motion().joint_angles[:, 16])
     expected = axis_angle_to_matrix(before.joint_angles[:, 16]) @ axis_angle_to_matrix(
         np.array([0.0, 0.05, 0.0])
@@ -65,7 +65,7 @@ def test_longer_bones_reach_the_skeleton():
     equations.matrices[:, femur, femur] = 1e6
     equations.vectors[:, femur] = 0.02 * 1e6
     before = refinement.skeleton.rest_joints
-    refinement.move(equations)
+    refinement.apply_step(equations)
     longer = refinement.skeleton.rest_joints - before
     # the shin's and the foot's joints follow the knee; nothing else moves
     np.testing.assert_allclose(longer[4], 0.0202 * (before[4] - before[1]), rtol=0.1)
@@ -83,7 +83,7 @@ def test_exact_poses_stay():
 def test_state_is_restored():
     refinement = make_refinement()
     before, stood = refinement.state(), refinement.transforms(1).copy()
-    refinement.move(
+    refinement.apply_step(
         asking_for(0.05 * np.random.default_rng(0).normal(size=(FRAMES, POSE_PARAMETERS)))
     )
     assert np.abs(stood - refinement.transforms(1)).max() > 1e-3

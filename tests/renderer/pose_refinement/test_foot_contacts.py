@@ -35,12 +35,12 @@ def heights(skeleton: Skeleton, poses: list[Pose]) -> np.ndarray:
 def test_feet_stand_that_are_on_the_floor_and_seen():
     motion = steps_up()
     standing = FootContacts.of(body().skeleton, motion)
-    assert standing.stands[0] == pytest.approx(1.0)
-    left, right = standing.stands[2:, :2], standing.stands[1:, 2:]
+    assert standing.contact[0] == pytest.approx(1.0)
+    left, right = standing.contact[2:, :2], standing.contact[1:, 2:]
     assert (left < 0.1).all()
     assert right == pytest.approx(1.0)
     unseen = FootContacts.of(body().skeleton, replace(motion, confidence=0.0 * motion.confidence))
-    assert (unseen.stands == 0.0).all()
+    assert (unseen.contact == 0.0).all()
 
 
 def test_the_step_is_the_one_that_the_energys_derivatives_ask_for():
@@ -53,12 +53,12 @@ def test_the_step_is_the_one_that_the_energys_derivatives_ask_for():
         np.stack([getattr(p, name) for p in poses]) for name in ("joint_angles", "root_translation")
     )
     matrices, vectors = standing.equations(skeleton, angles, root)
-    level = np.average(standing.heights - heights(skeleton, poses), weights=standing.stands)
+    level = np.average(standing.heights - heights(skeleton, poses), weights=standing.contact)
 
     def energy(steps: np.ndarray) -> float:
         moved = [apply_pose_step(pose, step) for pose, step in zip(poses, steps, strict=True)]
         off = standing.heights - heights(skeleton, moved) - level
-        return 0.5 * float((standing.stands * off**2).sum()) / _DEVIATION_M**2
+        return 0.5 * float((standing.contact * off**2).sum()) / _DEVIATION_M**2
 
     for _ in range(4):
         along = rng.normal(size=(FRAMES, POSE_PARAMETERS))

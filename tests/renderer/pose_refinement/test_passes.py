@@ -15,7 +15,7 @@ from tests.renderer.studio import make_model, make_sequence
 def passes_of(steps: int) -> list[float]:
     """Fractions of a training of `steps` at which passes are made."""
     passes = RefinementPasses(read_views(make_sequence(exact=False).train))
-    return [step / steps for step in range(steps) if passes.due(step / steps)]
+    return [step / steps for step in range(steps) if passes.should_run(step / steps)]
 
 
 def test_longer_trainings_have_more_passes_up_to_a_bound():
@@ -35,9 +35,9 @@ def test_the_count_goes_on_after_a_restart():
     views = read_views(make_sequence(exact=False).train)
     first, second = RefinementPasses(views), RefinementPasses(views)
     for step in range(100):
-        first.due(step / 400)
+        first.should_run(step / 400)
     second.restore(first.state())
-    rest = [[p.due(step / 400) for step in range(100, 400)] for p in (first, second)]
+    rest = [[p.should_run(step / 400) for step in range(100, 400)] for p in (first, second)]
     assert rest[0] == rest[1]
     assert any(rest[0])
 

@@ -135,10 +135,10 @@ def test_the_pull_on_albedos_is_nearly_the_slope_of_what_is_shown(filmed):
     roots = light.without_light(model.parameters)
     moved = model.skeleton.skinning_transforms(np.zeros((JOINT_COUNT, 3)), np.zeros(3))
     place = model.joints.astype(np.uint16), model.weights, moved.astype(np.float32)
-    shown, step = light.lit(roots, *place, np.array([0.0, 1.0, 3.0])), 1e-2
+    shown, step = light.shade(roots, *place, np.array([0.0, 1.0, 3.0])), 1e-2
     more = roots.copy()
     more[:, COLOUR : COLOUR + 3] += step
-    rise = (light.lit(more, *place, np.array([0.0, 1.0, 3.0])) - shown) / step
+    rise = (light.shade(more, *place, np.array([0.0, 1.0, 3.0])) - shown) / step
     pulled = np.ones_like(roots)
     light.chain_to_albedo(pulled, roots, shown)
     ratio = pulled[:, COLOUR : COLOUR + 3] / rise[:, COLOUR : COLOUR + 3]

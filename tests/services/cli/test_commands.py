@@ -225,7 +225,7 @@ def test_a_meeting_is_not_measured_without_a_film_for_its_camera(tmp_path, monke
     monkeypatch.setattr("sys.argv", ["metanerf", "bench", "meeting", "--clip", str(tmp_path / "x")])
     with pytest.raises(SystemExit):
         main()
-    assert "clip must be a film of one person; got" in capsys.readouterr().err
+    assert "clip must be a video of one person; got" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from renderer.relighting.shading import albedo_of, normals_of
 from renderer.splats.files.importance import importance_order
 from renderer.splats.files.viewer_file import RECORD, encode, write_viewer_file
 from renderer.splats.layout import LOG_SCALE, POSITION
-from renderer.splats.unseen import presence
+from renderer.splats.unseen import capture_weight
 from scene.colour import to_srgb
 from tests.renderer.splats.viewer_file import HEAD_BYTES, decode, demo_model, pictures, psnr_on_body
 from tests.renderer.studio import make_model
@@ -75,10 +75,12 @@ def records(encoded: bytes) -> np.ndarray:
 
 
 def test_what_was_not_filmed_is_told(demo, encoded):
-    stored = records(encoded)["presence"]
+    stored = records(encoded)["capture_weight"]
     wanted = np.rint(
         255
-        * presence(demo.parameters[:, POSITION : POSITION + 3], demo.seen)[importance_order(demo)]
+        * capture_weight(demo.parameters[:, POSITION : POSITION + 3], demo.seen)[
+            importance_order(demo)
+        ]
     )
     np.testing.assert_array_equal(stored, wanted)
     assert (stored < 255).any()
