@@ -1,4 +1,4 @@
-"""A neural field met live in a real browser: at preview size, on the same stage as everybody."""
+"""A neural field met live in a real browser: at preview size, in the same room as everybody."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Improve me, in a real browser: filmed while the meeting goes on, sent, and taken back."""
+"""Improving a model in a real browser: recorded while the meeting goes on, sent, and taken back."""
 
 from __future__ import annotations
 

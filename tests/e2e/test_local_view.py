@@ -33,7 +33,7 @@ def fetched(page: Page) -> list[tuple[int, int]]:
 
 
 def seen(page: Page) -> np.ndarray:
-    """What the middle of the stage shows."""
+    """What the middle of the viewport shows."""
     shot = page.screenshot(clip={"x": 312, "y": 150, "width": 400, "height": 400})
     png = np.frombuffer(shot, np.uint8)
     picture = cv2.imdecode(png, cv2.IMREAD_COLOR)

@@ -102,8 +102,8 @@ def test_a_television_is_steered_by_arrows_and_enter(demo):
         page.wait_for_function("() => window.lastView", timeout=MINUTE)
         size = page.evaluate("parseFloat(getComputedStyle(document.documentElement).fontSize)")
         assert size >= 20
-        stage = page.get_by_role("main")
-        stage.focus()
+        viewport = page.get_by_role("main")
+        viewport.focus()
         before = position(page)
         page.keyboard.down("ArrowUp")
         until(lambda: (page.wait_for_timeout(100), position(page) != before)[1], "a step")
@@ -115,7 +115,7 @@ def test_a_television_is_steered_by_arrows_and_enter(demo):
         page.keyboard.press("ArrowUp")
         expect(page.get_by_test_id("open-chat")).not_to_be_focused()
         page.keyboard.press("Escape")
-        expect(stage).to_be_focused()
+        expect(viewport).to_be_focused()
         page.keyboard.press("Enter")
         for _ in range(8):
             page.keyboard.press("ArrowRight")

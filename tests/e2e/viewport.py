@@ -1,4 +1,4 @@
-"""What a page of a meeting shows on its stage."""
+"""What the live video of a meeting page shows."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from playwright.sync_api import Page
 
 
 def frames_shown(page: Page) -> int:
-    """Frames that the stage's video has decoded."""
+    """Frames that the live video has decoded."""
     return int(page.get_by_test_id("fps").get_attribute("data-frames") or 0)
 
 
 def picture(page: Page) -> bytes:
-    """What the stage's video shows now, as raw RGBA of a 64 x 64 copy."""
+    """What the live video shows now, as raw RGBA of a 64 x 64 copy."""
     values = page.evaluate(
         """() => {
             const video = document.querySelector('[data-testid=live-video]');

@@ -1,0 +1,230 @@
+// @vitest-environment happy-dom
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { Api } from "../../src/api/api";
+import { Problem } from "../../src/api/problem";
+import type { Performer } from "../../src/api/types";
+import type { LiveView } from "../../src/drawing/live";
+import type { AnimatablePerson } from "../../src/enrolment/keypoints";
+import { chosenDevices } from "../../src/capture/devices";
+import { deviceCheck } from "../../src/views/deviceCheck";
+import { keypointsForm } from "../../src/views/keypointsForm";
+import { motionCaptureView } from "../../src/views/motionCapture";
+import { fakeFetch, json, tokenStore, type Call } from "../fakes";
+import { find, press } from "./inside";
+
+const soon = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
+
+beforeEach(() => {
+  localStorage.clear();
+  document.body.innerHTML = '<div id="announcer"></div>';
+  Object.defineProperty(HTMLMediaElement.prototype, "srcObject", { writable: true, value: null, configurable: true });
+  HTMLVideoElement.prototype.cancelVideoFrameCallback = () => undefined;
+});
+afterEach(() => {
+  vi.useRealTimers();
+  vi.unstubAllGlobals();
+});
+
+describe("the form of keypoints", () => {
+  const PEOPLE: AnimatablePerson[] = [
+    { personId: "a", name: "Ada", modelId: "m1", mine: true },
+    { personId: "b", name: "Bo", modelId: "m2", mine: false },
+  ];
+
+  async function form(people: () => Promise<AnimatablePerson[]> = async () => PEOPLE, animate: () => Promise<void> = async () => undefined) {
+    const onAnimate = vi.fn((_person: AnimatablePerson, _file: File) => animate());
+    const element = keypointsForm({ listPeople: people, onAnimate });
+    document.body.append(element);
+    await soon();
+    const choose = (): File => {
+      const file = new File(["{}"], "walk.json");
+      const input = find<HTMLInputElement>(element, "keypoints-file");
+      Object.defineProperty(input, "files", { value: [file] });
+      input.dispatchEvent(new Event("change"));
+      return file;
+    };
+    const submit = async (): Promise<void> => {
+      element.dispatchEvent(new Event("submit", { cancelable: true }));
+      await soon();
+    };
+    const error = (): string => element.querySelector("[role=alert]")?.textContent ?? "";
+    return { element, onAnimate, choose, submit, error, go: find<HTMLButtonElement>(element, "keypoints-submit") };
+  }
+
+  it("starts a meeting of whom one chooses with the file", async () => {
+    const { element, onAnimate, choose, submit, error } = await form();
+    await submit();
+    expect([error(), onAnimate.mock.calls.length]).toEqual(["Choose a keypoints file first.", 0]);
+    const file = choose();
+    expect(error()).toBe("");
+    find<HTMLSelectElement>(element, "keypoints-who").value = "1";
+    await submit();
+    expect(onAnimate).toHaveBeenCalledWith(PEOPLE[1], file);
+  });
+
+  it("takes one press at a time, and can be sent again after a failure", async () => {
+    let fail: (error: unknown) => void = () => undefined;
+    const { choose, submit, error, go } = await form(undefined, () => new Promise((_, reject) => (fail = reject)));
+    choose();
+    await submit();
+    expect(go.disabled).toBe(true);
+    fail(new Problem("No keypoints", "Another format."));
+    await soon();
+    expect([error(), go.disabled]).toEqual(["No keypoints: Another format.", false]);
+  });
+
+  it("says so where there is nobody to animate, and where the list can't be had", async () => {
+    const { error, go } = await form(async () => []);
+    expect([error(), go.disabled]).toEqual(["There are no models yet. Create one from a clip first.", true]);
+    const lost = await form(() => Promise.reject(new Problem("The server is busy", "Wait.")));
+    expect(lost.error()).toBe("The server is busy: Wait.");
+  });
+});
+
+describe("trying camera and microphone", () => {
+  class FakeTrack {
+    stopped = false;
+    constructor(readonly deviceId: string) {}
+    getSettings = (): object => ({ deviceId: this.deviceId });
+    stop = (): void => void (this.stopped = true);
+  }
+
+  function check(refused = "") {
+    const tracks: FakeTrack[] = [];
+    const getUserMedia = vi.fn(async ({ video, audio }: MediaStreamConstraints) => {
+      const kind = video ? "camera" : "microphone";
+      if (kind === refused) throw new DOMException("no", "NotAllowedError");
+      const wanted = (video || audio) as MediaTrackConstraints;
+      const { ideal } = (wanted.deviceId ?? { ideal: `${kind}1` }) as { ideal: string };
+      const track = new FakeTrack(ideal);
+      tracks.push(track);
+      return { getTracks: () => [track], getVideoTracks: () => [track] };
+    });
+    const device = (kind: string, deviceId: string, label: string): object => ({ kind, deviceId, label });
+    const enumerateDevices = async (): Promise<object[]> => [
+      device("videoinput", "camera1", "Desk"), device("videoinput", "camera2", ""), device("audioinput", "microphone1", "Desk"),
+    ];
+    vi.stubGlobal("navigator", Object.assign(Object.create(navigator), { mediaDevices: { getUserMedia, enumerateDevices } }));
+    vi.stubGlobal("AudioContext", class {
+      createAnalyser = (): object => ({ fftSize: 4, getFloatTimeDomainData: (samples: Float32Array) => samples.fill(1) });
+      createMediaStreamSource = (): object => ({ connect: () => undefined });
+      close = async (): Promise<void> => undefined;
+    });
+    const { request } = fakeFetch(() => json({ items: [] }));
+    const view = deviceCheck(new Api(tokenStore("guest"), request));
+    const details = view.element as HTMLDetailsElement;
+    document.body.append(details);
+    const open = async (on: boolean): Promise<void> => {
+      details.open = on; // which tells of itself
+      await soon();
+      await soon();
+    };
+    return { ...view, open, tracks, getUserMedia };
+  }
+
+  it("asks for nothing until it is opened, and lets go when it is closed", async () => {
+    const { open, tracks, getUserMedia } = check();
+    expect(getUserMedia).not.toHaveBeenCalled();
+    await open(true);
+    expect(tracks.map(({ deviceId }) => deviceId).sort()).toEqual(["camera1", "microphone1"]);
+    await open(false);
+    expect(tracks.every(({ stopped }) => stopped)).toBe(true);
+  });
+
+  it("offers the devices by name, and remembers which was chosen", async () => {
+    const { element, open, tracks } = check();
+    await open(true);
+    const cameras = find<HTMLSelectElement>(element, "check-videoinput");
+    expect([...cameras.options].map(({ textContent }) => textContent)).toEqual(["Desk", "Camera 2"]);
+    expect(find<HTMLSelectElement>(element, "check-audioinput").disabled).toBe(true); // one alone is no choice
+    cameras.value = "camera2";
+    cameras.dispatchEvent(new Event("change"));
+    await soon();
+    expect(chosenDevices().camera).toBe("camera2");
+    expect(tracks.at(-1)?.deviceId).toBe("camera2");
+    expect(tracks.find(({ deviceId }) => deviceId === "camera1")?.stopped).toBe(true);
+    await open(false);
+  });
+
+  it("shows how loud the microphone is", async () => {
+    const { element, open } = check();
+    await open(true);
+    await vi.waitFor(() => expect(find<HTMLMeterElement>(element, "check-level").value).toBe(1));
+    await open(false);
+    expect(find<HTMLMeterElement>(element, "check-level").value).toBe(0);
+  });
+
+  it("says what is blocked, and shows the other one all the same", async () => {
+    const { element, open } = check("camera");
+    await open(true);
+    expect(find(element, "problem-videoinput").textContent).toContain("The camera is blocked.");
+    expect(find(element, "problem-audioinput").textContent).toBe("");
+    expect(find<HTMLElement>(element, "check-audioinput").hidden).toBe(false);
+    await open(false);
+  });
+
+  it("remembers whether one joins with the microphone on", () => {
+    const box = find<HTMLInputElement>(check().element, "join-unmuted");
+    box.checked = true;
+    box.dispatchEvent(new Event("change"));
+    expect(chosenDevices().joinUnmuted).toBe(true);
+    expect(find<HTMLInputElement>(check().element, "join-unmuted").checked).toBe(true);
+  });
+});
+
+describe("motion capture in the meeting", () => {
+  const performer = (id: string): Performer => ({ id, name: id, model_id: `m-${id}` }) as Performer;
+
+  function view(answer: (call: Call) => Response) {
+    const getUserMedia = vi.fn(() => new Promise(() => undefined)); // the browser still asks
+    vi.stubGlobal("navigator", Object.assign(Object.create(navigator), { mediaDevices: { getUserMedia } }));
+    const { request } = fakeFetch(answer);
+    const live = { api: new Api(tokenStore("guest"), request), meeting: { performers: ["Ada", "Bo", "Cy"].map(performer) } };
+    const made = motionCaptureView(live as unknown as LiveView);
+    document.body.append(made.toggle, made.element);
+    const start = async (): Promise<void> => {
+      made.toggle.click();
+      await soon();
+    };
+    return { ...made, start, getUserMedia };
+  }
+  const models = (...ids: string[]): Response => json({ items: ids.map((id) => ({ id: `m-${id}` })) });
+
+  it("starts at once for one's only model, and ends by the same press", async () => {
+    const { element, toggle, start, getUserMedia } = view(() => models("Bo"));
+    await start();
+    expect(getUserMedia).toHaveBeenCalledTimes(1);
+    expect(element.textContent).toContain("Animating Bo.");
+    expect(toggle.getAttribute("aria-pressed")).toBe("true");
+    await start();
+    expect([element.hidden, toggle.getAttribute("aria-pressed")]).toEqual([true, "false"]);
+  });
+
+  it("asks which model is one's own where there are several", async () => {
+    const { element, start, getUserMedia } = view(() => models("Ada", "Cy"));
+    await start();
+    expect([...element.querySelectorAll("button")].map(({ textContent }) => textContent)).toEqual(["Ada", "Cy"]);
+    expect(getUserMedia).not.toHaveBeenCalled();
+    element.querySelectorAll("button")[1]?.click();
+    expect(element.textContent).toContain("Animating Cy.");
+  });
+
+  it("says what to do where one has no model here, also as an invited viewer", async () => {
+    for (const answer of [() => models("Zoe"), () => json({ title: "Not allowed" }, 403)]) {
+      const { element, start, getUserMedia } = view(answer);
+      await start();
+      expect(element.textContent).toContain("You have no model in this meeting");
+      expect(getUserMedia).not.toHaveBeenCalled();
+      press(document.body, "motion-capture");
+      document.body.innerHTML = "";
+    }
+  });
+
+  it("does not start after it was switched off meanwhile", async () => {
+    const { element, toggle, getUserMedia } = view(() => models("Bo"));
+    toggle.click();
+    toggle.click();
+    await soon();
+    expect([element.hidden, getUserMedia.mock.calls.length]).toEqual([true, 0]);
+  });
+});
