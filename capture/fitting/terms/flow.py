@@ -1,10 +1,10 @@
-"""Optical flow: what moved from picture to picture is where the surface moved.
+"""Optical flow: the projected surface moves as the pictures do.
 
-Landmarks tell where joints are, each frame with an error of its own; optical flow (DIS, Kroeger et
-al. 2016, by OpenCV) tells how every seen place of skin and cloth moves between frames, finer than
-any landmark and, for limbs that turn about themselves, what no landmark shows. Only differences of
-frames enter, so it draws a clip together and moves nobody by itself. Plain places get whatever the
-search fills them in with, so each is believed as far as its texture tells (`certainty`).
+Landmarks locate joints, with independent errors in each frame; optical flow (DIS, Kroeger et al.
+2016, by OpenCV) gives the motion of all visible skin and cloth between frames, finer than any
+landmark and including rotations of limbs about their own axis. Only differences between frames
+enter, so it couples frames without fixing absolute positions. Flow is arbitrary where there is no
+texture, so it is weighted by the structure tensor (`certainty`).
 """
 
 from __future__ import annotations
@@ -26,55 +26,56 @@ from scene.arrays import Array, Bool, Float, Int, Tensor, UInt8
 
 _STRIDES = (1, 3)
 """Frames between the two pictures of a pair: near ones move little, far ones drift less."""
-_STRIDES_S = (1 / 15, 3 / 15)
-"""They are so far apart at least: between two of sixty frames a second nothing has moved by more
-than flow is off."""
+_MIN_STRIDES_S = (1 / 15, 3 / 15)
+"""Least time between the pictures of a pair: at sixty frames a second, motion between neighbours is
+below the flow's error."""
 _SIDE_PX = 448
-"""Longest side of the window in which flow is found."""
-_BEHIND = 128
-"""Grey level in place of the room, which stands still."""
+"""Longest side of the window in which flow is computed."""
+_BACKGROUND_GREY = 128
+"""Grey level in place of the static background."""
 _GRID_PX = 8
-_DESCENTS = 12
+_GRADIENT_STEPS = 12
 """Iterations on every scale, down to the pictures' own. Refining between patches cost a third more
 and brought no joint nearer."""
-_REACH_PX = 25.0
-"""How far from a seen vertex, px of the window, the search still begins with its motion."""
-_RETURNS_PX, _RETURNS_SHARE = 1.0, 0.05
-"""There and back may miss so many pixels, and so much of the way."""
+_INITIAL_FLOW_PX = 25.0
+"""Distance from a visible vertex, px of the window, within which flow is initialised by its
+motion."""
+_CONSISTENT_PX, _CONSISTENT_SHARE = 1.0, 0.05
+"""Tolerances of the forward-backward check: px, and share of the displacement."""
 _TEXTURE_PX, _NOISE = 4.0, 2.0
-"""Deviation of the window in which texture counts, and its slope, grey levels a pixel, at which
-motion across it is half believed."""
-_ALIKE = 24
-"""Grey levels that two places of a match may differ by."""
+"""Deviation of the structure tensor's window, and the gradient, grey levels a pixel, at which the
+motion across it has certainty one half."""
+_MAX_DIFFERENCE = 24
+"""Largest difference of grey levels of a match."""
 _ON_PERSON, _EDGE_PX = 0.9, 2
-"""Alpha from which a pixel shows nothing but the person, and how far from others it must lie."""
-_ROUND_PX = 24
-"""Room kept round the person."""
-_FILLED_PX = 24
-"""How far the person's colours are drawn out over the room, which would hold edges back."""
+"""Alpha from which a pixel shows only the person, and its least distance from other pixels."""
+_MARGIN_PX = 24
+"""Margin around the person."""
+_EXTENDED_PX = 24
+"""How far the person's colours are extended over the background, which would bias flow at edges."""
 _FACING = 0.35
-"""Cosine between a vertex' normal and the way to the camera from which it is taken for seen."""
+"""Cosine between a vertex' normal and the view direction from which it counts as visible."""
 _IN_FRONT_M = 0.1
 """Vertices deeper than the nearest in their cell by more are hidden."""
 _OUTLIER = 3.0
-_FEW = 20.0
-"""Seen vertices below which a pair of frames loses its say."""
+_FEW_VERTICES = 20.0
+"""Visible vertices below which a pair of frames loses weight."""
 
 
 _DEVIATION = 0.004
-"""Of how far the surface moves between two pictures, in heights of the person."""
+"""Deviation of the surface's motion between two pictures, in heights of the person."""
 _CELL = 0.03
 """Side of a cell in which near vertices hide far ones, in heights of the person."""
 
 
 class OpticalFlow(Term):
-    """How far visible vertices miss the motion between pictures, where pictures were given."""
+    """Error of the visible vertices' motion against optical flow, where pictures are given."""
 
     weight = 120.0
 
     def __init__(self, body: FitBody, seen: Observations) -> None:
         super().__init__(body, seen)
-        self._pictures = None if seen.images is None else Pictures(seen.images, seen.masks)
+        self._pictures = None if seen.images is None else PersonImages(seen.images, seen.masks)
         self._flow: Flow | None = None
         self._targets: FlowTargets | None = None
 
@@ -106,8 +107,8 @@ class OpticalFlow(Term):
         return visible_vertices(clip.surface, clip.surface_px, normals, cell_px)
 
 
-class Pictures:
-    """The person alone, grey, in all frames."""
+class PersonImages:
+    """Grey images of the person without background, of all frames."""
 
     def __init__(
         self, images: Sequence[UInt8[Array, "H W 3"]], masks: Sequence[Float[Array, "H W"] | None]
@@ -117,36 +118,36 @@ class Pictures:
         self.grey: list[UInt8[Array, "h w"]] = [grey for grey, _ in cut]
         self.person: list[Bool[Array, "h w"]] = [person for _, person in cut]
         self.certainty = torch.from_numpy(np.stack([certainty(grey) for grey in self.grey]))
-        """Of each place's motion [F h w 3] (`certainty`)."""
+        """Certainty of each pixel's motion [F h w 3] (`certainty`)."""
 
     def _cut(self, image: Array, mask: Array | None) -> tuple[Array, Array]:
         grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
         grey = self.window.cut(grey)
         if mask is None:
-            return np.full(grey.shape, _BEHIND, np.uint8), np.zeros(grey.shape, bool)
+            return np.full(grey.shape, _BACKGROUND_GREY, np.uint8), np.zeros(grey.shape, bool)
         person = self.window.cut(mask) > _ON_PERSON
         edge = cv2.erode(person.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=_EDGE_PX)
-        return _without_room(grey, person), edge > 0
+        return _extend_person(grey, person), edge > 0
 
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """How far each place moves, px of the full picture, for every stride; NaN where unknown."""
+    """Displacement of each pixel, px of the full picture, for every stride; NaN where unknown."""
 
     window: Window
-    moved: dict[int, Float[Tensor, "pairs h w 2"]]
+    displacements: dict[int, Float[Tensor, "pairs h w 2"]]
     certainty: Float[Tensor, "F h w 3"]
-    """Of the motion from each frame on (`certainty`)."""
+    """Certainty of the motion from each frame (`certainty`)."""
 
     def at(self, stride: int, pixels: Float[Tensor, "pairs V 2"]) -> Float[Tensor, "pairs V 2"]:
         """The motion at `pixels` of each pair's first picture; NaN outside and where unknown."""
-        return self._look_up(self.moved[stride], pixels)
+        return self._sample(self.displacements[stride], pixels)
 
     def certainty_at(self, pixels: Float[Tensor, "F V 2"]) -> Float[Tensor, "F V 3"]:
-        """How far the motion from there on is to be believed; NaN outside."""
-        return self._look_up(self.certainty, pixels)
+        """Certainty of the motion from `pixels`; NaN outside."""
+        return self._sample(self.certainty, pixels)
 
-    def _look_up(
+    def _sample(
         self, found: Float[Tensor, "F h w C"], pixels: Float[Tensor, "pairs V 2"]
     ) -> Float[Tensor, "pairs V C"]:
         _, height, width, _ = found.shape
@@ -161,40 +162,41 @@ class Flow:
 
 def strides_of(step_s: float) -> tuple[int, ...]:
     """Frames between the two pictures of a pair, for a clip with a picture every `step_s`."""
-    long = zip(_STRIDES, _STRIDES_S, strict=True)
+    long = zip(_STRIDES, _MIN_STRIDES_S, strict=True)
     return tuple(max(frames, round(apart_s / step_s)) for frames, apart_s in long)
 
 
 def find_flow(
-    pictures: Pictures,
+    pictures: PersonImages,
     takes: Int[Array, "F"],
     strides: Sequence[int],
     pixels: Float[Array, "F V 2"],
-    seen: Bool[Array, "F V"],
+    visible: Bool[Array, "F V"],
     *,
     coarse: bool = False,
 ) -> Flow:
-    """Flow between frames of the same take, begun with the motion of the fit's `seen` vertices.
+    """Flow between frames of the same take, initialised by the motion of the fit's `visible`
+    vertices.
 
     `strides` are those of `strides_of`; `pixels` is where the vertices are in the full picture.
-    `coarse` stops at half the resolution, for motions that are still off by more. Where the way
-    there and back does not return, something was hidden or mistaken: nothing is known there.
+    `coarse` stops at half the resolution, for fits with larger errors. Flow is unknown where
+    the forward-backward check fails, as at occlusions.
     """
     search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     search.setFinestScale(int(coarse))
-    search.setGradientDescentIterations(_DESCENTS)
+    search.setGradientDescentIterations(_GRADIENT_STEPS)
     search.setVariationalRefinementIterations(0)
     inside = pictures.window.inside(pixels.astype(np.float32))
-    moved: dict[int, Tensor] = {}
+    displacements: dict[int, Tensor] = {}
     for stride in (s for s in strides if s < len(pictures.grey)):
         pairs = [
-            _between(search, pictures, first, first + stride, inside, seen)
+            _pair_flow(search, pictures, first, first + stride, inside, visible)
             if takes[first] == takes[first + stride]
-            else _unknown(pictures.grey[first])
+            else _unknown_flow(pictures.grey[first])
             for first in range(len(pictures.grey) - stride)
         ]
-        moved[stride] = torch.from_numpy(np.stack(pairs))
-    return Flow(pictures.window, moved, pictures.certainty)
+        displacements[stride] = torch.from_numpy(np.stack(pairs))
+    return Flow(pictures.window, displacements, pictures.certainty)
 
 
 def visible_vertices(
@@ -203,7 +205,7 @@ def visible_vertices(
     normals: Float[Tensor, "F V 3"],
     cell_px: float,
 ) -> Bool[Tensor, "F V"]:
-    """Vertices that face the camera (at the origin) with nothing before them in their cell."""
+    """Vertices that face the camera (at the origin) and are not occluded in their cell."""
     facing = (normals * nnf.normalize(-surface, dim=-1)).sum(-1) > _FACING
     depth = -surface[..., 2]
     cells = (pixels / cell_px).long().clamp(-(2**14), 2**14) + 2**14
@@ -216,97 +218,102 @@ def visible_vertices(
 
 @dataclass(frozen=True, eq=False)
 class FlowTargets:
-    """How far the flow says that vertices move, as last looked up."""
+    """Displacements of the vertices by the flow, as last sampled."""
 
-    moved: dict[int, Float[Tensor, "pairs V 2"]]
-    trusted: dict[int, Float[Tensor, "pairs V"]]
+    displacements: dict[int, Float[Tensor, "pairs V 2"]]
+    valid: dict[int, Float[Tensor, "pairs V"]]
     certainty: dict[int, Float[Tensor, "pairs V 3"]]
 
 
 def flow_targets(
-    flow: Flow, pixels: Float[Tensor, "F V 2"], seen: Bool[Tensor, "F V"]
+    flow: Flow, pixels: Float[Tensor, "F V 2"], visible: Bool[Tensor, "F V"]
 ) -> FlowTargets:
-    """The flow at the vertices' present places, trusted where both frames show them."""
-    targets, sure = FlowTargets({}, {}, {}), flow.certainty_at(pixels)
-    for stride in flow.moved:
-        moved = flow.at(stride, pixels[:-stride])
-        known = torch.isfinite(moved[..., 0]) & seen[:-stride] & seen[stride:]
-        targets.trusted[stride] = known.float()
-        targets.moved[stride] = torch.where(known[..., None], moved, 0.0)
-        targets.certainty[stride] = torch.where(known[..., None], sure[:-stride], 0.0)
+    """The flow at the vertices' current pixels, valid where both frames show them."""
+    targets, certainties = FlowTargets({}, {}, {}), flow.certainty_at(pixels)
+    for stride in flow.displacements:
+        displacements = flow.at(stride, pixels[:-stride])
+        known = torch.isfinite(displacements[..., 0]) & visible[:-stride] & visible[stride:]
+        targets.valid[stride] = known.float()
+        targets.displacements[stride] = torch.where(known[..., None], displacements, 0.0)
+        targets.certainty[stride] = torch.where(known[..., None], certainties[:-stride], 0.0)
     return targets
 
 
 def flow_energy(
     targets: FlowTargets, pixels: Float[Tensor, "F V 2"], deviation_px: float
 ) -> Tensor:
-    """Mean over pairs, strides and seen vertices of how far these miss the flow, as far as its
-    certainty goes."""
+    """Mean robust error over pairs, strides and visible vertices, weighted by certainty."""
     total = pixels.new_zeros(())
-    for stride, moved in targets.moved.items():
-        off = (pixels[stride:] - pixels[:-stride] - moved) / deviation_px
-        trusted = targets.trusted[stride]
-        (x, y), (xx, xy, yy) = off.unbind(-1), targets.certainty[stride].unbind(-1)
+    for stride, displacements in targets.displacements.items():
+        residual = (pixels[stride:] - pixels[:-stride] - displacements) / deviation_px
+        valid = targets.valid[stride]
+        (x, y), (xx, xy, yy) = residual.unbind(-1), targets.certainty[stride].unbind(-1)
         squared = xx * x * x + 2.0 * xy * x * y + yy * y * y
-        missed = (geman_mcclure(squared, _OUTLIER) * trusted).sum(1)
-        total = total + (missed / (trusted.sum(1) + _FEW)).mean()
-    return total / max(len(targets.moved), 1)
+        energies = (geman_mcclure(squared, _OUTLIER) * valid).sum(1)
+        total = total + (energies / (valid.sum(1) + _FEW_VERTICES)).mean()
+    return total / max(len(targets.displacements), 1)
 
 
-def _between(
+def _pair_flow(
     search: cv2.DISOpticalFlow,
-    pictures: Pictures,
+    pictures: PersonImages,
     first: int,
     second: int,
     pixels: Array,
-    seen: Array,
+    visible: Array,
 ) -> Float[Array, "h w 2"]:
-    """Flow where the two pictures show the person, whom it is sought round."""
+    """Flow on the person, computed in a window around both pictures' person."""
     person = pictures.person[first]
-    flow = _unknown(person)
-    shown = np.argwhere(person | pictures.person[second])
-    if not len(shown):
+    flow = _unknown_flow(person)
+    covered = np.argwhere(person | pictures.person[second])
+    if not len(covered):
         return flow
-    first_px, last_px = shown.min(axis=0) - _ROUND_PX, shown.max(axis=0) + _ROUND_PX
+    first_px, last_px = covered.min(axis=0) - _MARGIN_PX, covered.max(axis=0) + _MARGIN_PX
     part = tuple(
         slice(max(int(low), 0), int(high) + 1) for low, high in zip(first_px, last_px, strict=True)
     )
     a, b = (np.ascontiguousarray(pictures.grey[f][part]) for f in (first, second))
-    before, after = (pixels[f] - (part[1].start, part[0].start) for f in (first, second))
-    there = search.calc(a, b, _begun(a.shape, before, after, seen[first]))
-    back = search.calc(b, a, _begun(a.shape, after, before, seen[second]))
+    first_vertices, second_vertices = (
+        pixels[f] - (part[1].start, part[0].start) for f in (first, second)
+    )
+    forward = search.calc(
+        a, b, _initial_flow(a.shape, first_vertices, second_vertices, visible[first])
+    )
+    backward = search.calc(
+        b, a, _initial_flow(a.shape, second_vertices, first_vertices, visible[second])
+    )
     y, x = np.mgrid[: a.shape[0], : a.shape[1]].astype(np.float32)
-    arrived = (x + there[..., 0], y + there[..., 1])
-    returned = cv2.remap(back, *arrived, cv2.INTER_LINEAR, borderValue=(1e4, 1e4))
-    alike = np.less(cv2.absdiff(a, cv2.remap(b, *arrived, cv2.INTER_LINEAR)), _ALIKE)
-    missed = np.linalg.norm(there + returned, axis=-1)
-    way = np.linalg.norm(there, axis=-1)
-    known = alike & np.asarray(missed < _RETURNS_PX + _RETURNS_SHARE * way) & person[part]
-    there = np.asarray(there) / np.float32(pictures.window.scale)
-    flow[part] = np.where(known[..., None], there, np.nan)
+    target = (x + forward[..., 0], y + forward[..., 1])
+    returned = cv2.remap(backward, *target, cv2.INTER_LINEAR, borderValue=(1e4, 1e4))
+    similar = np.less(cv2.absdiff(a, cv2.remap(b, *target, cv2.INTER_LINEAR)), _MAX_DIFFERENCE)
+    error = np.linalg.norm(forward + returned, axis=-1)
+    length = np.linalg.norm(forward, axis=-1)
+    known = similar & np.asarray(error < _CONSISTENT_PX + _CONSISTENT_SHARE * length) & person[part]
+    forward = np.asarray(forward) / np.float32(pictures.window.scale)
+    flow[part] = np.where(known[..., None], forward, np.nan)
     return flow
 
 
-def _begun(shape: tuple[int, ...], here: Array, there: Array, seen: Array) -> Array:
-    """Flow [h w 2] of the nearest seen vertex, none where all are far."""
+def _initial_flow(shape: tuple[int, ...], start: Array, end: Array, visible: Array) -> Array:
+    """Initial flow [h w 2]: that of the nearest visible vertex, zero where all are far."""
     height, width = shape
-    if not seen.any():
+    if not visible.any():
         return np.zeros((height, width, 2), np.float32)
     half = _GRID_PX // 2
     y, x = np.mgrid[half : height + half : _GRID_PX, half : width + half : _GRID_PX]
     grid = np.stack([x, y], axis=-1).astype(np.float32)
-    apart = np.linalg.norm(grid[:, :, None] - here[seen], axis=-1)
-    begun = (there - here)[seen][apart.argmin(axis=-1)]
-    begun[apart.min(axis=-1) > _REACH_PX] = 0.0
-    return cv2.resize(begun.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+    distance = np.linalg.norm(grid[:, :, None] - start[visible], axis=-1)
+    initial = (end - start)[visible][distance.argmin(axis=-1)]
+    initial[distance.min(axis=-1) > _INITIAL_FLOW_PX] = 0.0
+    return cv2.resize(initial.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
 
 
 def certainty(grey: UInt8[Array, "h w"]) -> Float[Array, "h w 3"]:
     """xx, xy and yy of S (S + n 1)^-1, with S the structure tensor (Foerstner & Guelch 1987) and n
     what noise makes of it.
 
-    Where there is texture nearly the unit matrix, in plain places nil; along an edge, what moves
-    across it is known and what moves along it is not.
+    Nearly the unit matrix with texture, zero without; at an edge, the motion across it is known
+    and the motion along it is not.
     """
     x, y = (cv2.Sobel(grey, cv2.CV_32F, 1 - down, down, scale=0.125) for down in (0, 1))
     xx, xy, yy = (
@@ -317,18 +324,18 @@ def certainty(grey: UInt8[Array, "h w"]) -> Float[Array, "h w 3"]:
     return np.stack([1.0 - share * yy, share * xy, 1.0 - share * xx], axis=-1).astype(np.float16)
 
 
-def _unknown(like: Array) -> Float[Array, "h w 2"]:
+def _unknown_flow(like: Array) -> Float[Array, "h w 2"]:
     return np.full((*like.shape, 2), np.nan, np.float16)
 
 
-def _without_room(grey: UInt8[Array, "h w"], person: Bool[Array, "h w"]) -> UInt8[Array, "h w"]:
-    """Each pixel near the person with the colour of the person's nearest."""
+def _extend_person(grey: UInt8[Array, "h w"], person: Bool[Array, "h w"]) -> UInt8[Array, "h w"]:
+    """Extends the person's colours to the pixels near them (nearest neighbour)."""
     if not person.any():
-        return np.full(grey.shape, _BEHIND, np.uint8)
-    away, labels = cv2.distanceTransformWithLabels(
+        return np.full(grey.shape, _BACKGROUND_GREY, np.uint8)
+    distance, labels = cv2.distanceTransformWithLabels(
         1 - person.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
     nearest = np.asarray(labels, dtype=np.int64)
     colours = np.zeros(nearest.max() + 1, np.uint8)
     colours[nearest[person]] = grey[person]
-    return np.where(np.less(away, _FILLED_PX), colours[nearest], np.uint8(_BEHIND))
+    return np.where(np.less(distance, _EXTENDED_PX), colours[nearest], np.uint8(_BACKGROUND_GREY))

@@ -14,7 +14,7 @@ from capture.detection.landmarks import Landmarks
 from capture.fitting.fit import fit_clip
 from capture.fitting.terms.flow import (
     FlowTargets,
-    Pictures,
+    PersonImages,
     certainty,
     find_flow,
     flow_energy,
@@ -56,7 +56,7 @@ def moving_patch(frames: int) -> tuple[list[Array], list[Array], Array]:
 def test_what_moves_is_found_and_what_stands_still_is_unknown(begun):
     """Without a beginning a long way may stay unknown; it is never wrong."""
     images, masks, middles = moving_patch(5)
-    pictures = Pictures(images, masks)
+    pictures = PersonImages(images, masks)
     seen = np.full((5, 1), begun)
     flow = find_flow(pictures, np.zeros(5, int), (1, 3), middles, seen)
     for stride in (1, 3):
@@ -79,11 +79,11 @@ def test_pictures_of_a_pair_are_as_far_apart_at_any_rate(rate, strides):
 def test_nothing_is_known_across_a_cut_nor_of_lost_frames():
     images, masks, middles = moving_patch(4)
     takes = np.array([0, 0, 1, 1])
-    flow = find_flow(Pictures(images, masks), takes, (1,), middles, np.ones((4, 1), bool))
+    flow = find_flow(PersonImages(images, masks), takes, (1,), middles, np.ones((4, 1), bool))
     found = flow.at(1, torch.from_numpy(middles[:-1]))[:, 0, 0].numpy()
     assert np.isfinite(found).tolist() == [True, False, True]
     lost = find_flow(
-        Pictures(images, [masks[0], None, masks[2], masks[3]]), np.zeros(4, int), (1,), middles,
+        PersonImages(images, [masks[0], None, masks[2], masks[3]]), np.zeros(4, int), (1,), middles,
         np.ones((4, 1), bool),
     )  # fmt: skip
     found = lost.at(1, torch.from_numpy(middles[:-1]))[:, 0, 0].numpy()
@@ -94,10 +94,10 @@ def test_large_pictures_are_looked_at_smaller_and_answer_in_their_own_pixels():
     images, masks, middles = moving_patch(2)
     large = [cv2.resize(image, None, fx=8, fy=8) for image in images]
     flow = find_flow(
-        Pictures(large, [cv2.resize(mask, None, fx=8, fy=8) for mask in masks]),
+        PersonImages(large, [cv2.resize(mask, None, fx=8, fy=8) for mask in masks]),
         np.zeros(2, int), (1, 3), 8.0 * middles, np.ones((2, 1), bool),
     )  # fmt: skip
-    assert max(flow.moved[1].shape[1:3]) == 448
+    assert max(flow.displacements[1].shape[1:3]) == 448
     found = flow.at(1, torch.from_numpy(8.0 * middles[:-1])).numpy()[0, 0]
     np.testing.assert_allclose(found, 8.0 * SHIFT, atol=3.0)
 
@@ -112,21 +112,21 @@ def test_vertices_are_seen_that_face_the_camera_with_nothing_before_them():
 
 def test_the_energy_pulls_towards_the_flow_and_lets_go_of_what_is_far_off():
     pixels = torch.zeros(3, 40, 2, requires_grad=True)
-    moved = torch.tensor([2.0, 0.0]).expand(2, 40, 2).clone()
+    displacements = torch.tensor([2.0, 0.0]).expand(2, 40, 2).clone()
     sure = torch.tensor([1.0, 0.0, 1.0]).expand(2, 40, 3)
-    targets = FlowTargets({1: moved}, {1: torch.ones(2, 40)}, {1: sure})
+    targets = FlowTargets({1: displacements}, {1: torch.ones(2, 40)}, {1: sure})
     flow_energy(targets, pixels, 1.0).backward()
     assert pixels.grad is not None
     assert (pixels.grad[0, :, 0] > 0.0).all()
     assert (pixels.grad[2, :, 0] < 0.0).all()
     met = torch.arange(3.0)[:, None, None] * torch.tensor([2.0, 0.0]).expand(1, 40, 2)
     assert float(flow_energy(targets, met, 1.0)) == 0.0
-    far = FlowTargets({1: 100.0 * moved}, targets.trusted, targets.certainty)
+    far = FlowTargets({1: 100.0 * displacements}, targets.valid, targets.certainty)
     loose = pixels.detach().clone().requires_grad_()
     flow_energy(far, loose, 1.0).backward()
     assert loose.grad is not None
     assert loose.grad.abs().max() < 1e-4
-    unseen = FlowTargets(targets.moved, {1: torch.zeros(2, 40)}, targets.certainty)
+    unseen = FlowTargets(targets.displacements, {1: torch.zeros(2, 40)}, targets.certainty)
     assert float(flow_energy(unseen, pixels.detach(), 1.0)) == 0.0
 
 
@@ -145,11 +145,11 @@ def test_only_what_texture_shows_of_a_motion_counts():
     assert min(told["spots"][[0, 2]]) > 0.8
     assert np.abs(told["plain"]).max() < 0.1
     sure = {name: torch.from_numpy(value.astype(np.float32)) for name, value in told.items()}
-    moved = {1: torch.tensor([2.0, 2.0]).expand(1, 40, 2)}
+    displacements = {1: torch.tensor([2.0, 2.0]).expand(1, 40, 2)}
     energies = {
         name: float(
             flow_energy(
-                FlowTargets(moved, {1: torch.ones(1, 40)}, {1: value.expand(1, 40, 3)}),
+                FlowTargets(displacements, {1: torch.ones(1, 40)}, {1: value.expand(1, 40, 3)}),
                 torch.zeros(2, 40, 2), 1.0,
             )
         ) for name, value in sure.items()
@@ -160,14 +160,14 @@ def test_only_what_texture_shows_of_a_motion_counts():
 def test_flow_is_looked_up_where_both_frames_show_the_vertex():
     images, masks, middles = moving_patch(3)
     flow = find_flow(
-        Pictures(images, masks), np.zeros(3, int), (1, 3), middles, np.ones((3, 1), bool)
+        PersonImages(images, masks), np.zeros(3, int), (1, 3), middles, np.ones((3, 1), bool)
     )
     pixels = torch.from_numpy(np.repeat(middles, 2, axis=1))
     seen = torch.tensor([[True, True], [True, False], [True, True]])
     targets = flow_targets(flow, pixels, seen)
-    assert list(targets.trusted) == [1]
-    assert targets.trusted[1].tolist() == [[1.0, 0.0], [1.0, 0.0]]
-    assert torch.isfinite(targets.moved[1]).all()
+    assert list(targets.valid) == [1]
+    assert targets.valid[1].tolist() == [[1.0, 0.0], [1.0, 0.0]]
+    assert torch.isfinite(targets.displacements[1]).all()
     assert (targets.certainty[1][..., 0] > 0.5).tolist() == [[True, False], [True, False]]
 
 
