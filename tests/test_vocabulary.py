@@ -89,6 +89,8 @@ RETIRED = {
     "our_intrinsics": "to_half_pixel_centres",
     r"(?<!def )(?<!\.)their_intrinsics": "to_integer_pixel_centres",
     "moved_camera": "camera_in_world",
+    r"(?<=\.)habits": "lifter_bias",
+    r"\b_begun|_without_room": "_initial_flow, _extend_person",
     "local_turns": "local_rotations",
     "film_missing": "render_missing",
     "moved_pose": "apply_pose_step",

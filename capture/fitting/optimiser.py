@@ -1,10 +1,9 @@
-"""Steps downhill that move a motion's slow and quick parts at once.
+"""Gradient descent on all temporal scales of a motion at once.
 
-A clip's frames hold each other: steadiness, feet and flow let one of them move by itself only a
+Terms couple neighbouring frames: smoothness, feet and flow let one of them move by itself only a
 little a step, so that errors which last for seconds would take thousands of steps. In a
 hierarchical basis (Szeliski 1990: hat functions, wide ones over narrow ones) each step also moves
-stretches of a third of a second and of a whole one. Adam (Kingma & Ba 2015) gives every
-function its own length.
+spans of a third of a second and of a whole one. Adam (Kingma & Ba 2015) scales every coefficient.
 """
 
 from __future__ import annotations
@@ -16,9 +15,9 @@ from capture.fitting.observations import Observations
 from capture.fitting.state import FitState
 from scene.arrays import Array, Float, Int, Tensor
 
-_STRETCHES = ((0.3, 0.6), (1.1, 0.4))
+_HATS = ((0.3, 0.6), (1.1, 0.4))
 """Width of the hats on each side, s, and how far they move beside single frames."""
-_SLOWEST = 0.05
+_FINAL_RATE_SHARE = 0.05
 """Share of the rate that is left at the end."""
 _BETAS, _EPSILON = (0.9, 0.99), 1e-5
 
@@ -31,12 +30,12 @@ class Descent:
         self.basis = hierarchical_basis(seen.times_s, seen.takes)
         self._motion = (state.joint_angles, state.pelvis)
         # moved along the basis, and zero again after each step
-        self._along = [x.new_zeros(self.basis.shape[1], *x.shape[1:]) for x in self._motion]
+        self._coefficients = [x.new_zeros(self.basis.shape[1], *x.shape[1:]) for x in self._motion]
         groups = [
-            (self._along[0], rate),
-            (self._along[1], rate),
+            (self._coefficients[0], rate),
+            (self._coefficients[1], rate),
             (state.shape, 0.4 * rate),
-            (state.habits, 0.3 * rate),
+            (state.lifter_bias, 0.3 * rate),
             (state.landmark_offsets, 0.1 * rate),
             (state.log_landmark_scale, 0.3 * rate),
             (state.clothing_m, 0.03 * rate),
@@ -56,20 +55,20 @@ class Descent:
             unknown.grad = None
         energy.backward()
         for group, rate in zip(self._adam.param_groups, self._rates, strict=True):
-            group["lr"] = rate * (1.0 - (1.0 - _SLOWEST) * done)
-        for along, unknown in zip(self._along, self._motion, strict=True):
-            along.grad = torch.tensordot(self.basis.T, unknown.grad, 1)
+            group["lr"] = rate * (1.0 - (1.0 - _FINAL_RATE_SHARE) * done)
+        for coefficients, unknown in zip(self._coefficients, self._motion, strict=True):
+            coefficients.grad = torch.tensordot(self.basis.T, unknown.grad, 1)
         self._adam.step()
         with torch.no_grad():
-            for along, unknown in zip(self._along, self._motion, strict=True):
-                unknown += torch.tensordot(self.basis, along, 1)
-                along.zero_()
+            for coefficients, unknown in zip(self._coefficients, self._motion, strict=True):
+                unknown += torch.tensordot(self.basis, coefficients, 1)
+                coefficients.zero_()
 
 
 def hierarchical_basis(times_s: Float[Array, "F"], takes: Int[Array, "F"]) -> Float[Tensor, "F C"]:
     """Every frame by itself, then ever wider hats in time, none across a cut."""
     columns = [np.eye(len(times_s))]
-    for width_s, share in _STRETCHES:
+    for width_s, share in _HATS:
         for take in np.unique(takes):
             here = takes == take
             first, last = times_s[here][[0, -1]]

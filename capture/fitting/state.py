@@ -32,7 +32,7 @@ _SURFACE_SPACING_M = 0.065
 class FitState:
     """The unknowns of one clip: SMPL's theta, translation and beta, and a few of the recording.
 
-    All but `root_rotations` and `frame_confidence` are moved by the optimiser.
+    All but `root_rotations` and `frame_confidence` are optimised.
     """
 
     root_rotations: Float[Tensor, "F 3 3"]
@@ -47,9 +47,9 @@ class FitState:
     log_landmark_scale: Float[Tensor, ""]
     """Of the estimator's 3D landmarks, whose size is a guess."""
     clothing_m: Float[Tensor, ""]
-    """How far outlines lie from the skin."""
-    habits: Float[Tensor, "24 3"]
-    """Rotations (rad) by which this person holds joints otherwise than the lifter believes."""
+    """Distance of outlines from the skin."""
+    lifter_bias: Float[Tensor, "24 3"]
+    """Constant rotations (rad) of this person's joints relative to the lifter's poses."""
     landmark_offsets: Float[Tensor, "33 3"]
     """m, of the person's landmarks from the body model's, at rest."""
     floor_plane: Float[Tensor, "3"]
@@ -57,7 +57,7 @@ class FitState:
     floor_origin: Float[Tensor, "3"] | None
     """m; None until a floor was found."""
     frame_confidence: Float[Tensor, "F"]
-    """In what the estimator says of each frame, 0 to 1."""
+    """Weight of the estimator's landmarks of each frame, 0 to 1."""
 
     def local_rotations(self) -> Float[Tensor, "F 24 3 3"]:
         """Rotations relative to the parent; joint 0's to the camera frame."""
@@ -100,7 +100,7 @@ class FitBody:
         self._mirror = torch.tensor(MIRROR)
 
     def rest_landmarks(self, state: FitState) -> Float[Tensor, "33 3"]:
-        """The person's landmarks at rest, m; their offsets are alike on both sides."""
+        """The person's landmarks at rest, m; their offsets are symmetric."""
         mirrored = state.landmark_offsets[self._mirror] * torch.tensor([-1.0, 1.0, 1.0])
         own = 0.5 * (state.landmark_offsets + mirrored)
         return self.landmarks + self.landmark_directions @ state.shape + own

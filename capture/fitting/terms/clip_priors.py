@@ -1,4 +1,4 @@
-"""Priors of what is the same in all frames: shape, camera, clothing, landmarks, habits."""
+"""Priors of what is constant over a clip: shape, camera, clothing, landmarks, lifter bias."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ _SHAPE_DEVIATION = (0.06, 0.2, 0.2, 0.2, 0.2)
 """Of height (in 1.03 m), weight, gender, muscle, proportions."""
 _SHAPE_WEIGHT = 0.5
 _FARTHEST_SHAPE, _SHAPE_WALL = 0.5, 0.05
-"""Where the body model ends, and how softly: loose clothes would make it something else."""
-_HABIT_RAD, _HABIT_WEIGHT = 0.25, 0.05
-"""How far somebody's way of holding a joint lies from what the lifter takes for usual."""
+"""Soft limit of the shape numbers, which loose clothes would exceed."""
+_LIFTER_BIAS_RAD, _LIFTER_BIAS_WEIGHT = 0.25, 0.05
+"""Deviation of a joint's constant rotation relative to the lifter's poses."""
 _CLOTHING_DEVIATION_M = 0.01
 _OFFSET_DEVIATION_M, _OFFSET_WEIGHT = 0.01, 0.1
 
 
 class ClipPriors(Term):
-    """Gaussians about the usual; once a clip, beside the frames' mean energies."""
+    """Gaussian priors; counted once a clip, beside the frames' mean energies."""
 
     def energy(self, clip: PosedClip) -> Float[Tensor, ""]:
         state = clip.state
         shape = (state.shape / torch.tensor(_SHAPE_DEVIATION)).square().sum()
         beyond = torch.relu(state.shape.abs() - _FARTHEST_SHAPE) / _SHAPE_WALL
         return (
-            _HABIT_WEIGHT * (state.habits / _HABIT_RAD).square().sum()
+            _LIFTER_BIAS_WEIGHT * (state.lifter_bias / _LIFTER_BIAS_RAD).square().sum()
             + _SHAPE_WEIGHT * shape
             + beyond.square().sum()
             + 0.5 * (state.clothing_m / _CLOTHING_DEVIATION_M) ** 2

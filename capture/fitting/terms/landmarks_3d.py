@@ -21,13 +21,13 @@ class Landmarks3D(Term):
     weight = 0.05
 
     def energy(self, clip: PosedClip) -> Float[Tensor, ""]:
-        trust = torch.ones(LANDMARK_COUNT)
-        trust[:FACE_LANDMARKS] = FACE_DEPTH_WEIGHT
-        weight = (self.seen.landmark_weights * trust)[..., None]
+        depth_weights = torch.ones(LANDMARK_COUNT)
+        depth_weights[:FACE_LANDMARKS] = FACE_DEPTH_WEIGHT
+        weight = (self.seen.landmark_weights * depth_weights)[..., None]
         total = weight.sum(1, keepdim=True).clamp_min(1e-6)
-        ours, theirs = clip.landmarks, self.seen.landmarks_m
-        ours = ours - (ours * weight).sum(1, keepdim=True) / total
-        theirs = theirs - (theirs * weight).sum(1, keepdim=True) / total
-        error = (ours - theirs * torch.exp(clip.state.log_landmark_scale)) / DEVIATION_M
+        posed, observed = clip.landmarks, self.seen.landmarks_m
+        posed = posed - (posed * weight).sum(1, keepdim=True) / total
+        observed = observed - (observed * weight).sum(1, keepdim=True) / total
+        error = (posed - observed * torch.exp(clip.state.log_landmark_scale)) / DEVIATION_M
         frames = (pseudo_huber(error.square().sum(-1)) * weight[..., 0]).sum(1)
         return (clip.state.frame_confidence * frames).mean()

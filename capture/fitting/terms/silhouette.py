@@ -34,16 +34,16 @@ _CONTOUR_SPACING_M = 0.025
 SIDE_PX = 256
 """Longest side of the pictures in which distances are measured."""
 CONTOUR_POINTS = 128
-_INWARDS = 20.0
-"""Most points lie inside whatever happens: the few that stick out must be heard."""
-_GIVES_UP = 20.0
-"""Deviations from which an outline point is taken for somebody else's."""
+_INSIDE_WEIGHT = 20.0
+"""Weight of vertices outside the mask: nearly all lie inside in any pose."""
+_OUTLIER = 20.0
+"""Deviations from which an outline point is an outlier."""
 _FAR = 0.15
 """Distances beyond this share of the window's longest side count as that."""
 _SMOOTH_PX = 2.0
 """Blur in which the outline's direction is read."""
-_SLIDES = 0.3
-"""How much a point counts that lies along the outline from where it should, beside one across."""
+_TANGENTIAL = 0.3
+"""Weight of the error along the outline, relative to that across it."""
 _CANDIDATES = 600
 """Vertices of a frame that may lie on its outline: those seen most from the side."""
 _FACES_PX = 15.0
@@ -128,15 +128,15 @@ class Silhouettes:
         """Index [F P] of the vertex that makes each point of the outline: one that is seen from
         the side, nearby, and faces the way the outline does."""
         facing = (normals * nnf.normalize(skin, dim=-1)).sum(-1).abs()
-        seen_sideways = facing.topk(min(_CANDIDATES, facing.shape[1]), dim=1, largest=False).indices
+        grazing = facing.topk(min(_CANDIDATES, facing.shape[1]), dim=1, largest=False).indices
         flat = nnf.normalize(normals[..., :2] * torch.tensor([1.0, -1.0]), dim=-1)
-        ours = torch.cat([pixels, _FACES_PX * flat], -1)
-        ours = torch.gather(ours, 1, seen_sideways[..., None].expand(-1, -1, 4))
-        theirs = torch.cat([self.contour, _FACES_PX * self.normals], -1)
+        vertices = torch.cat([pixels, _FACES_PX * flat], -1)
+        vertices = torch.gather(vertices, 1, grazing[..., None].expand(-1, -1, 4))
+        outline = torch.cat([self.contour, _FACES_PX * self.normals], -1)
         # |v|^2 - 2 c v orders like the distance, at a third of its cost
-        lengths = ours.square().sum(-1)[:, None]
-        found = torch.baddbmm(lengths, theirs, ours.transpose(1, 2), alpha=-2.0).argmin(-1)
-        return torch.gather(seen_sideways, 1, found)
+        lengths = vertices.square().sum(-1)[:, None]
+        found = torch.baddbmm(lengths, outline, vertices.transpose(1, 2), alpha=-2.0).argmin(-1)
+        return torch.gather(grazing, 1, found)
 
 
 def prepare_silhouettes(masks: Sequence[Float[Array, "H W"] | None]) -> Silhouettes:
@@ -187,12 +187,12 @@ def silhouette_energy(
     out it is.
     """
     outside = silhouettes.outside(pixels) / deviation_px
-    inwards = _INWARDS * (pseudo_huber(outside.square()) * shown).mean(1)
+    inwards = _INSIDE_WEIGHT * (pseudo_huber(outside.square()) * shown).mean(1)
     worn = clothing_px[:, None, None] * silhouettes.normals
     gap = (reached + worn - silhouettes.contour) / deviation_px
     across = (gap * silhouettes.normals).sum(-1).square()
-    squared = across + _SLIDES**2 * (gap.square().sum(-1) - across)
-    reach = geman_mcclure(squared, _GIVES_UP) * silhouettes.contour_weight
+    squared = across + _TANGENTIAL**2 * (gap.square().sum(-1) - across)
+    reach = geman_mcclure(squared, _OUTLIER) * silhouettes.contour_weight
     return inwards + reach.sum(1) / silhouettes.contour_weight.sum(1).clamp_min(1.0)
 
 

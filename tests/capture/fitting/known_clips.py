@@ -27,7 +27,7 @@ WIDTH, HEIGHT, FOCAL_PX, PERSON_PX = 480, 640, 500.0, 400.0
 SPREAD_RAD = 0.3
 """By which the lifter says that its rotations are usually off."""
 UNKNOWNS = ("joint_angles", "pelvis", "shape", "log_focal", "log_landmark_scale", "clothing_m")
-UNKNOWNS += ("habits", "landmark_offsets")
+UNKNOWNS += ("lifter_bias", "landmark_offsets")
 
 
 @contextmanager
@@ -72,7 +72,7 @@ def known_state(frames: int = FRAMES, *, moves: bool = True) -> FitState:
             log_focal=torch.zeros(()),
             log_landmark_scale=torch.zeros(()),
             clothing_m=torch.zeros(()),
-            habits=torch.zeros(24, 3),
+            lifter_bias=torch.zeros(24, 3),
             landmark_offsets=torch.zeros(33, 3),
             floor_plane=torch.zeros(3),
             floor_origin=None,

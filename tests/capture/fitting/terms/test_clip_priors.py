@@ -23,7 +23,7 @@ USUAL = replace(STATE, shape=torch.zeros_like(STATE.shape))
 DEVIATIONS = [
     ("log_focal", (), 0.12, 0.5),
     ("clothing_m", (), 0.01, 0.5),
-    ("habits", (15, 1), 0.25, 0.05),
+    ("lifter_bias", (15, 1), 0.25, 0.05),
     ("landmark_offsets", (7, 2), 0.01, 0.1),
     ("shape", (0,), 0.06, 0.5),
     ("shape", (3,), 0.2, 0.5),

@@ -39,9 +39,9 @@ def nodding(rad: float) -> FitState:
 
 def habit(rad: float) -> Tensor:
     """Holding the head `rad` lower than the lifter believes."""
-    habits = torch.zeros(24, 3).double()
-    habits[HEAD, 0] = rad
-    return habits
+    lifter_bias = torch.zeros(24, 3).double()
+    lifter_bias[HEAD, 0] = rad
+    return lifter_bias
 
 
 def test_the_lifters_own_poses_cost_nothing():
@@ -74,9 +74,9 @@ def test_who_is_believed_less_pulls_less():
 
 
 def test_a_habit_explains_what_is_otherwise_in_all_frames():
-    used_to_it = replace(nodding(0.4), habits=habit(0.4))
+    used_to_it = replace(nodding(0.4), lifter_bias=habit(0.4))
     assert energy_of(LiftedPose, used_to_it, seen_of(REST)) == pytest.approx(0.0, abs=1e-9)
-    assert energy_of(LiftedPose, replace(REST, habits=habit(0.4)), seen_of(REST)) > 0.5
+    assert energy_of(LiftedPose, replace(REST, lifter_bias=habit(0.4)), seen_of(REST)) > 0.5
 
 
 def test_what_nothing_shows_has_no_pull():
