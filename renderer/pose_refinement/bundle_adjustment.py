@@ -27,10 +27,10 @@ INITIAL_DEVIATIONS = (0.1, 0.1)
 (m)."""
 _DEVIATION_RANGE = (1e-3, 0.3)
 """Range of the inferred deviations."""
-_SHARED_DEVIATIONS = np.append(np.full(SHARED_PARAMETERS - 1, 0.03), 0.005)
+SHARED_DEVIATIONS = np.append(np.full(SHARED_PARAMETERS - 1, 0.03), 0.005)
 """Deviations of the logarithms of bone lengths and focal length, in each frame: the splats'
 errors are common to all, so that many frames determine a bone's length no better than one."""
-_CORRELATED_PX = 4.0
+CORRELATED_PX = 4.0
 """Neighbouring pixels with correlated errors, which count as one."""
 _ITERATIONS, _PRECISION = 60, 1e-2
 _MAX_STEP = 0.25
@@ -78,8 +78,8 @@ class Step:
 
 def solve(equations: ClipNormalEquations, state: ClipState, operator: Accelerations) -> Step:
     """The step that minimises data term and priors, by conjugate gradients."""
-    system = _System(equations, state, operator)
-    d, s = _conjugate_gradients(system)
+    system = RegularisedEquations(equations, state, operator)
+    d, s = conjugate_gradients(system)
     d, s = np.clip(d, -_MAX_STEP, _MAX_STEP), np.clip(s, -_MAX_STEP, _MAX_STEP)
     determined = system.determined()
     squared = ((state.correction + d) ** 2).sum(axis=0)
@@ -87,7 +87,7 @@ def solve(equations: ClipNormalEquations, state: ClipState, operator: Accelerati
     return Step(d, s, np.clip(spread, *_DEVIATION_RANGE))
 
 
-class _System:
+class RegularisedEquations:
     """The normal equations with all priors, and their preconditioner."""
 
     def __init__(
@@ -95,7 +95,7 @@ class _System:
     ) -> None:
         frames, precision = (
             len(state.correction),
-            1.0 / (_CORRELATED_PX * equations.difference + 1e-9),
+            1.0 / (CORRELATED_PX * equations.difference + 1e-9),
         )
         matrices, vectors = equations.matrices, equations.vectors
         contact_matrices, contact_vectors = state.contacts
@@ -104,7 +104,7 @@ class _System:
             self._data + contact_matrices,
             precision * matrices[:, :POSE_PARAMETERS, POSE_PARAMETERS:],
         )
-        shared = frames * _SHARED_DEVIATIONS**-2.0
+        shared = frames * SHARED_DEVIATIONS**-2.0
         self._shared_matrix = precision * matrices[:, POSE_PARAMETERS:, POSE_PARAMETERS:].sum(
             axis=0
         ) + np.diag(shared)
@@ -112,17 +112,17 @@ class _System:
         self._estimate = np.repeat(state.deviations**-2.0, (POSE_PARAMETERS - 3, 3))
         squared = (state.accelerations / _ACCELERATION_DEVIATIONS).reshape(frames, -1, 3) ** 2
         robust = 1.0 / np.sqrt(1.0 + squared.mean(axis=2))
-        self._smoothness = np.repeat(robust, 3, axis=1) / _ACCELERATION_DEVIATIONS**2
+        self.smoothness = np.repeat(robust, 3, axis=1) / _ACCELERATION_DEVIATIONS**2
         self.right = (
             precision * vectors[:, :POSE_PARAMETERS]
             + contact_vectors
             - self._estimate * state.correction
-            - operator.transposed(self._smoothness * state.accelerations)
+            - operator.transposed(self.smoothness * state.accelerations)
         )
         self.right_shared = (
             precision * vectors[:, POSE_PARAMETERS:].sum(axis=0) - shared * state.shared
         )
-        diagonal = self._estimate + operator.diagonal(self._smoothness)
+        diagonal = self._estimate + operator.diagonal(self.smoothness)
         self._inverse = np.linalg.inv(
             self._frame_matrices + diagonal[:, :, None] * np.eye(POSE_PARAMETERS)
         )
@@ -133,7 +133,7 @@ class _System:
         product = (
             (self._frame_matrices @ d[..., None])[..., 0] + self._cross @ s + self._estimate * d
         )
-        product += self._operator.transposed(self._smoothness * self._operator(d))
+        product += self._operator.transposed(self.smoothness * self._operator(d))
         return product, np.einsum("fij,fi->j", self._cross, d) + self._shared_matrix @ s
 
     def preconditioner_roots(self) -> tuple[Float[Array, "F 75 75"], Float[Array, "S S"]]:
@@ -147,7 +147,7 @@ class _System:
         return np.einsum("fij,fji->i", self._inverse, self._data)
 
 
-def _conjugate_gradients(system: _System) -> tuple[Array, Array]:
+def conjugate_gradients(system: RegularisedEquations) -> tuple[Array, Array]:
     """Steps that solve the system, by preconditioned conjugate gradients.
 
     The preconditioner W W^T is split, so that W^T A W y = W^T b is solved for x = W y and the norm

@@ -22,7 +22,7 @@ _SOLE_OFFSETS_M = np.array([-0.05, 0.05, -0.05, 0.05])
 balls."""
 _CONTACT_M = 0.03
 """Height at which the contact weight is a quarter."""
-_DEVIATION_M = 0.01
+DEVIATION_M = 0.01
 """Deviation of the height of a contact."""
 _UP = np.array([[0.0, 1.0, 0.0]])
 
@@ -40,7 +40,7 @@ class FootContacts:
     def of(cls, skeleton: Skeleton, motion: Motion) -> FootContacts:
         """Contacts of `motion` with y = 0; none of invisible feet."""
         transforms = skeleton.joint_transforms(motion.joint_angles, motion.root_translation)
-        heights = _soles(skeleton, transforms)[..., 1]
+        heights = sole_positions(skeleton, transforms)[..., 1]
         squared = np.square(heights / _CONTACT_M)
         return cls(heights, motion.confidence[:, _FEET] / (1.0 + squared) ** 2)
 
@@ -52,18 +52,20 @@ class FootContacts:
         transforms = skeleton.joint_transforms(angles, root)
         share = descendants(skeleton).T[_FEET]
         up = np.tile(_UP, (len(_FEET), 1, 1))
-        soles = _soles(skeleton, transforms)
+        soles = sole_positions(skeleton, transforms)
         jacobian = np.stack([
             pose_jacobian(sole, up, share, place, None)[:, 0]
             for sole, place in zip(soles, transforms, strict=True)
         ])  # fmt: skip
         height_error = self.heights - soles[..., 1]
         height_error -= (self.contact * height_error).sum() / max(self.contact.sum(), 1e-9)
-        weighted = np.swapaxes(jacobian * self.contact[..., None], 1, 2) / _DEVIATION_M**2
+        weighted = np.swapaxes(jacobian * self.contact[..., None], 1, 2) / DEVIATION_M**2
         return weighted @ jacobian, (weighted @ height_error[..., None])[..., 0]
 
 
-def _soles(skeleton: Skeleton, transforms: Float[Array, "F 24 4 4"]) -> Float[Array, "F 4 3"]:
+def sole_positions(
+    skeleton: Skeleton, transforms: Float[Array, "F 24 4 4"]
+) -> Float[Array, "F 4 3"]:
     """Positions of heels and toes, which lie on y = 0 at rest."""
     offsets = np.zeros((len(_FEET), 3))
     offsets[:, 1], offsets[:, 2] = -skeleton.rest_joints[_FEET, 1], _SOLE_OFFSETS_M

@@ -31,9 +31,9 @@ def random_clip(strength: float = 1.0) -> tuple[ClipNormalEquations, ClipState, 
 
 def test_the_matrix_is_the_second_derivative_of_the_priors_and_pixels():
     equations, state, operator = random_clip()
-    system = bundle_adjustment._System(equations, state, operator)
-    trust = 1.0 / (bundle_adjustment._CORRELATED_PX * equations.difference + 1e-9)
-    robust = system._smoothness
+    system = bundle_adjustment.RegularisedEquations(equations, state, operator)
+    trust = 1.0 / (bundle_adjustment.CORRELATED_PX * equations.difference + 1e-9)
+    robust = system.smoothness
 
     def energy(d: np.ndarray, s: np.ndarray) -> float:
         """Half the squares over variances, as the module tells them."""
@@ -48,7 +48,7 @@ def test_the_matrix_is_the_second_derivative_of_the_priors_and_pixels():
         total += (gone[:, :-3] ** 2).sum() / state.deviations[0] ** 2
         total += (gone[:, -3:] ** 2).sum() / state.deviations[1] ** 2
         total += (robust * (state.accelerations + operator(d)) ** 2).sum()
-        total += FRAMES * (((state.shared + s) / bundle_adjustment._SHARED_DEVIATIONS) ** 2).sum()
+        total += FRAMES * (((state.shared + s) / bundle_adjustment.SHARED_DEVIATIONS) ** 2).sum()
         return 0.5 * total
 
     rng = np.random.default_rng(1)
@@ -68,8 +68,8 @@ def test_the_matrix_is_the_second_derivative_of_the_priors_and_pixels():
 
 def test_the_step_solves_the_system():
     equations, state, operator = random_clip()
-    system = bundle_adjustment._System(equations, state, operator)
-    d, s = bundle_adjustment._conjugate_gradients(system)
+    system = bundle_adjustment.RegularisedEquations(equations, state, operator)
+    d, s = bundle_adjustment.conjugate_gradients(system)
     moved, shared = system.apply(d, s)
     left = np.abs(system.right - moved).max()
     assert left < 0.05 * np.abs(system.right).max()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from renderer.pose_refinement.foot_contacts import _DEVIATION_M, FootContacts, _soles
+from renderer.pose_refinement.foot_contacts import DEVIATION_M, FootContacts, sole_positions
 from renderer.pose_refinement.photometry import POSE_PARAMETERS, apply_pose_step
 from scene import Motion, Pose, Skeleton
 from scene.skeleton import JOINT_NAMES
@@ -29,7 +29,7 @@ def steps_up() -> Motion:
 
 def heights(skeleton: Skeleton, poses: list[Pose]) -> np.ndarray:
     places = [skeleton.joint_transforms(p.joint_angles, p.root_translation) for p in poses]
-    return _soles(skeleton, np.stack(places))[..., 1]
+    return sole_positions(skeleton, np.stack(places))[..., 1]
 
 
 def test_feet_stand_that_are_on_the_floor_and_seen():
@@ -58,7 +58,7 @@ def test_the_step_is_the_one_that_the_energys_derivatives_ask_for():
     def energy(steps: np.ndarray) -> float:
         moved = [apply_pose_step(pose, step) for pose, step in zip(poses, steps, strict=True)]
         off = standing.heights - heights(skeleton, moved) - level
-        return 0.5 * float((standing.contact * off**2).sum()) / _DEVIATION_M**2
+        return 0.5 * float((standing.contact * off**2).sum()) / DEVIATION_M**2
 
     for _ in range(4):
         along = rng.normal(size=(FRAMES, POSE_PARAMETERS))
@@ -73,4 +73,4 @@ def test_a_floor_that_is_lower_for_all_is_nobodys_fault():
     standing = FootContacts.of(skeleton, motion)
     lower = motion.root_translation - np.array([0.0, 0.02, 0.0])
     _, vectors = standing.equations(skeleton, motion.joint_angles, lower)
-    assert np.abs(vectors).max() * _DEVIATION_M**2 < 1e-6
+    assert np.abs(vectors).max() * DEVIATION_M**2 < 1e-6
