@@ -67,7 +67,7 @@ def run(writer: FigureWriter, clock_name: str) -> None:
         make_sequence(Path(folder) / "sequence")
         clip = open_sequence(Path(folder) / "sequence")
         for noise_deg, lasting in NOISE:
-            noisy = _with_noise(clip, noise_deg, lasting=lasting)
+            noisy = with_noise(clip, noise_deg, lasting=lasting)
             for preset, refined in product(BUDGETS_S, (False, True)):
                 about = {"noise_deg": noise_deg, "lasting": lasting, "refined": refined}
                 rows.append({**about, **_row(clip, noisy, preset, clock, refined=refined)})
@@ -80,7 +80,7 @@ def run(writer: FigureWriter, clock_name: str) -> None:
     writer.write({**about, "rows": rows})
 
 
-def _with_noise(clip: Sequence, noise_deg: float, *, lasting: bool) -> Sequence:
+def with_noise(clip: Sequence, noise_deg: float, *, lasting: bool) -> Sequence:
     """`clip` as if its poses had been estimated, with that much noise."""
     rng, motion = np.random.default_rng(0), clip.motion
     noise, shift = rng.normal(size=motion.joint_angles.shape), np.zeros((len(motion), 3))
@@ -115,14 +115,14 @@ def _row(
         "psnr_novel_view": as_given["psnr"][NOVEL_VIEW]["body_crop"],
         "psnr_novel_view_aligned": aligned["psnr"][NOVEL_VIEW]["body_crop"],
         "psnr_training_view": as_given["psnr"]["training_view"]["body_crop"],
-        "rotation_error_deg_before": _rotation_error_deg(noisy.motion, clip.motion),
-        "rotation_error_deg": _rotation_error_deg(model.motion, clip.motion),
+        "rotation_error_deg_before": rotation_error_deg(noisy.motion, clip.motion),
+        "rotation_error_deg": rotation_error_deg(model.motion, clip.motion),
         "joint_mm_before": _joint_mm(noisy.motion, clip),
         "joint_mm": _joint_mm(model.motion, clip),
     }
 
 
-def _rotation_error_deg(motion: Motion, truth: Motion) -> float:
+def rotation_error_deg(motion: Motion, truth: Motion) -> float:
     """Mean error of the joints' own rotations."""
     one, other = (axis_angle_to_matrix(m.joint_angles) for m in (motion, truth))
     return round(float(geodesic_deg(one, other).mean()), 3)

@@ -50,7 +50,8 @@ def joint_of_bone(bone: str) -> int:
     raise KeyError(bone)
 
 
-def _bones_of_joints() -> list[list[str]]:
+def bones_of_joints() -> list[list[str]]:
+    """anny's bones between whose heads each of our joints lies."""
     bones = []
     for joint in JOINT_NAMES:
         side, _, name = joint.partition("_")
@@ -100,9 +101,9 @@ def build(model: Any) -> dict[str, Array]:
     def rest(shape: dict[str, float], face: tuple[str, ...] = ()) -> tuple[Array, Array, Array]:
         out = model(phenotype_kwargs={**BASE, **shape}, facial_actions=dict.fromkeys(face, 1.0))
         heads = dict(zip(model.bone_labels, out["rest_bone_heads"][0].numpy(), strict=True))
-        joints = np.array([np.mean([heads[b] for b in bones], 0) for bones in _bones_of_joints()])
-        bones = _y_up(np.array(list(heads.values())))
-        return _t_posed(_y_up(out["rest_vertices"][0].numpy()), _y_up(joints), bones, weights,
+        joints = np.array([np.mean([heads[b] for b in bones], 0) for bones in bones_of_joints()])
+        bones = y_up(np.array(list(heads.values())))
+        return _t_posed(y_up(out["rest_vertices"][0].numpy()), y_up(joints), bones, weights,
                         columns)  # fmt: skip
 
     vertices, joints, heads = rest({})
@@ -153,7 +154,7 @@ def _strongest_four(weights: Float[Array, "V 24"]) -> Float[Array, "V 24"]:
     return kept / kept.sum(axis=1, keepdims=True)
 
 
-def _y_up(points: Array) -> Array:
+def y_up(points: Array) -> Array:
     """anny's (x, y back, z up) to ours (x, y up, z front)."""
     return np.stack([points[:, 0], points[:, 2], -points[:, 1]], axis=1)
 

