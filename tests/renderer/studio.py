@@ -61,10 +61,10 @@ def make_motion(frames: int) -> Motion:
 
 
 class DrawnFrames:
-    """A `FrameSource` drawn by a model."""
+    """A `FrameSource` drawn by a model in `motion`, which claims to show `claimed`."""
 
-    def __init__(self, model: SplatModel, motion: Motion) -> None:
-        self._motion = motion
+    def __init__(self, model: SplatModel, motion: Motion, claimed: Motion | None = None) -> None:
+        self._motion = claimed or motion
         self._camera = orbit_camera((0.0, 0.8, 0.0), 3.4, 0.0, 0.1, SIZE, SIZE)
         renderer = SplatRenderer((model,))
         self._pictures = [
@@ -95,8 +95,5 @@ class DrawnFrames:
 def make_sequence(*, exact: bool = True, motion: Motion | None = None, frames: int = 6) -> Sequence:
     """The box filmed by one camera; `motion` is what the sequence claims its poses to be."""
     true = make_motion(frames)
-    source = DrawnFrames(make_model(), true)
-    claimed = motion or true
-    if motion is not None:
-        source._motion = motion
+    source, claimed = DrawnFrames(make_model(), true, motion), motion or true
     return Sequence("a box", 10.0, make_body(), source, "of a test", claimed, {}, exact)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from capture.body.pose_prior import pose_prior
 from capture.live.energy_kernels import UNKNOWNS, pose_equations, prior_equations
 from capture.live.filter_kernels import filter_rotations
 from capture.live.gauss_newton_kernels import body_landmarks, gauss_newton
-from capture.live.solver import frame_observation, solver_model
+from capture.live.solver import STEPS, frame_observation, solver_model
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import JOINT_COUNT, PARENTS
 from tests.capture.people import body, camera, seen_by, standing
@@ -89,6 +91,22 @@ def test_the_way_down_is_that_of_its_plain_twin(problem):
     np.testing.assert_allclose(place, at, atol=1e-8)
     assert left == pytest.approx(energy)
     assert left < 0.5 * equations(model, sized, local, pelvis)[0]
+
+
+def test_turns_stay_turns_however_long_somebody_is_followed():
+    """Hands, which little is seen of, are turned a bit by every frame."""
+    rng, motion, frames = np.random.default_rng(4), standing(6, turn_rad=0.8), 59
+    people = [seen_by(camera(), body(), motion.pose(frame)) for frame in range(len(motion))]
+    model, pull = solver_model(body(), camera()), np.full(UNKNOWNS, 100.0)
+    local = axis_angle_to_matrix(motion.joint_angles[0])
+    pelvis = motion.root_translation[0] + body().skeleton.rest_joints[0]
+    for frame in range(frames):
+        person = people[frame % 6 if frame // 6 % 2 == 0 else -1 - frame % 6]
+        noisy = replace(person, world=person.world + rng.normal(0.0, 0.01, (33, 3)))
+        seen = frame_observation(noisy, camera())
+        local, pelvis, _ = gauss_newton(local, pelvis, model, seen, STEPS, pull, 1e-2, 1e-6)
+    apart = np.swapaxes(local, 1, 2) @ local - np.eye(3)
+    assert np.abs(apart).max() < 1e-9
 
 
 def test_the_filter_is_that_of_its_plain_twin():
