@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from time import perf_counter
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from scene import Lighting, Motion, Pose, Sequence, Skeleton, orbit_camera
 from scene.body import Body
 from scene.colour import to_srgb
 from scene.skeleton import JOINT_COUNT
+from tests.renderer.clocks import ticking
 from tests.renderer.studio import DrawnFrames, make_sequence
 
 FRAMES, SIZE = 16, 96
@@ -107,6 +107,6 @@ def filmed_pillar() -> tuple[SplatModel, np.ndarray, Sequence]:
 def trained_pillar() -> SplatModel:
     """What training makes of those frames, its light looked for."""
     sequence = filmed_pillar()[2]
-    model = train(sequence, preset=PRESET, iterations=400, find_light=True, clock=perf_counter)
+    model = train(sequence, preset=PRESET, iterations=400, find_light=True, clock=ticking())
     assert isinstance(model, SplatModel)
     return model

@@ -17,13 +17,8 @@ from renderer.splats.model import SplatModel
 from renderer.splats.training.trainer import SplatTrainer
 from renderer.training import Progress, train
 from scene import FrameSource, Motion, Pose
+from tests.renderer.clocks import ticking
 from tests.renderer.studio import make_sequence
-
-
-def ticking(step_s: float = 0.01):
-    """A clock that moves on at every look."""
-    ticks = itertools.count()
-    return lambda: next(ticks) * step_s
 
 
 def trained(**options) -> SplatModel:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from scene import Environment, Lighting, Performer, Pose, Scene, orbit_camera
 from scene.environment import placement
 from scene.sequence import FrameSource
 from scene.skeleton import JOINT_COUNT
+from tests.renderer.clocks import ticking
 from tests.renderer.pillar import FILMED_IN, PRESET, LitFrames, filmed_pillar, trained_pillar
 from tests.renderer.studio import make_model
 
@@ -117,7 +117,7 @@ def test_even_light_comes_out_even():
 def test_training_goes_on_from_a_model_with_a_light():
     """On its mean colours; a light is known again once it is looked for."""
     sequence, learnt = filmed_pillar()[2], trained_pillar()
-    again = train(sequence, preset=PRESET, iterations=30, start=learnt, clock=perf_counter)
+    again = train(sequence, preset=PRESET, iterations=30, start=learnt, clock=ticking())
     assert isinstance(again, SplatModel)
     assert again.light is None
     before, after = (_over_black(model, sequence.train, 0) for model in (learnt, again))

@@ -15,8 +15,8 @@ from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import first_splats, splats_of_model
 from renderer.training import train
 from scene import Sequence, Skeleton
+from tests.renderer.clocks import ticking
 from tests.renderer.studio import make_model, make_motion, make_sequence
-from tests.renderer.test_training import ticking
 
 
 def accuracy(model: SplatModel, sequence: Sequence) -> float:
