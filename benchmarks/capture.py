@@ -251,7 +251,10 @@ def in_scale_of(captured: Sequence, truth: Sequence, scale: float) -> Sequence:
         return _Scaled(source, 1.0 / scale, shift)
 
     tests = {split: scaled(source) for split, source in truth.test.items()}
-    return replace(truth, body=captured.body, train=scaled(truth.train), test=tests)
+    return replace(
+        truth, body=captured.body, train=scaled(truth.train), test=tests,
+        data_hash=captured.data_hash,
+    )  # fmt: skip
 
 
 def _mask_iou(captured: Sequence, truth: Sequence) -> float:

@@ -49,6 +49,10 @@ def _conditions(about: dict[str, Any]) -> list[str]:
         f"black background, {about['colour']}; "
         f"one moment in {about['every']}; test poses {about['test_poses']}"
     ]
+    if not about["trained_on_this_data"]:
+        lines.append(
+            "the model was trained on other data: these frames are new to it, in their own poses"
+        )
     if lpips is not None:
         lines.append(f"LPIPS {lpips['linear_layers']} on {lpips['backbone']}, inputs in [-1, 1]")
     steps = f"{model['preset']}: {model.get('steps', '?')} steps"

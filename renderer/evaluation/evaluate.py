@@ -21,6 +21,7 @@ import torch
 
 from renderer.evaluation.lpips import Lpips
 from renderer.evaluation.metrics import over_black, psnr, ssim
+from renderer.evaluation.other_data import on_body_of
 from renderer.evaluation.pose_alignment import Aligner
 from renderer.performer_model import PerformerModel
 from scene.arrays import Array, Float
@@ -38,6 +39,8 @@ from scene.sequence import (
 from scene.skeleton import Skeleton
 
 TRAINING_VIEW = "training_view"
+OTHER_DATA = "other_data"
+"""Frames of data that the model was not trained on."""
 REGIONS = ("body_crop", "whole")
 MEASURES = ("psnr", "ssim", "lpips")
 SEEN_WITHIN_DEG = 30.0
@@ -91,11 +94,12 @@ def evaluate(
 
     Returns {measure: {split: {region: mean}}} for the measures `psnr`, `ssim`, `lpips`, the splits
     `novel_view`, `unseen_pose`, `training_view` (a few training frames in the model's own, perhaps
-    refined, poses) and the regions `body_crop`, `whole`. A mean is None where nothing was measured:
-    a clip without test views, or LPIPS without a backbone. `spread` holds the standard deviations
-    over pictures in the same shape, `unseen_side` the means for cameras that saw a side no training
-    camera saw, `per_view` each picture's own figures, `per_frame` the means of each moment's views,
-    `conditions` how all this was measured.
+    refined, poses) and the regions `body_crop`, `whole`. Of data that the model was not trained on
+    the last split is `other_data`: a few of its frames, in that data's poses. A mean is None where
+    nothing was measured: a clip without test views, or LPIPS without a backbone. `spread` holds the
+    standard deviations over pictures in the same shape, `unseen_side` the means for cameras that
+    saw a side no training camera saw, `per_view` each picture's own figures, `per_frame` the means
+    of each moment's views, `conditions` how all this was measured.
 
     Args:
         aligned: first align each test pose with its own picture; `conditions` says so. What is
@@ -103,12 +107,18 @@ def evaluate(
         every: judge one moment in so many of each split (HumanNeRF's protocol: 30), training
             frames alike. With 1, all test views and a few training frames.
         on_view: called with every picture as it is evaluated.
+
+    Raises InvalidInput for data of another person (`other_data.size_ratio`).
     """
+    trained_on = sequence.data_hash == model.data_hash
+    skeleton = sequence.body.skeleton if trained_on else model.skeleton
+    if not trained_on:
+        sequence = on_body_of(model, sequence)
     aligner = Aligner(model, sequence) if aligned else None
     evaluation = _Evaluation(
         model,
-        sequence.body.skeleton,
-        _sides(sequence.train, sequence.body.skeleton),
+        skeleton,
+        _sides(sequence.train, skeleton),
         None if lpips_backbone is None else Lpips(lpips_backbone),
         on_view,
     )
@@ -121,17 +131,28 @@ def evaluate(
             for index in _frames_every(source, every, rate)
         ]  # fmt: skip
     frames = _frames_every(train, every, rate) if every > 1 else _spread_frames(len(train))
-    per_view[TRAINING_VIEW] = [
-        _measure(evaluation, TRAINING_VIEW, train, i, model.motion.pose_at(train.pose(i).time_s))
-        for i in frames
-    ]
+    if trained_on:
+        per_view[TRAINING_VIEW] = [
+            _measure(
+                evaluation, TRAINING_VIEW, train, i, model.motion.pose_at(train.pose(i).time_s)
+            )
+            for i in frames
+        ]
+    else:
+        per_view[OTHER_DATA] = [
+            _measure(evaluation, OTHER_DATA, train, i, _test_pose(train, i, aligner))
+            for i in frames
+        ]
     return {
         **_summary(per_view, _mean, seen_side=True),
         "spread": _summary(per_view, _spread, seen_side=True),
         "unseen_side": _summary(per_view, _mean, seen_side=False),
         "per_frame": {split: _per_frame(views) for split, views in per_view.items()},
         "per_view": per_view,
-        "conditions": _conditions(evaluation, sequence, aligned=aligned, every=every),
+        "conditions": {
+            **_conditions(evaluation, sequence, aligned=aligned, every=every),
+            "trained_on_this_data": trained_on,
+        },
     }
 
 

@@ -1,9 +1,10 @@
 """LPIPS (Zhang et al. 2018): distance of deep features, without torchvision and without `lpips`.
 
 The linear layers are those in the torchmetrics wheel (version 0.1 weights); the backbone's
-convolutions come from a .pth file with torchvision's names, `features.*`: SqueezeNet 1.1, AlexNet
-or VGG-16, told apart by the shapes inside. Pictures are sRGB in [0, 1] and go to the network in
-[-1, 1]; 0 means equal, about 0.3 is plainly different.
+convolutions come from a .pth or .safetensors file with torchvision's names, `features.*`:
+SqueezeNet 1.1 (which ships with this package), AlexNet or VGG-16, told apart by the shapes inside.
+Pictures are sRGB in [0, 1] and go to the network in [-1, 1]; 0 means equal, about 0.3 is plainly
+different.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ from torch.nn import functional
 
 from renderer.errors import RendererError
 from scene.arrays import Float, Tensor
+
+PACKAGED_BACKBONE = Path(__file__).parents[1] / "assets" / "squeezenet1_1.safetensors"
+"""SqueezeNet 1.1, which ships with this package: figures without a network."""
 
 _SHIFT = (-0.030, -0.088, -0.188)
 _SCALE = (0.458, 0.448, 0.450)
@@ -119,11 +123,15 @@ def _unit(features: Tensor) -> Tensor:
 
 def _read_weights(path: Path) -> dict[str, Tensor]:
     try:
+        if path.suffix == ".safetensors":
+            from safetensors.torch import load_file
+
+            return load_file(path)
         weights = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # a pickle that is none breaks in many ways
-        raise RendererError(f"LPIPS backbone must be a .pth of tensors; got {path}: {error}") from (
-            error
-        )
+        raise RendererError(
+            f"LPIPS backbone must be a .pth or .safetensors of tensors; got {path}: {error}"
+        ) from error
     if not isinstance(weights, dict):
         raise RendererError(
             f"LPIPS backbone must hold named tensors; got {type(weights)} in {path}"

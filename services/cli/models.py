@@ -22,6 +22,9 @@ from services.cli.terminal import (
 
 app = typer.Typer()
 
+_FETCHED = Path("vgg16")
+"""In place of a file: the backbone of the paper's figures."""
+
 Picture = UInt8[Array, "H W 3"]
 
 ModelPath = Annotated[Path, typer.Argument(help="A trained model (.safetensors).")]
@@ -157,25 +160,38 @@ def evaluate(
         int, typer.Option(help="Evaluate every n-th moment; HumanNeRF's protocol: 30.", min=1)
     ] = 1,
     lpips_backbone: Annotated[
-        Path | None, typer.Option(help="Weights (.pth) for LPIPS. [VGG-16, downloaded once]")
+        Path | None,
+        typer.Option(
+            help="Weights (.pth) for LPIPS, or `vgg16`: the paper's, fetched once. [SqueezeNet 1.1]"
+        ),
     ] = None,
     lpips: Annotated[bool, typer.Option(help="Measure LPIPS.")] = True,
     sheet: Annotated[
         Path | None, typer.Option(help="Write a picture (.png): truth, model, error of each view.")
     ] = None,
 ) -> None:
-    """Compare a model with the truth on unseen views and unseen poses: PSNR, SSIM, LPIPS."""
+    """Compare a model with the truth on unseen views and unseen poses: PSNR, SSIM, LPIPS.
+
+    SEQUENCE is the data that the model was trained on, or other data of the same person, whose
+    frames are then all new to it and are shown in that data's own poses.
+    """
     from capture.sources.readers import open_folder
     from renderer.evaluation.evaluate import EvaluatedView
     from renderer.evaluation.evaluate import evaluate as evaluate_model
+    from renderer.evaluation.lpips import PACKAGED_BACKBONE
     from renderer.model_files import load_model
     from services.figures import print_figures, write_sheet
+    from services.settings import load_settings
 
     for out in (json_file, sheet):
         if out is not None:
             require_writable(out)
     clip, person, views = open_folder(sequence), load_model(model), list[EvaluatedView]()
-    backbone = _backbone(lpips_backbone) if lpips else None
+    backbone = lpips_backbone or load_settings().lpips_backbone or PACKAGED_BACKBONE
+    if backbone == _FETCHED:
+        backbone = _backbone(None)
+    if not lpips:
+        backbone = None
 
     def on_view(view: EvaluatedView) -> None:
         if sheet is not None:
@@ -191,8 +207,8 @@ def evaluate(
 
 
 def _backbone(given: Path | None) -> Path | None:
-    """The weights for LPIPS: those named here or in the settings, else VGG-16. None and a message
-    where that cannot be downloaded."""
+    """The weights for a perceptual loss: those named here or in the settings, else VGG-16. None and
+    a message where that cannot be downloaded."""
     from services.lpips_backbone import vgg_file
     from services.settings import load_settings
 

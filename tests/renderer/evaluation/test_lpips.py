@@ -6,12 +6,14 @@ import pytest
 import torch
 
 from renderer.errors import RendererError
-from renderer.evaluation.lpips import Lpips
+from renderer.evaluation.lpips import PACKAGED_BACKBONE, Lpips
 from tests.shared_data import shared_data
 
 
-@pytest.fixture(scope="module", params=["squeezenet1_1", "alexnet"])
+@pytest.fixture(scope="module", params=["packaged", "alexnet"])
 def lpips(request) -> Lpips:
+    if request.param == "packaged":
+        return Lpips(PACKAGED_BACKBONE)
     return Lpips(shared_data("models") / f"{request.param}_features.pth")
 
 
@@ -62,5 +64,5 @@ def test_a_file_that_is_no_backbone_is_refused(tmp_path):
     with pytest.raises(RendererError, match=r"must be SqueezeNet 1\.1, AlexNet or VGG-16"):
         Lpips(tmp_path / "other.pth")
     (tmp_path / "text.pth").write_text("no tensors")
-    with pytest.raises(RendererError, match=r"must be a \.pth of tensors"):
+    with pytest.raises(RendererError, match=r"must be a \.pth or \.safetensors of tensors"):
         Lpips(tmp_path / "text.pth")

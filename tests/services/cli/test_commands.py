@@ -111,12 +111,19 @@ def test_figures_are_written_for_both_splits_and_regions(trained, filmed, tmp_pa
     assert picture.max() > 200  # captions
 
 
-def test_without_a_backbone_at_hand_or_a_network_figures_come_without_lpips(
+def test_lpips_is_measured_without_a_network_on_the_backbone_that_is_packaged(trained, filmed):
+    done = runner.invoke(app, ["evaluate", str(trained), str(filmed)])
+    assert done.exit_code == 0, done.output
+    assert "LPIPS 0.1 on squeeze" in done.output
+
+
+def test_where_vgg_cannot_be_fetched_figures_come_without_lpips(
     trained, filmed, tmp_path, monkeypatch
 ):
     monkeypatch.setenv("METANERF_LPIPS_BACKBONE_URL", (tmp_path / "absent.pth").as_uri())
     monkeypatch.setenv("METANERF_DATA_DIR", str(tmp_path))
-    done = runner.invoke(app, ["evaluate", str(trained), str(filmed)])
+    arguments = ["evaluate", str(trained), str(filmed), "--lpips-backbone", "vgg16"]
+    done = runner.invoke(app, arguments)
     assert done.exit_code == 0, done.output
     assert "without LPIPS: LPIPS' backbone must be fetched once" in done.output
 
