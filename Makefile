@@ -10,9 +10,9 @@ test: setup-test check
 	.venv/bin/python -m pytest -m "not e2e" -n 2 --dist loadfile $(ARGS)
 	.venv/bin/python -m pytest -m e2e $(ARGS)
 
-# Tests without a browser and without servers: seconds, while you work.
+# Tests without a browser, without servers and without long trainings: under two minutes, while you work.
 unit: setup-test
-	.venv/bin/python -m pytest -m "not e2e" -x -q $(ARGS)
+	.venv/bin/python -m pytest -m "not e2e and not server and not slow" -x -q $(ARGS)
 
 check:
 	.venv/bin/ruff format --check .

@@ -1,4 +1,4 @@
-"""Checks array annotations of scene/ and renderer/ while testing; marks what asks for a server.
+"""Checks array annotations of scene/ and renderer/ while testing; marks who asks for a server.
 
 Modules of numba code (`*kernels`) are left out: a compiled function can't be wrapped.
 """
@@ -39,11 +39,17 @@ def _checked_modules() -> list[str]:
 jaxtyping.install_import_hook(_checked_modules(), "tests.annotations.typecheck")
 
 
+_SLOW = frozenset(Path(__file__).with_name("slow.txt").read_text().split())
+
+
 def pytest_itemcollected(item: pytest.Item) -> None:
-    """Mark what needs a server, by its fixtures."""
+    """Mark what needs a server, by its fixtures, and what takes long, by the list of it."""
     assert isinstance(item, pytest.Function)
     if not SERVER_FIXTURES.isdisjoint(item.fixturenames):
         item.add_marker(pytest.mark.server)
+    test = item.nodeid.partition("[")[0]
+    if not _SLOW.isdisjoint({test, test.partition("::")[0]}):
+        item.add_marker(pytest.mark.slow)
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
