@@ -33,6 +33,10 @@ class RateLimit:
         """When each caller has used nothing up."""
         self._guard = threading.Lock()
 
+    def __len__(self) -> int:
+        """How many callers are remembered."""
+        return len(self._free_s)
+
     def take(self, caller: str) -> None:
         """Count one more of `caller`. Raises TooManyRequests beyond the limit."""
         step_s = _WINDOW_S / self._per_minute

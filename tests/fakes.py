@@ -6,8 +6,10 @@ from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from obstore.store import LocalStore
+
 from db.errors import StoreAway, StoreFull
-from db.objects import ObstoreObjects, StoredObject, open_objects
+from db.objects import ObstoreObjects, StoredObject
 
 
 class Clock:
@@ -27,8 +29,7 @@ class SmallObjects(ObstoreObjects):
     """A store on a disk with room for `capacity` bytes."""
 
     def __init__(self, folder: Path, capacity: int) -> None:
-        inner = open_objects(f"file://{folder}")
-        super().__init__(inner._store)
+        super().__init__(LocalStore(folder, automatic_cleanup=True, mkdir=True))
         self._left = capacity
 
     def put(self, owner: str, chunks: Iterable[bytes]) -> StoredObject:

@@ -106,7 +106,8 @@ class Hub:
         recorders: Recorders,
     ) -> None:
         self._services, self._views, self._voices = services, views, voices
-        self._recorders = recorders
+        self.recorders = recorders
+        """Of this process; who takes their place goes on with what they kept."""
         self._connections: dict[str, set[ControlConnection]] = {}
         """By meeting."""
         self._shown: dict[str, object] = {}
@@ -146,7 +147,7 @@ class Hub:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        await self._recorders.close()
+        await self.recorders.close()
 
     def send_speaking(self, meeting_id: str) -> None:
         """Send everybody who was let in who speaks now, and in which track."""
@@ -247,7 +248,7 @@ class Hub:
         )
         await self._show(meeting)
         present = present_in(meeting, now)
-        await self._recorders.update(
+        await self.recorders.update(
             meeting, present, performers_by_participant(meeting, now), recording, said
         )
 

@@ -148,7 +148,8 @@ class Recorders:
             self._add(active, f"voice:{participant_id}", participant_id, packet.payload)
 
         self._listeners[meeting_id] = hear
-        active.task = asyncio.create_task(self._run(meeting_id, active))
+        name = f"recording {recording.id}"
+        active.task = asyncio.create_task(self._run(meeting_id, active), name=name)
         return active
 
     async def _pause(self, meeting_id: str) -> None:

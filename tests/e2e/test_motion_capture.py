@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -70,8 +71,8 @@ def webcam(source: Path, out: Path) -> Path:
 
 
 @contextmanager
-def meeting_with_ada(data_dir: Path) -> Iterator[tuple[str, dict[str, Room]]]:
-    """A server with Ada in a meeting: the page's address, and the rooms that are looked into."""
+def meeting_with_ada(data_dir: Path) -> Iterator[tuple[str, Callable[[], Room]]]:
+    """A server with Ada in a meeting: the page's address, and what gives its room."""
     settings = load_settings(
         data_dir=data_dir, open_access=True, embedded_worker=False,
         pose_model=landmark_model(POSE_MODEL), face_model=landmark_model(FACE_MODEL),
@@ -91,7 +92,8 @@ def meeting_with_ada(data_dir: Path) -> Iterator[tuple[str, dict[str, Room]]]:
     until(lambda: server.started, "starting the server")
     port = server.servers[0].sockets[0].getsockname()[1]
     try:
-        yield f"http://127.0.0.1:{port}/?meeting={meeting.id}&size=128", app.state.views._rooms
+        address = f"http://127.0.0.1:{port}/?meeting={meeting.id}&size=128"
+        yield address, lambda: asyncio.run(app.state.views.room(meeting.id))
     finally:
         server.should_exit = True
         thread.join(30.0)
@@ -141,7 +143,7 @@ def joints(room: Room) -> np.ndarray:
 def test_who_is_seen_by_their_webcam_moves_in_the_meeting_and_no_picture_leaves(tmp_path):
     clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
     film = webcam(clip, tmp_path / "webcam.mjpeg")
-    with meeting_with_ada(tmp_path / "data") as (address, rooms), open_page(webcam=film) as page:
+    with meeting_with_ada(tmp_path / "data") as (address, look), open_page(webcam=film) as page:
         wire = Wire(page)
         page.goto(address)
         page.get_by_test_id("start-join").click()
@@ -151,7 +153,7 @@ def test_who_is_seen_by_their_webcam_moves_in_the_meeting_and_no_picture_leaves(
         expect(self).to_contain_text("Only your movements leave this device", timeout=MINUTES)
         expect(self).to_have_attribute("data-tracking", "tracking", timeout=2 * MINUTES)
         expect(self).to_contain_text("Your movements are shown in the meeting")
-        (room,) = rooms.values()
+        room = look()
         until(lambda: list(room.live_motions.values()) != [], "driving Ada")
         (driven,) = room.live_motions.values()
         assert isinstance(driven, LiveMotion)

@@ -42,7 +42,7 @@ def test_callers_who_waited_are_forgotten():
         limit.take(str(number))
     clock.advance(seconds=1)
     limit.take("one more")
-    assert len(limit._free_s) == 1
+    assert len(limit) == 1
 
 
 @pytest.mark.parametrize(

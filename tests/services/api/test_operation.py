@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import httpx
+from obstore.store import MemoryStore
 
-from db.objects import open_objects
 from db.unit_of_work import Database
 from services.app import create_app
 from services.container import Services
@@ -47,8 +47,8 @@ async def test_a_database_that_is_away_is_named_and_requests_fail_fast(services:
         assert (await client.get("/metrics")).status_code == 200
 
 
-async def test_store_and_redis_that_are_away_are_named(services: Services, tmp_path: Path):
-    store = AwayObjects(open_objects(f"file://{tmp_path / 'o'}")._store)
+async def test_store_and_redis_that_are_away_are_named(services: Services):
+    store = AwayObjects(MemoryStore())
     url = "redis://127.0.0.1:1/0"
     settings = services.settings.model_copy(update={"redis_url": url})
     broken = replace(services, objects=store, events=RedisEvents(url), settings=settings)

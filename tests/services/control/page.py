@@ -57,7 +57,7 @@ class Page:
         """One sign of life, until it is answered."""
         before = self.beats
         await self.say(type="beat")
-        await self._until(lambda: self.beats > before, "a beat in answer")
+        await self.until(lambda: self.beats > before, "a beat in answer")
 
     async def hear(self, kind: str, **fields: Any) -> dict[str, Any]:
         """The first message of a kind with these fields, once it has come."""
@@ -72,7 +72,7 @@ class Page:
             fitting = (m for m in self.heard if m["type"] == kind and fits(m))
             return next(fitting, None)
 
-        await self._until(lambda: found() is not None, f"{kind} that fits")
+        await self.until(lambda: found() is not None, f"{kind} that fits")
         message = found()
         assert message is not None
         return message
@@ -84,12 +84,12 @@ class Page:
             rosters = [m for m in self.heard if m["type"] == "roster"]
             return {one["name"]: one for one in rosters[-1]["members"]} if rosters else {}
 
-        await self._until(lambda: bool(newest()) and fits(newest()), "a roster that fits")
+        await self.until(lambda: bool(newest()) and fits(newest()), "a roster that fits")
         return newest()
 
     async def gone(self) -> dict[str, Any]:
         """The goodbye, once the server has closed the channel."""
-        await self._until(lambda: self.closed, "the end of the channel")
+        await self.until(lambda: self.closed, "the end of the channel")
         return self.heard[-1]
 
     async def _listen(self) -> None:
@@ -109,7 +109,8 @@ class Page:
             self.closed = True
             self._news.notify_all()
 
-    async def _until(self, fits: Callable[[], bool], what: str) -> None:
+    async def until(self, fits: Callable[[], bool], what: str) -> None:
+        """Wait until `fits`, which is asked at every message."""
         try:
             async with asyncio.timeout(_PATIENCE_S), self._news:
                 await self._news.wait_for(fits)

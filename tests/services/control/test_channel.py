@@ -14,6 +14,7 @@ from services.container import Services
 from services.control import channel
 from services.control.roster import SILENCE_S
 from services.jobs.events import RedisEvents
+from services.limits import RateLimit
 from services.seats import SEAT_LAPSES_S
 from tests.fakes import Clock
 from tests.services.control.conftest import on_a_port
@@ -150,10 +151,8 @@ async def test_only_a_seat_of_this_meeting_opens_its_channel(caller, timed, meet
     assert meeting["id"] != other["id"]
 
 
-async def test_who_talks_without_end_is_told_to_wait(
-    caller, meeting, monkeypatch: pytest.MonkeyPatch, app
-):
-    monkeypatch.setattr(app.state.command_limit, "_per_minute", 2)
+async def test_who_talks_without_end_is_told_to_wait(caller, meeting, app, timed):
+    app.state.command_limit = RateLimit("messages of one person", 2, timed.clock)
     async with await join(caller, meeting["id"], "Ada") as ada:
         for number in range(3):
             await ada.say(type="say", text=str(number))

@@ -36,7 +36,7 @@ async def presented(page: Page, presenter: str | None, asks: str | None = None) 
         told = [(m["presenter_id"], m["presenter_asks_id"]) for m in rosters]
         return told[-1:] == [(presenter, asks)]  # maybe none was heard yet
 
-    await page._until(fits, f"{presenter} presenting, {asks} asking")
+    await page.until(fits, f"{presenter} presenting, {asks} asking")
 
 
 async def test_every_page_is_told_of_a_new_place_and_who_comes_later_too(caller, meeting, three):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 
 import httpx
@@ -41,8 +42,15 @@ class Screen(MediaStreamTrack):
 
 
 @pytest.fixture
-async def app(services: Services):
-    made = create_app(services.settings, services)
+def changes() -> dict[str, int]:
+    """Settings that a test wants otherwise."""
+    return {}
+
+
+@pytest.fixture
+async def app(services: Services, changes: dict[str, int]):
+    settings = services.settings.model_copy(update=changes)
+    made = create_app(settings, replace(services, settings=settings))
     yield made
     await made.state.hub.close()
     await made.state.voices.close_all()
@@ -212,8 +220,8 @@ async def test_nobody_ends_or_feeds_anothers_session(caller, whip, meeting_id):
     assert (await whip.patch("", If_Match=whip.etag)).status_code == 404
 
 
-async def test_a_full_server_says_when_to_come_back(app, whip):
-    app.state.voices._max_connections = 0
+@pytest.mark.parametrize("changes", [{"max_voices": 0}])
+async def test_a_full_server_says_when_to_come_back(whip):
     answer = await whip.post(await whip.offer(Tone()))
     assert answer.status_code == 503
     assert int(answer.headers["retry-after"]) > 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import httpx
@@ -13,6 +14,7 @@ from db.models import ModelRow
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
+from services.live.sessions import view_sessions
 from services.live.sessions.view_sessions import ViewSessions
 from tests.services.conftest import bearer
 from tests.services.live.viewer import Viewer, view
@@ -24,8 +26,15 @@ def model(services: Services, model_file: Path) -> ModelRow:
 
 
 @pytest.fixture
-async def app(services: Services):
-    made = create_app(services.settings, services)
+def changes() -> dict[str, int]:
+    """Settings that a test wants otherwise."""
+    return {}
+
+
+@pytest.fixture
+async def app(services: Services, changes: dict[str, int]):
+    settings = services.settings.model_copy(update=changes)
+    made = create_app(settings, replace(services, settings=settings))
     yield made
     await made.state.views.close_all()
 
@@ -106,21 +115,23 @@ async def test_tokens_of_other_meetings_and_none_are_refused(caller, model):
     assert nobody.status_code == 401
 
 
-async def test_a_full_server_says_when_to_come_back(services, caller, app, model):
+@pytest.mark.parametrize("changes", [{"max_viewers": 0}])
+async def test_a_full_server_says_when_to_come_back(caller, model):
     meeting_id, header = await open_meeting(caller, model)
-    app.state.views._max_viewers = 0
     answer = await Viewer().look(caller, meeting_id, header)
     assert answer.status_code == 503
     assert int(answer.headers["retry-after"]) > 0
     assert "at most 0 viewers" in answer.json()["detail"]
 
 
-async def test_who_joins_is_told_while_the_renderer_gets_ready(caller, app, model):
+async def test_who_joins_is_told_while_the_renderer_gets_ready(
+    caller, app, model, monkeypatch: pytest.MonkeyPatch
+):
     meeting_id, _ = await open_meeting(caller, model)
     views: ViewSessions = app.state.views
     ready = threading.Event()
-    # the renderer's one thread is busy, as it is while kernels are compiled
-    views._executor.submit(ready.wait, 20.0)
+    # as long as kernels are compiled
+    monkeypatch.setattr(view_sessions, "warm_up", lambda: ready.wait(20.0))
     views.warm_up()
     join = f"/v1/meetings/{meeting_id}/join"
     assert (await caller.post(join, json={})).json()["ready"] is False

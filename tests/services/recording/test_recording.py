@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from services.jobs.lease import JobLease
 from services.jobs.report import Reporter
 from services.live.packets import decode_pose
 from services.recording.chunks import Record, records_of
+from services.recording.recorder import Recorders
 from services.recording.replay import load
 from services.recording.video_export import CameraKeyframe, CameraPath, export_video
 from tests.services.api.test_environments import panorama
@@ -75,14 +77,14 @@ async def told(page: Page, **fields) -> dict:
             recording[key] == value for key, value in fields.items()
         )
 
-    await page._until(fits, f"a recording with {fields}")
+    await page.until(fits, f"a recording with {fields}")
     found = newest()
     assert found is not None
     return found
 
 
 async def over(page: Page) -> None:
-    await page._until(
+    await page.until(
         lambda: [m for m in page.heard if m["type"] == "roster"][-1]["recording"] is None,
         "the end of the recording",
     )
@@ -112,7 +114,7 @@ async def test_nothing_is_kept_until_all_agree_and_all_of_it_after(
         await here.bo.say(type="say", text="before")
         await here.ada.say(type="record", on=True)
         asked = await told(here.bo, running=False, agreed=[here.ids["Ada"]])
-        assert len(app.state.hub._recorders) == 0
+        assert len(app.state.hub.recorders) == 0
         await here.bo.say(type="agree", on=True)
         await told(here.bo, running=True)
         await here.bo.say(type="microphone", on=True)
@@ -171,7 +173,7 @@ async def test_a_newcomer_has_it_rest_and_a_no_ends_it(caller, timed, app, model
         async with cy:
             await told(cy, running=False)
             await told(here.ada, running=False)
-            assert len(app.state.hub._recorders) == 0
+            assert len(app.state.hub.recorders) == 0
             await cy.say(type="agree", on=True)
             await told(here.ada, running=True)
             await cy.say(type="agree", on=False)
@@ -269,10 +271,15 @@ async def test_a_gateway_that_dies_loses_seconds_and_the_next_goes_on(
         await here.bo.say(type="agree", on=True)
         asked = await told(here.ada, running=True)
         first = await kept(caller, asked["id"], "motion")
-        recorders = app.state.hub._recorders
-        active = recorders._active.pop(here.meeting_id)  # gone without a word, as when killed
-        active.task.cancel()
-        app.state.hub.notify(here.meeting_id)
+        (keeping,) = [
+            one for one in asyncio.all_tasks() if one.get_name() == f"recording {asked['id']}"
+        ]
+        keeping.cancel()  # gone without a word, as when killed
+        hub, views, voices = app.state.hub, app.state.views, app.state.voices
+        hub.recorders = Recorders(
+            timed, views.pose_packets, voices.packet_listeners, time.monotonic
+        )
+        hub.notify(here.meeting_id)
         async with asyncio.timeout(30):
             while True:
                 again = (await caller.get(f"/v1/recordings/{asked['id']}")).json()
