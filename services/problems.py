@@ -56,7 +56,7 @@ class ProblemKind(NamedTuple):
         )
 
 
-_NAMES: dict[int, dict[type[SceneError], str]] = {
+NAMES: dict[int, dict[type[SceneError], str]] = {
     400: {errors.BadCandidate: "bad-candidate", errors.ProtocolViolation: "bad-request"},
     401: {errors.Unauthorized: "unauthorized"},
     403: {
@@ -124,7 +124,7 @@ _NAMES: dict[int, dict[type[SceneError], str]] = {
 }
 KINDS: dict[type[Exception], ProblemKind] = {
     error: ProblemKind(status, name)
-    for status, names in _NAMES.items()
+    for status, names in NAMES.items()
     for error, name in names.items()
 }
 """By class of error; a class that is not listed is answered as the nearest base that is."""

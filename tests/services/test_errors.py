@@ -108,7 +108,7 @@ def test_an_error_is_answered_as_ever(kind: type[SceneError]):
 
 
 def test_every_leaf_is_listed_once():
-    listed = Counter(kind for names in problems._NAMES.values() for kind in names)
+    listed = Counter(kind for names in problems.NAMES.values() for kind in names)
     assert set(listed.values()) == {1}
     assert leaves() <= listed.keys()
     assert leaves() <= WIRE.keys()
