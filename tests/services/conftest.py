@@ -37,6 +37,12 @@ def settings(tmp_path: Path) -> Settings:
     )
 
 
+@pytest.fixture
+def changes() -> dict[str, int]:
+    """Settings that a test wants otherwise in its gateway."""
+    return {}
+
+
 @pytest.fixture(scope="session")
 def empty_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A migrated SQLite file to copy: quicker than to migrate for each test."""

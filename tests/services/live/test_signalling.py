@@ -42,12 +42,6 @@ class Screen(MediaStreamTrack):
 
 
 @pytest.fixture
-def changes() -> dict[str, int]:
-    """Settings that a test wants otherwise."""
-    return {}
-
-
-@pytest.fixture
 async def app(services: Services, changes: dict[str, int]):
     settings = services.settings.model_copy(update=changes)
     made = create_app(settings, replace(services, settings=settings))
