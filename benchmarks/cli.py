@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from benchmarks.inputs import (
+    FOOTAGE,
+    LPIPS_BACKBONE,
     MOTION,
     PANORAMAS,
     TWO_CAMERAS,
@@ -17,6 +19,7 @@ from benchmarks.inputs import (
     require_footage,
     require_motion,
     require_panoramas,
+    require_real_footage,
     require_webcam_clip,
 )
 from scene.errors import InvalidInput
@@ -320,3 +323,27 @@ def two_cameras_command(
     from benchmarks.two_cameras import run
 
     run(_start("two-cameras", commits), footage, _landmark_model(), picture)
+
+
+@app.command()
+def real(
+    commits: Commits = False,
+    footage: Annotated[Path, typer.Option(help="Folder of the folders real-*.")] = FOOTAGE,
+    backbone: Annotated[Path, typer.Option(help="LPIPS backbone (.pth).")] = LPIPS_BACKBONE,
+    clock: ClockName = "processor",
+    budget: Annotated[str, typer.Option(help="Training time of each model.")] = "60s",
+    only: Only = "",
+) -> None:
+    """Models of real people on frames, clips and cameras that they never saw, and how they look."""
+    require_real_footage(footage)
+    from benchmarks.real.measure import Effort, Networks, run
+    from capture.detection.network_files import landmark_network_file
+    from services.settings import load_settings
+
+    settings = load_settings()
+    sources = (
+        settings.pose_model_source(), settings.face_model_source(), settings.hand_model_source()
+    )  # fmt: skip
+    networks = Networks(*map(landmark_network_file, sources), backbone)
+    writer = _start("real", commits, narrowed=bool(only) or (clock, budget) != ("processor", "60s"))
+    run(writer, footage, networks, clock, only, effort=Effort(seconds(budget)))

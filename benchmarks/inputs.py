@@ -13,6 +13,9 @@ MOTION = _DATA / "mocap"
 TWO_CAMERAS = _DATA / "real-two-cameras"
 WEBCAM = _DATA / "real-monocular/webcam_upperbody_woman_asl.mp4"
 PANORAMAS = _DATA / "environments"
+FOOTAGE = _DATA
+"""Folders of real footage, `real-*`."""
+LPIPS_BACKBONE = _DATA / "models/alexnet_features.pth"
 
 
 def require_browser() -> None:
@@ -69,4 +72,13 @@ def require_footage(folder: Path = TWO_CAMERAS) -> None:
         raise InvalidInput(
             f"footage must hold cam01.mp4, cam02.mp4 and Calib.qca.txt; got {folder}; they are "
             "Demo_SinglePerson of Pose2Sim"
+        )
+
+
+def require_real_footage(folder: Path = FOOTAGE) -> None:
+    """Raises InvalidInput where the real clips are not."""
+    if not (folder / "real-webcam-people").is_dir():
+        raise InvalidInput(
+            f"footage must hold the folders real-webcam-people, real-two-cameras, ...; got {folder}; "
+            "docs/data.md says where they come from"
         )

@@ -42,6 +42,11 @@ class FiguresFile:
         """What the pages show."""
         return self.checkout.root / _COMMITTED / f"{self.name}.json"
 
+    @property
+    def pictures(self) -> Path:
+        """Folder of the pictures that were drawn last."""
+        return self.built.with_suffix("")
+
     def finished(self, command: str) -> bool:
         """What was measured last is what `command` would measure now."""
         if not self.built.exists() or self.checkout.uncommitted_paths():
@@ -54,8 +59,12 @@ class FiguresFile:
         )
 
     def commit_built(self) -> None:
-        """Put what was measured last where the pages take it from."""
+        """Put what was measured and drawn last where the pages take it from."""
         _write(self.committed, self.built.read_text())
+        for picture in sorted(self.pictures.glob("*")):
+            kept = self.committed.with_suffix("") / picture.name
+            kept.parent.mkdir(exist_ok=True)
+            kept.write_bytes(picture.read_bytes())
 
 
 @dataclass(frozen=True)
@@ -99,6 +108,10 @@ class FigureWriter:
         commit = self.origin["commit"] or "unknown"
         tree = f"{commit}-changed" if self.origin["uncommitted_changes"] else commit
         return self.file.checkout.root / _MEASUREMENTS / self.file.name / tree
+
+    def picture(self, name: str) -> Path:
+        """Where a picture that goes with the figures is to be drawn."""
+        return self.file.pictures / name
 
     def cache(self, only: str = "") -> MeasurementCache:
         """What this benchmark has measured of this commit; `only`: see there."""

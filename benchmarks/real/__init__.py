@@ -1,0 +1,1 @@
+"""How far models of real people are from themselves, by a ruler that no change of capture moves."""

@@ -1,0 +1,143 @@
+"""A clip of a case: decoded at its own resolution, captured, and cut into training and test."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.real.ruler import Ruler
+from capture.pipeline import CaptureOptions, capture_clip
+from capture.sources.video import Clip, read_video
+from capture.storage import open_sequence
+from scene.arrays import Array
+from scene.camera import Camera
+from scene.errors import InvalidInput
+from scene.motion import Motion, Pose
+from scene.sequence import FrameSource, Sequence
+
+_WHOLE_PX = 4096
+_ALL_FRAMES = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class FilmedClip:
+    """A clip as its camera filmed it, and what the capture made of it."""
+
+    ruler: Ruler
+    footage: Clip
+    sequence: Sequence
+    camera: Camera
+    """Of the whole picture, in the capture's world."""
+    report: dict[str, Any]
+    capture_s: float
+
+    def index_of(self, time_s: float) -> int:
+        """The number of the frame that was filmed at `time_s`."""
+        return int(np.abs(self.footage.times_s - time_s).argmin())
+
+    def pose(self, index: int) -> Pose:
+        """The captured pose of frame `index`."""
+        return self.sequence.motion.pose_at(float(self.footage.times_s[index]))
+
+    def training_part(self, share: float) -> tuple[Sequence, list[int]]:
+        """The first `share` of the clip to train on, and the numbers of its frames."""
+        last = share * (len(self.footage.images) - 1)
+        times = self.sequence.motion.times_s
+        kept = [i for i, time_s in enumerate(times) if self.index_of(float(time_s)) <= last]
+        numbers = [self.index_of(float(times[i])) for i in kept]
+        return _part(self.sequence, kept), numbers
+
+
+def film(ruler: Ruler, footage: Path, folder: Path, options: CaptureOptions) -> FilmedClip:
+    """Read and capture the clip of `ruler` into `folder`, with its given focal length, if any."""
+    path = ruler.require_footage(footage)
+    focals: list[float] = []
+    begun = time.perf_counter()
+    quality = capture_clip(path, folder, options, on_fit=lambda _, fit: focals.append(fit.focal_px))
+    capture_s = time.perf_counter() - begun
+    whole = read_video(path, max_frames=_ALL_FRAMES, max_side=_WHOLE_PX)
+    sequence = open_sequence(folder)
+    sampled = read_size(path)
+    camera = whole_camera(sequence.train.camera(0), focals[-1], sampled).resized(*whole.source_size)
+    return FilmedClip(ruler, whole, sequence, camera, quality.as_json(), capture_s)
+
+
+def read_size(path: Path) -> tuple[int, int]:
+    """Width and height of the pictures that a capture of `path` works with, px."""
+    height, width = read_video(path, max_frames=1).images[0].shape[:2]
+    return width, height
+
+
+def whole_camera(stored: Camera, focal_px: float, size: tuple[int, int]) -> Camera:
+    """The camera of the whole picture, of which `stored` is a part at another scale.
+
+    Args:
+        focal_px: of the whole picture, whose principal point is its middle.
+        size: width and height of the whole picture, px.
+    """
+    scales = np.diag(stored.intrinsics)[:2] / focal_px
+    corner = 0.5 * np.array(size) - stored.intrinsics[:2, 2] / scales
+    x, y = np.rint(corner).astype(int).tolist()
+    unscaled = np.diag([*(1.0 / scales), 1.0]) @ stored.intrinsics
+    width, height = np.rint(np.array([stored.width, stored.height]) / scales).astype(int).tolist()
+    part = Camera(unscaled, stored.world_to_camera, width, height)
+    return part.cropped(-x, -y, *size)
+
+
+def require_unseen(trained: Iterable[Array], tested: Iterable[Array]) -> None:
+    """Raises InvalidInput where a picture is in both, by sha256 of its pixels."""
+    seen = {_digest(image) for image in trained}
+    again = [number for number, image in enumerate(tested) if _digest(image) in seen]
+    if again:
+        raise InvalidInput(
+            f"test frames must not have been trained on; got {len(again)} that were, the first "
+            f"is test frame {again[0]}; judge another clip or a later part"
+        )
+
+
+def _digest(image: Array) -> bytes:
+    return hashlib.sha256(np.ascontiguousarray(image).tobytes()).digest()
+
+
+@dataclass(frozen=True, eq=False)
+class _SomeFrames:
+    """Some frames of a source (a `FrameSource`)."""
+
+    source: FrameSource
+    indices: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    def camera(self, index: int) -> Camera:
+        return self.source.camera(self.indices[index])
+
+    def pose(self, index: int) -> Pose:
+        return self.source.pose(self.indices[index])
+
+    def image(self, index: int) -> Array:
+        return self.source.image(self.indices[index])
+
+    def mask(self, index: int) -> Array:
+        return self.source.mask(self.indices[index])
+
+
+def _part(sequence: Sequence, kept: list[int]) -> Sequence:
+    if len(kept) == len(sequence.train):
+        return sequence
+    motion = sequence.motion
+    return replace(
+        sequence,
+        train=_SomeFrames(sequence.train, tuple(kept)),
+        motion=Motion(
+            motion.times_s[kept], motion.joint_angles[kept], motion.root_translation[kept],
+            motion.confidence[kept], motion.expressions[kept],
+        ),
+        data_hash=hashlib.sha256(f"{sequence.data_hash} {kept}".encode()).hexdigest(),
+    )  # fmt: skip

@@ -1,0 +1,279 @@
+"""Real people: a model of one clip, judged on frames that it never saw, by a frozen ruler.
+
+Each case is captured and trained as the product does it. Its test frames are those of the clip
+that training saw (`own_views`, in the poses that training left), later frames of the same clip
+(`later_frames`), other clips of the person (`other_clips`) and other calibrated cameras
+(`other_cameras`), each as given and, but for the first, aligned by its own picture.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.real.calibration import CalibratedCamera, in_capture, read_calibration
+from benchmarks.real.cases import CASES, Case
+from benchmarks.real.filmed import FilmedClip, film, require_unseen
+from benchmarks.real.judge import Judge, TestFrame, flicker, mean
+from benchmarks.real.parts import part_finder
+from benchmarks.real.ruler import Ruler
+from benchmarks.real.sheet import draw_sheet
+from benchmarks.reporting.figures import FigureWriter
+from benchmarks.reporting.timing import Clock, clock_named
+from capture.pipeline import CaptureOptions
+from capture.sources.video import read_video
+from renderer.evaluation.lpips import Lpips
+from renderer.evaluation.pose_alignment import Aligner
+from renderer.performer_model import PerformerModel
+from renderer.training import train
+from scene.camera import Camera
+from scene.motion import Pose
+from scene.sequence import Frame
+from scene.skeleton import JOINT_NAMES, Skeleton
+
+OWN_VIEWS = "own_views"
+TRAINING_S = 60.0
+_SCALES = np.linspace(0.8, 1.25, 19)
+_TRUNK = tuple(
+    JOINT_NAMES.index(name) for name in ("pelvis", "neck", "left_shoulder", "right_shoulder")
+)
+_REPORTED = ("landmark_error_px", "landmark_error_mm", "mask_overlap", "person_px")
+
+
+@dataclass(frozen=True)
+class Networks:
+    """Files that a measurement needs."""
+
+    pose: Path
+    face: Path
+    hand: Path
+    lpips: Path
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How long each model is trained: seconds, or steps in their place."""
+
+    budget_s: float | None = TRAINING_S
+    iterations: int | None = None
+
+
+def run(
+    writer: FigureWriter, footage: Path, networks: Networks, clock_name: str, only: str = "",
+    cases: tuple[Case, ...] = CASES, effort: Effort = Effort(),  # noqa: B008 (frozen)
+) -> None:  # fmt: skip
+    """Measure what was not measured yet of `cases`, draw a sheet of each, and report."""
+    cache, clock = writer.cache(only), clock_named(clock_name)
+    rows: dict[str, Any] = {}
+    for case in cases:
+        of = {"case": asdict(case), **asdict(effort), "lpips": networks.lpips.name,
+              **clock.about()}  # fmt: skip
+        sheet = writer.picture(f"{case.name}.jpg")
+        found = cache.measured(
+            case.name, of,
+            lambda c=case, s=sheet: measure(c, footage, networks, effort, clock, s),
+        )  # fmt: skip
+        if found is not None:
+            rows[case.name] = found
+    writer.write({"lpips": networks.lpips.name, **asdict(effort), **clock.about(), "cases": rows})
+
+
+def measure(
+    case: Case, footage: Path, networks: Networks, effort: Effort, clock: Clock, sheet: Path
+) -> dict[str, Any]:
+    """The figures of one case; its contact sheet is written to `sheet`."""
+    face_and_hand = part_finder(networks.face, networks.hand)
+    with tempfile.TemporaryDirectory() as folder, face_and_hand as finder:
+        judge = Judge(Lpips(networks.lpips), finder)
+        clips = {
+            name: film(
+                Ruler.read(name), footage, Path(folder) / name,
+                _options(case, name, footage, networks),
+            )
+            for name in (case.trained, *case.other_clips)
+        }  # fmt: skip
+        clip = clips[case.trained]
+        part, numbers = clip.training_part(case.trained_share)
+        begun = clock.now()
+        model = train(
+            part, preset="splats", budget_s=effort.budget_s, iterations=effort.iterations,
+            find_light=True, clock=clock.now,
+        )  # fmt: skip
+        training_s = clock.now() - begun
+        frames = list(_test_frames(case, clips, model, set(numbers), footage))
+        require_unseen(
+            (clip.footage.images[number] for number in numbers),
+            (frame.image for frame in frames if frame.group != OWN_VIEWS),
+        )
+        aligner = Aligner(model, part)
+        aligned = [
+            frame if frame.group == OWN_VIEWS else replace(frame, pose=_aligned(aligner, frame))
+            for frame in frames
+        ]
+        draw_sheet(sheet, model, frames, aligned)
+        return {
+            "clips": {
+                name: {
+                    "frames": len(one.footage.images), "seconds": round(one.footage.times_s[-1], 2),
+                    "capture_s": round(one.capture_s, 1),
+                    **{key: one.report[key] for key in _REPORTED},
+                }
+                for name, one in clips.items()
+            },
+            "trained_frames": len(numbers),
+            "training_s": round(training_s, 1),
+            "splats": None if model.splats is None else len(model.splats),
+            "as_given": _summary(judge, model, frames),
+            "aligned": _summary(judge, model, [f for f in aligned if f.group != OWN_VIEWS]),
+        }  # fmt: skip
+
+
+def _options(case: Case, clip: str, footage: Path, networks: Networks) -> CaptureOptions:
+    focal_px = None
+    if case.calibration is not None:
+        focal_px = float(read_calibration(footage / case.calibration, clip).intrinsics[0, 0])
+    return CaptureOptions(
+        person=case.name, pose_model=networks.pose, face_model=networks.face,
+        hand_model=networks.hand, focal_px=focal_px,
+    )  # fmt: skip
+
+
+def _test_frames(
+    case: Case, clips: dict[str, FilmedClip], model: PerformerModel, trained: set[int],
+    footage: Path,
+) -> Iterator[TestFrame]:  # fmt: skip
+    clip = clips[case.trained]
+    last = case.trained_share * (len(clip.footage.images) - 1)
+
+    def pose(index: int) -> Pose:
+        if index > last:
+            return clip.pose(index)
+        return model.motion.pose_at(float(clip.footage.times_s[index]))
+
+    for index in clip.ruler.indices:
+        if index in trained:
+            yield _frame(clip, OWN_VIEWS, index, clip.camera, pose(index))
+        elif index > last:
+            yield _frame(clip, "later_frames", index, clip.camera, pose(index))
+    for name in case.other_clips:
+        other = clips[name]
+        scale = _trunk_m(model.skeleton) / _trunk_m(other.sequence.body.skeleton)
+        camera = replace(other.camera, world_to_camera=_scaled(other.camera, scale))
+        for index in other.ruler.indices:
+            given = _retargeted(other.pose(index), other.sequence.body.skeleton, model, scale)
+            yield _frame(other, "other_clips", index, camera, given)
+    if case.calibration is not None:
+        yield from _other_cameras(case, clip, model, pose, footage)
+
+
+def _other_cameras(
+    case: Case, clip: FilmedClip, model: PerformerModel, pose: Callable[[int], Pose], footage: Path
+) -> Iterator[TestFrame]:
+    """In the one scale of the clip that fits all their silhouettes best: one camera can't know."""
+    assert case.calibration is not None
+    calibration = footage / case.calibration
+    trained = read_calibration(calibration, case.trained)
+    views: list[tuple[CalibratedCamera, TestFrame]] = []
+    for name in case.other_cameras:
+        ruler, other = Ruler.read(name), read_calibration(calibration, name)
+        film_ = read_video(ruler.require_footage(footage), max_frames=100_000, max_side=4096)
+        for index in ruler.indices:
+            face, hands = ruler.face(index), ruler.hands(index)
+            frame = TestFrame(
+                "other_cameras", name, index, other.undistorted(film_.images[index]),
+                other.undistorted(ruler.mask(index)),
+                None if face is None else other.undistorted_points(face),
+                tuple(other.undistorted_points(hand) for hand in hands),
+                in_capture(clip.camera, trained, other, 1.0, film_.source_size), pose(index),
+            )  # fmt: skip
+            views.append((other, frame))
+
+    def placed(scale: float) -> list[TestFrame]:
+        return [
+            replace(frame, camera=in_capture(
+                clip.camera, trained, other, scale, (frame.camera.width, frame.camera.height)
+            ))
+            for other, frame in views
+        ]  # fmt: skip
+
+    yield from max(map(placed, _SCALES), key=lambda frames: _overlap(model, frames))
+
+
+def _overlap(model: PerformerModel, frames: list[TestFrame]) -> float:
+    overlaps = []
+    for frame in frames[::2]:
+        inside = model.render(frame.camera, frame.pose)[..., 3] > 0.5
+        person = frame.mask > 0.5
+        overlaps.append((inside & person).sum() / max((inside | person).sum(), 1))
+    return float(np.mean(overlaps))
+
+
+def _frame(clip: FilmedClip, group: str, index: int, camera: Camera, pose: Pose) -> TestFrame:
+    ruler = clip.ruler
+    return TestFrame(
+        group, ruler.folder.name, index, clip.footage.images[index], ruler.mask(index),
+        ruler.face(index), tuple(ruler.hands(index)), camera, pose,
+    )  # fmt: skip
+
+
+def _trunk_m(skeleton: Skeleton) -> float:
+    joints = skeleton.rest_joints[list(_TRUNK)]
+    return float(np.linalg.norm(joints - joints.mean(axis=0), axis=1).mean())
+
+
+def _scaled(camera: Camera, scale: float):
+    """A world `scale` times as large gives the same picture when the camera is as much farther."""
+    return np.concatenate([camera.rotation, scale * camera.translation[:, None]], axis=1)
+
+
+def _retargeted(pose: Pose, skeleton: Skeleton, model: PerformerModel, scale: float) -> Pose:
+    """The pose of another body, `scale` times as large, with the pelvis in the same place."""
+    pelvis = scale * (skeleton.rest_joints[0] + pose.root_translation)
+    return replace(pose, root_translation=pelvis - model.skeleton.rest_joints[0])
+
+
+def _aligned(aligner: Aligner, frame: TestFrame) -> Pose:
+    return aligner.align(Frame(frame.truth, frame.mask, frame.camera, frame.pose))
+
+
+def _summary(judge: Judge, model: PerformerModel, frames: list[TestFrame]) -> dict[str, Any]:
+    """Means over the frames of each group, and of each clip in it."""
+    found: dict[str, Any] = {}
+    for group in dict.fromkeys(frame.group for frame in frames):
+        mine = [frame for frame in frames if frame.group == group]
+        figures = [
+            judge.figures(model.render(frame.camera, frame.pose), frame) for frame in mine
+        ]  # fmt: skip
+        found[group] = _means(figures) | {"flicker": _flicker(model, mine)}
+        clips = dict.fromkeys(frame.clip for frame in mine)
+        found[group]["clips"] = {
+            clip: _means([f for f, frame in zip(figures, mine, strict=True) if frame.clip == clip])
+            for clip in clips
+        }
+    return found
+
+
+def _means(figures: list[dict[str, dict[str, float | None]]]) -> dict[str, Any]:
+    names = {part: dict.fromkeys(n for one in figures for n in one[part]) for part in figures[0]}
+    return {"frames": len(figures)} | {
+        part: {
+            name: None if (value := mean(one[part].get(name) for one in figures)) is None
+            else round(value, 4)
+            for name in names[part]
+        }
+        for part in names
+    }  # fmt: skip
+
+
+def _flicker(model: PerformerModel, frames: list[TestFrame]) -> float | None:
+    pairs = [
+        (early, late) for early, late in zip(frames, frames[1:], strict=False)
+        if late.clip == early.clip and late.index == early.index + 1
+    ]  # fmt: skip
+    found = mean(flicker(model, *pair) for pair in pairs)
+    return None if found is None else round(found, 3)
