@@ -79,6 +79,6 @@ def require_real_footage(folder: Path = FOOTAGE) -> None:
     """Raises InvalidInput where the real clips are not."""
     if not (folder / "real-webcam-people").is_dir():
         raise InvalidInput(
-            f"footage must hold the folders real-webcam-people, real-two-cameras, ...; got {folder}; "
-            "docs/data.md says where they come from"
+            f"footage must hold real-webcam-people and the other folders of docs/data.md; "
+            f"got {folder}; name their folder by --footage"
         )

@@ -11,6 +11,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,7 @@ class Effort:
 
 def run(
     writer: FigureWriter, footage: Path, networks: Networks, clock_name: str, only: str = "",
-    cases: tuple[Case, ...] = CASES, effort: Effort = Effort(),  # noqa: B008 (frozen)
+    cases: tuple[Case, ...] = CASES, effort: Effort = Effort(),
 ) -> None:  # fmt: skip
     """Measure what was not measured yet of `cases`, draw a sheet of each, and report."""
     cache, clock = writer.cache(only), clock_named(clock_name)
@@ -272,7 +273,7 @@ def _means(figures: list[dict[str, dict[str, float | None]]]) -> dict[str, Any]:
 
 def _flicker(model: PerformerModel, frames: list[TestFrame]) -> float | None:
     pairs = [
-        (early, late) for early, late in zip(frames, frames[1:], strict=False)
+        (early, late) for early, late in pairwise(frames)
         if late.clip == early.clip and late.index == early.index + 1
     ]  # fmt: skip
     found = mean(flicker(model, *pair) for pair in pairs)

@@ -51,8 +51,7 @@ class PartFinder:
 def part_finder(face_model: Path, hand_model: Path) -> Iterator[PartFinder]:
     """A finder with the two `.task` files, closed afterwards."""
     # imported here: it takes a second
-    from mediapipe.tasks.python import BaseOptions
-    from mediapipe.tasks.python import vision
+    from mediapipe.tasks.python import BaseOptions, vision
 
     faces = vision.FaceLandmarker.create_from_options(
         vision.FaceLandmarkerOptions(
