@@ -70,7 +70,7 @@ def film(ruler: Ruler, footage: Path, folder: Path, options: CaptureOptions) -> 
 
 def read_size(path: Path) -> tuple[int, int]:
     """Width and height of the pictures that a capture of `path` works with, px."""
-    height, width = read_video(path, max_frames=1).images[0].shape[:2]
+    height, width = read_video(path, max_frames=2).images[0].shape[:2]
     return width, height
 
 
