@@ -51,6 +51,12 @@ CLIPS = {
 """Name of each clip with a ruler, and its file below the folder of footage."""
 REMOVED: dict[str, list[tuple[int, int, list[tuple[int, int]]]]] = {}
 """What the masks of a clip hold too much: first and last frame, corners of a polygon, px."""
+BALL = {
+    0: (654, 318, 39), 1: (653, 315, 39), 49: (708, 466, 44), 50: (720, 431, 43),
+    98: (820, 319, 47), 99: (820, 312, 47), 147: (602, 433, 46), 148: (603, 413, 46),
+    196: (811, 295, 44), 197: (817, 297, 44),
+}  # fmt: skip
+"""The juggler's ball, which is not the person, by frame: its middle and radius, px."""
 WALL: dict[str, list[Window]] = {
     "grey_shirt": [(200, 255, 48, 150), (382, 250, 46, 180)],
     "orange_hoodie": [(222, 330, 26, 140), (375, 330, 37, 140)],
@@ -91,6 +97,10 @@ def build(name: str, footage: Path, models: Path, finder: PartFinder) -> None:
         assert mask is not None
         alpha = corrected((255.0 * mask + 0.5).astype(np.uint8), clip.images[index], name, index)
         cv2.imwrite(str(folder / "masks" / f"{index:04d}.png"), alpha)
+        hidden = _hidden(alpha.shape, name, index)
+        if hidden is not None:
+            (folder / "hidden").mkdir(exist_ok=True)
+            cv2.imwrite(str(folder / "hidden" / f"{index:04d}.png"), hidden)
         face = _face(finder, clip.images[index], person)
         faces.append(face if index not in NO_FACE.get(name, ()) else np.full_like(face, np.nan))
         hands.append(_hands(finder, clip.images[index], person))
@@ -111,6 +121,9 @@ def corrected(
     for first, last, corners in REMOVED.get(name, ()):
         if first <= index <= last:
             cv2.fillPoly(alpha, [np.array(corners, np.int32)], 0, lineType=cv2.LINE_AA)
+    hidden = _hidden(alpha.shape, name, index)
+    if hidden is not None:
+        alpha[hidden > 0] = 0
     for person, windows in WALL.items():
         for x, y, width, height in windows if name.startswith(person) else ():
             part = slice(y, y + height), slice(x, x + width)
@@ -122,6 +135,14 @@ def corrected(
             alpha[part][cv2.dilate(large[labels].astype(np.uint8), np.ones((3, 3))) > 0] = 0
     step = 255.0 / (_LEVELS - 1)
     return np.rint(np.rint(alpha / step) * step).astype(np.uint8)
+
+
+def _hidden(shape: tuple[int, ...], name: str, index: int) -> UInt8[Array, "H W"] | None:
+    """Where something stands in front of the person, 255; None where nothing does."""
+    if name != "juggler" or index not in BALL:
+        return None
+    x, y, radius = BALL[index]
+    return cv2.circle(np.zeros(shape, np.uint8), (x, y), radius, 255, -1)
 
 
 def _pairs(frames: int) -> list[int]:

@@ -41,6 +41,8 @@ class TestFrame:
     index: int
     image: UInt8[Array, "H W 3"]
     mask: Float[Array, "H W"]
+    hidden: Float[Array, "H W"]
+    """1 where something in front hides the person: not judged."""
     face: Float[Array, "478 2"] | None
     hands: tuple[Float[Array, "21 2"], ...]
     camera: Camera
@@ -79,6 +81,7 @@ class Judge:
         """`body`, `face`, `hands`: PSNR (dB), SSIM, LPIPS; of the body also the silhouette's
         intersection over union; of the face also whether a landmarker finds it (0 or 1), and how
         far its points lie from the frame's, in per cent of the distance between the eyes."""
+        made = made * (1.0 - frame.hidden[..., None])
         colour, truth = np.clip(made[..., :3], 0.0, 1.0), frame.truth
         found: dict[str, Figures] = {}
         for part, windows in frame.crops().items():

@@ -187,7 +187,7 @@ def _other_cameras(
             face, hands = ruler.face(index), ruler.hands(index)
             frame = TestFrame(
                 "other_cameras", name, index, other.undistorted(film_.images[index]),
-                other.undistorted(ruler.mask(index)),
+                other.undistorted(ruler.mask(index)), other.undistorted(ruler.hidden(index)),
                 None if face is None else other.undistorted_points(face),
                 tuple(other.undistorted_points(hand) for hand in hands),
                 in_capture(clip.camera, trained, other, 1.0, film_.source_size), pose(index),
@@ -218,7 +218,7 @@ def _frame(clip: FilmedClip, group: str, index: int, camera: Camera, pose: Pose)
     ruler = clip.ruler
     return TestFrame(
         group, ruler.folder.name, index, clip.footage.images[index], ruler.mask(index),
-        ruler.face(index), tuple(ruler.hands(index)), camera, pose,
+        ruler.hidden(index), ruler.face(index), tuple(ruler.hands(index)), camera, pose,
     )  # fmt: skip
 
 

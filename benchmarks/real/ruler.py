@@ -4,6 +4,7 @@
 
     ruler.json     the clip's file, its sha256, its size in px, the numbers of the frames
     masks/N.png    the person, 8 bit, as `tools.build_real_ruler` cut them out, corrected by eye
+    hidden/N.png   what stands in front of the person there, 255: not judged; for some frames
     points.npz     face [K 478 2] and hands [K 2 21 2], px, NaN where none is seen
 
 No part of capture is asked when a model is measured, so a change there can't move the ruler.
@@ -71,6 +72,14 @@ class Ruler:
         if pixels is None:
             raise InvalidInput(f"frame must be one of {self.indices}; got {index}")
         return pixels.astype(np.float32) / np.float32(255.0)
+
+    def hidden(self, index: int) -> Float[Array, "H W"]:
+        """1 where something in front hides the person in frame `index`, else 0."""
+        path = self.folder / "hidden" / f"{index:04d}.png"
+        pixels = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) if path.exists() else None
+        if pixels is None:
+            return np.zeros(self.size[::-1], np.float32)
+        return (pixels > 0).astype(np.float32)
 
     def face(self, index: int) -> Float[Array, "478 2"] | None:
         """Points of the face in frame `index`, px; None where it is not seen."""

@@ -1,0 +1,38 @@
+"""A quick corner of `metanerf bench real`: one real clip, captured, trained for seconds, judged."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+
+from benchmarks.real.cases import Case
+from benchmarks.real.measure import Effort, Networks, measure
+from benchmarks.reporting.timing import clock_named
+from tests.shared_data import shared_data
+
+CASE = Case("quick", "patterned_shirt_eat", trained_share=0.8)
+
+
+def test_a_real_person_is_captured_trained_and_judged(tmp_path):
+    models, footage = shared_data("models"), shared_data("real-webcam-people").parent
+    networks = Networks(
+        models / "pose_landmarker_full.task", models / "face_landmarker.task",
+        models / "hand_landmarker.task", models / "alexnet_features.pth",
+    )  # fmt: skip
+    sheet = tmp_path / "sheet.jpg"
+    figures = measure(
+        CASE, footage, networks, Effort(None, 150), clock_named("processor"), sheet
+    )  # fmt: skip
+    json.dumps(figures, allow_nan=False)
+    assert figures["trained_frames"] == 37
+    assert figures["clips"]["patterned_shirt_eat"]["frames"] == 47
+    own, later = figures["as_given"]["own_views"], figures["as_given"]["later_frames"]
+    assert own["frames"] + later["frames"] == 12
+    # far below what a training of a minute reaches, far above what a wrong camera would
+    assert own["body"]["psnr"] > 15.0
+    assert own["body"]["iou"] > 0.85
+    assert figures["aligned"]["later_frames"]["body"]["psnr"] >= later["body"]["psnr"] - 0.2
+    drawn = cv2.imread(str(sheet))
+    assert drawn is not None
+    assert drawn.shape[0] > 600
