@@ -341,9 +341,12 @@ def real(
     from services.settings import load_settings
 
     settings = load_settings()
-    sources = (
-        settings.pose_model_source(), settings.face_model_source(), settings.hand_model_source()
+    pose, face, hand = (
+        landmark_network_file(source)
+        for source in (
+            settings.pose_model_source(), settings.face_model_source(), settings.hand_model_source()
+        )
     )  # fmt: skip
-    networks = Networks(*map(landmark_network_file, sources), backbone)
+    networks = Networks(pose, face, hand, backbone)
     writer = _start("real", commits, narrowed=bool(only) or (clock, budget) != ("processor", "60s"))
     run(writer, footage, networks, clock, only, effort=Effort(seconds(budget)))

@@ -32,5 +32,3 @@ CASES = (
     Case("walker", "walker_cam01", 0.8, other_cameras=("walker_cam02",),
          calibration="real-two-cameras/Calib.qca.txt"),
 )  # fmt: skip
-QUICK = "patterned-shirt"
-"""The corner that continuous integration runs: with fewer steps, and one other clip."""
