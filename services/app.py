@@ -6,15 +6,17 @@ import logging
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from typing import Any
 
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
 from fastapi.middleware.cors import CORSMiddleware
 
 from db.models import JobKind
-from services import metrics, page, problems
+from services import metrics, problems
 from services.api import (
     access,
+    control_channel,
     environments,
     jobs,
     landmarks,
@@ -26,11 +28,13 @@ from services.api import (
     sequences,
     uploads,
 )
+from services.api.signalling import voice, whep, whip
 from services.container import Services, build_services
-from services.control import channel
+from services.control import messages
+from services.gateway import build_gateway, gateway_of
 from services.jobs.worker import Worker
 from services.limits import LimitBodies
-from services.live.signalling import whep
+from services.page import page_route
 from services.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -47,6 +51,10 @@ ROUTERS = (
     recordings.router,
     landmarks.router,
     operation.router,
+    whep.router,
+    voice.router,
+    whip.router,
+    control_channel.router,
 )
 """Every route of the gateway, in the order in which the API's description lists them."""
 
@@ -68,10 +76,20 @@ _ABOUT = (
 )
 
 
+class _Application(FastAPI):
+    def openapi(self) -> dict[str, Any]:
+        """The API's description, with the control channel's messages: OpenAPI has WebSockets no
+        place of their own, so they stand among the schemas as `ToServer` and `FromServer`."""
+        document = super().openapi()
+        schemas = document["components"]["schemas"]
+        for name, schema in messages.schemas().items():
+            schemas.setdefault(name, schema)
+        return document
+
+
 def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
     """The gateway for `settings`. The database is migrated, and work begins, when it starts."""
-    made = services or build_services(settings)
-    app = FastAPI(
+    app = _Application(
         title="MetaNeRF",
         version="1",
         description=_ABOUT,
@@ -79,8 +97,9 @@ def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
         lifespan=_lifespan,
         separate_input_output_schemas=False,
     )
-    app.state.services = made
-    app.state.cast_listeners = []
+    gateway = build_gateway(services or build_services(settings))
+    app.state.gateway = gateway
+    metrics.measure(gateway)
     problems.install(app)
     app.add_middleware(LimitBodies)
     app.add_middleware(metrics.CountRequests)
@@ -101,16 +120,16 @@ def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
         )
     for router in ROUTERS:
         app.include_router(router)
-    channel.install(app, made, whep.install(app, made))
-    page.install(app, settings.client_dir)
+    app.router.routes.append(page_route(settings.client_dir))
     return app
 
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
-    services: Services = app.state.services
+    gateway = gateway_of(app)
+    services = gateway.services
     await run_in_threadpool(services.database.migrate)
-    app.state.views.warm_up()
+    gateway.views.warm_up()
     stop = threading.Event()
     worker = None
     if services.settings.embedded_worker:
@@ -123,9 +142,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         yield
     finally:
         stop.set()
-        await app.state.hub.close()
-        await app.state.voices.close_all()
-        await app.state.views.close_all()
+        await gateway.close()
         if worker is not None:
             await run_in_threadpool(worker.join)
         services.close()

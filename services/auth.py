@@ -13,14 +13,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Annotated, Protocol
 
 import jwt
-from fastapi import Request, Security
-from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer, SecurityScopes
 
 from db.models import Role, new_id
-from services.errors import NotOwner, OtherMeeting, ScopeMissing, Unauthorized
+from services.errors import NotOwner, OtherMeeting, Unauthorized
 
 _ALGORITHM = "HS256"
 _ISSUER = "metanerf"
@@ -154,40 +151,3 @@ class Tokens:
             claims.get("participant"),
             Role(claims["role"]) if "role" in claims else None,
         )
-
-
-class _HasTokens(Protocol):
-    tokens: Tokens
-
-
-_bearer = HTTPBearer(auto_error=False, description="A token of this server (JWT).")
-
-
-def principal(
-    request: Request,
-    needed: SecurityScopes,
-    credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)],
-) -> Principal:
-    """The caller, who must hold every scope that the route asks for."""
-    if credentials is None:
-        raise Unauthorized(
-            "the request must carry `Authorization: Bearer TOKEN`; got none; get a token first"
-        )
-    services: _HasTokens = request.app.state.services
-    caller = services.tokens.read(credentials.credentials)
-    missing = sorted(set(needed.scopes) - caller.scopes)
-    if missing:
-        raise ScopeMissing(
-            f"the token must have scope {missing[0]!r}; got {sorted(caller.scopes)}; "
-            "get a token with more scopes",
-            missing[0],
-        )
-    return caller
-
-
-Reader = Annotated[Principal, Security(principal, scopes=["read"])]
-"""A caller who may look."""
-Writer = Annotated[Principal, Security(principal, scopes=["write"])]
-"""A caller who may change."""
-Joiner = Annotated[Principal, Security(principal, scopes=["join"])]
-"""A caller who may enter meetings."""

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Annotated, Any
-
-from fastapi import Depends, Request
+from typing import Any
 
 from db.objects import Objects, open_objects
 from db.unit_of_work import Database, SqlUnitOfWork
@@ -82,12 +80,3 @@ def build_services(
         clock=clock,
         describe_failure=stored_failure,
     )
-
-
-def services_of(request: Request) -> Services:
-    """The services of the application that answers `request`."""
-    return request.app.state.services
-
-
-Provided = Annotated[Services, Depends(services_of)]
-"""The services, as a route asks for them."""

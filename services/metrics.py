@@ -10,6 +10,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from db.errors import DatabaseError
 from db.models import JobKind, JobState
 from services.container import Services
+from services.gateway import Gateway
 
 REQUESTS = Counter("metanerf_requests_total", "Answered requests.", ["method", "route", "status"])
 SECONDS = Histogram(
@@ -19,6 +20,9 @@ SECONDS = Histogram(
     buckets=(0.005, 0.02, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 10, 60),
 )
 JOBS = Gauge("metanerf_jobs", "Jobs by kind and state.", ["kind", "state"])
+VIEWERS = Gauge("metanerf_viewers", "Viewers served live now.")
+RENDER_MS = Gauge("metanerf_render_milliseconds", "Median of the latest renders, ms.")
+PARTICIPANTS = Gauge("metanerf_participants", "Pages on the control channel now.")
 
 
 class CountRequests:
@@ -48,6 +52,13 @@ class CountRequests:
             SECONDS.labels(route).observe(time.perf_counter() - started)
 
 
+def measure(gateway: Gateway) -> None:
+    """Have the figures of live sessions read from `gateway` whenever they are asked for."""
+    VIEWERS.set_function(lambda: len(gateway.views))
+    RENDER_MS.set_function(lambda: _median(gateway.views.render_milliseconds()))
+    PARTICIPANTS.set_function(lambda: len(gateway.hub))
+
+
 def exposition(services: Services) -> bytes:
     """Everything, in Prometheus' text format."""
     try:
@@ -59,3 +70,8 @@ def exposition(services: Services) -> bytes:
         for state in JobState:
             JOBS.labels(kind.value, state.value).set(counts.get((kind, state), 0))
     return generate_latest()
+
+
+def _median(values: list[float]) -> float:
+    ordered = sorted(values)
+    return ordered[len(ordered) // 2] if ordered else 0.0

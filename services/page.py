@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fastapi import FastAPI
-from fastapi.responses import HTMLResponse
-from fastapi.staticfiles import StaticFiles
+from starlette.requests import Request
+from starlette.responses import HTMLResponse
+from starlette.routing import BaseRoute, Mount, Route
+from starlette.staticfiles import StaticFiles
 
 _NOT_BUILT = """<!doctype html><html lang="en"><meta charset="utf-8"><title>MetaNeRF</title>
 <body style="font-family:system-ui;max-width:40rem;margin:15vh auto;line-height:1.6">
@@ -16,12 +17,12 @@ _NOT_BUILT = """<!doctype html><html lang="en"><meta charset="utf-8"><title>Meta
 <code>make demo</code>, which does it for you.</p></body></html>"""
 
 
-def install(app: FastAPI, client_dir: Path) -> None:
-    """Mount the page; call it last, since it takes every path that is left."""
+def page_route(client_dir: Path) -> BaseRoute:
+    """Where the page is served; it comes last, since it takes every path that is left."""
     if (client_dir / "index.html").is_file():
-        app.mount("/", StaticFiles(directory=client_dir, html=True), name="page")
-        return
+        return Mount("/", StaticFiles(directory=client_dir, html=True), name="page")
+    return Route("/", _not_built)
 
-    @app.get("/", include_in_schema=False)
-    def not_built() -> HTMLResponse:
-        return HTMLResponse(_NOT_BUILT)
+
+async def _not_built(request: Request) -> HTMLResponse:
+    return HTMLResponse(_NOT_BUILT)

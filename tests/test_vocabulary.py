@@ -22,6 +22,9 @@ RETIRED = {
     "_bury": "_reap",
     "rows_of": "plane_rows",
     "wishes": "commands",
+    "tell_cast_changed": "ViewSessions.refresh",
+    "cast_listeners": "ViewSessions.refresh",
+    "services_of": "CurrentGateway or Provided",
     # the page
     "stageView": "meetingView",
     "placeChoice": "environmentPicker",

@@ -8,8 +8,8 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Request, status
 
 from services.api import shapes
+from services.api.dependencies import Provided
 from services.auth import ALL_SCOPES, new_guest
-from services.container import Provided
 from services.errors import AccessNotOpen
 from services.limits import network_of
 from services.problems import problems

@@ -12,12 +12,13 @@ from pydantic import BaseModel, Field
 from db.errors import NotFound
 from db.models import Admission, MeetingRow, PanoramaRow, Role
 from scene.lighting import Lighting
-from services.api.cast import tell_cast_changed
+from services.api.dependencies import CurrentGateway, Joiner, Provided
 from services.api.shapes import Body
-from services.auth import Joiner, Principal
-from services.container import Provided, Services
+from services.auth import Principal
+from services.container import Services
 from services.environments import STUDIO, Theme, brought_along, find_theme, light_of, themes
 from services.errors import NotHost, TooLarge
+from services.gateway import Gateway
 from services.jobs.events import meeting_topic
 from services.limits import has_own_limit
 from services.problems import PROBLEMS
@@ -117,12 +118,12 @@ def read_environment(meeting_id: str, services: Provided, caller: Joiner) -> Env
 
 @router.put("/meetings/{meeting_id}/environment", summary="Choose a meeting's environment")
 async def choose_environment(
-    meeting_id: str, body: Place, request: Request, services: Provided, caller: Joiner
+    meeting_id: str, body: Place, gateway: CurrentGateway, services: Provided, caller: Joiner
 ) -> Environment:
     """Move a meeting to another environment, at once for every viewer. Only the host may."""
     caller.require_meeting(meeting_id)
     chosen = await run_in_threadpool(_choose, services, caller, meeting_id, body.name)
-    await _tell(request, services, meeting_id)
+    await _tell(gateway, meeting_id)
     return chosen
 
 
@@ -132,7 +133,11 @@ async def choose_environment(
     openapi_extra={"requestBody": {"content": {kind: {} for kind in ("image/jpeg", "image/png")}}},
 )
 async def bring_place(
-    meeting_id: str, request: Request, services: Provided, caller: Joiner
+    meeting_id: str,
+    request: Request,
+    gateway: CurrentGateway,
+    services: Provided,
+    caller: Joiner,
 ) -> Environment:
     """Hold a meeting in the host's own environment: an equirectangular picture of up to 20 MB.
 
@@ -144,7 +149,7 @@ async def bring_place(
     own = await run_in_threadpool(brought_along, meeting_id, picture)
     place = _in_meeting(own)
     await run_in_threadpool(_bring, services, caller, own)
-    await _tell(request, services, meeting_id)
+    await _tell(gateway, meeting_id)
     return place
 
 
@@ -198,11 +203,11 @@ async def _read_picture(request: Request) -> bytes:
     return bytes(body)
 
 
-async def _tell(request: Request, services: Services, meeting_id: str) -> None:
+async def _tell(gateway: Gateway, meeting_id: str) -> None:
     """Pictures of this process move at once; the hub tells pages, and other gateways."""
-    await tell_cast_changed(request, meeting_id)
-    request.app.state.hub.notify(meeting_id)
-    await run_in_threadpool(services.events.publish, meeting_topic(meeting_id))
+    await gateway.views.refresh(meeting_id)
+    gateway.hub.notify(meeting_id)
+    await run_in_threadpool(gateway.services.events.publish, meeting_topic(meeting_id))
 
 
 def _choose(services: Services, caller: Principal, meeting_id: str, name: str) -> Environment:

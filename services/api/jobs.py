@@ -11,8 +11,8 @@ from fastapi.responses import StreamingResponse
 from db.errors import DatabaseAway, NotFound
 from services.access import job_of
 from services.api import shapes
-from services.auth import Reader, Writer
-from services.container import Provided, Services
+from services.api.dependencies import Provided, Reader, Writer
+from services.container import Services
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.queue import cancel, drop_orphans, resume
 from services.problems import PROBLEMS

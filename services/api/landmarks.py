@@ -9,7 +9,7 @@ from fastapi.responses import FileResponse
 
 from capture.detection.network_files import NetworkSource, landmark_network_file
 from capture.errors import PoseModelMissing
-from services.container import Provided
+from services.api.dependencies import Provided
 from services.errors import LandmarkModelMissing
 from services.problems import problems
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Request, Response, status
+from fastapi import APIRouter, Response, status
 from fastapi.concurrency import run_in_threadpool
 
 from db.errors import NotFound
 from services import meetings, seats
 from services.access import meeting_of, model_of, sequence_of
 from services.api import shapes
-from services.api.cast import tell_cast_changed
-from services.auth import Joiner, Principal, Writer
-from services.container import Provided, Services
+from services.api.dependencies import CurrentGateway, Joiner, Provided, Writer
+from services.auth import Principal
+from services.container import Services
 from services.problems import PROBLEMS
 
 router = APIRouter(prefix="/v1", tags=["meetings"], responses=PROBLEMS)
@@ -51,13 +51,13 @@ def read_meeting(meeting_id: str, services: Provided, caller: Joiner) -> shapes.
 async def add_performer(
     meeting_id: str,
     body: shapes.NewPerformer,
-    request: Request,
+    gateway: CurrentGateway,
     services: Provided,
     caller: Writer,
 ) -> shapes.Performer:
     """Place a model in the meeting; the other performers make room."""
     performer = await run_in_threadpool(_add, services, caller, meeting_id, body)
-    await tell_cast_changed(request, meeting_id)
+    await gateway.views.refresh(meeting_id)
     return performer
 
 
@@ -67,17 +67,21 @@ async def add_performer(
     summary="Remove a performer",
 )
 async def remove_performer(
-    meeting_id: str, performer_id: str, request: Request, services: Provided, caller: Writer
+    meeting_id: str, performer_id: str, gateway: CurrentGateway, services: Provided, caller: Writer
 ) -> Response:
     """Take a performer out of the meeting."""
     await run_in_threadpool(_remove, services, caller, meeting_id, performer_id)
-    await tell_cast_changed(request, meeting_id)
+    await gateway.views.refresh(meeting_id)
     return Response(status_code=204)
 
 
 @router.post("/meetings/{meeting_id}/join", summary="Join a meeting")
 def join_meeting(
-    meeting_id: str, body: shapes.Visitor, request: Request, services: Provided, caller: Joiner
+    meeting_id: str,
+    body: shapes.Visitor,
+    gateway: CurrentGateway,
+    services: Provided,
+    caller: Joiner,
 ) -> shapes.Seat:
     """A seat, and the token that opens `whep_url` to see and `control_url` to talk.
 
@@ -98,7 +102,7 @@ def join_meeting(
         ice_servers=services.settings.ice_servers,
         whep_url=f"/whep/{meeting_id}",
         control_url=f"/v1/meetings/{meeting_id}/control",
-        ready=request.app.state.views.ready,
+        ready=gateway.views.ready,
         performers=[shapes.Performer.of(one) for one in meeting.performers],
     )
 

@@ -13,9 +13,10 @@ from db.repositories import UnitOfWork
 from scene.errors import InvalidInput
 from services.access import model_of, sequence_of
 from services.api import shapes
+from services.api.dependencies import Joiner, Provided, Reader
 from services.api.view_shapes import NewView
-from services.auth import GUEST, Joiner, Principal, Reader
-from services.container import Provided, Services
+from services.auth import GUEST, Principal
+from services.container import Services
 from services.errors import NotInMeeting
 from services.motions import motion_of
 from services.person_models import VIEWER_FILE

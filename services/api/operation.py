@@ -12,7 +12,8 @@ from prometheus_client import CONTENT_TYPE_LATEST
 from pydantic import BaseModel
 
 from db.errors import DatabaseError
-from services.container import Provided, Services
+from services.api.dependencies import Provided
+from services.container import Services
 from services.metrics import exposition
 from services.problems import RETRY_AFTER_S
 

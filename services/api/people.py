@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Request, status
+from fastapi import APIRouter, status
 from fastapi.concurrency import run_in_threadpool
 
 from db.erase import erase_person
 from db.models import AuditEventRow, JobKind, PersonRow, new_id
 from services.access import person_of
 from services.api import shapes
-from services.api.cast import tell_cast_changed
-from services.auth import GUEST, Principal, Reader, Writer
-from services.container import Provided, Services
+from services.api.dependencies import CurrentGateway, Provided, Reader, Writer
+from services.auth import GUEST, Principal
+from services.container import Services
 from services.jobs.events import QUEUE
 from services.problems import PROBLEMS
 
@@ -81,12 +81,12 @@ def read_person(person_id: str, services: Provided, caller: Reader) -> shapes.Pe
 
 @router.delete("/{person_id}", summary="Erase a person")
 async def delete_person(
-    person_id: str, request: Request, services: Provided, caller: Writer
+    person_id: str, gateway: CurrentGateway, services: Provided, caller: Writer
 ) -> shapes.Erased:
     """Delete every row and object of a person; `remaining` counts what is left, which is zero."""
     erased, meeting_ids = await run_in_threadpool(_erase, services, caller, person_id)
     for meeting_id in meeting_ids:
-        await tell_cast_changed(request, meeting_id)
+        await gateway.views.refresh(meeting_id)
     return erased
 
 

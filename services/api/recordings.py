@@ -11,6 +11,7 @@ from db.errors import NotFound
 from db.models import JobKind, JobRow, JobState, RecordingRow, RecordingState, new_id
 from db.repositories import UnitOfWork
 from services.api import recording_shapes, shapes
+from services.api.dependencies import Joiner, Provided, Writer
 from services.api.environments import (
     PICTURE,
     Environment,
@@ -18,8 +19,8 @@ from services.api.environments import (
     own_environment,
     picture_answer,
 )
-from services.auth import Joiner, Principal, Writer
-from services.container import Provided, Services
+from services.auth import Principal
+from services.container import Services
 from services.errors import NoOwnPerson, NotInRecording, StillRecording
 from services.jobs.events import QUEUE
 from services.person_models import VIEWER_FILE

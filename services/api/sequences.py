@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Request, Response, status
+from fastapi import APIRouter, Response, status
 from fastapi.concurrency import run_in_threadpool
 
 from db.errors import NotFound
@@ -11,9 +11,9 @@ from renderer.presets import find_preset
 from scene.errors import InvalidInput
 from services.access import model_of, sequence_of
 from services.api import shapes
-from services.api.cast import tell_cast_changed
-from services.auth import Principal, Reader, Writer
-from services.container import Provided, Services
+from services.api.dependencies import CurrentGateway, Provided, Reader, Writer
+from services.auth import Principal
+from services.container import Services
 from services.errors import KeypointsOnly, NotCaptured
 from services.jobs.events import QUEUE
 from services.jobs.queue import discard, drop_orphans, enqueue
@@ -54,12 +54,12 @@ def read_thumbnail(sequence_id: str, services: Provided, caller: Reader) -> Resp
     responses=problems(409),
 )
 async def delete_sequence(
-    sequence_id: str, request: Request, services: Provided, caller: Writer
+    sequence_id: str, gateway: CurrentGateway, services: Provided, caller: Writer
 ) -> None:
     """Delete a clip, its frames and its motion. Models trained from it stay until their person is
     erased. Performers who played its motion play their own again. 409 while a job works on it."""
     for meeting_id in await run_in_threadpool(_discard, services, caller, sequence_id):
-        await tell_cast_changed(request, meeting_id)
+        await gateway.views.refresh(meeting_id)
 
 
 @router.post("/{sequence_id}/models", status_code=status.HTTP_202_ACCEPTED, summary="Train a model")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, Field
 
 from capture.body.model import HEIGHTS_M
 from db.models import (
@@ -22,10 +22,8 @@ from db.models import (
     SequenceRow,
     SequenceState,
 )
+from services.names import Name
 from services.problems import Problem
-
-Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=120)]
-"""A name as people write it."""
 
 
 class Body(BaseModel):

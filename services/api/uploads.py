@@ -10,8 +10,9 @@ from db.models import JobKind, SequenceRow, UploadChunkRow, UploadRow, new_id
 from db.objects import file_chunks
 from services.access import person_of
 from services.api import shapes
-from services.auth import Principal, Writer
-from services.container import Provided, Services
+from services.api.dependencies import Provided, Writer
+from services.auth import Principal
+from services.container import Services
 from services.errors import WrongHash, WrongOffset
 from services.jobs.queue import Orphan, drop_orphans
 from services.problems import PROBLEMS, problems

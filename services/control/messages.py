@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapter
 
 from db.models import Admission, Connection, Role
-from services.api.shapes import Name
+from services.names import Name
 from services.problems import Problem
 
 LONGEST_MESSAGE_BYTES = 16 * 1024

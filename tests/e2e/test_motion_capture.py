@@ -23,6 +23,7 @@ from services.app import create_app
 from services.auth import GUEST
 from services.bootstrap import DEMO_MODEL, import_model
 from services.container import build_services
+from services.gateway import gateway_of
 from services.live.motion.live_motion import LiveMotion
 from services.live.packets import EXPRESSION_BYTES, KEYPOINTS_BYTES
 from services.live.room import Room
@@ -93,7 +94,7 @@ def meeting_with_ada(data_dir: Path) -> Iterator[tuple[str, Callable[[], Room]]]
     port = server.servers[0].sockets[0].getsockname()[1]
     try:
         address = f"http://127.0.0.1:{port}/?meeting={meeting.id}&size=128"
-        yield address, lambda: asyncio.run(app.state.views.room(meeting.id))
+        yield address, lambda: asyncio.run(gateway_of(app).views.room(meeting.id))
     finally:
         server.should_exit = True
         thread.join(30.0)

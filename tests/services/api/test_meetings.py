@@ -15,6 +15,7 @@ from services.app import create_app
 from services.auth import GUEST
 from services.bootstrap import ensure_demo, import_model
 from services.container import Services
+from services.gateway import gateway_of
 from services.live.room import Room
 from services.live.sessions.stored_meetings import load_performers
 from tests.services import seeds
@@ -42,8 +43,8 @@ async def test_a_meeting_places_its_performers_apart(
     assert (await client.get(f"/v1/meetings/{meeting['id']}")).json() == meeting
 
 
-async def test_performers_come_and_go_and_listeners_hear_of_it(
-    services: Services, models: list[ModelRow]
+async def test_performers_come_and_go_and_live_views_follow(
+    services: Services, models: list[ModelRow], monkeypatch: pytest.MonkeyPatch
 ):
     app = create_app(services.settings, services)
     heard: list[str] = []
@@ -51,7 +52,7 @@ async def test_performers_come_and_go_and_listeners_hear_of_it(
     async def listener(meeting_id: str) -> None:
         heard.append(meeting_id)
 
-    app.state.cast_listeners.append(listener)
+    monkeypatch.setattr(gateway_of(app).views, "refresh", listener)
     async with httpx.AsyncClient(
         transport=httpx.ASGITransport(app), base_url="http://test", headers=bearer(services)
     ) as client:
@@ -160,7 +161,10 @@ async def _keypoints(client: httpx.AsyncClient, person_id: str) -> str:
 
 
 async def test_keypoints_move_a_performer_until_they_are_erased(
-    client: httpx.AsyncClient, services: Services, models: list[ModelRow]
+    client: httpx.AsyncClient,
+    services: Services,
+    models: list[ModelRow],
+    monkeypatch: pytest.MonkeyPatch,
 ):
     app = create_app(services.settings, services)
     heard: list[str] = []
@@ -168,7 +172,7 @@ async def test_keypoints_move_a_performer_until_they_are_erased(
     async def listener(meeting_id: str) -> None:
         heard.append(meeting_id)
 
-    app.state.cast_listeners.append(listener)
+    monkeypatch.setattr(gateway_of(app).views, "refresh", listener)
     ada, bob, _ = models
     meeting = (await client.post("/v1/meetings", json={"name": "Monday"})).json()
     motion = await _keypoints(client, bob.person_id)

@@ -11,6 +11,7 @@ from db.models import JobKind, JobState, ModelFileRow, ModelRow, SequenceRow, ne
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
+from services.gateway import gateway_of
 from tests.services import seeds
 from tests.services.conftest import bearer, stored_files
 
@@ -104,7 +105,11 @@ async def test_somebody_elses_clip_stays(
 
 
 async def test_who_moved_by_it_moves_as_they_were_filmed(
-    client: httpx.AsyncClient, services: Services, sequence: SequenceRow, model_file: Path
+    client: httpx.AsyncClient,
+    services: Services,
+    sequence: SequenceRow,
+    model_file: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ):
     app = create_app(services.settings, services)
     told: list[str] = []
@@ -112,7 +117,7 @@ async def test_who_moved_by_it_moves_as_they_were_filmed(
     async def listener(meeting_id: str) -> None:
         told.append(meeting_id)
 
-    app.state.cast_listeners.append(listener)
+    monkeypatch.setattr(gateway_of(app).views, "refresh", listener)
     model = import_model(services, model_file, "house", "Bo")
     meeting = (await client.post("/v1/meetings", json={"name": "Monday"})).json()
     place = f"/v1/meetings/{meeting['id']}"

@@ -14,6 +14,7 @@ from fastapi import FastAPI
 
 from services.app import create_app
 from services.container import Services
+from services.gateway import gateway_of
 from tests.fakes import Clock
 from tests.services.conftest import bearer
 
@@ -36,9 +37,7 @@ async def on_a_port(app: FastAPI, services: Services) -> AsyncIterator[httpx.Asy
     finally:
         server.should_exit = True
         await serving
-        await app.state.hub.close()
-        await app.state.voices.close_all()
-        await app.state.views.close_all()
+        await gateway_of(app).close()
 
 
 @pytest.fixture

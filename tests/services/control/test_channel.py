@@ -11,8 +11,8 @@ import pytest
 from services.app import create_app
 from services.auth import ALL_SCOPES
 from services.container import Services
-from services.control import channel
 from services.control.roster import SILENCE_S
+from services.gateway import COMMANDS_PER_MINUTE, gateway_of
 from services.jobs.events import RedisEvents
 from services.limits import RateLimit
 from services.seats import SEAT_LAPSES_S
@@ -152,13 +152,14 @@ async def test_only_a_seat_of_this_meeting_opens_its_channel(caller, timed, meet
 
 
 async def test_who_talks_without_end_is_told_to_wait(caller, meeting, app, timed):
-    app.state.command_limit = RateLimit("messages of one person", 2, timed.clock)
+    limit = RateLimit("messages of one person", 2, timed.clock)
+    app.state.gateway = replace(gateway_of(app), command_limit=limit)
     async with await join(caller, meeting["id"], "Ada") as ada:
         for number in range(3):
             await ada.say(type="say", text=str(number))
         refusal = await ada.hear("refusal")
         assert "messages of one person must be at most 2 a minute" in refusal["problem"]["detail"]
-        assert channel.COMMANDS_PER_MINUTE > 2
+        assert COMMANDS_PER_MINUTE > 2
 
 
 async def test_two_gateways_are_one_meeting_by_redis(services: Services, redis_url: str):

@@ -10,6 +10,7 @@ import pytest
 from services.auth import Tokens
 from services.bootstrap import ensure_demo, import_model
 from services.container import Services
+from services.gateway import gateway_of
 from tests.services.control.page import Page, join
 from tests.services.control.test_channel import header
 from tests.services.live.viewer import Viewer
@@ -80,11 +81,11 @@ async def test_who_is_sent_out_sees_nothing_more_at_once(caller, timed, crowd, a
             assert (await viewer.look(caller, crowd["id"], mine)).status_code == 201
             await viewer.opened()
             assert (await viewer.frame()).size > 0
-            assert len(app.state.views) == 1
+            assert len(gateway_of(app).views) == 1
             await ada.say(type="remove", participant_id=bo_id)
             assert (await bo.gone())["reason"] == "removed"
             await ada.roster(lambda who: set(who) == {"Ada"})
-            while app.state.views.is_watched(crowd["id"]):
+            while gateway_of(app).views.is_watched(crowd["id"]):
                 await ada.beat()
             await viewer.peer.close()
             refused = await looks(caller, crowd["id"], bo)

@@ -6,6 +6,7 @@ from contextlib import asynccontextmanager
 
 import pytest
 
+from services.gateway import gateway_of
 from tests.services.control.page import Page, join
 from tests.services.control.test_channel import header
 
@@ -53,7 +54,7 @@ async def test_every_page_is_told_of_a_new_place_and_who_comes_later_too(caller,
 
 async def test_one_screen_at_a_time_and_the_host_decides_who_takes_over(three, app, meeting):
     async with three() as (ada, bo, cy, ids):
-        voices = app.state.voices
+        voices = gateway_of(app).voices
         await bo.say(type="present", on=True)
         await presented(cy, ids["Bo"])
         await cy.say(type="present", on=True)

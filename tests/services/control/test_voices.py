@@ -16,6 +16,7 @@ from aiortc import (
 )
 from av import AudioFrame
 
+from services.gateway import gateway_of
 from tests.services.control.page import Page, join
 from tests.services.control.test_channel import header
 
@@ -127,12 +128,12 @@ async def test_others_are_heard_while_their_microphone_is_on(caller, timed, meet
         bo.heard.clear()
         await bo.say(type="microphone", on=True)
         assert "raise a hand" in (await bo.hear("refusal"))["problem"]["detail"]
-        assert len(app.state.voices) == 2
+        assert len(gateway_of(app).voices) == 2
         gone = await caller.delete(answer.headers["location"], headers=seat_of(bo))
         assert gone.status_code == 200
         await ada.say(type="remove", participant_id=bo_id)
         await bo.gone()
-        assert len(app.state.voices) == 1
+        assert len(gateway_of(app).voices) == 1
         again = Headset()
         assert (await again.call(caller, meeting["id"], seat_of(bo))).status_code == 403
         for one in (listening, talking, again):
@@ -199,7 +200,7 @@ async def test_nobody_hears_from_the_lobby_and_the_removed_are_cut_off(caller, t
         assert (await headset.call(caller, meeting["id"], seat_of(bo))).status_code == 201
         await ada.say(type="remove", participant_id=members["Bo"]["id"])
         await bo.gone()
-        while len(app.state.voices) > 0:
+        while len(gateway_of(app).voices) > 0:
             await ada.beat()
         await headset.peer.close()
         cy = await join(caller, meeting["id"], "Cy", headers=header(timed, "others"))
@@ -221,4 +222,4 @@ async def test_offers_that_are_none_are_refused(caller, meeting, app, kind, stat
         headers=seat_of(ada) | {"Content-Type": kind},
     )
     assert answer.status_code == status
-    assert len(app.state.voices) == 0
+    assert len(gateway_of(app).voices) == 0

@@ -6,6 +6,7 @@ from __future__ import annotations
 import asyncio
 from itertools import pairwise
 
+from services.gateway import gateway_of
 from services.live.packets import (
     PosePacket,
     ViewPacket,
@@ -53,10 +54,10 @@ async def test_poses_come_while_the_viewer_draws_and_pictures_rest(app, caller, 
     for before, after in pairwise(packets):
         assert is_newer(after.sequence, before.sequence)
         assert after.capture_time_ms > before.capture_time_ms
-    rendered = len(app.state.views.render_milliseconds())
+    rendered = len(gateway_of(app).views.render_milliseconds())
     for _ in range(10):
         await newest(poses)
-    assert len(app.state.views.render_milliseconds()) == rendered
+    assert len(gateway_of(app).views.render_milliseconds()) == rendered
 
     viewer.channel.send(view(3, draws_itself=True, sound_only=True))
     await asyncio.sleep(0.5)
@@ -64,7 +65,7 @@ async def test_poses_come_while_the_viewer_draws_and_pictures_rest(app, caller, 
         poses.get_nowait()
     await asyncio.sleep(1.0)
     assert poses.empty()
-    assert len(app.state.views.render_milliseconds()) == rendered
+    assert len(gateway_of(app).views.render_milliseconds()) == rendered
 
     viewer.channel.send(view(4, draws_itself=False))
     assert (await viewer.frame_of_size(160)).std() > 5

@@ -18,6 +18,7 @@ from prometheus_client import REGISTRY
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
+from services.gateway import gateway_of
 from services.live.motion.keypoint_channels import KeypointReceiver
 from services.live.motion.live_motion import LiveMotion
 from services.live.packets import KeypointsPacket, encode_keypoints
@@ -48,7 +49,7 @@ async def until(look: Callable[[], bool], what: str) -> None:
 async def app(services: Services) -> AsyncIterator[FastAPI]:
     made = create_app(services.settings, services)
     yield made
-    await made.state.views.close_all()
+    await gateway_of(made).close()
 
 
 @pytest.fixture
@@ -65,13 +66,13 @@ def meeting_id(services: Services, model_file: Path) -> str:
 @pytest.fixture
 async def room(app: FastAPI, meeting_id: str) -> Room:
     """The room that every viewer of the meeting will look into."""
-    views: ViewSessions = app.state.views
+    views: ViewSessions = gateway_of(app).views
     return await views.room(meeting_id)
 
 
 async def connected(app: FastAPI, meeting_id: str, account: str, performer_id: str):
     """A viewer of `account` with a channel that would drive the performer."""
-    views: ViewSessions = app.state.views
+    views: ViewSessions = gateway_of(app).views
     viewer = Viewer()
     channel = viewer.peer.createDataChannel(
         "keypoints", ordered=False, maxRetransmits=0, protocol=performer_id
@@ -167,7 +168,7 @@ async def test_a_newer_channel_takes_over(app, room, meeting_id):
     await first.peer.close()
     assert performer_id in room.live_motions
     # whoever is sent out drives nobody any more
-    await app.state.views.close_unless(meeting_id, lambda _: False)
+    await gateway_of(app).views.close_unless(meeting_id, lambda _: False)
     await until(lambda: room.live_motions == {}, "letting go")
     await second.peer.close()
 

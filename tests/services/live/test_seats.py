@@ -17,6 +17,7 @@ from services import seats
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
+from services.gateway import gateway_of
 from services.live.sessions.view_sessions import CONNECT_S, SILENCE_S, ViewSession, ViewSessions
 from tests.fakes import Clock
 from tests.services.conftest import bearer
@@ -62,7 +63,7 @@ def model(services: Services, model_file: Path) -> ModelRow:
 async def app(services: Services) -> AsyncIterator[FastAPI]:
     made = create_app(services.settings, services)
     yield made
-    await made.state.views.close_all()
+    await gateway_of(made).close()
 
 
 @pytest.fixture
@@ -110,7 +111,7 @@ async def test_leaving_gives_the_seat_back(app, caller, services, meeting_id, go
     if goodbye == "asked":
         await caller.delete(answer.headers["location"], headers=mine)
     await viewer.peer.close()
-    await _soon(lambda: len(app.state.views) == 0, "the end of the session")
+    await _soon(lambda: len(gateway_of(app).views) == 0, "the end of the session")
     await _soon(lambda: _taken(services, meeting_id) == [2], "giving the seat back")
     late = await Viewer().look(caller, meeting_id, mine)
     assert late.status_code == 403
@@ -123,7 +124,7 @@ async def test_an_offer_that_fails_gives_the_seat_back(app, caller, services, me
     headers = mine | {"Content-Type": "application/sdp"}
     answer = await caller.post(f"/whep/{meeting_id}", content=b"v=0 nonsense", headers=headers)
     assert answer.status_code == 422
-    assert (len(app.state.views), _taken(services, meeting_id)) == (0, [])
+    assert (len(gateway_of(app).views), _taken(services, meeting_id)) == (0, [])
 
 
 async def test_who_never_comes_to_look_loses_the_seat(services, model):

@@ -16,6 +16,7 @@ from av import VideoFrame
 
 from services.app import create_app
 from services.container import Services
+from services.gateway import gateway_of
 from services.live.sessions.voice_sessions import VoiceSessions
 from tests.services.conftest import bearer
 from tests.services.control.test_voices import Tone
@@ -46,9 +47,7 @@ async def app(services: Services, changes: dict[str, int]):
     settings = services.settings.model_copy(update=changes)
     made = create_app(settings, replace(services, settings=settings))
     yield made
-    await made.state.hub.close()
-    await made.state.voices.close_all()
-    await made.state.views.close_all()
+    await gateway_of(made).close()
 
 
 @pytest.fixture
@@ -124,7 +123,7 @@ async def test_a_foreign_client_connects_and_ends(app, whip):
     await whip.connected()
     gone = await whip.caller.delete(whip.location, headers=whip.header)
     assert gone.status_code == 200
-    assert len(app.state.voices) == 0
+    assert len(gateway_of(app).voices) == 0
     assert (await whip.caller.delete(whip.location, headers=whip.header)).status_code == 404
     assert (await whip.patch("", If_Match=whip.etag)).status_code == 404
 
@@ -190,7 +189,7 @@ async def test_offers_that_can_not_be_are_refused(app, whip, sdp, kind, status):
     answer = await whip.post(sdp, kind)
     assert answer.status_code == status
     assert answer.json()["detail"]
-    assert len(app.state.voices) == 0
+    assert len(gateway_of(app).voices) == 0
 
 
 async def test_who_may_send(services, caller, whip, meeting_id):
@@ -253,23 +252,24 @@ async def test_pages_of_other_origins_are_told_what_they_need(services, meeting_
             assert name in exposed
 
 
-async def test_ice_servers_come_as_links(services, caller, app, meeting_id):
-    app.state.services = object.__new__(type(services))
-    for name, value in vars(services).items():
-        object.__setattr__(app.state.services, name, value)
+async def test_ice_servers_come_as_links(services, meeting_id):
     settings = services.settings.model_copy(
         update={"ice_servers": ["stun:192.0.2.1", "turn:192.0.2.2"]}
     )
-    object.__setattr__(app.state.services, "settings", settings)
-    whip = Client(caller, meeting_id, (await seat(caller, meeting_id))["token"])
-    answer = await whip.post(await whip.offer(Tone()))
+    app = create_app(settings, replace(services, settings=settings))
+    async with httpx.AsyncClient(
+        transport=httpx.ASGITransport(app), base_url="http://test", headers=bearer(services)
+    ) as caller:
+        whip = Client(caller, meeting_id, (await seat(caller, meeting_id))["token"])
+        answer = await whip.post(await whip.offer(Tone()))
     links = answer.headers.get_list("link")
     assert links == ['<stun:192.0.2.1>; rel="ice-server"', '<turn:192.0.2.2>; rel="ice-server"']
     await whip.peer.close()
+    await gateway_of(app).close()
 
 
 async def test_a_screen_needs_leave_and_reaches_the_others(app, caller, whip, meeting_id):
-    voices: VoiceSessions = app.state.voices
+    voices: VoiceSessions = gateway_of(app).voices
     refused = await whip.post(await whip.offer(Screen()))
     assert refused.status_code == 403
     assert "ask to present first" in refused.json()["detail"]
@@ -296,17 +296,17 @@ async def test_a_screen_needs_leave_and_reaches_the_others(app, caller, whip, me
 
 
 async def _present(app, meeting_id: str, who: str, until: Callable[[], bool]) -> None:
-    services: Services = app.state.services
+    services: Services = gateway_of(app).services
     with services.unit_of_work() as unit:
         unit.meetings.get_for_change(meeting_id).presenter_id = who
         unit.meetings.heard({who: services.clock()})
         unit.commit()
-    app.state.hub.notify(meeting_id)
+    gateway_of(app).hub.notify(meeting_id)
     async with asyncio.timeout(20):
         while not until():
             await asyncio.sleep(0.02)
 
 
 async def _seats(app, meeting_id: str) -> set[str]:
-    with app.state.services.reading() as unit:
+    with gateway_of(app).services.reading() as unit:
         return {one.id for one in unit.meetings.get(meeting_id).participants}

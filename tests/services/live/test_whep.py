@@ -14,6 +14,7 @@ from db.models import ModelRow
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
+from services.gateway import gateway_of
 from services.live.sessions import view_sessions
 from services.live.sessions.view_sessions import ViewSessions
 from tests.services.conftest import bearer
@@ -30,7 +31,7 @@ async def app(services: Services, changes: dict[str, int]):
     settings = services.settings.model_copy(update=changes)
     made = create_app(settings, replace(services, settings=settings))
     yield made
-    await made.state.views.close_all()
+    await gateway_of(made).close()
 
 
 @pytest.fixture
@@ -67,7 +68,7 @@ async def test_the_picture_follows_the_viewpoint_and_the_session_ends(app, calle
     behind = await viewer.frame_of_size(192)
     assert front.std() > 5
     assert behind.std() > 5
-    views: ViewSessions = app.state.views
+    views: ViewSessions = gateway_of(app).views
     assert len(views) == 1
     gone = await caller.delete(answer.headers["location"], headers=header)
     assert gone.status_code == 200
@@ -93,7 +94,7 @@ async def test_bad_offers_are_refused_in_words(app, caller, model, content, kind
     )
     assert answer.status_code == status
     assert words in answer.json()["detail"]
-    assert len(app.state.views) == 0
+    assert len(gateway_of(app).views) == 0
 
 
 async def test_tokens_of_other_meetings_and_none_are_refused(caller, model):
@@ -122,7 +123,7 @@ async def test_who_joins_is_told_while_the_renderer_gets_ready(
     caller, app, model, monkeypatch: pytest.MonkeyPatch
 ):
     meeting_id, _ = await open_meeting(caller, model)
-    views: ViewSessions = app.state.views
+    views: ViewSessions = gateway_of(app).views
     ready = threading.Event()
     # as long as kernels are compiled
     monkeypatch.setattr(view_sessions, "warm_up", lambda: ready.wait(20.0))

@@ -16,6 +16,7 @@ import pytest
 
 from db.models import JobKind, RecordingState
 from services.bootstrap import import_model
+from services.gateway import gateway_of
 from services.jobs.export_job import run_export
 from services.jobs.lease import JobLease
 from services.jobs.report import Reporter
@@ -114,7 +115,7 @@ async def test_nothing_is_kept_until_all_agree_and_all_of_it_after(
         await here.bo.say(type="say", text="before")
         await here.ada.say(type="record", on=True)
         asked = await told(here.bo, running=False, agreed=[here.ids["Ada"]])
-        assert len(app.state.hub.recorders) == 0
+        assert len(gateway_of(app).hub.recorders) == 0
         await here.bo.say(type="agree", on=True)
         await told(here.bo, running=True)
         await here.bo.say(type="microphone", on=True)
@@ -173,7 +174,7 @@ async def test_a_newcomer_has_it_rest_and_a_no_ends_it(caller, timed, app, model
         async with cy:
             await told(cy, running=False)
             await told(here.ada, running=False)
-            assert len(app.state.hub.recorders) == 0
+            assert len(gateway_of(app).hub.recorders) == 0
             await cy.say(type="agree", on=True)
             await told(here.ada, running=True)
             await cy.say(type="agree", on=False)
@@ -275,7 +276,8 @@ async def test_a_gateway_that_dies_loses_seconds_and_the_next_goes_on(
             one for one in asyncio.all_tasks() if one.get_name() == f"recording {asked['id']}"
         ]
         keeping.cancel()  # gone without a word, as when killed
-        hub, views, voices = app.state.hub, app.state.views, app.state.voices
+        gateway = gateway_of(app)
+        hub, views, voices = gateway.hub, gateway.views, gateway.voices
         hub.recorders = Recorders(
             timed, views.pose_packets, voices.packet_listeners, time.monotonic
         )

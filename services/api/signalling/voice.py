@@ -1,6 +1,6 @@
 """Voices in a meeting: each speaker's Opus packets are forwarded to every other participant.
 
-`POST /v1/meetings/{id}/voice` answers an SDP offer (services.live.signalling.sdp_http) from a seat
+`POST /v1/meetings/{id}/voice` answers an SDP offer (services.api.signalling.sdp_http) from a seat
 whose owner is admitted. The offer may have
 
 - audio sections that receive, at most `SLOTS`: slot 0 comes in the first of them, and so on. A page
@@ -9,7 +9,7 @@ whose owner is admitted. The offer may have
   can place each voice where its speaker stands.
 - one audio section that sends (it may be one of those): the microphone. It is heard while the
   roster says that it is on.
-- one video section that receives: the screen that somebody shares (services.live.signalling.whip),
+- one video section that receives: the screen that somebody shares (services.api.signalling.whip),
   if anybody does.
 
 It is a connection of its own: a picture that stalls is replaced without interrupting any voice.
@@ -18,36 +18,27 @@ Nothing is decoded or mixed here, so a speaker costs a packet per listener.
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from fastapi import APIRouter, Depends, Request, Response, status
+from fastapi import APIRouter, Request, Response, status
 from fastapi.concurrency import run_in_threadpool
 
 from db.models import MeetingRow
 from services import seats
-from services.auth import Joiner, Principal
-from services.container import Provided, Services
+from services.api.dependencies import CurrentGateway, Joiner
+from services.api.signalling import sdp_http
+from services.api.signalling.sdp_http import SDP
+from services.auth import Principal
+from services.container import Services
 from services.errors import NoSeat
+from services.gateway import Gateway
 from services.live.sessions.voice_offer import Endpoint
-from services.live.sessions.voice_sessions import VoiceSessions
-from services.live.signalling import sdp_http
-from services.live.signalling.sdp_http import SDP
 from services.problems import PROBLEMS
 
 router = APIRouter(prefix="/v1/meetings", tags=["meetings"], responses=PROBLEMS)
 
 
-def _sessions(request: Request) -> VoiceSessions:
-    return request.app.state.voices
-
-
-Voices = Annotated[VoiceSessions, Depends(_sessions)]
-
-
 async def create_voice_session(
     request: Request,
-    services: Services,
-    voices: VoiceSessions,
+    gateway: Gateway,
     caller: Principal,
     endpoint: Endpoint,
     meeting_id: str,
@@ -58,13 +49,15 @@ async def create_voice_session(
     if caller.participant_id is None:
         raise NoSeat("the token must be one that joining gave; got one without a seat; join")
     sdp_offer = await sdp_http.read_offer(request)
-    meeting = await run_in_threadpool(_meeting, services, meeting_id)
+    meeting = await run_in_threadpool(_meeting, gateway.services, meeting_id)
     seats.require_admitted(meeting, caller)
-    session_id, answer = await voices.open(meeting_id, caller.participant_id, sdp_offer, endpoint)
+    session_id, answer = await gateway.voices.open(
+        meeting_id, caller.participant_id, sdp_offer, endpoint
+    )
     # from now on the hub closes the connection of a participant who is removed
-    request.app.state.hub.notify(meeting_id)
+    gateway.hub.notify(meeting_id)
     location = f"{path}/{session_id}"
-    ice_servers = services.settings.ice_servers
+    ice_servers = gateway.services.settings.ice_servers
     return sdp_http.created(location, session_id, sdp_http.add_rtcp_mux_only(answer), ice_servers)
 
 
@@ -76,28 +69,28 @@ async def create_voice_session(
     responses={201: {"content": {SDP: {}}, "description": "The SDP answer."}},
 )
 async def create_session(
-    meeting_id: str, request: Request, services: Provided, voices: Voices, caller: Joiner
+    meeting_id: str, request: Request, gateway: CurrentGateway, caller: Joiner
 ) -> Response:
     """The participant's microphone up, the others' voices down."""
     path = f"/v1/meetings/{meeting_id}/voice"
-    return await create_voice_session(
-        request, services, voices, caller, Endpoint.VOICE, meeting_id, path
-    )
+    return await create_voice_session(request, gateway, caller, Endpoint.VOICE, meeting_id, path)
 
 
 @router.patch("/{meeting_id}/voice/{session_id}", summary="Add candidates", status_code=204)
 async def add_candidates(
-    meeting_id: str, session_id: str, request: Request, voices: Voices, caller: Joiner
+    meeting_id: str, session_id: str, request: Request, gateway: CurrentGateway, caller: Joiner
 ) -> Response:
     """Trickle ICE: more addresses at which the caller can be reached."""
-    session = sdp_http.own_session(voices, session_id, meeting_id, caller)
+    session = sdp_http.own_session(gateway.voices, session_id, meeting_id, caller)
     return await sdp_http.add_candidates(request, session, session_id)
 
 
 @router.delete("/{meeting_id}/voice/{session_id}", summary="End the session")
-async def end_session(meeting_id: str, session_id: str, voices: Voices, caller: Joiner) -> Response:
+async def end_session(
+    meeting_id: str, session_id: str, gateway: CurrentGateway, caller: Joiner
+) -> Response:
     """End the connection."""
-    return await sdp_http.end_session(voices, session_id, meeting_id, caller)
+    return await sdp_http.end_session(gateway.voices, session_id, meeting_id, caller)
 
 
 def _meeting(services: Services, meeting_id: str) -> MeetingRow:

@@ -10,20 +10,18 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import time
-from typing import Any
 
-from fastapi import APIRouter, FastAPI, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from fastapi.concurrency import run_in_threadpool
-from prometheus_client import Gauge
 from pydantic import ValidationError
 from starlette.websockets import WebSocketDisconnected
 
 from scene.errors import InvalidInput
+from services.api.dependencies import CurrentGateway
 from services.container import Services
 from services.control import messages
 from services.control.commands import connect, execute, read_caller
-from services.control.hub import ControlConnection, Hub
+from services.control.hub import ControlConnection
 from services.control.messages import (
     TO_SERVER,
     Beat,
@@ -36,65 +34,27 @@ from services.control.messages import (
 )
 from services.control.roster import SILENCE_S
 from services.errors import HelloExpected, HelloRepeated, SeatReleased, TooLarge
+from services.gateway import Gateway
 from services.jobs.events import meeting_topic
-from services.limits import RateLimit
-from services.live.sessions.view_sessions import ViewSessions
-from services.live.sessions.voice_sessions import VoiceSessions
-from services.live.signalling.voice import router as voice_router
-from services.live.signalling.whip import router as whip_router
 from services.problems import Problem, problem_of
-from services.recording.recorder import Recorders
 
 log = logging.getLogger(__name__)
 
 router = APIRouter(tags=["meetings"])
 
-PARTICIPANTS = Gauge("metanerf_participants", "Pages on the control channel now.")
-COMMANDS_PER_MINUTE = 120
 _CLOSE_S = 2.0
 _GONE = (WebSocketDisconnect, WebSocketDisconnected)
 
 
-def install(app: FastAPI, services: Services, views: ViewSessions) -> Hub:
-    """Mount the channel and the voices on `app`, and describe their messages with the API."""
-    voices = VoiceSessions(
-        lambda meeting_id: hub.send_speaking(meeting_id),
-        ice_servers=services.settings.ice_servers,
-        max_connections=services.settings.max_voices,
-    )
-    recorders = Recorders(services, views.pose_packets, voices.packet_listeners, time.monotonic)
-    hub = Hub(services, views, voices, recorders)
-    app.state.hub, app.state.voices = hub, voices
-    app.include_router(voice_router)
-    app.include_router(whip_router)
-    app.state.command_limit = RateLimit(
-        "messages of one person", COMMANDS_PER_MINUTE, services.clock
-    )
-    app.include_router(router)
-    PARTICIPANTS.set_function(lambda: len(hub))
-    describe = app.openapi
-
-    def with_messages() -> dict[str, Any]:
-        document = describe()
-        for name, schema in messages.schemas().items():
-            document["components"]["schemas"].setdefault(name, schema)
-        return document
-
-    app.openapi = with_messages
-    return hub
-
-
 @router.websocket("/v1/meetings/{meeting_id}/control")
-async def control(socket: WebSocket, meeting_id: str) -> None:
+async def control(socket: WebSocket, meeting_id: str, gateway: CurrentGateway) -> None:
     """The channel of one page, from hello to goodbye."""
     await socket.accept()
-    services: Services = socket.app.state.services
-    hub: Hub = socket.app.state.hub
     with contextlib.suppress(*_GONE, TimeoutError):
-        connection = await _greet(socket, services, meeting_id)
+        connection = await _greet(socket, gateway.services, meeting_id)
         if connection is not None:
-            async with hub.attached(connection):
-                await _exchange(socket, services, hub, connection)
+            async with gateway.hub.attached(connection):
+                await _exchange(socket, gateway, connection)
         async with asyncio.timeout(_CLOSE_S):
             await socket.close()
 
@@ -123,12 +83,10 @@ async def _greet(
     return connection
 
 
-async def _exchange(
-    socket: WebSocket, services: Services, hub: Hub, connection: ControlConnection
-) -> None:
+async def _exchange(socket: WebSocket, gateway: Gateway, connection: ControlConnection) -> None:
     """Listen and send until either way ends."""
     ways = (
-        asyncio.create_task(_listen(socket, services, hub, connection)),
+        asyncio.create_task(_listen(socket, gateway, connection)),
         asyncio.create_task(_send(socket, connection)),
     )
     try:
@@ -147,13 +105,10 @@ async def _send(socket: WebSocket, connection: ControlConnection) -> None:
         await socket.send_text(message.model_dump_json())
 
 
-async def _listen(
-    socket: WebSocket, services: Services, hub: Hub, connection: ControlConnection
-) -> None:
-    limit: RateLimit = socket.app.state.command_limit
+async def _listen(socket: WebSocket, gateway: Gateway, connection: ControlConnection) -> None:
     while True:
         text = await _receive(socket)
-        connection.heard_at = services.clock()
+        connection.heard_at = gateway.services.clock()
         try:
             message = _read(text)
             if isinstance(message, Beat):
@@ -163,8 +118,8 @@ async def _listen(
                     "'hello' must come once; got it again; open a new channel",
                 )
             else:
-                limit.take(connection.participant_id)
-                await _execute(services, hub, connection, message)
+                gateway.command_limit.take(connection.participant_id)
+                await _execute(gateway, connection, message)
         except Exception as error:
             connection.send(Refusal(problem=_logged_problem(error)))
 
@@ -177,18 +132,16 @@ async def _receive(socket: WebSocket) -> str:
     return message.get("text") or ""
 
 
-async def _execute(
-    services: Services, hub: Hub, connection: ControlConnection, command: Command
-) -> None:
+async def _execute(gateway: Gateway, connection: ControlConnection, command: Command) -> None:
     # a seat that was given back on purpose is none that was lost
     connection.leaving = isinstance(command, messages.Leave)
     await run_in_threadpool(
-        execute, services, connection.meeting_id, connection.participant_id, command
+        execute, gateway.services, connection.meeting_id, connection.participant_id, command
     )
     if connection.leaving:
         connection.end("left")
-    hub.notify(connection.meeting_id)
-    await run_in_threadpool(services.events.publish, meeting_topic(connection.meeting_id))
+    gateway.hub.notify(connection.meeting_id)
+    await run_in_threadpool(gateway.services.events.publish, meeting_topic(connection.meeting_id))
 
 
 def _read(text: str) -> Hello | Beat | Command:

@@ -1,0 +1,65 @@
+"""What one gateway process holds: its services, and the live sessions of its meetings."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from fastapi import FastAPI
+
+from services.container import Services
+from services.control.hub import Hub
+from services.limits import RateLimit
+from services.live.sessions.stored_meetings import StoredMeetings
+from services.live.sessions.view_sessions import ViewSessions
+from services.live.sessions.voice_sessions import VoiceSessions
+from services.live.streaming.latency_code import LatencyCode
+from services.problems import problem_of
+from services.recording.recorder import Recorders
+
+COMMANDS_PER_MINUTE = 120
+"""Messages that one participant may send on the control channel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gateway:
+    """Everything that a route may ask for."""
+
+    services: Services
+    views: ViewSessions
+    voices: VoiceSessions
+    hub: Hub
+    command_limit: RateLimit
+
+    async def close(self) -> None:
+        """End every live session, at shutdown. The services stay open."""
+        await self.hub.close()
+        await self.voices.close_all()
+        await self.views.close_all()
+
+
+def build_gateway(services: Services) -> Gateway:
+    """A gateway that serves nobody yet."""
+    settings = services.settings
+    views = ViewSessions(
+        StoredMeetings(services),
+        time.monotonic,
+        ice_servers=settings.ice_servers,
+        max_viewers=settings.max_viewers,
+        describe_error=lambda error: problem_of(error).model_dump_json(),
+        instrumentation=LatencyCode() if settings.stamp_pictures else None,
+    )
+    voices = VoiceSessions(
+        lambda meeting_id: hub.send_speaking(meeting_id),
+        ice_servers=settings.ice_servers,
+        max_connections=settings.max_voices,
+    )
+    recorders = Recorders(services, views.pose_packets, voices.packet_listeners, time.monotonic)
+    hub = Hub(services, views, voices, recorders)
+    command_limit = RateLimit("messages of one person", COMMANDS_PER_MINUTE, services.clock)
+    return Gateway(services, views, voices, hub, command_limit)
+
+
+def gateway_of(app: FastAPI) -> Gateway:
+    """The gateway that `app` serves (services.app.create_app)."""
+    return app.state.gateway

@@ -1,0 +1,34 @@
+"""One typed place holds what a gateway process shares, and its description leaves nothing out."""
+
+from __future__ import annotations
+
+import httpx
+
+from services.app import ROUTERS, create_app
+from services.container import Services
+from services.gateway import gateway_of
+
+
+async def test_an_application_has_one_gateway_and_nothing_else(services: Services):
+    app = create_app(services.settings, services)
+    gateway = gateway_of(app)
+    assert app.state._state == {"gateway": gateway}
+    assert gateway.services is services
+    await gateway.close()
+
+
+async def test_every_route_stands_in_the_list_of_routers(client: httpx.AsyncClient):
+    listed = {getattr(route, "path", None) for router in ROUTERS for route in router.routes}
+    described = set((await client.get("/openapi.json")).json()["paths"])
+    assert described <= listed
+    assert listed - described == {"/v1/meetings/{meeting_id}/control"}  # a WebSocket
+
+
+async def test_the_description_has_what_travels_on_the_control_channel(client: httpx.AsyncClient):
+    document = (await client.get("/openapi.json")).json()
+    schemas = document["components"]["schemas"]
+    for way, message in (("ToServer", "Hello"), ("FromServer", "Roster")):
+        kinds = {choice["$ref"].rpartition("/")[2] for choice in schemas[way]["oneOf"]}
+        assert message in kinds
+        assert kinds <= set(schemas)
+    assert document == (await client.get("/openapi.json")).json()
