@@ -103,10 +103,10 @@ def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
     problems.install(app)
     app.add_middleware(LimitBodies)
     app.add_middleware(metrics.CountRequests)
-    if settings.allowed_origins:
+    if settings.server.allowed_origins:
         app.add_middleware(
             CORSMiddleware,
-            allow_origins=settings.allowed_origins,
+            allow_origins=settings.server.allowed_origins,
             allow_methods=["*"],
             allow_headers=["*"],
             expose_headers=[
@@ -120,7 +120,7 @@ def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
         )
     for router in ROUTERS:
         app.include_router(router)
-    app.router.routes.append(page_route(settings.client_dir))
+    app.router.routes.append(page_route(settings.server.client_dir))
     return app
 
 
@@ -132,8 +132,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     gateway.views.warm_up()
     stop = threading.Event()
     worker = None
-    if services.settings.embedded_worker:
-        kinds = [JobKind(kind) for kind in services.settings.worker_kinds]
+    if services.settings.jobs.embedded_worker:
+        kinds = [JobKind(kind) for kind in services.settings.jobs.worker_kinds]
         worker = threading.Thread(
             target=Worker(services, kinds).run, args=(stop,), name="worker", daemon=True
         )

@@ -57,25 +57,25 @@ def build_services(
     settings: Settings, *, clock: Clock = utc_now, objects: Objects | None = None
 ) -> Services:
     """Open everything that `settings` name. Neither migrates nor waits for a server."""
-    settings.data_dir.mkdir(parents=True, exist_ok=True)
-    database = Database(settings.database_url)
-    secret = settings.s3_secret_access_key
+    settings.folders.data_dir.mkdir(parents=True, exist_ok=True)
+    database = Database(settings.database.url)
+    secret = settings.objects.s3_secret_access_key
     store = objects or open_objects(
-        settings.object_store_url,
-        endpoint=settings.s3_endpoint_url,
-        region=settings.s3_region,
-        access_key_id=settings.s3_access_key_id,
+        settings.objects.store_url,
+        endpoint=settings.objects.s3_endpoint_url,
+        region=settings.objects.s3_region,
+        access_key_id=settings.objects.s3_access_key_id,
         secret_access_key=secret.get_secret_value() if secret else None,
     )
     return Services(
         settings=settings,
         database=database,
         objects=store,
-        events=open_events(settings.redis_url),
+        events=open_events(settings.events.redis_url),
         tokens=Tokens(settings.signing_key(), clock),
-        models=ModelCache(database, store, settings.cached_models),
+        models=ModelCache(database, store, settings.models.max_cached),
         guest_limit=RateLimit(
-            "guest tokens from one address", settings.guest_tokens_per_minute, clock
+            "guest tokens from one address", settings.security.guest_tokens_per_minute, clock
         ),
         clock=clock,
         describe_failure=stored_failure,

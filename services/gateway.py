@@ -44,15 +44,15 @@ def build_gateway(services: Services) -> Gateway:
     views = ViewSessions(
         StoredMeetings(services),
         time.monotonic,
-        ice_servers=settings.ice_servers,
-        max_viewers=settings.max_viewers,
+        ice_servers=settings.live.ice_servers,
+        max_viewers=settings.live.max_viewers,
         describe_error=lambda error: problem_of(error).model_dump_json(),
-        instrumentation=LatencyCode() if settings.stamp_pictures else None,
+        instrumentation=LatencyCode() if settings.live.stamp_pictures else None,
     )
     voices = VoiceSessions(
         lambda meeting_id: hub.send_speaking(meeting_id),
-        ice_servers=settings.ice_servers,
-        max_connections=settings.max_voices,
+        ice_servers=settings.live.ice_servers,
+        max_connections=settings.live.max_voices,
     )
     recorders = Recorders(services, views.pose_packets, voices.packet_listeners, time.monotonic)
     hub = Hub(services, views, voices, recorders)

@@ -106,8 +106,8 @@ def performed_motion(services: Services, unit: UnitOfWork, performer: PerformerR
 def join_url(services: Services, meeting: MeetingRow) -> str:
     """The link to send. Where access is not open, it carries a token for this meeting."""
     settings = services.settings
-    url = f"{settings.public_url.rstrip('/')}/?meeting={quote(meeting.id)}"
-    if settings.open_access:
+    url = f"{settings.server.public_url.rstrip('/')}/?meeting={quote(meeting.id)}"
+    if settings.security.open_access:
         return url
     token, _ = services.tokens.issue(
         INVITED, frozenset({"join"}), _LINK_LIFETIME, meeting_id=meeting.id

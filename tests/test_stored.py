@@ -176,7 +176,7 @@ def test_keypoints_are_read(layout, expected):
 
 
 def test_a_database_is_brought_to_the_present_schema(services, expected):
-    migrations.check(services.settings.database_url)
+    migrations.check(services.settings.database.url)
     wanted = expected["meeting"]
     with services.reading() as unit:
         meeting = unit.meetings.get(wanted["meeting_id"])

@@ -26,13 +26,13 @@ def be_guest(
     Each guest is somebody of their own. Who brings their last token, even one that has ended, stays
     who they were.
     """
-    if not services.settings.open_access:
+    if not services.settings.security.open_access:
         raise AccessNotOpen(
             "guests must be let in by the server's settings (open_access); got a server that "
             "lets none in; ask its keeper for a token",
         )
     services.guest_limit.take(network_of(request.client.host if request.client else ""))
-    lifetime = timedelta(hours=services.settings.token_lifetime_h)
+    lifetime = timedelta(hours=services.settings.security.token_lifetime_h)
     guest = services.tokens.guest_of(authorization.removeprefix("Bearer ")) or new_guest()
     token, expires = services.tokens.issue(guest, ALL_SCOPES, lifetime)
     return shapes.Guest(token=token, expires_at=expires)

@@ -99,7 +99,7 @@ def join_meeting(
         seat=seat.seat,
         role=seat.role,
         admission=seat.admission,
-        ice_servers=services.settings.ice_servers,
+        ice_servers=services.settings.live.ice_servers,
         whep_url=f"/whep/{meeting_id}",
         control_url=f"/v1/meetings/{meeting_id}/control",
         ready=gateway.views.ready,
@@ -112,7 +112,7 @@ def read_demo(services: Provided) -> shapes.DemoMeeting:
     """The meeting that this server shows to everybody, if there is one."""
     with services.reading() as unit:
         meeting = unit.meetings.with_label(meetings.DEMO)
-    if meeting is None or not services.settings.open_access:
+    if meeting is None or not services.settings.security.open_access:
         raise NotFound("a demo's meeting is there only under `metanerf demo`; got another server")
     return shapes.DemoMeeting(meeting_id=meeting.id)
 

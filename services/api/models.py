@@ -94,7 +94,7 @@ def read_file(
 )
 def make_view(model_id: str, body: NewView, services: Provided, caller: Reader) -> Response:
     """A picture of the person, from any side, at any moment of a motion or in any pose."""
-    longest = services.settings.max_view_px
+    longest = services.settings.models.max_view_px
     if max(body.width, body.height) > longest:
         raise InvalidInput(
             f"width and height must be at most {longest} px; got {body.width} x {body.height}; "

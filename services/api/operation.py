@@ -66,7 +66,7 @@ def readiness(services: Services) -> dict[str, str]:
         "database": services.database.ping,
         "objects": services.objects.ping,
     }
-    if services.settings.redis_url:
+    if services.settings.events.redis_url:
         checks["redis"] = services.events.ping
     found = {}
     for name, ping in checks.items():

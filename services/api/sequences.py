@@ -68,7 +68,7 @@ def train_model(
 ) -> shapes.Job:
     """Queue a training job; follow it at `/v1/jobs/{id}/events`."""
     preset = find_preset(body.preset)
-    longest = services.settings.max_budget_s
+    longest = services.settings.jobs.max_budget_s
     if body.budget_s > longest:
         raise InvalidInput(
             f"budget_s must be at most {longest:g}; got {body.budget_s:g}; ask for less time",

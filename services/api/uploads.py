@@ -62,7 +62,7 @@ async def upload_clip(
     """Take a clip as the form's field `file`; its capture starts by itself."""
     await run_in_threadpool(_require_person, services, caller, person_id)
     settings = services.settings
-    with spool(settings.scratch_dir, settings.max_upload_bytes) as received:
+    with spool(settings.folders.scratch_dir, settings.uploads.max_bytes) as received:
         await receive_file(request, received)
         return await run_in_threadpool(_store, services, caller, person_id, received)
 
@@ -77,7 +77,7 @@ def begin_upload(
     person_id: str, body: shapes.NewUpload, services: Provided, caller: Writer
 ) -> Response:
     """Begin an upload, go on with one of the same bytes, or learn that they are here already."""
-    limit = services.settings.max_upload_bytes
+    limit = services.settings.uploads.max_bytes
     if body.size > limit:
         raise too_large(limit, str(body.size))
     _require_person(services, caller, person_id)
@@ -132,7 +132,7 @@ async def send_piece(
     upload = await run_in_threadpool(_find_upload, services, caller, upload_id)
     if upload_offset != upload.offset:
         raise _wrong_offset(upload, upload_offset)
-    folder = services.settings.scratch_dir
+    folder = services.settings.folders.scratch_dir
     with spool(folder, upload.size - upload.offset) as piece:
         await receive_raw(request, piece)
         upload = await run_in_threadpool(_append, services, upload, piece)

@@ -187,7 +187,7 @@ def evaluate(
         if out is not None:
             require_writable(out)
     clip, person, views = open_folder(sequence), load_model(model), list[EvaluatedView]()
-    backbone = lpips_backbone or load_settings().lpips_backbone or PACKAGED_BACKBONE
+    backbone = lpips_backbone or load_settings().networks.lpips_backbone or PACKAGED_BACKBONE
     if backbone == _FETCHED:
         backbone = _backbone(None)
     if not lpips:
@@ -213,12 +213,14 @@ def _backbone(given: Path | None) -> Path | None:
     from services.settings import load_settings
 
     settings = load_settings()
-    named = given or settings.lpips_backbone
+    named = given or settings.networks.lpips_backbone
     if named is not None:
         return named
     try:
         with progress_bar("fetching") as report:
-            return vgg_file(settings.data_dir / "cache", report, settings.lpips_backbone_url)
+            return vgg_file(
+                settings.folders.cache_dir, report, settings.networks.lpips_backbone_url
+            )
     except SceneError as error:
         typer.secho(f"without LPIPS: {error}", err=True)
         return None

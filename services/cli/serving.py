@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from scene.errors import InvalidInput, SceneError
+from services.setting_groups import ServerSettings
 from services.settings import Settings, load_settings
 
 app = typer.Typer()
@@ -38,12 +39,12 @@ def demo(
     from services.container import build_services
 
     settings = load_settings(open_access=True, **_given(port=port, data_dir=data_dir))
-    listener = _listen(settings)
+    listener = _listen(settings.server)
     services = build_services(settings)
     services.database.migrate()
     ensure_demo(services, DEMO_MODEL, _DEMO_NAME)
     services.close()
-    address = f"http://{settings.host}:{listener.getsockname()[1]}/"
+    address = f"http://{settings.server.host}:{listener.getsockname()[1]}/"
     typer.secho(f"  MetaNeRF is open at {address}   (Ctrl-C ends it)\n", bold=True)
     if browser:
         threading.Timer(1.0, webbrowser.open, [address]).start()
@@ -54,7 +55,7 @@ def demo(
 def serve(port: Port = None) -> None:
     """Run the gateway: REST, WebRTC and the page. Settings come from METANERF_* variables."""
     settings = load_settings(**_given(port=port))
-    _serve(settings, _listen(settings))
+    _serve(settings, _listen(settings.server))
 
 
 @app.command()
@@ -75,7 +76,7 @@ def worker(
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    Worker(services, [JobKind(kind) for kind in settings.worker_kinds]).run(stop)
+    Worker(services, [JobKind(kind) for kind in settings.jobs.worker_kinds]).run(stop)
     services.close()
 
 
@@ -91,17 +92,17 @@ def _serve(settings: Settings, listener: socket.socket) -> None:
     uvicorn.Server(config).run(sockets=[listener])
 
 
-def _listen(settings: Settings) -> socket.socket:
+def _listen(server: ServerSettings) -> socket.socket:
     """The listening socket, taken before any work is done. Raises PortTaken."""
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listener.bind((settings.host, settings.port))
+        listener.bind((server.host, server.port))
         listener.listen(128)
     except OSError as error:
         listener.close()
         raise PortTaken(
-            f"port {settings.port} of {settings.host} must be free; got {error.strerror}; "
+            f"port {server.port} of {server.host} must be free; got {error.strerror}; "
             f"end the other program or choose another port with --port"
         ) from error
     return listener
@@ -109,7 +110,7 @@ def _listen(settings: Settings) -> socket.socket:
 
 def _log(settings: Settings) -> None:
     logging.basicConfig(
-        level=settings.log_level.upper(),
+        level=settings.server.log_level.upper(),
         format="%(asctime)s %(levelname)s %(name)s: %(message)s",
         stream=sys.stderr,
     )

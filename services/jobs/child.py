@@ -42,9 +42,9 @@ def main(arguments: list[str]) -> int:
     """Run the job named on the command line. Exit code 0: the job's row says how it ended."""
     job_id, attempt = arguments[0], int(arguments[1])
     settings = load_settings()
-    os.nice(settings.job_niceness)
+    os.nice(settings.jobs.niceness)
     logging.basicConfig(
-        level=settings.log_level.upper(), format="%(name)s %(levelname)s %(message)s"
+        level=settings.server.log_level.upper(), format="%(name)s %(levelname)s %(message)s"
     )
     services = build_services(settings)
     try:
@@ -64,7 +64,7 @@ def _run(services: Services, settings: Settings, job_id: str, attempt: int) -> i
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     threading.Thread(target=_stop_with_parent, args=(reporter,), daemon=True).start()
     try:
-        with scratch_folder(settings.scratch_dir) as folder, reporter:
+        with scratch_folder(settings.folders.scratch_dir) as folder, reporter:
             _RUNS[job.kind](services, job, reporter, folder)
     except (StoreAway, DatabaseAway):
         raise  # not the job's fault: the worker tries again later

@@ -55,7 +55,7 @@ class Worker:
     def run(self, stop: threading.Event) -> None:
         """Work until `stop` is set; then let children leave their checkpoints and go."""
         settings = self._services.settings
-        clear_abandoned(settings.scratch_dir)
+        clear_abandoned(settings.folders.scratch_dir)
         try:
             while not stop.is_set():
                 try:
@@ -70,7 +70,7 @@ class Worker:
         for child in list(self._children):
             self._watch(child)
         self._reclaim_expired()
-        while len(self._children) < self._services.settings.worker_slots:
+        while len(self._children) < self._services.settings.jobs.worker_slots:
             job = self._claim()
             if job is None:
                 break
@@ -128,13 +128,13 @@ class Worker:
         if child.asked_to_stop_s is None:
             child.asked_to_stop_s = now
             child.process.terminate()
-        elif now - child.asked_to_stop_s > self._services.settings.job_stop_grace_s:
+        elif now - child.asked_to_stop_s > self._services.settings.jobs.stop_grace_s:
             os.killpg(child.process.pid, signal.SIGKILL)
 
     def _reap(self, child: _Child, code: int) -> None:
         if child.process.stdin is not None:
             child.process.stdin.close()
-        clear_abandoned(self._services.settings.scratch_dir)
+        clear_abandoned(self._services.settings.folders.scratch_dir)
         orphans: list[Orphan] = []
         with self._services.unit_of_work() as unit:
             # locks the row; matches only where the child left no end of its own
@@ -146,7 +146,7 @@ class Worker:
                     _cause(code),
                     self._services.clock(),
                     self._services.describe_failure,
-                    at_most=self._services.settings.job_crashes,
+                    at_most=self._services.settings.jobs.max_crashes,
                 )
             unit.commit()
         drop_orphans(self._services, orphans)
@@ -158,9 +158,9 @@ class Worker:
             reclaimed, orphans = reclaim_expired(
                 unit,
                 self._services.clock(),
-                settings.job_heartbeat_timeout_s,
+                settings.jobs.heartbeat_timeout_s,
                 self._services.describe_failure,
-                at_most=settings.job_crashes,
+                at_most=settings.jobs.max_crashes,
             )
             unit.commit()
         drop_orphans(self._services, orphans)
@@ -170,7 +170,7 @@ class Worker:
 
     def _sweep_now_and_then(self) -> None:
         settings, now = self._services.settings, time.monotonic()
-        if self._swept_s is not None and now - self._swept_s < settings.sweep_interval_s:
+        if self._swept_s is not None and now - self._swept_s < settings.jobs.sweep_interval_s:
             return
         self._swept_s = now
         swept = sweep(self._services.unit_of_work, self._services.objects, self._services.clock())
@@ -180,7 +180,7 @@ class Worker:
     def _stop_children(self) -> None:
         for child in self._children:
             child.process.terminate()
-        deadline = time.monotonic() + self._services.settings.job_stop_grace_s
+        deadline = time.monotonic() + self._services.settings.jobs.stop_grace_s
         for child in self._children:
             try:
                 code = child.process.wait(max(0.1, deadline - time.monotonic()))

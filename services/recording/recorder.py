@@ -270,8 +270,8 @@ class Recorders:
             recording.duration_ms = max(recording.duration_ms, now_ms)
             recording.bytes += sum(row.bytes for row in rows)
             full = (
-                recording.bytes > settings.max_recording_bytes
-                or recording.duration_ms > 1000 * settings.max_recording_s
+                recording.bytes > settings.recording.max_bytes
+                or recording.duration_ms > 1000 * settings.recording.max_duration_s
             )
             if full:
                 consent.end(recording, "it is as long as it may be", self._services.clock())

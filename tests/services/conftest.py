@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import shutil
 import threading
@@ -10,6 +11,7 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -19,6 +21,7 @@ from db.unit_of_work import Database
 from services.app import create_app
 from services.auth import ALL_SCOPES
 from services.container import Services, build_services
+from services.setting_groups import Group
 from services.settings import Settings, load_settings
 from tests.services import seeds
 
@@ -43,6 +46,21 @@ def changes() -> dict[str, int]:
     return {}
 
 
+def changed(settings: Settings, **values: Any) -> Settings:
+    """Settings in which `values` are others, by the names that load_settings takes; unchecked."""
+    groups: dict[str, Group] = {}
+    for field in dataclasses.fields(settings):
+        group: Group = getattr(settings, field.name)
+        names = {
+            name: values.pop(variable)
+            for name, one in type(group).model_fields.items()
+            if (variable := str(one.validation_alias).removeprefix("METANERF_").lower()) in values
+        }
+        groups[field.name] = group.model_copy(update=names)
+    assert not values, f"no settings: {values}"
+    return Settings(**groups)  # pyright: ignore[reportArgumentType]
+
+
 @pytest.fixture(scope="session")
 def empty_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A migrated SQLite file to copy: quicker than to migrate for each test."""
@@ -56,7 +74,7 @@ def empty_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def services(settings: Settings, empty_database: Path) -> Iterator[Services]:
     made = build_services(settings)
-    shutil.copy(empty_database, settings.data_dir / "metanerf.db")
+    shutil.copy(empty_database, settings.folders.data_dir / "metanerf.db")
     yield made
     made.close()
 
@@ -125,7 +143,7 @@ def serving(settings: Settings) -> Iterator[httpx.Client]:
 
 def stored_files(settings: Settings) -> list[Path]:
     """Every file of the object store and of the scratch folder."""
-    places = (settings.data_dir / "objects", settings.scratch_dir)
+    places = (settings.folders.data_dir / "objects", settings.folders.scratch_dir)
     # os.walk takes folders that vanish meanwhile calmly, which rglob does not
     found = [
         Path(at, name) for place in places for at, _, names in os.walk(place) for name in names

@@ -12,7 +12,7 @@ from services.gateway import gateway_of
 async def test_an_application_has_one_gateway_and_nothing_else(services: Services):
     app = create_app(services.settings, services)
     gateway = gateway_of(app)
-    assert app.state._state == {"gateway": gateway}
+    assert list(app.state) == ["gateway"]
     assert gateway.services is services
     await gateway.close()
 

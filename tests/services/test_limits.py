@@ -12,6 +12,7 @@ from services.limits import RateLimit, network_of
 from services.problems import headers_of, problem_of
 from services.settings import Settings
 from tests.fakes import Clock
+from tests.services.conftest import changed
 
 
 def test_so_many_a_minute_and_no_more():
@@ -60,9 +61,7 @@ def test_a_host_is_told_by_its_network(address: str, network: str):
 
 async def test_guests_are_let_in_in_moderation(settings: Settings):
     clock = Clock()
-    services = build_services(
-        settings.model_copy(update={"guest_tokens_per_minute": 2}), clock=clock
-    )
+    services = build_services(changed(settings, guest_tokens_per_minute=2), clock=clock)
 
     def caller(address: str) -> httpx.AsyncClient:
         transport = httpx.ASGITransport(app, client=(address, 1), raise_app_exceptions=False)

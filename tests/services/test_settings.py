@@ -1,7 +1,9 @@
-"""One flat place of settings; secrets that are none are refused where it matters."""
+"""Settings by group, variables by name; secrets that are none are refused where it matters."""
 
 from __future__ import annotations
 
+import dataclasses
+import os
 import stat
 from pathlib import Path
 
@@ -11,18 +13,86 @@ from capture.detection.network_files import NetworkSource
 from scene.errors import InvalidInput
 from services.settings import Settings, load_settings
 
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+DEFAULTS = {
+    "METANERF_HOST": "127.0.0.1",
+    "METANERF_PORT": 8000,
+    "METANERF_PUBLIC_URL": "",
+    "METANERF_CLIENT_DIR": REPOSITORY / "client" / "dist",
+    "METANERF_ALLOWED_ORIGINS": [],
+    "METANERF_LOG_LEVEL": "info",
+    "METANERF_ENVIRONMENT": "development",
+    "METANERF_JWT_SECRET": None,
+    "METANERF_TOKEN_LIFETIME_H": 24.0,
+    "METANERF_OPEN_ACCESS": False,
+    "METANERF_GUEST_TOKENS_PER_MINUTE": 60,
+    "METANERF_DATA_DIR": Path("metanerf-data"),
+    "METANERF_DATABASE_URL": "",
+    "METANERF_OBJECT_STORE_URL": "",
+    "METANERF_S3_ENDPOINT_URL": None,
+    "METANERF_S3_REGION": "us-east-1",
+    "METANERF_S3_ACCESS_KEY_ID": None,
+    "METANERF_S3_SECRET_ACCESS_KEY": None,
+    "METANERF_REDIS_URL": None,
+    "METANERF_MAX_UPLOAD_BYTES": 536_870_912,
+    "METANERF_CACHED_MODELS": 8,
+    "METANERF_MAX_VIEW_PX": 2048,
+    "METANERF_MAX_VIEWERS": 8,
+    "METANERF_MAX_VOICES": 200,
+    "METANERF_ICE_SERVERS": [],
+    "METANERF_STAMP_PICTURES": False,
+    "METANERF_MAX_RECORDING_S": 7200.0,
+    "METANERF_MAX_RECORDING_BYTES": 536_870_912,
+    "METANERF_EMBEDDED_WORKER": True,
+    "METANERF_WORKER_KINDS": ["capture", "train", "export"],
+    "METANERF_WORKER_SLOTS": 1,
+    "METANERF_JOB_NICENESS": 10,
+    "METANERF_JOB_HEARTBEAT_TIMEOUT_S": 30.0,
+    "METANERF_JOB_STOP_GRACE_S": 15.0,
+    "METANERF_JOB_CRASHES": 3,
+    "METANERF_MAX_BUDGET_S": 3600.0,
+    "METANERF_SWEEP_INTERVAL_S": 3600.0,
+    "METANERF_POSE_MODEL": None,
+    "METANERF_POSE_MODEL_URL": None,
+    "METANERF_POSE_MODEL_SHA256": None,
+    "METANERF_FACE_MODEL": None,
+    "METANERF_FACE_MODEL_URL": None,
+    "METANERF_FACE_MODEL_SHA256": None,
+    "METANERF_HAND_MODEL": None,
+    "METANERF_HAND_MODEL_URL": None,
+    "METANERF_HAND_MODEL_SHA256": None,
+    "METANERF_LPIPS_BACKBONE": None,
+    "METANERF_LPIPS_BACKBONE_URL": None,
+}
+"""Who runs a server has set these: a name or a default changes with an entry in the changelog."""
+
 
 def test_every_setting_says_what_it_is_for():
-    for name, field in Settings.model_fields.items():
-        assert field.description, name
+    for group in dataclasses.fields(Settings):
+        for name, field in getattr(load_settings(), group.name).__class__.model_fields.items():
+            assert field.description, name
+
+
+def test_variables_and_their_defaults_stay_as_they_are(monkeypatch: pytest.MonkeyPatch):
+    for name in [name for name in os.environ if name.startswith("METANERF_")]:
+        monkeypatch.delenv(name)
+    data = Path("metanerf-data").resolve()
+    expected = DEFAULTS | {
+        "METANERF_DATA_DIR": data,
+        "METANERF_DATABASE_URL": f"sqlite:///{data}/metanerf.db",
+        "METANERF_OBJECT_STORE_URL": f"file://{data}/objects",
+    }
+    assert load_settings().by_variable() == expected
 
 
 def test_environment_sets_by_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setenv("METANERF_DATA_DIR", str(tmp_path))
     monkeypatch.setenv("METANERF_ICE_SERVERS", '["stun:example.org"]')
     made = load_settings()
-    assert made.database_url == f"sqlite:///{tmp_path}/metanerf.db"
-    assert made.ice_servers == ["stun:example.org"]
+    assert made.database.url == f"sqlite:///{tmp_path}/metanerf.db"
+    assert made.live.ice_servers == ["stun:example.org"]
 
 
 @pytest.mark.parametrize("secret", [None, "short", "change-me-" * 5, "this-is-a-placeholder-" * 3])
@@ -31,9 +101,28 @@ def test_production_refuses_placeholder_secrets(secret: str | None, tmp_path: Pa
         load_settings(environment="production", jwt_secret=secret, data_dir=tmp_path)
 
 
-def test_faults_are_told_by_name_and_value():
-    with pytest.raises(InvalidInput, match="port"):
+def test_faults_name_the_variable_and_the_rule(monkeypatch: pytest.MonkeyPatch):
+    with pytest.raises(InvalidInput, match="METANERF_PORT: Input should be less than or equal to"):
         load_settings(port=99999)
+    monkeypatch.setenv("METANERF_PORT", "many")
+    monkeypatch.setenv("METANERF_MAX_VIEWERS", "0")
+    with pytest.raises(InvalidInput, match=r"METANERF_PORT: .*; METANERF_MAX_VIEWERS: ") as told:
+        load_settings()
+    assert "got METANERF" in str(told.value)
+
+
+def test_a_list_that_is_no_json_is_told_by_its_variable(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("METANERF_ICE_SERVERS", "stun:example.org")
+    with pytest.raises(InvalidInput, match="METANERF_ICE_SERVERS"):
+        load_settings()
+
+
+def test_what_is_given_goes_before_the_environment(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("METANERF_PORT", "1234")
+    assert load_settings().server.port == 1234
+    assert load_settings(port=4321).server.port == 4321
+    with pytest.raises(InvalidInput, match="METANERF_PROT: no setting has this name"):
+        load_settings(prot=1)
 
 
 def test_the_embedded_default_keeps_its_own_secret(tmp_path: Path):

@@ -41,7 +41,7 @@ async def create_session(
     # from now on the hub ends the session of a viewer who is removed
     gateway.hub.notify(meeting_id)
     location = f"/whep/{meeting_id}/{session_id}"
-    ice_servers = gateway.services.settings.ice_servers
+    ice_servers = gateway.services.settings.live.ice_servers
     return sdp_http.created(
         location, session_id, sdp_http.add_rtcp_mux_only(sdp_answer), ice_servers
     )

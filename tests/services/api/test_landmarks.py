@@ -9,6 +9,7 @@ import pytest
 
 from services.app import create_app
 from services.container import Services
+from tests.services.conftest import changed
 
 
 async def asked(services: Services, name: str = "model") -> httpx.Response:
@@ -20,7 +21,7 @@ async def asked(services: Services, name: str = "model") -> httpx.Response:
 async def test_the_checked_file_is_handed_out_and_kept(services: Services, tmp_path):
     file = tmp_path / "pose.task"
     file.write_bytes(b"a model" * 1000)
-    settings = services.settings.model_copy(update={"pose_model": file})
+    settings = changed(services.settings, pose_model=file)
     answer = await asked(replace(services, settings=settings))
     assert answer.status_code == 200
     assert answer.content == file.read_bytes()
@@ -32,10 +33,10 @@ async def test_the_checked_file_is_handed_out_and_kept(services: Services, tmp_p
 async def test_face_and_hands_have_models_of_their_own(services: Services, tmp_path, name):
     file = tmp_path / f"{name}.task"
     file.write_bytes(name.encode())
-    settings = services.settings.model_copy(update={f"{name}_model": file})
+    settings = changed(services.settings, **{f"{name}_model": file})
     answer = await asked(replace(services, settings=settings), f"{name}-model")
     assert (answer.status_code, answer.content) == (200, name.encode())
-    absent = services.settings.model_copy(update={f"{name}_model": tmp_path / "absent.task"})
+    absent = changed(services.settings, **{f"{name}_model": tmp_path / "absent.task"})
     refused = await asked(replace(services, settings=absent), f"{name}-model")
     assert refused.status_code == 503
     assert refused.json()["type"].endswith("landmark-model-missing")
@@ -44,8 +45,7 @@ async def test_face_and_hands_have_models_of_their_own(services: Services, tmp_p
 async def test_a_file_that_is_not_the_one_expected_is_not_handed_out(services: Services, tmp_path):
     file = tmp_path / "pose.task"
     file.write_bytes(b"something else")
-    changed = {"pose_model": file, "pose_model_sha256": "0" * 64}
-    settings = services.settings.model_copy(update=changed)
+    settings = changed(services.settings, pose_model=file, pose_model_sha256="0" * 64)
     answer = await asked(replace(services, settings=settings))
     assert answer.status_code == 503
     assert int(answer.headers["retry-after"]) > 0

@@ -19,7 +19,7 @@ from services.gateway import gateway_of
 from services.live.room import Room
 from services.live.sessions.stored_meetings import load_performers
 from tests.services import seeds
-from tests.services.conftest import bearer
+from tests.services.conftest import bearer, changed
 
 
 @pytest.fixture
@@ -102,9 +102,7 @@ async def test_joining_gives_a_seat_and_a_token_for_this_meeting_only(
 
 
 async def test_a_link_lets_in_where_access_is_closed(services: Services, models: list[ModelRow]):
-    closed = services.settings.model_copy(
-        update={"open_access": False, "public_url": "https://meet.example/"}
-    )
+    closed = changed(services.settings, open_access=False, public_url="https://meet.example/")
     from dataclasses import replace
 
     app = create_app(closed, replace(services, settings=closed))

@@ -13,7 +13,7 @@ from services.app import create_app
 from services.container import Services
 from services.jobs.events import RedisEvents
 from tests.fakes import AwayObjects
-from tests.services.conftest import bearer
+from tests.services.conftest import bearer, changed
 
 
 def _caller(services: Services) -> httpx.AsyncClient:
@@ -50,7 +50,7 @@ async def test_a_database_that_is_away_is_named_and_requests_fail_fast(services:
 async def test_store_and_redis_that_are_away_are_named(services: Services):
     store = AwayObjects(MemoryStore())
     url = "redis://127.0.0.1:1/0"
-    settings = services.settings.model_copy(update={"redis_url": url})
+    settings = changed(services.settings, redis_url=url)
     broken = replace(services, objects=store, events=RedisEvents(url), settings=settings)
     async with _caller(broken) as client:
         checks = (await client.get("/readyz")).json()["checks"]
@@ -90,7 +90,7 @@ async def test_the_built_page_is_served(services: Services, tmp_path: Path):
     page = tmp_path / "dist"
     page.mkdir()
     (page / "index.html").write_text("<title>the page</title>")
-    settings = services.settings.model_copy(update={"client_dir": page})
+    settings = changed(services.settings, client_dir=page)
     async with _caller(replace(services, settings=settings)) as client:
         assert "the page" in (await client.get("/")).text
         assert (await client.get("/?meeting=1")).status_code == 200

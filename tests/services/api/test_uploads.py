@@ -68,7 +68,7 @@ async def test_bad_uploads_are_told_and_leave_nothing(
     assert answer.status_code == 422, answer.text
     assert answer.headers["content-type"] == "application/problem+json"
     assert told in answer.json()["detail"]
-    assert str(services.settings.data_dir) not in answer.text
+    assert str(services.settings.folders.data_dir) not in answer.text
     assert stored_files(services.settings) == []
     assert (await client.get(f"/v1/people/{person_id}")).json()["sequences"] == []
 
@@ -133,7 +133,7 @@ async def test_training_waits_for_the_capture(client: httpx.AsyncClient, person_
 async def test_too_large_is_told_before_it_is_read(
     client: httpx.AsyncClient, services: Services, person_id: str
 ):
-    limit = services.settings.max_upload_bytes
+    limit = services.settings.uploads.max_bytes
     declared = await client.post(
         f"/v1/people/{person_id}/sequences",
         content=b"--x",
@@ -169,7 +169,7 @@ async def test_too_large_without_a_declared_length_is_cut_off(
         headers={"Content-Type": "multipart/form-data; boundary=x"},
     )
     assert answer.status_code == 413
-    assert sent < 2 * services.settings.max_upload_bytes
+    assert sent < 2 * services.settings.uploads.max_bytes
     assert stored_files(services.settings) == []
 
 
@@ -204,7 +204,7 @@ async def test_unknown_person_is_told_before_the_bytes_are_read(client: httpx.As
 
 
 async def test_a_full_store_is_told_and_leaves_nothing(settings: Settings):
-    small = SmallObjects(settings.data_dir / "objects", capacity=10_000)
+    small = SmallObjects(settings.folders.data_dir / "objects", capacity=10_000)
     services = build_services(settings, objects=small)
     services.database.migrate()
     transport = httpx.ASGITransport(create_app(settings, services), raise_app_exceptions=False)

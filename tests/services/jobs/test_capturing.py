@@ -17,7 +17,7 @@ from services.container import build_services
 from services.jobs.packing import unpack
 from services.settings import Settings
 from tests.services import seeds
-from tests.services.conftest import serving, stored_files
+from tests.services.conftest import changed, serving, stored_files
 from tests.services.jobs.waiting import job_when, until
 from tests.shared_data import shared_data
 
@@ -25,7 +25,7 @@ from tests.shared_data import shared_data
 @pytest.fixture
 def caller(settings: Settings, pose_model: Path) -> Iterator[httpx.Client]:
     changes = {"embedded_worker": True, "pose_model": pose_model}
-    with serving(settings.model_copy(update=changes)) as made:
+    with serving(changed(settings, **changes)) as made:
         yield made
 
 

@@ -15,7 +15,7 @@ from services.container import build_services
 from services.problems import problem_of
 from services.settings import Settings
 from tests.services import seeds
-from tests.services.conftest import serving, stored_files
+from tests.services.conftest import changed, serving, stored_files
 from tests.services.disks import TinyDisk
 from tests.services.jobs.test_capturing import real_frames, upload
 from tests.services.jobs.waiting import job_when
@@ -26,13 +26,15 @@ _OVER = ("succeeded", "failed")
 
 @pytest.fixture
 def working(settings: Settings) -> Settings:
-    return settings.model_copy(update={"embedded_worker": True})
+    return changed(settings, embedded_worker=True)
 
 
 @pytest.fixture
 def disk(request: pytest.FixtureRequest, settings: Settings) -> Iterator[TinyDisk]:
     """Plenty of room at first, for what comes before the job."""
-    folder = settings.data_dir / request.param if request.param else settings.data_dir
+    folder = (
+        settings.folders.data_dir / request.param if request.param else settings.folders.data_dir
+    )
     made = TinyDisk(folder, PLENTY)
     yield made
     made.remove()
@@ -86,7 +88,7 @@ def test_a_capture_keeps_the_clip_and_is_tried_again(
     working: Settings, disk: TinyDisk, pose_model: Path
 ):
     clip = real_frames()
-    with serving(working.model_copy(update={"pose_model": pose_model})) as caller:
+    with serving(changed(working, pose_model=pose_model)) as caller:
         # uploads pass by the same disk: the clip comes while there is room
         uploaded = upload(caller, "frames.zip", clip)
         job_id = uploaded["job_id"]

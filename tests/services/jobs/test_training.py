@@ -18,7 +18,7 @@ from services.jobs.train_job import round_ends
 from services.settings import Settings
 from tests.servers import DATABASES, fresh_database
 from tests.services import seeds
-from tests.services.conftest import serving, stored_files
+from tests.services.conftest import changed, serving, stored_files
 from tests.services.jobs.waiting import child_of, job_when, until
 
 
@@ -31,7 +31,7 @@ def working(
     with fresh_database(kind, tmp_path) as url:
         events = request.getfixturevalue("redis_url") if kind == "postgresql" else None
         changes = {"database_url": url, "redis_url": events, "embedded_worker": True}
-        yield settings.model_copy(update=changes)
+        yield changed(settings, **changes)
 
 
 @pytest.fixture

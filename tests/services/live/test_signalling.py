@@ -18,7 +18,7 @@ from services.app import create_app
 from services.container import Services
 from services.gateway import gateway_of
 from services.live.sessions.voice_sessions import VoiceSessions
-from tests.services.conftest import bearer
+from tests.services.conftest import bearer, changed
 from tests.services.control.test_voices import Tone
 
 FRAGMENT = "application/trickle-ice-sdpfrag"
@@ -44,7 +44,7 @@ class Screen(MediaStreamTrack):
 
 @pytest.fixture
 async def app(services: Services, changes: dict[str, int]):
-    settings = services.settings.model_copy(update=changes)
+    settings = changed(services.settings, **changes)
     made = create_app(settings, replace(services, settings=settings))
     yield made
     await gateway_of(made).close()
@@ -231,8 +231,8 @@ async def test_what_a_door_takes_is_told_without_a_token(caller, whip):
 
 
 async def test_pages_of_other_origins_are_told_what_they_need(services, meeting_id):
-    settings = services.settings.model_copy(
-        update={"allowed_origins": ["https://other.example"], "ice_servers": ["stun:192.0.2.1"]}
+    settings = changed(
+        services.settings, allowed_origins=["https://other.example"], ice_servers=["stun:192.0.2.1"]
     )
     app = create_app(settings, services)
     origin = {"Origin": "https://other.example"}
@@ -253,9 +253,7 @@ async def test_pages_of_other_origins_are_told_what_they_need(services, meeting_
 
 
 async def test_ice_servers_come_as_links(services, meeting_id):
-    settings = services.settings.model_copy(
-        update={"ice_servers": ["stun:192.0.2.1", "turn:192.0.2.2"]}
-    )
+    settings = changed(services.settings, ice_servers=["stun:192.0.2.1", "turn:192.0.2.2"])
     app = create_app(settings, replace(services, settings=settings))
     async with httpx.AsyncClient(
         transport=httpx.ASGITransport(app), base_url="http://test", headers=bearer(services)

@@ -17,7 +17,7 @@ from services.container import Services
 from services.gateway import gateway_of
 from services.live.sessions import view_sessions
 from services.live.sessions.view_sessions import ViewSessions
-from tests.services.conftest import bearer
+from tests.services.conftest import bearer, changed
 from tests.services.live.viewer import Viewer, view
 
 
@@ -28,7 +28,7 @@ def model(services: Services, model_file: Path) -> ModelRow:
 
 @pytest.fixture
 async def app(services: Services, changes: dict[str, int]):
-    settings = services.settings.model_copy(update=changes)
+    settings = changed(services.settings, **changes)
     made = create_app(settings, replace(services, settings=settings))
     yield made
     await gateway_of(made).close()

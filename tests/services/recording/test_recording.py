@@ -26,6 +26,7 @@ from services.recording.recorder import Recorders
 from services.recording.replay import load
 from services.recording.video_export import CameraKeyframe, CameraPath, export_video
 from tests.services.api.test_environments import panorama
+from tests.services.conftest import changed
 from tests.services.control.page import Page, join
 from tests.services.control.test_channel import header
 from tests.services.control.test_voices import Headset, seat_of
@@ -293,7 +294,7 @@ async def test_a_gateway_that_dies_loses_seconds_and_the_next_goes_on(
 
 
 async def test_a_recording_ends_when_it_is_as_large_as_it_may_be(caller, timed, app, model_file):
-    settings = timed.settings.model_copy(update={"max_recording_bytes": 10})
+    settings = changed(timed.settings, max_recording_bytes=10)
     object.__setattr__(timed, "settings", settings)
     async with met(caller, timed, model_file) as here:
         await here.ada.say(type="record", on=True)

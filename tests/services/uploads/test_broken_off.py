@@ -51,7 +51,7 @@ def test_a_cut_line_leaves_nothing(settings: Settings):
         line.close()
         until(lambda: not stored_files(settings), "clearing up")
         assert caller.get(f"/v1/people/{person_id}").json()["sequences"] == []
-    assert list(settings.scratch_dir.iterdir()) == []
+    assert list(settings.folders.scratch_dir.iterdir()) == []
 
 
 def test_a_cut_piece_is_gone_on_with(settings: Settings):
@@ -100,16 +100,16 @@ def test_a_killed_server_leaves_nothing_visible_and_its_scratch_is_cleared(setti
     with services.reading() as unit:
         assert unit.sequences.of_person(person_id) == []
     assert list(services.objects.list(person_id)) == []
-    with scratch_folder(settings.scratch_dir) as mine:
-        clear_abandoned(settings.scratch_dir)
-        assert list(settings.scratch_dir.iterdir()) == [mine]
+    with scratch_folder(settings.folders.scratch_dir) as mine:
+        clear_abandoned(settings.folders.scratch_dir)
+        assert list(settings.folders.scratch_dir.iterdir()) == [mine]
     services.close()
 
 
 @pytest.fixture
 def tiny_disk(settings: Settings) -> Iterator[Path]:
     """2 MB of scratch space."""
-    disk = TinyDisk(settings.scratch_dir, 2_000_000)
+    disk = TinyDisk(settings.folders.scratch_dir, 2_000_000)
     yield disk.folder
     disk.remove()
 
