@@ -25,6 +25,7 @@ RETIRED = {
     "tell_cast_changed": "ViewSessions.refresh",
     "cast_listeners": "ViewSessions.refresh",
     "services_of": "CurrentGateway or Provided",
+    r"services[./]client_types": "tools.client_types",
     # the page
     "stageView": "meetingView",
     "placeChoice": "environmentPicker",

@@ -1,6 +1,6 @@
 """What travels on the control channel: JSON objects told apart by their `type`.
 
-The page's types are written from these (services.client_types).
+The page's types are written from these (tools.client_types).
 """
 
 from __future__ import annotations

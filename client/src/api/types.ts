@@ -1,6 +1,6 @@
 /**
  * What travels as JSON between server and page. Written from the server's OpenAPI document by
- * `python -m services.client_types`; change services/api/shapes.py, view_shapes.py or
+ * `python -m tools.client_types`; change services/api/shapes.py, view_shapes.py or
  * services/control/messages.py and run that, never this file.
  */
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scene.errors import InvalidInput
-from services.client_types import CLIENT_TYPES, document, typescript
+from tools.client_types import CLIENT_TYPES, document, typescript
 
 
 def _module(**properties: dict) -> str:
@@ -14,9 +14,7 @@ def _module(**properties: dict) -> str:
 
 
 def test_the_page_has_the_types_of_this_gateway():
-    assert CLIENT_TYPES.read_text() == typescript(document()), (
-        "run `python -m services.client_types`"
-    )
+    assert CLIENT_TYPES.read_text() == typescript(document()), "run `python -m tools.client_types`"
 
 
 def test_schemas_become_types():

@@ -1,4 +1,4 @@
-"""Writes the page's types of what travels as JSON: `python -m services.client_types`.
+"""Writes the page's types of what travels as JSON: `python -m tools.client_types`.
 
 The gateway's own description (OpenAPI 3.1, whose schemas are JSON Schema 2020-12) is the one
 source; a test fails when `client/src/api/types.ts` differs from what it gives.
@@ -12,12 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from scene.errors import InvalidInput
+from services.app import create_app
+from services.settings import load_settings
 
 CLIENT_TYPES = Path(__file__).resolve().parents[1] / "client" / "src" / "api" / "types.ts"
 _HEAD = """\
 /**
  * What travels as JSON between server and page. Written from the server's OpenAPI document by
- * `python -m services.client_types`; change services/api/shapes.py, view_shapes.py or
+ * `python -m tools.client_types`; change services/api/shapes.py, view_shapes.py or
  * services/control/messages.py and run that, never this file.
  */
 """
@@ -34,9 +36,6 @@ Schema = dict[str, Any]
 
 def document() -> Schema:
     """The gateway's OpenAPI document."""
-    from services.app import create_app
-    from services.settings import load_settings
-
     with tempfile.TemporaryDirectory() as folder:
         # no page is mounted there, so that a build of the client changes nothing
         settings = load_settings(data_dir=Path(folder), client_dir=Path(folder))
@@ -89,7 +88,7 @@ def _type(name: str, schema: Schema) -> str:
         return _PLAIN[kind]
     raise InvalidInput(
         f"{name} must be of a kind of JSON that TypeScript can name; got {schema}; "
-        "teach services/client_types.py that kind"
+        "teach tools/client_types.py that kind"
     )
 
 
