@@ -28,12 +28,12 @@ from services.api import (
     sequences,
     uploads,
 )
+from services.api.body_limit import LimitBodies
 from services.api.signalling import voice, whep, whip
 from services.container import Services, build_services
 from services.control import messages
 from services.gateway import build_gateway, gateway_of
 from services.jobs.worker import Worker
-from services.limits import LimitBodies
 from services.page import page_route
 from services.settings import Settings
 

@@ -1,4 +1,4 @@
-"""How often and how much somebody may ask, told with the time to come back, or what is allowed."""
+"""How often a caller may ask; whoever asks more often learns when to come back."""
 
 from __future__ import annotations
 
@@ -8,14 +8,8 @@ import threading
 from collections.abc import Callable
 from datetime import datetime
 
-from fastapi import Request
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from services.errors import TooManyRequests
 
-from services.errors import TooLarge, TooManyRequests
-
-LARGEST_BODY_BYTES = 1 << 20
-"""Of a request that is read into memory: the largest, a pose and its camera, has a few thousand."""
-_OWN_LIMIT = "metanerf.own_limit"
 _WINDOW_S = 60.0
 _MOST_KEYS = 10_000
 """Callers remembered before those who have waited long enough are forgotten."""
@@ -68,31 +62,3 @@ def network_of(address: str) -> str:
     if parsed.version == 4:
         return address
     return str(ipaddress.ip_network((parsed, 64), strict=False))
-
-
-class LimitBodies:
-    """ASGI middleware: no request fills the memory. Raises TooLarge where the body is read."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        received = 0
-
-        async def limited() -> Message:
-            nonlocal received
-            message = await receive()
-            received += len(message.get("body", b""))
-            if received > LARGEST_BODY_BYTES and not scope.get(_OWN_LIMIT):
-                raise TooLarge(
-                    f"the body must have at most {LARGEST_BODY_BYTES} bytes; got more; clips and "
-                    "keypoints go to the sequences of a person",
-                )
-            return message
-
-        await self._app(scope, limited if scope["type"] == "http" else receive, send)
-
-
-def has_own_limit(request: Request) -> None:
-    """To say before a body is streamed to disk, whose reader holds a limit of its own."""
-    request.scope[_OWN_LIMIT] = True

@@ -37,7 +37,10 @@ async def principal(
     needed: SecurityScopes,
     credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)],
 ) -> Principal:
-    """The caller, who must hold every scope that the route asks for."""
+    """The caller, who must hold every scope that the route asks for.
+
+    Raises Unauthorized, ScopeMissing.
+    """
     if credentials is None:
         raise Unauthorized(
             "the request must carry `Authorization: Bearer TOKEN`; got none; get a token first"

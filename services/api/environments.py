@@ -12,6 +12,7 @@ from pydantic import BaseModel, Field
 from db.errors import NotFound
 from db.models import Admission, MeetingRow, PanoramaRow, Role
 from scene.lighting import Lighting
+from services.api.body_limit import lift_body_limit
 from services.api.dependencies import CurrentGateway, Joiner, Provided
 from services.api.shapes import Body
 from services.auth import Principal
@@ -20,7 +21,6 @@ from services.environments import STUDIO, Theme, brought_along, find_theme, ligh
 from services.errors import NotHost, TooLarge
 from services.gateway import Gateway
 from services.jobs.events import meeting_topic
-from services.limits import has_own_limit
 from services.problems import PROBLEMS
 from services.seats import require_admitted
 
@@ -192,7 +192,7 @@ def _in_meeting(own: PanoramaRow) -> Environment:
 
 
 async def _read_picture(request: Request) -> bytes:
-    has_own_limit(request)
+    lift_body_limit(request)
     body = bytearray()
     async for chunk in request.stream():
         body += chunk

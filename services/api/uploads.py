@@ -11,13 +11,14 @@ from db.objects import file_chunks
 from services.access import person_of
 from services.api import shapes
 from services.api.dependencies import Provided, Writer
+from services.api.receive import receive_file, receive_raw
 from services.auth import Principal
 from services.container import Services
 from services.errors import WrongHash, WrongOffset
 from services.jobs.queue import Orphan, drop_orphans
 from services.problems import PROBLEMS, problems
 from services.uploads.intake import Arrival, end_upload, known_sequence, safe_name, take_in
-from services.uploads.receive import Spool, join, receive_file, receive_raw, spool, too_large
+from services.uploads.spool import Spool, join, spool, too_large
 
 router = APIRouter(prefix="/v1", tags=["sequences"], responses=PROBLEMS)
 

@@ -14,7 +14,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 
-from fastapi.concurrency import run_in_threadpool
+from anyio import to_thread
 from pydantic import BaseModel
 
 from db.errors import DatabaseError
@@ -218,7 +218,7 @@ class Hub:
             if _heartbeat_due(connection)
         }
         newest = min((connection.number for connection in connections), default=None)
-        meeting, said, recording = await run_in_threadpool(
+        meeting, said, recording = await to_thread.run_sync(
             _read, self._services, meeting_id, moments, newest
         )
         for connection in connections:

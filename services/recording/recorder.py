@@ -13,7 +13,7 @@ import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from fastapi.concurrency import run_in_threadpool
+from anyio import to_thread
 
 from db.errors import Conflict, DatabaseError, NotFound
 from db.models import (
@@ -105,7 +105,7 @@ class Recorders:
         """
         active = self._active.get(meeting.id)
         if recording is not None and not consent.agreed_in(recording) & set(present):
-            await run_in_threadpool(self._end, recording.id, "everybody left")
+            await to_thread.run_sync(self._end, recording.id, "everybody left")
             recording = None
         runs = recording is not None and consent.all_agree(recording, present)
         if active is not None and (
@@ -135,7 +135,7 @@ class Recorders:
     async def _start(
         self, meeting_id: str, recording: RecordingRow, said: list[MessageRow]
     ) -> _ActiveRecording | None:
-        begun = await run_in_threadpool(self._begin, recording.id)
+        begun = await to_thread.run_sync(self._begin, recording.id)
         if begun is None:
             return None
         numbers, from_ms = begun
@@ -220,7 +220,7 @@ class Recorders:
         for name, track in tracks.items():
             active.numbers[name] = track.number + 1
         try:
-            return await run_in_threadpool(
+            return await to_thread.run_sync(
                 self._store, active.recording.id, tracks, self._now_ms(active)
             )
         except (Conflict, NotFound) as error:

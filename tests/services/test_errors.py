@@ -13,8 +13,8 @@ from fastapi import FastAPI
 from db.errors import Conflict, DatabaseAway, MigrationFailed, NotFound, StoreAway, StoreFull
 from scene.errors import InvalidInput, SceneError
 from services import errors, problems
+from services.api.body_limit import LARGEST_BODY_BYTES, LimitBodies
 from services.errors import ServiceError
-from services.limits import LARGEST_BODY_BYTES, LimitBodies
 from services.problems import KINDS, headers_of, problem_of, stored_failure
 
 WIRE: dict[type[SceneError], tuple[int, str]] = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
-from fastapi.concurrency import run_in_threadpool
+from anyio import to_thread
 
 from db.errors import DatabaseError
 from scene.environment import Environment
@@ -26,11 +26,11 @@ class StoredMeetings:
 
     async def performers(self, meeting_id: str) -> tuple[MeetingPerformer, ...]:
         """The performers of a meeting, models loaded. Raises NotFound."""
-        return await run_in_threadpool(load_performers, self._services, meeting_id)
+        return await to_thread.run_sync(load_performers, self._services, meeting_id)
 
     async def environment(self, meeting_id: str) -> Environment:
         """The environment that a meeting is held in. Raises NotFound."""
-        return await run_in_threadpool(load_environment, self._services, meeting_id)
+        return await to_thread.run_sync(load_environment, self._services, meeting_id)
 
     async def renew_seats(self, participant_ids: set[str]) -> None:
         """Note that these seats are in use."""
@@ -44,7 +44,7 @@ class StoredMeetings:
         self, change: Callable[[Services, set[str]], object], participant_ids: set[str]
     ) -> None:
         try:
-            await run_in_threadpool(change, self._services, participant_ids)
+            await to_thread.run_sync(change, self._services, participant_ids)
         except DatabaseError as error:
             # views go on without the database: seats that can't be released lapse
             log.warning("seats could not be updated: %s", error)
