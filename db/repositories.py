@@ -246,7 +246,7 @@ class Meetings(Protocol):
         """Add a message to a meeting that is locked, and number it, from 1."""
         ...
 
-    def said_since(self, meeting_id: str, number: int) -> list[MessageRow]:
+    def messages_after(self, meeting_id: str, number: int) -> list[MessageRow]:
         """The messages after `number`, the oldest first; at most the newest few hundred."""
         ...
 

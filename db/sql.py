@@ -354,8 +354,8 @@ class SqlMeetings(_Repository):
         message.number = (self._session.scalar(newest) or 0) + 1
         self._session.add(message)
 
-    def said_since(self, meeting_id: str, number: int) -> list[MessageRow]:
-        """See `Meetings.said_since`."""
+    def messages_after(self, meeting_id: str, number: int) -> list[MessageRow]:
+        """See `Meetings.messages_after`."""
         query = (
             select(MessageRow)
             .where(MessageRow.meeting_id == meeting_id, MessageRow.number > number)

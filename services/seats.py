@@ -1,8 +1,8 @@
-"""Seats in meetings: taken by joining, kept by looking or talking, given back by leaving.
+"""Seats in meetings: taken by joining, renewed by watching or talking, released by leaving.
 
 A seat is a row, so that every gateway counts the same. Whoever joins has `SEAT_LAPSES_S` to open a
-view or the control channel (services.control). A view tells of its seat every `BEAT_S`, and gives
-it back when it ends unless the control channel holds it: then the seat outlives a reload of the
+view or the control channel (services.control). A view renews its seat every `BEAT_S`, and releases
+it when it ends unless the control channel holds it: then the seat outlives a reload of the
 page. What a dead gateway or a guest who never came leaves behind lapses, and the next to join finds
 it free. Where the meeting has its lobby on, a seat opens nothing until the host has let its owner
 in.
@@ -79,7 +79,7 @@ def take_seat(
         seat=next(seat for seat in count(1) if seat not in taken),
         joined_at=now,
         seen_at=now,
-        # a host's chair is taken on arrival (services.control), where nobody sits in it
+        # who may host becomes the host on connecting (services.control), where there is none
         role=Role.SPEAKER if role is Role.HOST else role,
         admission=Admission.ADMITTED if let_in else Admission.WAITING,
     )
@@ -134,8 +134,8 @@ def require_open(meeting: MeetingRow) -> None:
         )
 
 
-def keep_seats(services: Services, participant_ids: set[str]) -> set[str]:
-    """Say that somebody looks from these seats; returns those that are still theirs."""
+def renew_seats(services: Services, participant_ids: set[str]) -> set[str]:
+    """Note that these seats are in use; returns those that have not been released."""
     with services.unit_of_work() as unit:
         kept = unit.meetings.seen(participant_ids, services.clock())
         unit.commit()
@@ -166,8 +166,8 @@ def require_admitted(meeting: MeetingRow, caller: Principal) -> None:
         raise refused(f"the token must be of somebody let in; got {got}; {mend}")
 
 
-def give_back(services: Services, participant_ids: set[str]) -> None:
-    """Free these seats, but for those that somebody may come back to (services.control)."""
+def release_seats(services: Services, participant_ids: set[str]) -> None:
+    """Release these seats, but for those that somebody may come back to (services.control)."""
     lapsed = services.clock() - timedelta(seconds=SEAT_LAPSES_S)
     with services.unit_of_work() as unit:
         unit.meetings.drop_participants(participant_ids, unless_heard_since=lapsed)

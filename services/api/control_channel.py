@@ -1,8 +1,8 @@
-"""`WS /v1/meetings/{id}/control`: says hello with a seat's token, then commands and beats.
+"""`WS /v1/meetings/{id}/control`: `hello` with a seat's token, then commands and heartbeats.
 
-Every message is a JSON object (services.control.messages). A page beats once a second and is
-beaten back; whoever hears nothing for five seconds takes the connection as lost. The token of the
-seat takes it up again within 30 s of that: after a reload, an outage, or on another gateway.
+Every message is a JSON object (services.control.messages). Both sides send a heartbeat once a
+second; after five seconds without a message the connection counts as lost. Within 30 s of that,
+`hello` with the same token resumes the seat: after a reload, an outage, or on another gateway.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ async def _receive(socket: WebSocket) -> str:
 
 
 async def _execute(gateway: Gateway, connection: ControlConnection, command: Command) -> None:
-    # a seat that was given back on purpose is none that was lost
+    # a seat that its holder releases is not reported as lost
     connection.leaving = isinstance(command, messages.Leave)
     await run_in_threadpool(
         execute, gateway.services, connection.meeting_id, connection.participant_id, command

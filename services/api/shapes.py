@@ -46,12 +46,14 @@ class NewPerson(Body):
 
 
 class Person(BaseModel):
-    """Somebody who is, or will be, met."""
+    """A person who is, or will be, modelled."""
 
     id: str
     name: str
     created_at: datetime
-    height_m: float | None = Field(description="Barefoot, as they told it.")
+    height_m: float | None = Field(
+        description="Barefoot, as it was given when the person was made."
+    )
 
     @classmethod
     def of(cls, row: PersonRow) -> Person:
@@ -59,7 +61,7 @@ class Person(BaseModel):
 
 
 class Sequence(BaseModel):
-    """A clip and how far it has come."""
+    """A clip, and the state of its processing."""
 
     id: str
     person_id: str
@@ -142,9 +144,11 @@ class PersonInFull(Person):
 
 
 class ListedPerson(Person):
-    """Somebody of one's own, or whom the demo lends."""
+    """A person of the token's account, or one of the demo that every guest may use."""
 
-    mine: bool = Field(description="Whether they are the token's account's, to change and erase.")
+    mine: bool = Field(
+        description="Whether the token's account owns them, and may change and erase them."
+    )
 
 
 class People(BaseModel):
@@ -168,7 +172,7 @@ class Erased(BaseModel):
 
 
 class NewUpload(Body):
-    """A file that will come in pieces."""
+    """A file that will be sent in pieces."""
 
     filename: str = Field(min_length=1, max_length=255, examples=["clip.mp4"])
     size: int = Field(ge=1, description="Bytes.")
@@ -176,14 +180,14 @@ class NewUpload(Body):
 
 
 class Upload(BaseModel):
-    """A file on its way."""
+    """An upload that is under way."""
 
     id: str
-    offset: int = Field(description="Bytes that have come; go on from here.")
+    offset: int = Field(description="Bytes received so far; the next piece begins here.")
 
 
-class Known(BaseModel):
-    """The same bytes are here already."""
+class ExistingSequence(BaseModel):
+    """The same bytes were uploaded before: the sequence that was made of them."""
 
     sequence: Sequence
 
@@ -208,7 +212,7 @@ class NewModel(Body):
 
 
 class Job(BaseModel):
-    """Long work and how far it is."""
+    """A capture, training or export, and its progress."""
 
     id: str
     kind: JobKind
@@ -238,21 +242,21 @@ class Job(BaseModel):
 
 
 class NewMeeting(Body):
-    """A room to open."""
+    """A meeting to open."""
 
     name: Name = Field(examples=["Monday"])
     model_ids: list[str] = Field(default_factory=list, max_length=12)
     lobby: bool = Field(
-        default=False, description="Whoever comes waits until the host lets them in."
+        default=False, description="Whoever joins waits until the host admits them."
     )
 
 
 class NewPerformer(Body):
-    """Who comes in."""
+    """A model that is to perform in a meeting."""
 
     model_id: str
     motion_sequence_id: str | None = Field(
-        default=None, description="Whose motion to follow; empty: the model's own."
+        default=None, description="The sequence whose motion it follows; empty: the model's own."
     )
 
 
@@ -279,16 +283,16 @@ class Performer(BaseModel):
 
 
 class Meeting(BaseModel):
-    """A room and who stands in it."""
+    """A meeting and its performers."""
 
     id: str
     name: str
     join_url: str
     environment: str = Field(description="Name of the place it is held in.")
     performers: list[Performer]
-    lobby: bool = Field(description="Whoever comes waits until the host lets them in.")
+    lobby: bool = Field(description="Whoever joins waits until the host admits them.")
     recording: bool = Field(
-        default=False, description="Whoever comes is asked to agree to being recorded."
+        default=False, description="Whoever joins is asked to agree to being recorded."
     )
 
     @classmethod
@@ -305,28 +309,28 @@ class Meeting(BaseModel):
 
 
 class OpenedMeeting(Meeting):
-    """A new room, for whoever opened it."""
+    """A new meeting, as its creator sees it."""
 
     host_token: str = Field(description="Join with it to be the host; keep it to yourself.")
 
 
 class Visitor(Body):
-    """Who wants to look on."""
+    """Somebody who wants to join."""
 
     display_name: Name = Field(default="Guest")
 
 
 class Seat(BaseModel):
-    """A place in a meeting."""
+    """A seat in a meeting, and the token that it is used with."""
 
     token: str = Field(
-        description="Opens this meeting's view and control channel, again after a reload as well."
+        description="Opens this meeting's view and control channel, also after a reload."
     )
     participant_id: str
     seat: int
     role: Role
     admission: Admission = Field(
-        description="Whether the host has let you in; no view before that."
+        description="Whether the host has admitted you; there is no view before that."
     )
     ice_servers: list[str]
     whep_url: str

@@ -17,7 +17,7 @@ from services.container import Services
 from services.errors import WrongHash, WrongOffset
 from services.jobs.queue import Orphan, drop_orphans
 from services.problems import PROBLEMS, problems
-from services.uploads.intake import Arrival, end_upload, known_sequence, safe_name, take_in
+from services.uploads.ingest import ReceivedFile, end_upload, existing_sequence, ingest, safe_name
 from services.uploads.spool import Spool, join, spool, too_large
 
 router = APIRouter(prefix="/v1", tags=["sequences"], responses=PROBLEMS)
@@ -72,7 +72,7 @@ async def upload_clip(
     "/people/{person_id}/uploads",
     status_code=status.HTTP_201_CREATED,
     summary="Begin an upload in pieces",
-    response_model=shapes.Upload | shapes.Known,
+    response_model=shapes.Upload | shapes.ExistingSequence,
 )
 def begin_upload(
     person_id: str, body: shapes.NewUpload, services: Provided, caller: Writer
@@ -82,9 +82,9 @@ def begin_upload(
     if body.size > limit:
         raise too_large(limit, str(body.size))
     _require_person(services, caller, person_id)
-    known = known_sequence(services, person_id, body.sha256)
+    known = existing_sequence(services, person_id, body.sha256)
     if known is not None:
-        answer = shapes.Known(sequence=_with_capture(services, known))
+        answer = shapes.ExistingSequence(sequence=_with_capture(services, known))
         return JSONResponse(answer.model_dump(mode="json"), status_code=200)
     with services.unit_of_work() as unit:
         upload = unit.uploads.with_content(person_id, body.sha256)
@@ -159,12 +159,12 @@ def _find_upload(services: Services, caller: Principal, upload_id: str) -> Uploa
 def _store(
     services: Services, caller: Principal, person_id: str, received: Spool
 ) -> shapes.Sequence:
-    sequence = known_sequence(services, person_id, received.sha256)
+    sequence = existing_sequence(services, person_id, received.sha256)
     if sequence is None:
-        arrival = Arrival(
+        file = ReceivedFile(
             person_id, caller.account, received.path, received.filename, received.sha256
         )
-        sequence = take_in(services, arrival)
+        sequence = ingest(services, file)
     return _with_capture(services, sequence)
 
 

@@ -276,7 +276,7 @@ def _read(
         if moments:
             unit.meetings.heard(moments)
         meeting = unit.meetings.get(meeting_id)
-        said = [] if newest is None else unit.meetings.said_since(meeting_id, newest)
+        said = [] if newest is None else unit.meetings.messages_after(meeting_id, newest)
         recording = unit.recordings.under_way(meeting_id)
         if moments:
             unit.commit()

@@ -29,71 +29,75 @@ class _Message(BaseModel):
 
 
 class Hello(_Message):
-    """The first message of a page: whose seat it is. The same again takes the seat up again."""
+    """The first message of a page: which seat it uses. A later connection sends it again."""
 
     type: Literal["hello"] = "hello"
-    token: str = Field(max_length=4096, description="That of the seat.")
+    token: str = Field(max_length=4096, description="The token of the seat, as joining gave it.")
     name: Name
-    after: int = Field(default=0, ge=0, description="Number of the newest message received.")
+    after: int = Field(
+        default=0,
+        ge=0,
+        description="Number of the newest message received; newer ones are sent.",
+    )
 
 
 class Beat(_Message):
-    """A sign of life, each way, once a second."""
+    """A heartbeat, sent by both sides once a second."""
 
     type: Literal["beat"] = "beat"
 
 
 class Say(_Message):
-    """Write to all."""
+    """Send a chat message to all participants."""
 
     type: Literal["say"] = "say"
     text: Text
 
 
 class React(_Message):
-    """A passing sign to all."""
+    """Send a reaction to all participants; it is shown for a moment."""
 
     type: Literal["react"] = "react"
     reaction: Reaction
 
 
 class RaiseHand(_Message):
-    """Ask to speak, or no longer."""
+    """Raise or lower one's hand."""
 
     type: Literal["hand"] = "hand"
     raised: bool
 
 
 class Microphone(_Message):
-    """Be heard, or no longer."""
+    """Switch one's microphone on or off."""
 
     type: Literal["microphone"] = "microphone"
     on: bool
 
 
 class Caption(_Message):
-    """What one has just spoken, in writing."""
+    """A caption of what one has just said."""
 
     type: Literal["caption"] = "caption"
     text: CaptionText
 
 
 class Present(_Message):
-    """Share a screen, or no longer. While somebody else does, the host is asked."""
+    """Start or stop sharing a screen. While somebody else shares, the host is asked."""
 
     type: Literal["present"] = "present"
     on: bool
 
 
 class Network(_Message):
-    """How well the network carries the meeting, whenever that changes."""
+    """The quality of one's network connection, whenever it changes."""
 
     type: Literal["network"] = "network"
     connection: Connection
 
 
 class LetPresent(_Message):
-    """The host lets somebody share their screen in place of whoever does, or has them stop."""
+    """The host lets a participant share their screen in place of the presenter, or stops it."""
 
     type: Literal["let-present"] = "let-present"
     participant_id: str
@@ -101,35 +105,35 @@ class LetPresent(_Message):
 
 
 class Mute(_Message):
-    """The host switches off somebody's microphone; they may switch it on again."""
+    """The host switches off a participant's microphone; they may switch it on again."""
 
     type: Literal["mute"] = "mute"
     participant_id: str
 
 
 class Admit(_Message):
-    """The host lets in somebody who waits."""
+    """The host admits a participant who waits in the lobby."""
 
     type: Literal["admit"] = "admit"
     participant_id: str
 
 
 class Deny(_Message):
-    """The host does not let in somebody who waits."""
+    """The host denies admission to a participant who waits in the lobby."""
 
     type: Literal["deny"] = "deny"
     participant_id: str
 
 
 class Remove(_Message):
-    """The host sends somebody out; from then on whoever comes has to wait."""
+    """The host removes a participant; from then on the lobby is on."""
 
     type: Literal["remove"] = "remove"
     participant_id: str
 
 
 class SetRole(_Message):
-    """The host makes somebody speaker, viewer, or host in their own place."""
+    """The host gives a participant a role; a new host takes the place of the old one."""
 
     type: Literal["role"] = "role"
     participant_id: str
@@ -137,14 +141,14 @@ class SetRole(_Message):
 
 
 class SetLobby(_Message):
-    """The host has people wait, or lets everybody in."""
+    """The host switches the lobby on or off; off admits everybody who waits."""
 
     type: Literal["lobby"] = "lobby"
     on: bool
 
 
 class Leave(_Message):
-    """Give the seat back."""
+    """Leave the meeting and release the seat."""
 
     type: Literal["leave"] = "leave"
 
@@ -157,7 +161,7 @@ class RecordMeeting(_Message):
 
 
 class Agree(_Message):
-    """Somebody agrees to being recorded, or does not, or no longer: that ends the recording."""
+    """Agree to being recorded, refuse, or withdraw; the last two end the recording."""
 
     type: Literal["agree"] = "agree"
     on: bool
@@ -175,51 +179,61 @@ class Welcome(_Message):
     type: Literal["welcome"] = "welcome"
     participant_id: str
     seat: int
-    silence_s: float = Field(description="Either side silent for so long is gone, s.")
+    silence_s: float = Field(
+        description="After so long without a message the connection counts as lost, s."
+    )
 
 
 class Member(_Message):
-    """Somebody in the meeting, or waiting before it."""
+    """A participant in the meeting or in its lobby."""
 
     id: str
     name: str
     role: Role
     admission: Admission
     present: bool = Field(description="False while their connection is lost.")
-    hand_at: datetime | None = Field(description="Since when their hand is up.")
-    microphone: bool = Field(description="Whether they are to be heard.")
+    hand_at: datetime | None = Field(
+        description="Since when their hand is raised; empty: it is not."
+    )
+    microphone: bool = Field(description="Whether their microphone is on.")
     connection: Connection | None = Field(
-        description="How well their network does; empty: unknown."
+        description="Quality of their network connection; empty: unknown."
     )
     performer_id: str | None = Field(
-        description="Who stands for them in the room; their voice comes from there."
+        description="The performer that represents them, from whose position their voice is heard."
     )
 
 
 class RecordingUnderWay(_Message):
-    """A recording that is asked for, or runs."""
+    """A recording that was asked for or is running."""
 
     id: str
-    running: bool = Field(description="Everybody here has agreed, and it is being kept.")
+    running: bool = Field(
+        description="Everybody present has agreed, and the meeting is being recorded."
+    )
     agreed: list[str] = Field(description="Ids of the participants who have agreed.")
 
 
 class Roster(_Message):
-    """Who is there, whenever that changes; whoever waits sees only themselves."""
+    """The participants, whenever they change; one in the lobby sees only themselves."""
 
     type: Literal["roster"] = "roster"
-    lobby: bool = Field(description="Whoever comes waits until the host lets them in.")
-    environment: str = Field(description="Name of the place that the meeting is held in.")
-    presenter_id: str | None = Field(description="Who may share a screen; empty: nobody does.")
-    presenter_asks_id: str | None = Field(
-        description="Who asks to share in their place; only the host and they are told."
+    lobby: bool = Field(description="Whoever joins waits until the host admits them.")
+    environment: str = Field(description="Name of the environment that the meeting is held in.")
+    presenter_id: str | None = Field(
+        description="The participant who may share a screen; empty: nobody."
     )
-    recording: RecordingUnderWay | None = Field(description="Empty: nothing is, or is to be, kept.")
+    presenter_asks_id: str | None = Field(
+        description="The participant who asks to present instead; only the host and they see it."
+    )
+    recording: RecordingUnderWay | None = Field(
+        description="Empty: the meeting is not recorded, and nobody has asked to."
+    )
     members: list[Member]
 
 
 class Said(_Message):
-    """Somebody wrote to all."""
+    """A chat message of a participant."""
 
     type: Literal["said"] = "said"
     number: int
@@ -230,7 +244,7 @@ class Said(_Message):
 
 
 class Captioned(_Message):
-    """Somebody spoke, and their page wrote it down."""
+    """A caption of what a participant said, from their own page."""
 
     type: Literal["captioned"] = "captioned"
     number: int
@@ -240,7 +254,7 @@ class Captioned(_Message):
 
 
 class Reacted(_Message):
-    """Somebody gave a sign to all."""
+    """A reaction of a participant."""
 
     type: Literal["reacted"] = "reacted"
     number: int
@@ -250,32 +264,34 @@ class Reacted(_Message):
 
 
 class Speaking(_Message):
-    """Who speaks now, and in which track each is heard, whenever that changes."""
+    """Who is speaking and in which track each is heard, whenever that changes."""
 
     type: Literal["speaking"] = "speaking"
     participant_ids: list[str]
     slots: list[str | None] = Field(
-        description="Whose voice each track of the voice connection carries, from the first."
+        description="By track of the voice connection: the participant whose voice it carries."
     )
 
 
 class Refusal(_Message):
-    """What was asked for was not done."""
+    """A command that was refused."""
 
     type: Literal["refusal"] = "refusal"
     problem: Problem
 
 
 class Goodbye(_Message):
-    """The last message: why the channel ends."""
+    """The last message: why the channel is closed."""
 
     type: Literal["goodbye"] = "goodbye"
     reason: Reason
-    problem: Problem | None = Field(default=None, description="Where it was refused.")
+    problem: Problem | None = Field(
+        default=None, description="Why `hello` was refused; empty for other reasons."
+    )
 
 
 Speech = Say | React | RaiseHand | Microphone | Caption | Present | Network
-"""What everybody may ask for who is let in."""
+"""Commands of every admitted participant."""
 Hosting = Admit | Deny | Remove | Mute | SetRole | SetLobby | LetPresent | EndMeeting
 Command = Speech | Hosting | RecordMeeting | Agree | Leave
 """What a participant may send once greeted."""

@@ -93,7 +93,7 @@ def _store(services: Services, job: JobRow, folder: Path) -> None:
             )
             return f"captured {len(clip.train)} frames"
 
-        results.hand_in(write)
+        results.commit(write)
 
 
 def _thumbnail(clip: Sequence) -> bytes:

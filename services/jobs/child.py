@@ -1,6 +1,6 @@
 """The process of one job: `python -m services.jobs.child JOB_ID ATTEMPT`.
 
-It is told by its settings (environment), stops on SIGTERM or when its parent is gone (end of its
+Its settings come by the environment. It stops on SIGTERM or when its parent is gone (end of its
 standard input), and writes the job's end itself, together with the results, in one transaction.
 """
 
@@ -22,7 +22,7 @@ from services.jobs.capture_job import run_capture
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.export_job import run_export
 from services.jobs.lease import JobLease
-from services.jobs.queue import Orphan, drop_orphans, fail, finish, give_back
+from services.jobs.queue import Orphan, drop_orphans, fail, finish, requeue
 from services.jobs.report import JobStopped, Reporter
 from services.jobs.scratch import scratch_folder
 from services.jobs.train_job import run_train
@@ -98,7 +98,7 @@ def _end(services: Services, claimed: JobRow, error: Exception) -> None:
         elif job.cancel_requested:
             orphans = finish(unit, job, JobState.CANCELLED, now, message="cancelled")
         else:
-            give_back(job, "interrupted; waiting for a worker")
+            requeue(job, "interrupted; waiting for a worker")
         unit.commit()
     drop_orphans(services, orphans)
 

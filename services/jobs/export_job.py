@@ -44,7 +44,7 @@ def run_export(services: Services, job: JobRow, reporter: Reporter, folder: Path
             )
             return "the video is ready"
 
-        results.hand_in(write)
+        results.commit(write)
 
 
 def camera_path_of(params: dict[str, Any]):

@@ -1,4 +1,4 @@
-"""What can be done with a job: queue it, cancel it, resume it, give it back, give it up.
+"""What can be done with a job: queue it, cancel it, resume it, queue it again, end it.
 
 A capture that fails or is cancelled takes its sequence with it, since there is nothing to be had
 from it; the job stays and says why. Only a full disk is not the clip's fault: then the clip stays
@@ -80,7 +80,7 @@ def resume(job: JobRow) -> None:
     job.message = "waiting for a worker"
 
 
-def give_back(job: JobRow, message: str) -> None:
+def requeue(job: JobRow, message: str) -> None:
     """Queue a running job again, for whoever is free."""
     job.state, job.worker, job.heartbeat_at = JobState.QUEUED, None, None
     job.message = message
@@ -100,7 +100,7 @@ def crashed(
     if job.cancel_requested:
         return finish(unit, job, JobState.CANCELLED, now, message="cancelled")
     if job.crashes < at_most:
-        give_back(job, f"{reason}; trying again")
+        requeue(job, f"{reason}; trying again")
         return []
     error = WorkerDied(
         f"a job's process must live; it died {job.crashes} times, lately: {reason}",

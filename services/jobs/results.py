@@ -1,4 +1,4 @@
-"""How a job hands in what it made: bytes first, rows last, all of it or nothing."""
+"""How a job stores what it made: bytes first, rows last, all of it or nothing."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Results:
         """Store a folder."""
         return self._note(packing.pack(self._services.objects, self._job.person_id, folder))
 
-    def hand_in(self, write: Callable[[UnitOfWork, JobRow], str]) -> None:
+    def commit(self, write: Callable[[UnitOfWork, JobRow], str]) -> None:
         """Write rows and end the job in one transaction; `write` returns the last message.
 
         Raises JobStopped where this attempt is no longer the one that runs the job.
@@ -64,10 +64,10 @@ class Results:
 
         self._write(end)
 
-    def hand_out(self, write: Callable[[UnitOfWork, JobRow], str]) -> None:
+    def commit_interim(self, write: Callable[[UnitOfWork, JobRow], str]) -> None:
         """Write rows of what is done so far; the job goes on, without its checkpoint of before.
 
-        Raises JobStopped as `hand_in`.
+        Raises JobStopped as `commit`.
         """
 
         def go_on(unit: UnitOfWork, job: JobRow) -> list[Orphan]:

@@ -46,7 +46,7 @@ def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path)
     first = int(model.metrics["round"]) if model is not None and job.model_id else 0
     for number in range(first, len(ends)):
         model = training.round(number, ends, model)
-        training.hand_in(model, last=number + 1 == len(ends))
+        training.store(model, last=number + 1 == len(ends))
 
 
 def round_ends(preset: str, budget_s: float) -> list[float]:
@@ -113,8 +113,8 @@ class _Training:
         model.metrics.update(round=number + 1, train_seconds=round(ends[number], 3))
         return model
 
-    def hand_in(self, model: PerformerModel, *, last: bool) -> None:
-        """Store `model` in the place of what this job has handed in before."""
+    def store(self, model: PerformerModel, *, last: bool) -> None:
+        """Store `model` in the place of what this job stored before."""
         files = self._folder / f"files-{model.metrics['round']}"
         files.mkdir()
         meetings: list[str] = []
@@ -141,9 +141,9 @@ class _Training:
                 return "the model is ready"
 
             if last:
-                results.hand_in(write)
+                results.commit(write)
             else:
-                results.hand_out(write)
+                results.commit_interim(write)
         self._model_id = row.id
         for meeting_id in meetings:
             self._services.events.publish(meeting_topic(meeting_id))

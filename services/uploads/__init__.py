@@ -1,1 +1,1 @@
-"""Clips on their way in: received in bounded pieces, checked, stored."""
+"""Uploaded clips: buffered on disk, checked, stored."""

@@ -1,4 +1,4 @@
-"""What an upload is, told by its bytes and not by its name, and whether it can be used at all."""
+"""What kind of file an upload is, by its bytes and not its name, and whether it can be used."""
 
 from __future__ import annotations
 

@@ -7,19 +7,19 @@
 /** Whether somebody is let into a meeting; with a lobby, the host decides. */
 export type Admission = "waiting" | "admitted" | "denied" | "removed" | "ended";
 
-/** The host lets in somebody who waits. */
+/** The host admits a participant who waits in the lobby. */
 export interface Admit {
   type: "admit";
   participant_id: string;
 }
 
-/** Somebody agrees to being recorded, or does not, or no longer: that ends the recording. */
+/** Agree to being recorded, refuse, or withdraw; the last two end the recording. */
 export interface Agree {
   type: "agree";
   on: boolean;
 }
 
-/** A sign of life, each way, once a second. */
+/** A heartbeat, sent by both sides once a second. */
 export interface Beat {
   type: "beat";
 }
@@ -33,13 +33,13 @@ export interface CameraStop {
   target: readonly [number, number, number];
 }
 
-/** What one has just spoken, in writing. */
+/** A caption of what one has just said. */
 export interface Caption {
   type: "caption";
   text: string;
 }
 
-/** Somebody spoke, and their page wrote it down. */
+/** A caption of what a participant said, from their own page. */
 export interface Captioned {
   type: "captioned";
   number: number;
@@ -56,7 +56,7 @@ export interface DemoMeeting {
   meeting_id: string;
 }
 
-/** The host does not let in somebody who waits. */
+/** The host denies admission to a participant who waits in the lobby. */
 export interface Deny {
   type: "deny";
   participant_id: string;
@@ -92,13 +92,18 @@ export interface Erased {
   remaining: number;
 }
 
+/** The same bytes were uploaded before: the sequence that was made of them. */
+export interface ExistingSequence {
+  sequence: Sequence;
+}
+
 export type FromServer = Welcome | Beat | Roster | Said | Reacted | Captioned | Speaking | Refusal | Goodbye;
 
-/** The last message: why the channel ends. */
+/** The last message: why the channel is closed. */
 export interface Goodbye {
   type: "goodbye";
   reason: "left" | "given-back" | "denied" | "removed" | "ended" | "replaced" | "silent" | "refused";
-  /** Where it was refused. */
+  /** Why `hello` was refused; empty for other reasons. */
   problem: Problem | null;
 }
 
@@ -113,17 +118,17 @@ export interface Health {
   status?: "ok";
 }
 
-/** The first message of a page: whose seat it is. The same again takes the seat up again. */
+/** The first message of a page: which seat it uses. A later connection sends it again. */
 export interface Hello {
   type: "hello";
-  /** That of the seat. */
+  /** The token of the seat, as joining gave it. */
   token: string;
   name: string;
-  /** Number of the newest message received. */
+  /** Number of the newest message received; newer ones are sent. */
   after: number;
 }
 
-/** Long work and how far it is. */
+/** A capture, training or export, and its progress. */
 export interface Job {
   id: string;
   kind: JobKind;
@@ -144,17 +149,12 @@ export type JobKind = "capture" | "train" | "export";
 /** Where a job stands. */
 export type JobState = "queued" | "running" | "succeeded" | "failed" | "cancelled";
 
-/** The same bytes are here already. */
-export interface Known {
-  sequence: Sequence;
-}
-
-/** Give the seat back. */
+/** Leave the meeting and release the seat. */
 export interface Leave {
   type: "leave";
 }
 
-/** The host lets somebody share their screen in place of whoever does, or has them stop. */
+/** The host lets a participant share their screen in place of the presenter, or stops it. */
 export interface LetPresent {
   type: "let-present";
   participant_id: string;
@@ -170,18 +170,18 @@ export interface Light {
   key_colour: readonly [number, number, number];
 }
 
-/** Somebody of one's own, or whom the demo lends. */
+/** A person of the token's account, or one of the demo that every guest may use. */
 export interface ListedPerson {
   id: string;
   name: string;
   created_at: string;
-  /** Barefoot, as they told it. */
+  /** Barefoot, as it was given when the person was made. */
   height_m: number | null;
-  /** Whether they are the token's account's, to change and erase. */
+  /** Whether the token's account owns them, and may change and erase them. */
   mine: boolean;
 }
 
-/** A room and who stands in it. */
+/** A meeting and its performers. */
 export interface Meeting {
   id: string;
   name: string;
@@ -189,13 +189,13 @@ export interface Meeting {
   /** Name of the place it is held in. */
   environment: string;
   performers: Performer[];
-  /** Whoever comes waits until the host lets them in. */
+  /** Whoever joins waits until the host admits them. */
   lobby: boolean;
-  /** Whoever comes is asked to agree to being recorded. */
+  /** Whoever joins is asked to agree to being recorded. */
   recording?: boolean;
 }
 
-/** Somebody in the meeting, or waiting before it. */
+/** A participant in the meeting or in its lobby. */
 export interface Member {
   id: string;
   name: string;
@@ -203,17 +203,17 @@ export interface Member {
   admission: Admission;
   /** False while their connection is lost. */
   present: boolean;
-  /** Since when their hand is up. */
+  /** Since when their hand is raised; empty: it is not. */
   hand_at: string | null;
-  /** Whether they are to be heard. */
+  /** Whether their microphone is on. */
   microphone: boolean;
-  /** How well their network does; empty: unknown. */
+  /** Quality of their network connection; empty: unknown. */
   connection: Connection | null;
-  /** Who stands for them in the room; their voice comes from there. */
+  /** The performer that represents them, from whose position their voice is heard. */
   performer_id: string | null;
 }
 
-/** Be heard, or no longer. */
+/** Switch one's microphone on or off. */
 export interface Microphone {
   type: "microphone";
   on: boolean;
@@ -246,23 +246,23 @@ export interface Models {
   items: Model[];
 }
 
-/** The host switches off somebody's microphone; they may switch it on again. */
+/** The host switches off a participant's microphone; they may switch it on again. */
 export interface Mute {
   type: "mute";
   participant_id: string;
 }
 
-/** How well the network carries the meeting, whenever that changes. */
+/** The quality of one's network connection, whenever it changes. */
 export interface Network {
   type: "network";
   connection: Connection;
 }
 
-/** A room to open. */
+/** A meeting to open. */
 export interface NewMeeting {
   name: string;
   model_ids?: string[];
-  /** Whoever comes waits until the host lets them in. */
+  /** Whoever joins waits until the host admits them. */
   lobby?: boolean;
 }
 
@@ -278,10 +278,10 @@ export interface NewModel {
   model_only?: boolean;
 }
 
-/** Who comes in. */
+/** A model that is to perform in a meeting. */
 export interface NewPerformer {
   model_id: string;
-  /** Whose motion to follow; empty: the model's own. */
+  /** The sequence whose motion it follows; empty: the model's own. */
   motion_sequence_id?: string | null;
 }
 
@@ -292,7 +292,7 @@ export interface NewPerson {
   height_m?: number | null;
 }
 
-/** A file that will come in pieces. */
+/** A file that will be sent in pieces. */
 export interface NewUpload {
   filename: string;
   /** Bytes. */
@@ -330,7 +330,7 @@ export interface NewView {
   format?: "png" | "jpeg" | "webp";
 }
 
-/** A new room, for whoever opened it. */
+/** A new meeting, as its creator sees it. */
 export interface OpenedMeeting {
   id: string;
   name: string;
@@ -338,9 +338,9 @@ export interface OpenedMeeting {
   /** Name of the place it is held in. */
   environment: string;
   performers: Performer[];
-  /** Whoever comes waits until the host lets them in. */
+  /** Whoever joins waits until the host admits them. */
   lobby: boolean;
-  /** Whoever comes is asked to agree to being recorded. */
+  /** Whoever joins is asked to agree to being recorded. */
   recording?: boolean;
   /** Join with it to be the host; keep it to yourself. */
   host_token: string;
@@ -372,12 +372,12 @@ export interface Performer {
   yaw_rad: number;
 }
 
-/** Somebody who is, or will be, met. */
+/** A person who is, or will be, modelled. */
 export interface Person {
   id: string;
   name: string;
   created_at: string;
-  /** Barefoot, as they told it. */
+  /** Barefoot, as it was given when the person was made. */
   height_m: number | null;
 }
 
@@ -386,7 +386,7 @@ export interface PersonInFull {
   id: string;
   name: string;
   created_at: string;
-  /** Barefoot, as they told it. */
+  /** Barefoot, as it was given when the person was made. */
   height_m: number | null;
   sequences: Sequence[];
   models: Model[];
@@ -397,7 +397,7 @@ export interface Place {
   name: string;
 }
 
-/** Share a screen, or no longer. While somebody else does, the host is asked. */
+/** Start or stop sharing a screen. While somebody else shares, the host is asked. */
 export interface Present {
   type: "present";
   on: boolean;
@@ -415,19 +415,19 @@ export interface Problem {
   detail: string;
 }
 
-/** Ask to speak, or no longer. */
+/** Raise or lower one's hand. */
 export interface RaiseHand {
   type: "hand";
   raised: boolean;
 }
 
-/** A passing sign to all. */
+/** Send a reaction to all participants; it is shown for a moment. */
 export interface React {
   type: "react";
   reaction: "applause" | "heart" | "laugh" | "surprise" | "agree" | "party";
 }
 
-/** Somebody gave a sign to all. */
+/** A reaction of a participant. */
 export interface Reacted {
   type: "reacted";
   number: number;
@@ -509,10 +509,10 @@ export interface RecordingInFull {
 /** How far a recording has come. */
 export type RecordingState = "asking" | "running" | "ended";
 
-/** A recording that is asked for, or runs. */
+/** A recording that was asked for or is running. */
 export interface RecordingUnderWay {
   id: string;
-  /** Everybody here has agreed, and it is being kept. */
+  /** Everybody present has agreed, and the meeting is being recorded. */
   running: boolean;
   /** Ids of the participants who have agreed. */
   agreed: string[];
@@ -523,13 +523,13 @@ export interface Recordings {
   items: Recording[];
 }
 
-/** What was asked for was not done. */
+/** A command that was refused. */
 export interface Refusal {
   type: "refusal";
   problem: Problem;
 }
 
-/** The host sends somebody out; from then on whoever comes has to wait. */
+/** The host removes a participant; from then on the lobby is on. */
 export interface Remove {
   type: "remove";
   participant_id: string;
@@ -544,23 +544,23 @@ export interface RemovedFromRecording {
 /** What somebody may do in a meeting. */
 export type Role = "host" | "speaker" | "viewer";
 
-/** Who is there, whenever that changes; whoever waits sees only themselves. */
+/** The participants, whenever they change; one in the lobby sees only themselves. */
 export interface Roster {
   type: "roster";
-  /** Whoever comes waits until the host lets them in. */
+  /** Whoever joins waits until the host admits them. */
   lobby: boolean;
-  /** Name of the place that the meeting is held in. */
+  /** Name of the environment that the meeting is held in. */
   environment: string;
-  /** Who may share a screen; empty: nobody does. */
+  /** The participant who may share a screen; empty: nobody. */
   presenter_id: string | null;
-  /** Who asks to share in their place; only the host and they are told. */
+  /** The participant who asks to present instead; only the host and they see it. */
   presenter_asks_id: string | null;
-  /** Empty: nothing is, or is to be, kept. */
+  /** Empty: the meeting is not recorded, and nobody has asked to. */
   recording: RecordingUnderWay | null;
   members: Member[];
 }
 
-/** Somebody wrote to all. */
+/** A chat message of a participant. */
 export interface Said {
   type: "said";
   number: number;
@@ -570,20 +570,20 @@ export interface Said {
   at: string;
 }
 
-/** Write to all. */
+/** Send a chat message to all participants. */
 export interface Say {
   type: "say";
   text: string;
 }
 
-/** A place in a meeting. */
+/** A seat in a meeting, and the token that it is used with. */
 export interface Seat {
-  /** Opens this meeting's view and control channel, again after a reload as well. */
+  /** Opens this meeting's view and control channel, also after a reload. */
   token: string;
   participant_id: string;
   seat: number;
   role: Role;
-  /** Whether the host has let you in; no view before that. */
+  /** Whether the host has admitted you; there is no view before that. */
   admission: Admission;
   ice_servers: string[];
   whep_url: string;
@@ -593,7 +593,7 @@ export interface Seat {
   performers: Performer[];
 }
 
-/** A clip and how far it has come. */
+/** A clip, and the state of its processing. */
 export interface Sequence {
   id: string;
   person_id: string;
@@ -618,33 +618,33 @@ export type SequenceKind = "video" | "frames" | "keypoints";
 /** How far a sequence has come. */
 export type SequenceState = "uploaded" | "capturing" | "ready" | "forgotten";
 
-/** The host has people wait, or lets everybody in. */
+/** The host switches the lobby on or off; off admits everybody who waits. */
 export interface SetLobby {
   type: "lobby";
   on: boolean;
 }
 
-/** The host makes somebody speaker, viewer, or host in their own place. */
+/** The host gives a participant a role; a new host takes the place of the old one. */
 export interface SetRole {
   type: "role";
   participant_id: string;
   role: Role;
 }
 
-/** Who speaks now, and in which track each is heard, whenever that changes. */
+/** Who is speaking and in which track each is heard, whenever that changes. */
 export interface Speaking {
   type: "speaking";
   participant_ids: string[];
-  /** Whose voice each track of the voice connection carries, from the first. */
+  /** By track of the voice connection: the participant whose voice it carries. */
   slots: (string | null)[];
 }
 
 export type ToServer = Hello | Beat | Say | React | RaiseHand | Microphone | Caption | Present | Network | Admit | Deny | Remove | Mute | SetRole | SetLobby | LetPresent | EndMeeting | RecordMeeting | Agree | Leave;
 
-/** A file on its way. */
+/** An upload that is under way. */
 export interface Upload {
   id: string;
-  /** Bytes that have come; go on from here. */
+  /** Bytes received so far; the next piece begins here. */
   offset: number;
 }
 
@@ -669,7 +669,7 @@ export interface ViewPose {
   expression?: number[];
 }
 
-/** Who wants to look on. */
+/** Somebody who wants to join. */
 export interface Visitor {
   display_name?: string;
 }
@@ -679,6 +679,6 @@ export interface Welcome {
   type: "welcome";
   participant_id: string;
   seat: number;
-  /** Either side silent for so long is gone, s. */
+  /** After so long without a message the connection counts as lost, s. */
   silence_s: number;
 }

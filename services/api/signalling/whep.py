@@ -75,4 +75,4 @@ def _require_seat(services: Services, meeting_id: str, caller: Principal) -> Non
         meeting = unit.meetings.get(meeting_id)
     seats.require_admitted(meeting, caller)
     if caller.participant_id is not None:
-        seats.keep_seats(services, {caller.participant_id})
+        seats.renew_seats(services, {caller.participant_id})

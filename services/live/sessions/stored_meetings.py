@@ -34,11 +34,11 @@ class StoredMeetings:
 
     async def renew_seats(self, participant_ids: set[str]) -> None:
         """Note that these seats are in use."""
-        await self._change_seats(seats.keep_seats, participant_ids)
+        await self._change_seats(seats.renew_seats, participant_ids)
 
     async def release_seats(self, participant_ids: set[str]) -> None:
         """Note that these seats are free."""
-        await self._change_seats(seats.give_back, participant_ids)
+        await self._change_seats(seats.release_seats, participant_ids)
 
     async def _change_seats(
         self, change: Callable[[Services, set[str]], object], participant_ids: set[str]

@@ -112,7 +112,7 @@ async def test_captions_reach_all_and_are_not_kept(caller, timed, clock, meeting
         await dee.hear("captioned", text="Later")
         assert not [m for m in dee.heard if m.get("text") == "I was saying"]
     with timed.reading() as unit:
-        assert [one.text for one in unit.meetings.said_since(meeting["id"], 0)] == ["Later"]
+        assert [one.text for one in unit.meetings.messages_after(meeting["id"], 0)] == ["Later"]
 
 
 async def test_the_roster_says_how_well_each_is_connected(three):

@@ -142,7 +142,7 @@ async def test_who_never_comes_to_look_loses_the_seat(services, model):
         with late.reading() as unit:
             (_, watched) = [one.id for one in unit.meetings.get(meeting_id).participants]
         clock.advance(seconds=20)
-        assert seats.keep_seats(late, {watched, "nobody's"}) == {watched}
+        assert seats.renew_seats(late, {watched, "nobody's"}) == {watched}
         clock.advance(seconds=20)
         assert (await _join(caller, meeting_id))[0] == 1
     assert _taken(services, meeting_id) == [1, 2]

@@ -1,4 +1,4 @@
-"""Takes in a checked upload: bytes first, then sequence and capture job in one transaction."""
+"""Checks and stores an upload: bytes first, then sequence and capture job in one transaction."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ _LONGEST_NAME = 80
 
 
 @dataclass(frozen=True)
-class Arrival:
-    """A file that has come whole."""
+class ReceivedFile:
+    """A file that was received completely."""
 
     person_id: str
     account: str
@@ -42,8 +42,8 @@ class Arrival:
     sha256: str
 
 
-def known_sequence(services: Services, person_id: str, sha256: str) -> SequenceRow | None:
-    """The sequence already made of the same bytes: a retry is free.
+def existing_sequence(services: Services, person_id: str, sha256: str) -> SequenceRow | None:
+    """The sequence that was made of the same bytes before, if any: a retry is free.
 
     Where its capture failed and can be resumed, that is what whoever sends it again wants.
     """
@@ -59,24 +59,24 @@ def known_sequence(services: Services, person_id: str, sha256: str) -> SequenceR
     return known
 
 
-def take_in(services: Services, arrival: Arrival) -> SequenceRow:
-    """Check and store `arrival`. Where it raises (CaptureError, StoreFull), nothing stays."""
-    name = safe_name(arrival.filename)
-    # under the name its sender knows it by, for messages speak of it
-    path = arrival.path.rename(arrival.path.with_name(name))
+def ingest(services: Services, received: ReceivedFile) -> SequenceRow:
+    """Check and store `received`. Where it raises (CaptureError, StoreFull), nothing stays."""
+    name = safe_name(received.filename)
+    # under its sender's name for it, which error messages contain
+    path = received.path.rename(received.path.with_name(name))
     checked = _check(path, name)
     put: list[Orphan] = []
     try:
-        source = _put(services, arrival, file_chunks(path), put)
+        source = _put(services, received, file_chunks(path), put)
         motion = None
         if checked.motion is not None:
-            motion = _put(services, arrival, [motion_bytes(checked.motion)], put)
+            motion = _put(services, received, [motion_bytes(checked.motion)], put)
         with services.unit_of_work() as unit:
-            sequence = _write(services, unit, arrival, name, source, checked, motion)
+            sequence = _write(services, unit, received, name, source, checked, motion)
             unit.commit()
     except Conflict:  # the same bytes came twice at once
         drop_orphans(services, put)
-        known = known_sequence(services, arrival.person_id, arrival.sha256)
+        known = existing_sequence(services, received.person_id, received.sha256)
         if known is None:
             raise
         return known
@@ -104,22 +104,22 @@ def safe_name(filename: str) -> str:
 def _check(path: Path, name: str) -> Checked:
     try:
         return check_upload(path, name)
-    except CaptureError as error:  # FFmpeg tells the whole path, which is nobody's business
+    except CaptureError as error:  # FFmpeg's messages contain the path on this server
         raise type(error)(str(error).replace(f"{path.parent}/", "")) from error
 
 
 def _put(
-    services: Services, arrival: Arrival, chunks: Iterable[bytes], put: list[Orphan]
+    services: Services, received: ReceivedFile, chunks: Iterable[bytes], put: list[Orphan]
 ) -> StoredObject:
-    stored = services.objects.put(arrival.person_id, chunks)
-    put.append((arrival.person_id, stored.sha256))
+    stored = services.objects.put(received.person_id, chunks)
+    put.append((received.person_id, stored.sha256))
     return stored
 
 
 def _write(
     services: Services,
     unit: UnitOfWork,
-    arrival: Arrival,
+    received: ReceivedFile,
     name: str,
     source: StoredObject,
     checked: Checked,
@@ -129,7 +129,7 @@ def _write(
     ready = checked.motion
     sequence = SequenceRow(
         id=new_id(),
-        person_id=arrival.person_id,
+        person_id=received.person_id,
         kind=checked.kind,
         state=SequenceState.READY if ready else SequenceState.UPLOADED,
         created_at=now,
@@ -145,7 +145,7 @@ def _write(
         sequence.frames_per_second = (len(ready) - 1) / span if span > 0.0 else None
         unit.motions.add(
             MotionRow(
-                person_id=arrival.person_id,
+                person_id=received.person_id,
                 sequence_id=sequence.id,
                 frames=len(ready),
                 duration_s=span,
@@ -156,9 +156,9 @@ def _write(
         enqueue(unit, JobKind.CAPTURE, sequence, {}, now)
     unit.audit.add(
         AuditEventRow(
-            person_id=arrival.person_id,
+            person_id=received.person_id,
             at=now,
-            account=arrival.account,
+            account=received.account,
             action="sequence.uploaded",
             details={"kind": str(checked.kind), "bytes": source.bytes},
         )
