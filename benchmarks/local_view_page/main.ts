@@ -34,7 +34,7 @@ async function measure({ file, moments, size, seconds }: Asked): Promise<number>
         room.acceptPacket(packet);
       });
       const orbit = { target: [0, 0.9, 0] as const, azimuthRad: TURN_RAD * pictures, elevationRad: 0.05, distanceM: 3.2 };
-      if (room.draw(orbitCamera(orbit), FOV_Y_RAD, { width: size, height: size }, false)) {
+      if (room.draw(orbitCamera(orbit), FOV_Y_RAD, { width: size, height: size }, false, room.counts)) {
         // what made the shaders ready is not counted
         if (pictures === 0) endMs = nowMs + 1000 * seconds;
         pictures += 1;

@@ -379,7 +379,8 @@ export class LiveView {
     if (live && this.localRendering.shown && !visits) this.localRendering.observeSpeed(fps, pinned || this.adaptation.side === SIDES[0]);
     const adapts = !pinned && !visits;
     const { highest } = this.size;
-    const step = this.adaptation.observe({ fps, received, lost, live, adapts, highest, patienceS: this.timeoutS });
+    const { coarse } = this.localRendering;
+    const step = this.adaptation.observe({ fps, received, lost, live, adapts, highest, coarse, patienceS: this.timeoutS });
     if (step === "reconnect") this.connection.reconnect();
     if (step === "request") {
       this.fit();

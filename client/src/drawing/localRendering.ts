@@ -6,6 +6,7 @@ import type { Vec3 } from "../viewpoint/geometry";
 import { loadEnvironment } from "./environment";
 import { loadSplats } from "../api/splats";
 import { LocalRoom } from "../splats/localRoom";
+import { PacedRoom } from "../splats/pacedRoom";
 import type { LoadedEnvironment } from "../splats/room";
 import { RenderModeSelector, type RenderSetting, type RenderStatus } from "../splats/renderMode";
 import { drawLatencyCode } from "../transport/latencyCode";
@@ -42,6 +43,7 @@ export class LocalRendering {
   private readonly modeSelector = new RenderModeSelector();
   /** The room as this device draws it; made when a viewer takes the picture over. */
   private room: LocalRoom | null = null;
+  private pacedRoom: PacedRoom | null = null;
   /** Where the meeting is held, and its name as soon as it is asked for. */
   private environment: LoadedEnvironment | null = null;
   private environmentName = "";
@@ -61,12 +63,14 @@ export class LocalRendering {
   begin(): void {
     if (this.room) return;
     const room = this.makeRoom(this.canvas);
+    const pacedRoom = new PacedRoom(room);
     room.onLoaded = () => {
       const { camera, size } = this.hooks.trialView();
-      this.modeSelector.setTrialFps(room.trialFps(camera, FOV_Y_RAD, size));
+      this.modeSelector.setTrialFps(pacedRoom.trial(camera, FOV_Y_RAD, size));
       this.updateMode();
     };
     this.room = room;
+    this.pacedRoom = pacedRoom;
     void this.loadPerformers();
   }
 
@@ -149,7 +153,7 @@ export class LocalRendering {
 
   /** Draw what has changed, where this device is to; says whether a picture was drawn. */
   draw(camera: CameraPose, size: Size, filmedOnly: boolean): boolean {
-    return this.ready && this.room?.draw(camera, FOV_Y_RAD, size, filmedOnly) === true;
+    return this.ready && this.pacedRoom?.draw(camera, FOV_Y_RAD, size, filmedOnly) === true;
   }
 
   /** Stamp the picture drawn just now with when it was captured; false: nobody knows when. */
@@ -177,9 +181,14 @@ export class LocalRendering {
     if (this.unanswered === UNANSWERED_S) this.updateMode();
   }
 
+  /** This device draws people so coarsely that larger pictures are of no use. */
+  get coarse(): boolean {
+    return this.shown && this.pacedRoom?.coarse === true;
+  }
+
   /** Give way to the server where this device drew too few pictures in the last second. */
   observeSpeed(fps: number, smallest: boolean): void {
-    this.modeSelector.observe(fps, smallest);
+    this.modeSelector.observe(fps, smallest && this.pacedRoom?.atSmallest === true);
     if (!this.ready) this.updateMode();
   }
 

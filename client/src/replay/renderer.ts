@@ -1,10 +1,11 @@
 /** A recorded room on a canvas: everybody as they stood at a moment, seen from any side. */
 
 import type { Api } from "../api/api";
-import { ResolutionLadder, fitSize, highestStep } from "../viewpoint/framing";
+import { ResolutionLadder, fitSize, highestStep, type Size } from "../viewpoint/framing";
 import type { Vec3 } from "../viewpoint/geometry";
 import { performerCheck } from "../transport/packets";
 import { LocalRoom } from "../splats/localRoom";
+import { PacedRoom } from "../splats/pacedRoom";
 import { decodePanorama, type LoadedEnvironment } from "../splats/room";
 import type { Performer } from "../api/types";
 import { FOV_Y_RAD, Viewpoint, homeOrbit } from "../viewpoint/viewpoint";
@@ -19,6 +20,7 @@ export class ReplayRenderer {
   readonly canvas = document.createElement("canvas");
   readonly viewpoint: Viewpoint;
   private readonly room: LocalRoom;
+  private readonly pacedRoom: PacedRoom;
   private performers: Performer[] = [];
   private environmentName = "";
   private sequence = 0;
@@ -39,6 +41,8 @@ export class ReplayRenderer {
       const file = await api.file(`/v1/recordings/${id}/models/${modelId}`);
       return file.arrayBuffer();
     });
+    this.pacedRoom = new PacedRoom(this.room);
+    this.room.onLoaded = () => void this.pacedRoom.trial(this.viewpoint.camera, FOV_Y_RAD, this.size);
     const first = loaded.rooms.items[0];
     this.viewpoint = new Viewpoint(homeOrbit(first ? this.performersOf(first) : [], this.aspect), inertia);
     this.canvas.classList.add("shown");
@@ -70,8 +74,7 @@ export class ReplayRenderer {
     });
     const { clientWidth: width, clientHeight: height } = this.canvas;
     this.fit(width / Math.max(1, height));
-    const size = fitSize(Math.max(16, width), Math.max(16, height), this.ladder.side);
-    const drawn = this.room.draw(this.viewpoint.camera, FOV_Y_RAD, size, false);
+    const drawn = this.pacedRoom.draw(this.viewpoint.camera, FOV_Y_RAD, this.size, false);
     if (drawn) this.adaptSize(highestStep(width * devicePixelRatio, height * devicePixelRatio));
     return drawn;
   }
@@ -90,12 +93,17 @@ export class ReplayRenderer {
     this.room.close();
   }
 
+  private get size(): Size {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    return fitSize(Math.max(16, width), Math.max(16, height), this.ladder.side);
+  }
+
   /** Larger pictures where this device draws them fluently, smaller ones where it does not. */
   private adaptSize(highest: number): void {
     this.drawn += 1;
     const passedMs = performance.now() - this.countedMs;
     if (passedMs < COUNTING_MS) return;
-    this.ladder.observe((this.drawn * 1000) / passedMs, highest);
+    this.ladder.observe((this.drawn * 1000) / passedMs, highest, false, this.pacedRoom.coarse);
     this.drawn = 0;
     this.countedMs += passedMs;
   }

@@ -5,6 +5,7 @@ import type { Size } from "../viewpoint/framing";
 import type { Performer } from "../api/types";
 import type { CameraPose } from "../viewpoint/viewpoint";
 import { packSplats, shareWithin, type PackedSplats } from "./packed";
+import { DrawTimer } from "./drawTimer";
 import { varianceScale, readSplats, type SplatFile } from "./file";
 import { allocateOffsets, moveSplats } from "./moved";
 import { passCamera, SplatPass, type Eye, type PassCamera, type PassPeople } from "./pass";
@@ -36,10 +37,13 @@ export class LocalRoom {
   onLoaded: () => void = () => undefined;
   /** The server speaks of other people than we know. */
   onUnknownPerformers: () => void = () => undefined;
+  /** A picture of the page took so long, ms; told a moment after it was drawn. */
+  onFinished: (tookMs: number) => void = () => undefined;
   /** Why this device can't draw the room, in words for its viewer; null where it can or may yet. */
   obstacle: string | null = null;
 
   private readonly pass: SplatPass | null;
+  private readonly timer: DrawTimer | null;
   private readonly worker = new Worker(new URL("./sortWorker.ts", import.meta.url), { type: "module" });
   private readonly files = new Map<string, Promise<ArrayBuffer | null>>();
   private performers: readonly Performer[] = [];
@@ -68,6 +72,7 @@ export class LocalRoom {
     private readonly xrCompatible = false,
   ) {
     this.pass = this.makePass();
+    this.timer = this.pass && new DrawTimer(this.pass.gl, (tookMs) => this.onFinished(tookMs));
     this.worker.addEventListener("message", ({ data }: MessageEvent<Sorted>) => this.onSorted(data));
     this.canvas.addEventListener("webglcontextlost", () => {
       this.obstacle = "The graphics context of this device was lost";
@@ -158,22 +163,27 @@ export class LocalRoom {
     return this.performers.every((_, index) => this.poses[index] !== undefined);
   }
 
-  /** Draw what has changed since the last time; says whether a picture was drawn. */
-  draw(view: CameraPose, fovYRad: number, { width, height }: Size, filmedOnly: boolean): boolean {
+  /**
+   * Draw what has changed since the last time, the first `kept` splats of each person; says whether
+   * a picture was drawn.
+   */
+  draw(view: CameraPose, fovYRad: number, { width, height }: Size, filmedOnly: boolean, kept: readonly number[]): boolean {
     const { splats, pass } = this;
     if (!splats || !pass || !this.drawable) return false;
     if (this.posesChanged) this.updateTransforms(splats);
     const camera = passCamera(view, fovYRad, width, height);
-    const key = [...camera.worldToCamera, width, height, filmedOnly].join();
+    const key = [...camera.worldToCamera, width, height, filmedOnly, ...kept].join();
     const changed = this.posesChanged || key !== this.drawnKey;
     this.posesChanged = false;
     this.drawnKey = key;
     if (changed) this.version += 1;
-    this.sort(camera);
+    this.sort(camera, kept);
     const sorted = this.sorted;
     if (!sorted || !(changed || this.resorted)) return false;
     this.resorted = false;
+    const startMs = performance.now();
     pass.draw({ camera, ...this.passPeople(splats, sorted, filmedOnly) });
+    this.timer?.submitted(startMs);
     return true;
   }
 
@@ -217,19 +227,22 @@ export class LocalRoom {
     return sorted !== null;
   }
 
-  /** Pictures of `size` that this device draws a second: a short trial, everybody at rest. */
-  trialFps(view: CameraPose, fovYRad: number, { width, height }: Size): number {
+  /**
+   * Pictures of `size` that this device draws a second, with the first `kept` splats of each person:
+   * a short trial, everybody at rest.
+   */
+  trialFps(view: CameraPose, fovYRad: number, { width, height }: Size, kept: readonly number[]): number {
     const { splats, pass } = this;
     if (!splats || !pass) return 0;
     this.updateTransforms(splats, (index) => this.performers[index]?.position);
     const camera = passCamera(view, fovYRad, width, height);
     const depth = new Float32Array(splats.count);
     const order = allocateOrder(splats.count);
-    depths(splats.skinned, depthRows(this.transforms, camera.worldToCamera), depth);
+    depths(splats.skinned, depthRows(this.transforms, camera.worldToCamera), depth, kept);
     const count = depthOrder(depth, order);
     let startMs = 0;
     for (let frame = 0; frame <= TRIAL_FRAMES; frame++) {
-      pass.draw({ camera, ...this.passPeople(splats, { order, count, kept: splats.skinned.counts }, false) });
+      pass.draw({ camera, ...this.passPeople(splats, { order, count, kept }, false) });
       pass.read(1); // waits for the card
       if (frame === 0) startMs = performance.now(); // the first one also makes the shaders ready
     }
@@ -326,7 +339,7 @@ export class LocalRoom {
   }
 
   /** Have the worker sort for the newest view, unless it is still at the last one. */
-  private sort(camera: PassCamera, kept: readonly number[] = this.counts): void {
+  private sort(camera: PassCamera, kept: readonly number[]): void {
     const order = this.spareOrder;
     if (!order || this.sortedVersion === this.version) return;
     this.spareOrder = null;

@@ -12,7 +12,7 @@ export interface RenderStatus {
 }
 
 /** Speed of a trial from which this device keeps up with 30 poses a second and does all else. */
-const ENOUGH_FPS = 45;
+export const ENOUGH_FPS = 45;
 const SLOW_FPS = 20;
 const SLOW_S = 4;
 
@@ -39,16 +39,16 @@ export class RenderModeSelector {
     this.tooSlow = false;
   }
 
-  /** A trial on this cast drew so many pictures a second. */
+  /** A trial on this cast drew so many pictures a second, with fewer splats where that takes it. */
   setTrialFps(fps: number): void {
     this.trialFps = fps;
     this.slow = 0;
     this.tooSlow = false;
   }
 
-  /** Tell the pictures that this device drew in the last second, and whether smaller ones are left. */
-  observe(fps: number, smallest: boolean): void {
-    this.slow = fps < SLOW_FPS && smallest ? this.slow + 1 : 0;
+  /** Tell the pictures that this device drew in the last second, and whether none are cheaper: smaller, or with fewer splats. */
+  observe(fps: number, cheapest: boolean): void {
+    this.slow = fps < SLOW_FPS && cheapest ? this.slow + 1 : 0;
     if (this.slow >= SLOW_S) this.tooSlow = true;
   }
 }

@@ -15,6 +15,8 @@ export interface SecondStats {
   adapts: boolean;
   /** The largest step that is worth asking for. */
   highest: number;
+  /** What is drawn is so coarse that a larger picture is of no use. */
+  coarse: boolean;
   /** With no picture for so long something is wrong. */
   patienceS: number;
 }
@@ -63,7 +65,7 @@ export class VideoAdaptation {
   }
 
   observe(second: SecondStats): AdaptationStep {
-    const { fps, live, adapts, highest } = second;
+    const { fps, live, adapts, highest, coarse } = second;
     const lossy = this.isLossy(second);
     this.secondsWithoutPicture = fps > 0 ? 0 : this.secondsWithoutPicture + 1;
     if (fps > 0) this.noPictureSinceRequest = false;
@@ -73,7 +75,7 @@ export class VideoAdaptation {
     // a connection that loses packets is too slow: another connection would be no faster
     if (gone && !(live && lossy)) return this.giveUp(lossy);
     if (!live) return "keep";
-    return this.ladder.observe(fps, highest, lossy) ? "request" : "keep";
+    return this.ladder.observe(fps, highest, lossy, coarse) ? "request" : "keep";
   }
 
   private observeAudioOnly(highest: number): AdaptationStep {

@@ -80,10 +80,10 @@ export class ResolutionLadder {
   }
 
   /**
-   * Tell the pictures of the last second, and whether the connection loses what is sent; says whether
-   * the step changed.
+   * Tell the pictures of the last second, whether the connection loses what is sent, and whether what
+   * is drawn is too coarse for larger pictures to be of use; says whether the step changed.
    */
-  observe(fps: number, highest: number, lossy = false): boolean {
+  observe(fps: number, highest: number, lossy = false, coarse = false): boolean {
     if (this.ignoredSeconds > 0) {
       this.ignoredSeconds -= 1;
       return false;
@@ -94,7 +94,7 @@ export class ResolutionLadder {
     if (this.index > highest) return this.stepDown(highest);
     if (this.slowSeconds >= SLOW_S && this.index > 0) return this.stepDown(lossy && this.unusableSeconds >= SLOW_S ? 0 : this.index - 1);
     if (this.unusableSeconds >= SLOW_S && this.index === 0 && lossy) return this.stepDown(AUDIO_ONLY);
-    return this.smoothSeconds >= this.waitS && this.index < highest && this.stepUp();
+    return this.smoothSeconds >= this.waitS && this.index < highest && !coarse && this.stepUp();
   }
 
   private stepDown(index: number): boolean {

@@ -8,7 +8,8 @@
 import type { MeetingSession } from "../meeting/session";
 import type { LiveView } from "../drawing/live";
 import type { Eye, PassCamera } from "../splats/pass";
-import { shareBudget, sizeInView, SplatBudget, steadyShares } from "./budget";
+import { SplatBudget, SplatShares } from "../splats/budget";
+import { headsetRules, type HeadsetStep } from "./headsetSteps";
 import { panelInFrontOf, ViewerRig, centreOf, seatPose, SNAP_RAD } from "./rig";
 import { MENU_PX, menuItems, type MenuAction, type MenuItem, type Sheet } from "./menu";
 import { paintMenu, paintText } from "./paint";
@@ -57,10 +58,11 @@ export class Headset {
   private readonly statusPanel: CanvasPanel;
   private readonly pointers: Pointers;
   private readonly statusText: StatusText;
-  private readonly budget: SplatBudget;
+  private readonly budget = new SplatBudget<HeadsetStep>(headsetRules(1000 / PACE_HZ));
+  private readonly shares = new SplatShares();
   private sheet: Sheet | null = null;
   private panels: { menu: Quad; words: Record<"closed" | "open", Quad>; yawRad: number } | null = null;
-  private splatShares: readonly number[] = [];
+  private kept: readonly number[] = [];
   private pictures = 0;
   private toldMs = 0;
   private head: Matrix | null = null;
@@ -104,7 +106,6 @@ export class Headset {
     this.menuPanel = new CanvasPanel(gl, MENU_PX.width, MENU_PX.height);
     this.statusPanel = new CanvasPanel(gl, WORDS_PX.width, WORDS_PX.height);
     this.statusText = new StatusText(meetingSession);
-    this.budget = new SplatBudget(1000 / PACE_HZ);
     this.pointers = new Pointers(session);
   }
 
@@ -149,9 +150,9 @@ export class Headset {
     const [first] = eyes;
     if (!first) return;
     this.reportView(head, first.camera);
-    this.shareSplats(head, first.camera);
     const middle = this.headCamera(head, first.camera);
-    const withPeople = this.view.room.drawEyes(eyes, middle, false, this.splatShares);
+    this.kept = this.shares.of(this.view.room, middle, this.budget.step.splats);
+    const withPeople = this.view.room.drawEyes(eyes, middle, false, this.kept);
     const flats = this.overlayQuads(aims, column(this.rig.toRoom(head), 3), nowMs);
     for (const eye of eyes) this.quads.draw(eye, flats);
     this.live.headsetFrameDrawn(withPeople);
@@ -227,14 +228,6 @@ export class Headset {
     this.view.size = { width, height };
   }
 
-  private shareSplats(head: Matrix, eye: PassCamera): void {
-    const { room } = this.view;
-    const camera = this.headCamera(head, eye);
-    const most = this.budget.step.splats;
-    const sizes = room.pelvisPositions.map((place) => sizeInView(camera, place));
-    this.splatShares = steadyShares(this.splatShares, shareBudget(room.counts, sizes, most), most);
-  }
-
   private overlayQuads(aims: readonly Aim[], eye: readonly [number, number, number], nowMs: number): OverlayQuad[] {
     const { panels, items } = this;
     const rays: OverlayQuad[] = aims.flatMap(({ ray, target, endM }) => {
@@ -255,13 +248,13 @@ export class Headset {
   }
 
   private publishStats(nowMs: number, layer: XRWebGLLayer): void {
-    if (this.budget.observe(nowMs) && layer.fixedFoveation != null) {
+    if (this.budget.observeAt(nowMs) && layer.fixedFoveation != null) {
       layer.fixedFoveation = this.budget.step.foveation;
     }
     this.pictures += 1;
     const since = nowMs - this.toldMs;
     if (since < NEWS_MS) return;
-    this.onStats({ fps: Math.round((1000 * this.pictures) / since), splats: this.splatShares.reduce((all, one) => all + one, 0) });
+    this.onStats({ fps: Math.round((1000 * this.pictures) / since), splats: this.kept.reduce((all, one) => all + one, 0) });
     this.pictures = 0;
     this.toldMs = nowMs;
   }

@@ -1,4 +1,4 @@
-import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { afterEach, beforeEach, describe, expect, it, vi, type Mock } from "vitest";
 import type { Api } from "../../src/api/api";
 import { LocalRendering } from "../../src/drawing/localRendering";
 import type { RenderStatus } from "../../src/splats/renderMode";
@@ -12,11 +12,14 @@ vi.mock("../../src/splats/localRoom", () => ({
     loaded = false;
     drawable = false;
     obstacle = null;
-    pelvisPositions = [];
+    counts = [45_000];
+    pelvisPositions = [[0, 1, 0]];
+    onFinished = (_tookMs: number): void => undefined;
+    draw = vi.fn(() => true);
     setEnvironment = vi.fn();
     setScreen = vi.fn();
     setPerformers = vi.fn(async () => undefined);
-    trialFps = (): number => 60;
+    trialFps = (...[, , , kept]: [unknown, unknown, unknown, number[]]): number => 600_000 / (kept[0] ?? 1);
     onLoaded = (): void => undefined;
     onUnknownPerformers = (): void => undefined;
     close = vi.fn();
@@ -49,7 +52,14 @@ async function ready() {
   const made = drawing();
   made.local.token = "seat";
   made.local.begin();
-  const room = rooms.at(-1) as { loaded: boolean; drawable: boolean; onLoaded(): void; onUnknownPerformers(): void };
+  const room = rooms.at(-1) as {
+    loaded: boolean;
+    drawable: boolean;
+    onLoaded(): void;
+    onUnknownPerformers(): void;
+    onFinished(tookMs: number): void;
+    draw: Mock;
+  };
   await vi.waitFor(() => expect(made.told.length).toBeGreaterThan(0));
   room.loaded = true;
   room.onLoaded();
@@ -82,6 +92,21 @@ describe("LocalRendering", () => {
     const { local } = await ready();
     expect(local.ready).toBe(true);
     local.chooseMode("server");
+    expect(local.ready).toBe(false);
+  });
+
+  it("draws as many splats as the trial says, and gives way only once it draws the fewest too slowly", async () => {
+    const { local, room } = await ready();
+    const kept = (): number[] => {
+      local.draw(CAMERA, SIZE, false);
+      return room.draw.mock.calls.at(-1)?.[4] as number[];
+    };
+    expect(kept()).toEqual([10_000]);
+    for (let second = 0; second < 10; second++) local.observeSpeed(5, true);
+    expect(local.ready).toBe(true);
+    for (let picture = 0; picture < 60; picture++) room.onFinished(90);
+    expect(kept()).toEqual([5_000]);
+    for (let second = 0; second < 4; second++) local.observeSpeed(5, true);
     expect(local.ready).toBe(false);
   });
 

@@ -8,7 +8,7 @@ function line() {
   const second = (fps: number, sent: number, came: number, more: Partial<SecondStats> = {}): AdaptationStep => {
     counted.received += came;
     counted.lost += sent - came;
-    return flow.observe({ fps, ...counted, live: true, adapts: true, highest: 4, patienceS: 4, ...more });
+    return flow.observe({ fps, ...counted, live: true, adapts: true, highest: 4, coarse: false, patienceS: 4, ...more });
   };
   const good = (): AdaptationStep => (flow.audioOnly ? second(0, 0, 0) : second(30, 60, 60));
   const starved = (): AdaptationStep => (flow.audioOnly ? second(0, 0, 0) : second(1, 60, 12));
@@ -26,6 +26,16 @@ describe("VideoAdaptation", () => {
     expect(times(30, good).every((step) => step === "request")).toBe(true);
     expect(flow.audioOnly).toBe(false);
     times(60, good);
+    expect(flow.side).toBe(1024);
+  });
+
+  it("asks for no larger pictures of what is drawn coarsely, and for smaller ones all the same", () => {
+    const { flow, second, times } = line();
+    times(60, () => second(30, 60, 60, { coarse: true }));
+    expect(flow.side).toBe(512);
+    times(4, () => second(10, 60, 60, { coarse: true }));
+    expect(flow.side).toBe(384);
+    times(60, () => second(30, 60, 60));
     expect(flow.side).toBe(1024);
   });
 

@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { shareBudget, sizeInView, SplatBudget, steadyShares, STEPS } from "../../src/xr/budget";
+import { SplatBudget } from "../../src/splats/budget";
+import { HEADSET_STEPS, headsetRules, type HeadsetStep } from "../../src/xr/headsetSteps";
 import { panelInFrontOf, ViewerRig, seatPose, STANDING_EYES_M } from "../../src/xr/rig";
 import { hitTest } from "../../src/xr/pointers";
 import { column, eyeCamera, floorHit, headPose, quadHit, rayOf, yawOf, type Matrix } from "../../src/xr/space";
@@ -180,29 +181,29 @@ describe("ViewerRig", () => {
   });
 });
 
-describe("SplatBudget", () => {
+describe("the budget of a headset", () => {
   const PACE = 1000 / 72;
 
-  function run(budget: SplatBudget, clock: { ms: number }, pictures: number, tookMs: number): number[] {
+  function run(budget: SplatBudget<HeadsetStep>, clock: { ms: number }, pictures: number, tookMs: number): number[] {
     const steps: number[] = [];
     for (let n = 0; n < pictures; n++) {
       clock.ms += tookMs;
-      if (budget.observe(clock.ms)) steps.push(budget.step.splats);
+      if (budget.observeAt(clock.ms)) steps.push(budget.step.splats);
     }
     return steps;
   }
 
   it("gives fewer splats while pictures come late, down to the fewest", () => {
-    const budget = new SplatBudget(PACE);
+    const budget = new SplatBudget(headsetRules(PACE));
     const clock = { ms: 1 };
     expect(run(budget, clock, 37, 1.5 * PACE)).toEqual([21_000]);
     expect(run(budget, clock, 36, 3 * PACE)).toEqual([10_000]);
     run(budget, clock, 1000, 3 * PACE);
-    expect(budget.step).toBe(STEPS.at(-1));
+    expect(budget.step).toBe(HEADSET_STEPS.at(-1));
   });
 
   it("gives more again after calm, and less often where that was a mistake", () => {
-    const budget = new SplatBudget(PACE);
+    const budget = new SplatBudget(headsetRules(PACE));
     const clock = { ms: 1 };
     run(budget, clock, 37, 2 * PACE);
     expect(budget.step.splats).toBe(21_000);
@@ -214,7 +215,7 @@ describe("SplatBudget", () => {
   });
 
   it("does not mind a late picture now and then, nor a pause", () => {
-    const budget = new SplatBudget(PACE);
+    const budget = new SplatBudget(headsetRules(PACE));
     const clock = { ms: 1 };
     for (let n = 0; n < 50; n++) {
       run(budget, clock, 35, PACE);
@@ -222,30 +223,5 @@ describe("SplatBudget", () => {
       run(budget, clock, 1, 5000);
     }
     expect(budget.step.splats).toBeGreaterThanOrEqual(30_000);
-  });
-});
-
-describe("shares of a budget", () => {
-  it("go by size in view, and what somebody has not got goes to the others", () => {
-    expect(shareBudget([9000, 9000], [1, 1], 60_000)).toEqual([9000, 9000]);
-    expect(shareBudget([10_000, 10_000], [3, 1], 8000)).toEqual([6000, 2000]);
-    expect(shareBudget([4000, 10_000, 10_000], [6, 1, 1], 8000)).toEqual([4000, 2000, 2000]);
-    expect(shareBudget([10_000, 10_000], [0, 1], 8000)).toEqual([0, 8000]);
-    expect(shareBudget([], [], 8000)).toEqual([]);
-  });
-
-  it("stay as they are for small changes, unless they are too many", () => {
-    const before = [6000, 2000];
-    expect(steadyShares(before, [5800, 2200], 8000)).toBe(before);
-    expect(steadyShares(before, [4000, 4000], 8000)).toEqual([4000, 4000]);
-    expect(steadyShares(before, [5800, 2000], 7800)).toEqual([5800, 2000]);
-    expect(steadyShares(before, [6000], 8000)).toEqual([6000]);
-  });
-
-  it("see those near and ahead as larger", () => {
-    const camera = eyeCamera(headAt(0, 1.6, 0), projectionOf(1, 1, 1, 1), 100, 100);
-    const ahead = sizeInView(camera, [0, 1, -2]);
-    expect(ahead / sizeInView(camera, [0, 1, -4])).toBeCloseTo((16 + 0.36) / (4 + 0.36), 5);
-    expect(sizeInView(camera, [0, 1, 2])).toBeLessThan(0.2 * ahead);
   });
 });

@@ -1,32 +1,29 @@
 /**
- * How many splats a headset draws, so that no picture comes late: steps by measured time between
- * pictures, and each step shared among people by their size in view. No DOM in here.
+ * How many splats a device draws, so that no picture comes late: steps by what pictures take, and
+ * each step shared among people by their size in view. No DOM in here.
  */
 
-import type { PassCamera } from "../splats/pass";
+import type { PassCamera } from "./pass";
 
-/** What one step draws: splats of all together, the eyes' sides (of the whole), and how coarse their rims are. */
+/** What one step draws: splats of all together. */
 export interface Step {
   splats: number;
-  viewportScale: number;
-  foveation: number;
 }
 
-export const STEPS: readonly Step[] = [
-  { splats: 60_000, viewportScale: 1, foveation: 0 },
-  { splats: 42_000, viewportScale: 1, foveation: 0.2 },
-  { splats: 30_000, viewportScale: 1, foveation: 0.4 },
-  { splats: 21_000, viewportScale: 0.9, foveation: 0.6 },
-  { splats: 15_000, viewportScale: 0.8, foveation: 0.8 },
-  { splats: 10_000, viewportScale: 0.7, foveation: 1 },
-  { splats: 7_000, viewportScale: 0.6, foveation: 1 },
-  { splats: 5_000, viewportScale: 0.5, foveation: 1 },
-];
-const FIRST_STEP = 2;
-/** Pictures that are judged together: half a second at 72 a second. */
-const WINDOW = 36;
-/** A picture is late from so many times the pace on: headsets leave out whole ones. */
-const LATE = 1.4;
+/** What a budget goes by. */
+export interface BudgetRules<S extends Step> {
+  /** The most splats first. */
+  steps: readonly S[];
+  /** Place of the step to begin with. */
+  first: number;
+  /** The time that a picture has. */
+  paceMs: number;
+  /** A picture is late from so many times the pace on. */
+  late: number;
+  /** Pictures that are judged together. */
+  window: number;
+}
+
 /** Late ones in a window that make it step down; with as many as `CALM` it may step up again. */
 const TOO_LATE = 8;
 const CALM = 1;
@@ -40,35 +37,46 @@ const REGRET = 4;
 /** The headset was taken off, or the page was away, ms. */
 const AWAY_MS = 500;
 
-export class SplatBudget {
-  private at = FIRST_STEP;
+export class SplatBudget<S extends Step> {
+  private at: number;
   private lastMs: number | null = null;
   private pictures = 0;
   private late = 0;
-  private lateMs = 0;
+  private sumMs = 0;
   private calm = 0;
   private patience = PATIENCE;
   private sinceUp = Infinity;
 
-  /** `paceMs`: the time that a picture has. */
-  constructor(private readonly paceMs: number) {}
-
-  get step(): Step {
-    return STEPS[this.at] as Step;
+  constructor(private readonly rules: BudgetRules<S>) {
+    this.at = rules.first;
   }
 
-  /** Tell of a picture at `nowMs`; says whether the step has changed. */
-  observe(nowMs: number): boolean {
+  get step(): S {
+    return this.rules.steps[this.at] as S;
+  }
+
+  /** No step draws fewer splats. */
+  get atSmallest(): boolean {
+    return this.at === this.rules.steps.length - 1;
+  }
+
+  /** Tell of a picture at `nowMs`, one after the other without a pause; says whether the step has changed. */
+  observeAt(nowMs: number): boolean {
     const tookMs = nowMs - (this.lastMs ?? nowMs);
     this.lastMs = nowMs;
-    if (tookMs <= 0 || tookMs > AWAY_MS) return false;
+    return tookMs > 0 && tookMs <= AWAY_MS && this.observe(tookMs);
+  }
+
+  /** Tell of a picture that took `tookMs`; says whether the step has changed. */
+  observe(tookMs: number): boolean {
+    const { late, paceMs, window } = this.rules;
     this.pictures += 1;
-    if (tookMs > LATE * this.paceMs) this.late += 1;
-    this.lateMs += tookMs;
-    if (this.pictures < WINDOW) return false;
+    if (tookMs > late * paceMs) this.late += 1;
+    this.sumMs += tookMs;
+    if (this.pictures < window) return false;
     const before = this.at;
-    this.judge(this.late, this.lateMs / WINDOW);
-    this.pictures = this.late = this.lateMs = 0;
+    this.judge(this.late, this.sumMs / window);
+    this.pictures = this.late = this.sumMs = 0;
     return this.at !== before;
   }
 
@@ -77,7 +85,7 @@ export class SplatBudget {
     if (late >= TOO_LATE) {
       if (this.sinceUp <= REGRET) this.patience = Math.min(MOST_PATIENCE, 2 * this.patience);
       this.calm = 0;
-      this.at = Math.min(STEPS.length - 1, this.at + (meanMs > FAR_TOO_SLOW * this.paceMs ? 2 : 1));
+      this.at = Math.min(this.rules.steps.length - 1, this.at + (meanMs > FAR_TOO_SLOW * this.rules.paceMs ? 2 : 1));
       return;
     }
     this.calm = late <= CALM ? this.calm + 1 : 0;
@@ -131,4 +139,25 @@ export function sizeInView({ worldToCamera: m, eye }: PassCamera, [x, y, z]: rea
   const distance = Math.max(MIN_DISTANCE_M, Math.hypot(x - eye[0], y - eye[1], z - eye[2]));
   const depth = (m[8] ?? 0) * x + (m[9] ?? 0) * y + (m[10] ?? 0) * z + (m[11] ?? 0);
   return (depth < ASIDE_COS * distance ? ASIDE : 1) / distance ** 2;
+}
+
+/** Who is drawn: see `LocalRoom`. */
+export interface Sharers {
+  readonly counts: readonly number[];
+  readonly pelvisPositions: readonly (readonly [number, number, number])[];
+}
+
+/** The splats of each person from picture to picture. */
+export class SplatShares {
+  private shares: readonly number[] = [];
+  private most = 0;
+
+  /** Splats of each person, `most` together, before this camera. */
+  of({ counts, pelvisPositions }: Sharers, camera: PassCamera, most: number): readonly number[] {
+    const sizes = pelvisPositions.map((place) => sizeInView(camera, place));
+    const next = shareBudget(counts, sizes, most);
+    this.shares = most === this.most ? steadyShares(this.shares, next, most) : next;
+    this.most = most;
+    return this.shares;
+  }
 }

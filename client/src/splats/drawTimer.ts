@@ -1,0 +1,46 @@
+/** What pictures take: from the first command of each until the card has finished it. */
+
+/** Finished pictures are noticed so much later at most; browsers wait no shorter. */
+const POLL_MS = 4;
+
+/**
+ * Counts only the time in which the card works on a picture. The time between pictures would also
+ * tell of poses that come late, of a hidden page, and of a viewer who stands still.
+ */
+export class DrawTimer {
+  private readonly pending: { sync: WebGLSync; startMs: number }[] = [];
+  private finishedMs = -Infinity;
+
+  constructor(
+    private readonly gl: WebGL2RenderingContext,
+    private readonly onFinished: (tookMs: number) => void,
+  ) {}
+
+  /** All commands of a picture have been given since `startMs`. */
+  submitted(startMs: number): void {
+    const { gl, pending } = this;
+    const sync = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    if (!sync) return; // the context is lost
+    gl.flush();
+    pending.push({ sync, startMs });
+    if (pending.length === 1) this.pollLater();
+  }
+
+  private pollLater(): void {
+    setTimeout(() => this.poll(), POLL_MS);
+  }
+
+  private poll(): void {
+    const { gl, pending } = this;
+    const nowMs = performance.now();
+    for (let first = pending[0]; first; first = pending[0]) {
+      if (gl.isContextLost()) return void pending.splice(0);
+      if (gl.getSyncParameter(first.sync, gl.SYNC_STATUS) !== gl.SIGNALED) return this.pollLater();
+      gl.deleteSync(first.sync);
+      pending.shift();
+      // a picture that waited for the one before is not to blame for that
+      this.onFinished(nowMs - Math.max(first.startMs, this.finishedMs));
+      this.finishedMs = nowMs;
+    }
+  }
+}
