@@ -32,15 +32,23 @@ export class DrawTimer {
 
   private poll(): void {
     const { gl, pending } = this;
+    if (gl.isContextLost()) return void pending.splice(0);
+    const waiting = pending.findIndex(({ sync }) => gl.getSyncParameter(sync, gl.SYNC_STATUS) !== gl.SIGNALED);
+    this.finish(pending.splice(0, waiting < 0 ? pending.length : waiting));
+    if (pending.length > 0) this.pollLater();
+  }
+
+  /** Tell of pictures that were finished since the last time: of several, what they took on average. */
+  private finish(pictures: { sync: WebGLSync; startMs: number }[]): void {
+    const [first] = pictures;
+    if (!first) return;
     const nowMs = performance.now();
-    for (let first = pending[0]; first; first = pending[0]) {
-      if (gl.isContextLost()) return void pending.splice(0);
-      if (gl.getSyncParameter(first.sync, gl.SYNC_STATUS) !== gl.SIGNALED) return this.pollLater();
-      gl.deleteSync(first.sync);
-      pending.shift();
-      // a picture that waited for the one before is not to blame for that
-      this.onFinished(nowMs - Math.max(first.startMs, this.finishedMs));
-      this.finishedMs = nowMs;
+    // what a picture waited for the one before is not its own time
+    const tookMs = (nowMs - Math.max(first.startMs, this.finishedMs)) / pictures.length;
+    this.finishedMs = nowMs;
+    for (const { sync } of pictures) {
+      this.gl.deleteSync(sync);
+      this.onFinished(tookMs);
     }
   }
 }

@@ -48,6 +48,14 @@ describe("DrawTimer", () => {
     expect(tookMs).toEqual([24, 24, 24, 24]);
   });
 
+  it("shares the time among pictures that are noticed at once", () => {
+    const { tookMs, timer } = timed(2);
+    timer.submitted(performance.now());
+    timer.submitted(performance.now());
+    vi.advanceTimersByTime(100);
+    expect(tookMs).toEqual([2, 2]);
+  });
+
   it("stops with the context", () => {
     const { card, tookMs, timer } = timed(20);
     timer.submitted(performance.now());
