@@ -74,6 +74,15 @@ def test_others_read_the_ogg_and_silence_keeps_time():
     assert level(2.0) < 1e-3 < 0.05 < level(3.1)
 
 
+def test_the_ogg_has_the_packets_as_they_came_and_the_same_bytes_each_time():
+    packets = [*voice(1.3), b"\xff" * 5, bytes([0xF8]) + bytes(1300), *voice(0.3)]
+    pages = b"".join(ogg_opus(packets))
+    with av.open(io.BytesIO(pages), "r") as container:
+        read = [bytes(packet) for packet in container.demux(audio=0) if packet.size]
+    assert read == packets
+    assert b"".join(ogg_opus(packets)) == pages
+
+
 def test_voices_are_summed_in_time_and_a_spoilt_packet_is_silence():
     one = [Record(20 * at, data) for at, data in enumerate(voice(0.4, 300.0))]
     other = [Record(1000 + 20 * at, data) for at, data in enumerate(voice(0.4, 800.0))]
