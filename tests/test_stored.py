@@ -43,7 +43,7 @@ VIEW, POSE = 2, 3
 """The test camera and the pose of the stored pictures."""
 NOW = datetime(2026, 1, 1, 12, 0, tzinfo=UTC)
 PRESETS = {
-    "splats": (Preset("splats", "a few hundred splats", SplatSettings(count=400)), 120),
+    "splats": (Preset("splats", "a few hundred splats", SplatSettings(count=400, most=400)), 120),
     "field": (
         Preset(
             "fast",

@@ -24,7 +24,7 @@ from tests.renderer.clocks import ticking
 from tests.renderer.studio import DrawnFrames, make_sequence
 
 FRAMES, SIZE = 16, 96
-PRESET = Preset("splats", "of a test", SplatSettings(count=2500))
+PRESET = Preset("splats", "of a test", SplatSettings(count=2500, most=2500))
 FILMED_IN = Lighting(
     np.concatenate([[[1.6, 1.6, 1.6], [0.35, 0.3, 0.25], [0.0, 0.1, 0.2], [0.5, 0.3, 0.1]],
                     np.zeros((5, 3))]),
@@ -88,7 +88,7 @@ def filmed_pillar() -> tuple[SplatModel, np.ndarray, Sequence]:
         poses.append(Pose(angles, np.zeros(3), frame / 10.0))
     motion = Motion.from_poses(poses)
     sequence = replace(make_sequence(), exact_poses=True)
-    settings = SplatSettings(count=2500)
+    settings = SplatSettings(count=2500, most=2500)
     first = first_splats(replace(sequence, body=body), settings, np.random.default_rng(0))
     parameters = first.parameters.copy()
     parameters[:, OPACITY] = 4.0

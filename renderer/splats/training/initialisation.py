@@ -10,6 +10,7 @@ from renderer.splats.expressions import moving_splats, no_offsets, no_splats
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, POSITION, ROTATION
 from renderer.splats.model import SplatModel
 from renderer.splats.settings import SplatSettings
+from renderer.splats.training.detail import shown_density
 from scene.arrays import Array, Bool, Float, Int
 from scene.body import Body
 from scene.errors import InvalidInput
@@ -53,7 +54,7 @@ def first_splats(
     body = sequence.body
     splats, offsets = no_splats(), no_offsets()
     if body.has_surface:
-        places = SurfacePlaces.drawn(body, settings.count, rng, settings.expressive_density)
+        places = SurfacePlaces.drawn(body, *splat_density(sequence, settings), rng)
         points, normals, weights, _ = places.sampled(body)
         spacing = places.spacing[:, None]
         if body.expression_directions is not None:
@@ -131,18 +132,15 @@ class SurfacePlaces:
 
     @classmethod
     def drawn(
-        cls, body: Body, count: int, rng: np.random.Generator, expressive_density: float = 1.0
+        cls, body: Body, count: int, density: Float[Array, "T"] | float, rng: np.random.Generator
     ) -> SurfacePlaces:
-        """`count` places on `body`, so much denser where expressions move it.
+        """`count` places on `body`, as dense on each triangle as `density` says, up to a factor.
 
         Raises InvalidInput for a body without a surface.
         """
-        if body.rest_vertices is None or body.faces is None:
-            raise InvalidInput("body must have a surface to be sampled; got joints only")
-        corners = body.rest_vertices[body.faces]
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normal = _face_normals(body)
         areas = 0.5 * np.linalg.norm(normal, axis=1)
-        density = np.where(_expressive_faces(body), expressive_density, 1.0)
+        density = np.broadcast_to(density, areas.shape)
         share = areas * density
         # stratified along the faces' running area: more even than independent draws
         at = (np.arange(count) + rng.uniform(size=count)) / count * share.sum()
@@ -172,6 +170,27 @@ class SurfacePlaces:
         return points, self.normals, weights, self.area
 
 
+def splat_density(sequence: Sequence, settings: SplatSettings) -> tuple[int, Float[Array, "T"]]:
+    """How many splats the surface of `sequence` gets, and how dense they lie on each triangle.
+
+    As many a square metre as the frames show pixels of it, few where they show none, more on face
+    and hands; all told at least `settings.count`, at most `settings.most`.
+    """
+    density = np.maximum(shown_density(sequence) / settings.pixels_a_splat, settings.unseen_density)
+    density *= np.where(_expressive_faces(sequence.body), settings.expressive_density, 1.0)
+    areas = 0.5 * np.linalg.norm(_face_normals(sequence.body), axis=1)
+    wanted = round(float((areas * density).sum()))
+    return min(max(wanted, settings.count), settings.most), density
+
+
+def _face_normals(body: Body) -> Float[Array, "T 3"]:
+    """Outward, twice as long as each triangle is large (m^2)."""
+    if body.rest_vertices is None or body.faces is None:
+        raise InvalidInput("body must have a surface to be sampled; got joints only")
+    corners = body.rest_vertices[body.faces]
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
 def _expressive_faces(body: Body) -> Bool[Array, "T"]:
     """Which triangles of `body` expressions move."""
     assert body.faces is not None
@@ -185,7 +204,7 @@ def sample_surface(
     body: Body, count: int, rng: np.random.Generator
 ) -> tuple[Float[Array, "N 3"], Float[Array, "N 3"], Float[Array, "N K"], float]:
     """Points spread evenly by area over the rest surface, normals, blend weights, area (m^2)."""
-    return SurfacePlaces.drawn(body, count, rng).sampled(body)
+    return SurfacePlaces.drawn(body, count, 1.0, rng).sampled(body)
 
 
 def _sample_capsules(

@@ -200,7 +200,7 @@ def nodding_body() -> Body:
 
 def test_offsets_begin_as_the_surface_moves():
     sequence = replace(make_sequence(), body=nodding_body())
-    settings = SplatSettings(count=500, expressive_density=1.0)
+    settings = SplatSettings(count=500, most=500, expressive_density=1.0)
     first = first_splats(sequence, settings, np.random.default_rng(0))
     height = first.parameters[first.expression_splats, 1]
     assert height.min() > 0.75
@@ -213,7 +213,9 @@ def test_denser_splats_are_smaller_and_share_the_count():
     sequence = replace(make_sequence(), body=nodding_body())
     made = [
         first_splats(
-            sequence, SplatSettings(count=900, expressive_density=d), np.random.default_rng(0)
+            sequence,
+            SplatSettings(count=900, most=900, expressive_density=d),
+            np.random.default_rng(0),
         )
         for d in (1.0, 3.0)
     ]
@@ -228,7 +230,7 @@ def test_denser_splats_are_smaller_and_share_the_count():
 
 def test_a_warm_start_keeps_offsets_and_an_older_model_gets_them():
     sequence = replace(make_sequence(), body=nodding_body())
-    first = first_splats(sequence, SplatSettings(count=400), np.random.default_rng(0))
+    first = first_splats(sequence, SplatSettings(count=400, most=400), np.random.default_rng(0))
     known = splats_of_model(expressive(make_model()), first, sequence.body.skeleton)
     assert len(known.expression_splats) == 30
     older = splats_of_model(make_model(), first, sequence.body.skeleton)

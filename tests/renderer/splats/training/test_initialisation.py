@@ -28,14 +28,16 @@ def test_points_are_spread_by_area_and_lie_on_the_surface():
 
 
 def test_splats_follow_at_most_four_joints():
-    first = first_splats(make_sequence(), SplatSettings(count=500), np.random.default_rng(0))
+    first = first_splats(
+        make_sequence(), SplatSettings(count=500, most=500), np.random.default_rng(0)
+    )
     assert first.parameters.shape == (500, 14)
     assert first.joints.shape == (500, 4)
     np.testing.assert_allclose(first.weights.sum(axis=1), 1.0, rtol=1e-6)
 
 
 def test_splats_lie_flat_in_the_surface():
-    settings = SplatSettings(count=500)
+    settings = SplatSettings(count=500, most=500)
     first = first_splats(make_sequence(), settings, np.random.default_rng(0))
     quaternions = first.parameters[:, ROTATION : ROTATION + 4].astype(np.float64)
     turns = quaternion_to_matrix(quaternions)
@@ -47,7 +49,7 @@ def test_splats_lie_flat_in_the_surface():
 def test_without_a_surface_capsules_are_cut_by_the_masks():
     sequence = make_sequence()
     joints_only = replace(sequence, body=Body(sequence.body.skeleton))
-    first = first_splats(joints_only, SplatSettings(count=300), np.random.default_rng(0))
+    first = first_splats(joints_only, SplatSettings(count=300, most=300), np.random.default_rng(0))
     camera, pose = sequence.train.camera(0), sequence.train.pose(0)
     transforms = sequence.body.skeleton.skinning_transforms(
         pose.joint_angles, pose.root_translation
@@ -63,5 +65,7 @@ def test_a_skeleton_beside_its_masks_is_refused():
     beside = Body(Skeleton(np.add(sequence.body.skeleton.rest_joints, (5.0, 0.0, 0.0))))
     with pytest.raises(InvalidInput, match="masks must cover the skeleton; got"):
         first_splats(
-            replace(sequence, body=beside), SplatSettings(count=50), np.random.default_rng(0)
+            replace(sequence, body=beside),
+            SplatSettings(count=50, most=50),
+            np.random.default_rng(0),
         )

@@ -45,7 +45,9 @@ def test_splats_follow_bones_that_are_longer_now():
     rest = model.skeleton.rest_joints.copy()
     rest[9] += [0.0, 0.1, 0.0]
     longer = Skeleton(rest)
-    first = first_splats(sequence, replace(SplatSettings(), count=300), np.random.default_rng(0))
+    first = first_splats(
+        sequence, replace(SplatSettings(), count=300, most=300), np.random.default_rng(0)
+    )
     moved = splats_of_model(model, first, longer)
     shift = moved.parameters[:, :3] - model.parameters[:, :3]
     bound = (model.weights * (model.joints == 9)).sum(axis=1)
