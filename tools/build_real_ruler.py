@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -32,6 +33,7 @@ from capture.detection.tracking import track_person
 from capture.segmentation.clip import segment_clip
 from capture.sources.video import Clip, read_video
 from scene.arrays import Array, Float, UInt8
+from tools.real_ruler_corrections import ADDED, HIDDEN, REMOVED, REMOVED_DARK, Polygon
 
 CLIPS = {
     **{
@@ -43,14 +45,12 @@ CLIPS = {
         }.items()
         for word in words
     },
-    **{f"desk_cam{n}": f"real-four-cameras/post_optimization/cam_{n}.mp4" for n in range(4)},
+    **{f"desk_cam{n}": f"real-four-cameras/charuco_calibration/cam_{n}.mp4" for n in (1, 2, 3)},
     "juggler": "real-full-body/05_default_juggle.mp4",
     "walker_cam01": "real-two-cameras/cam01.mp4",
     "walker_cam02": "real-two-cameras/cam02.mp4",
 }
 """Name of each clip with a ruler, and its file below the folder of footage."""
-REMOVED: dict[str, list[tuple[int, int, list[tuple[int, int]]]]] = {}
-"""What the masks of a clip hold too much: first and last frame, corners of a polygon, px."""
 BALL = {
     0: (654, 318, 39), 1: (653, 315, 39), 49: (708, 466, 44), 50: (720, 431, 43),
     98: (820, 319, 47), 99: (820, 312, 47), 147: (602, 433, 46), 148: (603, 413, 46),
@@ -61,19 +61,28 @@ WALL: dict[str, list[Window]] = {
     "grey_shirt": [(200, 255, 48, 150), (382, 250, 46, 180)],
     "orange_hoodie": [(222, 330, 26, 140), (375, 330, 37, 140)],
     "patterned_shirt": [(203, 295, 47, 150), (366, 295, 34, 150)],
+    "desk_cam1": [(700, 178, 310, 160)],
 }
-"""Where a white wall shows between arm and body, by the beginning of a clip's name: what is as
-light and as grey as the wall there is not the person."""
-NO_FACE: dict[str, tuple[int, ...]] = {}
-"""Frames in which what was found is no face."""
+"""Where a white wall shows between arm and body, or fingers, by the beginning of a clip's name:
+what is as light and as grey as the wall there is not the person."""
 _MOMENTS = 6
 """Pairs of successive frames, spread evenly over a clip."""
+DESK_MOMENTS, DESK_FRAMES = (12, 20, 30, 48, 52, 57), 63
+"""First frames of the pairs at the desk, in all cameras alike; afterwards he takes up a board."""
+NO_FACE: dict[str, tuple[int, ...]] = {
+    "desk_cam1": (12, 13, 20, 21, 30, 31, 48, 49, 52, 53, 57, 58),
+}
+"""Frames in which what was found is no face: that of a profile lies beside it, on the wall."""
 _WHOLE_PX = 4096
 _HAND_GROW, _HEAD_GROW, _LEAST_PX = 3.2, 2.6, 48
 _SEEN = 0.5
-_WALL_LIGHT, _WALL_GREY, _WALL_PX = 165, 45, 24
+_WALL, _DESK_WALL, _WALL_PX = (165, 45), (110, 28), 24
 """Of 8 bits: least of the darkest channel, most between the channels; least area."""
 _LEVELS = 16
+_ISLAND_PX = 300
+"""Least area of a part of the person; at the desk every part is larger."""
+_DARK = 50
+"""Of 8 bits, of the lightest channel."""
 _HANDS = tuple(
     [LANDMARK_NAMES.index(f"{side}_{part}") for part in ("wrist", "pinky", "index", "thumb")]
     for side in ("left", "right")
@@ -84,10 +93,11 @@ def build(name: str, footage: Path, models: Path, finder: PartFinder) -> None:
     """Write the ruler of one clip."""
     path = footage / CLIPS[name]
     clip = read_video(path, max_frames=100_000, max_side=_WHOLE_PX)
+    images = clip.images[:DESK_FRAMES] if name.startswith("desk") else clip.images
     with MediaPipeEstimator(models / "pose_landmarker_full.task") as estimator:
-        people = track_person(clip.images, estimator).people
-    masks = segment_clip(clip.images, people)
-    indices = [i for i in _pairs(len(clip.images)) if people[i] is not None]
+        people = track_person(images, estimator).people
+    masks = segment_clip(images, people)
+    indices = [i for i in _pairs(name, len(images)) if people[i] is not None]
     folder = RULERS / name
     (folder / "masks").mkdir(parents=True, exist_ok=True)
     faces, hands = [], []
@@ -118,35 +128,54 @@ def corrected(
     alpha: UInt8[Array, "H W"], image: UInt8[Array, "H W 3"], name: str, index: int
 ) -> UInt8[Array, "H W"]:
     """The mask, without what the eye took away, in `_LEVELS` levels, which keeps files small."""
-    for first, last, corners in REMOVED.get(name, ()):
-        if first <= index <= last:
-            cv2.fillPoly(alpha, [np.array(corners, np.int32)], 0, lineType=cv2.LINE_AA)
+    _fill(alpha, ADDED.get(name, ()), index, 255)
+    _fill(alpha, REMOVED.get(name, ()), index, 0)
+    kept = _fill(alpha.copy(), REMOVED_DARK.get(name, ()), index, 0)
+    alpha = np.where(image.max(2) < _DARK, kept, alpha)
     hidden = _hidden(alpha.shape, name, index)
     if hidden is not None:
         alpha[hidden > 0] = 0
     for person, windows in WALL.items():
+        light, grey = _DESK_WALL if name.startswith("desk") else _WALL
         for x, y, width, height in windows if name.startswith(person) else ():
             part = slice(y, y + height), slice(x, x + width)
             seen = image[part].astype(int)
-            wall = (seen.min(2) > _WALL_LIGHT) & (np.ptp(seen, axis=2) < _WALL_GREY)
+            wall = (seen.min(2) > light) & (np.ptp(seen, axis=2) < grey)
             _, labels, stats, _ = cv2.connectedComponentsWithStats(wall.astype(np.uint8))
             large = stats[:, cv2.CC_STAT_AREA] >= _WALL_PX  # print on cloth is smaller
             large[0] = False
             alpha[part][cv2.dilate(large[labels].astype(np.uint8), np.ones((3, 3))) > 0] = 0
+    if name.startswith("desk"):
+        _, labels, stats, _ = cv2.connectedComponentsWithStats((alpha > 0).astype(np.uint8))
+        islands = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < _ISLAND_PX)
+        alpha[np.isin(labels, islands)] = 0
     step = 255.0 / (_LEVELS - 1)
     return np.rint(np.rint(alpha / step) * step).astype(np.uint8)
 
 
 def _hidden(shape: tuple[int, ...], name: str, index: int) -> UInt8[Array, "H W"] | None:
     """Where something stands in front of the person, 255; None where nothing does."""
-    if name != "juggler" or index not in BALL:
-        return None
-    x, y, radius = BALL[index]
-    return cv2.circle(np.zeros(shape, np.uint8), (x, y), radius, 255, -1)
+    hidden = np.zeros(shape, np.uint8)
+    if name == "juggler" and index in BALL:
+        x, y, radius = BALL[index]
+        cv2.circle(hidden, (x, y), radius, 255, -1)
+    _fill(hidden, HIDDEN.get(name, ()), index, 255)
+    return hidden if hidden.any() else None
 
 
-def _pairs(frames: int) -> list[int]:
-    firsts = np.linspace(0, frames - 2, _MOMENTS).round().astype(int)
+def _fill(
+    mask: UInt8[Array, "H W"], polygons: Iterable[Polygon], index: int, level: int
+) -> UInt8[Array, "H W"]:
+    """`mask`, in which those polygons that hold for frame `index` were drawn."""
+    for first, last, corners in polygons:
+        if first <= index <= last:
+            cv2.fillPoly(mask, [np.array(corners, np.int32)], level, lineType=cv2.LINE_AA)
+    return mask
+
+
+def _pairs(name: str, frames: int) -> list[int]:
+    evenly = np.linspace(0, frames - 2, _MOMENTS).round().astype(int)
+    firsts = DESK_MOMENTS if name.startswith("desk") else evenly
     return sorted({int(i) + step for i in firsts for step in (0, 1)})
 
 
