@@ -12,6 +12,7 @@ from benchmarks.inputs import (
     require_footage,
     require_motion,
     require_panoramas,
+    require_real_footage,
     require_webcam_clip,
 )
 from scene.errors import InvalidInput
@@ -55,6 +56,7 @@ CATALOGUE = (
     Benchmark("relight", ("relight",), (require_panoramas,)),
     Benchmark("expressions", ("expressions",)),
     Benchmark("two-cameras", ("two-cameras",), (require_footage,)),
+    Benchmark("real", ("real",), (require_real_footage,)),
     Benchmark("capture-robustness", ("capture", "--robustness"), (require_motion,)),
     Benchmark("field-speed", ("field",)),
     Benchmark("refinement", ("refinement",)),

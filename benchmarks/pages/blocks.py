@@ -14,6 +14,7 @@ from benchmarks.pages.gpu import gpu
 from benchmarks.pages.numbers import SOURCES, numbers
 from benchmarks.pages.performers import performers
 from benchmarks.pages.provenance import Figures
+from benchmarks.pages.real import real
 from benchmarks.reporting.markdown import replaced
 from benchmarks.training_time import draw_chart
 
@@ -48,6 +49,7 @@ BLOCKS = (
     Block("docs/frontier.md", "frontier", ("frontier",), frontier),
     Block("docs/gpu.md", "gpu", ("gpu",), gpu),
     Block("docs/room.md", "relight", ("relight",), splats.relight),
+    Block("docs/real-people.md", "real", ("real",), real),
     Block(_FIGURES_PAGE, "trainings", ("expressions",), splats.trainings),
     Block(_FIGURES_PAGE, "expressions", ("expressions",), splats.expressions),
     Block(_FIGURES_PAGE, "local-view", ("local-view",), splats.local_view),

@@ -1,0 +1,73 @@
+"""Models of real people, as docs/real-people.md shows them."""
+
+from __future__ import annotations
+
+from benchmarks.pages.provenance import Figures, measured_at
+from benchmarks.reporting.markdown import markdown_table
+
+_VIEWS = (
+    ("own views", "as_given", "own_views"),
+    ("later frames", "aligned", "later_frames"),
+    ("other clips", "aligned", "other_clips"),
+    ("other cameras", "as_given", "other_cameras"),
+)
+"""Name in the table, which poses, which group of frames."""
+
+
+def real(figures: Figures) -> str:
+    """What was measured, the tables, and where it was measured."""
+    return "\n\n".join(
+        [_description(figures), _accuracy(figures), _effort(figures), measured_at(figures)]
+    )
+
+
+def _description(figures: Figures) -> str:
+    counted = (
+        "one thread's own time" if figures["clock"] == "processor"
+        else f"the clock on the wall, {figures['threads']} cores"
+    )  # fmt: skip
+    return (
+        f"Training takes {figures['budget_s']:g} s of {counted}; LPIPS is on "
+        f"`{figures['lpips'].removesuffix('.pth')}`. A cell is PSNR (dB) / LPIPS of that crop, the "
+        "mean over so many frames; later frames and other clips are aligned by their own pictures "
+        "first (`metanerf bench real`):"
+    )
+
+
+def _accuracy(figures: Figures) -> str:
+    rows = [
+        [name, f"{title} ({found['frames']})", *_cells(found)]
+        for name, case in figures["cases"].items()
+        for title, poses, group in _VIEWS
+        if (found := case[poses].get(group)) is not None
+    ]
+    heads = ["person", "frames", "body", "face", "hands", "overlap", "face found", "its points",
+             "flicker"]  # fmt: skip
+    return markdown_table(heads, rows)
+
+
+def _cells(found: Figures) -> list[str]:
+    face, flicker = found["face"], found["flicker"]
+    seen, points = face.get("found"), face.get("points_percent")
+    return [
+        *(_pair(found[part]) for part in ("body", "face", "hands")),
+        f"{found['body']['iou']:.3f}",
+        "-" if seen is None else f"{100 * seen:.0f} %",
+        "-" if points is None else f"{points:.1f} %",
+        "-" if flicker is None else f"{flicker:.2f}",
+    ]
+
+
+def _pair(part: Figures) -> str:
+    return "-" if part.get("psnr") is None else f"{part['psnr']:.1f} / {part['lpips']:.3f}"
+
+
+def _effort(figures: Figures) -> str:
+    rows = []
+    for name, case in figures["cases"].items():
+        clips = [
+            f"{clip}: {about['frames']} frames, {about['seconds']:g} s, captured in "
+            f"{about['capture_s']:.0f} s" for clip, about in case["clips"].items()
+        ]  # fmt: skip
+        rows.append([name, f"{case['splats']:,}", str(case["trained_frames"]), "; ".join(clips)])
+    return markdown_table(["person", "splats", "frames trained on", "clips"], rows)
