@@ -32,12 +32,13 @@ _SPLAT_BYTES = PARAMETERS * 2 + 4 + 8 + 1
 def describe_preset(preset: Preset) -> dict[str, Any]:
     """Parameters of each network, size of the model file in MB, what is on, and all settings.
 
-    Counts are for SMPL's 24 joints and, where a grid clings to the skin, for an adult's.
+    Counts are for SMPL's 24 joints and, where a grid clings to the skin, for an adult's; splats are
+    counted at most (`SplatSettings.most`), since each clip gets as many as it shows.
     """
     settings = preset.settings
     if isinstance(settings, SplatSettings):
-        parameters = {"splats": settings.count * PARAMETERS}
-        megabytes, switched_on = settings.count * _SPLAT_BYTES / 1e6, ["splats"]
+        parameters = {"splats": settings.most * PARAMETERS}
+        megabytes, switched_on = settings.most * _SPLAT_BYTES / 1e6, ["splats"]
     else:
         parameters = field_parameters(settings.sizes)
         megabytes = _field_megabytes(settings.sizes, parameters)
