@@ -20,10 +20,15 @@ BUSY = "process_cpu_seconds_total"
 RESIDENT = "process_resident_memory_bytes"
 """The service's own metric of its memory."""
 _FLAGS = [
-    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
-    "--disable-background-networking", "--disable-component-update",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-sync",
+    "--disable-background-networking",
+    "--disable-component-update",
     "--autoplay-policy=no-user-gesture-required",
-]  # fmt: skip
+]
 _CAMERA_FLAGS = ["--use-fake-ui-for-media-stream", "--use-fake-device-for-media-stream"]
 _NAMES = ("chromium", "chromium-browser", "google-chrome")
 
@@ -59,9 +64,11 @@ def running_demo(data_dir: Path, **environment: str) -> Iterator[str]:
     metanerf = [sys.executable, "-c", "from services.cli import main; main()"]
     process = subprocess.Popen(
         [*metanerf, "demo", "--no-browser", "--port", "0", "--data-dir", str(data_dir)],
-        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
         env={**os.environ, **environment},
-    )  # fmt: skip
+    )
     try:
         assert process.stdout is not None
         for line in process.stdout:

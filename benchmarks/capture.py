@@ -51,22 +51,37 @@ _SPLITS = ("novel_view", "unseen_pose")
 
 
 def run(
-    writer: FigureWriter, motions: Path, pose_model: Path, backbone: Path | None, clips: int,
-    clock_name: str, only: str,
-) -> None:  # fmt: skip
+    writer: FigureWriter,
+    motions: Path,
+    pose_model: Path,
+    backbone: Path | None,
+    clips: int,
+    clock_name: str,
+    only: str,
+) -> None:
     """Render, capture, train and evaluate the performers not measured yet, and report."""
     cache, clock = writer.cache(only), clock_named(clock_name)
-    about = {"frames": FRAMES, "frames_per_second": RATE, "size": SIZE_PX, "noise": NOISE,
-             "blur_px": BLUR_PX, "background": "textured", "turn_deg": 360,
-             "focal_length": "known", "training_s": TRAINING_S, "region": "body crop",
-             **clock.about()}  # fmt: skip
+    about = {
+        "frames": FRAMES,
+        "frames_per_second": RATE,
+        "size": SIZE_PX,
+        "noise": NOISE,
+        "blur_px": BLUR_PX,
+        "background": "textured",
+        "turn_deg": 360,
+        "focal_length": "known",
+        "training_s": TRAINING_S,
+        "region": "body crop",
+        **clock.about(),
+    }
     lpips = None if backbone is None else backbone.name
     rows: list[dict[str, Any]] = []
     for seed, motion in enumerate(sorted(motions.glob("*.bvh"))[:clips]):
         row = cache.measured(
-            motion.stem, {**about, "seed": seed, "lpips": lpips},
+            motion.stem,
+            {**about, "seed": seed, "lpips": lpips},
             lambda m=motion, s=seed: _row(m, s, pose_model, backbone, clock),
-        )  # fmt: skip
+        )
         rows += [] if row is None else [row]
     if rows:
         judged = [{key: row[key] for key in row.keys() - set(ORIGIN)} for row in rows]
@@ -78,10 +93,14 @@ def render_clip(
 ) -> None:
     """Truth in `folder`/truth, footage in `folder`/raw.mp4."""
     make_sequence(
-        folder / "truth", motion=motion, seed=seed, frames=frames, size=SIZE_PX,
+        folder / "truth",
+        motion=motion,
+        seed=seed,
+        frames=frames,
+        size=SIZE_PX,
         frames_per_second=rate,
         footage=Footage(folder / "raw.mp4", background="textured", noise=NOISE, blur_px=BLUR_PX),
-    )  # fmt: skip
+    )
 
 
 def truth_joints(truth: Sequence) -> Joints:
@@ -129,9 +148,12 @@ def _judged(folder: Path, pose_model: Path, backbone: Path | None, clock: Clock)
         person="captured", pose_model=pose_model, focal_px=truth.train.camera(0).focal_px
     )
     capture_clip(
-        folder / "raw.mp4", folder / "captured", options,
-        on_progress=watch.progress, on_fit=watch.fitted,
-    )  # fmt: skip
+        folder / "raw.mp4",
+        folder / "captured",
+        options,
+        on_progress=watch.progress,
+        on_fit=watch.fitted,
+    )
     sized = StageWatch(truth_joints(truth), clock)
     with_height = replace(options, height_m=_height_m(truth))
     capture_clip(folder / "raw.mp4", folder / "sized", with_height, on_fit=sized.fitted)
@@ -147,9 +169,11 @@ def _judged(folder: Path, pose_model: Path, backbone: Path | None, clock: Clock)
             figures = evaluate(model, judged, lpips_backbone=backbone, aligned=aligned)
             accuracy[f"{name}_aligned" if aligned else name] = {
                 f"{measure}_{split}": round(float(figures[measure][split]["body_crop"]), 3)
-                for measure in ("psnr", "ssim", "lpips") if figures.get(measure)
-                for split in _SPLITS if figures[measure][split]["body_crop"] is not None
-            }  # fmt: skip
+                for measure in ("psnr", "ssim", "lpips")
+                if figures.get(measure)
+                for split in _SPLITS
+                if figures[measure][split]["body_crop"] is not None
+            }
     return {
         "found": len(captured.train),
         "mask_iou": round(_mask_iou(captured, truth), 4),
@@ -252,9 +276,12 @@ def in_scale_of(captured: Sequence, truth: Sequence, scale: float) -> Sequence:
 
     tests = {split: scaled(source) for split, source in truth.test.items()}
     return replace(
-        truth, body=captured.body, train=scaled(truth.train), test=tests,
+        truth,
+        body=captured.body,
+        train=scaled(truth.train),
+        test=tests,
         data_hash=captured.data_hash,
-    )  # fmt: skip
+    )
 
 
 def _mask_iou(captured: Sequence, truth: Sequence) -> float:

@@ -29,9 +29,14 @@ CLIP = "walk_veer_left_16_11"
 _FASTEST = 60.0
 _MOST_FRAMES = round(FRAMES * _FASTEST / RATE)
 _FIGURES = (
-    "joint_mm", "joint_one_scale_mm", "joint_procrustes_mm", "rotation_error_deg",
-    "root_one_scale_mm", "scale", "swapped_frames",
-)  # fmt: skip
+    "joint_mm",
+    "joint_one_scale_mm",
+    "joint_procrustes_mm",
+    "rotation_error_deg",
+    "root_one_scale_mm",
+    "scale",
+    "swapped_frames",
+)
 _HOLES, _HOLE_SHARE = 4, 0.08
 """Holes in a mask, and their radius as a share of the person's height."""
 
@@ -48,9 +53,12 @@ def run(writer: FigureWriter, motions: Path, pose_model: Path) -> None:
             size = read_video(path, max_frames=2).images[0].shape[1]
             focal_px = truth.train.camera(0).focal_px * size / truth.train.camera(0).width
             options = CaptureOptions(
-                person=row, estimator=seen_by, lifter=lift, max_frames=_MOST_FRAMES,
+                person=row,
+                estimator=seen_by,
+                lifter=lift,
+                max_frames=_MOST_FRAMES,
                 focal_px=focal_px if focal_known else None,
-            )  # fmt: skip
+            )
             capture_clip(path, folder / f"{row}.seq", options, on_fit=watch.fitted)
             last = watch.stages[STAGES[-1]]
             rows[row] = {key: last[key] for key in _FIGURES}
@@ -83,8 +91,9 @@ def _variants(folder: Path, estimator: PoseEstimator) -> Iterator[Variant]:
         yield f"{100 * share:g}_percent_of_landmarks_dropped", usual, blind, True, RATE
     yield "holes_in_masks", usual, _Degraded(estimator, _with_mask_holes), True, RATE
     yield "focal_length_unknown", usual, estimator, False, RATE
-    halved = (cv2.resize(i, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-              for i in thinned(RATE))  # fmt: skip
+    halved = (
+        cv2.resize(i, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in thinned(RATE)
+    )
     yield "half_resolution", written("half", halved, RATE), estimator, True, RATE
     crossed = written("crossed", _with_passer_by(folder, thinned(RATE)), RATE)
     yield "somebody_passes_behind", crossed, estimator, True, RATE

@@ -89,9 +89,12 @@ def run_all(
 
     checkout = Checkout()
     well = runner.run_all(
-        runner.chosen(names or ()), None if backbone is None else backbone.resolve(),
-        commits=commits, checkout=checkout, measure=runner.in_process_of_its_own(checkout),
-    )  # fmt: skip
+        runner.chosen(names or ()),
+        None if backbone is None else backbone.resolve(),
+        commits=commits,
+        checkout=checkout,
+        measure=runner.in_process_of_its_own(checkout),
+    )
     if commits:
         write_pages(checkout.root)
     raise typer.Exit(0 if well else 1)
@@ -344,9 +347,11 @@ def real(
     pose, face, hand = (
         landmark_network_file(source)
         for source in (
-            settings.pose_model_source(), settings.face_model_source(), settings.hand_model_source()
+            settings.pose_model_source(),
+            settings.face_model_source(),
+            settings.hand_model_source(),
         )
-    )  # fmt: skip
+    )
     networks = Networks(pose, face, hand, backbone)
     writer = _start("real", commits, narrowed=bool(only) or (clock, budget) != ("processor", "60s"))
     run(writer, footage, networks, clock, only, effort=Effort(seconds(budget)))

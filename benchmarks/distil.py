@@ -72,8 +72,14 @@ def run(writer: FigureWriter, clock_name: str) -> None:
         for way, frames in ways.items():
             model = train(frames, preset="splats", budget_s=SPLATS_S, clock=clock.now)
             figures[f"splats, {way}, {SPLATS_S:g} s"] = _judged(model, clip)
-    about = {"frames": FRAMES, "size": SIZE, "poses": "exact", "region": "body crop",
-             "drawn_views": VIEWS, **clock.about()}  # fmt: skip
+    about = {
+        "frames": FRAMES,
+        "size": SIZE,
+        "poses": "exact",
+        "region": "body crop",
+        "drawn_views": VIEWS,
+        **clock.about(),
+    }
     writer.write({**about, "psnr": figures})
 
 

@@ -94,9 +94,12 @@ def run(writer: FigureWriter, picture: Path | None) -> None:
     """Measure what was not measured yet, and report; draw the first one's face."""
     cache = writer.cache()
     about: dict[str, Any] = {
-        "frames": FRAMES, "iterations": ITERATIONS, "performers": list(SEEDS), "tests": TESTS,
+        "frames": FRAMES,
+        "iterations": ITERATIONS,
+        "performers": list(SEEDS),
+        "tests": TESTS,
         "unit": "dB, mean over crops of unseen poses, expressions and views",
-    }  # fmt: skip
+    }
     rows = [
         cache.measured(f"{part.name}-{seed}", about, lambda p=part, s=seed: _row(p, s))
         for seed in SEEDS
@@ -183,9 +186,14 @@ def unseen_views(part: Part, performer: StudioPerformer, seed: int) -> list[Rend
         aim = head[:3, 3] if part is FACE else np.array([0.0, 0.55 * skeleton.height_m, 0.0])
         facing = np.arctan2(head[0, 2], head[2, 2])
         camera = orbit_camera(
-            aim, part.distance_m, facing + rng.uniform(-part.round_rad, part.round_rad),
-            rng.uniform(-0.1, 0.3), part.size, part.size, 0.6,
-        )  # fmt: skip
+            aim,
+            part.distance_m,
+            facing + rng.uniform(-part.round_rad, part.round_rad),
+            rng.uniform(-0.1, 0.3),
+            part.size,
+            part.size,
+            0.6,
+        )
         image, _ = render_performer(performer, pose, camera, "plain")
         middles = [joints[JOINT_NAMES.index(name)] for name in part.joints]
         places = [j[:3, 3] + (j[:3, :3] @ _FACE_M if part is FACE else 0.0) for j in middles]
@@ -219,9 +227,7 @@ def faces(clip: Sequence, seed: int) -> Float[Array, "H W 3"]:
         JOINT_NAMES.index("head")
     ]
     facing, side = float(np.arctan2(head[0, 2], head[2, 2])), FACE.size
-    camera = orbit_camera(
-        head[:3, 3], FACE.distance_m, facing + _ASIDE_RAD, 0.05, side, side, 0.6
-    )  # fmt: skip
+    camera = orbit_camera(head[:3, 3], FACE.distance_m, facing + _ASIDE_RAD, 0.05, side, side, 0.6)
     crop = _crop(camera, head[:3, 3] + head[:3, :3] @ _FACE_M, 1.3 * FACE.half_m)
     columns = []
     for shown in ((), ("jaw_open",), LIDS, ("brows_up",), ("smile",)):
@@ -268,9 +274,10 @@ def worth(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
 def frame_times(model: SplatModel) -> dict[str, Any]:
     """Pose to picture with everything shown, and by a model that knows no expressions."""
     plain = replace(
-        model, expression_splats=model.expression_splats[:0],
+        model,
+        expression_splats=model.expression_splats[:0],
         expression_offsets=model.expression_offsets[:0],
-    )  # fmt: skip
+    )
     camera = orbit_camera((0.0, 0.9, 0.0), 3.0, 0.3, 0.1, _TIMED_PX, _TIMED_PX)
     pose = model.motion.pose(0)
     moved = [model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)]

@@ -57,12 +57,13 @@ def run(writer: FigureWriter, preset: str, size: int, steps: int) -> None:
                 pictures.append(picture)
     rows = [
         {
-            "preset": "+".join([preset, *added]), "ms": round(1e3 * median(taken), 1),
+            "preset": "+".join([preset, *added]),
+            "ms": round(1e3 * median(taken), 1),
             "times_faster": round(median(seconds[0]) / median(taken), 2),
             "db_to_slow": round(min(psnr(picture[..., :3], pictures[0][..., :3]), 150.0), 1),
         }
         for added, taken, picture in zip(names, seconds, pictures, strict=True)
-    ]  # fmt: skip
+    ]
     writer.write({"size": size, "threads": 1, "fit_steps": steps, "rows": rows})
 
 

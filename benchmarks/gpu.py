@@ -133,11 +133,19 @@ class _Gsplat:
         view = np.vstack([camera.world_to_camera, [0.0, 0.0, 0.0, 1.0]]).astype(np.float32)
         lens = camera.intrinsics.astype(np.float32)
         picture, _, _ = rasterization(
-            means, None, None, self._opacity, self._colour,
+            means,
+            None,
+            None,
+            self._opacity,
+            self._colour,
             torch.from_numpy(view)[None].to(self._device),
-            torch.from_numpy(lens)[None].to(self._device), camera.width, camera.height,
-            eps2d=BOX_FILTER_PX2, covars=axes @ axes.mT, packed=False,
-        )  # fmt: skip
+            torch.from_numpy(lens)[None].to(self._device),
+            camera.width,
+            camera.height,
+            eps2d=BOX_FILTER_PX2,
+            covars=axes @ axes.mT,
+            packed=False,
+        )
         return picture
 
 

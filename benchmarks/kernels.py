@@ -62,8 +62,10 @@ def timed(
     inputs = torch.randn(samples, _SHAPES[0][1], generator=chance).to(device)
     inputs.requires_grad_(backward)
     kinds: dict[str, Network] = {
-        "fused": fused_mlp, "plain": _plain, "plain, half precision": _plain_in_half
-    }  # fmt: skip
+        "fused": fused_mlp,
+        "plain": _plain,
+        "plain, half precision": _plain_in_half,
+    }
     seconds: dict[str, list[float]] = {kind: [] for kind in kinds}
     for place in range(_WARM_UPS + runs):
         for kind, network in kinds.items():

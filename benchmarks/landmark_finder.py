@@ -72,14 +72,21 @@ def measured(clip: Path, pose_model: Path, watched_s: float = _WATCHED_S) -> dic
             times, *looks = worker_times([worker, *beside], page, watched_s)
     if not times:
         raise RuntimeError(f"landmarks must be found within {watched_s} s; got none")
-    looked = [{**_milliseconds(one), "looks_per_second": round(len(one) / watched_s, 1)}
-              for one in looks if one]  # fmt: skip
+    looked = [
+        {**_milliseconds(one), "looks_per_second": round(len(one) / watched_s, 1)}
+        for one in looks
+        if one
+    ]
     figures = {
-        "clip": clip.name, "camera": CAMERA, "meeting_px": SIZE_PX, "pictures": len(times),
+        "clip": clip.name,
+        "camera": CAMERA,
+        "meeting_px": SIZE_PX,
+        "pictures": len(times),
         "pictures_per_second": round(len(times) / watched_s, 1),
-        **_milliseconds(times), "face_and_hands": looked[0] if looked else None,
+        **_milliseconds(times),
+        "face_and_hands": looked[0] if looked else None,
         "load": round(os.getloadavg()[0], 1),
-    }  # fmt: skip
+    }
     print(figures, flush=True)
     return figures
 

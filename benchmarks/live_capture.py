@@ -76,10 +76,16 @@ def run(writer: FigureWriter, clip: Path | None) -> None:
 def _render_clip(folder: Path) -> tuple[_Known, Path]:
     raw = folder / "raw.mp4"
     make_sequence(
-        folder / "truth", look="lit", frames=FRAMES, size=SIZE, test_cameras=1, seed=1,
-        turn_deg=TURN_DEG, frames_per_second=RATE,
+        folder / "truth",
+        look="lit",
+        frames=FRAMES,
+        size=SIZE,
+        test_cameras=1,
+        seed=1,
+        turn_deg=TURN_DEG,
+        frames_per_second=RATE,
         footage=Footage(raw, background="textured", noise=3.0, blur_px=0.6),
-    )  # fmt: skip
+    )
     sequence = open_sequence(folder / "truth")
     return _Known(sequence.body, sequence.train.camera(0), sequence.motion), raw
 
@@ -139,10 +145,15 @@ def _in_a_meeting(
         for number, (index, seen) in enumerate(found):
             data = encode_keypoints(
                 KeypointsPacket(
-                    number, 1e3 * float(times_s[index]), width, height,
-                    seen.pixels / [width, height], seen.world, seen.visibility,
+                    number,
+                    1e3 * float(times_s[index]),
+                    width,
+                    height,
+                    seen.pixels / [width, height],
+                    seen.world,
+                    seen.visibility,
                 )
-            )  # fmt: skip
+            )
             worked = executor.submit(time.thread_time).result()
             started = time.perf_counter()
             receiver.receive(data)

@@ -48,17 +48,20 @@ def _drawn(page: Page, count: int, size: int) -> dict[str, Any]:
     room = _room_of(model)
     moments = [pose_packets(room, moment / _RATE_HZ, moment + 1) for moment in range(_MOMENTS)]
     asked = {
-        "file": _text(encode(model)), "moments": [[_text(one) for one in m] for m in moments],
-        "size": size, "seconds": _SECONDS,
-    }  # fmt: skip
+        "file": _text(encode(model)),
+        "moments": [[_text(one) for one in m] for m in moments],
+        "size": size,
+        "seconds": _SECONDS,
+    }
     busy_s = -processor_seconds()
     pictures = int(page.evaluate("asked => window.measure(asked)", asked))
     busy_s += processor_seconds()
     row = {
-        "splats": count, "size": size,
+        "splats": count,
+        "size": size,
         "pictures_per_second": round(pictures / _SECONDS, 1),
         "processor_ms": round(1e3 * busy_s / pictures, 1),
-    }  # fmt: skip
+    }
     print(row, flush=True)
     return row
 

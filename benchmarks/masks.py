@@ -49,10 +49,16 @@ def _render(folder: Path, look: str) -> tuple[list[Array], list[Landmarks], Arra
     seed, turn_deg = PERFORMERS[look]
     raw = folder / "raw.mp4"
     make_sequence(
-        folder / "truth", look=look, seed=seed, turn_deg=turn_deg, frames=FRAMES, size=SIZE,
-        test_cameras=1, frames_per_second=RATE,
+        folder / "truth",
+        look=look,
+        seed=seed,
+        turn_deg=turn_deg,
+        frames=FRAMES,
+        size=SIZE,
+        test_cameras=1,
+        frames_per_second=RATE,
         footage=Footage(raw, background="textured", noise=3.0, blur_px=0.6),
-    )  # fmt: skip
+    )
     truth, images = open_sequence(folder / "truth").train, read_video(raw).images
     with MediaPipeEstimator(
         landmark_network_file(load_settings().pose_model_source())

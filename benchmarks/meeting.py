@@ -187,7 +187,9 @@ def watched(meeting: DrivenMeeting, pages: Sequence[Page]) -> dict[str, Any]:
     figures = {
         "viewers": len(pages),
         "load": round(os.getloadavg()[0], 1),
-        "latency_p50_ms": p50, "latency_p95_ms": p95, "codes_read": len(ages),
+        "latency_p50_ms": p50,
+        "latency_p95_ms": p95,
+        "codes_read": len(ages),
         "shown_px": [_width(page) for page in pages],
         "frames_per_second": round(sum(rates) / len(pages), 1),
         "frames_per_second_slowest": round(min(rates), 1),
@@ -199,7 +201,7 @@ def watched(meeting: DrivenMeeting, pages: Sequence[Page]) -> dict[str, Any]:
         "up_a_performer_mbit_s": round(_mbit(spent["sent"], watched_s) / driven_by, 3),
         "up_a_viewer_mbit_s": round(_mbit(spent["up"], watched_s) / len(pages), 3),
         "down_a_viewer_mbit_s": round(_mbit(spent["down"], watched_s) / len(pages), 3),
-    }  # fmt: skip
+    }
     print(figures, flush=True)
     return figures
 

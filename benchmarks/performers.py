@@ -28,25 +28,35 @@ _MEASURES = ("psnr", "ssim", "lpips")
 
 
 def run(
-    writer: FigureWriter, motion: Path,
-    backbone: Path | None, clock_name: str, only: str,
-) -> None:  # fmt: skip
+    writer: FigureWriter, motion: Path, backbone: Path | None, clock_name: str, only: str
+) -> None:
     """Measure what was not measured yet, and report."""
     cache, clock = writer.cache(only), clock_named(clock_name)
     rows = []
     for look in LOOKS:
         for performer in NAMED_PERFORMERS:
             for preset, budget_s in BUDGETS_S.items():
-                about = {"look": look, "performer": performer, "preset": preset,
-                         "budget_s": budget_s, **clock.about()}  # fmt: skip
+                about = {
+                    "look": look,
+                    "performer": performer,
+                    "preset": preset,
+                    "budget_s": budget_s,
+                    **clock.about(),
+                }
                 lpips = None if backbone is None else backbone.name
                 row = cache.measured(
-                    f"{look}/{performer}/{preset}", {**about, "size": SIZE, "lpips": lpips},
+                    f"{look}/{performer}/{preset}",
+                    {**about, "size": SIZE, "lpips": lpips},
                     lambda a=about: _cell(a, motion, backbone, clock),
-                )  # fmt: skip
+                )
                 rows += [] if row is None else [{**about, **row}]
-    about = {"frames": FRAMES, "size": SIZE, "poses": "exact", "region": "body crop",
-             **clock.about()}  # fmt: skip
+    about = {
+        "frames": FRAMES,
+        "size": SIZE,
+        "poses": "exact",
+        "region": "body crop",
+        **clock.about(),
+    }
     writer.write({**about, "means": means(rows), "rows": rows})
 
 
@@ -57,14 +67,21 @@ def _cell(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "sequence"
         make_sequence(
-            path, performer=about["performer"], motion=motion, look=about["look"], frames=FRAMES,
+            path,
+            performer=about["performer"],
+            motion=motion,
+            look=about["look"],
+            frames=FRAMES,
             size=SIZE,
-        )  # fmt: skip
+        )
         clip = open_sequence(path)
         model = train(
-            clip, preset=about["preset"], budget_s=about["budget_s"], find_light=True,
+            clip,
+            preset=about["preset"],
+            budget_s=about["budget_s"],
+            find_light=True,
             clock=clock.now,
-        )  # fmt: skip
+        )
         return figures_of(model, evaluate(model, clip, backbone))
 
 
@@ -74,9 +91,11 @@ def means(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for look, preset in dict.fromkeys((row["look"], row["preset"]) for row in rows):
         mine = [row for row in rows if (row["look"], row["preset"]) == (look, preset)]
         mean: dict[str, Any] = {
-            "look": look, "preset": preset, "budget_s": mine[0]["budget_s"],
+            "look": look,
+            "preset": preset,
+            "budget_s": mine[0]["budget_s"],
             "performers": len(mine),
-        }  # fmt: skip
+        }
         for measure in _MEASURES:
             for split in ("novel_view", "unseen_pose"):
                 known = [row[f"{measure}_{split}_body_crop"] for row in mine]

@@ -12,14 +12,29 @@ from scene.rotations import matrix_to_axis_angle
 from scene.skeleton import JOINT_NAMES, Skeleton
 
 JUDGED_JOINTS = (
-    "pelvis", "spine3", "neck", "head", "left_hip", "right_hip", "left_knee", "right_knee",
-    "left_ankle", "right_ankle", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
-    "left_wrist", "right_wrist",
-)  # fmt: skip
+    "pelvis",
+    "spine3",
+    "neck",
+    "head",
+    "left_hip",
+    "right_hip",
+    "left_knee",
+    "right_knee",
+    "left_ankle",
+    "right_ankle",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
+)
 """The 16 joints whose rotations the estimator's landmarks show; the pelvis' is the whole body's."""
 _JUDGED = [JOINT_NAMES.index(name) for name in JUDGED_JOINTS]
-_SIDES = [(JOINT_NAMES.index(f"left_{part}"), JOINT_NAMES.index(f"right_{part}"))
-          for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")]  # fmt: skip
+_SIDES = [
+    (JOINT_NAMES.index(f"left_{part}"), JOINT_NAMES.index(f"right_{part}"))
+    for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
+]
 _FEET = [JOINT_NAMES.index(name) for name in ("left_foot", "right_foot")]
 _PLANTED_M_S = 0.15
 """A foot whose true speed is below this stands."""

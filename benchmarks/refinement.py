@@ -73,10 +73,16 @@ def run(writer: FigureWriter, clock_name: str) -> None:
                 rows.append({**about, **_row(clip, noisy, preset, clock, refined=refined)})
                 print(rows[-1], flush=True)
     about = {
-        "frames": 60, "size": 256, "look": "plain", "region": "body crop", "budgets_s": BUDGETS_S,
-        "correlation_s": CORRELATION_S, "shift_m": SHIFT_M, "aligned_every": _ALIGNED_EVERY,
+        "frames": 60,
+        "size": 256,
+        "look": "plain",
+        "region": "body crop",
+        "budgets_s": BUDGETS_S,
+        "correlation_s": CORRELATION_S,
+        "shift_m": SHIFT_M,
+        "aligned_every": _ALIGNED_EVERY,
         **clock.about(),
-    }  # fmt: skip
+    }
     writer.write({**about, "rows": rows})
 
 

@@ -75,10 +75,16 @@ def run(writer: FigureWriter, panoramas: Path, picture: Path | None, clock_name:
                     print(rows[-1], flush=True)
                     seconds = {"fit_s": round(fit_s, 2), **_cost(model, shown, clock)}
     figures = {
-        "region": "body crop, black background, sRGB", "views": _VIEWS, "size": _SIZE,
-        "splats": 10_000, "training_s": BUDGET_S, **clock.about(), "rows": rows,
-        "least_gain_db": min(row["gain_db"] for row in rows), "relighting": seconds,
-    }  # fmt: skip
+        "region": "body crop, black background, sRGB",
+        "views": _VIEWS,
+        "size": _SIZE,
+        "splats": 10_000,
+        "training_s": BUDGET_S,
+        **clock.about(),
+        "rows": rows,
+        "least_gain_db": min(row["gain_db"] for row in rows),
+        "relighting": seconds,
+    }
     writer.write(figures)
     if picture is not None:
         picture.parent.mkdir(parents=True, exist_ok=True)

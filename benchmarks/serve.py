@@ -78,8 +78,14 @@ def _training_step() -> dict[str, Any]:
         trainer.step(step / _STEPS)
         seconds.append(time.perf_counter() - started)
     spent_ms = 1e3 * (time.process_time() - began) / _STEPS
-    row = {"splats": len(trainer.parameters), "frames": _TRAINING_FRAMES, "size": SIZES[0],
-           "steps": _STEPS, **milliseconds(seconds), "cpu_ms": round(spent_ms, 2)}  # fmt: skip
+    row = {
+        "splats": len(trainer.parameters),
+        "frames": _TRAINING_FRAMES,
+        "size": SIZES[0],
+        "steps": _STEPS,
+        **milliseconds(seconds),
+        "cpu_ms": round(spent_ms, 2),
+    }
     print(row, flush=True)
     return row
 
@@ -93,8 +99,13 @@ def _drawing(count: int, performers: int, size: int) -> dict[str, Any]:
         people.draw(view, size)
         if view >= 0:
             seconds.append(time.perf_counter() - started)
-    row = {"splats": count, "performers": performers, "size": size, **milliseconds(seconds),
-           **late_share(seconds)}  # fmt: skip
+    row = {
+        "splats": count,
+        "performers": performers,
+        "size": size,
+        **milliseconds(seconds),
+        **late_share(seconds),
+    }
     print(row, flush=True)
     return row
 
@@ -125,10 +136,12 @@ def _encoding(size: int, performers: int, moving: bool) -> dict[str, Any]:
             encoder.encode(frame, tick + _WARM_UPS, _BITRATE, key=False)
             spent[codec] += (time.process_time() - started) * (tick >= 0)
     row = {
-        "size": size, "performers": performers, "viewer": "moving" if moving else "still",
+        "size": size,
+        "performers": performers,
+        "viewer": "moving" if moving else "still",
         "paint_ms": round(1e3 * painted / _VIEWS, 2),
         **{f"{codec.lower()}_ms": round(1e3 * s / _VIEWS, 2) for codec, s in spent.items()},
-    }  # fmt: skip
+    }
     print(row, flush=True)
     return row
 
@@ -171,8 +184,12 @@ def _long_session() -> dict[str, Any]:
             seconds.append(time.perf_counter() - started)
         peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0)
     grown_mib = round(peaks[1] - peaks[0], 1)
-    return {"frames": _FRAMES_OF_ONE_SESSION, "grown_mib": grown_mib,
-            **milliseconds(seconds), **late_share(seconds)}  # fmt: skip
+    return {
+        "frames": _FRAMES_OF_ONE_SESSION,
+        "grown_mib": grown_mib,
+        **milliseconds(seconds),
+        **late_share(seconds),
+    }
 
 
 def _served(viewers: int, size: int) -> dict[str, Any]:

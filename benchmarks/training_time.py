@@ -36,9 +36,8 @@ _ACCURACY = "psnr_novel_view_body_crop"
 
 
 def run(
-    writer: FigureWriter, motion: Path, backbone: Path | None, clock_name: str,
-    only: str,
-) -> None:  # fmt: skip
+    writer: FigureWriter, motion: Path, backbone: Path | None, clock_name: str, only: str
+) -> None:
     """Measure what was not measured yet, and report."""
     cache, clock = writer.cache(only), clock_named(clock_name)
     lpips = None if backbone is None else backbone.name
@@ -47,14 +46,21 @@ def run(
     for performer in PERFORMERS:
         about = {"performer": performer, "clip": motions[-1].stem, "earlier": motions[0].stem}
         found = cache.measured(
-            performer, {**about, "budgets": BUDGETS_S, "lpips": lpips, **clock.about()},
+            performer,
+            {**about, "budgets": BUDGETS_S, "lpips": lpips, **clock.about()},
             lambda p=performer: {"rows": _rows(p, motions[-1], motions[0], backbone, clock)},
-        )  # fmt: skip
+        )
         rows += [] if found is None else [{**about, **row} for row in found["rows"]]
     curves = {start: curve(rows, start) for start in BUDGETS_S}
     good = {f"{start}_s": seconds_to(points, GOOD_DB) for start, points in curves.items()}
-    about = {"frames": FRAMES, "size": SIZE, "poses": "exact", "region": "body crop",
-             "earlier_s": EARLIER_S, **clock.about()}  # fmt: skip
+    about = {
+        "frames": FRAMES,
+        "size": SIZE,
+        "poses": "exact",
+        "region": "body crop",
+        "earlier_s": EARLIER_S,
+        **clock.about(),
+    }
     figures = {**about, f"time_to_{GOOD_DB:g}_db": good, "curves": curves, "rows": rows}
     writer.write(figures)
 

@@ -83,10 +83,12 @@ def run(writer: FigureWriter, footage: Path, pose_model: Path, picture: Path | N
             "model": other.overlap(drawn),
         }
         figures: dict[str, Any] = {
-            "frames_judged": len(other.truth), "training_s": _TRAINING_S, **clock.about(),
+            "frames_judged": len(other.truth),
+            "training_s": _TRAINING_S,
+            **clock.about(),
             "mask_iou_in_the_second_camera": overlaps,
             "fit_in_the_first_camera": {key: report.as_json()[key] for key in _REPORTED},
-        }  # fmt: skip
+        }
         writer.write(figures)
         if picture is not None:
             view, window = other.view(overlaps["model"]["scale"]), _around(other.truth[_SHOWN])
@@ -109,9 +111,14 @@ class _SecondCamera:
 
         def mean(scale: float) -> float:
             view, train = self.view(scale), self.clip.train
-            return float(np.mean([
-                _iou(outline(view, train.pose(index)), mask) for index, mask in self.truth.items()
-            ]))  # fmt: skip
+            return float(
+                np.mean(
+                    [
+                        _iou(outline(view, train.pose(index)), mask)
+                        for index, mask in self.truth.items()
+                    ]
+                )
+            )
 
         scaled = [mean(scale) for scale in _SCALES]
         best = float(_SCALES[int(np.argmax(scaled))])
@@ -127,14 +134,17 @@ def _second_camera(
         people = track_person(seen.images, estimator).people
     truth = {
         index: refine_mask(seen.images[index], person) > 0.5
-        for index, person in enumerate(people) if person is not None and index % _EVERY == 0
-    }  # fmt: skip
+        for index, person in enumerate(people)
+        if person is not None and index % _EVERY == 0
+    }
     height, width = seen.images[0].shape[:2]
     small = width / seen.source_size[0]
     return _SecondCamera(
-        clip, seen.images, truth,
+        clip,
+        seen.images,
+        truth,
         lambda scale: _second_view(clip, first, second, scale, (width, height), small),
-    )  # fmt: skip
+    )
 
 
 def _calibrated(file: Path, serial: str) -> _Calibrated:
@@ -151,15 +161,20 @@ def _calibrated(file: Path, serial: str) -> _Calibrated:
         for name in ("focalLength", "centerPoint")
     )
     # the videos show 1080 of the sensor's 1088 columns, from the middle
-    intrinsics = np.array([[focal[0], 0.0, centre[0] - 4.0], [0.0, focal[1], centre[1]],
-                           [0.0, 0.0, 1.0]])  # fmt: skip
+    intrinsics = np.array(
+        [[focal[0], 0.0, centre[0] - 4.0], [0.0, focal[1], centre[1]], [0.0, 0.0, 1.0]]
+    )
     return _Calibrated(intrinsics, rotation, -rotation @ place)
 
 
 def _second_view(
-    clip: Sequence, first: _Calibrated, second: _Calibrated, scale: float,
-    size: tuple[int, int], small: float,
-) -> Camera:  # fmt: skip
+    clip: Sequence,
+    first: _Calibrated,
+    second: _Calibrated,
+    scale: float,
+    size: tuple[int, int],
+    small: float,
+) -> Camera:
     """The second camera in the capture's world, whose metre is `1 / scale` of the true one."""
     own = clip.train.camera(0).world_to_camera
     # capture takes the picture's middle for the principal point: nearly a small turn
@@ -190,9 +205,13 @@ def _around(mask: Array) -> tuple[int, int, int, int]:
 
 
 def _draw(
-    path: Path, model: PerformerModel, clip: Sequence, other: Array,
-    view: Camera, window: tuple[int, int, int, int],
-) -> None:  # fmt: skip
+    path: Path,
+    model: PerformerModel,
+    clip: Sequence,
+    other: Array,
+    view: Camera,
+    window: tuple[int, int, int, int],
+) -> None:
     """Training frame, the model from there, the second camera's frame, the model from there."""
     x, y, w, h = window
     left, top, wide, high = _around(clip.train.mask(_SHOWN) > 0.5)
@@ -206,9 +225,13 @@ def _draw(
     ]
     tall = 640
     shown = [
-        cv2.resize(p.astype(np.float32), (round(tall * p.shape[1] / p.shape[0]), tall),
-                   interpolation=cv2.INTER_AREA) for p in panels
-    ]  # fmt: skip
+        cv2.resize(
+            p.astype(np.float32),
+            (round(tall * p.shape[1] / p.shape[0]), tall),
+            interpolation=cv2.INTER_AREA,
+        )
+        for p in panels
+    ]
     whole = (255.0 * np.clip(np.concatenate(shown, axis=1), 0.0, 1.0) + 0.5).astype(np.uint8)
     cv2.imwrite(str(path), whole[..., ::-1])
 

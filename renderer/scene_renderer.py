@@ -259,9 +259,12 @@ def _skinning_transforms(performer: Performer[PerformerModel]) -> Float[Array, "
         # copies: kernels compile anew for arrays of another memory layout
         rest, angles = np.array(skeleton.rest_joints), np.array(pose.joint_angles)
         _TRANSFORMS[performer] = skinning(
-            angles, rest[0] + pose.root_translation, rest, np.array(skeleton.parents),
+            angles,
+            rest[0] + pose.root_translation,
+            rest,
+            np.array(skeleton.parents),
             performer.placement,
-        )  # fmt: skip
+        )
     return _TRANSFORMS[performer]
 
 

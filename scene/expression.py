@@ -12,9 +12,14 @@ import numpy as np
 from scene.arrays import Array, Float
 
 EXPRESSION_NAMES: tuple[str, ...] = (
-    "jaw_open", "blink_left", "blink_right", "brows_up", "smile", "left_hand_curl",
+    "jaw_open",
+    "blink_left",
+    "blink_right",
+    "brows_up",
+    "smile",
+    "left_hand_curl",
     "right_hand_curl",
-)  # fmt: skip
+)
 """0: at rest (mouth shut, eyes open, brows and mouth at ease, hand flat); 1: fully."""
 EXPRESSION_COUNT = len(EXPRESSION_NAMES)
 

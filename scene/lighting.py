@@ -41,8 +41,11 @@ class Lighting:
     """What a white surface that faces the key light shows by it alone; nil where there is none."""
 
     def __post_init__(self) -> None:
-        for name, shape in (("harmonics", (HARMONICS, 3)), ("key_direction", (3,)),
-                            ("key_colour", (3,))):  # fmt: skip
+        for name, shape in (
+            ("harmonics", (HARMONICS, 3)),
+            ("key_direction", (3,)),
+            ("key_colour", (3,)),
+        ):
             require_shape(name, getattr(self, name), shape)
             require_finite(name, getattr(self, name))
         length = float(np.linalg.norm(self.key_direction))

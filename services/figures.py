@@ -21,8 +21,9 @@ _INK = (235, 235, 235)
 
 def print_figures(figures: dict[str, Any]) -> None:
     """Mean and spread over pictures, a row a split and region, and how they were measured."""
-    table = Table("views", "region", *(name for name, _, _ in _SHOWN.values()), box=None,
-                  padding=(0, 2, 0, 0))  # fmt: skip
+    table = Table(
+        "views", "region", *(name for name, _, _ in _SHOWN.values()), box=None, padding=(0, 2, 0, 0)
+    )
     for split, views in figures["per_view"].items():
         for region in REGIONS:
             shown = [_with_spread(figures, measure, split, region) for measure in _SHOWN]
@@ -66,6 +67,14 @@ def write_sheet(path: Path, views: list[EvaluatedView]) -> None:
     sheet, captions = contact_sheet(views)
     picture = np.ascontiguousarray((255.0 * sheet + 0.5).astype(np.uint8))
     for caption in captions:
-        cv2.putText(picture, caption.text, (caption.x, caption.y), cv2.FONT_HERSHEY_SIMPLEX, 0.45,
-                    _INK, 1, cv2.LINE_AA)  # fmt: skip
+        cv2.putText(
+            picture,
+            caption.text,
+            (caption.x, caption.y),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            0.45,
+            _INK,
+            1,
+            cv2.LINE_AA,
+        )
     write_png(path, picture)

@@ -20,9 +20,11 @@ _BLOCK = 1 << 20
 
 
 def vgg_file(
-    folder: Path, on_progress: Callable[[float, str], None], address: str | None = None,
+    folder: Path,
+    on_progress: Callable[[float, str], None],
+    address: str | None = None,
     sha256: str = SHA256,
-) -> Path:  # fmt: skip
+) -> Path:
     """VGG-16's file in `folder`, fetched now (from `address` or where it is published) if it is not
     there; whole or not at all.
 

@@ -44,6 +44,8 @@ def test_what_starts_often_does_not_wait_for_torch(module):
     slow = "{'torch', 'numba', 'mediapipe', 'scipy'} & set(sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", f"import sys, {module}; assert not {slow}, {slow}"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr

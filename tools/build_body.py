@@ -19,23 +19,55 @@ from scene.rotations import matrix_to_axis_angle, rotation_between
 from scene.skeleton import JOINT_NAMES, PARENTS, Skeleton
 from tools.build_expressions import FACE_UNITS, Fingers, sparse
 
-BASE = {"age": 0.67, "gender": 0.5, "muscle": 0.5, "weight": 0.45, "height": 0.38,
-        "proportions": 0.6}  # fmt: skip
+BASE = {
+    "age": 0.67,
+    "gender": 0.5,
+    "muscle": 0.5,
+    "weight": 0.45,
+    "height": 0.38,
+    "proportions": 0.6,
+}
 STEP = 0.25
 """Half the span of the central difference, in anny's phenotype units of 0 to 1."""
 
-_LIMBS = {"hip": "upperleg", "knee": "lowerleg", "ankle": "foot", "foot": "toe",
-          "collar": ("clavicle", "shoulder"), "shoulder": "upperarm", "elbow": "lowerarm",
-          "wrist": ("wrist", "metacarpal"), "hand": "finger"}  # fmt: skip
-_TRUNK = {"pelvis": ("root", "pelvis"), "spine1": ("spine05", "spine04"), "spine2": "spine03",
-          "spine3": ("spine02", "spine01"), "neck": "neck", "head": ("head", "eye")}  # fmt: skip
-_JOINT_BONES = {"pelvis": ["root"], "spine1": ["spine04"], "spine2": ["spine03"],
-                "spine3": ["spine02"], "neck": ["neck01"], "head": ["head"]}  # fmt: skip
-_LIMB_JOINT_BONES = {"hip": ["upperleg01"], "knee": ["lowerleg01"], "ankle": ["foot"],
-                     "foot": ["toe1-1", "toe2-1", "toe3-1", "toe4-1", "toe5-1"],
-                     "collar": ["clavicle"], "shoulder": ["upperarm01"], "elbow": ["lowerarm01"],
-                     "wrist": ["wrist"],
-                     "hand": ["finger2-1", "finger3-1", "finger4-1", "finger5-1"]}  # fmt: skip
+_LIMBS = {
+    "hip": "upperleg",
+    "knee": "lowerleg",
+    "ankle": "foot",
+    "foot": "toe",
+    "collar": ("clavicle", "shoulder"),
+    "shoulder": "upperarm",
+    "elbow": "lowerarm",
+    "wrist": ("wrist", "metacarpal"),
+    "hand": "finger",
+}
+_TRUNK = {
+    "pelvis": ("root", "pelvis"),
+    "spine1": ("spine05", "spine04"),
+    "spine2": "spine03",
+    "spine3": ("spine02", "spine01"),
+    "neck": "neck",
+    "head": ("head", "eye"),
+}
+_JOINT_BONES = {
+    "pelvis": ["root"],
+    "spine1": ["spine04"],
+    "spine2": ["spine03"],
+    "spine3": ["spine02"],
+    "neck": ["neck01"],
+    "head": ["head"],
+}
+_LIMB_JOINT_BONES = {
+    "hip": ["upperleg01"],
+    "knee": ["lowerleg01"],
+    "ankle": ["foot"],
+    "foot": ["toe1-1", "toe2-1", "toe3-1", "toe4-1", "toe5-1"],
+    "collar": ["clavicle"],
+    "shoulder": ["upperarm01"],
+    "elbow": ["lowerarm01"],
+    "wrist": ["wrist"],
+    "hand": ["finger2-1", "finger3-1", "finger4-1", "finger5-1"],
+}
 
 
 def joint_of_bone(bone: str) -> int:
@@ -103,23 +135,30 @@ def build(model: Any) -> dict[str, Array]:
         heads = dict(zip(model.bone_labels, out["rest_bone_heads"][0].numpy(), strict=True))
         joints = np.array([np.mean([heads[b] for b in bones], 0) for bones in bones_of_joints()])
         bones = y_up(np.array(list(heads.values())))
-        return _t_posed(y_up(out["rest_vertices"][0].numpy()), y_up(joints), bones, weights,
-                        columns)  # fmt: skip
+        return _t_posed(
+            y_up(out["rest_vertices"][0].numpy()), y_up(joints), bones, weights, columns
+        )
 
     vertices, joints, heads = rest({})
     fingers = Fingers(
-        vertices, dict(zip(model.bone_labels, heads, strict=True)), tuple(model.bone_labels),
-        indices, model.vertex_bone_weights.numpy(),
-    )  # fmt: skip
+        vertices,
+        dict(zip(model.bone_labels, heads, strict=True)),
+        tuple(model.bone_labels),
+        indices,
+        model.vertex_bone_weights.numpy(),
+    )
     expressions = {name: rest({}, made_of)[0] - vertices for name, made_of in FACE_UNITS.items()}
     expressions["left_hand_curl"] = fingers.curled("L")
     expressions["right_hand_curl"] = fingers.curled("R")
     directions = [
-        [(up - down) / (2.0 * STEP) for up, down in zip(rest({n: BASE[n] + STEP})[:2],
-                                                        rest({n: BASE[n] - STEP})[:2],
-                                                        strict=True)]
+        [
+            (up - down) / (2.0 * STEP)
+            for up, down in zip(
+                rest({n: BASE[n] + STEP})[:2], rest({n: BASE[n] - STEP})[:2], strict=True
+            )
+        ]
         for n in SHAPE_NAMES
-    ]  # fmt: skip
+    ]
     return {
         "rest_vertices": vertices.astype(np.float32),
         "rest_joints": joints.astype(np.float32),

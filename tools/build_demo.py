@@ -38,16 +38,25 @@ def build(
     with tempfile.TemporaryDirectory() as folder, progress_bar("demo performer") as report:
         clip_folder = Path(folder) / "sequence"
         make_sequence(
-            clip_folder, motion=motion, look="lit", frames=_FRAMES, size=_SIZE, seed=_SEED,
+            clip_folder,
+            motion=motion,
+            look="lit",
+            frames=_FRAMES,
+            size=_SIZE,
+            seed=_SEED,
             expressions=True,
             on_progress=lambda done, message: report(0.3 * done, message),
-        )  # fmt: skip
+        )
         clip = open_sequence(clip_folder)
         model = train(
-            clip, preset="splats", iterations=_ITERATIONS, seed=_SEED, find_light=True,
+            clip,
+            preset="splats",
+            iterations=_ITERATIONS,
+            seed=_SEED,
+            find_light=True,
             clock=time.perf_counter,
             on_progress=lambda step: report(0.3 + 0.7 * step.fraction, step.message),
-        )  # fmt: skip
+        )
     splats = model.splats
     assert splats is not None
     recorded = _before_the_camera(read_bvh(motion, clip.body.skeleton))

@@ -105,9 +105,13 @@ def _sights_of(seed: int, marks: BodyLandmarks, estimator: MediaPipeEstimator) -
 
 
 def sights_in(
-    person: Landmarks, camera: Camera, pose: Pose, skeleton: Skeleton,
-    rest: Float[Array, "33 3"], joints: Array,
-) -> list[Sight]:  # fmt: skip
+    person: Landmarks,
+    camera: Camera,
+    pose: Pose,
+    skeleton: Skeleton,
+    rest: Float[Array, "33 3"],
+    joints: Array,
+) -> list[Sight]:
     """One picture's sights; `rest` holds the landmarks' anatomical places at rest."""
     moved = skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)[joints]
     with_turn = camera.rotation @ moved[:, :3, :3]

@@ -89,11 +89,16 @@ def _render(seed: int, estimator: MediaPipeEstimator) -> Shard:
             continue
         found: Landmarks = max(people, key=lambda person: float(person.mask.sum()))
         transforms = skeleton.joint_transforms(pose.joint_angles, pose.root_translation)
-        rows.append({
-            "pixels": found.pixels - 0.5 * _SIZE_PX, "world": found.world,
-            "visibility": found.visibility, "turns": camera.rotation @ transforms[:, :3, :3],
-            "rest": skeleton.rest_joints, "focal_px": np.array(camera.focal_px),
-        })  # fmt: skip
+        rows.append(
+            {
+                "pixels": found.pixels - 0.5 * _SIZE_PX,
+                "world": found.world,
+                "visibility": found.visibility,
+                "turns": camera.rotation @ transforms[:, :3, :3],
+                "rest": skeleton.rest_joints,
+                "focal_px": np.array(camera.focal_px),
+            }
+        )
     return {name: np.stack([row[name] for row in rows]).astype(np.float32) for name in rows[0]}
 
 

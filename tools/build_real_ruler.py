@@ -52,10 +52,17 @@ CLIPS = {
 }
 """Name of each clip with a ruler, and its file below the folder of footage."""
 BALL = {
-    0: (654, 318, 39), 1: (653, 315, 39), 49: (708, 466, 44), 50: (720, 431, 43),
-    98: (820, 319, 47), 99: (820, 312, 47), 147: (602, 433, 46), 148: (603, 413, 46),
-    196: (811, 295, 44), 197: (817, 297, 44),
-}  # fmt: skip
+    0: (654, 318, 39),
+    1: (653, 315, 39),
+    49: (708, 466, 44),
+    50: (720, 431, 43),
+    98: (820, 319, 47),
+    99: (820, 312, 47),
+    147: (602, 433, 46),
+    148: (603, 413, 46),
+    196: (811, 295, 44),
+    197: (817, 297, 44),
+}
 """The juggler's ball, which is not the person, by frame: its middle and radius, px."""
 WALL: dict[str, list[Window]] = {
     "grey_shirt": [(200, 255, 48, 150), (382, 250, 46, 180)],
@@ -118,9 +125,12 @@ def build(name: str, footage: Path, models: Path, finder: PartFinder) -> None:
         folder / "points.npz", face=np.float32(np.array(faces)), hands=np.float32(np.array(hands))
     )
     about = {
-        "file": CLIPS[name], "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-        "size": list(clip.source_size), "clip_frames": clip.source_frames, "indices": indices,
-    }  # fmt: skip
+        "file": CLIPS[name],
+        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "size": list(clip.source_size),
+        "clip_frames": clip.source_frames,
+        "indices": indices,
+    }
     (folder / "ruler.json").write_text(json.dumps(about, indent=1) + "\n")
 
 

@@ -15,13 +15,20 @@ if TYPE_CHECKING:
 ACCURACY = "psnr_novel_view_body_crop"
 SHORT = {
     "+cull+occupancy+early-stop+baked": " + all exact",
-    "+cull": " + cull", "+occupancy": " + occupancy", "+early-stop": " + early stop",
-    "+baked": " + baked", "+posed-grid": " + posed grid", "+grid": " + grid",
-}  # fmt: skip
+    "+cull": " + cull",
+    "+occupancy": " + occupancy",
+    "+early-stop": " + early stop",
+    "+baked": " + baked",
+    "+posed-grid": " + posed grid",
+    "+grid": " + grid",
+}
 _COLOURS = {
-    "splats": "#0072b2", "fast": "#d55e00", "paper+grid": "#cc79a7", "paper": "#009e73",
+    "splats": "#0072b2",
+    "fast": "#d55e00",
+    "paper+grid": "#cc79a7",
+    "paper": "#009e73",
     "humannerf": "#555555",
-}  # fmt: skip
+}
 """Of each family (Okabe and Ito's, told apart by the colour-blind too)."""
 _PLACES = ((8, 6), (8, -20), (-8, 6), (-8, -20), (8, 20), (-8, 20), (8, -34), (-8, -34),
            (24, 34), (-24, 34))  # fmt: skip
@@ -38,10 +45,14 @@ def draw_charts(figures: dict[str, Any], points: list[dict[str, Any]], json_file
     import matplotlib
 
     matplotlib.use("Agg")
-    matplotlib.rcParams.update({
-        "font.size": 9, "axes.spines.top": False, "axes.spines.right": False,
-        "svg.hashsalt": "frontier",
-    })  # fmt: skip
+    matplotlib.rcParams.update(
+        {
+            "font.size": 9,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "svg.hashsalt": "frontier",
+        }
+    )
     stem = json_file.with_suffix("")
     for name, chart in (
         ("", _frontier(figures, points)),
@@ -101,9 +112,13 @@ def _frontier(figures: dict[str, Any], points: list[dict[str, Any]]) -> Figure:
         axes.grid(alpha=0.25, which="major")
         _label(chart, axes, [(xy, _words(p, size)) for p, xy in zip(shown, places, strict=True)])
         axes.annotate(
-            " 30 frames/s", (1000.0 / 30.0, 0.0), xycoords=("data", "axes fraction"), fontsize=7,
-            va="bottom", color="#888888",
-        )  # fmt: skip
+            " 30 frames/s",
+            (1000.0 / 30.0, 0.0),
+            xycoords=("data", "axes fraction"),
+            fontsize=7,
+            va="bottom",
+            color="#888888",
+        )
     panels[0].set_ylabel("PSNR of unseen views, dB (body crop)")
     chart.suptitle(
         f"Speed against accuracy: {_conditions(figures)}; "
@@ -134,10 +149,14 @@ def _label(chart: Figure, axes: Axes, labels: list[tuple[tuple[float, float], st
     for (x, y), words in labels:
         for place, offset in enumerate(_PLACES):
             text = axes.annotate(
-                words, (x, y), xytext=offset, textcoords="offset points", fontsize=7,
+                words,
+                (x, y),
+                xytext=offset,
+                textcoords="offset points",
+                fontsize=7,
                 ha="left" if offset[0] > 0 else "right",
                 arrowprops=_LEADER if place > 3 else None,
-            )  # fmt: skip
+            )
             box = text.get_window_extent(renderer)
             inside = box.x0 > frame.x0 and box.x1 < frame.x1 and box.y1 < frame.y1 + 20.0
             if (inside and not any(_meet(box.extents, other) for other in taken)) or (
@@ -161,17 +180,22 @@ def _training(figures: dict[str, Any], distilled: Path) -> Figure:
         line = [row for row in rows if row["preset"] == name]
         scaled = line[0].get("scaled") is not None
         axes.plot(
-            [row["budget_s"] for row in line], [row[ACCURACY] for row in line], "o-",
-            color=_COLOURS[family(name)], mfc="white" if scaled else None, mew=1.5,
+            [row["budget_s"] for row in line],
+            [row[ACCURACY] for row in line],
+            "o-",
+            color=_COLOURS[family(name)],
+            mfc="white" if scaled else None,
+            mew=1.5,
             label=short_name(name) + (f" (scaled: {line[0]['steps']} steps)" if scaled else ""),
-        )  # fmt: skip
+        )
     if distilled.is_file():
         point = _distilled(json.loads(distilled.read_text())["psnr"])
         axes.plot(*point, "^", color=_COLOURS["splats"], label="splats, distilled from fast")
     axes.set(
-        xscale="log", xlabel=f"training, s ({_conditions(figures)}; scaled runs: one thread)",
+        xscale="log",
+        xlabel=f"training, s ({_conditions(figures)}; scaled runs: one thread)",
         ylabel="PSNR of unseen views, dB (body crop)",
-    )  # fmt: skip
+    )
     axes.xaxis.set_major_formatter("{x:g}")
     axes.grid(alpha=0.25)
     if rows:
@@ -201,9 +225,11 @@ def _steps(figures: dict[str, Any]) -> Figure:
     for place, row in enumerate(rows):
         star = "" if row["512"]["measured_px"] == 512 else " *"
         axes.annotate(
-            f" {times[place]:,.0f} ms{star}{_against(row, slow)}", (times[place], place),
-            va="center", fontsize=7,
-        )  # fmt: skip
+            f" {times[place]:,.0f} ms{star}{_against(row, slow)}",
+            (times[place], place),
+            va="center",
+            fontsize=7,
+        )
     axes.set_yticks(range(len(rows)), [short_name(name) for name in names])
     axes.set(
         xscale="log",

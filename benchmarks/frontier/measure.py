@@ -27,22 +27,25 @@ FRAMES, SIZE = 60, 256
 
 
 def run(
-    writer: FigureWriter, backbone: Path | None,
-    scaled_s: float, clock_name: str, only: str,
-) -> None:  # fmt: skip
+    writer: FigureWriter, backbone: Path | None, scaled_s: float, clock_name: str, only: str
+) -> None:
     """Measure what was not measured yet, and report."""
     state, cache, clock = writer.measurements, writer.cache(only), clock_named(clock_name)
     clip = _sequence(state)
     figures = {
         "sequence": {
-            "performer": "studio, seed 0", "look": "plain", "poses": "exact",
-            "frames": FRAMES, "size": SIZE, "data_hash": clip.data_hash,
+            "performer": "studio, seed 0",
+            "look": "plain",
+            "poses": "exact",
+            "frames": FRAMES,
+            "size": SIZE,
+            "data_hash": clip.data_hash,
         },
         **clock.about(),
         "accuracy": _accuracies(clip, cache, state, backbone, scaled_s, clock),
         "speed": _speeds(clip, cache, state, backbone, clock),
         "steps": _steps(clip, cache, clock),
-    }  # fmt: skip
+    }
     writer.write({**figures, "points": points(figures)})
 
 
@@ -72,9 +75,10 @@ def _accuracies(
         if name in SCALED:
             of["scale"] = [SCALED[name].patches, SCALED[name].samples]
         row = cache.measured(
-            f"accuracy/{name}@{budget_s:g}", of,
+            f"accuracy/{name}@{budget_s:g}",
+            of,
             lambda n=name, b=budget_s, c=counted: accuracy(clip, n, b, state, backbone, c),
-        )  # fmt: skip
+        )
         rows += [] if row is None else [{**about, **row}]
     clock_named(clock.name)
     return rows

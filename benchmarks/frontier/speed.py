@@ -27,9 +27,11 @@ from scene.sequence import NOVEL_VIEW, Sequence
 
 SIZES = (512, 1024)
 BASES = ("humannerf", "paper")
-STEPS = tuple("+".join((base, *names))
-              for base in BASES
-              for names in ((), *((name,) for name in SAME_WEIGHTS), EXACT))  # fmt: skip
+STEPS = tuple(
+    "+".join((base, *names))
+    for base in BASES
+    for names in ((), *((name,) for name in SAME_WEIGHTS), EXACT)
+)
 """Each base, each of its speed-ups alone, and all exact ones together."""
 _FIT_STEPS = 400
 _FRAMES = 20

@@ -92,9 +92,14 @@ def trained(
         preset, perceptual = SCALED[name].of(preset), backbone
     checkpoint = path.with_suffix(".checkpoint")
     model = train(
-        clip, preset=preset, budget_s=budget_s, lpips_backbone=perceptual, checkpoint=checkpoint,
-        on_progress=_telling(name), clock=clock.now,
-    )  # fmt: skip
+        clip,
+        preset=preset,
+        budget_s=budget_s,
+        lpips_backbone=perceptual,
+        checkpoint=checkpoint,
+        on_progress=_telling(name),
+        clock=clock.now,
+    )
     if name in SCALED:
         model.metrics["scaled"] = asdict(SCALED[name])
     save_model(model, path)

@@ -15,10 +15,12 @@ _MASK_STAGES = {
     "true_alpha_own_colours": "true alpha, own colours",
 }
 _MASK_COLUMNS = (
-    ("overlap", 3, "overlap"), ("alpha_error", 3, "alpha error"),
-    ("colour_error_levels", 1, "colour error, levels"), ("flicker", 3, "flicker"),
+    ("overlap", 3, "overlap"),
+    ("alpha_error", 3, "alpha error"),
+    ("colour_error_levels", 1, "colour error, levels"),
+    ("flicker", 3, "flicker"),
     ("work_ms", 1, "ms a frame"),
-)  # fmt: skip
+)
 """Figure, decimals, words."""
 _SPOILT = {
     "usual": "as it is, 15 frames/s",
@@ -37,9 +39,11 @@ _LIVE = (
     ("live_unsmoothed_to_clip_fit", "the same, not smoothed"),
     ("clip_fit_to_truth", "clip-wide fit to the truth"),
     ("live_to_truth", "live to the truth"),
-    ("live_with_true_body_and_camera_to_truth",
-     "live, with the true body and camera, to the truth"),
-)  # fmt: skip
+    (
+        "live_with_true_body_and_camera_to_truth",
+        "live, with the true body and camera, to the truth",
+    ),
+)
 _LATE = (
     ("as_it_is", "the same, shown 60 ms late"),
     ("predicted", "the same, predicted by 60 ms"),
@@ -59,10 +63,15 @@ def masks(figures: Figures) -> str:
     """Both looks beside one another, a row a stage."""
     both = (figures["lit"], figures["loose"])
     rows = [
-        [words, *(" / ".join(f"{look[stage][key]:.{digits}f}" for look in both)
-                  for key, digits, _ in _MASK_COLUMNS)]
+        [
+            words,
+            *(
+                " / ".join(f"{look[stage][key]:.{digits}f}" for look in both)
+                for key, digits, _ in _MASK_COLUMNS
+            ),
+        ]
         for stage, words in _MASK_STAGES.items()
-    ]  # fmt: skip
+    ]
     head = ["stage", *(words for _, _, words in _MASK_COLUMNS)]
     return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
 
@@ -70,31 +79,51 @@ def masks(figures: Figures) -> str:
 def accuracy(figures: Figures) -> str:
     """The stages in few columns, and what captures are worth in pictures."""
     rows = [
-        [_STAGES.get(name, name), f"{one['joint_mm']:.0f}", f"{one['joint_one_scale_mm']:.0f}",
-         _degrees(one)]
+        [
+            _STAGES.get(name, name),
+            f"{one['joint_mm']:.0f}",
+            f"{one['joint_one_scale_mm']:.0f}",
+            _degrees(one),
+        ]
         for name, one in _judged(figures["mean"]).items()
-    ]  # fmt: skip
+    ]
     head = ["after", "joints, mm", "with one scale a clip, mm", "rotations"]
     exact, aligned, captured = _new_views_db(figures)
-    return "\n\n".join([
-        markdown_table(head, rows),
-        f"With exact poses `splats` reach {exact:.1f} dB in unseen views; with captured poses "
-        f"{aligned:.1f} dB once each test pose is aligned with its own picture, and "
-        f"{captured:.1f} dB as the poses are. {measured_at(figures)}",
-    ])  # fmt: skip
+    return "\n\n".join(
+        [
+            markdown_table(head, rows),
+            f"With exact poses `splats` reach {exact:.1f} dB in unseen views; with captured poses "
+            f"{aligned:.1f} dB once each test pose is aligned with its own picture, and "
+            f"{captured:.1f} dB as the poses are. {measured_at(figures)}",
+        ]
+    )
 
 
 def stages(figures: Figures) -> str:
     """What each stage of the fit leaves, in the mean over clips."""
     rows = [
-        [name, f"{one['joint_mm']:.0f}", f"{one['joint_one_scale_mm']:.0f}",
-         f"{one['joint_procrustes_mm']:.0f}", _degrees(one), f"{one['root_one_scale_mm']:.0f}",
-         f"{one['jitter_m_s3']:.0f} (truth {one['jitter_truth_m_s3']:.0f})",
-         f"{one['seconds']:.1f}" if "seconds" in one else ""]
+        [
+            name,
+            f"{one['joint_mm']:.0f}",
+            f"{one['joint_one_scale_mm']:.0f}",
+            f"{one['joint_procrustes_mm']:.0f}",
+            _degrees(one),
+            f"{one['root_one_scale_mm']:.0f}",
+            f"{one['jitter_m_s3']:.0f} (truth {one['jitter_truth_m_s3']:.0f})",
+            f"{one['seconds']:.1f}" if "seconds" in one else "",
+        ]
         for name, one in _judged(figures["mean"]).items()
-    ]  # fmt: skip
-    head = ["after", "joints, mm", "with one scale", "Procrustes", "rotations", "root, one scale, "
-            "mm", "jitter, m/s3", "s"]  # fmt: skip
+    ]
+    head = [
+        "after",
+        "joints, mm",
+        "with one scale",
+        "Procrustes",
+        "rotations",
+        "root, one scale, mm",
+        "jitter, m/s3",
+        "s",
+    ]
     return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
 
 
@@ -103,14 +132,29 @@ def clips(figures: Figures) -> str:
     rows = []
     for row in (*figures["rows"], {"clip": "mean", **figures["mean"]}):
         fitted, refined = list(_judged(row).values())[-2:]
-        rows.append([
-            row["clip"], f"{fitted['joint_one_scale_mm']:.0f}",
-            f"{refined['joint_one_scale_mm']:.0f}", _degrees(fitted), _degrees(refined),
-            *(_decibels(row["accuracy"][name])
-              for name in ("captured", "captured_aligned", "exact")),
-        ])  # fmt: skip
-    head = ["clip", "joints, one scale, mm", "refined", "rotations", "refined", "as they are, dB",
-            "aligned, dB", "exact poses, dB"]  # fmt: skip
+        rows.append(
+            [
+                row["clip"],
+                f"{fitted['joint_one_scale_mm']:.0f}",
+                f"{refined['joint_one_scale_mm']:.0f}",
+                _degrees(fitted),
+                _degrees(refined),
+                *(
+                    _decibels(row["accuracy"][name])
+                    for name in ("captured", "captured_aligned", "exact")
+                ),
+            ]
+        )
+    head = [
+        "clip",
+        "joints, one scale, mm",
+        "refined",
+        "rotations",
+        "refined",
+        "as they are, dB",
+        "aligned, dB",
+        "exact poses, dB",
+    ]
     return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
 
 
@@ -134,13 +178,25 @@ def summary(figures: Figures) -> str:
 def robustness(figures: Figures) -> str:
     """One performance, spoilt in one way each."""
     rows = [
-        [words, f"{row['joint_one_scale_mm']:.0f}", f"{row['joint_procrustes_mm']:.0f}",
-         _degrees(row), f"{row['root_one_scale_mm']:.0f}", f"{row['swapped_frames']:.0f}"]
+        [
+            words,
+            f"{row['joint_one_scale_mm']:.0f}",
+            f"{row['joint_procrustes_mm']:.0f}",
+            _degrees(row),
+            f"{row['root_one_scale_mm']:.0f}",
+            f"{row['swapped_frames']:.0f}",
+        ]
         for key, words in _SPOILT.items()
         for row in [figures["rows"][key]]
-    ]  # fmt: skip
-    head = ["what", "joints, one scale, mm", "Procrustes", "rotations", "root, mm",
-            "sides exchanged"]  # fmt: skip
+    ]
+    head = [
+        "what",
+        "joints, one scale, mm",
+        "Procrustes",
+        "rotations",
+        "root, mm",
+        "sides exchanged",
+    ]
     return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
 
 
@@ -153,9 +209,11 @@ def live(figures: Figures) -> str:
         ["a step, of one core's time", f"p50 {step['p50_ms']:.2f} ms, p95 {step['p95_ms']:.2f} ms"],
         *([words, _distances(figures[key])] for key, words in _LIVE),
         *([words, _distances(late[key])] for key, words in _LATE),
-        ["in a meeting, a packet to a pose with feet that stand",
-         f"p50 {packet['p50_ms']:.2f} ms of processor, p95 {packet['p95_ms']:.2f}"],
-    ]  # fmt: skip
+        [
+            "in a meeting, a packet to a pose with feet that stand",
+            f"p50 {packet['p50_ms']:.2f} ms of processor, p95 {packet['p95_ms']:.2f}",
+        ],
+    ]
     return "\n\n".join([markdown_table(["", ""], rows), measured_at(figures)])
 
 

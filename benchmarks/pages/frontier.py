@@ -27,8 +27,11 @@ def page(figures: dict[str, Any], points: list[dict[str, Any]]) -> str:
     """All charts and tables, under what they were measured with."""
     lpips = next((row["conditions"]["lpips"] for row in figures["accuracy"]), None)
     backbone = "not measured" if lpips is None else f"x1000, {lpips['backbone']} backbone"
-    counted_as = "seconds of one thread's own time" if figures["clock"] == "processor" else (
-        f"wall clock, {figures['threads']} cores")  # fmt: skip
+    counted_as = (
+        "seconds of one thread's own time"
+        if figures["clock"] == "processor"
+        else (f"wall clock, {figures['threads']} cores")
+    )
     parts = [
         f"Times: {counted_as}. PSNR, SSIM and LPIPS ({backbone}, inputs in [-1, 1]): body crop, "
         "black background, 256 x 256, unseen views / unseen poses.",
@@ -53,14 +56,26 @@ def _frontier(points: list[dict[str, Any]]) -> str:
     rows = []
     for index, point in enumerate(known):
         name = short_name(point["preset"])
-        rows.append([
-            f"**{name}**" if index in front else name,
-            *(_milliseconds(point[str(size)], size) for size in SIZES),
-            *_accuracy(point), _trained(point), counted(point["parameters"]),
-            f"{point['megabytes']:.3g}",
-        ])  # fmt: skip
-    head = ["preset", *(f"ms at {size}, p50 (p95)" for size in SIZES), "PSNR, dB", "SSIM", "LPIPS",
-            "training", "parameters", "MB"]  # fmt: skip
+        rows.append(
+            [
+                f"**{name}**" if index in front else name,
+                *(_milliseconds(point[str(size)], size) for size in SIZES),
+                *_accuracy(point),
+                _trained(point),
+                counted(point["parameters"]),
+                f"{point['megabytes']:.3g}",
+            ]
+        )
+    head = [
+        "preset",
+        *(f"ms at {size}, p50 (p95)" for size in SIZES),
+        "PSNR, dB",
+        "SSIM",
+        "LPIPS",
+        "training",
+        "parameters",
+        "MB",
+    ]
     return markdown_table(head, rows)
 
 
@@ -79,10 +94,15 @@ def _scaled(figures: dict[str, Any]) -> list[str]:
 
 def _training(figures: dict[str, Any]) -> str:
     rows = [
-        [short_name(row["preset"]), _trained(row), f"{row['steps']:,}", *_accuracy(row),
-         f"{row['file_megabytes']:.3g}"]
+        [
+            short_name(row["preset"]),
+            _trained(row),
+            f"{row['steps']:,}",
+            *_accuracy(row),
+            f"{row['file_megabytes']:.3g}",
+        ]
         for row in figures["accuracy"]
-    ]  # fmt: skip
+    ]
     head = ["preset", "training", "steps", "PSNR, dB", "SSIM", "LPIPS", "MB of the file"]
     return markdown_table(head, rows)
 
@@ -93,14 +113,24 @@ def _steps(figures: dict[str, Any]) -> str:
     for name, row in times.items():
         slow = times.get(name.split("+")[0], row)
         faster = [slow[str(size)]["p50_ms"] / row[str(size)]["p50_ms"] for size in SIZES]
-        rows.append([
-            short_name(name), *(_milliseconds(row[str(size)], size) for size in SIZES),
-            " / ".join(f"{ratio:.1f}" for ratio in faster),
-            "" if "+" not in name else f"{row['db_to_slow']:.0f}",
-            counted(row["parameters"]), f"{row['megabytes']:.3g}",
-        ])  # fmt: skip
-    head = ["preset", *(f"ms at {size}, p50 (p95)" for size in SIZES), "times faster", "dB to slow",
-            "parameters", "MB"]  # fmt: skip
+        rows.append(
+            [
+                short_name(name),
+                *(_milliseconds(row[str(size)], size) for size in SIZES),
+                " / ".join(f"{ratio:.1f}" for ratio in faster),
+                "" if "+" not in name else f"{row['db_to_slow']:.0f}",
+                counted(row["parameters"]),
+                f"{row['megabytes']:.3g}",
+            ]
+        )
+    head = [
+        "preset",
+        *(f"ms at {size}, p50 (p95)" for size in SIZES),
+        "times faster",
+        "dB to slow",
+        "parameters",
+        "MB",
+    ]
     return markdown_table(head, rows)
 
 

@@ -16,12 +16,16 @@ def performers(figures: Figures) -> str:
 
 def _description(figures: Figures) -> str:
     counted = (
-        "seconds of one thread's own time" if figures["clock"] == "processor"
+        "seconds of one thread's own time"
+        if figures["clock"] == "processor"
         else f"wall clock on {figures['threads']} cores"
-    )  # fmt: skip
+    )
     names = dict.fromkeys(row["performer"] for row in figures["rows"])
-    backbones = {row["conditions"]["lpips"]["backbone"] for row in figures["rows"]
-                 if row["conditions"]["lpips"] is not None}  # fmt: skip
+    backbones = {
+        row["conditions"]["lpips"]["backbone"]
+        for row in figures["rows"]
+        if row["conditions"]["lpips"] is not None
+    }
     lpips = "".join(
         f"; LPIPS x1000 on the {name} backbone, inputs in [-1, 1]" for name in sorted(backbones)
     )
@@ -44,8 +48,13 @@ def table(means: list[Figures]) -> str:
             pair = [mean[f"{measure}_{split}"] for split in ("novel_view", "unseen_pose")]
             cells.append(" / ".join("-" if v is None else f"{factor * v:.{digits}f}" for v in pair))
         spread = mean["psnr_novel_view_spread"]
-        rows.append([
-            mean["look"], f"`{mean['preset']}`", f"{mean['budget_s']:g} s",
-            f"{cells[0]} (± {spread:.1f})", *cells[1:],
-        ])  # fmt: skip
+        rows.append(
+            [
+                mean["look"],
+                f"`{mean['preset']}`",
+                f"{mean['budget_s']:g} s",
+                f"{cells[0]} (± {spread:.1f})",
+                *cells[1:],
+            ]
+        )
     return markdown_table(["look", "preset", "training", "PSNR, dB", "SSIM", "LPIPS"], rows)

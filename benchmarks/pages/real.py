@@ -23,9 +23,10 @@ def real(figures: Figures) -> str:
 
 def _description(figures: Figures) -> str:
     counted = (
-        "one thread's own time" if figures["clock"] == "processor"
+        "one thread's own time"
+        if figures["clock"] == "processor"
         else f"the clock on the wall, {figures['threads']} cores"
-    )  # fmt: skip
+    )
     return (
         f"Training takes {figures['budget_s']:g} s of {counted}; LPIPS is on "
         f"`{figures['lpips'].removesuffix('.pth')}`. A cell is PSNR (dB) / LPIPS of that crop, the "
@@ -41,8 +42,17 @@ def _accuracy(figures: Figures) -> str:
         for title, poses, group in _VIEWS
         if (found := case[poses].get(group)) is not None
     ]
-    heads = ["person", "frames", "body", "face", "hands", "overlap", "face found", "its points",
-             "flicker"]  # fmt: skip
+    heads = [
+        "person",
+        "frames",
+        "body",
+        "face",
+        "hands",
+        "overlap",
+        "face found",
+        "its points",
+        "flicker",
+    ]
     return markdown_table(heads, rows)
 
 
@@ -67,7 +77,8 @@ def _effort(figures: Figures) -> str:
     for name, case in figures["cases"].items():
         clips = [
             f"{clip}: {about['frames']} frames, {about['seconds']:g} s, captured in "
-            f"{about['capture_s']:.0f} s" for clip, about in case["clips"].items()
-        ]  # fmt: skip
+            f"{about['capture_s']:.0f} s"
+            for clip, about in case["clips"].items()
+        ]
         rows.append([name, f"{case['splats']:,}", str(case["trained_frames"]), "; ".join(clips)])
     return markdown_table(["person", "splats", "frames trained on", "clips"], rows)

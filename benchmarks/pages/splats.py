@@ -46,14 +46,18 @@ def local_view(figures: Figures) -> str:
     """Pictures a second that a page draws by itself, a row a number of splats."""
     sizes = sorted({row["size"] for row in figures["drawn"]})
     rows = [
-        [f"{count:,}", *(
-            f"{row['pictures_per_second']:.0f} a second, {row['processor_ms']:.0f} ms"
-            + (" of processor time each" if (count, size) == (5000, sizes[0]) else "")
-            for size in sizes for row in figures["drawn"]
-            if (row["splats"], row["size"]) == (count, size)
-        )]
+        [
+            f"{count:,}",
+            *(
+                f"{row['pictures_per_second']:.0f} a second, {row['processor_ms']:.0f} ms"
+                + (" of processor time each" if (count, size) == (5000, sizes[0]) else "")
+                for size in sizes
+                for row in figures["drawn"]
+                if (row["splats"], row["size"]) == (count, size)
+            ),
+        ]
         for count in sorted({row["splats"] for row in figures["drawn"]})
-    ]  # fmt: skip
+    ]
     head = ["splats", *(f"{size} x {size}" for size in sizes)]
     return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
 
@@ -61,16 +65,21 @@ def local_view(figures: Figures) -> str:
 def meeting(figures: Figures) -> str:
     """Frames a second and latency, by who draws."""
     shown = {
-        (row["performers"], row["viewers"], row["drawn_by"]):
-        f"{row['frames_per_second']:.0f} a second, {row['latency_p50_ms']} ms "
+        (
+            row["performers"],
+            row["viewers"],
+            row["drawn_by"],
+        ): f"{row['frames_per_second']:.0f} a second, {row['latency_p50_ms']} ms "
         f"(p95 {row['latency_p95_ms']})"
         for row in figures["rows"]
-    }  # fmt: skip
+    }
     rows = [
-        [f"{performers}, {viewers}",
-         *(shown.get((performers, viewers, way), "") for way in ("server", "page"))]
+        [
+            f"{performers}, {viewers}",
+            *(shown.get((performers, viewers, way), "") for way in ("server", "page")),
+        ]
         for performers, viewers in sorted({key[:2] for key in shown})
-    ]  # fmt: skip
+    ]
     head = ["performers, viewers", "by the server", "by the page"]
     return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
 
@@ -78,10 +87,16 @@ def meeting(figures: Figures) -> str:
 def relight(figures: Figures) -> str:
     """dB to the truth in another room's light, as captured and relit."""
     rows = [
-        [row["performer"], row["filmed_in"], row["shown_in"], f"{row['psnr_as_filmed']:.1f}",
-         f"{row['psnr_relit']:.1f}", f"{row['gain_db']:.1f}"]
+        [
+            row["performer"],
+            row["filmed_in"],
+            row["shown_in"],
+            f"{row['psnr_as_filmed']:.1f}",
+            f"{row['psnr_relit']:.1f}",
+            f"{row['gain_db']:.1f}",
+        ]
         for row in figures["rows"]
-    ]  # fmt: skip
+    ]
     head = ["performer", "filmed in", "shown in", "as filmed", "relit", "gain"]
     return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
 
@@ -93,12 +108,15 @@ def refinement(figures: Figures) -> str:
         ("fast", True): "the paper's MLP",
     }
     rows = [
-        [f"{row['noise_deg']:g}°, {'lasting' if row['lasting'] else 'each frame its own'}",
-         f"`{row['preset']}`, {how.get((row['preset'], row['refined']), 'poses believed')}",
-         f"{row['psnr_novel_view']:.1f}", f"{row['psnr_novel_view_aligned']:.1f}",
-         f"{row['joint_mm_before']:.0f} -> {row['joint_mm']:.0f}"]
+        [
+            f"{row['noise_deg']:g}°, {'lasting' if row['lasting'] else 'each frame its own'}",
+            f"`{row['preset']}`, {how.get((row['preset'], row['refined']), 'poses believed')}",
+            f"{row['psnr_novel_view']:.1f}",
+            f"{row['psnr_novel_view_aligned']:.1f}",
+            f"{row['joint_mm_before']:.0f} -> {row['joint_mm']:.0f}",
+        ]
         for row in figures["rows"]
-    ]  # fmt: skip
+    ]
     head = ["noise", "model", "PSNR, dB", "test poses aligned", "joints, mm"]
     return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
 

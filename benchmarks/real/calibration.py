@@ -54,9 +54,11 @@ def read_calibration(path: Path, clip: str) -> CalibratedCamera:
         camera = tomllib.loads(path.read_text())["cameras"].get(number.group())
         if camera is not None:
             return CalibratedCamera(
-                *(np.array(camera[name], np.float64)
-                  for name in ("matrix", "distortions", "rotation", "translation"))
-            )  # fmt: skip
+                *(
+                    np.array(camera[name], np.float64)
+                    for name in ("matrix", "distortions", "rotation", "translation")
+                )
+            )
     if number is not None and path.suffix == ".txt":
         found = ElementTree.parse(path).find(f".//camera[@serial='cam{number.group()}']")
         if found is not None:
@@ -81,9 +83,12 @@ def _qualisys(camera: ElementTree.Element) -> CalibratedCamera:
 
 
 def in_capture(
-    own: Camera, trained: CalibratedCamera, other: CalibratedCamera, scale: float,
+    own: Camera,
+    trained: CalibratedCamera,
+    other: CalibratedCamera,
+    scale: float,
     size: tuple[int, int],
-) -> Camera:  # fmt: skip
+) -> Camera:
     """`other` in the world of a capture whose metre is `1 / scale` of the true one.
 
     Args:

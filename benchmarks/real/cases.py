@@ -24,13 +24,29 @@ class Case:
 
 CASES = (
     Case("grey-shirt", "grey_shirt_sorry", other_clips=("grey_shirt_please", "grey_shirt_milk")),
-    Case("orange-hoodie", "orange_hoodie_book",
-         other_clips=("orange_hoodie_walk", "orange_hoodie_learn")),
-    Case("patterned-shirt", "patterned_shirt_sister",
-         other_clips=("patterned_shirt_night", "patterned_shirt_eat")),
-    Case("desk", "desk_cam2", 0.42, other_cameras=("desk_cam1", "desk_cam3"),
-         calibration="real-four-cameras/charuco_calibration/camera_array.toml"),
+    Case(
+        "orange-hoodie",
+        "orange_hoodie_book",
+        other_clips=("orange_hoodie_walk", "orange_hoodie_learn"),
+    ),
+    Case(
+        "patterned-shirt",
+        "patterned_shirt_sister",
+        other_clips=("patterned_shirt_night", "patterned_shirt_eat"),
+    ),
+    Case(
+        "desk",
+        "desk_cam2",
+        0.42,
+        other_cameras=("desk_cam1", "desk_cam3"),
+        calibration="real-four-cameras/charuco_calibration/camera_array.toml",
+    ),
     Case("juggler", "juggler", 0.8),
-    Case("walker", "walker_cam01", 0.8, other_cameras=("walker_cam02",),
-         calibration="real-two-cameras/Calib.qca.txt"),
-)  # fmt: skip
+    Case(
+        "walker",
+        "walker_cam01",
+        0.8,
+        other_cameras=("walker_cam02",),
+        calibration="real-two-cameras/Calib.qca.txt",
+    ),
+)

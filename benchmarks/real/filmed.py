@@ -136,8 +136,11 @@ def _part(sequence: Sequence, kept: list[int]) -> Sequence:
         sequence,
         train=_SomeFrames(sequence.train, tuple(kept)),
         motion=Motion(
-            motion.times_s[kept], motion.joint_angles[kept], motion.root_translation[kept],
-            motion.confidence[kept], motion.expressions[kept],
+            motion.times_s[kept],
+            motion.joint_angles[kept],
+            motion.root_translation[kept],
+            motion.confidence[kept],
+            motion.expressions[kept],
         ),
         data_hash=hashlib.sha256(f"{sequence.data_hash} {kept}".encode()).hexdigest(),
-    )  # fmt: skip
+    )

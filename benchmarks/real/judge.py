@@ -57,9 +57,7 @@ class TestFrame:
     def crops(self) -> dict[str, list[tuple[slice, slice]]]:
         """Rows and columns of the body, the face and each hand, as far as they are seen."""
         body, shape = body_crop(self.mask), self.mask.shape
-        faces = [] if self.face is None else [
-            window_around(self.face, _FACE_GROW, _FACE_LEAST_PX)
-        ]  # fmt: skip
+        faces = [] if self.face is None else [window_around(self.face, _FACE_GROW, _FACE_LEAST_PX)]
         hands = [window_around(hand, _HAND_GROW, _HAND_LEAST_PX) for hand in self.hands]
         return {
             "body": [] if body is None else [body],
@@ -75,9 +73,7 @@ class Judge:
     lpips: Lpips
     finder: PartFinder
 
-    def figures(
-        self, made: Float[Array, "H W 4"], frame: TestFrame
-    ) -> dict[str, Figures]:  # fmt: skip
+    def figures(self, made: Float[Array, "H W 4"], frame: TestFrame) -> dict[str, Figures]:
         """`body`, `face`, `hands`: PSNR (dB), SSIM, LPIPS; of the body also the silhouette's
         intersection over union; of the face also whether a landmarker finds it (0 or 1), and how
         far its points lie from the frame's, in per cent of the distance between the eyes."""
@@ -143,6 +139,7 @@ def _inside(windows: list[Window], shape: tuple[int, ...]) -> list[tuple[slice, 
         for x, y, w, h in windows
     ]
     return [
-        window for window in cut
+        window
+        for window in cut
         if all(side.stop - side.start >= _HAND_LEAST_PX // 2 for side in window)
-    ]  # fmt: skip
+    ]

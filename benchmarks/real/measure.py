@@ -65,20 +65,23 @@ class Effort:
 
 
 def run(
-    writer: FigureWriter, footage: Path, networks: Networks, clock_name: str, only: str = "",
-    cases: tuple[Case, ...] = CASES, effort: Effort = Effort(),
-) -> None:  # fmt: skip
+    writer: FigureWriter,
+    footage: Path,
+    networks: Networks,
+    clock_name: str,
+    only: str = "",
+    cases: tuple[Case, ...] = CASES,
+    effort: Effort = Effort(),
+) -> None:
     """Measure what was not measured yet of `cases`, draw a sheet of each, and report."""
     cache, clock = writer.cache(only), clock_named(clock_name)
     rows: dict[str, Any] = {}
     for case in cases:
-        of = {"case": asdict(case), **asdict(effort), "lpips": networks.lpips.name,
-              **clock.about()}  # fmt: skip
+        of = {"case": asdict(case), **asdict(effort), "lpips": networks.lpips.name, **clock.about()}
         sheet = writer.picture(f"{case.name}.jpg")
         found = cache.measured(
-            case.name, of,
-            lambda c=case, s=sheet: measure(c, footage, networks, effort, clock, s),
-        )  # fmt: skip
+            case.name, of, lambda c=case, s=sheet: measure(c, footage, networks, effort, clock, s)
+        )
         if found is not None:
             rows[case.name] = found
     writer.write({"lpips": networks.lpips.name, **asdict(effort), **clock.about(), "cases": rows})
@@ -93,18 +96,24 @@ def measure(
         judge = Judge(Lpips(networks.lpips), finder)
         clips = {
             name: film(
-                Ruler.read(name), footage, Path(folder) / name,
+                Ruler.read(name),
+                footage,
+                Path(folder) / name,
                 _options(case, name, footage, networks),
             )
             for name in (case.trained, *case.other_clips)
-        }  # fmt: skip
+        }
         clip = clips[case.trained]
         part, numbers = clip.training_part(case.trained_share)
         begun = clock.now()
         model = train(
-            part, preset="splats", budget_s=effort.budget_s, iterations=effort.iterations,
-            find_light=True, clock=clock.now,
-        )  # fmt: skip
+            part,
+            preset="splats",
+            budget_s=effort.budget_s,
+            iterations=effort.iterations,
+            find_light=True,
+            clock=clock.now,
+        )
         training_s = clock.now() - begun
         frames = list(_test_frames(case, clips, model, set(numbers), footage))
         require_unseen(
@@ -120,7 +129,8 @@ def measure(
         return {
             "clips": {
                 name: {
-                    "frames": len(one.footage.images), "seconds": round(one.footage.times_s[-1], 2),
+                    "frames": len(one.footage.images),
+                    "seconds": round(one.footage.times_s[-1], 2),
                     "capture_s": round(one.capture_s, 1),
                     **{key: one.report[key] for key in _REPORTED},
                 }
@@ -131,7 +141,7 @@ def measure(
             "splats": None if model.splats is None else len(model.splats),
             "as_given": _summary(judge, model, frames),
             "aligned": _summary(judge, model, [f for f in aligned if f.group != OWN_VIEWS]),
-        }  # fmt: skip
+        }
 
 
 def _options(case: Case, clip: str, footage: Path, networks: Networks) -> CaptureOptions:
@@ -139,15 +149,21 @@ def _options(case: Case, clip: str, footage: Path, networks: Networks) -> Captur
     if case.calibration is not None:
         focal_px = float(read_calibration(footage / case.calibration, clip).intrinsics[0, 0])
     return CaptureOptions(
-        person=case.name, pose_model=networks.pose, face_model=networks.face,
-        hand_model=networks.hand, focal_px=focal_px,
-    )  # fmt: skip
+        person=case.name,
+        pose_model=networks.pose,
+        face_model=networks.face,
+        hand_model=networks.hand,
+        focal_px=focal_px,
+    )
 
 
 def _test_frames(
-    case: Case, clips: dict[str, FilmedClip], model: PerformerModel, trained: set[int],
+    case: Case,
+    clips: dict[str, FilmedClip],
+    model: PerformerModel,
+    trained: set[int],
     footage: Path,
-) -> Iterator[TestFrame]:  # fmt: skip
+) -> Iterator[TestFrame]:
     clip = clips[case.trained]
     last = case.trained_share * (len(clip.footage.images) - 1)
 
@@ -186,21 +202,29 @@ def _other_cameras(
         for index in ruler.indices:
             face, hands = ruler.face(index), ruler.hands(index)
             frame = TestFrame(
-                "other_cameras", name, index, other.undistorted(film_.images[index]),
-                other.undistorted(ruler.mask(index)), other.undistorted(ruler.hidden(index)),
+                "other_cameras",
+                name,
+                index,
+                other.undistorted(film_.images[index]),
+                other.undistorted(ruler.mask(index)),
+                other.undistorted(ruler.hidden(index)),
                 None if face is None else other.undistorted_points(face),
                 tuple(other.undistorted_points(hand) for hand in hands),
-                in_capture(clip.camera, trained, other, 1.0, film_.source_size), pose(index),
-            )  # fmt: skip
+                in_capture(clip.camera, trained, other, 1.0, film_.source_size),
+                pose(index),
+            )
             views.append((other, frame))
 
     def placed(scale: float) -> list[TestFrame]:
         return [
-            replace(frame, camera=in_capture(
-                clip.camera, trained, other, scale, (frame.camera.width, frame.camera.height)
-            ))
+            replace(
+                frame,
+                camera=in_capture(
+                    clip.camera, trained, other, scale, (frame.camera.width, frame.camera.height)
+                ),
+            )
             for other, frame in views
-        ]  # fmt: skip
+        ]
 
     yield from max(map(placed, _SCALES), key=lambda frames: _overlap(model, frames))
 
@@ -217,9 +241,17 @@ def _overlap(model: PerformerModel, frames: list[TestFrame]) -> float:
 def _frame(clip: FilmedClip, group: str, index: int, camera: Camera, pose: Pose) -> TestFrame:
     ruler = clip.ruler
     return TestFrame(
-        group, ruler.folder.name, index, clip.footage.images[index], ruler.mask(index),
-        ruler.hidden(index), ruler.face(index), tuple(ruler.hands(index)), camera, pose,
-    )  # fmt: skip
+        group,
+        ruler.folder.name,
+        index,
+        clip.footage.images[index],
+        ruler.mask(index),
+        ruler.hidden(index),
+        ruler.face(index),
+        tuple(ruler.hands(index)),
+        camera,
+        pose,
+    )
 
 
 def _trunk_m(skeleton: Skeleton) -> float:
@@ -247,9 +279,7 @@ def _summary(judge: Judge, model: PerformerModel, frames: list[TestFrame]) -> di
     found: dict[str, Any] = {}
     for group in dict.fromkeys(frame.group for frame in frames):
         mine = [frame for frame in frames if frame.group == group]
-        figures = [
-            judge.figures(model.render(frame.camera, frame.pose), frame) for frame in mine
-        ]  # fmt: skip
+        figures = [judge.figures(model.render(frame.camera, frame.pose), frame) for frame in mine]
         found[group] = _means(figures) | {"flicker": _flicker(model, mine)}
         clips = dict.fromkeys(frame.clip for frame in mine)
         found[group]["clips"] = {
@@ -263,18 +293,20 @@ def _means(figures: list[dict[str, dict[str, float | None]]]) -> dict[str, Any]:
     names = {part: dict.fromkeys(n for one in figures for n in one[part]) for part in figures[0]}
     return {"frames": len(figures)} | {
         part: {
-            name: None if (value := mean(one[part].get(name) for one in figures)) is None
+            name: None
+            if (value := mean(one[part].get(name) for one in figures)) is None
             else round(value, 4)
             for name in names[part]
         }
         for part in names
-    }  # fmt: skip
+    }
 
 
 def _flicker(model: PerformerModel, frames: list[TestFrame]) -> float | None:
     pairs = [
-        (early, late) for early, late in pairwise(frames)
+        (early, late)
+        for early, late in pairwise(frames)
         if late.clip == early.clip and late.index == early.index + 1
-    ]  # fmt: skip
+    ]
     found = mean(flicker(model, *pair) for pair in pairs)
     return None if found is None else round(found, 3)

@@ -50,9 +50,13 @@ class Ruler:
             raise InvalidInput(f"a clip must have a ruler; got {name!r}; there are {known}")
         about = json.loads(path.read_text())
         return cls(
-            path.parent, about["file"], about["sha256"], tuple(about["size"]),
-            about["clip_frames"], tuple(about["indices"]),
-        )  # fmt: skip
+            path.parent,
+            about["file"],
+            about["sha256"],
+            tuple(about["size"]),
+            about["clip_frames"],
+            tuple(about["indices"]),
+        )
 
     def require_footage(self, footage: Path) -> Path:
         """The clip's file below `footage`. Raises InvalidInput where it is another one."""

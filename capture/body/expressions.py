@@ -23,9 +23,11 @@ FACE, LEFT_HAND, RIGHT_HAND = 1, 2, 4
 """Groups of numbers that are seen, or not, together: bits."""
 ALL_GROUPS = FACE | LEFT_HAND | RIGHT_HAND
 GROUPS = np.array(
-    [{"left_hand_curl": LEFT_HAND, "right_hand_curl": RIGHT_HAND}.get(n, FACE)
-     for n in EXPRESSION_NAMES]
-)  # fmt: skip
+    [
+        {"left_hand_curl": LEFT_HAND, "right_hand_curl": RIGHT_HAND}.get(n, FACE)
+        for n in EXPRESSION_NAMES
+    ]
+)
 """Of each number the group it belongs to."""
 FACE_NUMBERS = int((GROUPS == FACE).sum())
 

@@ -21,19 +21,40 @@ from scene.arrays import Array, Float, Int
 from scene.body import Body
 from scene.skeleton import JOINT_NAMES
 
-_JOINT_OF = {"shoulder": "shoulder", "elbow": "elbow", "wrist": "wrist", "hip": "hip",
-             "knee": "knee", "ankle": "ankle", "heel": "ankle", "foot_index": "foot",
-             "pinky": "wrist", "index": "wrist", "thumb": "wrist"}  # fmt: skip
-_MOVES_WITH = {"left_shoulder": "left_collar", "right_shoulder": "right_collar",
-               "left_hip": "pelvis", "right_hip": "pelvis"}  # fmt: skip
+_JOINT_OF = {
+    "shoulder": "shoulder",
+    "elbow": "elbow",
+    "wrist": "wrist",
+    "hip": "hip",
+    "knee": "knee",
+    "ankle": "ankle",
+    "heel": "ankle",
+    "foot_index": "foot",
+    "pinky": "wrist",
+    "index": "wrist",
+    "thumb": "wrist",
+}
+_MOVES_WITH = {
+    "left_shoulder": "left_collar",
+    "right_shoulder": "right_collar",
+    "left_hip": "pelvis",
+    "right_hip": "pelvis",
+}
 """A learnt offset of these must not rotate with the limb that begins there."""
 _ON_A_JOINT = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-_HAND_FROM_HAND_JOINT = {"index": (0.0, 0.0, 0.03), "pinky": (-0.01, 0.0, -0.035),
-                         "thumb": (-0.04, -0.01, 0.06)}  # fmt: skip
+_HAND_FROM_HAND_JOINT = {
+    "index": (0.0, 0.0, 0.03),
+    "pinky": (-0.01, 0.0, -0.035),
+    "thumb": (-0.04, -0.01, 0.06),
+}
 """m, for the left hand (palm down, fingers along +x)."""
-_FACE_FROM_NOSE = {"left_eye_inner": (0.016, 0.036, -0.024), "left_eye": (0.031, 0.036, -0.028),
-                   "left_eye_outer": (0.045, 0.036, -0.034), "left_ear": (0.072, 0.012, -0.105),
-                   "mouth_left": (0.024, -0.036, -0.018)}  # fmt: skip
+_FACE_FROM_NOSE = {
+    "left_eye_inner": (0.016, 0.036, -0.024),
+    "left_eye": (0.031, 0.036, -0.028),
+    "left_eye_outer": (0.045, 0.036, -0.034),
+    "left_ear": (0.072, 0.012, -0.105),
+    "mouth_left": (0.024, -0.036, -0.018),
+}
 """m; the right side is the mirror image."""
 
 OFFSETS_FILE = Path(__file__).parents[1] / "assets" / "landmark_offsets.json"

@@ -44,8 +44,17 @@ class PosePrior:
 def pose_prior() -> PosePrior:
     """Deviations of everyday motion; elbows and knees are hinges with some twist."""
     mean, deviation = torch.zeros(JOINT_COUNT, 3), torch.full((JOINT_COUNT, 3), 0.25)
-    wide = {"neck": 0.2, "head": 0.3, "collar": 0.2, "shoulder": 1.0, "wrist": 0.45,
-            "hip": 0.8, "ankle": 0.35, "foot": 0.12, "hand": 0.05}  # fmt: skip
+    wide = {
+        "neck": 0.2,
+        "head": 0.3,
+        "collar": 0.2,
+        "shoulder": 1.0,
+        "wrist": 0.45,
+        "hip": 0.8,
+        "ankle": 0.35,
+        "foot": 0.12,
+        "hand": 0.05,
+    }
     for name, index in _J.items():
         part = name.split("_")[-1]
         if part in wide:

@@ -17,12 +17,26 @@ from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
 
 LONGEST_GAP_S = 0.6
 """How long a landmark may be missing to be interpolated."""
-_DISTAL_LANDMARK = {"shoulder": "elbow", "elbow": "wrist", "wrist": "index", "hip": "knee",
-             "knee": "ankle", "ankle": "foot_index"}  # fmt: skip
+_DISTAL_LANDMARK = {
+    "shoulder": "elbow",
+    "elbow": "wrist",
+    "wrist": "index",
+    "hip": "knee",
+    "knee": "ankle",
+    "ankle": "foot_index",
+}
 """The landmark beyond a joint, which determines its rotation."""
-_LANDMARK_OF_JOINT = {"shoulder": "shoulder", "elbow": "elbow", "wrist": "wrist", "hand": "index",
-                      "hip": "hip", "knee": "knee", "ankle": "ankle", "foot": "foot_index",
-                      "collar": "shoulder"}  # fmt: skip
+_LANDMARK_OF_JOINT = {
+    "shoulder": "shoulder",
+    "elbow": "elbow",
+    "wrist": "wrist",
+    "hand": "index",
+    "hip": "hip",
+    "knee": "knee",
+    "ankle": "ankle",
+    "foot": "foot_index",
+    "collar": "shoulder",
+}
 _SPINE_HIDDEN = 0.15
 """How far the spine counts as hidden where no leg shows the pelvis' tilt."""
 _ALWAYS_SHARE = 0.85
@@ -59,9 +73,9 @@ def interpolate_gaps(
     The lifter is trained without missing landmarks. Missing means zero visibility; a guess at a
     hidden landmark has some, and is better than interpolation.
     """
-    stacked = np.stack([
-        np.concatenate([p.pixels, p.world, p.visibility[:, None]], axis=1) for p in people
-    ])  # fmt: skip
+    stacked = np.stack(
+        [np.concatenate([p.pixels, p.world, p.visibility[:, None]], axis=1) for p in people]
+    )
     visibility = stacked[..., -1].copy()
     for landmark in range(len(LANDMARK_NAMES)):
         seen = np.flatnonzero(visibility[:, landmark] > 0.0)

@@ -120,9 +120,16 @@ def inputs_of(
     flat = np.concatenate(
         [normalised * OPENCV_TO_OPENGL[:2], np.zeros_like(normalised[..., :1])], 2
     )
-    parts = (normalised, 2.0 * world, visibility, np.log(size),
-             2.0 * (world * OPENCV_TO_OPENGL) @ body,
-             flat @ body, local[:, 1:, :, :2], body)  # fmt: skip
+    parts = (
+        normalised,
+        2.0 * world,
+        visibility,
+        np.log(size),
+        2.0 * (world * OPENCV_TO_OPENGL) @ body,
+        flat @ body,
+        local[:, 1:, :, :2],
+        body,
+    )
     features = np.concatenate([part.reshape(frames, -1) for part in parts], axis=1)
     return Inputs(features.astype(np.float32), global_rotations, view)
 

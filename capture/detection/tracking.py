@@ -141,9 +141,12 @@ def _select_subject(images: Sequence[Array], estimator: PoseEstimator) -> tuple[
 
 
 def _follow(
-    images: Sequence[Array], takes: Array, estimator: PoseEstimator, order: Sequence[int],
+    images: Sequence[Array],
+    takes: Array,
+    estimator: PoseEstimator,
+    order: Sequence[int],
     first: Landmarks,
-) -> Iterable[tuple[int, Landmarks | None]]:  # fmt: skip
+) -> Iterable[tuple[int, Landmarks | None]]:
     """The person in the frames `order` but for its first, which shows `first`."""
     boxes, missed = deque([first.box], maxlen=_HISTORY_FRAMES), 0
     appearance = Appearance()

@@ -259,11 +259,30 @@ def pose_equations(
     forward_kinematics(local, pelvis, model.rest, model.parents, global_rotations, positions)
     normal[:], right[:] = 0.0, 0.0
     energy = landmark_equations(
-        global_rotations, positions, model.rest, model.parents, model.landmarks, model.joints,
-        observation.pixels, observation.weights, model.depth_weights, world, model.hips,
-        model.camera, observation.per_pixel, model.per_metre, normal, right,
-    )  # fmt: skip
+        global_rotations,
+        positions,
+        model.rest,
+        model.parents,
+        model.landmarks,
+        model.joints,
+        observation.pixels,
+        observation.weights,
+        model.depth_weights,
+        world,
+        model.hips,
+        model.camera,
+        observation.per_pixel,
+        model.per_metre,
+        normal,
+        right,
+    )
     return energy + prior_equations(
-        global_rotations, model.parents, angles, model.mean, model.axes, model.stiffness,
-        normal, right,
-    )  # fmt: skip
+        global_rotations,
+        model.parents,
+        angles,
+        model.mean,
+        model.axes,
+        model.stiffness,
+        normal,
+        right,
+    )

@@ -63,9 +63,15 @@ class PoseFilter:
         step_s, s = time_s - self._time_s, self._smoothing
         previous, previous_root = self._measured
         filter_rotations(
-            self._rotations, self._angular_velocity, previous, rotations, step_s,
-            _SPEED_CUTOFF_HZ, s.cutoff_hz, s.cutoff_per_rad_s,
-        )  # fmt: skip
+            self._rotations,
+            self._angular_velocity,
+            previous,
+            rotations,
+            step_s,
+            _SPEED_CUTOFF_HZ,
+            s.cutoff_hz,
+            s.cutoff_per_rad_s,
+        )
         measured_velocity = (root - previous_root) / step_s
         self._velocity += low_pass_share(_SPEED_CUTOFF_HZ * step_s) * (
             measured_velocity - self._velocity

@@ -19,9 +19,16 @@ from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, rotation
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS, Skeleton
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
-_CHILD_OF = {"left_hip": "left_knee", "left_knee": "left_ankle", "left_shoulder": "left_elbow",
-             "left_elbow": "left_wrist", "right_hip": "right_knee", "right_knee": "right_ankle",
-             "right_shoulder": "right_elbow", "right_elbow": "right_wrist"}  # fmt: skip
+_CHILD_OF = {
+    "left_hip": "left_knee",
+    "left_knee": "left_ankle",
+    "left_shoulder": "left_elbow",
+    "left_elbow": "left_wrist",
+    "right_hip": "right_knee",
+    "right_knee": "right_ankle",
+    "right_shoulder": "right_elbow",
+    "right_elbow": "right_wrist",
+}
 """Limbs, whose direction at rest differs between skeletons; trunks all stand upright."""
 
 _FOLLOWS_LIMB = {"wrist": "elbow", "ankle": "knee", "foot": "knee"}
@@ -32,21 +39,61 @@ _LEGS = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("hip",
 """Required of every clip: leg length sets the scale, and the feet the floor."""
 
 _SIDED = {
-    "MB": {"hip": "UpLeg", "knee": "Leg", "ankle": "Foot", "foot": "ToeBase",
-           "collar": "Shoulder", "shoulder": "Arm", "elbow": "ForeArm", "wrist": "Hand"},
-    "DAZ": {"hip": "Thigh", "knee": "Shin", "ankle": "Foot", "collar": "Collar",
-            "shoulder": "Shldr", "elbow": "ForeArm", "wrist": "Hand"},
-    "ASF": {"hip": "femur", "knee": "tibia", "ankle": "foot", "foot": "toes",
-            "collar": "clavicle", "shoulder": "humerus", "elbow": "radius", "wrist": "wrist"},
-}  # fmt: skip
+    "MB": {
+        "hip": "UpLeg",
+        "knee": "Leg",
+        "ankle": "Foot",
+        "foot": "ToeBase",
+        "collar": "Shoulder",
+        "shoulder": "Arm",
+        "elbow": "ForeArm",
+        "wrist": "Hand",
+    },
+    "DAZ": {
+        "hip": "Thigh",
+        "knee": "Shin",
+        "ankle": "Foot",
+        "collar": "Collar",
+        "shoulder": "Shldr",
+        "elbow": "ForeArm",
+        "wrist": "Hand",
+    },
+    "ASF": {
+        "hip": "femur",
+        "knee": "tibia",
+        "ankle": "foot",
+        "foot": "toes",
+        "collar": "clavicle",
+        "shoulder": "humerus",
+        "elbow": "radius",
+        "wrist": "wrist",
+    },
+}
 _TRUNK = {
-    "MB": {"pelvis": "Hips", "spine1": "LowerBack", "spine2": "Spine", "spine3": "Spine1",
-           "neck": "Neck", "head": "Head"},
-    "DAZ": {"pelvis": "hip", "spine1": "abdomen", "spine3": "chest", "neck": "neck",
-            "head": "head"},
-    "ASF": {"pelvis": "root", "spine1": "lowerback", "spine2": "upperback", "spine3": "thorax",
-            "neck": "lowerneck", "head": "head"},
-}  # fmt: skip
+    "MB": {
+        "pelvis": "Hips",
+        "spine1": "LowerBack",
+        "spine2": "Spine",
+        "spine3": "Spine1",
+        "neck": "Neck",
+        "head": "Head",
+    },
+    "DAZ": {
+        "pelvis": "hip",
+        "spine1": "abdomen",
+        "spine3": "chest",
+        "neck": "neck",
+        "head": "head",
+    },
+    "ASF": {
+        "pelvis": "root",
+        "spine1": "lowerback",
+        "spine2": "upperback",
+        "spine3": "thorax",
+        "neck": "lowerneck",
+        "head": "head",
+    },
+}
 _PREFIX = {"MB": ("Left", "Right"), "DAZ": ("l", "r"), "ASF": ("l", "r")}
 
 

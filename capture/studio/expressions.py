@@ -10,8 +10,13 @@ from scene.arrays import Array, Float
 from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
 from scene.motion import Motion
 
-_PERIODS_S = {"jaw_open": (0.35, 1.1), "brows_up": (1.5, 4.0), "smile": (2.0, 5.0),
-              "left_hand_curl": (1.5, 4.0), "right_hand_curl": (1.5, 4.0)}  # fmt: skip
+_PERIODS_S = {
+    "jaw_open": (0.35, 1.1),
+    "brows_up": (1.5, 4.0),
+    "smile": (2.0, 5.0),
+    "left_hand_curl": (1.5, 4.0),
+    "right_hand_curl": (1.5, 4.0),
+}
 """Shortest and longest period of the sine waves whose sum each expression is."""
 _WAVES = 4
 _BLINK_INTERVAL_S = 1.6
@@ -42,9 +47,12 @@ def _waves(
 
 
 def _blink(
-    expressions: Float[Array, "F E"], left: int, right: int, times_s: Float[Array, "F"],
+    expressions: Float[Array, "F E"],
+    left: int,
+    right: int,
+    times_s: Float[Array, "F"],
     rng: np.random.Generator,
-) -> None:  # fmt: skip
+) -> None:
     blink_time_s = times_s[0] + rng.uniform(0.0, _BLINK_INTERVAL_S)
     while blink_time_s < times_s[-1]:
         closed = np.exp(-0.5 * ((times_s - blink_time_s) / _BLINK_S) ** 2)

@@ -169,10 +169,13 @@ def _skirt(body: Body) -> Garment:
     rest[..., 1] = heights[:, None]
     hips = JOINT_NAMES.index("left_hip"), JOINT_NAMES.index("right_hip")
     thighs = tuple(
-        (JOINT_NAMES.index(f"{side}_hip"), JOINT_NAMES.index(f"{side}_knee"),
-         _limb_radius(body, f"{side}_hip"))
+        (
+            JOINT_NAMES.index(f"{side}_hip"),
+            JOINT_NAMES.index(f"{side}_knee"),
+            _limb_radius(body, f"{side}_hip"),
+        )
         for side in ("left", "right")
-    )  # fmt: skip
+    )
     return Garment(0, rest, (*thighs, (*hips, thighs[0][2])), _texture_coordinates(rest))
 
 

@@ -28,8 +28,13 @@ def rasterise(
         if depth[a] <= 1e-3 or depth[b] <= 1e-3 or depth[c] <= 1e-3:
             continue
         ax, ay, bx, by, cx, cy = (
-            pixels[a, 0], pixels[a, 1], pixels[b, 0], pixels[b, 1], pixels[c, 0], pixels[c, 1],
-        )  # fmt: skip
+            pixels[a, 0],
+            pixels[a, 1],
+            pixels[b, 0],
+            pixels[b, 1],
+            pixels[c, 0],
+            pixels[c, 1],
+        )
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         if abs(area) < 1e-12:
             continue

@@ -129,8 +129,15 @@ def _distance_below_collar(rest: Array, at: dict[str, Array]) -> Array:
     return np.maximum(edge - rest[:, 1], from_neck - 0.09 - 4.0 * chin)
 
 
-def _paint_shirt(colour: Array, where: Array, outfit: Outfit, rest: Array, normal: Array,
-                 arms: Array, at: dict[str, Array]) -> None:  # fmt: skip
+def _paint_shirt(
+    colour: Array,
+    where: Array,
+    outfit: Outfit,
+    rest: Array,
+    normal: Array,
+    arms: Array,
+    at: dict[str, Array],
+) -> None:
     along = np.where(arms, np.abs(rest[:, 0]), rest[:, 1])
     striped = np.mod(along, outfit.stripe_m) < 0.42 * outfit.stripe_m
     colour[where] = outfit.shirt[0]

@@ -117,8 +117,14 @@ def render_performer(
     return out[..., :3], out[..., 3]
 
 
-def _shade(performer: StudioPerformer, posed: Array, triangle: Array, weights: Array,
-           look: str, light: EnvironmentLight | None) -> Float[Array, "N 3"]:  # fmt: skip
+def _shade(
+    performer: StudioPerformer,
+    posed: Array,
+    triangle: Array,
+    weights: Array,
+    look: str,
+    light: EnvironmentLight | None,
+) -> Float[Array, "N 3"]:
     rest_vertices = performer.body.rest_vertices
     assert rest_vertices is not None
     assert performer.body.faces is not None

@@ -26,9 +26,21 @@ _TOUCH_SHARE = 0.15
 """Share of arms whose hand is on or near the body."""
 _TOUCH_CANDIDATES = 48
 """Random arms drawn for a hand on the body, of which the nearest is taken."""
-_TOUCH_JOINTS = ("head", "neck", "spine3", "spine1", "pelvis", "left_shoulder", "right_shoulder",
-            "left_elbow", "right_elbow", "left_hip", "right_hip", "left_knee",
-            "right_knee")  # fmt: skip
+_TOUCH_JOINTS = (
+    "head",
+    "neck",
+    "spine3",
+    "spine1",
+    "pelvis",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_hip",
+    "right_hip",
+    "left_knee",
+    "right_knee",
+)
 _FEET = list(FOOT_JOINTS)
 
 

@@ -177,12 +177,19 @@ def _cabinet(picture: Array, rng: np.random.Generator, left: float, top: float) 
 def _framed_picture(picture: Array, rng: np.random.Generator, left: float, top: float) -> None:
     width, height = rng.uniform(0.4, 0.55), rng.uniform(0.45, 0.65)
     _rectangle(picture, left, top, left + width, top + height, (70, 56, 44))
-    _rectangle(picture, left + 0.03, top + 0.03, left + width - 0.03, top + height - 0.03,
-               _hsv(rng.uniform(), 0.2, 0.8))  # fmt: skip
+    _rectangle(
+        picture,
+        left + 0.03,
+        top + 0.03,
+        left + width - 0.03,
+        top + height - 0.03,
+        _hsv(rng.uniform(), 0.2, 0.8),
+    )
     for _ in range(9):
         middle = (
-            _px(left + rng.uniform(0.12, width - 0.12)), _px(top + rng.uniform(0.12, height - 0.12))
-        )  # fmt: skip
+            _px(left + rng.uniform(0.12, width - 0.12)),
+            _px(top + rng.uniform(0.12, height - 0.12)),
+        )
         axes = (_px(rng.uniform(0.02, 0.08)), _px(rng.uniform(0.02, 0.08)))
         colour = _hsv(rng.uniform(), rng.uniform(0.2, 0.6), rng.uniform(0.35, 0.8))
         cv2.ellipse(picture, middle, axes, float(rng.uniform(0, 180)), 0, 360, colour, -1)
@@ -206,6 +213,12 @@ def _planks(rng: np.random.Generator) -> UInt8[Array, "H W 3"]:
     hue = rng.uniform()
     for ring in range(6):
         inset, tone = 0.09 * ring, 0.62 if ring % 2 else 0.45
-        _rectangle(picture, 1.9 + inset, 1.0 + inset, 4.1 - inset, 2.9 - inset,
-                   _hsv(hue + 0.07 * (ring % 3), 0.3, tone))  # fmt: skip
+        _rectangle(
+            picture,
+            1.9 + inset,
+            1.0 + inset,
+            4.1 - inset,
+            2.9 - inset,
+            _hsv(hue + 0.07 * (ring % 3), 0.3, tone),
+        )
     return picture

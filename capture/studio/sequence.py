@@ -212,9 +212,8 @@ def make_sequence(
 
 
 def _check(
-    look: str, framing: str, frames: int, size: int, test_cameras: int, turn_deg: float,
-    rate: float,
-) -> None:  # fmt: skip
+    look: str, framing: str, frames: int, size: int, test_cameras: int, turn_deg: float, rate: float
+) -> None:
     for kind, value, known in (("look", look, LOOKS), ("framing", framing, FRAMINGS)):
         if value not in known:
             raise CaptureError(f"{kind} must be one of {', '.join(known)}; got {value!r}")
@@ -292,9 +291,11 @@ def frame_head(skeleton: Skeleton, *motions: Motion) -> tuple[Float[Array, "3"],
     """Target and distance of a camera that shows head and shoulders throughout."""
     head = JOINT_NAMES.index("head")
     places = np.concatenate(
-        [skeleton.joint_transforms(m.joint_angles, m.root_translation)[:, head, :3, 3]
-         for m in motions]
-    )  # fmt: skip
+        [
+            skeleton.joint_transforms(m.joint_angles, m.root_translation)[:, head, :3, 3]
+            for m in motions
+        ]
+    )
     low, high = places.min(axis=0), places.max(axis=0)
     reach = _HEAD_REACH_M + 0.5 * float((high - low)[1])
     centre = 0.5 * (low + high) + [0.0, _HEAD_CENTRE_M, 0.0]

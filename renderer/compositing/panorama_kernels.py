@@ -103,12 +103,24 @@ def compose_panorama(
                 w00, w01 = (_F(1.0) - down) * (_F(1.0) - across), (_F(1.0) - down) * across
                 w10, w11 = down * (_F(1.0) - across), down * across
                 upper, lower = picture[top], picture[top + 1]
-                r = light * (w00 * upper[left, 0] + w01 * upper[left + 1, 0]
-                             + w10 * lower[left, 0] + w11 * lower[left + 1, 0])  # fmt: skip
-                g = light * (w00 * upper[left, 1] + w01 * upper[left + 1, 1]
-                             + w10 * lower[left, 1] + w11 * lower[left + 1, 1])  # fmt: skip
-                b = light * (w00 * upper[left, 2] + w01 * upper[left + 1, 2]
-                             + w10 * lower[left, 2] + w11 * lower[left + 1, 2])  # fmt: skip
+                r = light * (
+                    w00 * upper[left, 0]
+                    + w01 * upper[left + 1, 0]
+                    + w10 * lower[left, 0]
+                    + w11 * lower[left + 1, 0]
+                )
+                g = light * (
+                    w00 * upper[left, 1]
+                    + w01 * upper[left + 1, 1]
+                    + w10 * lower[left, 1]
+                    + w11 * lower[left + 1, 1]
+                )
+                b = light * (
+                    w00 * upper[left, 2]
+                    + w01 * upper[left + 1, 2]
+                    + w10 * lower[left, 2]
+                    + w11 * lower[left + 1, 2]
+                )
             through = _F(1.0) - alpha
             red = min(max(rgba[row, column, 0] + through * r, _F(0.0)), _F(1.0))
             green = min(max(rgba[row, column, 1] + through * g, _F(0.0)), _F(1.0))

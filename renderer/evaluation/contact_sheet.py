@@ -47,8 +47,9 @@ def contact_sheet(views: list[EvaluatedView]) -> tuple[Float[Array, "H W 3"], li
     shape = (rows * step_y + _GAP_PX, columns * step_x + _GAP_PX, 3)
     sheet, captions = np.full(shape, _PAPER, np.float32), []
     for place, view in enumerate(views):
-        top, left = (_GAP_PX + n * s for n, s in zip(divmod(place, columns), (step_y, step_x),
-                                                     strict=True))  # fmt: skip
+        top, left = (
+            _GAP_PX + n * s for n, s in zip(divmod(place, columns), (step_y, step_x), strict=True)
+        )
         crop = view.crop or (slice(None), slice(None))
         decibels = min(psnr(view.made[crop], view.truth[crop]), 100.0)
         name = view.split.replace("_", " ")

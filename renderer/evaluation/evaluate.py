@@ -50,9 +50,15 @@ HUMANNERF_EVERY = 30
 _TRAINING_VIEWS = 8
 _SMALLEST_CROP_PX = 32
 _MODEL_METRICS = (
-    "steps", "train_seconds", "published_iterations", "schedule_scale", "rays_a_step",
-    "samples_a_ray", "perceptual_loss", "scaled",
-)  # fmt: skip
+    "steps",
+    "train_seconds",
+    "published_iterations",
+    "schedule_scale",
+    "rays_a_step",
+    "samples_a_ray",
+    "perceptual_loss",
+    "scaled",
+)
 """What a model's training tells that its figures can't be read without."""
 
 
@@ -126,10 +132,14 @@ def evaluate(
     per_view: dict[str, list[dict[str, Any]]] = {}
     for split in (NOVEL_VIEW, UNSEEN_POSE):
         source = sequence.test.get(split)
-        per_view[split] = [] if source is None else [
-            _measure(evaluation, split, source, index, _test_pose(source, index, aligner))
-            for index in _frames_every(source, every, rate)
-        ]  # fmt: skip
+        per_view[split] = (
+            []
+            if source is None
+            else [
+                _measure(evaluation, split, source, index, _test_pose(source, index, aligner))
+                for index in _frames_every(source, every, rate)
+            ]
+        )
     frames = _frames_every(train, every, rate) if every > 1 else _spread_frames(len(train))
     if trained_on:
         per_view[TRAINING_VIEW] = [
@@ -158,7 +168,7 @@ def evaluate(
 
 def _conditions(
     evaluation: _Evaluation, sequence: Sequence, *, aligned: bool, every: int
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     lpips, model = evaluation.lpips, evaluation.model
     model_metrics = {name: model.metrics[name] for name in _MODEL_METRICS if name in model.metrics}
     return {
@@ -170,10 +180,14 @@ def _conditions(
         "test_poses": "aligned with their own pictures" if aligned else "as given",
         "body_crop": "box of the true mask (alpha > 0) grown by 5 %",
         "seen_within_deg": SEEN_WITHIN_DEG,
-        "lpips": None if lpips is None else {
-            "backbone": lpips.backbone, "linear_layers": "0.1", "input_range": [-1, 1],
+        "lpips": None
+        if lpips is None
+        else {
+            "backbone": lpips.backbone,
+            "linear_layers": "0.1",
+            "input_range": [-1, 1],
         },
-    }  # fmt: skip
+    }
 
 
 def side_of_body(camera: Camera, pose: Pose, skeleton: Skeleton) -> float:

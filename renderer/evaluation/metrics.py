@@ -34,8 +34,9 @@ def ssim(made: Float[Array, "H W 3"], truth: Float[Array, "H W 3"]) -> float:
         raise InvalidInput(
             f"pictures must be at least {_WINDOW_PX} px a side for SSIM; got {made.shape[:2]}"
         )
-    x, y = (torch.from_numpy(np.ascontiguousarray(p, np.float64)).movedim(-1, 0)
-            for p in (made, truth))  # fmt: skip
+    x, y = (
+        torch.from_numpy(np.ascontiguousarray(p, np.float64)).movedim(-1, 0) for p in (made, truth)
+    )
     stacked = torch.stack([x, y, x * x, y * y, x * y]).view(-1, 1, *made.shape[:2])
     offset = torch.arange(_WINDOW_PX, dtype=torch.float64) - _WINDOW_PX // 2
     window = torch.exp(-0.5 * (offset / _SIGMA_PX) ** 2)

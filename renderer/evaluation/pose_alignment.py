@@ -63,9 +63,7 @@ class Aligner:
         if crop is None:
             return frame.pose
         truth = np.concatenate([frame.image, frame.mask[..., None]], axis=2)[crop]
-        camera = frame.camera.cropped(
-            crop[1].start, crop[0].start, truth.shape[1], truth.shape[0]
-        )  # fmt: skip
+        camera = frame.camera.cropped(crop[1].start, crop[0].start, truth.shape[1], truth.shape[0])
         pose = frame.pose
         for share in _LEVELS:
             if min(truth.shape[:2]) >= share * _SMALLEST_PX:
@@ -79,9 +77,14 @@ class Aligner:
         total_step = np.zeros(POSE_PARAMETERS)  # the way from `given` so far, added up
         for _ in range(_STEPS):
             equations = normal_equations(
-                self._model.render(camera, pose), truth, self._front(camera, pose), self._points,
-                self._model.skeleton, camera, pose,
-            )  # fmt: skip
+                self._model.render(camera, pose),
+                truth,
+                self._front(camera, pose),
+                self._points,
+                self._model.skeleton,
+                camera,
+                pose,
+            )
             step = np.linalg.solve(
                 equations.matrix + _PRIOR * np.eye(POSE_PARAMETERS),
                 equations.vector - _PRIOR * total_step,
@@ -97,9 +100,13 @@ class Aligner:
             pose.joint_angles, pose.root_translation
         )
         return self._work.front(
-            self._parameters, self._points.joints, self._points.weights,
-            transforms.astype(np.float32), camera, VISIBILITY_DILATION_PX2,
-        )  # fmt: skip
+            self._parameters,
+            self._points.joints,
+            self._points.weights,
+            transforms.astype(np.float32),
+            camera,
+            VISIBILITY_DILATION_PX2,
+        )
 
 
 def _reduced(

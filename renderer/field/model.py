@@ -73,9 +73,12 @@ class FieldModel:
         field = copy(self.field)
         field.sizes = preset.field_settings.sizes
         return FieldModel(
-            field, preset=self.preset, motion=self.motion, data_hash=self.data_hash,
+            field,
+            preset=self.preset,
+            motion=self.motion,
+            data_hash=self.data_hash,
             metrics=self.metrics,
-        )  # fmt: skip
+        )
 
     def tensors(self) -> dict[str, Array]:
         """What a model file holds beside motion and skeleton; `from_tensors` takes it back.

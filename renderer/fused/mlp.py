@@ -126,10 +126,22 @@ class _FusedMlp(torch.autograd.Function):
         h = x.new_empty((hidden, rows, width) if keep else (1,), dtype=torch.float16)
         block = _BLOCK_ROWS[width]
         _kernels().forward[(_blocks(rows, block),)](
-            x, *packed, h, y, rows, x.shape[1], y.shape[1],
-            PADDED_INPUTS=packed[0].shape[0], WIDTH=width, PADDED_OUTPUTS=packed[2].shape[1],
-            HIDDEN=hidden, KEEP=keep, RELU_LAST=relu_last, BLOCK=block, num_warps=WARPS,
-        )  # fmt: skip
+            x,
+            *packed,
+            h,
+            y,
+            rows,
+            x.shape[1],
+            y.shape[1],
+            PADDED_INPUTS=packed[0].shape[0],
+            WIDTH=width,
+            PADDED_OUTPUTS=packed[2].shape[1],
+            HIDDEN=hidden,
+            KEEP=keep,
+            RELU_LAST=relu_last,
+            BLOCK=block,
+            num_warps=WARPS,
+        )
         ctx.save_for_backward(x, y, h, *packed)
         ctx.relu_last, ctx.hidden = relu_last, hidden
         return y
@@ -145,12 +157,28 @@ class _FusedMlp(torch.autograd.Function):
         grad_x = torch.empty_like(x)
         block = _BLOCK_ROWS[width]
         _kernels().backward[(_blocks(rows, block),)](
-            grad_y, y, h, w_first, w_hidden, w_last, scale, delta, delta_last, grad_x,
-            rows, x.shape[1], y.shape[1],
-            PADDED_INPUTS=w_first.shape[0], WIDTH=width, PADDED_OUTPUTS=w_last.shape[1],
-            HIDDEN=hidden, FOR_INPUTS=ctx.needs_input_grad[0], RELU_LAST=ctx.relu_last,
-            BLOCK=block, num_warps=WARPS,
-        )  # fmt: skip
+            grad_y,
+            y,
+            h,
+            w_first,
+            w_hidden,
+            w_last,
+            scale,
+            delta,
+            delta_last,
+            grad_x,
+            rows,
+            x.shape[1],
+            y.shape[1],
+            PADDED_INPUTS=w_first.shape[0],
+            WIDTH=width,
+            PADDED_OUTPUTS=w_last.shape[1],
+            HIDDEN=hidden,
+            FOR_INPUTS=ctx.needs_input_grad[0],
+            RELU_LAST=ctx.relu_last,
+            BLOCK=block,
+            num_warps=WARPS,
+        )
         for_weights = [_weight_gradient(x[None], delta[:1])[0]]
         if hidden > 1:
             for_weights += _weight_gradient(h[:-1], delta[1:]).unbind(0)
@@ -192,9 +220,17 @@ def _weight_gradient(
     partial = torch.empty(runs, layers, wide_in, wide_out, dtype=torch.float32, device=value.device)
     tiles = _blocks(wide_in, tile_in) * _blocks(wide_out, tile_out)
     _kernels().weight_gradient[(runs, tiles, layers)](
-        value, delta, partial, rows, run, wide_in, wide_out,
-        TILE_IN=tile_in, TILE_OUT=tile_out, BLOCK=block,
-    )  # fmt: skip
+        value,
+        delta,
+        partial,
+        rows,
+        run,
+        wide_in,
+        wide_out,
+        TILE_IN=tile_in,
+        TILE_OUT=tile_out,
+        BLOCK=block,
+    )
     return partial.sum(dim=0)
 
 

@@ -23,10 +23,23 @@ def _relu(z):
 
 @triton.jit
 def forward(
-    x, w_first, w_hidden, w_last, h, y, rows, inputs, outputs,
-    PADDED_INPUTS: tl.constexpr, WIDTH: tl.constexpr, PADDED_OUTPUTS: tl.constexpr,
-    HIDDEN: tl.constexpr, KEEP: tl.constexpr, RELU_LAST: tl.constexpr, BLOCK: tl.constexpr,
-):  # fmt: skip
+    x,
+    w_first,
+    w_hidden,
+    w_last,
+    h,
+    y,
+    rows,
+    inputs,
+    outputs,
+    PADDED_INPUTS: tl.constexpr,
+    WIDTH: tl.constexpr,
+    PADDED_OUTPUTS: tl.constexpr,
+    HIDDEN: tl.constexpr,
+    KEEP: tl.constexpr,
+    RELU_LAST: tl.constexpr,
+    BLOCK: tl.constexpr,
+):
     """y [rows, outputs] of x [rows, inputs]; with KEEP also every h [HIDDEN, rows, WIDTH]."""
     row = (tl.program_id(0) * BLOCK + tl.arange(0, BLOCK)).to(tl.int64)[:, None]
     unit = tl.arange(0, WIDTH)[None, :]
@@ -54,10 +67,27 @@ def forward(
 
 @triton.jit
 def backward(
-    grad_y, y, h, w_first, w_hidden, w_last, scale, delta, delta_last, grad_x, rows, inputs,
-    outputs, PADDED_INPUTS: tl.constexpr, WIDTH: tl.constexpr, PADDED_OUTPUTS: tl.constexpr,
-    HIDDEN: tl.constexpr, FOR_INPUTS: tl.constexpr, RELU_LAST: tl.constexpr, BLOCK: tl.constexpr,
-):  # fmt: skip
+    grad_y,
+    y,
+    h,
+    w_first,
+    w_hidden,
+    w_last,
+    scale,
+    delta,
+    delta_last,
+    grad_x,
+    rows,
+    inputs,
+    outputs,
+    PADDED_INPUTS: tl.constexpr,
+    WIDTH: tl.constexpr,
+    PADDED_OUTPUTS: tl.constexpr,
+    HIDDEN: tl.constexpr,
+    FOR_INPUTS: tl.constexpr,
+    RELU_LAST: tl.constexpr,
+    BLOCK: tl.constexpr,
+):
     """Deltas times `scale`, in half precision: of every hidden layer [HIDDEN, rows, WIDTH] and of
     the last [rows, PADDED_OUTPUTS]; with FOR_INPUTS also grad_x [rows, inputs], unscaled."""
     row = (tl.program_id(0) * BLOCK + tl.arange(0, BLOCK)).to(tl.int64)[:, None]
@@ -93,9 +123,17 @@ def backward(
 
 @triton.jit
 def weight_gradient(
-    value, delta, partial, rows, run, wide_in, wide_out,
-    TILE_IN: tl.constexpr, TILE_OUT: tl.constexpr, BLOCK: tl.constexpr,
-):  # fmt: skip
+    value,
+    delta,
+    partial,
+    rows,
+    run,
+    wide_in,
+    wide_out,
+    TILE_IN: tl.constexpr,
+    TILE_OUT: tl.constexpr,
+    BLOCK: tl.constexpr,
+):
     """value^T delta over one run of rows, one tile of one layer.
 
     Grid: (runs, tiles, layers). value [layers, rows, wide_in], delta [layers, rows, wide_out],
@@ -110,10 +148,14 @@ def weight_gradient(
     for start in range(0, run, BLOCK):
         row = first + start + tl.arange(0, BLOCK).to(tl.int64)[:, None]
         at = layer * rows + row
-        one = tl.load(value + at * wide_in + column_in,
-                      mask=(row < rows) & (column_in < wide_in), other=0.0)  # fmt: skip
-        other = tl.load(delta + at * wide_out + column_out,
-                        mask=(row < rows) & (column_out < wide_out), other=0.0)  # fmt: skip
+        one = tl.load(
+            value + at * wide_in + column_in, mask=(row < rows) & (column_in < wide_in), other=0.0
+        )
+        other = tl.load(
+            delta + at * wide_out + column_out,
+            mask=(row < rows) & (column_out < wide_out),
+            other=0.0,
+        )
         total = tl.dot(tl.trans(one.to(tl.float16)), other, total)
     place = (tl.program_id(0) * tl.num_programs(2) + layer) * wide_in + tl.trans(column_in)
     there = (tl.trans(column_in) < wide_in) & (column_out < wide_out)

@@ -87,9 +87,12 @@ class PoseRefinement:
 
     def state(self) -> dict[str, Array]:
         """Copies of what `restore` needs."""
-        return {"pose_angles": self._angles.copy(), "pose_root": self._root.copy(),
-                "pose_shared": self._shared.copy(),
-                "pose_spreads": self._deviations.copy()}  # fmt: skip
+        return {
+            "pose_angles": self._angles.copy(),
+            "pose_root": self._root.copy(),
+            "pose_shared": self._shared.copy(),
+            "pose_spreads": self._deviations.copy(),
+        }
 
     def restore(self, state: dict[str, Array]) -> None:
         """Go back to `state`."""

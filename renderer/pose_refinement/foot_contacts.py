@@ -53,10 +53,12 @@ class FootContacts:
         share = descendants(skeleton).T[_FEET]
         up = np.tile(_UP, (len(_FEET), 1, 1))
         soles = sole_positions(skeleton, transforms)
-        jacobian = np.stack([
-            pose_jacobian(sole, up, share, place, None)[:, 0]
-            for sole, place in zip(soles, transforms, strict=True)
-        ])  # fmt: skip
+        jacobian = np.stack(
+            [
+                pose_jacobian(sole, up, share, place, None)[:, 0]
+                for sole, place in zip(soles, transforms, strict=True)
+            ]
+        )
         height_error = self.heights - soles[..., 1]
         height_error -= (self.contact * height_error).sum() / max(self.contact.sum(), 1e-9)
         weighted = np.swapaxes(jacobian * self.contact[..., None], 1, 2) / DEVIATION_M**2

@@ -59,9 +59,13 @@ class RefinementPasses:
         return run
 
     def equations(
-        self, points: SkinnedPoints, parameters: Float[Array, "N P"], poses: PoseRefinement,
-        fraction: float, expressions: ClipBlendShapes,
-    ) -> ClipNormalEquations:  # fmt: skip
+        self,
+        points: SkinnedPoints,
+        parameters: Float[Array, "N P"],
+        poses: PoseRefinement,
+        fraction: float,
+        expressions: ClipBlendShapes,
+    ) -> ClipNormalEquations:
         """Normal equations of all frames, with each frame's expression applied to the splats."""
         if len(self._work.projected) != len(parameters):
             self._work = Workspace(len(parameters))
@@ -73,9 +77,13 @@ class RefinementPasses:
             shown = expressions.moved(parameters, frame)
             made = _box_filtered(self._render(frame, shown, points, poses), truth.shape[:2])
             front = self._work.front(
-                shown, points.joints, points.weights, poses.transforms(frame), camera,
+                shown,
+                points.joints,
+                points.weights,
+                poses.transforms(frame),
+                camera,
                 VISIBILITY_DILATION_PX2,
-            )  # fmt: skip
+            )
             frame_equations = normal_equations(
                 made, truth, front, points, poses.skeleton, camera, poses.pose(frame), shared=True
             )
@@ -102,9 +110,15 @@ class RefinementPasses:
         view, work = self._views[frame], self._work
         height, width = view.rgba.shape[:2]
         work.arrange(
-            parameters, points.joints, points.weights, poses.transforms(frame), view.camera,
-            width, height, BOX_FILTER_PX2,
-        )  # fmt: skip
+            parameters,
+            points.joints,
+            points.weights,
+            poses.transforms(frame),
+            view.camera,
+            width,
+            height,
+            BOX_FILTER_PX2,
+        )
         picture = np.empty((height, width, 4), np.float32)
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), picture)
         return picture

@@ -59,17 +59,28 @@ class CapturedLight:
 
         shown = parameters.copy()
         shade(
-            parameters[:, _COLOURS] ** 2, self.normals, joints, weights, transforms,
-            eye.astype(np.float32), np.zeros(len(shown), np.uint8),
-            self.harmonics[None].astype(np.float32), IDENTITY_ROTATION,
-            NO_KEY_LIGHT, NO_KEY_LIGHT, srgb_table(), shown,
-        )  # fmt: skip
+            parameters[:, _COLOURS] ** 2,
+            self.normals,
+            joints,
+            weights,
+            transforms,
+            eye.astype(np.float32),
+            np.zeros(len(shown), np.uint8),
+            self.harmonics[None].astype(np.float32),
+            IDENTITY_ROTATION,
+            NO_KEY_LIGHT,
+            NO_KEY_LIGHT,
+            srgb_table(),
+            shown,
+        )
         return shown
 
     def chain_to_albedo(
-        self, gradient: Float[Array, "N P"], parameters: Float[Array, "N P"],
+        self,
+        gradient: Float[Array, "N P"],
+        parameters: Float[Array, "N P"],
         shown: Float[Array, "N P"],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Turn the gradient by the colours `shown` into that by the roots, in place."""
         roots = np.maximum(parameters[:, _COLOURS], _DARKEST)
         gradient[:, _COLOURS] *= shown[:, _COLOURS] / roots

@@ -113,9 +113,13 @@ def _observe(
         total += np.maximum(facing, 0.0)[:, None] * basis
         share += np.maximum(facing, 0.0)
         front = work.front(
-            model.parameters, model.joints.astype(np.uint16), model.weights, transforms, camera,
+            model.parameters,
+            model.joints.astype(np.uint16),
+            model.weights,
+            transforms,
+            camera,
             BOX_FILTER_PX2,
-        )  # fmt: skip
+        )
         image = source.image(frame)
         clear = (image < _CLIPPED).all(axis=2) & (image > _BLACK).any(axis=2)
         shown = (front >= 0) & (source.mask(frame) > 0.99) & clear
@@ -219,9 +223,11 @@ def _transforms(model: SplatModel, pose: Pose) -> Float[Array, "K 4 4"]:
 
 
 def _posed_normals(
-    model: SplatModel, normals: Float[Array, "N 3"], transforms: Float[Array, "K 4 4"],
+    model: SplatModel,
+    normals: Float[Array, "N 3"],
+    transforms: Float[Array, "K 4 4"],
     camera: Camera,
-) -> tuple[Float[Array, "N 3"], Float[Array, "N"]]:  # fmt: skip
+) -> tuple[Float[Array, "N 3"], Float[Array, "N"]]:
     """Normals in the pose, and their cosines with the way to the camera."""
     blended = np.einsum("ns,nsij->nij", model.weights, transforms[model.joints][:, :, :3])
     posed = np.einsum("nij,nj->ni", blended[:, :, :3], normals)

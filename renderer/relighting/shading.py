@@ -59,11 +59,20 @@ class Relighting:
         from renderer.relighting.shading_kernels import shade
 
         shade(
-            self._albedo, self._normals, joints, weights, transforms, eye.astype(np.float32),
-            self._first_light, lighting.harmonics[None].astype(np.float32), IDENTITY_ROTATION,
+            self._albedo,
+            self._normals,
+            joints,
+            weights,
+            transforms,
+            eye.astype(np.float32),
+            self._first_light,
+            lighting.harmonics[None].astype(np.float32),
+            IDENTITY_ROTATION,
             lighting.key_direction.astype(np.float32),
-            lighting.key_colour.astype(np.float32), srgb_table(), parameters,
-        )  # fmt: skip
+            lighting.key_colour.astype(np.float32),
+            srgb_table(),
+            parameters,
+        )
 
     def shade_as_captured(
         self,
@@ -82,10 +91,20 @@ class Relighting:
             [placements[model][:3, :3].T for model in self._lit_models], np.float32
         )
         shade(
-            self._albedo, self._normals, joints, weights, transforms, eye.astype(np.float32),
-            self._light_index, self._lights, world_to_clip, NO_KEY_LIGHT, NO_KEY_LIGHT,
-            srgb_table(), parameters,
-        )  # fmt: skip
+            self._albedo,
+            self._normals,
+            joints,
+            weights,
+            transforms,
+            eye.astype(np.float32),
+            self._light_index,
+            self._lights,
+            world_to_clip,
+            NO_KEY_LIGHT,
+            NO_KEY_LIGHT,
+            srgb_table(),
+            parameters,
+        )
 
 
 NO_KEY_LIGHT = np.zeros(3, np.float32)

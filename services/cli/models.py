@@ -241,5 +241,7 @@ def presets(
     widest = max(map(len, listed))
     for name, about in listed.items():
         count = sum(about["parameters"].values())
-        typer.echo(f"{name:{widest}} {count / 1e6:8.2f} M {about['megabytes']:8.2f} MB  "
-                   f"{PRESETS[name].description}")  # fmt: skip
+        typer.echo(
+            f"{name:{widest}} {count / 1e6:8.2f} M {about['megabytes']:8.2f} MB  "
+            f"{PRESETS[name].description}"
+        )

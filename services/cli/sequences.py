@@ -77,9 +77,13 @@ def capture(
     with stop_on_interrupt() as should_stop, progress_bar("capturing") as report:
         if webcam is not None:
             quality = capture_webcam(
-                webcam, out, options,
-                seconds=seconds(length), on_progress=report, should_stop=should_stop,
-            )  # fmt: skip
+                webcam,
+                out,
+                options,
+                seconds=seconds(length),
+                on_progress=report,
+                should_stop=should_stop,
+            )
         else:
             assert source is not None
             quality = capture_clip(
@@ -202,7 +206,6 @@ def upload(
         raise InvalidInput(f"source must exist; got {source}; check the path")
     with stop_on_interrupt() as should_stop, progress_bar("uploading") as report:
         sequence = send(
-            source, to, person, token,
-            height_m=height, on_progress=report, should_stop=should_stop,
-        )  # fmt: skip
+            source, to, person, token, height_m=height, on_progress=report, should_stop=should_stop
+        )
     typer.echo(f"sequence {sequence['id']}  {sequence['state']}")

@@ -47,9 +47,12 @@ VIEW_BYTES = _HEADER.size + _VIEW.size
 _SIZE = struct.Struct("<HH")
 LANDMARK_COUNT = 33
 _KEYPOINTS = np.dtype(
-    [("xy", "<i2", (LANDMARK_COUNT, 2)), ("world", "<i2", (LANDMARK_COUNT, 3)),
-     ("visibility", "u1", LANDMARK_COUNT)]
-)  # fmt: skip
+    [
+        ("xy", "<i2", (LANDMARK_COUNT, 2)),
+        ("world", "<i2", (LANDMARK_COUNT, 3)),
+        ("visibility", "u1", LANDMARK_COUNT),
+    ]
+)
 KEYPOINTS_BYTES = _HEADER.size + _SIZE.size + _KEYPOINTS.itemsize
 _KEYPOINT_STEPS = 8192
 """To a metre, or to a side of the picture: a range of four either way."""
@@ -190,10 +193,18 @@ def decode_view(data: bytes) -> ViewPacket:
     if not 0.5 < length < 2.0:
         raise PacketError(f"quaternion must have about unit length; got {length:.3g}")
     return ViewPacket(
-        sequence, capture_time_ms, (x, y, z), tuple(wxyz), fov_y_rad, width, height,
-        bool(flags & _HIDE_UNSEEN), bool(flags & _DRAWS_ITSELF), bool(flags & _STALLED),
+        sequence,
+        capture_time_ms,
+        (x, y, z),
+        tuple(wxyz),
+        fov_y_rad,
+        width,
+        height,
+        bool(flags & _HIDE_UNSEEN),
+        bool(flags & _DRAWS_ITSELF),
+        bool(flags & _STALLED),
         bool(flags & _SOUND_ONLY),
-    )  # fmt: skip
+    )
 
 
 def encode_keypoints(packet: KeypointsPacket) -> bytes:
@@ -219,10 +230,15 @@ def decode_keypoints(data: bytes) -> KeypointsPacket:
         )
     payload = np.frombuffer(data, _KEYPOINTS, 1, _HEADER.size + _SIZE.size)[0]
     return KeypointsPacket(
-        sequence, capture_time_ms, width, height,
-        payload["xy"] / _KEYPOINT_STEPS, payload["world"] / _KEYPOINT_STEPS,
-        payload["visibility"] / 255.0, _expression_in(data, KEYPOINTS_BYTES),
-    )  # fmt: skip
+        sequence,
+        capture_time_ms,
+        width,
+        height,
+        payload["xy"] / _KEYPOINT_STEPS,
+        payload["world"] / _KEYPOINT_STEPS,
+        payload["visibility"] / 255.0,
+        _expression_in(data, KEYPOINTS_BYTES),
+    )
 
 
 def encode_pose(packet: PosePacket) -> bytes:
@@ -250,9 +266,15 @@ def decode_pose(data: bytes) -> PosePacket:
     rotations = unpack_quaternions(packed.view("<u8")[:, 0].astype(np.int64), _ROTATION_BITS)
     moved = _expression_in(data, POSE_BYTES)
     return PosePacket(
-        sequence, capture_time_ms, index, count, check, np.array(pelvis), rotations,
+        sequence,
+        capture_time_ms,
+        index,
+        count,
+        check,
+        np.array(pelvis),
+        rotations,
         neutral() if moved is None else moved.values,
-    )  # fmt: skip
+    )
 
 
 def _expression_bytes(seen: ObservedExpression | None) -> bytes:

@@ -23,9 +23,12 @@ from services.errors import NothingRecorded
 
 
 def ask(
-    unit: UnitOfWork, meeting: MeetingRow, host: ParticipantRow, performer_id: str | None,
+    unit: UnitOfWork,
+    meeting: MeetingRow,
+    host: ParticipantRow,
+    performer_id: str | None,
     now: datetime,
-) -> None:  # fmt: skip
+) -> None:
     """Ask everybody; asking again changes nothing."""
     if unit.recordings.under_way(meeting.id) is not None:
         return
@@ -44,9 +47,14 @@ def ask(
 
 
 def answer(
-    unit: UnitOfWork, meeting: MeetingRow, me: ParticipantRow, performer_id: str | None,
-    now: datetime, *, agreed: bool,
-) -> None:  # fmt: skip
+    unit: UnitOfWork,
+    meeting: MeetingRow,
+    me: ParticipantRow,
+    performer_id: str | None,
+    now: datetime,
+    *,
+    agreed: bool,
+) -> None:
     """Note what somebody says to it. Raises NothingRecorded where nobody asked."""
     recording = unit.recordings.under_way(meeting.id)
     if recording is None:
@@ -78,9 +86,13 @@ def agreed_in(recording: RecordingRow) -> set[str]:
 
 
 def _note(
-    recording: RecordingRow, meeting: MeetingRow, me: ParticipantRow, performer_id: str | None, *,
+    recording: RecordingRow,
+    meeting: MeetingRow,
+    me: ParticipantRow,
+    performer_id: str | None,
+    *,
     agreed: bool,
-) -> None:  # fmt: skip
+) -> None:
     persons = {one.id: one.person_id for one in meeting.performers}
     found = [one for one in recording.members if one.participant_id == me.id]
     member = found[0] if found else RecordingMemberRow(participant_id=me.id)

@@ -81,8 +81,10 @@ def camera_at(recorded: LoadedRecording, path: CameraPath, at_s: float) -> Camer
         pose = look_at(tuple(now[:3]), tuple(now[3:]))
         return Camera.from_field_of_view(pose, path.width, path.height, path.fov_y_rad)
     scene = recorded.scene_at(at_s)
-    found = [_pelvis(one.model.skeleton.rest_joints[0], one.pose.root_translation)
-             for one in scene.performers]  # fmt: skip
+    found = [
+        _pelvis(one.model.skeleton.rest_joints[0], one.pose.root_translation)
+        for one in scene.performers
+    ]
     positions = np.array(found or [(0.0, _EYE_M, 0.0)])
     middle = positions.mean(axis=0) * [1.0, 0.0, 1.0] + [0.0, _EYE_M, 0.0]
     spread = float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
@@ -121,9 +123,12 @@ def _decode(said: list[Record]) -> Float[Array, "S"]:
 
 
 def _write_video(
-    container: OutputContainer, stream: VideoStream, recorded: LoadedRecording, path: CameraPath,
+    container: OutputContainer,
+    stream: VideoStream,
+    recorded: LoadedRecording,
+    path: CameraPath,
     on_progress: Callable[[float], None],
-) -> None:  # fmt: skip
+) -> None:
     renderer = SceneRenderer()
     count = max(1, int(recorded.duration_s * FRAMES_PER_SECOND))
     for number in range(count):

@@ -13,14 +13,20 @@ from benchmarks.performers import means
 def cell(look: str, performer: str, psnr: float, lpips: float | None) -> dict[str, Any]:
     row: dict[str, Any] = {"look": look, "performer": performer, "preset": "fast", "budget_s": 90.0}
     for split, less in (("novel_view", 0.0), ("unseen_pose", 1.0)):
-        row |= {f"psnr_{split}_body_crop": psnr - less, f"ssim_{split}_body_crop": 0.97,
-                f"lpips_{split}_body_crop": lpips}  # fmt: skip
+        row |= {
+            f"psnr_{split}_body_crop": psnr - less,
+            f"ssim_{split}_body_crop": 0.97,
+            f"lpips_{split}_body_crop": lpips,
+        }
     return row
 
 
 def test_means_are_over_the_performers_of_one_look():
-    rows = [cell("plain", "amber", 30.0, 0.01), cell("plain", "basil", 34.0, 0.02),
-            cell("lit", "amber", 28.0, None)]  # fmt: skip
+    rows = [
+        cell("plain", "amber", 30.0, 0.01),
+        cell("plain", "basil", 34.0, 0.02),
+        cell("lit", "amber", 28.0, None),
+    ]
     plain, lit = means(rows)
     assert (plain["performers"], lit["performers"]) == (2, 1)
     assert plain["psnr_novel_view"] == pytest.approx(32.0)

@@ -114,6 +114,9 @@ def test_names_choose_among_the_benchmarks():
 
 
 def test_every_benchmark_is_a_command():
-    commands = {command.name or command.callback.__name__ for command in app.registered_commands
-                if command.callback is not None}  # fmt: skip
+    commands = {
+        command.name or command.callback.__name__
+        for command in app.registered_commands
+        if command.callback is not None
+    }
     assert {one.arguments[0] for one in CATALOGUE} == commands - {"all", "pages"}

@@ -31,9 +31,13 @@ FRAMES = 5
 def fitted(motion: Motion, people: list[Landmarks], masks: list[Array] | None = None) -> Fit:
     masks = [person.mask for person in people] if masks is None else masks
     return fit_clip(
-        people, masks, motion.times_s, [0] * len(people), load_body_model(),
+        people,
+        masks,
+        motion.times_s,
+        [0] * len(people),
+        load_body_model(),
         focal_px=camera().focal_px,
-    )  # fmt: skip
+    )
 
 
 def placed(fit: Fit, motion: Motion) -> PlacedFit:

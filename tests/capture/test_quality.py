@@ -135,9 +135,11 @@ def test_frames_that_miss_their_landmarks_are_weak(turning):
     error = turning.landmark_error_px.copy()
     error[6:11] = 4.0
     slow = Motion(
-        turning.motion.times_s * 4.0, turning.motion.joint_angles,
-        turning.motion.root_translation, turning.motion.confidence,
-    )  # fmt: skip
+        turning.motion.times_s * 4.0,
+        turning.motion.joint_angles,
+        turning.motion.root_translation,
+        turning.motion.confidence,
+    )
     quality = judge(replace(turning, motion=slow, landmark_error_px=error))
     assert quality.weak_s == ((round(6 * 4 / 30, 2), round(10 * 4 / 30, 2)),)
 

@@ -34,8 +34,10 @@ def test_sequence_round_trips(tmp_path):
     )
     sequence = open_sequence(path)
     assert (sequence.person, sequence.frames_per_second, sequence.exact_poses) == (
-        "somebody", 10.0, True,
-    )  # fmt: skip
+        "somebody",
+        10.0,
+        True,
+    )
     assert set(sequence.test) == {UNSEEN_POSE}
     for source, frames in ((sequence.train, train), (sequence.test[UNSEEN_POSE], unseen)):
         assert isinstance(source, FrameSource)
@@ -179,8 +181,11 @@ def flattened() -> np.ndarray:
 @pytest.mark.parametrize(
     ("name", "arrays", "message"),
     [
-        ("motion.npz", {"joint_angles": nan_angles()},
-         r"joint_angles must be finite; got nan at index \[1, 5, 2\]"),
+        (
+            "motion.npz",
+            {"joint_angles": nan_angles()},
+            r"joint_angles must be finite; got nan at index \[1, 5, 2\]",
+        ),
         ("motion.npz", {"joint_angles": np.zeros((3, 23, 3))}, "joint_angles must be"),
         ("motion.npz", {"joint_angles": np.full((3, 24, 3), "x")}, "seq: "),
         ("motion.npz", {"times_s": None}, "motion.npz must hold .*; times_s is missing"),
@@ -195,7 +200,7 @@ def flattened() -> np.ndarray:
         ("body.npz", {"rest_joints": np.zeros((23, 3))}, "body.npz: rest_joints must be 24 x 3"),
         ("body.npz", {"rest_vertices": np.zeros((4, 3))}, "body.npz: .*must be given together"),
     ],
-)  # fmt: skip
+)
 def test_values_that_break_a_rule_are_named(folder, name, arrays, message):
     rewrite(folder / name, **arrays)
     with pytest.raises(BrokenSequence, match=message):

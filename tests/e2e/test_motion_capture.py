@@ -75,10 +75,13 @@ def webcam(source: Path, out: Path) -> Path:
 def meeting_with_ada(data_dir: Path) -> Iterator[tuple[str, Callable[[], Room]]]:
     """A server with Ada in a meeting: the page's address, and what gives its room."""
     settings = load_settings(
-        data_dir=data_dir, open_access=True, embedded_worker=False,
-        pose_model=landmark_model(POSE_MODEL), face_model=landmark_model(FACE_MODEL),
+        data_dir=data_dir,
+        open_access=True,
+        embedded_worker=False,
+        pose_model=landmark_model(POSE_MODEL),
+        face_model=landmark_model(FACE_MODEL),
         hand_model=landmark_model(HAND_MODEL),
-    )  # fmt: skip
+    )
     services = build_services(settings)
     services.database.migrate()
     ada = import_model(services, DEMO_MODEL, GUEST, "Ada")

@@ -23,9 +23,11 @@ _PICTURE = """() => {
     brush.drawImage(canvas, 0, 0, 64, 64);
     return [...brush.getImageData(0, 0, 64, 64).data];
 }"""
-KEEP_PICTURES = "HTMLCanvasElement.prototype.getContext = (get => function (kind, options) {" \
-    " return get.call(this, kind, { ...options, preserveDrawingBuffer: true }); })" \
-    "(HTMLCanvasElement.prototype.getContext)"  # fmt: skip
+KEEP_PICTURES = (
+    "HTMLCanvasElement.prototype.getContext = (get => function (kind, options) {"
+    " return get.call(this, kind, { ...options, preserveDrawingBuffer: true }); })"
+    "(HTMLCanvasElement.prototype.getContext)"
+)
 
 
 def shown(page: Page, frames: int) -> list[int]:

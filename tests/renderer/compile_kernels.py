@@ -29,8 +29,14 @@ _KINDS = {
     "*i1": "busy live",
 }
 """Names of arguments by their kind; every other is single precision numbers."""
-_NETWORK = {"PADDED_INPUTS": 64, "WIDTH": 64, "PADDED_OUTPUTS": 16, "HIDDEN": 3,
-            "RELU_LAST": False, "BLOCK": 32}  # fmt: skip
+_NETWORK = {
+    "PADDED_INPUTS": 64,
+    "WIDTH": 64,
+    "PADDED_OUTPUTS": 16,
+    "HIDDEN": 3,
+    "RELU_LAST": False,
+    "BLOCK": 32,
+}
 _WITHIN = {"INPUTS": 64, "WIDTH": 64, "OUTPUTS": 16, "DEPTH": 3, "SKIP": 2, "BLOCK": 32}
 _RAYS = {"JOINTS": 24, "SLOTS": 128, "BLOCK": 128}
 

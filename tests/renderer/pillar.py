@@ -26,10 +26,12 @@ from tests.renderer.studio import DrawnFrames, make_sequence
 FRAMES, SIZE = 16, 96
 PRESET = Preset("splats", "of a test", SplatSettings(count=2500, most=2500))
 FILMED_IN = Lighting(
-    np.concatenate([[[1.6, 1.6, 1.6], [0.35, 0.3, 0.25], [0.0, 0.1, 0.2], [0.5, 0.3, 0.1]],
-                    np.zeros((5, 3))]),
-    np.array([0.0, 1.0, 0.0]), np.zeros(3),
-)  # fmt: skip
+    np.concatenate(
+        [[[1.6, 1.6, 1.6], [0.35, 0.3, 0.25], [0.0, 0.1, 0.2], [0.5, 0.3, 0.1]], np.zeros((5, 3))]
+    ),
+    np.array([0.0, 1.0, 0.0]),
+    np.zeros(3),
+)
 """From +x and above, warmer from +x, bluer from +z."""
 
 
@@ -66,9 +68,15 @@ class LitFrames(DrawnFrames):
             )
             lit = model.parameters.copy()
             lit[:, COLOUR : COLOUR + 3] = twin.shade(
-                albedo, model.parameters[:, :3], normals_of(model), model.joints, model.weights,
-                transforms, self._camera.position, lighting,
-            )  # fmt: skip
+                albedo,
+                model.parameters[:, :3],
+                normals_of(model),
+                model.joints,
+                model.weights,
+                transforms,
+                self._camera.position,
+                lighting,
+            )
             seen = SplatRenderer((replace(model, parameters=lit),)).render(
                 self._camera, [transforms]
             )
@@ -96,9 +104,14 @@ def filmed_pillar() -> tuple[SplatModel, np.ndarray, Sequence]:
     albedo = np.array([[0.5, 0.3, 0.2], [0.2, 0.3, 0.6]])[bands]
     parameters[:, COLOUR : COLOUR + 3] = to_srgb(albedo)
     model = SplatModel(
-        parameters, first.joints.astype(np.uint8), first.weights, np.ones(2500, bool),
-        body.skeleton, motion, "of a test",
-    )  # fmt: skip
+        parameters,
+        first.joints.astype(np.uint8),
+        first.weights,
+        np.ones(2500, bool),
+        body.skeleton,
+        motion,
+        "of a test",
+    )
     frames = LitFrames(model, albedo, FILMED_IN)
     return model, albedo, replace(sequence, body=body, train=frames, motion=motion)
 

@@ -17,8 +17,22 @@ from renderer.devices import best_device, on_device, on_host
 from tests.renderer.field.performer import TINY, pose, sequence, view
 
 FILES = sorted([*Path("renderer/field").glob("*.py"), *Path("renderer/fused").glob("*.py")])
-MAKERS = {"arange", "empty", "eye", "from_numpy", "full", "linspace", "ones", "rand", "randint",
-          "randn", "randperm", "scalar_tensor", "tensor", "zeros"}  # fmt: skip
+MAKERS = {
+    "arange",
+    "empty",
+    "eye",
+    "from_numpy",
+    "full",
+    "linspace",
+    "ones",
+    "rand",
+    "randint",
+    "randn",
+    "randperm",
+    "scalar_tensor",
+    "tensor",
+    "zeros",
+}
 BUILDERS = {"__init__", "for_shape", "around", "_resampled"}
 """Functions that build a network or what it starts from: on the CPU, then `.to(device)`."""
 

@@ -58,9 +58,14 @@ def test_a_stopped_field_goes_on_too(tmp_path):
 
     def fit(**options):
         return train(
-            make_sequence(), preset="fast", iterations=60, checkpoint=path, clock=ticking(),
-            on_progress=lambda progress: steps.append(progress.step), **options,
-        )  # fmt: skip
+            make_sequence(),
+            preset="fast",
+            iterations=60,
+            checkpoint=path,
+            clock=ticking(),
+            on_progress=lambda progress: steps.append(progress.step),
+            **options,
+        )
 
     with pytest.raises(TrainingStopped):
         fit(should_stop=lambda: bool(steps))
@@ -89,8 +94,12 @@ def test_stopping_leaves_a_checkpoint_that_goes_on(tmp_path):
 def test_a_foreign_checkpoint_is_refused(tmp_path):
     path, reports = tmp_path / "run.checkpoint", []
     with pytest.raises(TrainingStopped):
-        trained(checkpoint=path, on_progress=reports.append, should_stop=lambda: bool(reports),
-                iterations=200)  # fmt: skip
+        trained(
+            checkpoint=path,
+            on_progress=reports.append,
+            should_stop=lambda: bool(reports),
+            iterations=200,
+        )
     with pytest.raises(TrainingError, match=r"same clip, preset and seed; got .*delete"):
         trained(checkpoint=path, seed=9)
     path.write_bytes(b"no checkpoint")

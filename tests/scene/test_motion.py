@@ -121,8 +121,13 @@ def test_an_expression_has_its_seven_numbers():
     with pytest.raises(InvalidInput, match=r"expression must be 7.*; got"):
         Pose(np.zeros((24, 3)), np.zeros(3), 0.0, np.zeros(6))
     with pytest.raises(InvalidInput, match=r"expressions must be 2 x 7; got"):
-        Motion(np.arange(2.0), np.zeros((2, 24, 3)), np.zeros((2, 3)), np.ones((2, 24)),
-               np.zeros((1, 7)))  # fmt: skip
+        Motion(
+            np.arange(2.0),
+            np.zeros((2, 24, 3)),
+            np.zeros((2, 3)),
+            np.ones((2, 24)),
+            np.zeros((1, 7)),
+        )
 
 
 def test_times_must_increase():

@@ -52,14 +52,25 @@ def test_no_rounding_decides_whether_a_vertex_moves():
 @pytest.mark.parametrize(
     ("bone", "joint"),
     [
-        ("root", "pelvis"), ("pelvis.L", "pelvis"), ("spine05", "spine1"), ("spine03", "spine2"),
-        ("spine01", "spine3"), ("shoulder01.R", "right_collar"), ("neck03", "neck"),
-        ("head", "head"), ("eye.L", "head"), ("clavicle.L", "left_collar"),
+        ("root", "pelvis"),
+        ("pelvis.L", "pelvis"),
+        ("spine05", "spine1"),
+        ("spine03", "spine2"),
+        ("spine01", "spine3"),
+        ("shoulder01.R", "right_collar"),
+        ("neck03", "neck"),
+        ("head", "head"),
+        ("eye.L", "head"),
+        ("clavicle.L", "left_collar"),
         ("upperarm02.R", "right_shoulder"),
-        ("lowerarm02.L", "left_elbow"), ("finger3-2.R", "right_hand"), ("toe2-1.L", "left_foot"),
-        ("upperleg01.R", "right_hip"), ("lowerleg02.L", "left_knee"), ("foot.R", "right_ankle"),
+        ("lowerarm02.L", "left_elbow"),
+        ("finger3-2.R", "right_hand"),
+        ("toe2-1.L", "left_foot"),
+        ("upperleg01.R", "right_hip"),
+        ("lowerleg02.L", "left_knee"),
+        ("foot.R", "right_ankle"),
     ],
-)  # fmt: skip
+)
 def test_bones_follow_the_joint_that_moves_them(anny, bone, joint):
     assert bone in anny.bone_labels
     assert JOINT_NAMES[joint_of_bone(bone)] == joint

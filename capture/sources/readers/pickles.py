@@ -27,9 +27,18 @@ MAX_BYTES = 1 << 30
 """A larger pickle is none of poses and cameras."""
 _DTYPE = re.compile(r"(b1|[iu][1248]|f[248]|U\d{1,5}|S\d{1,5}|O8?)")
 _UNREADABLE = (
-    pickle.UnpicklingError, EOFError, OSError, ValueError, TypeError, AttributeError, KeyError,
-    IndexError, MemoryError, OverflowError, RecursionError,
-)  # fmt: skip
+    pickle.UnpicklingError,
+    EOFError,
+    OSError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    KeyError,
+    IndexError,
+    MemoryError,
+    OverflowError,
+    RecursionError,
+)
 
 
 def load_pickle(path: Path) -> Any:

@@ -178,9 +178,11 @@ class _MultiViewFrames:
 def _select_poses(motion: Motion, indices: Series[int]) -> Motion:
     at = list(indices)
     return Motion(
-        motion.times_s[at], motion.joint_angles[at], motion.root_translation[at],
+        motion.times_s[at],
+        motion.joint_angles[at],
+        motion.root_translation[at],
         motion.confidence[at],
-    )  # fmt: skip
+    )
 
 
 def _pictures(stored: Any) -> list[list[str]]:

@@ -90,9 +90,14 @@ class _Network:
             torch.stack(hidden).to(torch.float16).contiguous(),
             _padded(again, _PADDED, width),
             _padded(last, width, _OUTPUTS),
-            {"INPUTS": _PADDED, "WIDTH": width, "OUTPUTS": _OUTPUTS,
-             "DEPTH": len(mlp.hidden), "SKIP": skip},
-        )  # fmt: skip
+            {
+                "INPUTS": _PADDED,
+                "WIDTH": width,
+                "OUTPUTS": _OUTPUTS,
+                "DEPTH": len(mlp.hidden),
+                "SKIP": skip,
+            },
+        )
 
     def arguments(self, window: Tensor, pose: Float[Tensor, "S"] | None) -> tuple[Tensor, ...]:
         """What a kernel takes of it, with the pose's share of the first layer."""
@@ -157,17 +162,29 @@ class FusedDrawing:
         """
         slots = self._field.sizes.samples_a_ray
         posed = _Posed(
-            self._view(camera), torch.cat(box), transforms.contiguous(), self._reaches,
-            self._volume, self._channels,
-        )  # fmt: skip
+            self._view(camera),
+            torch.cat(box),
+            transforms.contiguous(),
+            self._reaches,
+            self._volume,
+            self._channels,
+        )
         samples, counts, steps = self._march(posed, camera, before)
         picture = torch.zeros(len(counts), 4, device=self._device)
         if count := len(samples):
             found = torch.empty(count, 4, device=self._device)
             _kernels().skin[(-(-count // _PLACES_A_PROGRAM),)](
-                samples, count, *posed, steps, camera.width, *self._shape, found,
-                JOINTS=self._joints, SLOTS=slots, BLOCK=_PLACES_A_PROGRAM,
-            )  # fmt: skip
+                samples,
+                count,
+                *posed,
+                steps,
+                camera.width,
+                *self._shape,
+                found,
+                JOINTS=self._joints,
+                SLOTS=slots,
+                BLOCK=_PLACES_A_PROGRAM,
+            )
             self._move(found, joint_angles)
             rgba = self._evaluate(samples, found, steps)
             _kernels().composite[(-(-len(counts) // _RAYS_A_PROGRAM),)](
@@ -184,10 +201,20 @@ class FusedDrawing:
         counts = torch.empty(rays, dtype=torch.int32, device=self._device)
         steps = torch.empty(rays, device=self._device)
         _kernels().march[(rays,)](
-            *posed, *_cells(before), kept, counts, steps, camera.width,
-            *self._shape, *before.shape, JOINTS=self._joints, SLOTS=slots,
-            LEAST=LEAST_LIKELIHOOD, BLOCK=_power_of_two(slots), num_warps=1,
-        )  # fmt: skip
+            *posed,
+            *_cells(before),
+            kept,
+            counts,
+            steps,
+            camera.width,
+            *self._shape,
+            *before.shape,
+            JOINTS=self._joints,
+            SLOTS=slots,
+            LEAST=LEAST_LIKELIHOOD,
+            BLOCK=_power_of_two(slots),
+            num_warps=1,
+        )
         return torch.nonzero(kept)[:, 0], counts, steps
 
     def _evaluate(
@@ -197,11 +224,20 @@ class FusedDrawing:
         chosen = torch.nonzero(found[:, 3] > 0.0)[:, 0]
         rgba = torch.zeros(len(samples), 4, device=self._device)
         _kernels().evaluate[(max(1, -(-len(chosen) // _SAMPLES_A_PROGRAM)),)](
-            chosen, len(chosen), samples, found, steps,
-            *self._colour.arguments(self._colour_window, None), rgba,
-            SCALE=DENSITY_SCALE, START=START_DENSITY, SLOTS=self._field.sizes.samples_a_ray,
-            **self._colour.sizes, BLOCK=_SAMPLES_A_PROGRAM, num_warps=WARPS,
-        )  # fmt: skip
+            chosen,
+            len(chosen),
+            samples,
+            found,
+            steps,
+            *self._colour.arguments(self._colour_window, None),
+            rgba,
+            SCALE=DENSITY_SCALE,
+            START=START_DENSITY,
+            SLOTS=self._field.sizes.samples_a_ray,
+            **self._colour.sizes,
+            BLOCK=_SAMPLES_A_PROGRAM,
+            num_warps=WARPS,
+        )
         return rgba
 
     def _move(self, found: Float[Tensor, "N 4"], joint_angles: Float[Tensor, "K 3"]) -> None:
@@ -214,11 +250,16 @@ class FusedDrawing:
             octaves = hann_window(field.sizes.residual_octaves, opened, self._device)
             window = self._window(octaves, identity=False)
         _kernels().move[(-(-len(found) // _SAMPLES_A_PROGRAM),)](
-            found, len(found), *_cells(occupied), *occupied.shape,
+            found,
+            len(found),
+            *_cells(occupied),
+            *occupied.shape,
             *network.arguments(window, joint_angles[1:].reshape(-1)),
-            MOVED=network is self._residual, **network.sizes,
-            BLOCK=_SAMPLES_A_PROGRAM, num_warps=WARPS,
-        )  # fmt: skip
+            MOVED=network is self._residual,
+            **network.sizes,
+            BLOCK=_SAMPLES_A_PROGRAM,
+            num_warps=WARPS,
+        )
 
     def _on_host(self, picture: Float[Tensor, "R 4"]) -> Float[Array, "R 4"]:
         """In memory that the GPU writes without help: three times as fast as any other."""

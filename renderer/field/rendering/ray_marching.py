@@ -56,9 +56,14 @@ class Samples:
         sizes = torch.bincount(number).tolist()
         for place, mine in enumerate(order.split(sizes)):
             wave = Samples(
-                self.ray[mine], self.slot[mine] - place * depth, self.points[mine], self.t[mine],
-                self.step[mine], self.rays, depth,
-            )  # fmt: skip
+                self.ray[mine],
+                self.slot[mine] - place * depth,
+                self.points[mine],
+                self.t[mine],
+                self.step[mine],
+                self.rays,
+                depth,
+            )
             yield wave
 
 

@@ -122,9 +122,13 @@ def occupied_before_residual(
 
 @torch.no_grad()
 def occupied_cells(
-    field: PersonField, volume: WeightVolume, support: Support, transforms: Float[Tensor, "K 3 4"],
-    joint_angles: Float[Tensor, "K 3"], before: OccupancyGrid | None,
-) -> OccupancyGrid:  # fmt: skip
+    field: PersonField,
+    volume: WeightVolume,
+    support: Support,
+    transforms: Float[Tensor, "K 3 4"],
+    joint_angles: Float[Tensor, "K 3"],
+    before: OccupancyGrid | None,
+) -> OccupancyGrid:
     """Cells of the posed body's box that the person fills, and those around them.
 
     Grid points ask where they come from; the canonical space knows what is there: `before` (of
@@ -153,9 +157,12 @@ def live_cells(alive: Float[Tensor, "D H W"]) -> Bool[Tensor, "G"]:
 
 
 def direct_canonical(
-    points: Float[Tensor, "N 3"], transforms: Float[Tensor, "K 3 4"], volume: WeightVolume,
-    rounds: int, support: Support | None = None,
-) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N"]]:  # fmt: skip
+    points: Float[Tensor, "N 3"],
+    transforms: Float[Tensor, "K 3 4"],
+    volume: WeightVolume,
+    rounds: int,
+    support: Support | None = None,
+) -> tuple[Float[Tensor, "N 3"], Float[Tensor, "N"]]:
     """The same without a grid, differentiable, then `rounds` exact rounds.
 
     All joints are asked about every point, or with `support` only those whose weights reach it.

@@ -48,9 +48,12 @@ class _PosedBody:
         return found
 
     def search_deeper(
-        self, points: Float[Tensor, "N 3"], one: Float[Tensor, "N 3"],
-        other: Float[Tensor, "N 3"], rounds: int,
-    ) -> Float[Tensor, "N 3"]:  # fmt: skip
+        self,
+        points: Float[Tensor, "N 3"],
+        one: Float[Tensor, "N 3"],
+        other: Float[Tensor, "N 3"],
+        rounds: int,
+    ) -> Float[Tensor, "N 3"]:
         """Of the results of searches from `one` and `other`, the deeper in the body."""
         found = [self.search(points, start, rounds) for start in (one, other)]
         depth = [
@@ -60,9 +63,12 @@ class _PosedBody:
         return torch.where((depth[1] > depth[0])[:, None], found[1], found[0])
 
     def search_candidates(
-        self, points: Float[Tensor, "N 3"], first: Float[Tensor, "N 4"],
-        second: Float[Tensor, "N 4"], rounds: int,
-    ) -> Float[Tensor, "N 3"]:  # fmt: skip
+        self,
+        points: Float[Tensor, "N 3"],
+        first: Float[Tensor, "N 4"],
+        second: Float[Tensor, "N 4"],
+        rounds: int,
+    ) -> Float[Tensor, "N 3"]:
         """Results of searches from the first candidates, and from the second where these have
         weight."""
         found = self.search(points, first[:, :3], rounds)

@@ -22,10 +22,23 @@ _PAST_JOINTS_M = 0.2
 """How far a body reaches past its outermost joints: the crown above the head's."""
 _REFERENCE_HEIGHT_M = 1.58
 """Floor to head joint of the adult that the radii below are taken from."""
-_RADII_M = {"pelvis": 0.12, "hip": 0.08, "spine1": 0.12, "spine2": 0.12, "spine3": 0.12,
-            "knee": 0.06, "ankle": 0.045, "foot": 0.04, "neck": 0.06, "head": 0.11,
-            "collar": 0.07, "shoulder": 0.055, "elbow": 0.045, "wrist": 0.04,
-            "hand": 0.045}  # fmt: skip
+_RADII_M = {
+    "pelvis": 0.12,
+    "hip": 0.08,
+    "spine1": 0.12,
+    "spine2": 0.12,
+    "spine3": 0.12,
+    "knee": 0.06,
+    "ankle": 0.045,
+    "foot": 0.04,
+    "neck": 0.06,
+    "head": 0.11,
+    "collar": 0.07,
+    "shoulder": 0.055,
+    "elbow": 0.045,
+    "wrist": 0.04,
+    "hand": 0.045,
+}
 _BONE_SPREAD = 0.75
 """Standard deviation of a Gaussian bone, as a share of its limb's radius."""
 _OTHER_RADIUS_M = 0.05

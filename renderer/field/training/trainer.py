@@ -231,8 +231,10 @@ class FieldTrainer:
                 visible = compositing_weights(alpha, samples)[1] > _HIDDEN
                 self._end_rays(bundles, samples, visible)
             samples, place, likelihood = (
-                samples.kept(visible), place.kept(visible), likelihood[visible]
-            )  # fmt: skip
+                samples.kept(visible),
+                place.kept(visible),
+                likelihood[visible],
+            )
         colours, density = canonical.at(place)
         weights, _ = compositing_weights(alphas(density, likelihood, samples.step), samples)
         return composite(weights, colours, samples)
@@ -313,11 +315,13 @@ class FieldTrainer:
         if published is not None:
             scale = metrics["steps"] / published
             metrics = {
-                **metrics, "published_iterations": published, "schedule_scale": scale,
+                **metrics,
+                "published_iterations": published,
+                "schedule_scale": scale,
                 "rays_a_step": self._settings.rays_a_frame * self._settings.frames_a_step,
                 "samples_a_ray": self._settings.sizes.samples_a_ray,
                 "perceptual_loss": None if self._lpips is None else self._lpips.backbone,
-            }  # fmt: skip
+            }
         return FieldModel(
             field,
             preset=self._preset,

@@ -27,10 +27,14 @@ class TrainingView:
     """One frame: its pixels as rays and colours, and its pose's grid once it is asked for."""
 
     def __init__(
-        self, rgba: Float[Array, "H W 4"], directions: Float[Array, "H W 3"],
-        origin: Float[Array, "3"], joint_angles: Float[Array, "K 3"],
-        root_translation: Float[Array, "3"], device: torch.device,
-    ) -> None:  # fmt: skip
+        self,
+        rgba: Float[Array, "H W 4"],
+        directions: Float[Array, "H W 3"],
+        origin: Float[Array, "3"],
+        joint_angles: Float[Array, "K 3"],
+        root_translation: Float[Array, "3"],
+        device: torch.device,
+    ) -> None:
         self.shape = rgba.shape[:2]
         in_bytes = (rgba.reshape(-1, 4) * 255.0 + 0.5).astype(np.uint8)
         self._rgba = on_device(in_bytes, device)
@@ -45,9 +49,12 @@ class TrainingView:
         self._near = self._far = self._furthest = torch.zeros(len(self._rgba), device=device)
 
     def prepare(
-        self, field: PersonField, volume: WeightVolume, support: Support,
+        self,
+        field: PersonField,
+        volume: WeightVolume,
+        support: Support,
         transforms: Float[Tensor, "K 3 4"],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Find where this frame's rays meet the body, unless that is known for (nearly) this
         pose."""
         if self._made_for is not None:

@@ -47,16 +47,30 @@ def _light(model: SplatModel) -> Float[Array, "N"]:
         pose = model.motion.pose(view * len(model.motion) // _VIEWS)
         upright = np.array([0.0, pose.root_translation[1], 0.0])
         camera = orbit_camera(
-            (0.0, 0.55 * height_m, 0.0), _DISTANCE_HEIGHTS * height_m, view * _TURN_RAD,
-            _ELEVATIONS_RAD[view % 2], *size,
-        )  # fmt: skip
+            (0.0, 0.55 * height_m, 0.0),
+            _DISTANCE_HEIGHTS * height_m,
+            view * _TURN_RAD,
+            _ELEVATIONS_RAD[view % 2],
+            *size,
+        )
         transforms = model.skeleton.skinning_transforms(pose.joint_angles, upright)
         work.arrange(
-            model.parameters, model.joints, model.weights, transforms.astype(np.float32),
-            pack_camera(camera), *size, BOX_FILTER_PX2,
-        )  # fmt: skip
+            model.parameters,
+            model.joints,
+            model.weights,
+            transforms.astype(np.float32),
+            pack_camera(camera),
+            *size,
+            BOX_FILTER_PX2,
+        )
         draw_and_differentiate(
-            work.projected, work.starts, work.entries, nothing, np.zeros(3, np.float32), 1.0,
-            summed, np.zeros(threads),
-        )  # fmt: skip
+            work.projected,
+            work.starts,
+            work.entries,
+            nothing,
+            np.zeros(3, np.float32),
+            1.0,
+            summed,
+            np.zeros(threads),
+        )
     return summed[:, :, CONTRIBUTION].sum(axis=0)

@@ -43,10 +43,19 @@ MAGIC, VERSION = b"MNSP", 4
 ROTATION_BITS = 10
 HEAD = struct.Struct(f"<4sHHI8f{3 * HARMONICS}fIf")
 RECORD = np.dtype(
-    [("position", "<u2", 3), ("log_scale", "u1", 3), ("capture_weight", "u1"), ("rotation", "<u4"),
-     ("colour", "u1", 3), ("opacity", "u1"), ("joints", "u1", 4), ("weights", "u1", 4),
-     ("albedo", "u1", 3), ("normal", "i1", 3)]
-)  # fmt: skip
+    [
+        ("position", "<u2", 3),
+        ("log_scale", "u1", 3),
+        ("capture_weight", "u1"),
+        ("rotation", "<u4"),
+        ("colour", "u1", 3),
+        ("opacity", "u1"),
+        ("joints", "u1", 4),
+        ("weights", "u1", 4),
+        ("albedo", "u1", 3),
+        ("normal", "i1", 3),
+    ]
+)
 MOVED = np.dtype([("index", "<u4"), ("offsets", "i1", (EXPRESSION_COUNT, 3)), ("nil", "u1", 3)])
 
 
@@ -79,9 +88,18 @@ def encode(model: SplatModel) -> bytes:
     order = importance_order(model)
     moved, far = _moved(model, order)
     head = HEAD.pack(
-        MAGIC, VERSION, len(skeleton.names), len(model), *low, *high, thin, wide, *light.ravel(),
-        len(moved), far,
-    )  # fmt: skip
+        MAGIC,
+        VERSION,
+        len(skeleton.names),
+        len(model),
+        *low,
+        *high,
+        thin,
+        wide,
+        *light.ravel(),
+        len(moved),
+        far,
+    )
     return b"".join(
         [
             head,

@@ -93,19 +93,47 @@ class GpuSplatRenderer(SplatRenderer):
         moved_and_camera = sent.to(self._device)
         grid = (-(-count // _SPLATS_A_PROGRAM),)
         kernels.project[grid](
-            self._on_device, self._device_joints, self._device_weights, moved_and_camera,
-            moved_and_camera[-1], count, width, height, BOX_FILTER_PX2,
-            b.shown, b.depth, b.boxes, BLOCK=_SPLATS_A_PROGRAM,
-        )  # fmt: skip
+            self._on_device,
+            self._device_joints,
+            self._device_weights,
+            moved_and_camera,
+            moved_and_camera[-1],
+            count,
+            width,
+            height,
+            BOX_FILTER_PX2,
+            b.shown,
+            b.depth,
+            b.boxes,
+            BLOCK=_SPLATS_A_PROGRAM,
+        )
         order = torch.argsort(b.depth)
         kernels.list_blocks[(b.blocks,)](
-            order, b.boxes, count, b.blocks_x, b.lists, b.lengths,
-            SIDE=_BLOCK_TILES, PIECE=_LISTED_AT_ONCE,
-        )  # fmt: skip
+            order,
+            b.boxes,
+            count,
+            b.blocks_x,
+            b.lists,
+            b.lengths,
+            SIDE=_BLOCK_TILES,
+            PIECE=_LISTED_AT_ONCE,
+        )
         kernels.blend[(len(b.busy),)](
-            b.shown, b.boxes, b.lists, b.lengths, count, width, height, b.tiles_x, b.blocks_x,
-            b.kept, b.busy, b.out, SIDE=_BLOCK_TILES, PIECE=_BLENDED_AT_ONCE,
-        )  # fmt: skip
+            b.shown,
+            b.boxes,
+            b.lists,
+            b.lengths,
+            count,
+            width,
+            height,
+            b.tiles_x,
+            b.blocks_x,
+            b.kept,
+            b.busy,
+            b.out,
+            SIDE=_BLOCK_TILES,
+            PIECE=_BLENDED_AT_ONCE,
+        )
         return b
 
     def geometry(self, transforms: Many[Float[Array, "K 4 4"]]) -> Geometry:

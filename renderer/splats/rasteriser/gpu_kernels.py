@@ -78,9 +78,20 @@ def _axis(body, eye, log_length, x, y, z):
 
 @triton.jit(do_not_specialize=["count", "width", "height"])
 def project(
-    parameters, joints, weights, transforms, camera, count, width, height, dilation,
-    shown, depth, boxes, BLOCK: tl.constexpr,
-):  # fmt: skip
+    parameters,
+    joints,
+    weights,
+    transforms,
+    camera,
+    count,
+    width,
+    height,
+    dilation,
+    shown,
+    depth,
+    boxes,
+    BLOCK: tl.constexpr,
+):
     """shown [N SHOWN], depth [N] (m; past all others where unseen) and boxes [N 4] of parameters
     [N P], joints [N 4] int32, weights [N 4], transforms [K 4 4] and camera [4 4]."""
     i = tl.program_id(0) * BLOCK + tl.arange(0, BLOCK)
@@ -110,17 +121,29 @@ def project(
     unit = 1.0 / tl.sqrt(qw * qw + qx * qx + qy * qy + qz * qz)
     qw, qx, qy, qz = qw * unit, qx * unit, qy * unit, qz * unit
     first = _axis(
-        body, eye, tl.load(row + _SCALE, mask=there, other=0.0),
-        1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy + qw * qz), 2 * (qx * qz - qw * qy),
-    )  # fmt: skip
+        body,
+        eye,
+        tl.load(row + _SCALE, mask=there, other=0.0),
+        1 - 2 * (qy * qy + qz * qz),
+        2 * (qx * qy + qw * qz),
+        2 * (qx * qz - qw * qy),
+    )
     second = _axis(
-        body, eye, tl.load(row + _SCALE + 1, mask=there, other=0.0),
-        2 * (qx * qy - qw * qz), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz + qw * qx),
-    )  # fmt: skip
+        body,
+        eye,
+        tl.load(row + _SCALE + 1, mask=there, other=0.0),
+        2 * (qx * qy - qw * qz),
+        1 - 2 * (qx * qx + qz * qz),
+        2 * (qy * qz + qw * qx),
+    )
     third = _axis(
-        body, eye, tl.load(row + _SCALE + 2, mask=there, other=0.0),
-        2 * (qx * qz + qw * qy), 2 * (qy * qz - qw * qx), 1 - 2 * (qx * qx + qy * qy),
-    )  # fmt: skip
+        body,
+        eye,
+        tl.load(row + _SCALE + 2, mask=there, other=0.0),
+        2 * (qx * qz + qw * qy),
+        2 * (qy * qz - qw * qx),
+        1 - 2 * (qx * qx + qy * qy),
+    )
     near = 1.0 / tl.maximum(z, _NEAR)
     jx, jxz = lens[0] * near, -lens[0] * x * near * near
     jy, jyz = lens[1] * near, -lens[1] * y * near * near
@@ -196,9 +219,21 @@ def list_blocks(
 
 @triton.jit(do_not_specialize=["count", "width", "height", "tiles_x", "blocks_x"])
 def blend(
-    shown, boxes, lists, lengths, count, width, height, tiles_x, blocks_x, kept, busy, out,
-    SIDE: tl.constexpr, PIECE: tl.constexpr,
-):  # fmt: skip
+    shown,
+    boxes,
+    lists,
+    lengths,
+    count,
+    width,
+    height,
+    tiles_x,
+    blocks_x,
+    kept,
+    busy,
+    out,
+    SIDE: tl.constexpr,
+    PIECE: tl.constexpr,
+):
     """One program a tile: out [H W 4] premultiplied, busy [tiles] where anybody is.
 
     kept [tiles PIECE] is room for a piece of a tile's own list.

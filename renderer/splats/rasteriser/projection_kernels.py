@@ -305,10 +305,18 @@ def chain_rule(
     count = parameters.shape[0]
     for thread in numba.prange(threads):
         _chain_rule_range(
-            parameters, joints, weights, transforms, camera, projected, boxes,
-            count * thread // threads, count * (thread + 1) // threads,
-            on_picture, gradient,
-        )  # fmt: skip
+            parameters,
+            joints,
+            weights,
+            transforms,
+            camera,
+            projected,
+            boxes,
+            count * thread // threads,
+            count * (thread + 1) // threads,
+            on_picture,
+            gradient,
+        )
 
 
 @numba.njit(inline="always", fastmath=True)
@@ -321,17 +329,23 @@ def _quaternion_gradient(parameters, i, inverse_norm, g, gradient):
     two = _F(2.0)
     gw = two * (-z * g[0, 1] + y * g[0, 2] + z * g[1, 0] - x * g[1, 2] - y * g[2, 0] + x * g[2, 1])
     gx = two * (
-        y * (g[0, 1] + g[1, 0]) + z * (g[0, 2] + g[2, 0]) - two * x * (g[1, 1] + g[2, 2])
+        y * (g[0, 1] + g[1, 0])
+        + z * (g[0, 2] + g[2, 0])
+        - two * x * (g[1, 1] + g[2, 2])
         + w * (g[2, 1] - g[1, 2])
-    )  # fmt: skip
+    )
     gy = two * (
-        x * (g[0, 1] + g[1, 0]) + z * (g[1, 2] + g[2, 1]) - two * y * (g[0, 0] + g[2, 2])
+        x * (g[0, 1] + g[1, 0])
+        + z * (g[1, 2] + g[2, 1])
+        - two * y * (g[0, 0] + g[2, 2])
         + w * (g[0, 2] - g[2, 0])
-    )  # fmt: skip
+    )
     gz = two * (
-        x * (g[0, 2] + g[2, 0]) + y * (g[1, 2] + g[2, 1]) - two * z * (g[0, 0] + g[1, 1])
+        x * (g[0, 2] + g[2, 0])
+        + y * (g[1, 2] + g[2, 1])
+        - two * z * (g[0, 0] + g[1, 1])
         + w * (g[1, 0] - g[0, 1])
-    )  # fmt: skip
+    )
     along = gw * w + gx * x + gy * y + gz * z
     gradient[i, ROTATION] = (gw - along * w) * inverse_norm
     gradient[i, ROTATION + 1] = (gx - along * x) * inverse_norm

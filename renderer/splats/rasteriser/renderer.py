@@ -99,9 +99,15 @@ class SplatRenderer:
             self._out = np.zeros((camera.height, camera.width, 4), np.float32)
         work = self._workspace
         work.arrange(
-            parameters, self._joints, self._weights, moved, pack_camera(camera),
-            camera.width, camera.height, BOX_FILTER_PX2,
-        )  # fmt: skip
+            parameters,
+            self._joints,
+            self._weights,
+            moved,
+            pack_camera(camera),
+            camera.width,
+            camera.height,
+            BOX_FILTER_PX2,
+        )
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), self._out)
         return self._out
 
@@ -155,9 +161,13 @@ class SplatRenderer:
         if self._as_captured is self._parameters:
             self._as_captured = self._parameters.copy()
         self._get_relighting().shade_as_captured(
-            self._as_captured, self._joints, self._weights, transforms, camera.position,
+            self._as_captured,
+            self._joints,
+            self._weights,
+            transforms,
+            camera.position,
             placements or [np.eye(4)] * len(self._models),
-        )  # fmt: skip
+        )
         return self._as_captured
 
     def _get_relighting(self) -> Relighting:

@@ -226,9 +226,17 @@ def draw_and_differentiate(
             loss += _compare(target, background, width_of_square, x0, y0, sums, state)
             if end > begin:
                 _differentiate_tile(
-                    projected, entries, begin, end, _F(x0), _F(y0),
-                    until, state, lanes, gradients[thread],
-                )  # fmt: skip
+                    projected,
+                    entries,
+                    begin,
+                    end,
+                    _F(x0),
+                    _F(y0),
+                    until,
+                    state,
+                    lanes,
+                    gradients[thread],
+                )
         losses[thread] = loss
 
 

@@ -43,9 +43,18 @@ class Workspace:
             self._fill = np.zeros(tiles_x * tiles_y, np.int32)
             self.starts = np.zeros(tiles_x * tiles_y + 1, np.int32)
         project(
-            parameters, joints, weights, transforms, packed_camera, width, height, dilation,
-            self.projected, self.depth, self.boxes,
-        )  # fmt: skip
+            parameters,
+            joints,
+            weights,
+            transforms,
+            packed_camera,
+            width,
+            height,
+            dilation,
+            self.projected,
+            self.depth,
+            self.boxes,
+        )
         drawn = depth_order(self.depth, self.boxes, self.order)
         length = count_entries(self.boxes, self.order, drawn, tiles_x, self.starts)
         if length > len(self.entries):
@@ -65,9 +74,15 @@ class Workspace:
         from renderer.splats.rasteriser.visibility_kernels import fill_visibility_buffer
 
         self.arrange(
-            parameters, joints, weights, transforms, pack_camera(camera),
-            camera.width, camera.height, dilation,
-        )  # fmt: skip
+            parameters,
+            joints,
+            weights,
+            transforms,
+            pack_camera(camera),
+            camera.width,
+            camera.height,
+            dilation,
+        )
         front = np.empty((camera.height, camera.width), np.int32)
         fill_visibility_buffer(self.projected, self.starts, self.entries, front)
         return front

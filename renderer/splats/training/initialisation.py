@@ -18,9 +18,21 @@ from scene.rotations import rotation_between
 from scene.sequence import Sequence
 from scene.skeleton import JOINT_NAMES, Skeleton
 
-_CAPSULE_RADIUS_M = {"spine": 0.13, "pelvis": 0.14, "hip": 0.1, "knee": 0.08, "ankle": 0.06,
-                     "foot": 0.05, "neck": 0.07, "head": 0.11, "collar": 0.1, "shoulder": 0.08,
-                     "elbow": 0.06, "wrist": 0.05, "hand": 0.05}  # fmt: skip
+_CAPSULE_RADIUS_M = {
+    "spine": 0.13,
+    "pelvis": 0.14,
+    "hip": 0.1,
+    "knee": 0.08,
+    "ankle": 0.06,
+    "foot": 0.05,
+    "neck": 0.07,
+    "head": 0.11,
+    "collar": 0.1,
+    "shoulder": 0.08,
+    "elbow": 0.06,
+    "wrist": 0.05,
+    "hand": 0.05,
+}
 _CANDIDATES = 3
 """Points drawn on the capsules for every one kept after the masks have cut."""
 _MOVED_M = 1e-3
@@ -74,9 +86,13 @@ def first_splats(
     parameters[:, COLOUR : COLOUR + 3] = 0.5
     parameters[:, OPACITY] = settings.opacity_logit
     return FirstSplats(
-        parameters, strongest.astype(np.uint16), top.astype(np.float32), normals.astype(np.float32),
-        splats, offsets,
-    )  # fmt: skip
+        parameters,
+        strongest.astype(np.uint16),
+        top.astype(np.float32),
+        normals.astype(np.float32),
+        splats,
+        offsets,
+    )
 
 
 def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -> FirstSplats:
@@ -99,9 +115,12 @@ def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -
 
 
 def moved_with_bones(
-    parameters: Float[Array, "N P"], joints: Array, weights: Float[Array, "N 4"],
-    before: Skeleton, after: Skeleton,
-) -> Float[Array, "N P"]:  # fmt: skip
+    parameters: Float[Array, "N P"],
+    joints: Array,
+    weights: Float[Array, "N 4"],
+    before: Skeleton,
+    after: Skeleton,
+) -> Float[Array, "N P"]:
     """`parameters` of splats on the skeleton `before`, on the one of other bone lengths `after`."""
     moved, longer = parameters.copy(), after.rest_joints - before.rest_joints
     shift = np.einsum("ns,nsx->nx", weights, longer[joints])
@@ -256,8 +275,10 @@ def _capsule_points(
 
 def _inside_mask(sequence: Sequence, index: int, points: Array, joints: Array) -> Array:
     camera, pose, mask = (
-        sequence.train.camera(index), sequence.train.pose(index), sequence.train.mask(index)
-    )  # fmt: skip
+        sequence.train.camera(index),
+        sequence.train.pose(index),
+        sequence.train.mask(index),
+    )
     moved = sequence.body.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
     posed = np.einsum("nij,nj->ni", moved[joints][:, :3, :3], points) + moved[joints][:, :3, 3]
     pixels, _ = camera.project(posed)

@@ -83,8 +83,10 @@ class SplatTrainer:
             first = splats_of_model(start, first, self._poses.skeleton)
         self._first_splats, self._first_skeleton = first, self._poses.skeleton
         self.parameters, self._joints, self._weights = (
-            first.parameters.copy(), first.joints, first.weights
-        )  # fmt: skip
+            first.parameters.copy(),
+            first.joints,
+            first.weights,
+        )
         self._expressions = ClipBlendShapes(
             first.expression_splats, first.expression_offsets, sequence.motion.expressions
         )
@@ -143,19 +145,34 @@ class SplatTrainer:
         transforms, drawn, shown = self._draw(frame, self._rng.uniform(size=3).astype(np.float32))
         view, work = self._views[frame], self._work
         chain_rule(
-            drawn, self._joints, self._weights, transforms, view.camera,
-            work.projected, work.boxes, self._by_projected, len(self._losses), self._by_parameter,
-        )  # fmt: skip
+            drawn,
+            self._joints,
+            self._weights,
+            transforms,
+            view.camera,
+            work.projected,
+            work.boxes,
+            self._by_projected,
+            len(self._losses),
+            self._by_parameter,
+        )
         if self._light is not None:
             self._light.chain_to_albedo(self._by_parameter, self.parameters, shown)
         contribution = self._by_projected[:, CONTRIBUTION]
         rates = self._rates(fraction)
         adam_step(
-            self.parameters, self._by_parameter, contribution, self._first_moment,
-            self._second_moment, self._steps, rates, self._settings.beta1, self._settings.beta2,
+            self.parameters,
+            self._by_parameter,
+            contribution,
+            self._first_moment,
+            self._second_moment,
+            self._steps,
+            rates,
+            self._settings.beta1,
+            self._settings.beta2,
             _MIN_CONTRIBUTION,
             np.log(np.array(self._settings.scale_range_m, np.float32)),
-        )  # fmt: skip
+        )
         if self._poses.active:
             self._pull_to_surface(contribution > _MIN_CONTRIBUTION, fraction)
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
@@ -180,13 +197,25 @@ class SplatTrainer:
                 drawn, self._joints, self._weights, transforms, view.window.position
             )
         work.arrange(
-            shown, self._joints, self._weights, transforms, view.camera,
-            width, height, BOX_FILTER_PX2,
-        )  # fmt: skip
+            shown,
+            self._joints,
+            self._weights,
+            transforms,
+            view.camera,
+            width,
+            height,
+            BOX_FILTER_PX2,
+        )
         draw_and_differentiate(
-            work.projected, work.starts, work.entries, view.rgba, background, self._linear_from,
-            self._thread_gradients, self._losses,
-        )  # fmt: skip
+            work.projected,
+            work.starts,
+            work.entries,
+            view.rgba,
+            background,
+            self._linear_from,
+            self._thread_gradients,
+            self._losses,
+        )
         sum_threads(self._thread_gradients, self._by_projected)
         return transforms, drawn, shown
 
@@ -194,7 +223,7 @@ class SplatTrainer:
         """One pass over the clip; splats follow changed bone lengths."""
         points = SkinnedPoints(
             self.parameters[:, POSITION : POSITION + 3], self._joints, self._weights
-        )  # fmt: skip
+        )
         before = self._poses.skeleton
         self._poses.apply_step(
             passes.equations(

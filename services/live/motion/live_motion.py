@@ -169,9 +169,15 @@ class LiveMotion:
         later = foot_locking.ahead(ahead)
         rotations = relative_axis_angles(locked.local, later.local)
         return _MotionState(
-            time_s, clock_offset_s, locked, rotations, later.root - locked.root,
-            foot_locking.at_rest(), back_s, back_share,
-        )  # fmt: skip
+            time_s,
+            clock_offset_s,
+            locked,
+            rotations,
+            later.root - locked.root,
+            foot_locking.at_rest(),
+            back_s,
+            back_share,
+        )
 
     def _solver_for(self, width: int, height: int) -> LiveSolver:
         """The solver for pictures of this size; a turned phone needs another."""

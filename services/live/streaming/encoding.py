@@ -120,18 +120,27 @@ class PictureEncoder:
         if self._codec is Codec.H264:
             context.profile = "Baseline"
             context.options = {
-                "preset": "superfast", "tune": "zerolatency",
-                "forced-idr": "1", "sc_threshold": "0",
+                "preset": "superfast",
+                "tune": "zerolatency",
+                "forced-idr": "1",
+                "sc_threshold": "0",
                 # without a bound libx264 ignores a new bitrate
-                "maxrate": str(BITRATES[-1]), "bufsize": str(BITRATES[-1] // 2),
-            }  # fmt: skip
+                "maxrate": str(BITRATES[-1]),
+                "bufsize": str(BITRATES[-1] // 2),
+            }
         else:
             context.qmin, context.qmax = 2, 56
             context.options = {
-                "deadline": "realtime", "cpu-used": "-12", "lag-in-frames": "0",
-                "minrate": str(bitrate), "maxrate": str(bitrate), "bufsize": str(bitrate),
-                "undershoot-pct": "100", "overshoot-pct": "15", "static-thresh": "1",
-            }  # fmt: skip
+                "deadline": "realtime",
+                "cpu-used": "-12",
+                "lag-in-frames": "0",
+                "minrate": str(bitrate),
+                "maxrate": str(bitrate),
+                "bufsize": str(bitrate),
+                "undershoot-pct": "100",
+                "overshoot-pct": "15",
+                "static-thresh": "1",
+            }
         return context
 
 

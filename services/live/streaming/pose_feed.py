@@ -105,10 +105,16 @@ def pose_packets(
         check = performer_check(member.performer_id)
         packets.append(
             PosePacket(
-                sequence, time_ms, index, len(members), check, pelvis, rotations,
+                sequence,
+                time_ms,
+                index,
+                len(members),
+                check,
+                pelvis,
+                rotations,
                 performer.pose.expression,
             )
-        )  # fmt: skip
+        )
     return [encode_pose(packet) for packet in packets]
 
 

@@ -31,10 +31,14 @@ def test_the_front_is_what_nothing_beats_in_both():
 
 def accuracy(preset: str, budget_s: float, psnr: float, **more: Any) -> dict[str, Any]:
     row: dict[str, Any] = {
-        "preset": preset, "budget_s": budget_s, "steps": 900, "file_megabytes": 1.0,
-        "train_seconds": budget_s, "published_iterations": 150_000,
+        "preset": preset,
+        "budget_s": budget_s,
+        "steps": 900,
+        "file_megabytes": 1.0,
+        "train_seconds": budget_s,
+        "published_iterations": 150_000,
         "conditions": {"lpips": {"backbone": "squeeze"}},
-    }  # fmt: skip
+    }
     for split in ("novel_view", "unseen_pose"):
         row |= {f"psnr_{split}_body_crop": psnr, f"ssim_{split}_body_crop": 0.9}
         row[f"lpips_{split}_body_crop"] = 0.0123
@@ -44,23 +48,32 @@ def accuracy(preset: str, budget_s: float, psnr: float, **more: Any) -> dict[str
 def speed(preset: str, ms: float, px: int, db: float = 60.0) -> dict[str, Any]:
     at = {"p50_ms": ms, "p95_ms": 1.2 * ms, "frames": 5}
     return {
-        "preset": preset, "512": {**at, "measured_px": min(px, 512)},
-        "1024": {**at, "measured_px": px}, "parameters": 64e6, "megabytes": 6.6, "db_to_slow": db,
-    }  # fmt: skip
+        "preset": preset,
+        "512": {**at, "measured_px": min(px, 512)},
+        "1024": {**at, "measured_px": px},
+        "parameters": 64e6,
+        "megabytes": 6.6,
+        "db_to_slow": db,
+    }
 
 
 def figures() -> dict[str, Any]:
     scaled = {"patches": 2, "samples": 32}
     return {
-        "clock": "wall", "threads": 2,
+        "clock": "wall",
+        "threads": 2,
         "accuracy": [
-            accuracy("splats", 2.0, 31.0), accuracy("splats", 20.0, 33.0),
+            accuracy("splats", 2.0, 31.0),
+            accuracy("splats", 20.0, 33.0),
             accuracy("paper", 3600.0, 22.0, scaled=scaled),
         ],
         "speed": [speed("splats", 6.0, 1024)],
-        "steps": [speed("paper", 9e4, 128), speed(ALL_EXACT, 1e3, 512),
-                  speed("paper+posed-grid", 2e4, 128, db=38.0)],
-    }  # fmt: skip
+        "steps": [
+            speed("paper", 9e4, 128),
+            speed(ALL_EXACT, 1e3, 512),
+            speed("paper+posed-grid", 2e4, 128, db=38.0),
+        ],
+    }
 
 
 def test_a_point_joins_the_longest_budget_with_the_time_of_its_preset():
@@ -94,8 +107,11 @@ def test_charts_are_drawn_with_what_there_is(tmp_path):
     draw_charts(nothing, [], tmp_path / "empty" / "frontier.json")
     for folder in (tmp_path, tmp_path / "empty"):
         drawn = sorted(p.name for p in folder.glob("frontier*"))
-        assert drawn == [f"frontier{part}.{kind}" for part in ("-steps", "-training", "")
-                         for kind in ("png", "svg")]  # fmt: skip
+        assert drawn == [
+            f"frontier{part}.{kind}"
+            for part in ("-steps", "-training", "")
+            for kind in ("png", "svg")
+        ]
     words = (tmp_path / "frontier.svg").read_text()
     assert words.count("<!-- paper + all exact") == 2
 

@@ -15,9 +15,7 @@ from benchmarks.pages.blocks import BLOCKS, FIGURES, made_anew
 from benchmarks.pages.provenance import measured_at
 from benchmarks.reporting.checkout import ROOT
 
-OF_A_CHANGED_TREE = {
-    "distil", "local-view", "masks", "meeting", "performers", "relight", "serve",
-}  # fmt: skip
+OF_A_CHANGED_TREE = {"distil", "local-view", "masks", "meeting", "performers", "relight", "serve"}
 """Measured before figures of a changed tree were refused; a name goes when it is measured anew."""
 
 
@@ -61,8 +59,12 @@ def test_every_file_is_some_benchmarks():
 
 
 def test_a_page_says_what_makes_an_origin_less_than_certain():
-    clean = {"commit": "abcdef0", "date": "2026-05-01T12:00:00+00:00", "uncommitted_changes": False,
-             "machine": {"processor": "a processor"}}  # fmt: skip
+    clean = {
+        "commit": "abcdef0",
+        "date": "2026-05-01T12:00:00+00:00",
+        "uncommitted_changes": False,
+        "machine": {"processor": "a processor"},
+    }
     assert measured_at(clean) == "Measured at `abcdef0` on 2026-05-01 (a processor)."
     old = {**clean, "uncommitted_changes": True, "date_from": "the date of its commit"}
     assert measured_at({**clean, "rows": [clean, old, clean]}) == (

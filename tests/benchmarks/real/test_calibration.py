@@ -21,22 +21,27 @@ PERSON = RNG.uniform((-0.4, -0.5, -0.3), (0.4, 0.5, 0.3), (60, 3))
 
 
 def _camera(
-    focal_px: float, centre: tuple[float, float], turn: tuple[float, float, float],
-    away_m: float, distortion: np.ndarray | None = None,
-) -> CalibratedCamera:  # fmt: skip
+    focal_px: float,
+    centre: tuple[float, float],
+    turn: tuple[float, float, float],
+    away_m: float,
+    distortion: np.ndarray | None = None,
+) -> CalibratedCamera:
     intrinsics = np.diag([focal_px, focal_px, 1.0])
     intrinsics[:2, 2] = centre
     return CalibratedCamera(
-        intrinsics, np.zeros(5) if distortion is None else distortion,
-        cv2.Rodrigues(np.array(turn))[0], np.array([0.05, -0.1, away_m]),
-    )  # fmt: skip
+        intrinsics,
+        np.zeros(5) if distortion is None else distortion,
+        cv2.Rodrigues(np.array(turn))[0],
+        np.array([0.05, -0.1, away_m]),
+    )
 
 
 def _seen(camera: CalibratedCamera, world: np.ndarray) -> np.ndarray:
     turn = cv2.Rodrigues(camera.rotation)[0]
-    return cv2.projectPoints(
-        world, turn, camera.translation, camera.intrinsics, camera.distortion
-    )[0][:, 0]  # fmt: skip
+    return cv2.projectPoints(world, turn, camera.translation, camera.intrinsics, camera.distortion)[
+        0
+    ][:, 0]
 
 
 TRAINED = _camera(650.0, MIDDLE, (0.1, -0.2, 0.0), 1.3)
@@ -51,14 +56,12 @@ def test_another_camera_sees_in_the_captures_world_what_it_filmed(scale):
     translation = (TRAINED.rotation @ shift + TRAINED.translation) / scale
     pose = np.concatenate([TRAINED.rotation @ turn, translation[:, None]], axis=1)
     own = Camera(intrinsics, pose, *SIZE)
-    np.testing.assert_allclose(
-        own.project(in_captures_world)[0], _seen(TRAINED, PERSON), atol=1e-6
-    )  # fmt: skip
+    np.testing.assert_allclose(own.project(in_captures_world)[0], _seen(TRAINED, PERSON), atol=1e-6)
     placed = in_capture(own, TRAINED, OTHER, scale, SIZE)
     assert (placed.width, placed.height) == SIZE
     np.testing.assert_allclose(
         placed.project(in_captures_world)[0], _seen(OTHER, PERSON), atol=1e-6
-    )  # fmt: skip
+    )
 
 
 def test_a_principal_point_beside_the_middle_is_made_up_for():

@@ -13,9 +13,13 @@ from scene.errors import InvalidInput
 
 
 @given(
-    x=st.integers(0, 300), y=st.integers(0, 200), width=st.integers(150, 700),
-    height=st.integers(150, 500), shrink=st.floats(0.3, 1.0), focal_px=st.floats(300.0, 2000.0),
-)  # fmt: skip
+    x=st.integers(0, 300),
+    y=st.integers(0, 200),
+    width=st.integers(150, 700),
+    height=st.integers(150, 500),
+    shrink=st.floats(0.3, 1.0),
+    focal_px=st.floats(300.0, 2000.0),
+)
 def test_the_whole_camera_is_found_from_its_crop(x, y, width, height, shrink, focal_px):
     intrinsics = np.array([[focal_px, 0.0, 640.0], [0.0, focal_px, 360.0], [0.0, 0.0, 1.0]])
     whole = Camera(intrinsics, look_at([0.3, 1.2, 3.0], [0.0, 1.0, 0.0]), 1280, 720)

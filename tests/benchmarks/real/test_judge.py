@@ -27,11 +27,19 @@ def frames() -> list[TestFrame]:
     camera = Camera.from_field_of_view(np.eye(3, 4), *ruler.size, 0.8)
     return [
         TestFrame(
-            "own_views", CLIP, index, clip.images[index], ruler.mask(index), ruler.hidden(index),
-            ruler.face(index), tuple(ruler.hands(index)), camera, Pose.rest(float(index)),
+            "own_views",
+            CLIP,
+            index,
+            clip.images[index],
+            ruler.mask(index),
+            ruler.hidden(index),
+            ruler.face(index),
+            tuple(ruler.hands(index)),
+            camera,
+            Pose.rest(float(index)),
         )
         for index in ruler.indices[:2]
-    ]  # fmt: skip
+    ]
 
 
 @contextmanager

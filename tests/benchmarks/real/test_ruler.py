@@ -52,8 +52,12 @@ def test_other_footage_is_refused(tmp_path):
     folder = tmp_path / "clip"
     folder.mkdir()
     about = {
-        "file": "clip.mkv", "sha256": "0" * 64, "size": [4, 4], "clip_frames": 2, "indices": [0],
-    }  # fmt: skip
+        "file": "clip.mkv",
+        "sha256": "0" * 64,
+        "size": [4, 4],
+        "clip_frames": 2,
+        "indices": [0],
+    }
     (folder / "ruler.json").write_text(json.dumps(about))
     ruler = Ruler.read("clip", tmp_path)
     with pytest.raises(InvalidInput, match=r"clip that its ruler was made for.*fetch it again"):

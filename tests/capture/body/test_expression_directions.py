@@ -38,10 +38,16 @@ def offsets(name: str) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("name", "side", "down"),
-    [("jaw_open", 0, True), ("blink_left", 1, True), ("blink_right", -1, True),
-     ("brows_up", 0, False), ("smile", 0, False), ("left_hand_curl", 1, True),
-     ("right_hand_curl", -1, True)],
-)  # fmt: skip
+    [
+        ("jaw_open", 0, True),
+        ("blink_left", 1, True),
+        ("blink_right", -1, True),
+        ("brows_up", 0, False),
+        ("smile", 0, False),
+        ("left_hand_curl", 1, True),
+        ("right_hand_curl", -1, True),
+    ],
+)
 def test_each_expression_moves_its_own_part_its_own_way(name, side, down):
     body, moved = load_body_model(), offsets(name)
     moving = np.linalg.norm(moved, axis=1) > 1e-3
@@ -80,8 +86,7 @@ def test_a_body_poses_with_its_expression():
 def test_directions_are_of_this_surface():
     body = load_body_model().body(np.zeros(5))
     with pytest.raises(InvalidInput, match=r"expression_directions must be 7 x 13718 x 3; got"):
-        Body(body.skeleton, body.rest_vertices, body.faces, body.blend_weights,
-             np.zeros((7, 4, 3)))  # fmt: skip
+        Body(body.skeleton, body.rest_vertices, body.faces, body.blend_weights, np.zeros((7, 4, 3)))
 
 
 def portrait(pose: Pose, *, expressive: bool = True) -> np.ndarray:
@@ -122,8 +127,9 @@ def test_a_performer_at_rest_ignores_expressions():
 def test_parts_are_where_eyes_and_mouth_are():
     body = load_body_model()
     assert body.parts is not None
-    left, right = (body.rest_vertices[body.faces[body.parts == eye]].mean(axis=(0, 1))
-                   for eye in EYES)  # fmt: skip
+    left, right = (
+        body.rest_vertices[body.faces[body.parts == eye]].mean(axis=(0, 1)) for eye in EYES
+    )
     np.testing.assert_allclose(left, right * [-1.0, 1.0, 1.0], atol=1e-3)
     assert left[0] > 0.02
     assert body.rest_vertices[body.faces[body.parts == MOUTH]][..., 1].mean() < left[1] - 0.03

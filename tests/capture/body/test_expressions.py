@@ -137,10 +137,15 @@ def test_a_small_face_and_one_that_looks_away_tell_nothing():
 
 def test_the_face_at_rest_is_found_among_talk_and_blinks():
     rng = np.random.default_rng(0)
-    shown = [face_measures(face(jaw=j, left=b, right=b, smile=s)) for j, b, s in zip(
-        np.clip(rng.normal(0.1, 0.3, 200), 0, 1), rng.random(200) < 0.15,
-        np.clip(rng.normal(-0.2, 0.4, 200), 0, 1), strict=True,
-    )]  # fmt: skip
+    shown = [
+        face_measures(face(jaw=j, left=b, right=b, smile=s))
+        for j, b, s in zip(
+            np.clip(rng.normal(0.1, 0.3, 200), 0, 1),
+            rng.random(200) < 0.15,
+            np.clip(rng.normal(-0.2, 0.4, 200), 0, 1),
+            strict=True,
+        )
+    ]
     rest = face_measures(face())
     assert rest is not None
     np.testing.assert_allclose(resting_face(np.array(shown)), rest, atol=0.02)

@@ -27,9 +27,16 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
     """Head and shoulders of somebody who talks and blinks, facing the camera."""
     out = tmp_path_factory.mktemp("studio") / "talking"
     make_sequence(
-        out, seed=0, frames=FRAMES, size=256, test_cameras=1, turn_deg=20.0, frames_per_second=6.0,
-        expressions=True, framing="head",
-    )  # fmt: skip
+        out,
+        seed=0,
+        frames=FRAMES,
+        size=256,
+        test_cameras=1,
+        turn_deg=20.0,
+        frames_per_second=6.0,
+        expressions=True,
+        framing="head",
+    )
     return open_sequence(out)
 
 

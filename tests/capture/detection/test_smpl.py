@@ -75,9 +75,14 @@ def theirs(tmp_path_factory) -> Sequence:
         for i, person in enumerate(people)
     ]
     write_sequence(
-        folder / "ours", person="p", frames_per_second=30.0, body=body(), train=frames,
-        source="test", exact_poses=True,
-    )  # fmt: skip
+        folder / "ours",
+        person="p",
+        frames_per_second=30.0,
+        body=body(),
+        train=frames,
+        source="test",
+        exact_poses=True,
+    )
     write_humannerf(open_sequence(folder / "ours"), folder / "humannerf")
     return open_folder(folder / "humannerf")
 

@@ -69,8 +69,13 @@ def test_the_picture_corrects_the_estimators_depth(motion, people):
 def test_any_camera_and_its_distortion_will_do(motion):
     turn = axis_angle_to_matrix(np.array([0.0, 0.7, 0.0]))
     view = camera()
-    moved = Camera(view.intrinsics, view.world_to_camera, view.width, view.height,
-                   np.array([-0.15, 0.03, 0.001, -0.002, 0.0]))  # fmt: skip
+    moved = Camera(
+        view.intrinsics,
+        view.world_to_camera,
+        view.width,
+        view.height,
+        np.array([-0.15, 0.03, 0.001, -0.002, 0.0]),
+    )
     tilted = Camera(
         view.intrinsics,
         np.concatenate(

@@ -13,22 +13,40 @@ from scene import JOINT_NAMES, Motion, Skeleton
 from tests.shared_data import shared_data
 
 CLIPS = {
-    "bend_scoop_lift_arm_02_06": "ASF", "dance_indian_94_15": "MB",
-    "dance_turn_on_spot_94_14": "DAZ", "forward_jump_13_32": "DAZ", "jump_balance_02_04": "ASF",
-    "jumps_turn_around_01_01": "ASF", "walk_figure8_91_62": "MB", "walk_veer_left_16_11": "MB",
-    "wash_self_02_10": "ASF", "wave_hello_141_16": "MB",
-}  # fmt: skip
+    "bend_scoop_lift_arm_02_06": "ASF",
+    "dance_indian_94_15": "MB",
+    "dance_turn_on_spot_94_14": "DAZ",
+    "forward_jump_13_32": "DAZ",
+    "jump_balance_02_04": "ASF",
+    "jumps_turn_around_01_01": "ASF",
+    "walk_figure8_91_62": "MB",
+    "walk_veer_left_16_11": "MB",
+    "wash_self_02_10": "ASF",
+    "wave_hello_141_16": "MB",
+}
 LIMBS = {
-    "MB": [f"{side}{part}" for part in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm", "Hand")
-           for side in ("Left", "Right")],
-    "DAZ": [f"{side}{part}" for part in ("Thigh", "Shin", "Foot", "Shldr", "ForeArm", "Hand")
-            for side in ("l", "r")],
-    "ASF": [f"{side}{part}" for part in ("femur", "tibia", "foot", "humerus", "radius", "wrist")
-            for side in ("l", "r")],
-}  # fmt: skip
+    "MB": [
+        f"{side}{part}"
+        for part in ("UpLeg", "Leg", "Foot", "Arm", "ForeArm", "Hand")
+        for side in ("Left", "Right")
+    ],
+    "DAZ": [
+        f"{side}{part}"
+        for part in ("Thigh", "Shin", "Foot", "Shldr", "ForeArm", "Hand")
+        for side in ("l", "r")
+    ],
+    "ASF": [
+        f"{side}{part}"
+        for part in ("femur", "tibia", "foot", "humerus", "radius", "wrist")
+        for side in ("l", "r")
+    ],
+}
 """Of the file, in the order of OURS."""
-OURS = [f"{side}_{part}" for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
-        for side in ("left", "right")]  # fmt: skip
+OURS = [
+    f"{side}_{part}"
+    for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
+    for side in ("left", "right")
+]
 
 
 @cache
@@ -91,8 +109,10 @@ def test_feet_touch_the_floor_and_stay_above_it(name):
     assert (np.abs(lowest) < 0.03).mean() > 0.7
 
 
-@pytest.mark.parametrize("name", ["bend_scoop_lift_arm_02_06", "jump_balance_02_04",
-                                  "wash_self_02_10", "forward_jump_13_32"])  # fmt: skip
+@pytest.mark.parametrize(
+    "name",
+    ["bend_scoop_lift_arm_02_06", "jump_balance_02_04", "wash_self_02_10", "forward_jump_13_32"],
+)
 def test_soles_are_level_while_somebody_stands(name):
     for side in ("left", "right"):
         up = transforms(name)[:, JOINT_NAMES.index(f"{side}_ankle"), 1, 1]

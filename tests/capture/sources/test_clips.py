@@ -41,9 +41,15 @@ def write_mp4(path: Path, frames: int = FRAMES) -> Path:
 
 @pytest.mark.parametrize(
     ("write", "name"),
-    [(write_folder, "frames"), (write_folder, "frames.mp4"), (write_zip, "frames.zip"),
-     (write_zip, "frames.mp4"), (write_zip, "upload"), (write_mp4, "clip.mp4")],
-)  # fmt: skip
+    [
+        (write_folder, "frames"),
+        (write_folder, "frames.mp4"),
+        (write_zip, "frames.zip"),
+        (write_zip, "frames.mp4"),
+        (write_zip, "upload"),
+        (write_mp4, "clip.mp4"),
+    ],
+)
 def test_a_clip_is_read_whatever_its_name(tmp_path, write, name):
     clip = read_clip(write(tmp_path / name), 100)
     shades = [int(image.mean()) for image in clip.images]

@@ -24,9 +24,13 @@ def film(folder: Path, raw: str, **seen_through) -> tuple[np.ndarray, Path]:
     """Footage [F H W 3] in 8-bit levels, and the sequence it belongs to."""
     path = folder / raw
     make_sequence(
-        folder / f"{raw}.seq", frames=FRAMES, size=SIZE, test_cameras=1, seed=2,
+        folder / f"{raw}.seq",
+        frames=FRAMES,
+        size=SIZE,
+        test_cameras=1,
+        seed=2,
         footage=Footage(path, **seen_through),
-    )  # fmt: skip
+    )
     clip = read_video(path) if path.suffix else read_frames(path)
     return np.stack(clip.images).astype(np.float64), folder / f"{raw}.seq"
 
@@ -105,9 +109,14 @@ def test_a_video_is_near_lossless_and_has_the_rate(textured, tmp_path):
     clean, _ = textured
     path = tmp_path / "raw.mp4"
     make_sequence(
-        tmp_path / "seq", frames=FRAMES, size=SIZE, test_cameras=1, seed=2, frames_per_second=25.0,
+        tmp_path / "seq",
+        frames=FRAMES,
+        size=SIZE,
+        test_cameras=1,
+        seed=2,
+        frames_per_second=25.0,
         footage=Footage(path, background="textured"),
-    )  # fmt: skip
+    )
     assert probe_video(path).frames_per_second == pytest.approx(25.0)
     clip = read_video(path)
     sequence = open_sequence(tmp_path / "seq")
@@ -119,9 +128,14 @@ def test_a_video_is_near_lossless_and_has_the_rate(textured, tmp_path):
 def test_the_estimator_sees_a_human(pose_model, tmp_path):
     raw = tmp_path / "raw.mp4"
     make_sequence(
-        tmp_path / "seq", look="lit", frames=12, size=512, test_cameras=1, seed=1,
+        tmp_path / "seq",
+        look="lit",
+        frames=12,
+        size=512,
+        test_cameras=1,
+        seed=1,
         footage=Footage(raw, background="textured", noise=2.0, blur_px=0.6),
-    )  # fmt: skip
+    )
     truth = open_sequence(tmp_path / "seq")
     found, near = 0, []
     with MediaPipeEstimator(pose_model) as estimator:
@@ -159,7 +173,11 @@ def test_footage_appears_whole_or_not_at_all(tmp_path):
     for name in ("raw", "raw.mp4"):
         with pytest.raises(KeyboardInterrupt):
             make_sequence(
-                tmp_path / "seq", frames=FRAMES, size=48, test_cameras=1, on_progress=stop,
+                tmp_path / "seq",
+                frames=FRAMES,
+                size=48,
+                test_cameras=1,
+                on_progress=stop,
                 footage=Footage(tmp_path / name, background="textured"),
-            )  # fmt: skip
+            )
     assert list(tmp_path.iterdir()) == []

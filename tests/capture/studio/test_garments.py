@@ -45,9 +45,11 @@ def standing(seconds: float) -> Motion:
     frames = round(10.0 * seconds)
     still = turntable_motion(1, 10.0, 0.0)
     return Motion(
-        np.arange(frames) / 10.0, np.repeat(still.joint_angles, frames, axis=0),
-        np.zeros((frames, 3)), np.ones((frames, 24)),
-    )  # fmt: skip
+        np.arange(frames) / 10.0,
+        np.repeat(still.joint_angles, frames, axis=0),
+        np.zeros((frames, 3)),
+        np.ones((frames, 24)),
+    )
 
 
 @pytest.mark.parametrize(
@@ -138,8 +140,10 @@ def test_loose_adds_cloth_and_changes_nothing_else(tmp_path):
         for key in plain:
             np.testing.assert_array_equal(plain[key], loose[key])
     plain, loose = (open_sequence(tmp_path / look) for look in ("plain", "loose"))
-    for a, b in ((plain.train, loose.train), *((plain.test[s], loose.test[s])
-                 for s in (NOVEL_VIEW, UNSEEN_POSE))):  # fmt: skip
+    for a, b in (
+        (plain.train, loose.train),
+        *((plain.test[s], loose.test[s]) for s in (NOVEL_VIEW, UNSEEN_POSE)),
+    ):
         changed = np.stack([np.abs(a.image(i) - b.image(i)).max(axis=-1) > 0.0 for i in range(4)])
         masks = np.stack([b.mask(i) - a.mask(i) for i in range(4)])
         assert masks.min() >= 0.0  # cloth hides, it never uncovers

@@ -179,8 +179,10 @@ def test_default_turn_shows_every_side(sequence):
 
 
 def test_gestures_are_unlike_the_training_motion():
-    seen, unseen = (move(32, 10.0, *more).joint_angles[:, 1:] for move, more in
-                    ((turntable_motion, (360.0,)), (gesture_motion, ())))  # fmt: skip
+    seen, unseen = (
+        move(32, 10.0, *more).joint_angles[:, 1:]
+        for move, more in ((turntable_motion, (360.0,)), (gesture_motion, ()))
+    )
     nearest = np.array([np.abs(seen - pose).max(axis=(1, 2)).min() for pose in unseen])
     assert np.rad2deg(nearest.min()) > 20.0
 
@@ -198,9 +200,14 @@ def test_motion_from_a_file(tmp_path):
     frames = [{"LeftArm": (-40.0 + index, 0.0, 0.0)} for index in range(40)]
     (tmp_path / "clip.bvh").write_text(bvh_text(person(), frames, frame_time_s=0.1))
     make_sequence(
-        tmp_path / "seq", motion=tmp_path / "clip.bvh", frames=36, size=48, test_cameras=2,
-        turn_deg=0.0, frames_per_second=10.0,
-    )  # fmt: skip
+        tmp_path / "seq",
+        motion=tmp_path / "clip.bvh",
+        frames=36,
+        size=48,
+        test_cameras=2,
+        turn_deg=0.0,
+        frames_per_second=10.0,
+    )
     sequence = open_sequence(tmp_path / "seq")
     shoulder = [np.rad2deg(sequence.train.pose(i).joint_angles[16, 2]) for i in range(36)]
     # as fast as recorded, and back when its span is over
@@ -214,9 +221,14 @@ def test_motion_from_a_file(tmp_path):
 @pytest.mark.parametrize("name", NAMED_PERFORMERS)
 def test_the_cast_moves_to_its_clips(tmp_path, name):
     make_sequence(
-        tmp_path / "seq", performer=name, motion=shared_data("mocap"), frames=6, size=64,
-        test_cameras=2, seed=99,
-    )  # fmt: skip
+        tmp_path / "seq",
+        performer=name,
+        motion=shared_data("mocap"),
+        frames=6,
+        size=64,
+        test_cameras=2,
+        seed=99,
+    )
     sequence = open_sequence(tmp_path / "seq")
     assert sequence.person == name
     body = make_performer(NAMED_PERFORMERS[name].seed).body
@@ -239,9 +251,12 @@ def test_the_cast_are_different_people():
 def test_real_motion_is_framed_whole_and_large(tmp_path, clip):
     """However far somebody walks, and however low they reach."""
     make_sequence(
-        tmp_path / "seq", motion=shared_data(f"mocap/{clip}.bvh"), frames=24, size=64,
+        tmp_path / "seq",
+        motion=shared_data(f"mocap/{clip}.bvh"),
+        frames=24,
+        size=64,
         test_cameras=4,
-    )  # fmt: skip
+    )
     sequence = open_sequence(tmp_path / "seq")
     masks = [sequence.train.mask(index) for index in range(24)]
     for mask in masks:
@@ -252,9 +267,12 @@ def test_real_motion_is_framed_whole_and_large(tmp_path, clip):
 def test_progress_is_told(tmp_path):
     told: list[tuple[float, str]] = []
     make_sequence(
-        tmp_path / "seq", frames=2, size=32, test_cameras=1,
+        tmp_path / "seq",
+        frames=2,
+        size=32,
+        test_cameras=1,
         on_progress=lambda fraction, message: told.append((fraction, message)),
-    )  # fmt: skip
+    )
     assert [fraction for fraction, _ in told] == sorted(fraction for fraction, _ in told)
     assert told[-1] == (1.0, "frame 12 of 12")  # 2 of training, 2 new views, 8 unseen poses
 

@@ -19,8 +19,10 @@ def test_cells_hold_truth_model_and_error_under_their_caption():
     views = [judged(index, 0.5, 0.5 + 0.05 * index) for index in range(6)]
     sheet, captions = contact_sheet(views)
     assert [c.text for c in captions][:3] == [
-        "novel view 0: 100.0 dB", "novel view 1: 26.0 dB", "novel view 2: 20.0 dB",
-    ]  # fmt: skip
+        "novel view 0: 100.0 dB",
+        "novel view 1: 26.0 dB",
+        "novel view 2: 20.0 dB",
+    ]
     assert len({(c.x, c.y) for c in captions}) == 6
     for place, caption in enumerate(captions):
         top, left = caption.y + 6, caption.x
@@ -36,8 +38,12 @@ def test_cells_hold_truth_model_and_error_under_their_caption():
 
 
 def test_a_crop_that_is_no_square_stands_in_the_middle_of_black():
-    view = EvaluatedView("unseen_pose", 0, *2 * (np.ones((40, 60, 3), np.float32),),
-                      crop=(slice(0, 40), slice(10, 30)))  # fmt: skip
+    view = EvaluatedView(
+        "unseen_pose",
+        0,
+        *2 * (np.ones((40, 60, 3), np.float32),),
+        crop=(slice(0, 40), slice(10, 30)),
+    )
     sheet, (caption,) = contact_sheet([view])
     row = sheet[caption.y + 6 + CELL_PX // 2, caption.x : caption.x + CELL_PX, 0]
     assert row[: CELL_PX // 4 - 2].max() == 0.0

@@ -24,9 +24,12 @@ def _larger(clip: Sequence, scale: float) -> Sequence:
     own = clip.body
     assert own.rest_vertices is not None
     larger = Body(
-        _skeleton(scale), scale * own.rest_vertices, own.faces, own.blend_weights,
+        _skeleton(scale),
+        scale * own.rest_vertices,
+        own.faces,
+        own.blend_weights,
         own.expression_directions,
-    )  # fmt: skip
+    )
     motion = Motion.from_poses([resized.train.pose(i) for i in range(len(resized.train))])
     return replace(resized, body=larger, motion=motion, data_hash="1" * 64)
 

@@ -58,8 +58,10 @@ def test_pictures_are_premultiplied_and_in_range(model):
 def test_the_picture_follows_the_body(model):
     moment = pose(0.0)
     moved = replace(moment, root_translation=np.array([0.5, 0.0, 0.0]))
-    columns = [np.flatnonzero(model.render(view(0.0, 40), p)[..., 3].any(axis=0)).mean()
-               for p in (moment, moved)]  # fmt: skip
+    columns = [
+        np.flatnonzero(model.render(view(0.0, 40), p)[..., 3].any(axis=0)).mean()
+        for p in (moment, moved)
+    ]
     assert columns[1] > columns[0] + 3.0
 
 
@@ -100,10 +102,18 @@ def test_a_file_with_a_part_missing_is_refused(model, tmp_path):
 
 def test_a_field_with_every_network_survives_the_file(tmp_path):
     sizes = replace(
-        TINY.sizes, grid=None, octaves=4, colour=MlpSize(2, 16, skip=2), latent=8,
-        latent_channels=16, volume=(16, 16, 16), residual=MlpSize(2, 16), posed_grid=0,
-        inverse_rounds=0, step_m=0.1,
-    )  # fmt: skip
+        TINY.sizes,
+        grid=None,
+        octaves=4,
+        colour=MlpSize(2, 16, skip=2),
+        latent=8,
+        latent_channels=16,
+        volume=(16, 16, 16),
+        residual=MlpSize(2, 16),
+        posed_grid=0,
+        inverse_rounds=0,
+        step_m=0.1,
+    )
     trainer = FieldTrainer(sequence(), "fast", replace(TINY, sizes=sizes, rays_a_frame=16), 0)
     trainer.step(0.5)
     model = trainer.finish({})

@@ -169,9 +169,14 @@ def test_gradients_of_a_pixel_against_finite_differences():
     """All of it at once, in float64: kinematics, inverse skinning, residual, field, compositing."""
     sizes = replace(
         _small(HUMANNERF).sizes,
-        colour=MlpSize(3, 8, skip=2), octaves=2, residual=MlpSize(2, 8), residual_octaves=2,
-        refiner=None, latent=0, volume=(6, 6, 6),
-    )  # fmt: skip
+        colour=MlpSize(3, 8, skip=2),
+        octaves=2,
+        residual=MlpSize(2, 8),
+        residual_octaves=2,
+        refiner=None,
+        latent=0,
+        volume=(6, 6, 6),
+    )
     torch.manual_seed(0)
     field = PersonField.for_body(sizes, sequence().body).double()
     field.residual_opened = 0.7

@@ -96,8 +96,10 @@ def test_refinement_wins_back_a_bent_estimate():
     settings = replace(TINY, motion_rate=5e-3)
     without, _ = _train(replace(guessed, exact_poses=True), 100, settings)
     refined, _ = _train(guessed, 100, settings)
-    seen = [evaluate(t.finish({}), guessed)["psnr"]["training_view"]["body_crop"]
-            for t in (without, refined)]  # fmt: skip
+    seen = [
+        evaluate(t.finish({}), guessed)["psnr"]["training_view"]["body_crop"]
+        for t in (without, refined)
+    ]
     assert seen[1] > seen[0]
 
 
@@ -108,10 +110,18 @@ def test_a_body_known_by_its_joints_alone_is_trained():
 
 def test_every_network_of_the_paper_learns():
     sizes = replace(
-        TINY.sizes, grid=None, octaves=4, colour=MlpSize(2, 32, skip=2), latent=8,
-        latent_channels=16, volume=(16, 16, 16), residual=MlpSize(2, 16), posed_grid=0,
-        inverse_rounds=0, step_m=0.06,
-    )  # fmt: skip
+        TINY.sizes,
+        grid=None,
+        octaves=4,
+        colour=MlpSize(2, 32, skip=2),
+        latent=8,
+        latent_channels=16,
+        volume=(16, 16, 16),
+        residual=MlpSize(2, 16),
+        posed_grid=0,
+        inverse_rounds=0,
+        step_m=0.06,
+    )
     settings = replace(
         TINY, sizes=sizes, rays_a_frame=64, residual_from=0.2, residual_until=0.5, field_rate=5e-3
     )

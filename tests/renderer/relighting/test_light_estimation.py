@@ -42,10 +42,15 @@ def coloured(model: SplatModel, place: np.ndarray, moved: np.ndarray, eye: np.nd
     home = np.linalg.inv(place)
     parameters = model.parameters.copy()
     parameters[:, COLOUR : COLOUR + 3] = twin.shade(
-        albedo_of(model), parameters[:, :3], normals_of(model), model.joints, model.weights,
-        home @ moved, home[:3, :3] @ eye + home[:3, 3],
+        albedo_of(model),
+        parameters[:, :3],
+        normals_of(model),
+        model.joints,
+        model.weights,
+        home @ moved,
+        home[:3, :3] @ eye + home[:3, 3],
         Lighting(model.light, UP, np.zeros(3)),
-    )  # fmt: skip
+    )
     return replace(model, parameters=parameters, light=None)
 
 

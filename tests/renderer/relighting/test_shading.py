@@ -104,9 +104,15 @@ def test_the_kernel_matches_its_twin():
     eye = np.array([0.5, 1.0, 3.0])
     Relighting((model,)).shade(parameters, joints, model.weights, transforms, eye, lighting)
     slow = twin.shade(
-        albedo_of(model), model.parameters[:, :3], normals_of(model), model.joints, model.weights,
-        transforms, eye, lighting,
-    )  # fmt: skip
+        albedo_of(model),
+        model.parameters[:, :3],
+        normals_of(model),
+        model.joints,
+        model.weights,
+        transforms,
+        eye,
+        lighting,
+    )
     np.testing.assert_allclose(parameters[:, COLOUR : COLOUR + 3], slow, atol=2e-3)
     untouched = np.delete(np.arange(parameters.shape[1]), np.arange(COLOUR, COLOUR + 3))
     np.testing.assert_array_equal(parameters[:, untouched], model.parameters[:, untouched])

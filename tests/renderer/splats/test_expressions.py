@@ -76,9 +76,14 @@ def test_pictures_are_those_of_the_plain_twin(person):
         torch.tensor(SHOWN),
     )
     slow = twin.draw(
-        leaf, dense_weights(model.weights), torch.tensor(transforms[:3].astype(np.float64)),
-        packed, 64, 48, BOX_FILTER_PX2,
-    ).numpy()  # fmt: skip
+        leaf,
+        dense_weights(model.weights),
+        torch.tensor(transforms[:3].astype(np.float64)),
+        packed,
+        64,
+        48,
+        BOX_FILTER_PX2,
+    ).numpy()
     fast = SplatRenderer([model]).render(camera, [transforms], expressions=[SHOWN])
     assert np.abs(fast - slow).max() < 0.012
     at_rest = SplatRenderer([model]).render(camera, [transforms])
@@ -105,9 +110,12 @@ def test_everybody_shows_their_own(person):
     both = SplatRenderer([model, model]).render(
         camera, [transforms, away], expressions=[SHOWN, neutral()]
     )
-    moved = replace(model, parameters=ClipBlendShapes(
-        model.expression_splats, model.expression_offsets, SHOWN[None]
-    ).moved(model.parameters, 0))  # fmt: skip
+    moved = replace(
+        model,
+        parameters=ClipBlendShapes(
+            model.expression_splats, model.expression_offsets, SHOWN[None]
+        ).moved(model.parameters, 0),
+    )
     expected = SplatRenderer([moved, model]).render(camera, [transforms, away])
     np.testing.assert_allclose(both, expected, atol=1e-5)
 
@@ -269,9 +277,13 @@ def test_training_sees_each_frame_as_its_expression_moves_it():
 
     def worth(model) -> float:
         frames = sequence.train
-        return float(np.mean([
-            psnr(model.render(frames.camera(i), frames.pose(i))[..., :3], frames.image(i))
-            for i in range(12)
-        ]))  # fmt: skip
+        return float(
+            np.mean(
+                [
+                    psnr(model.render(frames.camera(i), frames.pose(i))[..., :3], frames.image(i))
+                    for i in range(12)
+                ]
+            )
+        )
 
     assert worth(knows) > worth(ignores) + 2.0

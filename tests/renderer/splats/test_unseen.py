@@ -35,9 +35,12 @@ def test_without_a_mirror_image_the_nearest_gives():
 
 def test_a_stray_colour_is_shared_out_among_its_neighbours():
     first = splats(
-        (0.0, 1.0, -0.2, 0.5), (0.0, 1.0, 0.0, 0.9), (0.02, 1.0, 0.0, 0.1), (0.0, 1.03, 0.0, 0.2),
+        (0.0, 1.0, -0.2, 0.5),
+        (0.0, 1.0, 0.0, 0.9),
+        (0.02, 1.0, 0.0, 0.1),
+        (0.0, 1.03, 0.0, 0.2),
         (0.0, 0.8, 0.0, 1.0),
-    )  # fmt: skip
+    )
     filled = fill_unseen(first, np.array([False, True, True, True, True]))
     np.testing.assert_allclose(filled[0, COLOUR], 0.4, rtol=1e-6)
 

@@ -52,9 +52,22 @@ def test_a_folder_of_humannerfs_is_trained_on_as_it_is(tmp_path):
     theirs, model = tmp_path / "theirs", tmp_path / "model.safetensors"
     made = runner.invoke(
         app,
-        ["studio", "--out", str(tmp_path / "truth.seq"), "--performer", "dune", "--frames", "8",
-         "--size", "64", "--test-cameras", "1", "--humannerf", str(theirs)],
-    )  # fmt: skip
+        [
+            "studio",
+            "--out",
+            str(tmp_path / "truth.seq"),
+            "--performer",
+            "dune",
+            "--frames",
+            "8",
+            "--size",
+            "64",
+            "--test-cameras",
+            "1",
+            "--humannerf",
+            str(theirs),
+        ],
+    )
     assert made.exit_code == 0, made.output
     assert (theirs / "mesh_infos.pkl").exists()
     done = runner.invoke(app, ["train", str(theirs), "--out", str(model), "--iterations", "150"])
@@ -95,9 +108,17 @@ def test_figures_are_written_for_both_splits_and_regions(trained, filmed, tmp_pa
     out, sheet = tmp_path / "figures.json", tmp_path / "sheet.png"
     done = runner.invoke(
         app,
-        ["evaluate", str(trained), str(filmed), "--json", str(out), "--sheet", str(sheet),
-         "--no-lpips"],
-    )  # fmt: skip
+        [
+            "evaluate",
+            str(trained),
+            str(filmed),
+            "--json",
+            str(out),
+            "--sheet",
+            str(sheet),
+            "--no-lpips",
+        ],
+    )
     assert done.exit_code == 0, done.output
     figures = json.loads(out.read_text())
     for metric in ("psnr", "ssim"):
@@ -183,10 +204,15 @@ def test_keypoints_alone_make_no_sequence(monkeypatch, capsys, tmp_path):
     keypoints = tmp_path / "wave.json"
     keypoints.write_text(
         json.dumps(
-            {"format": "metanerf-keypoints", "version": 1, "layout": "smpl24",
-             "frames_per_second": 30, "frames": frames}
+            {
+                "format": "metanerf-keypoints",
+                "version": 1,
+                "layout": "smpl24",
+                "frames_per_second": 30,
+                "frames": frames,
+            }
         )
-    )  # fmt: skip
+    )
     monkeypatch.setattr(
         "sys.argv", ["metanerf", "capture", str(keypoints), "--out", str(tmp_path / "x.seq")]
     )

@@ -23,9 +23,16 @@ __all__ = ["app", "caller", "model"]  # fixtures
 
 def view(sequence: int, *, draws_itself: bool, sound_only: bool = False) -> bytes:
     packet = ViewPacket(
-        sequence, 0.0, (0.0, 1.2, 3.0), (0.0, 1.0, 0.0, 0.0), 0.7, 160, 160,
-        draws_itself=draws_itself, sound_only=sound_only,
-    )  # fmt: skip
+        sequence,
+        0.0,
+        (0.0, 1.2, 3.0),
+        (0.0, 1.0, 0.0, 0.0),
+        0.7,
+        160,
+        160,
+        draws_itself=draws_itself,
+        sound_only=sound_only,
+    )
     return encode_view(packet)
 
 

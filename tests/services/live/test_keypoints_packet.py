@@ -23,12 +23,21 @@ from services.live.packets import (
 )
 
 GOLDEN = (
-    "01010000" "07000000" "0000000000709740"  # version 1, kind 1, flags, sequence, 1500.0
-    "8002" "e001"  # 640 x 480
-    + "001000f8" + "00000000" * 31 + "00200030"  # xy
-    + "000400f00020" + "000000000000" * 31 + "00e0000800fe"  # xyz
-    + "ff" + "00" * 31 + "33"  # visibility
-)  # fmt: skip
+    "01010000"
+    "07000000"
+    "0000000000709740"  # version 1, kind 1, flags, sequence, 1500.0
+    "8002"
+    "e001"  # 640 x 480
+    + "001000f8"
+    + "00000000" * 31
+    + "00200030"  # xy
+    + "000400f00020"
+    + "000000000000" * 31
+    + "00e0000800fe"  # xyz
+    + "ff"
+    + "00" * 31
+    + "33"  # visibility
+)
 
 
 def packet(sequence: int = 7, capture_time_ms: float = 1500.0) -> KeypointsPacket:

@@ -227,8 +227,12 @@ def test_both_feet_come_to_where_they_are_held(lowered_m):
     """Read back by the skeleton's own kinematics; a pelvis that is too high sinks."""
     skeleton, rng = body().skeleton, np.random.default_rng(0)
     local = axis_angle_to_matrix(rng.normal(0.0, 0.15, (24, 3)))
-    legs = np.array([[JOINT[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot")]
-                     for side in ("left", "right")])  # fmt: skip
+    legs = np.array(
+        [
+            [JOINT[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot")]
+            for side in ("left", "right")
+        ]
+    )
     pelvis = skeleton.rest_joints[0] - [0.0, 0.1, 0.0]
     ankles = skeleton.rest_joints[legs[:, 2]] - [0.0, lowered_m, 0.0]
     turns = axis_angle_to_matrix(rng.normal(0.0, 0.3, (2, 3)))

@@ -23,11 +23,20 @@ from services.live.packets import (
 
 PACKET = ViewPacket(7, 1500.0, (1.0, 1.5, 3.0), (1.0, 0.0, 0.0, 0.0), 0.5, 512, 384)
 GOLDEN = (
-    "01030000" "07000000" "0000000000709740"  # version 1, kind 3, flags, sequence, 1500.0
-    "0000803f" "0000c03f" "00004040"  # position
-    "0000803f" "00000000" "00000000" "00000000"  # wxyz
-    "0000003f" "0002" "8001"  # field of view, 512 x 384
-)  # fmt: skip
+    "01030000"
+    "07000000"
+    "0000000000709740"  # version 1, kind 3, flags, sequence, 1500.0
+    "0000803f"
+    "0000c03f"
+    "00004040"  # position
+    "0000803f"
+    "00000000"
+    "00000000"
+    "00000000"  # wxyz
+    "0000003f"
+    "0002"
+    "8001"  # field of view, 512 x 384
+)
 
 
 def test_golden_bytes():

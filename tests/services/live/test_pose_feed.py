@@ -30,11 +30,15 @@ from services.live.streaming.pose_feed import PoseFeed, pose_packets
 from tests.renderer.studio import make_model, make_motion
 
 GOLDEN = (
-    "01020000" "07000000" "0000000000709740"  # version 1, kind 2, no flags, sequence, 1500.0
-    "01036887" "0000003f" "0000803f" "000000c0"  # second of three, check, pelvis
-    "b6b6ed6d5b6b"  # one turn, z left out
-    + 23 * "004000200010"  # nothing turned
-)  # fmt: skip
+    "01020000"
+    "07000000"
+    "0000000000709740"  # version 1, kind 2, no flags, sequence, 1500.0
+    "01036887"
+    "0000003f"
+    "0000803f"
+    "000000c0"  # second of three, check, pelvis
+    "b6b6ed6d5b6b" + 23 * "004000200010"  # one turn, z left out  # nothing turned
+)
 
 
 def test_golden_bytes():

@@ -133,9 +133,10 @@ async def test_candidates_may_come_later(whip):
     transport = whip.peer.getTransceivers()[0].sender.transport.transport
     candidates = transport.iceGatherer.getLocalCandidates()
     bare = "".join(
-        line for line in offer.splitlines(keepends=True)
+        line
+        for line in offer.splitlines(keepends=True)
         if not line.startswith(("a=candidate", "a=end-of-candidates"))
-    )  # fmt: skip
+    )
     answer = await whip.post(bare)
     await whip.accept(answer)
     ufrag = transport.iceGatherer.getLocalParameters().usernameFragment
@@ -184,7 +185,7 @@ async def test_patches_that_do_not_fit_are_refused(whip):
         ("v=0\r\nm=audio 9 UDP/TLS/RTP/SAVPF 111\r\na=sendrecv\r\n", "application/sdp", 422),
         ("v=0\r\nm=audio 9 UDP/TLS/RTP/SAVPF 0\r\na=sendonly\r\n", "application/sdp", 422),
     ],
-)  # fmt: skip
+)
 async def test_offers_that_can_not_be_are_refused(app, whip, sdp, kind, status):
     answer = await whip.post(sdp, kind)
     assert answer.status_code == status

@@ -334,8 +334,11 @@ async def test_a_video_is_made_by_a_job_and_goes_with_who_is_seen_in_it(
         mp4 = await caller.get(made["url"], headers=header(timed, "neighbours"))
         assert mp4.content[4:8] == b"ftyp"
         assert len(mp4.content) == made["bytes"]
-        (moved,) = [t["name"][7:] for t in (await caller.get(place)).json()["tracks"]
-                    if t["name"].startswith("motion:")]  # fmt: skip
+        (moved,) = [
+            t["name"][7:]
+            for t in (await caller.get(place)).json()["tracks"]
+            if t["name"].startswith("motion:")
+        ]
         room = (await track(caller, (await caller.get(place)).json(), "room"))[0]
         assert moved.encode() in room.data
         with timed.reading() as unit:

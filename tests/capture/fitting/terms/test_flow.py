@@ -83,9 +83,12 @@ def test_nothing_is_known_across_a_cut_nor_of_lost_frames():
     found = flow.at(1, torch.from_numpy(middles[:-1]))[:, 0, 0].numpy()
     assert np.isfinite(found).tolist() == [True, False, True]
     lost = find_flow(
-        PersonImages(images, [masks[0], None, masks[2], masks[3]]), np.zeros(4, int), (1,), middles,
+        PersonImages(images, [masks[0], None, masks[2], masks[3]]),
+        np.zeros(4, int),
+        (1,),
+        middles,
         np.ones((4, 1), bool),
-    )  # fmt: skip
+    )
     found = lost.at(1, torch.from_numpy(middles[:-1]))[:, 0, 0].numpy()
     assert np.isfinite(found).tolist() == [False, False, True]
 
@@ -95,8 +98,11 @@ def test_large_pictures_are_looked_at_smaller_and_answer_in_their_own_pixels():
     large = [cv2.resize(image, None, fx=8, fy=8) for image in images]
     flow = find_flow(
         PersonImages(large, [cv2.resize(mask, None, fx=8, fy=8) for mask in masks]),
-        np.zeros(2, int), (1, 3), 8.0 * middles, np.ones((2, 1), bool),
-    )  # fmt: skip
+        np.zeros(2, int),
+        (1, 3),
+        8.0 * middles,
+        np.ones((2, 1), bool),
+    )
     assert max(flow.displacements[1].shape[1:3]) == 448
     found = flow.at(1, torch.from_numpy(8.0 * middles[:-1])).numpy()[0, 0]
     np.testing.assert_allclose(found, 8.0 * SHIFT, atol=3.0)
@@ -150,10 +156,12 @@ def test_only_what_texture_shows_of_a_motion_counts():
         name: float(
             flow_energy(
                 FlowTargets(displacements, {1: torch.ones(1, 40)}, {1: value.expand(1, 40, 3)}),
-                torch.zeros(2, 40, 2), 1.0,
+                torch.zeros(2, 40, 2),
+                1.0,
             )
-        ) for name, value in sure.items()
-    }  # fmt: skip
+        )
+        for name, value in sure.items()
+    }
     assert energies["plain"] < 0.2 * energies["edge"] < 0.2 * energies["spots"]
 
 
@@ -197,9 +205,14 @@ def test_pictures_draw_a_clip_together_that_landmarks_tear_apart():
     errors = []
     for shown in (None, images):
         fit = fit_clip(
-            people, [p.mask for p in people], motion.times_s, [0] * frames, load_body_model(),
-            focal_px=camera(384).focal_px, images=shown,
-        )  # fmt: skip
+            people,
+            [p.mask for p in people],
+            motion.times_s,
+            [0] * frames,
+            load_body_model(),
+            focal_px=camera(384).focal_px,
+            images=shown,
+        )
         ours, truth = (axis_angle_to_matrix(a[:, 1:]) for a in (fit.joint_angles, angles))
         # how the pose changes from frame to frame: a turn held all along cancels out
         steps = [np.swapaxes(r[:-1], -1, -2) @ r[1:] for r in (ours, truth)]

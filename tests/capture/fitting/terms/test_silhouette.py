@@ -57,8 +57,9 @@ def test_what_leaves_the_picture_and_lost_frames_are_not_outside():
     beyond = torch.tensor([[[-50.0, 100.0], [450.0, 100.0]]]).expand(2, 2, 2)
     assert outline.outside(beyond).tolist() == [[0.0, 0.0], [0.0, 0.0]]
     assert outline.outside(torch.tensor([[[260.0, 120.0]]]).expand(2, 1, 2))[:, 0].tolist() == [
-        pytest.approx(50.0, abs=1.5), 0.0,
-    ]  # fmt: skip
+        pytest.approx(50.0, abs=1.5),
+        0.0,
+    ]
     assert outline.contour_weight[1].sum() == 0.0
 
 

@@ -63,8 +63,9 @@ def test_round_trip_keeps_camera_pose_and_pixels(studio, folder):
         )
         np.testing.assert_allclose(
             axis_angle_to_matrix(theirs.pose.joint_angles),
-            axis_angle_to_matrix(ours.pose.joint_angles), atol=1e-6,
-        )  # fmt: skip
+            axis_angle_to_matrix(ours.pose.joint_angles),
+            atol=1e-6,
+        )
         np.testing.assert_allclose(
             theirs.pose.root_translation, ours.pose.root_translation, atol=1e-6
         )
@@ -83,9 +84,15 @@ def test_what_is_written_is_what_their_code_expects(folder, studio):
         camera, mesh = held["cameras"][name], held["mesh_infos"][name]
         shapes = {key: value.shape for key, value in {**camera, **mesh}.items()}
         assert shapes == {
-            "intrinsics": (3, 3), "extrinsics": (4, 4), "distortions": (5,), "Rh": (3,),
-            "Th": (3,), "poses": (72,), "joints": (24, 3), "tpose_joints": (24, 3),
-        }  # fmt: skip
+            "intrinsics": (3, 3),
+            "extrinsics": (4, 4),
+            "distortions": (5,),
+            "Rh": (3,),
+            "Th": (3,),
+            "poses": (72,),
+            "joints": (24, 3),
+            "tpose_joints": (24, 3),
+        }
         assert not mesh["poses"][:3].any()  # the pelvis is turned by Rh alone
         world = mesh["joints"] @ cv2.Rodrigues(mesh["Rh"].astype(float))[0].T + mesh["Th"]
         seen = world @ camera["extrinsics"][:3, :3].T + camera["extrinsics"][:3, 3]

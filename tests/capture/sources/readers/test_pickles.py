@@ -111,8 +111,9 @@ def crafted(array: bytes) -> bytes:
     """A pickle (protocol 2) whose array is rebuilt from `array`: shape, dtype, order, data."""
     return (
         b"\x80\x02cnumpy._core.multiarray\n_reconstruct\ncnumpy\nndarray\nK\x00\x85U\x01b\x87R("
-        + array + b"tb."
-    )  # fmt: skip
+        + array
+        + b"tb."
+    )
 
 
 @pytest.mark.parametrize(
@@ -122,21 +123,29 @@ def crafted(array: bytes) -> bytes:
         (b"not a pickle", "must be a whole pickle"),
         (pickle.dumps(PLAIN)[:-9], "must be a whole pickle"),
         # a shape of 10^9 numbers with eight bytes of data
-        (crafted(b"K\x01J\x00\xca\x9a\x3b\x85cnumpy\ndtype\nU\x02f8\x85R\x89U\x08" + b"\0" * 8),
-         "must fill it; got 8 bytes"),
+        (
+            crafted(b"K\x01J\x00\xca\x9a\x3b\x85cnumpy\ndtype\nU\x02f8\x85R\x89U\x08" + b"\0" * 8),
+            "must fill it; got 8 bytes",
+        ),
         # a dtype of Python pointers filled from bytes
-        (crafted(b"K\x01K\x01\x85cnumpy\ndtype\nU\x02O8\x85R\x89U\x08" + b"\1" * 8),
-         "must fill it"),
+        (
+            crafted(b"K\x01K\x01\x85cnumpy\ndtype\nU\x02O8\x85R\x89U\x08" + b"\1" * 8),
+            "must fill it",
+        ),
         # a structured dtype
-        (crafted(b"K\x01K\x01\x85cnumpy\ndtype\nU\x02V8\x85R\x89U\x08" + b"\0" * 8),
-         "arrays must be of numbers or strings; got 'V8'"),
+        (
+            crafted(b"K\x01K\x01\x85cnumpy\ndtype\nU\x02V8\x85R\x89U\x08" + b"\0" * 8),
+            "arrays must be of numbers or strings; got 'V8'",
+        ),
         # codecs that inflate
-        (b"\x80\x02c_codecs\nencode\nX\x01\x00\x00\x00aX\x04\x00\x00\x00zlib\x86R.",
-         "bytes must be written as latin1; got 'zlib'"),
+        (
+            b"\x80\x02c_codecs\nencode\nX\x01\x00\x00\x00aX\x04\x00\x00\x00zlib\x86R.",
+            "bytes must be written as latin1; got 'zlib'",
+        ),
         # state pushed into an allowed function
         (b"\x80\x02cnumpy\ndtype\n}X\x01\x00\x00\x00aK\x01sb.", "a function can't be changed"),
     ],
-)  # fmt: skip
+)
 def test_broken_and_crafted_files_are_refused(tmp_path, data, message):
     (tmp_path / "a.pkl").write_bytes(data)
     with pytest.raises(BrokenDataset, match=message):

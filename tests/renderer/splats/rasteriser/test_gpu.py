@@ -19,9 +19,14 @@ from tests.renderer.splats.rasteriser.test_rasteriser import make_camera, make_s
 def _model(count: int, seed: int = 0) -> tuple[SplatModel, np.ndarray]:
     parameters, joints, weights, turned = make_scene(count, seed)
     model = SplatModel(
-        parameters, joints.astype(np.uint8), weights, np.ones(count, bool),
-        Skeleton(np.zeros((24, 3))), Motion.from_poses([Pose.rest()]), "",
-    )  # fmt: skip
+        parameters,
+        joints.astype(np.uint8),
+        weights,
+        np.ones(count, bool),
+        Skeleton(np.zeros((24, 3))),
+        Motion.from_poses([Pose.rest()]),
+        "",
+    )
     transforms = np.tile(np.eye(4, dtype=np.float32), (24, 1, 1))
     transforms[: len(turned)] = turned
     return model, transforms
@@ -32,9 +37,10 @@ def _both(models) -> tuple[SplatRenderer, GpuSplatRenderer]:
 
 
 @pytest.mark.parametrize(
-    ("count", "width", "height"), [(300, 72, 56), (1, 16, 16), (40, 33, 90)],
+    ("count", "width", "height"),
+    [(300, 72, 56), (1, 16, 16), (40, 33, 90)],
     ids=["many", "one", "odd size"],
-)  # fmt: skip
+)
 def test_pictures_and_tiles_are_the_cpus(count, width, height):
     model, transforms = _model(count)
     cpu, gpu = _both((model,))

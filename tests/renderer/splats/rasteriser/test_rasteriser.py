@@ -176,9 +176,17 @@ def gradients_fast(scene, camera: Camera, target, background):
     assert (threads == 0.0).all()
     by_parameter = np.zeros_like(parameters)
     chain_rule(
-        parameters, joints, weights, transforms, packed, work.projected, work.boxes,
-        total, 2, by_parameter,
-    )  # fmt: skip
+        parameters,
+        joints,
+        weights,
+        transforms,
+        packed,
+        work.projected,
+        work.boxes,
+        total,
+        2,
+        by_parameter,
+    )
     return losses.sum(), by_parameter
 
 
