@@ -257,9 +257,7 @@ def test_keypoints_make_nobody_new_but_move_somebody_who_is_here(tmp_path):
         page.goto(f"{address}?size=256")  # one size throughout: a change of it would be seen
         page.get_by_test_id("enrol-name").fill("Nobody")
         page.get_by_test_id("enrol-file").set_input_files(str(still))
-        expect(page.get_by_test_id("enrol-error")).to_contain_text(
-            "how somebody looks comes from pictures"
-        )
+        expect(page.get_by_test_id("enrol-error")).to_contain_text("appearance comes from images")
         page.get_by_test_id("enrol-submit").click()
         expect(page.get_by_test_id("enrol-error")).to_contain_text("Choose a clip first")
         page.get_by_role("button", name="Keypoints", exact=True).click()

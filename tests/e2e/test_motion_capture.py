@@ -6,6 +6,7 @@ import asyncio
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -95,9 +96,14 @@ def meeting_with_ada(data_dir: Path) -> Iterator[tuple[str, Callable[[], Room]]]
     thread.start()
     until(lambda: server.started, "starting the server")
     port = server.servers[0].sockets[0].getsockname()[1]
+
+    def look() -> Room:
+        # Playwright runs a loop of its own in the test's thread
+        with ThreadPoolExecutor(1) as beside:
+            return beside.submit(asyncio.run, gateway_of(app).views.room(meeting.id)).result()
+
     try:
-        address = f"http://127.0.0.1:{port}/?meeting={meeting.id}&size=128"
-        yield address, lambda: asyncio.run(gateway_of(app).views.room(meeting.id))
+        yield f"http://127.0.0.1:{port}/?meeting={meeting.id}&size=128", look
     finally:
         server.should_exit = True
         thread.join(30.0)
