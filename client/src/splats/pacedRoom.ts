@@ -41,7 +41,8 @@ export class PacedRoom {
 
   /**
    * Begin with the most splats that this device draws quickly enough, the fewest first: a slow device
-   * is not held up by what it can't draw. Returns the pictures a second at that step.
+   * is not held up by what it can't draw. Returns the pictures a second at that step; nil where people
+   * would be coarse, whom a server shows whole.
    */
   trial(view: CameraPose, fovYRad: number, size: Size): number {
     const steps = stepsFor(sum(this.room.counts));
@@ -56,7 +57,7 @@ export class PacedRoom {
       fps = next;
     }
     this.budget = new SplatBudget({ steps, first, paceMs: PACE_MS, late: 1, window: WINDOW });
-    return fps;
+    return this.coarse ? 0 : fps;
   }
 
   /** Draw what has changed since the last time; says whether a picture was drawn. */
