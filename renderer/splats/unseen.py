@@ -1,4 +1,4 @@
-"""Fills unseen splats with the colour of their mirror image, else of the nearest seen splat.
+"""Gives splats that no frame determines the colours of those around them.
 
 They stay marked, so that a viewer can hide them.
 """
@@ -10,10 +10,11 @@ import numpy as np
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION
 from scene.arrays import Array, Bool, Float
 
-_MIRROR_RADIUS_M = 0.03
-"""Distance within which a seen splat counts as the mirror image."""
-_COLOUR_RADIUS_M = 0.04
-"""Colours are the mean of seen splats within this radius: single ones are noisy."""
+_NEIGHBOURS = 8
+_DETERMINED_PX = 0.1
+"""Evidence at which a splat's own colour weighs as much as one neighbour's."""
+_TO_THE_MEAN = 1e-6
+"""Weight of the mean colour: splats with no way to a determined one need some colour."""
 _OPAQUE_WITHIN_M, _TRANSPARENT_FROM_M = 0.02, 0.1
 """Distance at rest from the nearest seen splat up to which an unseen one keeps its opacity, and
 from which it is transparent: no holes among seen ones, and soft edges."""
@@ -21,40 +22,51 @@ _LOG_SCALE_GROWTH = 0.3
 """Added to the logarithm of the sizes."""
 
 
-def fill_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Float[Array, "N P"]:
-    """Parameters with the colour of every unseen splat borrowed from a seen one.
+def fill_unseen(
+    parameters: Float[Array, "N P"], evidence: Float[Array, "N"]
+) -> Float[Array, "N P"]:
+    """`parameters` with the smoothest colours that agree with what frames determine.
 
-    Their shape and opacity stay: training has made obstructing ones transparent.
+    Colours minimise the squared differences between neighbours at rest plus, weighted by the
+    square of the evidence, those from the trained ones (membrane interpolation, Terzopoulos 1986):
+    detail that frames show stays, and the far side fades from rim to rim. Shape and opacity stay:
+    training has made obstructing ones transparent.
+
+    Args:
+        evidence: pixels that show each splat, times the share of its light that reaches them.
     """
-    from scipy.spatial import KDTree
+    from scipy.sparse import diags
+    from scipy.sparse.linalg import splu
 
-    if seen.all() or not seen.any():
+    if not evidence.any():
         return parameters
+    colours = parameters[:, COLOUR : COLOUR + 3].astype(np.float64)
+    weights = (evidence.astype(np.float64) / _DETERMINED_PX) ** 2
+    mean = np.average(colours, axis=0, weights=weights)
+    edges = _neighbours(parameters[:, POSITION : POSITION + 3])
+    diagonal = np.asarray(edges.sum(axis=1)).ravel() + weights + _TO_THE_MEAN
+    # a sparse direct solver: far from all evidence, conjugate gradients take thousands of steps
+    factors = splu(
+        (diags(diagonal) - edges).tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        options={"SymmetricMode": True},
+    )
     filled = parameters.copy()
-    missing, known = np.flatnonzero(~seen), np.flatnonzero(seen)
-    rest, colours = parameters[:, POSITION : POSITION + 3], slice(COLOUR, COLOUR + 3)
-    mirrored = rest[missing] * np.array([-1.0, 1.0, 1.0], np.float32)
-    tree = KDTree(rest[known])
-    mirror_distance, mirror = tree.query(mirrored)
-    _, nearest = tree.query(rest[missing])
-    donor = known[np.where(mirror_distance < _MIRROR_RADIUS_M, mirror, nearest)]
-    donors, place = np.unique(donor, return_inverse=True)
-    filled[missing, colours] = _mean_colours_around(
-        rest[donors], rest[known], parameters[known, colours]
-    )[place]
+    filled[:, COLOUR : COLOUR + 3] = factors.solve(weights[:, None] * colours + _TO_THE_MEAN * mean)
     return filled
 
 
-def _mean_colours_around(
-    points: Float[Array, "M 3"], others: Float[Array, "K 3"], colours: Float[Array, "K 3"]
-) -> Float[Array, "M 3"]:
-    """Mean colour of the `others` round each of `points`, which is one of them."""
+def _neighbours(rest: Float[Array, "N 3"]):
+    """Symmetric adjacency, 1 where either is among the nearest of the other (scipy's CSR)."""
+    from scipy.sparse import csr_matrix
     from scipy.spatial import KDTree
 
-    mean = np.empty_like(colours, shape=(len(points), 3))
-    for index, near in enumerate(KDTree(others).query_ball_point(points, _COLOUR_RADIUS_M)):
-        mean[index] = colours[near].mean(axis=0)
-    return mean
+    count, size = min(_NEIGHBOURS, len(rest) - 1), len(rest)
+    _, near = KDTree(rest).query(rest, k=count + 1)
+    others = np.asarray(near)[:, 1:].ravel()
+    pairs = (np.ones(len(others)), (np.repeat(np.arange(size), count), others))
+    edges = csr_matrix(pairs, shape=(size, size))
+    return edges.maximum(edges.T)
 
 
 def fade_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Float[Array, "N P"]:
@@ -88,6 +100,6 @@ def capture_weight(rest: Float[Array, "N 3"], seen: Bool[Array, "N"]) -> Float[A
 def _scale_opacity(
     logits: Float[Array, "N"], capture_weight: Float[Array, "N"]
 ) -> Float[Array, "N"]:
-    """Logits of the opacities times `presence`."""
+    """Logits of the opacities times `capture_weight`."""
     opacity = np.clip(capture_weight / (1.0 + np.exp(-logits.astype(np.float64))), 1e-9, 1.0 - 1e-9)
     return np.log(opacity / (1.0 - opacity)).astype(logits.dtype)

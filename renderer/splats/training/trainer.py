@@ -43,14 +43,16 @@ from scene.arrays import Array, Bool, Float
 from scene.sequence import Sequence
 from scene.skeleton import Skeleton
 
-_VISIBLE = 0.05
-"""Share of its own light that must reach the camera in some frame for a splat to count as seen;
-neighbours overlap, so that even at the front it is a tenth to a half, and behind a thousandth."""
-_GRAZING = 0.4
-"""Cosine between surface and view from which a splat faces the camera: at the rim, small pose
-errors would give it the background's colour."""
-_VISIBILITY_FRAMES = 40
-"""Frames rendered to find the visible splats."""
+_SEEN_PX = 0.05
+"""Evidence from which a splat counts as seen. A splat that lies open has about 1 px, one behind the
+body a thousandth."""
+_GRAZING, _AT_THE_RIM = 0.4, 0.3
+"""Cosine between surface and view below which evidence counts less, and how much: at the rim, small
+pose errors give a splat the background's colour. It does count: hair and cloth that stand off the
+body are seen by splats whose surface faces sideways."""
+_EVIDENCE_FRAMES, _BEST_SHARE = 40, 0.1
+"""Frames rendered to find what is seen, and the share of them, the best for each splat, that
+counts."""
 _MIN_CONTRIBUTION = 0.02
 """Summed blending weight, in pixels, from which a step moves a splat."""
 _LIGHT_FROM = 0.3
@@ -304,8 +306,9 @@ class SplatTrainer:
 
     def finish(self, metrics: dict[str, Any]) -> SplatModel:
         """The model, with unseen splats filled in."""
-        seen = self._visible_splats()
-        parameters = fill_unseen(self.parameters, seen)
+        evidence = self._evidence()
+        seen = evidence > _SEEN_PX
+        parameters = fill_unseen(self.parameters, evidence)
         seen_share = round(float(seen.mean()), 4)
         return self._model(
             parameters, seen, {**metrics, "splats": len(seen), "seen_share": seen_share}
@@ -338,20 +341,28 @@ class SplatTrainer:
         """`parameters` with colours as captured, also while albedos are trained."""
         return parameters if self._light is None else self._light.with_mean_light(parameters)
 
-    def _visible_splats(self) -> Bool[Array, "N"]:
-        """Splats that faced the camera in some frame while their light reached it."""
-        every = max(1, len(self._views) // _VISIBILITY_FRAMES)
-        seen = np.zeros(len(self.parameters), bool)
-        for frame in range(0, len(self._views), every):
+    def _evidence(self) -> Float[Array, "N"]:
+        """Pixels that show each splat, times the share of its own light that reaches them, in the
+        frames that show it best.
+
+        It is about the sum of its squared blending weights: how well pixels determine its colour.
+        """
+        every = max(1, len(self._views) // _EVIDENCE_FRAMES)
+        frames = range(0, len(self._views), every)
+        found = np.zeros((len(frames), len(self.parameters)), np.float32)
+        for row, frame in enumerate(frames):
             transforms, _, _ = self._draw(frame, np.zeros(3, np.float32))
             p = self._work.projected
             # a splat alone would blend its opacity times the area of its Gaussian, 2 pi / sqrt(det)
             density = np.maximum(p[:, CONIC_A] * p[:, CONIC_C] - p[:, CONIC_B] ** 2, 1e-12)
             alone = 2.0 * np.pi * p[:, ALPHA] / np.sqrt(density)
-            shown = self._by_projected[:, CONTRIBUTION] > _VISIBLE * alone
+            shown = self._by_projected[:, CONTRIBUTION]
+            facing = self._faces_camera(transforms, self._views[frame].camera)
+            reaches = np.minimum(shown / np.maximum(alone, 1e-6), 1.0)
             drawn = self._work.boxes[:, 0] != EMPTY_BOX
-            seen |= shown & drawn & self._faces_camera(transforms, self._views[frame].camera)
-        return seen
+            found[row] = np.where(drawn, shown * reaches * np.where(facing, 1.0, _AT_THE_RIM), 0.0)
+        best = max(1, round(_BEST_SHARE * len(frames)))
+        return np.sort(found, axis=0)[-best:].mean(axis=0)
 
     def _faces_camera(
         self, transforms: Float[Array, "K 4 4"], camera: Float[Array, "4 4"]

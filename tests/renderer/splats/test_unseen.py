@@ -1,4 +1,4 @@
-"""Splats that were never seen borrow colour: from their mirror image, else from the nearest."""
+"""Splats that no frame determines take their colour from those around them."""
 
 from __future__ import annotations
 
@@ -21,42 +21,47 @@ def splats(*rows: tuple[float, float, float, float]) -> np.ndarray:
     return parameters
 
 
-def test_the_mirror_image_comes_before_the_nearest():
-    first = splats((0.3, 1.0, 0.0, 0.5), (-0.3, 1.01, 0.0, 0.1), (0.32, 1.0, 0.0, 0.9))
-    filled = fill_unseen(first, np.array([False, True, True]))
-    assert filled[0, COLOUR] == np.float32(0.1)
+def line_of(*greys: float) -> np.ndarray:
+    """Splats a centimetre apart, each of a shade of grey."""
+    return splats(*((0.01 * i, 1.0, 0.0, grey) for i, grey in enumerate(greys)))
 
 
-def test_without_a_mirror_image_the_nearest_gives():
-    first = splats((0.3, 1.0, 0.0, 0.5), (0.0, 0.2, 0.0, 0.1), (0.35, 1.0, 0.1, 0.9))
-    filled = fill_unseen(first, np.array([False, True, True]))
-    assert filled[0, COLOUR] == np.float32(0.9)
+def test_determined_colours_stay_and_others_lie_between_them():
+    trained = line_of(0.2, *[0.9] * 30, 0.8)
+    evidence = np.zeros(32)
+    evidence[[0, -1]] = 10.0
+    filled = fill_unseen(trained, evidence)[:, COLOUR]
+    np.testing.assert_allclose(filled[[0, -1]], [0.2, 0.8], atol=0.01)
+    assert (np.diff(filled) > -1e-6).all()
+    assert abs(filled[15:17].mean() - 0.5) < 0.02
 
 
-def test_a_stray_colour_is_shared_out_among_its_neighbours():
-    first = splats(
-        (0.0, 1.0, -0.2, 0.5),
-        (0.0, 1.0, 0.0, 0.9),
-        (0.02, 1.0, 0.0, 0.1),
-        (0.0, 1.03, 0.0, 0.2),
-        (0.0, 0.8, 0.0, 1.0),
-    )
-    filled = fill_unseen(first, np.array([False, True, True, True, True]))
-    np.testing.assert_allclose(filled[0, COLOUR], 0.4, rtol=1e-6)
+def test_a_colour_that_frames_hardly_determine_gives_way_to_those_around():
+    trained = line_of(*[0.4] * 10, 0.9, *[0.4] * 10)
+    strong, weak = np.full(21, 5.0), np.full(21, 5.0)
+    weak[10] = 0.02
+    assert fill_unseen(trained, strong)[10, COLOUR] > 0.89
+    assert fill_unseen(trained, weak)[10, COLOUR] < 0.45
 
 
-def test_shape_and_opacity_stay_and_so_do_the_seen():
-    learnt = splats((0.9, 9.0, 9.0, 0.7), (0.01, 1.0, 0.0, 0.2))
-    filled = fill_unseen(learnt, np.array([False, True]))
-    np.testing.assert_array_equal(filled[:, :COLOUR], learnt[:, :COLOUR])
-    np.testing.assert_array_equal(filled[1], learnt[1])
-    assert filled[0, COLOUR] == np.float32(0.2)
+def test_far_from_all_that_was_seen_the_mean_colour_holds():
+    near, far = line_of(*[0.2] * 12), line_of(*[0.9] * 12)
+    far[:, 0] += 5.0
+    evidence = np.repeat([1.0, 0.0], 12)
+    filled = fill_unseen(np.concatenate([near, far]), evidence)
+    np.testing.assert_allclose(filled[:, COLOUR], 0.2, atol=1e-5)
 
 
-def test_nothing_changes_when_all_or_none_were_seen():
-    learnt = splats((0.9, 9.0, 9.0, 0.7))
-    for seen in (True, False):
-        assert fill_unseen(learnt, np.array([seen])) is learnt
+def test_shape_and_opacity_stay():
+    trained = np.random.default_rng(0).uniform(size=(40, PARAMETERS)).astype(np.float32)
+    filled = fill_unseen(trained, np.linspace(0.0, 1.0, 40))
+    rest = np.delete(np.arange(PARAMETERS), range(COLOUR, COLOUR + 3))
+    np.testing.assert_array_equal(filled[:, rest], trained[:, rest])
+
+
+def test_nothing_changes_where_nothing_was_seen():
+    trained = line_of(0.1, 0.9)
+    assert fill_unseen(trained, np.zeros(2)) is trained
 
 
 def filmed_from_the_front() -> SplatModel:
