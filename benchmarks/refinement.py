@@ -25,7 +25,7 @@ from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.motion import Motion, Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.sequence import NOVEL_VIEW, FrameSource, Sequence
+from scene.sequence import NOVEL_VIEW, FrameSource, PoseTrust, Sequence
 
 NOISE = ((2.0, False), (5.0, True))
 """Standard deviation about each axis of each joint, degrees, and whether it lasts: independent from
@@ -103,13 +103,14 @@ def with_noise(clip: Sequence, noise_deg: float, *, lasting: bool) -> Sequence:
         root_translation=motion.root_translation + shift,
     )
     train = _Chosen(clip.train, range(len(clip.train)), claimed)
-    return replace(clip, train=train, motion=claimed, exact_poses=False)
+    return replace(clip, train=train, motion=claimed, pose_trust=PoseTrust.ESTIMATED)
 
 
 def _row(
     clip: Sequence, noisy: Sequence, preset: str, clock: Clock, *, refined: bool
 ) -> dict[str, Any]:
-    given = replace(noisy, exact_poses=not refined)  # poses that count as exact are believed
+    trust = PoseTrust.ESTIMATED if refined else PoseTrust.EXACT  # exact ones are believed
+    given = replace(noisy, pose_trust=trust)
     model = train(given, preset=preset, budget_s=BUDGETS_S[preset], clock=clock.now)
     views = clip.test[NOVEL_VIEW]
     few = _Chosen(views, range(0, len(views), _ALIGNED_EVERY))

@@ -35,6 +35,7 @@ from capture.storage import write_sequence
 from scene.arrays import Array, Float
 from scene.errors import InvalidInput
 from scene.expression import EXPRESSION_COUNT
+from scene.sequence import PoseTrust
 
 log = logging.getLogger(__name__)
 
@@ -251,6 +252,6 @@ def _store(
         train=captured.frames(reports.part(0.92, 1.0, "writing the sequence")),
         confidence=captured.motion.confidence,
         source=source,
-        exact_poses=False,
+        pose_trust=PoseTrust.ESTIMATED,
         quality=quality.as_json(),
     )

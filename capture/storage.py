@@ -1,6 +1,6 @@
 """Sequence folders: one person's frames on disk. Reading is lazy, writing is all or nothing.
 
-sequence.json            version, person, frames_per_second, split, source, exact_poses, quality
+sequence.json            version, person, frames_per_second, split, source, pose_trust, quality
 cameras.npz              intrinsics [N 3 3] px, world_to_camera [N 3 4] m, size (width, height),
                          optional distortion [N 5]
 motion.npz               times_s, joint_angles (axis-angle, rad), root_translation, confidence
@@ -35,7 +35,7 @@ from scene.body import Body
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.motion import Motion, Pose
-from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Frame, Sequence
+from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Frame, PoseTrust, Sequence
 from scene.skeleton import Skeleton
 
 VERSION = 1
@@ -115,8 +115,19 @@ def open_sequence(path: Path) -> Sequence:
         data_hash=_data_hash(path),
         motion=train.motion,
         test=test,
-        exact_poses=bool(about.get("exact_poses", False)),
+        pose_trust=_pose_trust(about),
     )
+
+
+def _pose_trust(about: Mapping[str, Any]) -> PoseTrust:
+    """Sequences of earlier versions say `exact_poses`, true or false."""
+    before = PoseTrust.EXACT if about.get("exact_poses") else PoseTrust.ESTIMATED
+    stored = about.get("pose_trust", before)
+    if stored not in set(PoseTrust):
+        raise BrokenSequence(
+            f"pose_trust in sequence.json must be one of {', '.join(PoseTrust)}; got {stored!r}"
+        )
+    return PoseTrust(stored)
 
 
 def read_quality(path: Path) -> dict[str, Any] | None:
@@ -134,7 +145,7 @@ def write_sequence(
     test: Mapping[str, Iterable[Frame]] | None = None,
     confidence: Float[Array, "F 24"] | None = None,
     source: str,
-    exact_poses: bool,
+    pose_trust: PoseTrust,
     quality: Mapping[str, Any] | Callable[[], Mapping[str, Any]] | None = None,
 ) -> None:
     """Write a sequence folder. It appears at `path` whole, or not at all.
@@ -157,7 +168,7 @@ def write_sequence(
             "frames_per_second": frames_per_second,
             "split": split,
             "source": source,
-            "exact_poses": exact_poses,
+            "pose_trust": pose_trust,
             "quality": quality() if callable(quality) else quality,
         }
         (building / "sequence.json").write_text(json.dumps(about, indent=1) + "\n")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -55,6 +56,18 @@ class FrameSource(Protocol):
         ...
 
 
+class PoseTrust(StrEnum):
+    """How far the poses of a sequence are believed."""
+
+    EXACT = "exact"
+    """They are known, from a studio or markers: nothing moves them."""
+    GIVEN = "given"
+    """They came with the data, by an estimator that may be some degrees off. They say how the
+    person will be driven, so their skeleton and their means over the clip hold."""
+    ESTIMATED = "estimated"
+    """Our own capture found them, and the skeleton with them: all may be refined."""
+
+
 @dataclass(frozen=True, eq=False)
 class Sequence:
     """A person's frames for training, and test frames where truth is known."""
@@ -69,8 +82,7 @@ class Sequence:
     """Poses of the training frames, with confidences."""
     test: Mapping[str, FrameSource] = field(default_factory=dict)
     """Splits `novel_view` and `unseen_pose`; empty for a captured clip."""
-    exact_poses: bool = False
-    """True where poses are known (a studio, markers), False where they were estimated."""
+    pose_trust: PoseTrust = PoseTrust.ESTIMATED
 
     def __post_init__(self) -> None:
         if len(self.train) != len(self.motion):

@@ -26,7 +26,7 @@ from capture.sources.readers import open_folder
 from renderer.evaluation.evaluate import evaluate
 from renderer.training import train
 from scene.body import Body
-from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Sequence
+from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, PoseTrust, Sequence
 
 BUDGETS_S = (20.0, 120.0)
 AS_TRAINED, BELIEVED, TRUE_SURFACE = "as trained", "poses believed", "true surface"
@@ -75,7 +75,7 @@ def with_true_surface(clip: Sequence) -> Sequence:
 def _row(
     clip: Sequence, way: str, budget_s: float, backbone: Path | None, clock: Clock
 ) -> dict[str, Any]:
-    clip = replace(clip, exact_poses=way != AS_TRAINED)
+    clip = clip if way == AS_TRAINED else replace(clip, pose_trust=PoseTrust.EXACT)
     if way == TRUE_SURFACE:
         clip = with_true_surface(clip)
     model = train(clip, preset="splats", budget_s=budget_s, find_light=True, clock=clock.now)

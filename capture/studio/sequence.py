@@ -23,7 +23,7 @@ from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
 from scene.environment import Environment
 from scene.motion import Motion, Pose
-from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Frame
+from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Frame, PoseTrust
 from scene.skeleton import JOINT_NAMES, Skeleton
 
 LOOKS = ("plain", "lit", "loose")
@@ -207,7 +207,7 @@ def make_sequence(
             + (f" environment={environment.name}" if environment else "")
             + (" expressions" if expressions else "")
             + (f" framing={framing}" if framing != "body" else ""),
-            exact_poses=True,
+            pose_trust=PoseTrust.EXACT,
         )
 
 

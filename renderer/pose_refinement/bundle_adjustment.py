@@ -25,6 +25,8 @@ from scene.temporal import ROOT_M_S2, ROTATION_RAD_S2, Accelerations
 INITIAL_DEVIATIONS = (0.1, 0.1)
 """Deviations assumed before the first pass: of the corrections of rotations (rad) and of the root
 (m)."""
+GIVEN_DEVIATIONS = (0.035, 0.01)
+"""The same for poses that came with the data: good estimators are off by two degrees."""
 _DEVIATION_RANGE = (1e-3, 0.3)
 """Range of the inferred deviations."""
 SHARED_DEVIATIONS = np.append(np.full(SHARED_PARAMETERS - 1, 0.03), 0.005)
@@ -85,6 +87,17 @@ def solve(equations: ClipNormalEquations, state: ClipState, operator: Accelerati
     squared = ((state.correction + d) ** 2).sum(axis=0)
     spread = [np.sqrt(squared[part].sum() / max(determined[part].sum(), 1.0)) for part in _PARTS]
     return Step(d, s, np.clip(spread, *_DEVIATION_RANGE))
+
+
+def in_given_gauge(step: Step, state: ClipState) -> Step:
+    """`step` without what would move the whole model against the poses that drive it: the mean of
+    each correction over the clip stays nil, and so do bone lengths and focal length.
+
+    Pixels cannot tell a rotation that is the same in every frame from another rest shape; left
+    free, the model drifts until given poses no longer fit it.
+    """
+    drift = (state.correction + step.poses).mean(axis=0)
+    return Step(step.poses - drift, np.zeros_like(step.shared), step.deviations)
 
 
 class RegularisedEquations:

@@ -12,9 +12,11 @@ import numpy as np
 
 from renderer.performer_model import PerformerModel
 from renderer.pose_refinement.bundle_adjustment import (
+    GIVEN_DEVIATIONS,
     INITIAL_DEVIATIONS,
     ClipNormalEquations,
     ClipState,
+    in_given_gauge,
     solve,
 )
 from renderer.pose_refinement.foot_contacts import FootContacts
@@ -26,7 +28,7 @@ from renderer.pose_refinement.photometry import (
 from scene.arrays import Array, Float
 from scene.motion import Motion, Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.sequence import Sequence
+from scene.sequence import PoseTrust, Sequence
 from scene.temporal import Accelerations
 
 
@@ -37,7 +39,8 @@ class PoseRefinement:
     """
 
     def __init__(self, sequence: Sequence, start: PerformerModel | None = None) -> None:
-        self.active = not sequence.exact_poses
+        self.active = sequence.pose_trust is not PoseTrust.EXACT
+        self._given = sequence.pose_trust is PoseTrust.GIVEN
         self._first_skeleton = self.skeleton = sequence.body.skeleton
         self._estimate = current = sequence.motion
         self._operator = Accelerations.of(self._estimate.times_s)
@@ -47,12 +50,20 @@ class PoseRefinement:
             current, self.skeleton = start.motion, start.skeleton
             self._shared = log_bone_ratios(self._first_skeleton, self.skeleton)
         self._angles, self._root = current.joint_angles.copy(), current.root_translation.copy()
-        self._deviations = np.array(INITIAL_DEVIATIONS)
+        self._deviations = np.array(GIVEN_DEVIATIONS if self._given else INITIAL_DEVIATIONS)
         self._transforms = self._all_transforms()
 
     def transforms(self, frame: int) -> Float[Array, "K 4 4"]:
         """float32 skinning transforms of training frame `frame`."""
         return self._transforms[frame]
+
+    def given_transforms(self, frame: int) -> Float[Array, "K 4 4"]:
+        """The same in the pose that the sequence gives `frame`."""
+        pose = self._estimate.pose(frame)
+        transforms = self._first_skeleton.skinning_transforms(
+            pose.joint_angles, pose.root_translation
+        )
+        return transforms.astype(np.float32)
 
     def pose(self, frame: int) -> Pose:
         """The current pose of `frame`."""
@@ -71,12 +82,22 @@ class PoseRefinement:
         contacts = self._foot_contacts.equations(self.skeleton, self._angles, self._root)
         state = ClipState(correction, self._shared, accelerations, contacts, self._deviations)
         step = solve(equations, state, self._operator)
+        if self._given:
+            step = in_given_gauge(step, state)
         rotations = axis_angle_to_matrix(step.poses[:, :-3].reshape(frames, -1, 3))
         self._angles = matrix_to_axis_angle(current @ rotations)
         self._root = self._root + step.poses[:, -3:]
         self._shared = self._shared + step.shared
         self._deviations = step.deviations
         self.skeleton = with_bone_lengths(self._first_skeleton, self._shared)
+        self._transforms = self._all_transforms()
+
+    def go_back(self) -> None:
+        """Return to the poses and the skeleton of the sequence."""
+        self._angles = self._estimate.joint_angles.copy()
+        self._root = self._estimate.root_translation.copy()
+        self._shared = np.zeros(SHARED_PARAMETERS)
+        self.skeleton = self._first_skeleton
         self._transforms = self._all_transforms()
 
     def motion(self) -> Motion:

@@ -53,7 +53,11 @@ class RefinementPasses:
         epochs = _EPOCHS if self._done or self._colours_known else _INITIAL_EPOCHS
         first = 0.0 if self._colours_known else _FIRST
         planned = first + (_LAST - first) * self._done / _MAX_PASSES
-        run = planned <= fraction < _LAST and self._steps >= epochs * len(self._views)
+        run = (
+            self._done <= _MAX_PASSES
+            and planned <= fraction < _LAST
+            and self._steps >= epochs * len(self._views)
+        )
         if run:
             self._steps, self._done = 0, self._done + 1
         return run
@@ -90,6 +94,10 @@ class RefinementPasses:
             matrices[frame], vectors[frame] = frame_equations.matrix, frame_equations.vector
             cost, pixels = cost + frame_equations.cost, pixels + float(truth[..., 3].sum())
         return ClipNormalEquations(matrices, vectors, cost / max(pixels, 1.0))
+
+    def end(self) -> None:
+        """No more passes."""
+        self._done = _MAX_PASSES + 1
 
     def state(self) -> dict[str, Array]:
         """What `restore` needs."""

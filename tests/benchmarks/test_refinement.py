@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.refinement import SHIFT_M, rotation_error_deg, with_noise
+from scene import PoseTrust
 from tests.renderer.studio import make_sequence
 
 
@@ -14,7 +15,7 @@ def test_noise_is_as_large_as_claimed_and_the_clip_counts_as_estimated():
     noisy = with_noise(clip, 2.0, lasting=False)
     # the length of three independent deviations is sqrt(8 / pi) = 1.6 times one
     assert rotation_error_deg(noisy.motion, clip.motion) == pytest.approx(3.19, rel=0.05)
-    assert not noisy.exact_poses
+    assert noisy.pose_trust is PoseTrust.ESTIMATED
     np.testing.assert_array_equal(noisy.motion.root_translation, clip.motion.root_translation)
     np.testing.assert_array_equal(noisy.train.pose(7).joint_angles, noisy.motion.joint_angles[7])
 

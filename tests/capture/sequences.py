@@ -9,7 +9,7 @@ import numpy as np
 
 from capture.body.model import load_body_model
 from capture.storage import write_sequence
-from scene import Body, Camera, Pose, Skeleton, look_at
+from scene import Body, Camera, Pose, PoseTrust, Skeleton, look_at
 from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Frame
 
 WIDTH, HEIGHT = 12, 8
@@ -62,7 +62,7 @@ def write_small(path: Path, *, seed: int = 0, surface: bool = False, **changed: 
         "train": make_frames(3, rng),
         "test": {NOVEL_VIEW: make_frames(1, rng), UNSEEN_POSE: make_frames(1, rng)},
         "source": "a test",
-        "exact_poses": True,
+        "pose_trust": PoseTrust.EXACT,
     }
     write_sequence(path, **{**given, **changed})
     return path

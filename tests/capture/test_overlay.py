@@ -9,7 +9,7 @@ from capture.overlay import draw_overlay, project_surface, surface_mask, write_o
 from capture.sources.video import read_video
 from capture.storage import open_sequence, write_sequence
 from scene.body import Body
-from scene.sequence import Frame
+from scene.sequence import Frame, PoseTrust
 from scene.skeleton import Skeleton
 from tests.capture.people import body, camera, seen_by, standing
 
@@ -66,7 +66,7 @@ def test_the_overlay_video_has_every_frame(frame, tmp_path):
         body=body(),
         train=frames,
         source="test",
-        exact_poses=True,
+        pose_trust=PoseTrust.EXACT,
     )
     path = tmp_path / "overlay.mp4"
     write_overlay_video(open_sequence(tmp_path / "seq"), path)

@@ -20,6 +20,7 @@ from capture.overlay import project_surface, write_video
 from capture.pipeline import CaptureOptions, capture_clip, capture_webcam
 from capture.sources.video import read_video
 from capture.storage import open_sequence, read_quality
+from scene import PoseTrust
 from scene.errors import InvalidInput
 from tests.capture.people import (
     FakeEstimator,
@@ -80,7 +81,7 @@ def test_a_zip_of_frames_becomes_a_sequence(captured, people):
     sequence = open_sequence(out)
     assert sequence.person == "Ada"
     assert len(sequence.train) == FRAMES == quality.frames_used
-    assert not sequence.exact_poses
+    assert sequence.pose_trust is PoseTrust.ESTIMATED
     assert sequence.body.has_surface
     frame = sequence.frame(3)
     assert max(frame.image.shape[:2]) == 160

@@ -13,7 +13,7 @@ import pytest
 from capture.errors import BrokenSequence
 from capture.storage import open_sequence, read_quality
 from scene import FrameSource
-from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, read_frame
+from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, PoseTrust, read_frame
 from tests.capture.sequences import HEIGHT, WIDTH, make_body, make_frames, surface, write_small
 
 HALF_A_STEP = 0.5 / 255.0 + 1e-6
@@ -33,10 +33,10 @@ def test_sequence_round_trips(tmp_path):
         tmp_path / "seq", body=body, train=train, test={UNSEEN_POSE: unseen}, confidence=confidence
     )
     sequence = open_sequence(path)
-    assert (sequence.person, sequence.frames_per_second, sequence.exact_poses) == (
+    assert (sequence.person, sequence.frames_per_second, sequence.pose_trust) == (
         "somebody",
         10.0,
-        True,
+        PoseTrust.EXACT,
     )
     assert set(sequence.test) == {UNSEEN_POSE}
     for source, frames in ((sequence.train, train), (sequence.test[UNSEEN_POSE], unseen)):

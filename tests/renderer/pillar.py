@@ -16,7 +16,7 @@ from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import first_splats
 from renderer.training import train
-from scene import Lighting, Motion, Pose, Sequence, Skeleton, orbit_camera
+from scene import Lighting, Motion, Pose, PoseTrust, Sequence, Skeleton, orbit_camera
 from scene.body import Body
 from scene.colour import to_srgb
 from scene.skeleton import JOINT_COUNT
@@ -95,7 +95,7 @@ def filmed_pillar() -> tuple[SplatModel, np.ndarray, Sequence]:
         angles[0, 1] = 2.0 * np.pi * frame / FRAMES
         poses.append(Pose(angles, np.zeros(3), frame / 10.0))
     motion = Motion.from_poses(poses)
-    sequence = replace(make_sequence(), exact_poses=True)
+    sequence = replace(make_sequence(), pose_trust=PoseTrust.EXACT)
     settings = SplatSettings(count=2500, most=2500)
     first = first_splats(replace(sequence, body=body), settings, np.random.default_rng(0))
     parameters = first.parameters.copy()

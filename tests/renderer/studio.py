@@ -9,6 +9,7 @@ from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.training.initialisation import sample_surface
 from scene import Body, Motion, Pose, Sequence, Skeleton, orbit_camera
+from scene.sequence import PoseTrust
 from scene.skeleton import JOINT_COUNT, PARENTS
 
 SIZE = 48
@@ -92,8 +93,10 @@ class DrawnFrames:
         return self._pictures[index][..., 3]
 
 
-def make_sequence(*, exact: bool = True, motion: Motion | None = None, frames: int = 6) -> Sequence:
+def make_sequence(
+    *, trust: PoseTrust = PoseTrust.EXACT, motion: Motion | None = None, frames: int = 6
+) -> Sequence:
     """The box filmed by one camera; `motion` is what the sequence claims its poses to be."""
     true = make_motion(frames)
     source, claimed = DrawnFrames(make_model(), true, motion), motion or true
-    return Sequence("a box", 10.0, make_body(), source, "of a test", claimed, {}, exact)
+    return Sequence("a box", 10.0, make_body(), source, "of a test", claimed, {}, trust)

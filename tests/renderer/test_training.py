@@ -166,9 +166,9 @@ def test_refining_poses_wins_back_sharpness_on_unseen_views(tmp_path):
     noise = np.deg2rad(4.0) * np.random.default_rng(0).normal(size=clip.motion.joint_angles.shape)
     noisy = replace(clip.motion, joint_angles=clip.motion.joint_angles + noise)
     psnr = {}
-    for exact in (True, False):
-        claimed = replace(clip, train=Claimed(clip.train, noisy), motion=noisy, exact_poses=exact)
+    for trust in (PoseTrust.EXACT, PoseTrust.ESTIMATED):
+        claimed = replace(clip, train=Claimed(clip.train, noisy), motion=noisy, pose_trust=trust)
         model = train(claimed, iterations=500, clock=ticking(0.001))
-        psnr[exact] = evaluate(model, clip)["psnr"]["novel_view"]["body_crop"]
+        psnr[trust] = evaluate(model, clip)["psnr"]["novel_view"]["body_crop"]
     # measured: 19.9 dB with the noise taken for truth, 21.8 refined
-    assert psnr[False] > psnr[True] + 1.0
+    assert psnr[PoseTrust.ESTIMATED] > psnr[PoseTrust.EXACT] + 1.0

@@ -47,7 +47,7 @@ from renderer.training import train
 from scene.expression import EXPRESSION_COUNT
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix, matrix_to_quaternion
-from scene.sequence import NOVEL_VIEW, Sequence
+from scene.sequence import NOVEL_VIEW, PoseTrust, Sequence
 from services.auth import ALL_SCOPES, Principal
 from services.bootstrap import import_model
 from services.container import Services, build_services
@@ -116,7 +116,7 @@ def make_session(work: Path, out: Path) -> tuple[Sequence, dict]:
         "person": clip.person,
         "frames_per_second": clip.frames_per_second,
         "data_hash": clip.data_hash,
-        "exact_poses": clip.exact_poses,
+        "exact_poses": clip.pose_trust is PoseTrust.EXACT,
         "motion": described(clip.motion),
         "rest_joints": np.round(clip.body.skeleton.rest_joints, 6).tolist(),
         "means": {

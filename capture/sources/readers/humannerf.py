@@ -38,7 +38,7 @@ from capture.sources.readers.surface import with_surface
 from scene.arrays import Array
 from scene.camera import Camera
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.sequence import Sequence
+from scene.sequence import PoseTrust, Sequence
 
 PICKLES = ("cameras.pkl", "mesh_infos.pkl", "canonical_joints.pkl")
 _PICTURES = (".png", ".jpg", ".jpeg")
@@ -76,6 +76,7 @@ def open_humannerf(path: Path) -> Sequence:
         train=DatasetFrames(frames, motion, range(len(frames))),
         data_hash=data_hash(path, files),
         motion=motion,
+        pose_trust=PoseTrust.GIVEN,
     )
 
 

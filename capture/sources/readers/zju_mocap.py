@@ -43,7 +43,7 @@ from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Sequence
+from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, PoseTrust, Sequence
 
 FRAMES_PER_SECOND = 30.0
 """Not stored in the layout; only the playback speed depends on it."""
@@ -120,6 +120,7 @@ def open_zju_mocap(path: Path, training_camera: int = 0) -> Sequence:
         data_hash=data_hash(path, [file for file in files if file.exists()]),
         motion=train.motion,
         test=tests,
+        pose_trust=PoseTrust.GIVEN,
     )
 
 

@@ -33,7 +33,7 @@ from renderer.field.training.views import TrainingView, read_views
 from scene.arrays import Array, Float, Int, Tensor
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.sequence import Sequence
+from scene.sequence import PoseTrust, Sequence
 
 _PREVIEW_PX = 128
 _PREVIEW_BACKGROUND = 0.93
@@ -74,7 +74,9 @@ class FieldTrainer:
             field = PersonField.for_body(settings.sizes, sequence.body)
         self.device = best_device()
         self.field = field.to(self.device)
-        self._refines = self.field.refiner is not None and not sequence.exact_poses
+        self._refines = (
+            self.field.refiner is not None and sequence.pose_trust is not PoseTrust.EXACT
+        )
         self._volume = self.field.weight_volume()
         with torch.no_grad():
             self._support = Support.of(self._volume)

@@ -15,7 +15,7 @@ from scene.arrays import Array, Bool, Float, Int
 from scene.body import Body
 from scene.errors import InvalidInput
 from scene.rotations import rotation_between
-from scene.sequence import Sequence
+from scene.sequence import PoseTrust, Sequence
 from scene.skeleton import JOINT_NAMES, Skeleton
 
 _CAPSULE_RADIUS_M = {
@@ -79,7 +79,8 @@ def first_splats(
     top /= top.sum(axis=1, keepdims=True)
     parameters = np.zeros((len(points), PARAMETERS), np.float32)
     parameters[:, POSITION : POSITION + 3] = points - settings.inset_m * normals
-    share = settings.scale_share if sequence.exact_poses else settings.uncertain_scale_share
+    estimated = sequence.pose_trust is PoseTrust.ESTIMATED
+    share = settings.uncertain_scale_share if estimated else settings.scale_share
     parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(share * spacing)
     parameters[:, LOG_SCALE + 2] += np.log(settings.thickness)
     parameters[:, ROTATION : ROTATION + 4] = _quaternions_from_z(normals)

@@ -12,19 +12,15 @@ from typing import Any
 import numpy as np
 
 from renderer.pose_refinement.clip_poses import PoseRefinement
+from renderer.pose_refinement.drift_guard import DriftGuard
 from renderer.pose_refinement.passes import RefinementPasses
 from renderer.pose_refinement.photometry import SkinnedPoints
 from renderer.relighting.captured_light import CapturedLight
 from renderer.splats.expressions import ClipBlendShapes
 from renderer.splats.layout import (
-    ALPHA,
     BOX_FILTER_PX2,
     COLOUR,
-    CONIC_A,
-    CONIC_B,
-    CONIC_C,
     CONTRIBUTION,
-    EMPTY_BOX,
     LOG_SCALE,
     OPACITY,
     PARAMETERS,
@@ -36,23 +32,20 @@ from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.settings import SplatSettings
+from renderer.splats.training.evidence import (
+    GRAZING,
+    SEEN_PX,
+    frames_looked_at,
+    in_best_frames,
+    shown_pixels,
+)
 from renderer.splats.training.initialisation import first_splats, moved_with_bones, splats_of_model
 from renderer.splats.training.views import read_views
 from renderer.splats.unseen import fill_unseen
 from scene.arrays import Array, Bool, Float
-from scene.sequence import Sequence
+from scene.sequence import PoseTrust, Sequence
 from scene.skeleton import Skeleton
 
-_SEEN_PX = 0.05
-"""Evidence from which a splat counts as seen. A splat that lies open has about 1 px, one behind the
-body a thousandth."""
-_GRAZING, _AT_THE_RIM = 0.4, 0.3
-"""Cosine between surface and view below which evidence counts less, and how much: at the rim, small
-pose errors give a splat the background's colour. It does count: hair and cloth that stand off the
-body are seen by splats whose surface faces sideways."""
-_EVIDENCE_FRAMES, _BEST_SHARE = 40, 0.1
-"""Frames rendered to find what is seen, and the share of them, the best for each splat, that
-counts."""
 _MIN_CONTRIBUTION = 0.02
 """Summed blending weight, in pixels, from which a step moves a splat."""
 _LIGHT_FROM = 0.3
@@ -98,6 +91,8 @@ class SplatTrainer:
             if self._poses.active
             else None
         )
+        given = sequence.pose_trust is PoseTrust.GIVEN
+        self._guard = DriftGuard(len(self._views), active=given)
         self._surface = first.parameters
         self._first_moment = np.zeros_like(self.parameters)
         self._second_moment = np.zeros_like(self.parameters)
@@ -110,9 +105,8 @@ class SplatTrainer:
         self._by_projected = np.zeros((count, PROJECTED), np.float32)
         self._by_parameter = np.zeros((count, PARAMETERS), np.float32)
         self._losses = np.zeros(threads)
-        self._linear_from = (
-            settings.linear_from if sequence.exact_poses else settings.uncertain_linear_from
-        )
+        estimated = sequence.pose_trust is PoseTrust.ESTIMATED
+        self._linear_from = settings.uncertain_linear_from if estimated else settings.linear_from
 
     def warm_up(self) -> None:
         """Compile the kernels by one step whose effect is undone."""
@@ -142,7 +136,7 @@ class SplatTrainer:
         if self._passes is not None and self._passes.should_run(fraction):
             self._refine_poses(self._passes, fraction)
         if not self._queue:
-            self._queue = self._rng.permutation(len(self._views)).tolist()
+            self._queue = self._rng.permutation(self._guard.trained).tolist()
         frame = self._queue.pop()
         transforms, drawn, shown = self._draw(frame, self._rng.uniform(size=3).astype(np.float32))
         view, work = self._views[frame], self._work
@@ -175,12 +169,15 @@ class SplatTrainer:
             _MIN_CONTRIBUTION,
             np.log(np.array(self._settings.scale_range_m, np.float32)),
         )
-        if self._poses.active:
+        if self._sequence.pose_trust is PoseTrust.ESTIMATED:
             self._pull_to_surface(contribution > _MIN_CONTRIBUTION, fraction)
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
 
     def _draw(
-        self, frame: int, background: Float[Array, "3"]
+        self,
+        frame: int,
+        background: Float[Array, "3"],
+        transforms: Float[Array, "K 4 4"] | None = None,
     ) -> tuple[Float[Array, "K 4 4"], Float[Array, "N P"], Float[Array, "N P"]]:
         """Render `frame` and compare: fills the gradients of projected splats, and the losses.
 
@@ -191,7 +188,8 @@ class SplatTrainer:
         from renderer.splats.training.adam_kernels import sum_threads
 
         view, work = self._views[frame], self._work
-        transforms = self._poses.transforms(frame)
+        if transforms is None:
+            transforms = self._poses.transforms(frame)
         height, width = view.rgba.shape[:2]
         shown = drawn = self._expressions.moved(self.parameters, frame)
         if self._light is not None:
@@ -222,7 +220,12 @@ class SplatTrainer:
         return transforms, drawn, shown
 
     def _refine_poses(self, passes: RefinementPasses, fraction: float) -> None:
-        """One pass over the clip; splats follow changed bone lengths."""
+        """One pass over the clip, while the model stays true to given poses; splats follow
+        changed bone lengths."""
+        if self._guard.has_drifted(self._error_in_given_pose):
+            self._poses.go_back()
+            passes.end()
+            return
         points = SkinnedPoints(
             self.parameters[:, POSITION : POSITION + 3], self._joints, self._weights
         )
@@ -240,6 +243,11 @@ class SplatTrainer:
         self._surface = self._on_current_skeleton(
             self._first_splats.parameters, self._first_skeleton
         )
+
+    def _error_in_given_pose(self, frame: int) -> float:
+        """Mean loss of a channel in the pose that the sequence gives `frame`, over black."""
+        self._draw(frame, np.zeros(3, np.float32), self._poses.given_transforms(frame))
+        return float(self._losses.sum()) / (3.0 * self._views[frame].rgba[..., 0].size)
 
     def _on_current_skeleton(
         self, parameters: Float[Array, "N P"], before: Skeleton
@@ -280,6 +288,7 @@ class SplatTrainer:
             "slower": self._rate_factor.copy(),
             "chance": np.array(rng_state),
             **self._poses.state(),
+            **self._guard.state(),
             **(self._passes.state() if self._passes else {}),
             **(self._light.state() if self._light else {}),
         }
@@ -294,6 +303,7 @@ class SplatTrainer:
         self._thread_gradients[:] = 0.0
         self._light = CapturedLight.restored(state)
         self._poses.restore(state)
+        self._guard.restore(state)
         self._surface = self._on_current_skeleton(
             self._first_splats.parameters, self._first_skeleton
         )
@@ -307,7 +317,7 @@ class SplatTrainer:
     def finish(self, metrics: dict[str, Any]) -> SplatModel:
         """The model, with unseen splats filled in."""
         evidence = self._evidence()
-        seen = evidence > _SEEN_PX
+        seen = evidence > SEEN_PX
         parameters = fill_unseen(self.parameters, evidence)
         seen_share = round(float(seen.mean()), 4)
         return self._model(
@@ -342,27 +352,14 @@ class SplatTrainer:
         return parameters if self._light is None else self._light.with_mean_light(parameters)
 
     def _evidence(self) -> Float[Array, "N"]:
-        """Pixels that show each splat, times the share of its own light that reaches them, in the
-        frames that show it best.
-
-        It is about the sum of its squared blending weights: how well pixels determine its colour.
-        """
-        every = max(1, len(self._views) // _EVIDENCE_FRAMES)
-        frames = range(0, len(self._views), every)
-        found = np.zeros((len(frames), len(self.parameters)), np.float32)
-        for row, frame in enumerate(frames):
+        """How well pixels determine each splat's colour (`renderer.splats.training.evidence`)."""
+        found = []
+        for frame in frames_looked_at(len(self._views)):
             transforms, _, _ = self._draw(frame, np.zeros(3, np.float32))
-            p = self._work.projected
-            # a splat alone would blend its opacity times the area of its Gaussian, 2 pi / sqrt(det)
-            density = np.maximum(p[:, CONIC_A] * p[:, CONIC_C] - p[:, CONIC_B] ** 2, 1e-12)
-            alone = 2.0 * np.pi * p[:, ALPHA] / np.sqrt(density)
-            shown = self._by_projected[:, CONTRIBUTION]
             facing = self._faces_camera(transforms, self._views[frame].camera)
-            reaches = np.minimum(shown / np.maximum(alone, 1e-6), 1.0)
-            drawn = self._work.boxes[:, 0] != EMPTY_BOX
-            found[row] = np.where(drawn, shown * reaches * np.where(facing, 1.0, _AT_THE_RIM), 0.0)
-        best = max(1, round(_BEST_SHARE * len(frames)))
-        return np.sort(found, axis=0)[-best:].mean(axis=0)
+            shown = self._by_projected[:, CONTRIBUTION]
+            found.append(shown_pixels(self._work, shown, facing))
+        return in_best_frames(np.stack(found))
 
     def _faces_camera(
         self, transforms: Float[Array, "K 4 4"], camera: Float[Array, "4 4"]
@@ -376,12 +373,12 @@ class SplatTrainer:
         eye = -camera[:3, :3].T @ camera[:3, 3]
         away = eye - place
         cosine = (normal * away).sum(axis=1) / np.maximum(np.linalg.norm(away, axis=1), 1e-9)
-        return cosine > _GRAZING
+        return cosine > GRAZING
 
     def _rates(self, fraction: float) -> Float[Array, "P"]:
         s = self._settings
         rates = np.empty(PARAMETERS, np.float32)
-        exact = self._sequence.exact_poses
+        exact = self._sequence.pose_trust is PoseTrust.EXACT
         rates[POSITION : POSITION + 3] = s.position_rate if exact else s.uncertain_position_rate
         rates[LOG_SCALE : LOG_SCALE + 3] = s.log_scale_rate
         rates[ROTATION : ROTATION + 4] = s.rotation_rate

@@ -16,7 +16,7 @@ from capture.storage import open_sequence, write_sequence
 from scene.arrays import Array
 from scene.errors import InvalidInput
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.sequence import Frame, Sequence
+from scene.sequence import Frame, PoseTrust, Sequence
 from tests.capture.people import JOINT, body, camera, encoded, picture, seen_by, standing
 
 FRAMES = 9
@@ -81,7 +81,7 @@ def theirs(tmp_path_factory) -> Sequence:
         body=body(),
         train=frames,
         source="test",
-        exact_poses=True,
+        pose_trust=PoseTrust.EXACT,
     )
     write_humannerf(open_sequence(folder / "ours"), folder / "humannerf")
     return open_folder(folder / "humannerf")

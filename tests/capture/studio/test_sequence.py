@@ -16,7 +16,7 @@ from capture.studio import make_sequence
 from capture.studio.motions import gesture_motion, turntable_motion, with_turn
 from capture.studio.named_performers import NAMED_PERFORMERS
 from capture.studio.performer import make_performer, render_performer
-from scene import Camera, Motion, Pose, Sequence, orbit_camera
+from scene import Camera, Motion, Pose, PoseTrust, Sequence, orbit_camera
 from scene.sequence import NOVEL_VIEW, UNSEEN_POSE
 from tests.capture.bvh_files import bvh_text, person
 from tests.shared_data import shared_data
@@ -58,7 +58,7 @@ def facing(motion: Motion) -> np.ndarray:
 
 def test_splits_and_cameras(sequence):
     assert len(sequence.train) == FRAMES
-    assert sequence.exact_poses
+    assert sequence.pose_trust is PoseTrust.EXACT
     assert set(sequence.test) == {NOVEL_VIEW, UNSEEN_POSE}
     assert len(sequence.test[NOVEL_VIEW]) == FRAMES  # no more than there are moments
     assert len(sequence.test[UNSEEN_POSE]) == 8

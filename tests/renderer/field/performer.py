@@ -19,6 +19,7 @@ from scene import (
     Frame,
     Motion,
     Pose,
+    PoseTrust,
     Sequence,
     orbit_camera,
 )
@@ -119,7 +120,7 @@ def sequence(frames: int = 8) -> Sequence:
         data_hash="0" * 64,
         motion=Motion.from_poses(poses),
         test={NOVEL_VIEW: Frames(novel), UNSEEN_POSE: Frames(unseen)},
-        exact_poses=True,
+        pose_trust=PoseTrust.EXACT,
     )
 
 

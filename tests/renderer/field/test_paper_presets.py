@@ -21,6 +21,7 @@ from renderer.field.training.trainer import FieldTrainer
 from renderer.model_files import load_model, save_model
 from renderer.presets import SPEED_UPS
 from renderer.training import train
+from scene import PoseTrust
 from tests.renderer.clocks import ticking
 from tests.renderer.field.performer import pose, sequence, view
 
@@ -94,7 +95,9 @@ def test_the_residual_opens_between_10k_and_50k(fraction, opened):
 
 
 def test_rates_fall_by_a_tenth_over_500k():
-    estimated = replace(sequence(), exact_poses=False)  # so that poses are refined as well
+    estimated = replace(
+        sequence(), pose_trust=PoseTrust.ESTIMATED
+    )  # so that poses are refined as well
     trainer = FieldTrainer(estimated, "of a test", _small(PAPER), 0)
     before = trainer.state()
     trainer.step(1.0)  # Adam's first is as long as its rate

@@ -12,7 +12,7 @@ from renderer.evaluation.evaluate import evaluate
 from renderer.field.settings import FieldSettings
 from renderer.field.sizes import MlpSize
 from renderer.field.training.trainer import FieldTrainer
-from scene import Motion, Sequence
+from scene import Motion, PoseTrust, Sequence
 from tests.renderer.field.performer import TINY, sequence, without_surface
 from tests.shared_data import shared_data
 
@@ -70,7 +70,7 @@ def test_exact_poses_stay_and_estimates_are_refined():
     exact, _ = _train(sequence(), 12)
     assert np.array_equal(exact.finish({}).motion.joint_angles, sequence().motion.joint_angles)
     eager = replace(TINY, motion_rate=1e-2)
-    refined, _ = _train(replace(sequence(), exact_poses=False), 12, eager)
+    refined, _ = _train(replace(sequence(), pose_trust=PoseTrust.ESTIMATED), 12, eager)
     change = refined.finish({}).motion.joint_angles - sequence().motion.joint_angles
     assert 1e-4 < np.abs(change).max() < 0.5
 
@@ -92,9 +92,9 @@ def test_refinement_wins_back_a_bent_estimate():
         def pose(self, index: int):
             return poses[index]
 
-    guessed = replace(clip, train=Estimated(), motion=motion, exact_poses=False)
+    guessed = replace(clip, train=Estimated(), motion=motion, pose_trust=PoseTrust.ESTIMATED)
     settings = replace(TINY, motion_rate=5e-3)
-    without, _ = _train(replace(guessed, exact_poses=True), 100, settings)
+    without, _ = _train(replace(guessed, pose_trust=PoseTrust.EXACT), 100, settings)
     refined, _ = _train(guessed, 100, settings)
     seen = [
         evaluate(t.finish({}), guessed)["psnr"]["training_view"]["body_crop"]
@@ -125,7 +125,7 @@ def test_every_network_of_the_paper_learns():
     settings = replace(
         TINY, sizes=sizes, rays_a_frame=64, residual_from=0.2, residual_until=0.5, field_rate=5e-3
     )
-    clip = replace(sequence(), exact_poses=False)
+    clip = replace(sequence(), pose_trust=PoseTrust.ESTIMATED)
     trainer, _ = _train(clip, 1, settings)
     before = trainer.state()
     losses = [trainer.step(0.3 + 0.02 * step) for step in range(25)]

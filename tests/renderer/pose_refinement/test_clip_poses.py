@@ -10,16 +10,17 @@ from renderer.pose_refinement.bundle_adjustment import ClipNormalEquations
 from renderer.pose_refinement.clip_poses import PoseRefinement
 from renderer.pose_refinement.photometry import POSE_PARAMETERS, SHARED_PARAMETERS
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from scene.sequence import PoseTrust
 from tests.renderer.studio import make_motion, make_sequence
 
 FRAMES = 6
 
 
-def make_refinement() -> PoseRefinement:
+def make_refinement(trust: PoseTrust = PoseTrust.ESTIMATED) -> PoseRefinement:
     motion = make_motion(FRAMES)
     angles = motion.joint_angles + 0.3 * np.random.default_rng(0).normal(size=(24, 3))
     claimed = replace(motion, joint_angles=angles)
-    return PoseRefinement(make_sequence(exact=False, motion=claimed, frames=FRAMES))
+    return PoseRefinement(make_sequence(trust=trust, motion=claimed, frames=FRAMES))
 
 
 def asking_for(steps: np.ndarray) -> ClipNormalEquations:
@@ -73,8 +74,39 @@ def test_longer_bones_reach_the_skeleton():
     np.testing.assert_allclose(longer[[0, 1, 2, 3, 9]], 0.0, atol=1e-12)
 
 
+def test_given_poses_follow_pixels_but_for_what_is_the_same_in_all_frames():
+    refinement, wanted = make_refinement(PoseTrust.GIVEN), np.zeros((FRAMES, POSE_PARAMETERS))
+    before, skeleton = refinement.motion(), refinement.skeleton
+    own = 0.02 * np.array([1.0, -1.0, 0.5, -0.5, 1.0, -1.0])
+    wanted[:, 3 * 16 + 1], wanted[:, POSE_PARAMETERS - 1] = 0.05 + own, 0.02
+    equations = asking_for(wanted)
+    femur = POSE_PARAMETERS + 2
+    equations.matrices[:, femur, femur] = 1e6
+    equations.vectors[:, femur] = 0.02 * 1e6
+    refinement.apply_step(equations)
+    after = refinement.motion()
+    was, turned = (axis_angle_to_matrix(m.joint_angles[:, 16]) for m in (before, after))
+    steps = matrix_to_axis_angle(np.swapaxes(was, -1, -2) @ turned)
+    np.testing.assert_allclose(steps[:, 1], own, atol=2e-3)
+    shift = after.root_translation - before.root_translation
+    np.testing.assert_allclose(shift, 0.0, atol=1e-3)
+    np.testing.assert_allclose(shift.mean(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_array_equal(refinement.skeleton.rest_joints, skeleton.rest_joints)
+
+
+def test_given_poses_come_back():
+    refinement = make_refinement(PoseTrust.GIVEN)
+    before = [refinement.transforms(frame).copy() for frame in range(FRAMES)]
+    steps = 0.03 * np.random.default_rng(0).normal(size=(FRAMES, POSE_PARAMETERS))
+    refinement.apply_step(asking_for(steps))
+    for frame in range(FRAMES):
+        np.testing.assert_array_equal(refinement.given_transforms(frame), before[frame])
+    refinement.go_back()
+    np.testing.assert_array_equal(refinement.transforms(2), before[2])
+
+
 def test_exact_poses_stay():
-    sequence = make_sequence(exact=True)
+    sequence = make_sequence(trust=PoseTrust.EXACT)
     refinement = PoseRefinement(sequence)
     assert not refinement.active
     assert refinement.motion() is sequence.motion

@@ -9,12 +9,13 @@ from renderer.pose_refinement.passes import RefinementPasses
 from renderer.pose_refinement.photometry import SkinnedPoints
 from renderer.splats.expressions import ClipBlendShapes, no_offsets, no_splats
 from renderer.splats.training.views import read_views
+from scene.sequence import PoseTrust
 from tests.renderer.studio import make_model, make_sequence
 
 
 def passes_of(steps: int) -> list[float]:
     """Fractions of a training of `steps` at which passes are made."""
-    passes = RefinementPasses(read_views(make_sequence(exact=False).train))
+    passes = RefinementPasses(read_views(make_sequence(trust=PoseTrust.ESTIMATED).train))
     return [step / steps for step in range(steps) if passes.should_run(step / steps)]
 
 
@@ -32,7 +33,7 @@ def test_passes_leave_the_beginning_and_the_end_alone():
 
 
 def test_the_count_goes_on_after_a_restart():
-    views = read_views(make_sequence(exact=False).train)
+    views = read_views(make_sequence(trust=PoseTrust.ESTIMATED).train)
     first, second = RefinementPasses(views), RefinementPasses(views)
     for step in range(100):
         first.should_run(step / 400)
@@ -44,7 +45,7 @@ def test_the_count_goes_on_after_a_restart():
 
 def test_the_true_splats_in_true_poses_ask_for_nothing():
     """A model of pictures that it drew itself: what is left is the pictures' 8 bits."""
-    sequence, model = make_sequence(exact=False), make_model()
+    sequence, model = make_sequence(trust=PoseTrust.ESTIMATED), make_model()
     passes, poses = RefinementPasses(read_views(sequence.train)), PoseRefinement(sequence)
     points = SkinnedPoints(model.parameters[:, :3], model.joints.astype(np.uint16), model.weights)
     still = ClipBlendShapes(no_splats(), no_offsets(), sequence.motion.expressions)

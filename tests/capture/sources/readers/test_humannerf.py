@@ -16,7 +16,7 @@ from capture.sources.readers import open_folder, open_humannerf, write_humannerf
 from capture.sources.readers.humannerf import PICKLES
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from scene import Sequence
+from scene import PoseTrust, Sequence
 from scene.rotations import axis_angle_to_matrix
 from tests.capture.sources.readers.layouts import (
     BACKGROUND,
@@ -109,7 +109,7 @@ def test_what_is_written_is_what_their_code_expects(folder, studio):
 def test_a_video_prepared_by_their_tool_is_read(video):
     truth, folder = video
     sequence = open_folder(folder)
-    assert not sequence.exact_poses
+    assert sequence.pose_trust is PoseTrust.GIVEN
     assert sequence.body.has_surface
     for index in (0, 7, 23):
         got = seen_joints(sequence.train, sequence.body, index)

@@ -15,6 +15,7 @@ from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import first_splats, splats_of_model
 from renderer.training import train
 from scene import Sequence, Skeleton
+from scene.sequence import PoseTrust
 from tests.renderer.clocks import ticking
 from tests.renderer.studio import make_model, make_motion, make_sequence
 
@@ -57,7 +58,7 @@ def test_splats_follow_bones_that_are_longer_now():
 
 
 def test_refined_poses_are_gone_on_from_for_the_same_clip_alone():
-    sequence = make_sequence(exact=False)
+    sequence = make_sequence(trust=PoseTrust.ESTIMATED)
     refined = make_motion(6)
     refined.joint_angles[:, 9, 0] += 0.1
     known = replace(make_model(), motion=refined, data_hash=sequence.data_hash)
