@@ -88,6 +88,6 @@ def capture_weight(rest: Float[Array, "N 3"], seen: Bool[Array, "N"]) -> Float[A
 def _scale_opacity(
     logits: Float[Array, "N"], capture_weight: Float[Array, "N"]
 ) -> Float[Array, "N"]:
-    """Logits of the opacities times `presence`."""
+    """Logits of the opacities times `capture_weight`."""
     opacity = np.clip(capture_weight / (1.0 + np.exp(-logits.astype(np.float64))), 1e-9, 1.0 - 1e-9)
     return np.log(opacity / (1.0 - opacity)).astype(logits.dtype)
