@@ -1,5 +1,5 @@
 /**
- * A person's splats as the server hands them out (docs/splats.md tells the layout).
+ * A person's splats as the server hands them out (docs/viewer-file.md tells the layout).
  *
  * 32 bytes a splat, the most important first: the first n alone are a model, once their scales are
  * multiplied by (N / n)^1/4. 28 bytes more a splat that a face or hand moves.
