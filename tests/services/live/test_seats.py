@@ -61,7 +61,7 @@ def model(services: Services, model_file: Path) -> ModelRow:
 
 @pytest.fixture
 async def app(services: Services) -> AsyncIterator[FastAPI]:
-    made = create_app(services.settings, services)
+    made = create_app(services)
     yield made
     await gateway_of(made).close()
 
@@ -130,7 +130,7 @@ async def test_an_offer_that_fails_gives_the_seat_back(app, caller, services, me
 async def test_who_never_comes_to_look_loses_the_seat(services, model):
     clock = Clock()
     late = replace(services, clock=clock)
-    transport = httpx.ASGITransport(create_app(late.settings, late))
+    transport = httpx.ASGITransport(create_app(late))
     async with httpx.AsyncClient(
         transport=transport, base_url="http://test", headers=bearer(services)
     ) as caller:
