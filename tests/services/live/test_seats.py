@@ -171,8 +171,10 @@ async def test_an_answer_that_nobody_takes_up_frees_its_place(watched):
     views, clock, noted = watched
     viewer = Viewer()
     await views.open("m", await viewer.offer(), "seat")
+    await asyncio.sleep(0)  # the monitor begins
     clock.now_s += CONNECT_S - 1.0
-    await asyncio.sleep(1.2)
+    # seats are renewed after everybody was looked at
+    await _soon(lambda: noted.kept == [{"seat"}], "a look at who has left")
     assert len(views) == 1
     clock.now_s += 2.0
     await _soon(lambda: noted.given_back == [{"seat"}], "giving back a seat that nobody took up")
