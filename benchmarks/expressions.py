@@ -234,8 +234,8 @@ def faces(clip: Sequence, seed: int) -> Float[Array, "H W 3"]:
         values = np.array([float(name in shown) for name in EXPRESSION_NAMES])
         posed = replace(pose, expression=values)
         truth, _ = render_performer(performer, posed, camera, "plain")
-        made = np.clip(model.render(camera, posed)[..., :3], 0.0, 1.0)
-        columns.append(np.vstack([truth[crop], made[crop]]))
+        rendered = np.clip(model.render(camera, posed)[..., :3], 0.0, 1.0)
+        columns.append(np.vstack([truth[crop], rendered[crop]]))
     return np.hstack(columns)
 
 
@@ -246,9 +246,9 @@ def judged(
     found: dict[str, list[float]] = {name: [] for name in shots[0].crops}
     for shot in shots:
         pose = replace(shot.pose, expression=_hidden(shot.pose.expression, hidden))
-        made = np.clip(model.render(shot.camera, pose)[..., :3], 0.0, 1.0)
+        rendered = np.clip(model.render(shot.camera, pose)[..., :3], 0.0, 1.0)
         for name, crops in shot.crops.items():
-            found[name] += [psnr(made[crop], shot.image[crop]) for crop in crops]
+            found[name] += [psnr(rendered[crop], shot.image[crop]) for crop in crops]
     return {name: round(float(np.mean(each)), 3) for name, each in found.items()}
 
 
@@ -259,7 +259,7 @@ def worth(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
         "density alone": ("off, denser", "off"),
         "both": ("on", "off"),
     }
-    made = {}
+    gains = {}
     for part in (FACE, HANDS):
         mine = [row["db"] for row in rows if row["part"] == part.name]
         compared = {f"{part.name}: {step}": (*ways, part.name) for step, ways in steps.items()}
@@ -267,8 +267,8 @@ def worth(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
         for name, (way, other, crop) in compared.items():
             gain = [db[way][crop] - db[other][crop] for db in mine]
             spread = round(float(np.std(gain)), 3)
-            made[name] = {"gain_db": round(float(np.mean(gain)), 3), "spread_db": spread}
-    return made
+            gains[name] = {"gain_db": round(float(np.mean(gain)), 3), "spread_db": spread}
+    return gains
 
 
 def frame_times(model: SplatModel) -> dict[str, Any]:

@@ -70,11 +70,11 @@ def run(writer: FigureWriter, seconds: list[float]) -> None:
 def _splats(count: int, people: int, size: int, device: torch.device) -> dict[str, Any]:
     """Milliseconds of some performers at one size, by all who can draw it."""
     performers = StudioPerformers(count, people)
-    ours = GpuSplatRenderer(performers.models, device)
-    rasterisers: dict[str, Callable[[Array, Camera], Any]] = {"device": ours.draw}
+    renderer = GpuSplatRenderer(performers.models, device)
+    rasterisers: dict[str, Callable[[Array, Camera], Any]] = {"device": renderer.draw}
     if find_spec("gsplat") is not None:
         rasterisers["gsplat"] = _Gsplat(performers, device)
-    rasterisers["host"] = lambda moved, camera: ours.render(camera, [moved])
+    rasterisers["host"] = lambda moved, camera: renderer.render(camera, [moved])
     taken: dict[str, list[float]] = {name: [] for name in rasterisers}
     for view in range(-_WARM_UPS, _VIEWS):
         camera, transforms = performers.camera(view, size), performers.transforms(view)

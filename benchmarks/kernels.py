@@ -71,9 +71,9 @@ def timed(
         for kind, network in kinds.items():
             _finish(device)
             started = time.perf_counter()
-            made = network(inputs, weights)
+            outputs = network(inputs, weights)
             if backward:
-                torch.autograd.grad(made.sum(), [inputs, *weights])
+                torch.autograd.grad(outputs.sum(), [inputs, *weights])
             _finish(device)
             if place >= _WARM_UPS:
                 seconds[kind].append(time.perf_counter() - started)

@@ -45,7 +45,7 @@ def run(writer: FigureWriter) -> None:
 
 
 def _render(folder: Path, look: str) -> tuple[list[Array], list[Landmarks], Array, Array]:
-    """Frames and people that were found, with their true masks and premultiplied colours."""
+    """Frames and people that were detected, with their true masks and premultiplied colours."""
     seed, turn_deg = PERFORMERS[look]
     raw = folder / "raw.mp4"
     make_sequence(
@@ -64,12 +64,12 @@ def _render(folder: Path, look: str) -> tuple[list[Array], list[Landmarks], Arra
         landmark_network_file(load_settings().pose_model_source())
     ) as estimator:
         people = track_person(images, estimator).people
-    found = [(i, person) for i, person in enumerate(people) if person is not None]
+    detected = [(i, person) for i, person in enumerate(people) if person is not None]
     return (
-        [images[i] for i, _ in found],
-        [person for _, person in found],
-        np.stack([truth.mask(i) for i, _ in found]),
-        np.stack([truth.image(i) for i, _ in found]),
+        [images[i] for i, _ in detected],
+        [person for _, person in detected],
+        np.stack([truth.mask(i) for i, _ in detected]),
+        np.stack([truth.image(i) for i, _ in detected]),
     )
 
 
@@ -114,8 +114,8 @@ def _errors(masks: Array, pictures: Array, alpha: Array, colour: Array) -> dict[
     kernel = np.ones((2 * BAND_PX + 1,) * 2, np.uint8)
     solid = [(mask > 0.5).astype(np.uint8) for mask in alpha]
     band = np.stack([cv2.dilate(m, kernel) > cv2.erode(m, kernel) for m in solid])
-    ours, truth = masks > 0.5, alpha > 0.5
-    overlap = (ours & truth).sum(axis=(1, 2)) / (ours | truth).sum(axis=(1, 2))
+    predicted, truth = masks > 0.5, alpha > 0.5
+    overlap = (predicted & truth).sum(axis=(1, 2)) / (predicted | truth).sum(axis=(1, 2))
     flicker = np.abs(np.diff(masks, axis=0) - np.diff(alpha, axis=0))[band[1:] | band[:-1]]
     return {
         "overlap": round(float(overlap.mean()), 4),

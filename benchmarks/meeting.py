@@ -122,7 +122,7 @@ def _prepare(folder: Path, performers: int) -> tuple[str, str, list[str]]:
     """A meeting of the demo's person, so many times: its id, its owner's token, the performers."""
     from services.auth import ALL_SCOPES
     from services.bootstrap import DEMO_MODEL, import_model
-    from services.container import build_services
+    from services.composition import build_services
     from services.meetings import create_meeting
     from services.settings import load_settings
 

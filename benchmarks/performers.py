@@ -87,21 +87,21 @@ def _cell(
 
 def means(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Mean and standard deviation over the performers of each look and preset."""
-    made = []
+    summaries = []
     for look, preset in dict.fromkeys((row["look"], row["preset"]) for row in rows):
-        mine = [row for row in rows if (row["look"], row["preset"]) == (look, preset)]
+        group = [row for row in rows if (row["look"], row["preset"]) == (look, preset)]
         mean: dict[str, Any] = {
             "look": look,
             "preset": preset,
-            "budget_s": mine[0]["budget_s"],
-            "performers": len(mine),
+            "budget_s": group[0]["budget_s"],
+            "performers": len(group),
         }
         for measure in _MEASURES:
             for split in ("novel_view", "unseen_pose"):
-                known = [row[f"{measure}_{split}_body_crop"] for row in mine]
+                known = [row[f"{measure}_{split}_body_crop"] for row in group]
                 known = [value for value in known if value is not None]
                 mean[f"{measure}_{split}"] = round(float(np.mean(known)), 4) if known else None
                 spread = round(float(np.std(known)), 4) if known else None
                 mean[f"{measure}_{split}_spread"] = spread
-        made.append(mean)
-    return made
+        summaries.append(mean)
+    return summaries

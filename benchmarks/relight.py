@@ -131,13 +131,13 @@ def _compare(
         crop = body_crop(alpha)
         assert crop is not None
         moved = model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
-        made = [
+        rendered = [
             np.clip(renderer.render(camera, [moved], lighting)[..., :3], 0.0, 1.0)
             for lighting in (None, shown.lighting)
         ]
-        figures.append([psnr(one[crop], truth[crop]) for one in made])
+        figures.append([psnr(one[crop], truth[crop]) for one in rendered])
         if index == 0:
-            cells = [one[crop] for one in (*made, truth)]
+            cells = [one[crop] for one in (*rendered, truth)]
             strip = np.hstack([_fit_into_cell(cell) for cell in cells])
     unlit, relit = np.mean(figures, axis=0)
     return _Comparison(

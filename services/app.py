@@ -1,4 +1,4 @@
-"""The gateway: `create_app(settings)` gives a FastAPI application with everything mounted."""
+"""The gateway: `create_app(services)` gives a FastAPI application with everything mounted."""
 
 from __future__ import annotations
 
@@ -30,12 +30,11 @@ from services.api import (
 )
 from services.api.body_limit import LimitBodies
 from services.api.signalling import voice, whep, whip
-from services.container import Services, build_services
+from services.container import Services
 from services.control import messages
 from services.gateway import build_gateway, gateway_of
 from services.jobs.worker import Worker
 from services.page import page_route
-from services.settings import Settings
 
 log = logging.getLogger(__name__)
 
@@ -87,8 +86,11 @@ class _Application(FastAPI):
         return document
 
 
-def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
-    """The gateway for `settings`. The database is migrated, and work begins, when it starts."""
+def create_app(services: Services) -> FastAPI:
+    """The gateway over `services`, which it closes when it ends.
+
+    The database is migrated, and work begins, when it starts.
+    """
     app = _Application(
         title="MetaNeRF",
         version="1",
@@ -97,7 +99,8 @@ def create_app(settings: Settings, services: Services | None = None) -> FastAPI:
         lifespan=_lifespan,
         separate_input_output_schemas=False,
     )
-    gateway = build_gateway(services or build_services(settings))
+    settings = services.settings
+    gateway = build_gateway(services)
     app.state.gateway = gateway
     metrics.measure(gateway)
     problems.install(app)

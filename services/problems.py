@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
 from db.errors import Conflict, DatabaseAway, DatabaseError, NotFound, StoreAway, StoreFull
 from db.objects import no_space
 from scene.errors import SceneError
 from services import errors
+from services.problem_details import Problem
 
 log = logging.getLogger(__name__)
 
@@ -27,18 +27,6 @@ MEDIA_TYPE = "application/problem+json"
 RETRY_AFTER_S = 3
 """Until the store or the database may be back."""
 _LONGEST_VALUE = 80
-
-
-class Problem(BaseModel):
-    """What went wrong, for people and programs."""
-
-    type: str = Field(description="What kind of problem.", examples=["urn:metanerf:not-found"])
-    title: str = Field(description="The kind in words.", examples=["Not found"])
-    status: int = Field(description="The HTTP status.", examples=[404])
-    detail: str = Field(
-        description="The rule, the value received, how to mend it.",
-        examples=["id must be that of a person; got 'x'; list them to see what exists"],
-    )
 
 
 class ProblemKind(NamedTuple):

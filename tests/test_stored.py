@@ -31,7 +31,8 @@ from renderer.training import train
 from scene.motion import Motion
 from scene.sequence import NOVEL_VIEW, PoseTrust, Sequence
 from services.app import create_app
-from services.container import Services, build_services
+from services.composition import build_services
+from services.container import Services
 from services.control.roster import roster_for
 from services.motions import motion_of
 from services.recording.replay import load
@@ -215,7 +216,7 @@ def test_a_recording_is_replayed(services, expected):
 
 async def test_a_recording_is_listed_and_downloaded(services, expected):
     wanted = expected["meeting"]
-    transport = httpx.ASGITransport(create_app(services.settings, services))
+    transport = httpx.ASGITransport(create_app(services))
     async with httpx.AsyncClient(
         transport=transport, base_url="http://test", headers=bearer(services)
     ) as caller:

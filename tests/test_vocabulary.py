@@ -100,6 +100,11 @@ RETIRED = {
     "_Answers": "_Candidates",
     r"passes\.due": "should_run",
     "unseen_shots": "unseen_views",
+    "(filmedOnly|filmed_only|showFilmedOnly)": "hideUnseen, hide_unseen, setHideUnseen",
+    r"presence(?=[:\[])": "captureWeights",
+    # the splat pass
+    "(screenHalves|unshaded|normalOf)": "the terms of client/src/splats/shaders.ts",
+    "_?(TAKEN_AT_M|DOME_M)": "PANORAMA_HEIGHT_M, DOME_RADIUS_M",
     "Only what was filmed": "Hide unseen parts",
     # readers, live capture
     "our_intrinsics": "to_half_pixel_centres",

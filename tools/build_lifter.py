@@ -44,8 +44,8 @@ _MIRROR_JOINTS = [
 ]
 
 Shard = dict[str, Float[Array, "*shape"]]
-"""pixels [N 33 2], world [N 33 3], visibility [N 33], turns [N 24 3 3] (rest to camera), rest
-[N 24 3] m, focal_px [N]; the picture's centre is the origin of its pixels."""
+"""pixels [N 33 2], world [N 33 3], visibility [N 33], global_rotations [N 24 3 3] (rest to camera),
+rest [N 24 3] m, focal_px [N]; the picture's centre is the origin of its pixels."""
 
 
 def main() -> None:
@@ -53,10 +53,18 @@ def main() -> None:
     pose_model, folder, performers = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
     seeds = range(FIRST_SEED, FIRST_SEED + performers)
     render_missing(seeds, folder, pose_model)
-    shards = [dict(np.load(folder / f"{seed}.npz")) for seed in seeds]
+    shards = [read_shard(folder / f"{seed}.npz") for seed in seeds]
     network = learn({name: np.concatenate([s[name] for s in shards]) for name in shards[0]})
     halves = {name: value.numpy().astype(np.float16) for name, value in network.exported().items()}
     np.savez_compressed(WEIGHTS_FILE, allow_pickle=False, **halves)
+
+
+def read_shard(path: Path) -> Shard:
+    """A stored shard, also of a version that called the global rotations `turns`."""
+    shard = dict(np.load(path))
+    if "turns" in shard:
+        shard["global_rotations"] = shard.pop("turns")
+    return shard
 
 
 def render_missing(seeds: Iterable[int], folder: Path, pose_model: Path) -> None:
@@ -94,7 +102,7 @@ def _render(seed: int, estimator: MediaPipeEstimator) -> Shard:
                 "pixels": found.pixels - 0.5 * _SIZE_PX,
                 "world": found.world,
                 "visibility": found.visibility,
-                "turns": camera.rotation @ transforms[:, :3, :3],
+                "global_rotations": camera.rotation @ transforms[:, :3, :3],
                 "rest": skeleton.rest_joints,
                 "focal_px": np.array(camera.focal_px),
             }
@@ -130,7 +138,7 @@ def mirrored(shard: Shard) -> Shard:
         "pixels": shard["pixels"][:, landmarks] * flip.diagonal()[:2],
         "world": shard["world"][:, landmarks] * flip.diagonal(),
         "visibility": shard["visibility"][:, landmarks],
-        "turns": flip @ shard["turns"][:, _MIRROR_JOINTS] @ flip,
+        "global_rotations": flip @ shard["global_rotations"][:, _MIRROR_JOINTS] @ flip,
         "rest": shard["rest"][:, _MIRROR_JOINTS] * flip.diagonal(),
         "focal_px": shard["focal_px"],
     }
@@ -165,7 +173,7 @@ def _tensors(shard: Shard) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     inputs: Inputs = inputs_of(
         shard["pixels"], shard["world"], shard["visibility"], shard["focal_px"], np.zeros(2)
     )
-    truth = (OPENCV_TO_OPENGL[:, None] * inputs.view)[:, None] @ shard["turns"]
+    truth = (OPENCV_TO_OPENGL[:, None] * inputs.view)[:, None] @ shard["global_rotations"]
     parts = (inputs.features, inputs.closed_form, truth, shard["rest"])
     features, closed_form, rotations, rest = (torch.tensor(p, dtype=torch.float32) for p in parts)
     return features, closed_form, rotations, rest

@@ -13,6 +13,7 @@ from typing import Any
 
 from scene.errors import InvalidInput
 from services.app import create_app
+from services.composition import build_services
 from services.settings import load_settings
 
 CLIENT_TYPES = Path(__file__).resolve().parents[1] / "client" / "src" / "api" / "types.ts"
@@ -39,7 +40,7 @@ def document() -> Schema:
     with tempfile.TemporaryDirectory() as folder:
         # no page is mounted there, so that a build of the client changes nothing
         settings = load_settings(data_dir=Path(folder), client_dir=Path(folder))
-        return create_app(settings).openapi()
+        return create_app(build_services(settings)).openapi()
 
 
 def typescript(openapi: Schema) -> str:

@@ -52,7 +52,7 @@ class _View:
 
 def timed_steps(clip: Sequence, name: str, clock: Clock, fields: dict[str, Any]) -> dict[str, Any]:
     """Times of the paper's preset `name`, perhaps with speed-ups, and its picture's distance from
-    the slow path's. `fields` keeps the fitted field of each base between calls."""
+    the reference path's. `fields` keeps the fitted field of each base between calls."""
     base = name.split("+")[0]
     settings, plain = find_preset(name).field_settings, find_preset(base).field_settings
     if base not in fields:
@@ -60,13 +60,13 @@ def timed_steps(clip: Sequence, name: str, clock: Clock, fields: dict[str, Any])
     field = fields[base]
     field.sizes = plain.sizes
     view = _views(clip, _COMPARED_PX)[0]
-    slow = FieldRenderer(field).render(view.camera, view.pose)
+    reference = FieldRenderer(field).render(view.camera, view.pose)
     field.sizes = settings.sizes
     renderer = FieldRenderer(field)
-    made = renderer.render(view.camera, view.pose)
+    rendered = renderer.render(view.camera, view.pose)
     return {
         **timed(clip, renderer.render, clock),
-        "db_to_slow": round(min(psnr(made[..., :3], slow[..., :3]), 150.0), 1),
+        "db_to_slow": round(min(psnr(rendered[..., :3], reference[..., :3]), 150.0), 1),
         **weights_of(name),
     }
 

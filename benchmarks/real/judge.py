@@ -73,12 +73,12 @@ class Judge:
     lpips: Lpips
     finder: PartFinder
 
-    def figures(self, made: Float[Array, "H W 4"], frame: TestFrame) -> dict[str, Figures]:
+    def figures(self, rendered: Float[Array, "H W 4"], frame: TestFrame) -> dict[str, Figures]:
         """`body`, `face`, `hands`: PSNR (dB), SSIM, LPIPS; of the body also the silhouette's
         intersection over union; of the face also whether a landmarker finds it (0 or 1), and how
         far its points lie from the frame's, in per cent of the distance between the eyes."""
-        made = made * (1.0 - frame.hidden[..., None])
-        colour, truth = np.clip(made[..., :3], 0.0, 1.0), frame.truth
+        rendered = rendered * (1.0 - frame.hidden[..., None])
+        colour, truth = np.clip(rendered[..., :3], 0.0, 1.0), frame.truth
         found: dict[str, Figures] = {}
         for part, windows in frame.crops().items():
             pairs = [(colour[window], truth[window]) for window in windows]
@@ -87,14 +87,14 @@ class Judge:
                 "ssim": mean(ssim(a, b) for a, b in pairs),
                 "lpips": mean(self._lpips(a, b) for a, b in pairs),
             }
-        inside, person = made[..., 3] > 0.5, frame.mask > 0.5
+        inside, person = rendered[..., 3] > 0.5, frame.mask > 0.5
         found["body"]["iou"] = float((inside & person).sum() / max((inside | person).sum(), 1))
         if frame.face is not None:
-            found["face"] |= self._face(made, frame.face)
+            found["face"] |= self._face(rendered, frame.face)
         return found
 
-    def _face(self, made: Float[Array, "H W 4"], truth: Float[Array, "478 2"]) -> Figures:
-        over_grey = made[..., :3] + _GREY * (1.0 - made[..., 3:])
+    def _face(self, rendered: Float[Array, "H W 4"], truth: Float[Array, "478 2"]) -> Figures:
+        over_grey = rendered[..., :3] + _GREY * (1.0 - rendered[..., 3:])
         picture = (255.0 * np.clip(over_grey, 0.0, 1.0) + 0.5).astype(np.uint8)
         points = self.finder.face(picture, window_around(truth, _SEARCH_GROW, _FACE_LEAST_PX))
         if points is None:
@@ -103,13 +103,13 @@ class Judge:
         return {"found": 1.0, "points_percent": 100.0 * float(apart) / eye_distance(truth)}
 
     @torch.no_grad()
-    def _lpips(self, made: Float[Array, "H W 3"], truth: Float[Array, "H W 3"]) -> float:
-        scale = max(1.0, _LPIPS_LEAST_PX / min(made.shape[:2]))
+    def _lpips(self, rendered: Float[Array, "H W 3"], truth: Float[Array, "H W 3"]) -> float:
+        scale = max(1.0, _LPIPS_LEAST_PX / min(rendered.shape[:2]))
         pair = [
             torch.from_numpy(
                 np.ascontiguousarray(cv2.resize(picture, None, fx=scale, fy=scale), np.float32)
             ).movedim(-1, 0)[None]
-            for picture in (made, truth)
+            for picture in (rendered, truth)
         ]
         return float(self.lpips(*pair)[0])
 
@@ -118,10 +118,10 @@ def flicker(model: PerformerModel, before: TestFrame, after: TestFrame) -> float
     """How much the model's picture changes from one frame to the next, mean over the person in
     either, as a multiple of how much the film does."""
     person = (before.mask > 0.5) | (after.mask > 0.5)
-    made = [model.render(frame.camera, frame.pose)[..., :3] for frame in (before, after)]
+    rendered = [model.render(frame.camera, frame.pose)[..., :3] for frame in (before, after)]
     changes = [
         float(np.abs(late - early)[person].mean())
-        for early, late in (made, (before.truth, after.truth))
+        for early, late in (rendered, (before.truth, after.truth))
     ]
     return changes[0] / max(changes[1], 1e-6)
 

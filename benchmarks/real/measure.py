@@ -276,17 +276,21 @@ def _aligned(aligner: Aligner, frame: TestFrame) -> Pose:
 
 def _summary(judge: Judge, model: PerformerModel, frames: list[TestFrame]) -> dict[str, Any]:
     """Means over the frames of each group, and of each clip in it."""
-    found: dict[str, Any] = {}
+    summary: dict[str, Any] = {}
     for group in dict.fromkeys(frame.group for frame in frames):
-        mine = [frame for frame in frames if frame.group == group]
-        figures = [judge.figures(model.render(frame.camera, frame.pose), frame) for frame in mine]
-        found[group] = _means(figures) | {"flicker": _flicker(model, mine)}
-        clips = dict.fromkeys(frame.clip for frame in mine)
-        found[group]["clips"] = {
-            clip: _means([f for f, frame in zip(figures, mine, strict=True) if frame.clip == clip])
+        members = [frame for frame in frames if frame.group == group]
+        figures = [
+            judge.figures(model.render(frame.camera, frame.pose), frame) for frame in members
+        ]
+        summary[group] = _means(figures) | {"flicker": _flicker(model, members)}
+        clips = dict.fromkeys(frame.clip for frame in members)
+        summary[group]["clips"] = {
+            clip: _means(
+                [f for f, frame in zip(figures, members, strict=True) if frame.clip == clip]
+            )
             for clip in clips
         }
-    return found
+    return summary
 
 
 def _means(figures: list[dict[str, dict[str, float | None]]]) -> dict[str, Any]:

@@ -160,6 +160,8 @@ function followSession(current: MeetingSession): void {
     if (current.connectionState.kind === "ended") showGoodbye(current, current.connectionState);
     else if (current.admitted) showScreen("meeting");
     else if (localParticipant(current.state)) showScreen("lobby");
+    // without a seat there is no other screen yet that could say so
+    else if (current.connectionState.kind === "lost" && current.connectionState.waitS !== undefined && screen === "start") showScreen("lobby");
   });
 }
 

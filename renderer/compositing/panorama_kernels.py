@@ -16,9 +16,9 @@ import numpy as np
 from renderer.compositing.backdrop_kernels import BLOCK
 from scene.arrays import Array
 
-TAKEN_AT_M = 1.6
+PANORAMA_HEIGHT_M = 1.6
 """Height of C above the floor, in the middle of the room."""
-DOME_M = 8.0
+DOME_RADIUS_M = 8.0
 """Radius of the dome."""
 _F = np.float32
 _QUARTER = _F(math.pi / 2.0)
@@ -56,7 +56,7 @@ def compose_panorama(
     cx, cy = _F(intrinsics[0, 2]), _F(intrinsics[1, 2])
     turn = rotation.astype(np.float32)
     ex, ey, ez = _F(eye[0]), _F(eye[1]), _F(eye[2])
-    up, reach = _F(TAKEN_AT_M), _F(DOME_M)
+    up, reach = _F(PANORAMA_HEIGHT_M), _F(DOME_RADIUS_M)
     floor = reach * reach - up * up
     by_column, by_row = _F(columns / (2.0 * math.pi)), _F(rows / math.pi)
     for row in numba.prange(height):

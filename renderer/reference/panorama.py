@@ -7,7 +7,7 @@ import numpy as np
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
 
-TAKEN_AT_M, DOME_M = 1.6, 8.0
+PANORAMA_HEIGHT_M, DOME_RADIUS_M = 1.6, 8.0
 
 
 def compose_panorama(
@@ -18,14 +18,16 @@ def compose_panorama(
 ) -> UInt8[Array, "H W 3"]:
     """sRGB bytes of premultiplied `rgba` over the place that the sRGB panorama shows."""
     _, directions = camera.rays()
-    eye, centre = camera.position, np.array([0.0, TAKEN_AT_M, 0.0])
+    eye, centre = camera.position, np.array([0.0, PANORAMA_HEIGHT_M, 0.0])
     down = np.minimum(directions[..., 1:2], -1e-9)
     ground = eye - eye[1] / down * directions
-    inside = np.hypot(ground[..., :1], ground[..., 2:]) ** 2 < DOME_M**2 - TAKEN_AT_M**2
+    inside = (
+        np.hypot(ground[..., :1], ground[..., 2:]) ** 2 < DOME_RADIUS_M**2 - PANORAMA_HEIGHT_M**2
+    )
     on_floor = (directions[..., 1:2] < 0.0) & (eye[1] > 0.0) & inside
     offset = eye - centre
     half = directions @ offset
-    along = -half + np.sqrt(np.maximum(half**2 - offset @ offset + DOME_M**2, 0.0))
+    along = -half + np.sqrt(np.maximum(half**2 - offset @ offset + DOME_RADIUS_M**2, 0.0))
     dome = eye + along[..., None] * directions
     towards = np.where(on_floor, ground, dome) - centre
     light = np.ones_like(down)

@@ -36,7 +36,8 @@ from services.control.roster import SILENCE_S
 from services.errors import HelloExpected, HelloRepeated, SeatReleased, TooLarge
 from services.gateway import Gateway
 from services.jobs.events import meeting_topic
-from services.problems import Problem, problem_of
+from services.problem_details import Problem
+from services.problems import problem_of
 
 log = logging.getLogger(__name__)
 

@@ -23,7 +23,7 @@ from db.models import (
     SequenceState,
 )
 from services.names import Name
-from services.problems import Problem
+from services.problem_details import Problem
 
 
 class Body(BaseModel):

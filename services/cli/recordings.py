@@ -32,7 +32,7 @@ def export_recording(
     data_dir: Annotated[Path | None, typer.Option(help="The server's data folder.")] = None,
 ) -> None:
     """Make a video of a recorded meeting, on the machine that stores it."""
-    from services.container import build_services
+    from services.composition import build_services
     from services.recording.replay import load
     from services.recording.video_export import CameraPath, export_video
     from services.settings import load_settings

@@ -36,7 +36,7 @@ def demo(
     """Run the meeting on this machine, without an account, and open its page in the browser."""
     typer.echo("\n  MetaNeRF is starting")
     from services.bootstrap import DEMO_MODEL, ensure_demo
-    from services.container import build_services
+    from services.composition import build_services
 
     settings = load_settings(open_access=True, **_given(port=port, data_dir=data_dir))
     listener = _listen(settings.server)
@@ -66,7 +66,7 @@ def worker(
 ) -> None:
     """Run jobs in child processes, for a gateway that does not (METANERF_EMBEDDED_WORKER=false)."""
     from db.models import JobKind
-    from services.container import build_services
+    from services.composition import build_services
     from services.jobs.worker import Worker
 
     settings = load_settings(**_given(worker_kinds=kinds))
@@ -84,10 +84,14 @@ def _serve(settings: Settings, listener: socket.socket) -> None:
     import uvicorn
 
     from services.app import create_app
+    from services.composition import build_services
 
     _log(settings)
     config = uvicorn.Config(
-        create_app(settings), log_level="warning", timeout_graceful_shutdown=5, lifespan="on"
+        create_app(build_services(settings)),
+        log_level="warning",
+        timeout_graceful_shutdown=5,
+        lifespan="on",
     )
     uvicorn.Server(config).run(sockets=[listener])
 

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapte
 
 from db.models import Admission, Connection, Role
 from services.names import Name
-from services.problems import Problem
+from services.problem_details import Problem
 
 LONGEST_MESSAGE_BYTES = 16 * 1024
 Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=2000)]

@@ -17,7 +17,8 @@ from pathlib import Path
 from db.errors import DatabaseAway, NotFound, StoreAway
 from db.models import JobKind, JobRow, JobState
 from scene.errors import SceneError
-from services.container import Services, build_services
+from services.composition import build_services
+from services.container import Services
 from services.jobs.capture_job import run_capture
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.export_job import run_export

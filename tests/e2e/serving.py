@@ -16,7 +16,8 @@ from fastapi import FastAPI
 
 from services.app import create_app
 from services.auth import ALL_SCOPES
-from services.container import Services, build_services
+from services.composition import build_services
+from services.container import Services
 from services.settings import load_settings
 from tests.services.jobs.waiting import until
 
@@ -59,7 +60,7 @@ def serving(data_dir: Path, **options: Any) -> Iterator[Gateway]:
     settings = load_settings(data_dir=data_dir, open_access=True, embedded_worker=False, **options)
     services = build_services(settings)
     services.database.migrate()
-    app = create_app(settings, services)
+    app = create_app(services)
     config = uvicorn.Config(app, port=0, log_level="warning", timeout_graceful_shutdown=3)
     server, loop = uvicorn.Server(config), asyncio.new_event_loop()
     thread = threading.Thread(target=lambda: loop.run_until_complete(server.serve()), daemon=True)

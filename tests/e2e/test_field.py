@@ -13,7 +13,7 @@ from playwright.sync_api import expect
 from benchmarks.browser import open_page, running_demo
 from services.auth import GUEST
 from services.bootstrap import import_model
-from services.container import build_services
+from services.composition import build_services
 from services.meetings import create_meeting
 from services.settings import load_settings
 from tests.e2e.test_meeting import MINUTES, difference, watch

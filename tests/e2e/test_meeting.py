@@ -21,7 +21,8 @@ from playwright.sync_api import Page, expect
 from benchmarks.browser import open_page, running_demo
 from capture.detection.network_files import POSE_MODEL
 from db.models import SequenceRow, SequenceState
-from services.container import Services, build_services
+from services.composition import build_services
+from services.container import Services
 from services.settings import load_settings
 from tests.e2e.viewport import frames_shown, picture
 from tests.landmark_models import landmark_model

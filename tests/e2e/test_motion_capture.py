@@ -23,7 +23,7 @@ from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
 from services.app import create_app
 from services.auth import GUEST
 from services.bootstrap import DEMO_MODEL, import_model
-from services.container import build_services
+from services.composition import build_services
 from services.gateway import gateway_of
 from services.live.motion.live_motion import LiveMotion
 from services.live.packets import EXPRESSION_BYTES, KEYPOINTS_BYTES
@@ -89,7 +89,7 @@ def meeting_with_ada(data_dir: Path) -> Iterator[tuple[str, Callable[[], Room]]]
     with services.unit_of_work() as unit:
         meeting = create_meeting(services, unit, GUEST, "Monday", [ada])
         unit.commit()
-    app = create_app(settings, services)
+    app = create_app(services)
     config = uvicorn.Config(app, port=0, log_level="warning", timeout_graceful_shutdown=3)
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run, daemon=True)

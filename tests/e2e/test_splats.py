@@ -76,7 +76,7 @@ def asked(room: Room, camera: Camera, now_s: float, **more: object) -> dict[str,
         "fovYRad": camera.fov_y_rad,
         "width": camera.width,
         "height": camera.height,
-        "filmedOnly": False,
+        "hideUnseen": False,
         "most": 60_000,
         "yawsRad": [member.yaw_rad for member in room.performers],
         **more,
@@ -95,18 +95,18 @@ def psnr(a: np.ndarray, b: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize(
-    ("people", "azimuth_rad", "size", "filmed_only"),
+    ("people", "azimuth_rad", "size", "hide_unseen"),
     [(1, 0.3, 512, False), (1, 2.5, 256, True), (3, -0.6, 384, False)],
 )
 def test_the_page_draws_what_the_server_draws(
-    page: Page, demo: SplatModel, people: int, azimuth_rad: float, size: int, filmed_only: bool
+    page: Page, demo: SplatModel, people: int, azimuth_rad: float, size: int, hide_unseen: bool
 ):
     """51, 50 and 49 dB: blending in eight bits takes 6 dB, the fewer bits of the file the rest."""
     room, now_s = room_of(demo, people), 0.4
     distance_m = 3.2 if people == 1 else 4.7
     camera = orbit_camera((0.0, 0.9, 0.0), distance_m, azimuth_rad, 0.1, size, size)
-    local = drawn(page, asked(room, camera, now_s, filmedOnly=filmed_only))
-    server = SceneRenderer().render(room.scene_at(now_s, hide_unseen=filmed_only), camera)
+    local = drawn(page, asked(room, camera, now_s, hideUnseen=hide_unseen))
+    server = SceneRenderer().render(room.scene_at(now_s, hide_unseen=hide_unseen), camera)
     assert psnr(local, server) > 46.0
 
 

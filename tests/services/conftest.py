@@ -20,7 +20,8 @@ import uvicorn
 from db.unit_of_work import Database
 from services.app import create_app
 from services.auth import ALL_SCOPES
-from services.container import Services, build_services
+from services.composition import build_services
+from services.container import Services
 from services.setting_groups import Group
 from services.settings import Settings, load_settings
 from tests.services import seeds
@@ -90,9 +91,7 @@ def bearer(
 @pytest.fixture
 async def client(services: Services) -> AsyncIterator[httpx.AsyncClient]:
     """A caller of account `house`."""
-    transport = httpx.ASGITransport(
-        create_app(services.settings, services), raise_app_exceptions=False
-    )
+    transport = httpx.ASGITransport(create_app(services), raise_app_exceptions=False)
     async with httpx.AsyncClient(
         transport=transport, base_url="http://test", headers=bearer(services)
     ) as made:
@@ -122,7 +121,7 @@ def serving(settings: Settings) -> Iterator[httpx.Client]:
     """A real server on a free port, and a caller of account `house`."""
     services = build_services(settings)
     config = uvicorn.Config(
-        create_app(settings, services), port=0, log_level="warning", timeout_graceful_shutdown=3
+        create_app(services), port=0, log_level="warning", timeout_graceful_shutdown=3
     )
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run, daemon=True)

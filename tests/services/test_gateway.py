@@ -10,7 +10,7 @@ from services.gateway import gateway_of
 
 
 async def test_an_application_has_one_gateway_and_nothing_else(services: Services):
-    app = create_app(services.settings, services)
+    app = create_app(services)
     gateway = gateway_of(app)
     assert list(app.state) == ["gateway"]
     assert gateway.services is services

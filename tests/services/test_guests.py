@@ -97,7 +97,7 @@ async def test_whoever_is_sent_out_does_not_come_back_by_reloading(client, servi
     from services.app import create_app
     from tests.services.control.conftest import on_a_port
 
-    async with on_a_port(create_app(services.settings, services), services) as caller:
+    async with on_a_port(create_app(services), services) as caller:
         meeting = (await caller.post("/v1/meetings", json={"name": "Monday"})).json()
         bo_header = bearer(services, "guest-bo")
         async with (

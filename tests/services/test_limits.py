@@ -6,7 +6,7 @@ import httpx
 import pytest
 
 from services.app import create_app
-from services.container import build_services
+from services.composition import build_services
 from services.errors import TooManyRequests
 from services.limits import RateLimit, network_of
 from services.problems import headers_of, problem_of
@@ -67,7 +67,7 @@ async def test_guests_are_let_in_in_moderation(settings: Settings):
         transport = httpx.ASGITransport(app, client=(address, 1), raise_app_exceptions=False)
         return httpx.AsyncClient(transport=transport, base_url="http://test")
 
-    app = create_app(services.settings, services)
+    app = create_app(services)
     async with caller("192.0.2.1") as one, caller("192.0.2.2") as other:
         answers = [await one.post("/v1/guest") for _ in range(3)]
         assert [answer.status_code for answer in answers] == [201, 201, 429]

@@ -50,7 +50,8 @@ from scene.rotations import axis_angle_to_matrix, matrix_to_quaternion
 from scene.sequence import NOVEL_VIEW, PoseTrust, Sequence
 from services.auth import ALL_SCOPES, Principal
 from services.bootstrap import import_model
-from services.container import Services, build_services
+from services.composition import build_services
+from services.container import Services
 from services.control.roster import present_in, standing_for
 from services.live.forwarding import OpusPacket
 from services.live.packets import PosePacket, encode_pose, performer_check

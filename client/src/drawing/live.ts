@@ -59,7 +59,7 @@ export class LiveView {
   /** Drift gently to and fro, for a picture that nobody steers. */
   swaying = false;
   state: LiveState = { kind: "connecting" };
-  private filmedOnly = false;
+  private hideUnseen = false;
 
   private readonly connection: WhepConnection;
   private readonly adaptation = new VideoAdaptation();
@@ -140,8 +140,8 @@ export class LiveView {
   }
 
   /** Show only what was filmed of the people; what was never seen of them is a guess. */
-  showFilmedOnly(on: boolean): void {
-    this.filmedOnly = on;
+  setHideUnseen(on: boolean): void {
+    this.hideUnseen = on;
     this.viewpointUnsent = true;
   }
 
@@ -276,7 +276,7 @@ export class LiveView {
     const moved = this.viewpoint.step(seconds);
     if (this.localRendering.headsetView) return;
     this.send(moved);
-    if (this.localRendering.draw(this.viewpoint.camera, this.size.requested, this.filmedOnly)) {
+    if (this.localRendering.draw(this.viewpoint.camera, this.size.requested, this.hideUnseen)) {
       this.framesDrawn += 1;
       this.framesThisSecond += 1;
       // the code goes into the picture, and is read from it as it is seen
@@ -295,7 +295,7 @@ export class LiveView {
       position,
       wxyz,
       fovYRad: this.localRendering.headsetView?.fovYRad ?? FOV_Y_RAD,
-      hideUnseen: this.filmedOnly,
+      hideUnseen: this.hideUnseen,
       rendersLocally: this.localRendering.ready,
       audioOnly: this.adaptation.audioOnly && !this.localRendering.headsetView,
       stalled: this.connected && !this.adaptation.audioOnly && !document.hidden && this.stalls.stalled(performance.now()),

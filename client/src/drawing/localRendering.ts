@@ -152,8 +152,8 @@ export class LocalRendering {
   }
 
   /** Draw what has changed, where this device is to; says whether a picture was drawn. */
-  draw(camera: CameraPose, size: Size, filmedOnly: boolean): boolean {
-    return this.ready && this.pacedRoom?.draw(camera, FOV_Y_RAD, size, filmedOnly) === true;
+  draw(camera: CameraPose, size: Size, hideUnseen: boolean): boolean {
+    return this.ready && this.pacedRoom?.draw(camera, FOV_Y_RAD, size, hideUnseen) === true;
   }
 
   /** Stamp the picture drawn just now with when it was captured; false: nobody knows when. */

@@ -10,7 +10,8 @@ import type { FromServer, Goodbye, ToServer } from "../api/types";
 export type ControlState =
   | { kind: "connecting" }
   | { kind: "open" }
-  | { kind: "lost" }
+  /** `waitS`: so long the server wants to hear nothing of us. */
+  | { kind: "lost"; waitS?: number }
   | { kind: "ended"; reason: Goodbye["reason"]; problem: Problem | null };
 
 export interface HelloDetails {
@@ -35,10 +36,19 @@ const HEARTBEAT_MS = 1000;
 const HEARTBEAT_TIMEOUT_MS = 5000;
 const CONNECT_TIMEOUT_MS = 3000;
 const MAX_DELAY_MS = 1000;
+/** Where the server asks for patience but does not say how long. */
+const THROTTLED_S = 5;
 
 /** The pause before attempt `attempt` (from 0): short, so that a meeting is back within seconds. */
 export function reconnectDelayMs(attempt: number, random: number): number {
   return Math.min(MAX_DELAY_MS, 150 * 2 ** attempt) * (0.75 + 0.25 * random);
+}
+
+/** What to tell people of a lost connection. */
+export function lostText({ waitS }: Extract<ControlState, { kind: "lost" }>): string {
+  return waitS === undefined
+    ? "Connection lost. Reconnecting"
+    : `Too many requests. Trying again in ${waitS} s`;
 }
 
 export class ControlConnection {
@@ -56,6 +66,7 @@ export class ControlConnection {
   async run(): Promise<void> {
     this.hooks.onState({ kind: "connecting" });
     for (let attempt = 0; !this.closing.signal.aborted; attempt++) {
+      let waitS: number | null = null;
       try {
         const hello = await this.hooks.hello(this.stale);
         this.stale = false;
@@ -64,11 +75,12 @@ export class ControlConnection {
         if (goodbye && !this.reconnectsAfter(goodbye)) return this.end(goodbye.reason, goodbye.problem);
       } catch (error) {
         const problem = asProblem(error);
-        if (!problem.offline && problem.status !== 503) return this.end("refused", problem);
+        if (problem.status === 429) waitS = Math.ceil(problem.retryAfterS ?? THROTTLED_S);
+        else if (!problem.offline && problem.status !== 503) return this.end("refused", problem);
       }
       if (this.closing.signal.aborted) return;
-      this.hooks.onState({ kind: "lost" });
-      const pause = reconnectDelayMs(attempt, Math.random());
+      this.hooks.onState(waitS === null ? { kind: "lost" } : { kind: "lost", waitS });
+      const pause = 1000 * (waitS ?? 0) + reconnectDelayMs(attempt, Math.random());
       await sleep(pause, this.closing.signal).catch(() => undefined);
     }
   }

@@ -27,6 +27,8 @@ export class MeetingSession {
   /** The microphone is to go on as soon as we are in. */
   joinsUnmuted = false;
   connectionState: ControlState = { kind: "connecting" };
+  /** The server was told that we leave, and ends by itself what came with the seat. */
+  left = false;
   /** Number of the newest message that was read, before a reload too. */
   lastRead = 0;
   onAnnouncement: (words: string) => void = () => undefined;
@@ -121,7 +123,7 @@ export class MeetingSession {
 
   /** Give the seat back. */
   leave(): void {
-    this.send({ type: "leave" });
+    this.left = this.send({ type: "leave" });
     this.seatStore.set(null);
     this.close();
   }

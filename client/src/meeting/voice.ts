@@ -93,8 +93,10 @@ export class VoiceConnection {
     if (this.microphone) this.microphone.enabled = on;
   }
 
-  close(): void {
+  /** `ended`: the server has ended it, or is about to. */
+  close(ended = false): void {
     this.closing.abort();
+    if (ended) this.resource = null;
     this.disconnect();
     this.microphone?.stop();
   }

@@ -1,5 +1,5 @@
 /**
- * A person's splats as the server hands them out (docs/splats.md tells the layout).
+ * A person's splats as the server hands them out (docs/viewer-file.md tells the layout).
  *
  * 32 bytes a splat, the most important first: the first n alone are a model, once their scales are
  * multiplied by (N / n)^1/4. 28 bytes more a splat that a face or hand moves.
@@ -37,8 +37,8 @@ export interface SplatFile {
   normals: Int8Array;
   /** 0 to 255. */
   opacities: Uint8Array;
-  /** How much of each was filmed, 0 to 255. */
-  presence: Uint8Array;
+  /** Factor of each one's opacity where unseen parts are hidden, 0 to 255. */
+  captureWeights: Uint8Array;
   /** Four joints of each, and their weights, which sum to 255. */
   joints: Uint8Array;
   weights: Uint8Array;
@@ -97,7 +97,7 @@ function emptyFile(count: number, joints: number): SplatFile {
     albedos: new Uint8Array(3 * count),
     normals: new Int8Array(3 * count),
     opacities: new Uint8Array(count),
-    presence: new Uint8Array(count),
+    captureWeights: new Uint8Array(count),
     joints: new Uint8Array(4 * count),
     weights: new Uint8Array(4 * count),
     restJoints: new Float32Array(3 * joints),
@@ -140,7 +140,7 @@ function readRecord(
     file.albedos[3 * i + axis] = data.getUint8(at + 26 + axis);
     file.normals[3 * i + axis] = data.getInt8(at + 29 + axis);
   }
-  file.presence[i] = data.getUint8(at + 9);
+  file.captureWeights[i] = data.getUint8(at + 9);
   file.opacities[i] = data.getUint8(at + 17);
   const rotation = rotationOf(data.getUint32(at + 10, true));
   let place = 6 * i;

@@ -14,7 +14,7 @@ export class Lights {
   /** Of each person, as the shader takes it: whether any falls on them, which, and whence. */
   private readonly lit = new Int32Array(MAX_PEOPLE);
   private readonly harmonics = new Float32Array(NUMBERS * MAX_PEOPLE);
-  private readonly turned = new Float32Array(2 * MAX_PEOPLE);
+  private readonly clipYaws = new Float32Array(2 * MAX_PEOPLE);
 
   /** The light of each person's clip; null where it is not known. */
   setClipLights(filmed: readonly (Float32Array | null)[]): void {
@@ -32,12 +32,12 @@ export class Lights {
   set(gl: WebGL2RenderingContext, at: Uniforms, eye: readonly [number, number, number], yawsRad: readonly number[]): void {
     for (let person = 0; person < MAX_PEOPLE; person++) {
       const yawRad = this.room ? 0 : (yawsRad[person] ?? 0);
-      this.turned[2 * person] = Math.cos(yawRad);
-      this.turned[2 * person + 1] = Math.sin(yawRad);
+      this.clipYaws[2 * person] = Math.cos(yawRad);
+      this.clipYaws[2 * person + 1] = Math.sin(yawRad);
     }
     gl.uniform1iv(at("lit"), this.lit);
     gl.uniform3fv(at("harmonics"), this.harmonics);
-    gl.uniform2fv(at("turned"), this.turned);
+    gl.uniform2fv(at("clipYaw"), this.clipYaws);
     gl.uniform3f(at("eye"), ...eye);
     gl.uniform3f(at("keyDirection"), ...(this.room?.key_direction ?? NONE));
     gl.uniform3f(at("keyColour"), ...(this.room?.key_colour ?? NONE));

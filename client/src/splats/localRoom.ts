@@ -26,7 +26,7 @@ const NOBODY: PassPeople = {
   growth: [],
   yawsRad: [],
   shadows: [],
-  filmedOnly: false,
+  hideUnseen: false,
 };
 
 /** The file of a model; null where it has none that a page can draw. */
@@ -167,12 +167,12 @@ export class LocalRoom {
    * Draw what has changed since the last time, the first `kept` splats of each person; says whether
    * a picture was drawn.
    */
-  draw(view: CameraPose, fovYRad: number, { width, height }: Size, filmedOnly: boolean, kept: readonly number[]): boolean {
+  draw(view: CameraPose, fovYRad: number, { width, height }: Size, hideUnseen: boolean, kept: readonly number[]): boolean {
     const { splats, pass } = this;
     if (!splats || !pass || !this.drawable) return false;
     if (this.posesChanged) this.updateTransforms(splats);
     const camera = passCamera(view, fovYRad, width, height);
-    const key = [...camera.worldToCamera, width, height, filmedOnly, ...kept].join();
+    const key = [...camera.worldToCamera, width, height, hideUnseen, ...kept].join();
     const changed = this.posesChanged || key !== this.drawnKey;
     this.posesChanged = false;
     this.drawnKey = key;
@@ -182,7 +182,7 @@ export class LocalRoom {
     if (!sorted || !(changed || this.resorted)) return false;
     this.resorted = false;
     const startMs = performance.now();
-    pass.draw({ camera, ...this.passPeople(splats, sorted, filmedOnly) });
+    pass.draw({ camera, ...this.passPeople(splats, sorted, hideUnseen) });
     this.timer?.submitted(startMs);
     return true;
   }
@@ -212,7 +212,7 @@ export class LocalRoom {
    * there is black. The first `kept` splats of each person are drawn, sorted once, for `head`. Says
    * whether people are in the picture.
    */
-  drawEyes(eyes: readonly Eye[], head: PassCamera, filmedOnly: boolean, kept: readonly number[]): boolean {
+  drawEyes(eyes: readonly Eye[], head: PassCamera, hideUnseen: boolean, kept: readonly number[]): boolean {
     const { splats, pass } = this;
     if (!pass) return false;
     const drawable = splats !== null && this.drawable;
@@ -223,7 +223,7 @@ export class LocalRoom {
       this.sort(head, kept);
     }
     const sorted = drawable ? this.sorted : null;
-    pass.drawEyes(splats && sorted ? this.passPeople(splats, sorted, filmedOnly) : NOBODY, eyes);
+    pass.drawEyes(splats && sorted ? this.passPeople(splats, sorted, hideUnseen) : NOBODY, eyes);
     return sorted !== null;
   }
 
@@ -349,11 +349,11 @@ export class LocalRoom {
     this.worker.postMessage(task, [order.buffer]);
   }
 
-  private passPeople(splats: PackedSplats, { order, count, kept }: Omit<Sorted, "version">, filmedOnly: boolean): PassPeople {
+  private passPeople(splats: PackedSplats, { order, count, kept }: Omit<Sorted, "version">, hideUnseen: boolean): PassPeople {
     const { transforms, offsets, shadows } = this;
     const growth = splats.skinned.counts.map((whole, person) => varianceScale(whole, kept[person] ?? whole));
     const yawsRad = this.performers.map((performer) => performer.yaw_rad);
-    return { transforms, offsets, shadows, order, count, growth, yawsRad, filmedOnly };
+    return { transforms, offsets, shadows, order, count, growth, yawsRad, hideUnseen };
   }
 
   private onSorted(sorted: Sorted): void {

@@ -61,8 +61,8 @@ export class PacedRoom {
   }
 
   /** Draw what has changed since the last time; says whether a picture was drawn. */
-  draw(view: CameraPose, fovYRad: number, size: Size, filmedOnly: boolean): boolean {
-    return this.room.draw(view, fovYRad, size, filmedOnly, this.share(view, fovYRad, size, this.budget?.step));
+  draw(view: CameraPose, fovYRad: number, size: Size, hideUnseen: boolean): boolean {
+    return this.room.draw(view, fovYRad, size, hideUnseen, this.share(view, fovYRad, size, this.budget?.step));
   }
 
   private share(view: CameraPose, fovYRad: number, { width, height }: Size, step: Step | undefined): readonly number[] {

@@ -61,7 +61,7 @@ function fillTable(person: SplatFile, owner: number, joints: Uint16Array, table:
     const at = SPLAT_NUMBERS * i;
     floats.set(person.positions.subarray(3 * i, 3 * i + 3), at);
     floats.set(person.covariances.subarray(6 * i, 6 * i + 6), at + 4);
-    // two joints of up to 4096 and the presence share a number each with what is left of 32 bits
+    // two joints of up to 4096 and the capture weight share a number each with what is left of 32 bits
     const [a, b, c, d] = [joints[4 * i]!, joints[4 * i + 1]!, joints[4 * i + 2]!, joints[4 * i + 3]!];
     table[at + 3] = a | (b << 16);
     table[at + 10] = c | (d << 16);
@@ -71,9 +71,9 @@ function fillTable(person: SplatFile, owner: number, joints: Uint16Array, table:
   }
 }
 
-/** Colour and presence, albedo and opacity, normal: a byte each, the first lowest. */
-function surface({ colours, albedos, normals, presence, opacities }: SplatFile, i: number): number[] {
+/** Colour and capture weight, albedo and opacity, normal: a byte each, the first lowest. */
+function surface({ colours, albedos, normals, captureWeights, opacities }: SplatFile, i: number): number[] {
   const three = (of: Uint8Array | Int8Array): number =>
     (of[3 * i]! & 255) | ((of[3 * i + 1]! & 255) << 8) | ((of[3 * i + 2]! & 255) << 16);
-  return [three(colours) | (presence[i]! << 24), three(albedos) | (opacities[i]! << 24), three(normals)];
+  return [three(colours) | (captureWeights[i]! << 24), three(albedos) | (opacities[i]! << 24), three(normals)];
 }

@@ -40,11 +40,11 @@ export interface PassCamera {
 }
 
 export function passCamera(pose: CameraPose, fovYRad: number, width: number, height: number): PassCamera {
-  const turn = rotationMatrix(pose.wxyz); // camera -> world
+  const cameraToWorld = rotationMatrix(pose.wxyz);
   const worldToCamera = new Float32Array(12);
   for (let r = 0; r < 3; r++) {
     for (let c = 0; c < 3; c++) {
-      const value = turn[3 * c + r] ?? 0;
+      const value = cameraToWorld[3 * c + r] ?? 0;
       worldToCamera[4 * r + c] = value;
       worldToCamera[4 * r + 3] = (worldToCamera[4 * r + 3] ?? 0) - value * (pose.position[c] ?? 0);
     }
@@ -78,7 +78,7 @@ export interface PassPeople {
   /** About +y, by which each person was turned, and the light of their clip with them. */
   yawsRad: readonly number[];
   shadows: readonly Shadow[];
-  filmedOnly: boolean;
+  hideUnseen: boolean;
 }
 
 /** What changes from picture to picture. */
@@ -104,9 +104,9 @@ export class SplatPass {
   private readonly table: WebGLTexture;
   private readonly transforms: WebGLTexture;
   private readonly offsets: WebGLTexture;
-  /** What `PLACE_FRAGMENT` writes, a texel a splat in the order of drawing. */
-  private readonly middles: WebGLTexture;
-  private readonly looks: WebGLTexture;
+  /** What `PROJECT_FRAGMENT` writes, a texel a splat in the order of drawing. */
+  private readonly ellipses: WebGLTexture;
+  private readonly appearances: WebGLTexture;
   private readonly projectedFramebuffer: WebGLFramebuffer;
   private readonly picture: WebGLTexture;
   private readonly target: WebGLFramebuffer;
@@ -134,8 +134,8 @@ export class SplatPass {
     this.table = texture(gl);
     this.transforms = texture(gl);
     this.offsets = texture(gl);
-    this.middles = texture(gl);
-    this.looks = texture(gl);
+    this.ellipses = texture(gl);
+    this.appearances = texture(gl);
     this.projectedFramebuffer = gl.createFramebuffer();
     this.picture = texture(gl);
     this.panorama = texture(gl, gl.LINEAR);
@@ -264,7 +264,7 @@ export class SplatPass {
     const rows = Math.max(1, Math.ceil(count / ORDER_COLUMNS));
     const points = [gl.COLOR_ATTACHMENT0, gl.COLOR_ATTACHMENT1];
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.projectedFramebuffer);
-    [this.middles, this.looks].forEach((into, nth) => {
+    [this.ellipses, this.appearances].forEach((into, nth) => {
       gl.bindTexture(gl.TEXTURE_2D, into);
       gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32UI, ORDER_COLUMNS, rows, 0, gl.RGBA_INTEGER, gl.UNSIGNED_INT, null);
       gl.framebufferTexture2D(gl.FRAMEBUFFER, points[nth] ?? 0, gl.TEXTURE_2D, into, 0);
@@ -273,7 +273,7 @@ export class SplatPass {
   }
 
   /** Work out where in the picture each splat is drawn. */
-  private projectSplats({ count, growth, yawsRad, filmedOnly }: PassPeople, camera: PassCamera): void {
+  private projectSplats({ count, growth, yawsRad, hideUnseen }: PassPeople, camera: PassCamera): void {
     const { gl, projectUniforms: at } = this;
     if (count === 0) return;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.projectedFramebuffer);
@@ -286,7 +286,7 @@ export class SplatPass {
     gl.uniform1i(at("transforms"), 1);
     gl.uniform1i(at("order"), 2);
     gl.uniform1i(at("offsets"), 3);
-    gl.uniform1i(at("filmedOnly"), filmedOnly ? 1 : 0);
+    gl.uniform1i(at("hideUnseen"), hideUnseen ? 1 : 0);
     if (growth.length > 0) gl.uniform1fv(at("growth"), growth.slice(0, MAX_PEOPLE));
     this.setCamera(at, camera);
     const t = camera.worldToCamera;
@@ -305,10 +305,10 @@ export class SplatPass {
     if (count === 0) return;
     gl.useProgram(this.splatProgram);
     gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.middles);
+    gl.bindTexture(gl.TEXTURE_2D, this.ellipses);
     gl.activeTexture(gl.TEXTURE3);
-    gl.bindTexture(gl.TEXTURE_2D, this.looks);
-    gl.uniform1i(this.splatUniforms("looks"), 3);
+    gl.bindTexture(gl.TEXTURE_2D, this.appearances);
+    gl.uniform1i(this.splatUniforms("appearances"), 3);
     gl.uniform2f(this.splatUniforms("size"), width, height);
     gl.bindVertexArray(this.corners);
     gl.enable(gl.BLEND);
@@ -326,17 +326,17 @@ export class SplatPass {
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.picture);
     this.setCamera(this.roomUniforms, camera);
-    gl.uniform2f(this.roomUniforms("corner"), x, y);
+    gl.uniform2f(this.roomUniforms("viewportOrigin"), x, y);
     gl.activeTexture(gl.TEXTURE3);
     gl.bindTexture(gl.TEXTURE_2D, this.panorama);
     gl.uniform1i(this.roomUniforms("panorama"), 3);
     gl.activeTexture(gl.TEXTURE4);
     gl.bindTexture(gl.TEXTURE_2D, this.screen);
     gl.uniform1i(this.roomUniforms("screen"), 4);
-    gl.uniform1i(this.roomUniforms("sharing"), this.screenHalfSize ? 1 : 0);
+    gl.uniform1i(this.roomUniforms("hasScreen"), this.screenHalfSize ? 1 : 0);
     gl.uniform3f(this.roomUniforms("screenCentre"), ...SCREEN.centre);
-    gl.uniform2f(this.roomUniforms("screenHalves"), ...(this.screenHalfSize ?? [1, 1]));
-    gl.uniform1i(this.roomUniforms("panoramic"), this.environment.panorama ? 1 : 0);
+    gl.uniform2f(this.roomUniforms("screenHalfSize"), ...(this.screenHalfSize ?? [1, 1]));
+    gl.uniform1i(this.roomUniforms("hasPanorama"), this.environment.panorama ? 1 : 0);
     gl.uniform3f(this.roomUniforms("eye"), ...camera.eye);
     gl.uniform3f(this.roomUniforms("horizon"), ...STUDIO.horizon);
     gl.uniform3f(this.roomUniforms("zenith"), ...STUDIO.zenith);
@@ -371,10 +371,10 @@ export class SplatPass {
 }
 
 function texture(gl: WebGL2RenderingContext, blend: number = gl.NEAREST): WebGLTexture {
-  const made = gl.createTexture();
-  gl.bindTexture(gl.TEXTURE_2D, made);
+  const created = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, created);
   for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
     gl.texParameteri(gl.TEXTURE_2D, filter, blend);
   }
-  return made;
+  return created;
 }

@@ -21,8 +21,8 @@ const LEAST_AREA_PX4 = 1e-6;
 /** Opacity below which a splat changes no 8-bit pixel. */
 const MIN_OPACITY = 1 / 255;
 const MAX_OPACITY = 0.99;
-/** Factor of variances where only what was filmed is shown, as renderer/splats/unseen.py widens. */
-const WIDER = Math.exp(2 * 0.3);
+/** Factor of variances where unseen parts are hidden, as renderer/splats/unseen.py widens. */
+const UNSEEN_VARIANCE_SCALE = Math.exp(2 * 0.3);
 /** Splats a row of the table; four texels each. */
 export const TABLE_COLUMNS = 256;
 /** People of a meeting. */
@@ -48,26 +48,26 @@ uniform vec3 translation;
 uniform vec2 focal; // px
 uniform vec2 centre;
 uniform vec2 size;
-uniform bool filmedOnly;
+uniform bool hideUnseen;
 uniform vec3 eye; // m
 uniform bool lit[${MAX_PEOPLE}]; // by the room or as in their clip; else in the mean colours of that
 uniform vec3 harmonics[9 * ${MAX_PEOPLE}];
-uniform vec2 turned[${MAX_PEOPLE}]; // cosine and sine of the yaw by which that light was turned
+uniform vec2 clipYaw[${MAX_PEOPLE}]; // cosine and sine of the yaw by which that light was turned
 uniform vec3 keyDirection;
 uniform vec3 keyColour;
 uniform float growth[${MAX_PEOPLE}]; // of variances, a person
-layout(location = 0) out uvec4 middle; // of the ellipse, px, and its long half axis at one deviation
-layout(location = 1) out uvec4 look; // short over long axis, reach in deviations (0: unseen), colour
+layout(location = 0) out uvec4 ellipse; // mean, px, and the major half axis at one standard deviation
+layout(location = 1) out uvec4 appearance; // minor over major axis, cutoff in standard deviations (0: culled), colour
 
-vec4 row(uint joint, int r) {
+vec4 transformRow(uint joint, int r) {
   return texelFetch(transforms, ivec2(r, int(joint)), 0);
 }
 
-vec3 bytes(uint packed) {
+vec3 unpackRgb(uint packed) {
   return vec3((uvec3(packed) >> uvec3(0u, 8u, 16u)) & 0xffu) / 255.0;
 }
 
-vec3 normalOf(uint packed) {
+vec3 unpackNormal(uint packed) {
   return vec3((ivec3(int(packed)) << ivec3(24, 16, 8)) >> 24);
 }
 
@@ -75,38 +75,38 @@ vec3 toLinear(vec3 srgb) {
   return mix(srgb / 12.92, pow((srgb + 0.055) / 1.055, vec3(2.4)), step(0.04045, srgb));
 }
 
-vec3 toSrgb(vec3 light) {
-  vec3 c = clamp(light, 0.0, 1.0);
+vec3 toSrgb(vec3 linear) {
+  vec3 c = clamp(linear, 0.0, 1.0);
   return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
 }
 
 /** sRGB of an albedo (sRGB) on somebody's surface that faces n, seen from v further on. */
-vec3 relit(uint who, vec3 albedo, vec3 n, vec3 v) {
+vec3 shade(uint owner, vec3 albedo, vec3 n, vec3 v) {
   n *= inversesqrt(max(dot(n, n), 1e-12));
   // what shines through from the far side stands for what lies before it
-  float away = dot(n, v);
-  if (away < 0.0) n -= 2.0 * away / max(dot(v, v), 1e-12) * v;
-  vec3 key = max(dot(n, keyDirection), 0.0) * keyColour;
-  vec2 way = turned[who];
-  n.xz = vec2(way.x * n.x - way.y * n.z, way.y * n.x + way.x * n.z);
-  uint h = 9u * who;
-  vec3 light = 0.282095 * harmonics[h]
-    + 0.488603 * (n.y * harmonics[h + 1u] + n.z * harmonics[h + 2u] + n.x * harmonics[h + 3u])
-    + 1.092548 * (n.x * n.y * harmonics[h + 4u] + n.y * n.z * harmonics[h + 5u] + n.x * n.z * harmonics[h + 7u])
-    + 0.315392 * (3.0 * n.z * n.z - 1.0) * harmonics[h + 6u]
-    + 0.546274 * (n.x * n.x - n.y * n.y) * harmonics[h + 8u];
-  light = max(light, 0.0) + key;
-  return toSrgb(toLinear(albedo) * light);
+  float facing = dot(n, v);
+  if (facing < 0.0) n -= 2.0 * facing / max(dot(v, v), 1e-12) * v;
+  vec3 keyLight = max(dot(n, keyDirection), 0.0) * keyColour;
+  vec2 yaw = clipYaw[owner];
+  n.xz = vec2(yaw.x * n.x - yaw.y * n.z, yaw.y * n.x + yaw.x * n.z);
+  uint first = 9u * owner;
+  vec3 irradiance = 0.282095 * harmonics[first]
+    + 0.488603 * (n.y * harmonics[first + 1u] + n.z * harmonics[first + 2u] + n.x * harmonics[first + 3u])
+    + 1.092548 * (n.x * n.y * harmonics[first + 4u] + n.y * n.z * harmonics[first + 5u] + n.x * n.z * harmonics[first + 7u])
+    + 0.315392 * (3.0 * n.z * n.z - 1.0) * harmonics[first + 6u]
+    + 0.546274 * (n.x * n.x - n.y * n.y) * harmonics[first + 8u];
+  irradiance = max(irradiance, 0.0) + keyLight;
+  return toSrgb(toLinear(albedo) * irradiance);
 }
 
 void main() {
-  middle = look = uvec4(0u);
+  ellipse = appearance = uvec4(0u);
   uint splat = texelFetch(order, ivec2(gl_FragCoord.xy), 0).x;
-  ivec2 at = ivec2(4 * int(splat % ${TABLE_COLUMNS}u), int(splat / ${TABLE_COLUMNS}u));
-  uvec4 t0 = texelFetch(table, at, 0);
-  uvec4 t1 = texelFetch(table, at + ivec2(1, 0), 0);
-  uvec4 t2 = texelFetch(table, at + ivec2(2, 0), 0);
-  uvec4 t3 = texelFetch(table, at + ivec2(3, 0), 0);
+  ivec2 texel = ivec2(4 * int(splat % ${TABLE_COLUMNS}u), int(splat / ${TABLE_COLUMNS}u));
+  uvec4 t0 = texelFetch(table, texel, 0);
+  uvec4 t1 = texelFetch(table, texel + ivec2(1, 0), 0);
+  uvec4 t2 = texelFetch(table, texel + ivec2(2, 0), 0);
+  uvec4 t3 = texelFetch(table, texel + ivec2(3, 0), 0);
   vec4 x = vec4(uintBitsToFloat(t0.xyz), 1.0);
   uint owner = t3.w & ${(1 << OWNER_BITS) - 1}u;
   int moved = int(t3.w >> ${OWNER_BITS}u) - 1;
@@ -117,52 +117,52 @@ void main() {
   uvec4 weights = (uvec4(t2.w) >> uvec4(0u, 8u, 16u, 24u)) & 0xffu;
   float opacity = float(t3.y >> 24u) / 255.0;
   mat3 covariance = mat3(v.x, v.y, v.z, v.y, v.w, w.x, v.z, w.x, w.y) * growth[owner];
-  if (filmedOnly) {
+  if (hideUnseen) {
     opacity *= float(t3.x >> 24u) / 255.0;
-    covariance *= ${float(WIDER)};
+    covariance *= ${float(UNSEEN_VARIANCE_SCALE)};
   }
 
   vec4 m0 = vec4(0.0), m1 = vec4(0.0), m2 = vec4(0.0);
   for (int k = 0; k < 4; k++) {
     if (weights[k] == 0u) continue;
     float weight = float(weights[k]) / 255.0;
-    m0 += weight * row(joints[k], 0);
-    m1 += weight * row(joints[k], 1);
-    m2 += weight * row(joints[k], 2);
+    m0 += weight * transformRow(joints[k], 0);
+    m1 += weight * transformRow(joints[k], 1);
+    m2 += weight * transformRow(joints[k], 2);
   }
-  vec3 place = vec3(dot(m0, x), dot(m1, x), dot(m2, x));
-  vec3 p = rotation * place + translation;
-  mat3 turn = rotation * transpose(mat3(m0.xyz, m1.xyz, m2.xyz));
+  vec3 world = vec3(dot(m0, x), dot(m1, x), dot(m2, x));
+  vec3 p = rotation * world + translation;
+  mat3 modelView = rotation * transpose(mat3(m0.xyz, m1.xyz, m2.xyz));
   if (p.z <= ${float(NEAR_M)} || opacity <= ${float(MIN_OPACITY)}) return;
 
-  vec2 plane = focal / p.z;
-  vec3 across = vec3(plane.x, 0.0, -plane.x * p.x / p.z) * turn;
-  vec3 down = vec3(0.0, plane.y, -plane.y * p.y / p.z) * turn;
-  float xx = dot(across, covariance * across) + ${float(PIXEL_FILTER_PX2)};
-  float xy = dot(across, covariance * down);
-  float yy = dot(down, covariance * down) + ${float(PIXEL_FILTER_PX2)};
-  float bare = (xx - ${float(PIXEL_FILTER_PX2)}) * (yy - ${float(PIXEL_FILTER_PX2)}) - xy * xy;
-  opacity *= sqrt(max(bare, ${float(LEAST_AREA_PX4)}) / (xx * yy - xy * xy));
+  vec2 scale = focal / p.z;
+  vec3 jacobianX = vec3(scale.x, 0.0, -scale.x * p.x / p.z) * modelView;
+  vec3 jacobianY = vec3(0.0, scale.y, -scale.y * p.y / p.z) * modelView;
+  float xx = dot(jacobianX, covariance * jacobianX) + ${float(PIXEL_FILTER_PX2)};
+  float xy = dot(jacobianX, covariance * jacobianY);
+  float yy = dot(jacobianY, covariance * jacobianY) + ${float(PIXEL_FILTER_PX2)};
+  float unfiltered = (xx - ${float(PIXEL_FILTER_PX2)}) * (yy - ${float(PIXEL_FILTER_PX2)}) - xy * xy;
+  opacity *= sqrt(max(unfiltered, ${float(LEAST_AREA_PX4)}) / (xx * yy - xy * xy));
   if (opacity <= ${float(MIN_OPACITY)}) return;
-  float mean = 0.5 * (xx + yy);
-  float apart = length(vec2(0.5 * (xx - yy), xy));
-  float longest = mean + apart;
-  float shortest = max(mean - apart, ${float(PIXEL_FILTER_PX2)});
-  vec2 axis = abs(xy) > 1e-6 ? normalize(vec2(longest - yy, xy)) : (xx >= yy ? vec2(1.0, 0.0) : vec2(0.0, 1.0));
-  float reach = sqrt(2.0 * log(opacity / ${float(MIN_OPACITY)}));
-  vec2 pixel = plane * p.xy + centre;
-  float extent = reach * sqrt(longest);
+  float halfTrace = 0.5 * (xx + yy);
+  float radius = length(vec2(0.5 * (xx - yy), xy));
+  float majorVariance = halfTrace + radius;
+  float minorVariance = max(halfTrace - radius, ${float(PIXEL_FILTER_PX2)});
+  vec2 majorAxis = abs(xy) > 1e-6 ? normalize(vec2(majorVariance - yy, xy)) : (xx >= yy ? vec2(1.0, 0.0) : vec2(0.0, 1.0));
+  float cutoff = sqrt(2.0 * log(opacity / ${float(MIN_OPACITY)}));
+  vec2 meanPx = scale * p.xy + centre;
+  float radiusPx = cutoff * sqrt(majorVariance);
   // what lies wholly beside the picture costs no quad
-  if (any(lessThan(pixel, vec2(-extent))) || any(greaterThan(pixel, size + extent))) return;
-  vec3 rgb = bytes(t3.x);
+  if (any(lessThan(meanPx, vec2(-radiusPx))) || any(greaterThan(meanPx, size + radiusPx))) return;
+  vec3 colour = unpackRgb(t3.x);
   if (lit[owner]) {
-    vec3 normal = normalOf(t3.z) * mat3(m0.xyz, m1.xyz, m2.xyz);
-    rgb = relit(owner, bytes(t3.y), normal, eye - place);
+    vec3 normal = unpackNormal(t3.z) * mat3(m0.xyz, m1.xyz, m2.xyz);
+    colour = shade(owner, unpackRgb(t3.y), normal, eye - world);
   }
-  middle = floatBitsToUint(vec4(pixel, axis * sqrt(longest)));
-  look = uvec4(
-    floatBitsToUint(sqrt(shortest / longest)), floatBitsToUint(reach),
-    packHalf2x16(rgb.rg), packHalf2x16(vec2(rgb.b, opacity))
+  ellipse = floatBitsToUint(vec4(meanPx, majorAxis * sqrt(majorVariance)));
+  appearance = uvec4(
+    floatBitsToUint(sqrt(minorVariance / majorVariance)), floatBitsToUint(cutoff),
+    packHalf2x16(colour.rg), packHalf2x16(vec2(colour.b, opacity))
   );
 }
 `;
@@ -172,36 +172,36 @@ precision highp float;
 precision highp int;
 precision highp usampler2D;
 
-uniform usampler2D middles;
-uniform usampler2D looks;
+uniform usampler2D ellipses;
+uniform usampler2D appearances;
 uniform vec2 size;
-out vec2 away; // from the middle, in standard deviations
+out vec2 offset; // from the mean, in standard deviations
 flat out vec4 colour;
 
 void main() {
   // four corners a splat: instances are drawn one by one where a processor stands in for the card
-  int nth = gl_VertexID >> 2;
-  ivec2 at = ivec2(nth % ${ORDER_COLUMNS}, nth / ${ORDER_COLUMNS});
-  vec4 middle = uintBitsToFloat(texelFetch(middles, at, 0));
-  uvec4 look = texelFetch(looks, at, 0);
-  float reach = uintBitsToFloat(look.y);
-  away = reach * (vec2(gl_VertexID & 1, (gl_VertexID >> 1) & 1) * 2.0 - 1.0);
-  colour = vec4(unpackHalf2x16(look.z), unpackHalf2x16(look.w));
-  vec2 axis = middle.zw;
-  vec2 pixel = middle.xy + away.x * axis + away.y * uintBitsToFloat(look.x) * vec2(-axis.y, axis.x);
-  gl_Position = vec4(2.0 * pixel.x / size.x - 1.0, 1.0 - 2.0 * pixel.y / size.y, 0.0, 1.0);
-  if (reach == 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+  int instance = gl_VertexID >> 2;
+  ivec2 texel = ivec2(instance % ${ORDER_COLUMNS}, instance / ${ORDER_COLUMNS});
+  vec4 ellipse = uintBitsToFloat(texelFetch(ellipses, texel, 0));
+  uvec4 appearance = texelFetch(appearances, texel, 0);
+  float cutoff = uintBitsToFloat(appearance.y);
+  offset = cutoff * (vec2(gl_VertexID & 1, (gl_VertexID >> 1) & 1) * 2.0 - 1.0);
+  colour = vec4(unpackHalf2x16(appearance.z), unpackHalf2x16(appearance.w));
+  vec2 majorAxis = ellipse.zw;
+  vec2 position = ellipse.xy + offset.x * majorAxis + offset.y * uintBitsToFloat(appearance.x) * vec2(-majorAxis.y, majorAxis.x);
+  gl_Position = vec4(2.0 * position.x / size.x - 1.0, 1.0 - 2.0 * position.y / size.y, 0.0, 1.0);
+  if (cutoff == 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
 }
 `;
 
 export const SPLAT_FRAGMENT = `#version 300 es
 precision highp float;
-in vec2 away;
+in vec2 offset;
 flat in vec4 colour;
 out vec4 premultiplied;
 
 void main() {
-  float alpha = min(colour.a * exp(-0.5 * dot(away, away)), ${float(MAX_OPACITY)});
+  float alpha = min(colour.a * exp(-0.5 * dot(offset, offset)), ${float(MAX_OPACITY)});
   premultiplied = vec4(colour.rgb * alpha, alpha);
 }
 `;
@@ -223,26 +223,26 @@ uniform vec3 eye;
 uniform vec2 focal;
 uniform vec2 centre;
 uniform vec2 size;
-uniform vec2 corner; // of the picture in its framebuffer, px
+uniform vec2 viewportOrigin; // of the picture in its framebuffer, px
 uniform vec3 horizon;
 uniform vec3 zenith;
 uniform vec3 floorColour;
-uniform bool panoramic; // the place that a panorama shows; else the studio
+uniform bool hasPanorama; // the place that a panorama shows; else the studio
 uniform sampler2D panorama; // equirectangular, sRGB
-uniform bool sharing; // a screen stands in the room
+uniform bool hasScreen; // a screen stands in the room
 uniform sampler2D screen; // sRGB, the top row first
 uniform vec3 screenCentre; // m
-uniform vec2 screenHalves; // m
+uniform vec2 screenHalfSize; // m
 uniform int shadowCount;
 uniform vec4 shadows[${MAX_SHADOWS}]; // x, z, radius (m), strength
-out vec4 shown;
+out vec4 fragColour;
 
 const float FADE_M = 14.0;
 const float LINE_HALF_WIDTH_M = 0.008;
 const float LINE_DARKNESS = 0.16;
 /** Where a panorama was taken, and the dome that it is laid on, m. */
-const float TAKEN_AT_M = 1.6;
-const float DOME_M = 8.0;
+const float PANORAMA_HEIGHT_M = 1.6;
+const float DOME_RADIUS_M = 8.0;
 const float PI = 3.14159265358979;
 const float SCREEN_BACK = 0.12;
 
@@ -253,72 +253,72 @@ vec2 lineCoverage(vec2 x, float footprint) {
 }
 
 /** What soft shadows leave of the light at x, z on the floor. */
-float unshaded(vec2 ground) {
-  float light = 1.0;
+float shadowTransmittance(vec2 ground) {
+  float transmittance = 1.0;
   for (int s = 0; s < shadowCount; s++) {
-    vec2 off = ground - shadows[s].xy;
-    float spread = dot(off, off) / (shadows[s].z * shadows[s].z);
-    if (spread < 12.0) light *= 1.0 - shadows[s].w * exp(-spread);
+    vec2 offset = ground - shadows[s].xy;
+    float squaredRadii = dot(offset, offset) / (shadows[s].z * shadows[s].z);
+    if (squaredRadii < 12.0) transmittance *= 1.0 - shadows[s].w * exp(-squaredRadii);
   }
-  return light;
+  return transmittance;
 }
 
-vec3 place(vec3 ray) {
-  vec3 met = vec3(0.0);
-  float light = 1.0;
+vec3 panoramaColour(vec3 ray) {
+  vec3 hit = vec3(0.0);
+  float transmittance = 1.0;
   bool onFloor = false;
   if (ray.y < -1e-6 && eye.y > 0.0) {
     vec2 ground = eye.xz - eye.y / ray.y * ray.xz;
-    onFloor = dot(ground, ground) < DOME_M * DOME_M - TAKEN_AT_M * TAKEN_AT_M;
-    met = vec3(ground.x, -TAKEN_AT_M, ground.y);
-    if (onFloor) light = unshaded(ground);
+    onFloor = dot(ground, ground) < DOME_RADIUS_M * DOME_RADIUS_M - PANORAMA_HEIGHT_M * PANORAMA_HEIGHT_M;
+    hit = vec3(ground.x, -PANORAMA_HEIGHT_M, ground.y);
+    if (onFloor) transmittance = shadowTransmittance(ground);
   }
   if (!onFloor) {
     // the farther crossing of the dome
-    vec3 from = eye - vec3(0.0, TAKEN_AT_M, 0.0);
-    float a = dot(ray, ray), h = dot(from, ray), rest = dot(from, from) - DOME_M * DOME_M;
-    met = from + (sqrt(max(h * h - a * rest, 0.0)) - h) / a * ray;
+    vec3 origin = eye - vec3(0.0, PANORAMA_HEIGHT_M, 0.0);
+    float a = dot(ray, ray), halfB = dot(origin, ray), c = dot(origin, origin) - DOME_RADIUS_M * DOME_RADIUS_M;
+    hit = origin + (sqrt(max(halfB * halfB - a * c, 0.0)) - halfB) / a * ray;
   }
   float rows = float(textureSize(panorama, 0).y);
-  float v = 0.5 - atan(met.y, length(met.xz)) / PI;
-  vec2 at = vec2(0.5 + atan(met.z, met.x) / (2.0 * PI), clamp(v, 0.5 / rows, 1.0 - 0.5 / rows));
-  return light * textureLod(panorama, at, 0.0).rgb;
+  float v = 0.5 - atan(hit.y, length(hit.xz)) / PI;
+  vec2 uv = vec2(0.5 + atan(hit.z, hit.x) / (2.0 * PI), clamp(v, 0.5 / rows, 1.0 - 0.5 / rows));
+  return transmittance * textureLod(panorama, uv, 0.0).rgb;
 }
 
 /** Where on the shared screen the ray meets it: from -1 to 1; outside of that where it does not. */
-vec2 onScreen(vec3 ray) {
-  float reach = (screenCentre.z - eye.z) / ray.z;
-  return reach > 0.0 ? (eye.xy + reach * ray.xy - screenCentre.xy) / screenHalves : vec2(2.0);
+vec2 screenPoint(vec3 ray) {
+  float t = (screenCentre.z - eye.z) / ray.z;
+  return t > 0.0 ? (eye.xy + t * ray.xy - screenCentre.xy) / screenHalfSize : vec2(2.0);
 }
 
-vec3 room(vec3 ray) {
-  if (panoramic) return place(ray);
+vec3 roomColour(vec3 ray) {
+  if (hasPanorama) return panoramaColour(ray);
   float norm = 1.0 / length(ray);
   if (ray.y < -1e-6 && eye.y > 0.0) {
-    float reach = -eye.y / ray.y;
-    vec2 ground = eye.xz + reach * ray.xz;
-    float far = reach / norm;
-    float footprint = far / focal.y / max(-ray.y * norm, 0.05) + 1e-6;
-    vec2 cover = lineCoverage(ground, footprint);
-    float light = (1.0 - LINE_DARKNESS * max(cover.x, cover.y)) * unshaded(ground);
-    return mix(horizon, floorColour * light, exp(-far / FADE_M));
+    float t = -eye.y / ray.y;
+    vec2 ground = eye.xz + t * ray.xz;
+    float depth = t / norm;
+    float footprint = depth / focal.y / max(-ray.y * norm, 0.05) + 1e-6;
+    vec2 coverage = lineCoverage(ground, footprint);
+    float transmittance = (1.0 - LINE_DARKNESS * max(coverage.x, coverage.y)) * shadowTransmittance(ground);
+    return mix(horizon, floorColour * transmittance, exp(-depth / FADE_M));
   }
   return mix(horizon, zenith, sqrt(max(ray.y * norm, 0.0)));
 }
 
 void main() {
-  vec2 place = gl_FragCoord.xy - corner;
-  vec4 front = texelFetch(people, ivec2(place), 0);
-  vec3 ray = vec3((vec2(place.x, size.y - place.y) - centre) / focal, 1.0) * rotation;
-  vec2 at = sharing ? onScreen(ray) : vec2(2.0);
-  bool met = max(abs(at.x), abs(at.y)) < 1.0;
+  vec2 pixel = gl_FragCoord.xy - viewportOrigin;
+  vec4 foreground = texelFetch(people, ivec2(pixel), 0);
+  vec3 ray = vec3((vec2(pixel.x, size.y - pixel.y) - centre) / focal, 1.0) * rotation;
+  vec2 point = hasScreen ? screenPoint(ray) : vec2(2.0);
+  bool onScreen = max(abs(point.x), abs(point.y)) < 1.0;
   // whoever looks from behind sees its back, and nobody through it
-  if (met && ray.z > 0.0) {
-    shown = vec4(vec3(SCREEN_BACK), 1.0);
+  if (onScreen && ray.z > 0.0) {
+    fragColour = vec4(vec3(SCREEN_BACK), 1.0);
     return;
   }
-  vec3 behind = vec3(0.0);
-  if (front.a < 0.999) behind = met ? textureLod(screen, 0.5 + vec2(0.5, -0.5) * at, 0.0).rgb : room(ray);
-  shown = vec4(front.rgb + (1.0 - front.a) * behind, 1.0);
+  vec3 background = vec3(0.0);
+  if (foreground.a < 0.999) background = onScreen ? textureLod(screen, 0.5 + vec2(0.5, -0.5) * point, 0.0).rgb : roomColour(ray);
+  fragColour = vec4(foreground.rgb + (1.0 - foreground.a) * background, 1.0);
 }
 `;

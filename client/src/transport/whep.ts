@@ -75,10 +75,11 @@ export class WhepConnection {
       } catch (error) {
         problem = asProblem(error);
       }
-      this.disconnect();
+      const released = this.disconnect();
       if (this.closing.signal.aborted) return;
-      this.stale = problem !== null && [401, 403].includes(problem.status) && refusals++ === 0;
-      if (this.stale) this.seat = null;
+      const refused = problem !== null && [401, 403].includes(problem.status) && refusals++ === 0;
+      this.stale = released || refused;
+      if (refused) this.seat = null;
       else if (problem && isFinal(problem)) {
         this.hooks.onState({ kind: "refused", problem });
         return;
@@ -209,10 +210,12 @@ export class WhepConnection {
     });
   }
 
-  private disconnect(): void {
+  /** Whether our seat was given back with the session. */
+  private disconnect(): boolean {
     this.decodedBefore += this.decodedNow;
     this.decodedNow = 0;
     // goodbye before the connection ends: a server that sees it end forgets the session by itself
+    const released = this.resource !== null && this.seat !== null;
     if (this.resource && this.seat) {
       const headers = { Authorization: `Bearer ${this.seat.token}` };
       const deleted = this.request(this.resource, { method: "DELETE", headers, keepalive: true });
@@ -222,6 +225,7 @@ export class WhepConnection {
     }
     this.peer?.close();
     this.peer = this.channel = this.resource = this.endConnection = null;
+    return released;
   }
 }
 

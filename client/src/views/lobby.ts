@@ -1,5 +1,6 @@
 /** The lobby, and the screen that says why one has left the meeting. */
 
+import { lostText } from "../meeting/controlConnection";
 import type { MeetingSession } from "../meeting/session";
 import { Problem } from "../api/problem";
 import type { Goodbye } from "../api/types";
@@ -19,9 +20,11 @@ export function lobbyView(session: MeetingSession, onLeave: () => void): View {
     button("Leave the lobby", onLeave, { testId: "lobby-leave" }),
   );
   const release = session.subscribe(() => {
-    const lost = session.connectionState.kind === "lost";
-    const told = lost
-      ? "Connection lost. Reconnecting; your place in the lobby is kept."
+    const { connectionState } = session;
+    const throttled = connectionState.kind === "lost" && connectionState.waitS !== undefined;
+    title.textContent = throttled ? "Waiting for the server" : "Waiting to be let in";
+    const told = connectionState.kind === "lost"
+      ? `${lostText(connectionState)}${throttled ? "." : "; your place in the lobby is kept."}`
       : `The host of “${name}” knows that you are waiting. You join automatically once you are let in.`;
     if (words.textContent === told) return;
     words.textContent = told;

@@ -111,7 +111,7 @@ function viewButtons(live: LiveView): HTMLButtonElement[] {
   const toggle = (): void => {
     const on = filmed.getAttribute("aria-pressed") !== "true";
     filmed.setAttribute("aria-pressed", String(on));
-    live.showFilmedOnly(on);
+    live.setHideUnseen(on);
   };
   const filmed = button("Hide unseen parts", toggle, { look: "glass", icon: "filmed", testId: "filmed-only" });
   filmed.title = "Hide the parts that the camera never saw";

@@ -1,5 +1,6 @@
 /** Notifications over the picture: lobby requests, new messages, reactions, a lost connection. */
 
+import { lostText } from "../meeting/controlConnection";
 import type { MeetingSession } from "../meeting/session";
 import { activeSpeakers, waitingMembers } from "../meeting/state";
 import type { Member, Reacted, Said } from "../api/types";
@@ -22,7 +23,8 @@ export interface Notifications {
 
 export function notifications(session: MeetingSession, ...also: HTMLElement[]): Notifications {
   const talking = h("p", { className: "notification glass active-speakers", testId: "active-speakers", attributes: { "aria-hidden": "true" } });
-  const lost = h("p", { className: "notification glass", testId: "connection-lost" }, h("span", { className: "spinner" }), "Connection lost. Reconnecting");
+  const lostWords = h("span");
+  const lost = h("p", { className: "notification glass", testId: "connection-lost" }, h("span", { className: "spinner" }), lostWords);
   const knocks = h("div", { className: "knocks" });
   const previews = h("div", { className: "previews", attributes: { "aria-hidden": "true" } });
   const floats = h("div", { className: "reactions-shown", attributes: { "aria-hidden": "true" } });
@@ -40,7 +42,9 @@ export function notifications(session: MeetingSession, ...also: HTMLElement[]): 
     element,
     update: (unread, withKnocks) => {
       knocks.hidden = !withKnocks;
-      lost.hidden = session.connectionState.kind !== "lost";
+      const { connectionState } = session;
+      lost.hidden = connectionState.kind !== "lost";
+      if (connectionState.kind === "lost") lostWords.textContent = lostText(connectionState);
       const names = activeSpeakers(session.state);
       talking.hidden = names.length === 0;
       if (names.length > 0) talking.replaceChildren(icon("mic"), names.join(", "));

@@ -141,7 +141,7 @@ export function voiceControls(
     close: () => {
       closing.abort();
       clearInterval(positioning);
-      connection?.close();
+      connection?.close(session.left);
       spatialAudio.close();
       player.srcObject = null;
     },

@@ -15,13 +15,13 @@ uniform vec3 translation;
 uniform vec2 focal; // px
 uniform vec2 centre;
 uniform vec2 size;
-out vec2 at; // -1 to 1
+out vec2 position; // -1 to 1
 
 void main() {
-  at = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
-  vec3 p = rotation * (middle + at.x * right + at.y * up) + translation;
-  vec2 pixels = focal * p.xy + centre * p.z;
-  vec2 clip = 2.0 * pixels / size - p.z;
+  position = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
+  vec3 p = rotation * (middle + position.x * right + position.y * up) + translation;
+  vec2 homogeneousPx = focal * p.xy + centre * p.z;
+  vec2 clip = 2.0 * homogeneousPx / size - p.z;
   gl_Position = vec4(clip.x, -clip.y, 0.0, p.z);
 }
 `;
@@ -29,23 +29,23 @@ void main() {
 const FRAGMENT = `#version 300 es
 precision highp float;
 precision highp sampler2D;
-in vec2 at;
+in vec2 position;
 uniform int kind; // 0: a board, 1: a ring, 2: a ray that fades away
 uniform sampler2D board; // premultiplied
 uniform vec3 colour;
-out vec4 shown;
+out vec4 fragColour;
 
 void main() {
   if (kind == 0) {
-    shown = texture(board, vec2(0.5 + 0.5 * at.x, 0.5 - 0.5 * at.y));
+    fragColour = texture(board, vec2(0.5 + 0.5 * position.x, 0.5 - 0.5 * position.y));
     return;
   }
-  float away = kind == 1 ? length(at) : abs(at.y);
-  float soft = fwidth(away);
-  float alpha = 1.0 - smoothstep(1.0 - soft, 1.0, away);
-  if (kind == 1) alpha *= smoothstep(0.72 - soft, 0.72, away) + 0.25 * (1.0 - smoothstep(0.25 - soft, 0.25, away));
-  else alpha *= 0.75 - 0.6 * (0.5 + 0.5 * at.x);
-  shown = vec4(colour * alpha, alpha);
+  float radius = kind == 1 ? length(position) : abs(position.y);
+  float edge = fwidth(radius);
+  float alpha = 1.0 - smoothstep(1.0 - edge, 1.0, radius);
+  if (kind == 1) alpha *= smoothstep(0.72 - edge, 0.72, radius) + 0.25 * (1.0 - smoothstep(0.25 - edge, 0.25, radius));
+  else alpha *= 0.75 - 0.6 * (0.5 + 0.5 * position.x);
+  fragColour = vec4(colour * alpha, alpha);
 }
 `;
 

@@ -1,5 +1,6 @@
 /** Status text in a headset: active speakers, recent messages and reactions, what is being loaded. */
 
+import { lostText } from "../meeting/controlConnection";
 import type { MeetingSession } from "../meeting/session";
 import { activeSpeakers } from "../meeting/state";
 import type { LocalRoom } from "../splats/localRoom";
@@ -41,7 +42,7 @@ export class StatusText {
     const { connectionState, state } = this.meetingSession;
     const talking = activeSpeakers(state);
     const lasting = [
-      connectionState.kind === "lost" && "Connection lost. Reconnecting",
+      connectionState.kind === "lost" && lostText(connectionState),
       room.obstacle ?? (!room.drawable && "Preparing the picture"),
       talking.length > 0 && `${talking.join(", ")} ${talking.length > 1 ? "speak" : "speaks"}`,
     ].filter((words): words is string => typeof words === "string");

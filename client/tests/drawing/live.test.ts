@@ -219,7 +219,7 @@ describe("the viewpoint", () => {
     const { live, seconds, flags } = setUp();
     await seconds(2, 30);
     expect(flags()).toBe(0);
-    live.showFilmedOnly(true);
+    live.setHideUnseen(true);
     videoFrame();
     await vi.advanceTimersByTimeAsync(100);
     expect(flags()).toBe(1);

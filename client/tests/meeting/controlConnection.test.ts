@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import { ControlConnection, reconnectDelayMs, type ControlState } from "../../src/meeting/controlConnection";
+import { ControlConnection, lostText, reconnectDelayMs, type ControlState } from "../../src/meeting/controlConnection";
 import { NO_SERVER, Problem } from "../../src/api/problem";
 import type { FromServer, ToServer } from "../../src/api/types";
 
@@ -167,6 +167,29 @@ describe("ControlConnection", () => {
     await running;
     expect(kinds()).toEqual(["connecting", "lost", "lost", "lost", "ended"]);
     expect(states.at(-1)).toMatchObject({ reason: "refused", problem: over });
+  });
+
+  it("waits as long as a busy server asks, says so, and tries again", async () => {
+    const answers = [
+      new Problem("Too many requests", "Come back in 20 s.", 429, 20),
+      new Problem("Too many requests", "Come back.", 429),
+    ];
+    let attempts = 0;
+    const { line, states, kinds } = setUp(async () => {
+      attempts++;
+      throw answers.shift() ?? new Problem("Meeting over", "It was ended.", 410);
+    });
+    const running = line.run();
+    await vi.advanceTimersByTimeAsync(19_900);
+    expect(attempts).toBe(1);
+    expect(states.at(-1)).toEqual({ kind: "lost", waitS: 20 });
+    expect(lostText({ kind: "lost", waitS: 20 })).toBe("Too many requests. Trying again in 20 s");
+    await vi.advanceTimersByTimeAsync(1200);
+    expect(attempts).toBe(2);
+    await vi.advanceTimersByTimeAsync(6000);
+    await running;
+    expect(attempts).toBe(3);
+    expect(kinds()).toEqual(["connecting", "lost", "lost", "ended"]);
   });
 
   it("waits longer between attempts, but never long", () => {

@@ -98,7 +98,9 @@ describe("MeetingSession", () => {
     const { session, hooks, ticket, sent } = setUp();
     session.join("Ada");
     await hooks().hello(false);
+    expect(session.left).toBe(false);
     session.leave();
+    expect(session.left).toBe(true);
     expect(sent).toEqual([{ type: "leave" }]);
     expect(ticket()).toBeNull();
   });

@@ -135,6 +135,16 @@ describe("the voice connection", () => {
     ]);
   });
 
+  it("asks for nothing to be ended that the server ends by itself", async () => {
+    const { link, calls, peers } = setUp();
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    link.close(true);
+    await vi.advanceTimersByTimeAsync(10);
+    expect(peers[0]?.closed).toBe(true);
+    expect(calls.map(({ method }) => method)).toEqual(["POST"]);
+  });
+
   it("stops asking where it is not let in, and goes on where the server is busy", async () => {
     const refused = setUp(403);
     await refused.link.run();

@@ -33,7 +33,7 @@ describe("Lights", () => {
     expect(given.get("lit")?.slice(0, 4)).toEqual([1, 0, 1, 0]);
     expect(given.get("harmonics")?.slice(0, 27)).toEqual(Array(27).fill(1));
     expect(given.get("harmonics")?.slice(54, 81)).toEqual(Array(27).fill(3));
-    expect(given.get("turned")?.slice(4, 6)).toEqual([expect.closeTo(0, 6), 1]);
+    expect(given.get("clipYaw")?.slice(4, 6)).toEqual([expect.closeTo(0, 6), 1]);
     expect(given.get("keyColour")).toEqual([0, 0, 0]);
   });
 
@@ -42,7 +42,7 @@ describe("Lights", () => {
     set(lights, [1, 1, 1]);
     expect(given.get("lit")?.slice(0, 4)).toEqual([1, 1, 1, 0]);
     expect(given.get("harmonics")?.slice(0, 81)).toEqual(Array(81).fill(7));
-    expect(given.get("turned")?.slice(0, 6)).toEqual([1, 0, 1, 0, 1, 0]);
+    expect(given.get("clipYaw")?.slice(0, 6)).toEqual([1, 0, 1, 0, 1, 0]);
     expect(given.get("keyColour")).toEqual([2, 2, 2]);
     lights.setRoom(null);
     set(lights, [0, 0, 0]);

@@ -84,7 +84,8 @@ function setUp(answer: (call: Call, attempt: number) => Response) {
     call.method === "DELETE" ? new Response() : answer(call, attempt++),
   );
   const hooks = {
-    seat: async () => ({ ...SEAT, token: `seat${++seats}` }),
+    // as a MeetingSession keeps it
+    seat: async (stale: boolean) => ({ ...SEAT, token: `seat${stale || seats === 0 ? ++seats : seats}` }),
     onState: (state: WhepState) => states.push(state),
     onStream: () => undefined,
     onPose: (packet: ArrayBuffer) => heard.push(packet),

@@ -27,7 +27,7 @@ function fakeLive() {
     onStats: (_: object): void => undefined,
     onRenderStatus: (_: RenderStatus): void => undefined,
     onPerformers: (_: readonly Performer[]): void => undefined,
-    showFilmedOnly: vi.fn(),
+    setHideUnseen: vi.fn(),
     chooseRenderMode: vi.fn(),
     showScreen: vi.fn(),
     listener: { position: [0, 0, 0], wxyz: [1, 0, 0, 0] },
@@ -108,7 +108,7 @@ describe("the meeting", () => {
     const { element, live } = setUp();
     press(element, "filmed-only");
     press(element, "filmed-only");
-    expect(live.showFilmedOnly.mock.calls).toEqual([[true], [false]]);
+    expect(live.setHideUnseen.mock.calls).toEqual([[true], [false]]);
     expect(find(element, "filmed-only").getAttribute("aria-pressed")).toBe("false");
   });
 

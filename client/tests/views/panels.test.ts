@@ -264,6 +264,9 @@ describe("the lobby", () => {
     expect(element.textContent).toContain("Connection lost. Reconnecting");
     state({ kind: "open" });
     expect(element.textContent).toContain("knows that you are waiting");
+    state({ kind: "lost", waitS: 20 });
+    expect(element.textContent).toContain("Waiting for the server");
+    expect(element.textContent).toContain("Too many requests. Trying again in 20 s.");
     close();
   });
 

@@ -1,6 +1,6 @@
 """The file from which a viewer's own device draws a person: 32 bytes a splat, little endian.
 
-Layout, also in docs/splats.md:
+Layout, also in docs/viewer-file.md:
 
     char[4] "MNSP", u16 version (4), u16 joints K, u32 splats N
     f32[3] lowest and f32[3] highest position (m), f32 lowest and f32 highest log scale (log m)

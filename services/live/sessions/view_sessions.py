@@ -238,7 +238,9 @@ class ViewSessions:
         """End every session, at shutdown."""
         if self._monitoring is not None:
             self._monitoring.cancel()
+            await asyncio.wait([self._monitoring])
         await asyncio.gather(*(self.close(session_id) for session_id in list(self._sessions)))
+        await self._pose_feed.close()
         self._executor.shutdown(wait=False)
         self._keypoint_channels.close()
 

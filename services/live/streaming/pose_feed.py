@@ -76,6 +76,13 @@ class PoseFeed:
             for data in encoded[subscriber.room]:
                 channel.send(data)
 
+    async def close(self) -> None:
+        """Stop sending; returns once nothing of it runs any more."""
+        self._subscribers = {}
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait([self._task])
+
     def _packets(self, room: Room) -> list[bytes]:
         now_s = self._clock()
         time_ms = self._instrumentation.pose_time_ms(room, now_s)

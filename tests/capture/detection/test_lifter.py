@@ -12,7 +12,7 @@ from capture.detection.lifter_network import LifterNetwork, forward_kinematics, 
 from capture.studio.poses import random_pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from tests.capture.people import body, landmark_positions, up_is_down
-from tools.build_lifter import Shard, learn, mirrored
+from tools.build_lifter import Shard, learn, mirrored, read_shard
 
 FOCAL_PX, SIZE_PX = 600.0, 512.0
 
@@ -30,7 +30,7 @@ def _shard(count: int, seed: int, flattened: float) -> Shard:
         "pixels": FOCAL_PX * away[..., :2] / away[..., 2:],
         "world": world * [1.0, 1.0, flattened],
         "visibility": np.full(world.shape[:2], 0.9),
-        "turns": OPENCV_TO_OPENGL[:, None] * moved[..., :3, :3],
+        "global_rotations": OPENCV_TO_OPENGL[:, None] * moved[..., :3, :3],
         "rest": np.repeat(person.skeleton.rest_joints[None], count, axis=0),
         "focal_px": np.full(count, FOCAL_PX),
     }
@@ -57,12 +57,14 @@ def test_numpy_runs_the_network_that_torch_has_taught():
         shard["pixels"], shard["world"], shard["visibility"], shard["focal_px"], np.zeros(2)
     )
     with torch.no_grad():
-        turns, log_spread = network(
+        rotations, log_spread = network(
             torch.tensor(inputs.features), torch.tensor(inputs.closed_form, dtype=torch.float32)
         )
     said = lift(shard["pixels"], shard["world"], shard["visibility"], FOCAL_PX, np.zeros(2))
     assert said.spread_rad == pytest.approx(np.exp(log_spread.numpy()), rel=1e-3)
-    assert said.rotations[:, 1:] == pytest.approx(local_rotations(turns).numpy()[:, 1:], abs=1e-3)
+    assert said.rotations[:, 1:] == pytest.approx(
+        local_rotations(rotations).numpy()[:, 1:], abs=1e-3
+    )
 
 
 def test_where_in_the_picture_somebody_stands_changes_only_where_they_face():
@@ -87,8 +89,8 @@ def test_rotations_are_rotations_even_of_landmarks_in_one_place():
 
 def test_the_closed_form_is_believed_of_other_estimators():
     shard = _shard(4, 3, 1.0)
-    truth = local_rotations(torch.tensor(shard["turns"])).numpy()
-    pelvis = OPENCV_TO_OPENGL[:, None] * shard["turns"][:, 0]
+    truth = local_rotations(torch.tensor(shard["global_rotations"])).numpy()
+    pelvis = OPENCV_TO_OPENGL[:, None] * shard["global_rotations"][:, 0]
     said = _lifted(shard, closed_form)
     assert _turned_deg(said[:, 0], pelvis) < 10.0
     knee = 4
@@ -102,6 +104,18 @@ def test_a_mirror_seen_in_a_mirror_is_the_thing_itself():
         assert twice[name] == pytest.approx(value, abs=1e-6)
 
 
+def test_a_shard_of_the_version_that_said_turns_is_read(tmp_path):
+    shard = _shard(2, 7, 1.0)
+    rotations = shard["global_rotations"]
+    older = {name: value for name, value in shard.items() if name != "global_rotations"}
+    np.savez(tmp_path / "old.npz", allow_pickle=False, turns=rotations, **older)
+    np.savez(tmp_path / "new.npz", allow_pickle=False, **shard)
+    for name in ("old", "new"):
+        read = read_shard(tmp_path / f"{name}.npz")
+        assert set(read) == set(shard)
+        np.testing.assert_array_equal(read["global_rotations"], rotations)
+
+
 def test_what_flattens_people_is_learnt():
     taught, asked = _shard(512, 5, 0.5), _shard(64, 6, 0.5)
     network = learn(taught, epochs=40)
@@ -110,14 +124,15 @@ def test_what_flattens_people_is_learnt():
     )
     closed = torch.tensor(inputs.closed_form, dtype=torch.float32)
     with torch.no_grad():
-        turns, _ = network(torch.tensor(inputs.features), closed)
+        predicted, _ = network(torch.tensor(inputs.features), closed)
     truth = torch.tensor(
-        (OPENCV_TO_OPENGL[:, None] * inputs.view)[:, None] @ asked["turns"], dtype=torch.float32
+        (OPENCV_TO_OPENGL[:, None] * inputs.view)[:, None] @ asked["global_rotations"],
+        dtype=torch.float32,
     )
     rest = torch.tensor(asked["rest"], dtype=torch.float32)
     places = forward_kinematics(truth, rest)
     off = [
         float((forward_kinematics(world, rest) - places).norm(dim=-1).mean())
-        for world in (turns, closed)
+        for world in (predicted, closed)
     ]
     assert off[0] < 0.7 * off[1]

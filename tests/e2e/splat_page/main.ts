@@ -20,7 +20,7 @@ interface Asked {
   fovYRad: number;
   width: number;
   height: number;
-  filmedOnly: boolean;
+  hideUnseen: boolean;
   most: number;
   /** The panorama's file, base64, and its light; the studio, where nothing is said. */
   place?: { picture: string; light: Light };
@@ -61,7 +61,7 @@ function frameOf(asked: Asked): PassFrame {
   depths(splats.skinned, depthRows(transforms, camera.worldToCamera), depth, kept);
   const count = depthOrder(depth, order);
   const growth = splats.skinned.counts.map((whole, person) => varianceScale(whole, kept[person] ?? whole));
-  return { camera, transforms, offsets, order, count, growth, yawsRad: asked.yawsRad, shadows, filmedOnly: asked.filmedOnly };
+  return { camera, transforms, offsets, order, count, growth, yawsRad: asked.yawsRad, shadows, hideUnseen: asked.hideUnseen };
 }
 
 function testScreen(): HTMLCanvasElement {

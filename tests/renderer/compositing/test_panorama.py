@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from renderer.compositing.panorama_kernels import DOME_M, TAKEN_AT_M, compose_panorama
+from renderer.compositing.panorama_kernels import DOME_RADIUS_M, PANORAMA_HEIGHT_M, compose_panorama
 from renderer.reference import panorama as twin
 from renderer.scene_renderer import SceneRenderer, panorama_picture
 from scene import Environment, Performer, Pose, Scene, orbit_camera
@@ -44,8 +44,10 @@ def test_the_kernel_matches_its_twin(azimuth, elevation):
 
 
 def test_from_where_it_was_taken_a_panorama_is_seen_as_it_is():
-    eye = (0.0, TAKEN_AT_M, 0.0)
-    camera = Camera.from_field_of_view(look_at(eye, (1.0, TAKEN_AT_M + 0.3, 0.4)), 64, 64, 0.8)
+    eye = (0.0, PANORAMA_HEIGHT_M, 0.0)
+    camera = Camera.from_field_of_view(
+        look_at(eye, (1.0, PANORAMA_HEIGHT_M + 0.3, 0.4)), 64, 64, 0.8
+    )
     environment = place(spots())
     assert environment.panorama is not None
     seen = SceneRenderer().render(Scene(environment, ()), camera)
@@ -57,7 +59,7 @@ def test_from_where_it_was_taken_a_panorama_is_seen_as_it_is():
 
 def test_the_floor_stays_under_the_feet_while_viewers_walk():
     directions = panorama_directions(*SIZE)
-    mark = np.array([1.0, -TAKEN_AT_M, 0.5])
+    mark = np.array([1.0, -PANORAMA_HEIGHT_M, 0.5])
     mark /= np.linalg.norm(mark)
     ground = np.full((*SIZE, 3), 0.1)
     ground[directions @ mark > 0.995] = 0.5
@@ -84,5 +86,5 @@ def test_people_are_lit_by_the_place_and_hide_it():
 
 
 def test_a_viewer_outside_the_dome_gets_a_picture():
-    camera = orbit_camera((0.0, 0.8, 0.0), 3.0 * DOME_M, 0.4, 0.3, 32, 32)
+    camera = orbit_camera((0.0, 0.8, 0.0), 3.0 * DOME_RADIUS_M, 0.4, 0.3, 32, 32)
     assert SceneRenderer().render(Scene(place(spots()), ()), camera).std() > 0.0

@@ -13,7 +13,7 @@ from tests.services.conftest import changed
 
 
 async def asked(services: Services, name: str = "model") -> httpx.Response:
-    transport = httpx.ASGITransport(create_app(services.settings, services))
+    transport = httpx.ASGITransport(create_app(services))
     async with httpx.AsyncClient(transport=transport, base_url="http://test") as page:
         return await page.get(f"/v1/landmarks/{name}")
 

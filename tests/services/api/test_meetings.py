@@ -46,7 +46,7 @@ async def test_a_meeting_places_its_performers_apart(
 async def test_performers_come_and_go_and_live_views_follow(
     services: Services, models: list[ModelRow], monkeypatch: pytest.MonkeyPatch
 ):
-    app = create_app(services.settings, services)
+    app = create_app(services)
     heard: list[str] = []
 
     async def listener(meeting_id: str) -> None:
@@ -105,7 +105,7 @@ async def test_a_link_lets_in_where_access_is_closed(services: Services, models:
     closed = changed(services.settings, open_access=False, public_url="https://meet.example/")
     from dataclasses import replace
 
-    app = create_app(closed, replace(services, settings=closed))
+    app = create_app(replace(services, settings=closed))
     async with httpx.AsyncClient(
         transport=httpx.ASGITransport(app), base_url="http://test"
     ) as client:
@@ -164,7 +164,7 @@ async def test_keypoints_move_a_performer_until_they_are_erased(
     models: list[ModelRow],
     monkeypatch: pytest.MonkeyPatch,
 ):
-    app = create_app(services.settings, services)
+    app = create_app(services)
     heard: list[str] = []
 
     async def listener(meeting_id: str) -> None:

@@ -17,9 +17,7 @@ from tests.services.conftest import bearer, changed
 
 
 def _caller(services: Services) -> httpx.AsyncClient:
-    transport = httpx.ASGITransport(
-        create_app(services.settings, services), raise_app_exceptions=False
-    )
+    transport = httpx.ASGITransport(create_app(services), raise_app_exceptions=False)
     return httpx.AsyncClient(transport=transport, base_url="http://test", headers=bearer(services))
 
 

@@ -111,7 +111,7 @@ async def test_who_moved_by_it_moves_as_they_were_filmed(
     model_file: Path,
     monkeypatch: pytest.MonkeyPatch,
 ):
-    app = create_app(services.settings, services)
+    app = create_app(services)
     told: list[str] = []
 
     async def listener(meeting_id: str) -> None:

@@ -11,7 +11,8 @@ import httpx
 import pytest
 
 from services.app import create_app
-from services.container import Services, build_services
+from services.composition import build_services
+from services.container import Services
 from services.settings import Settings
 from tests.fakes import SmallObjects
 from tests.services import seeds
@@ -207,7 +208,7 @@ async def test_a_full_store_is_told_and_leaves_nothing(settings: Settings):
     small = SmallObjects(settings.folders.data_dir / "objects", capacity=10_000)
     services = build_services(settings, objects=small)
     services.database.migrate()
-    transport = httpx.ASGITransport(create_app(settings, services), raise_app_exceptions=False)
+    transport = httpx.ASGITransport(create_app(services), raise_app_exceptions=False)
     async with httpx.AsyncClient(
         transport=transport, base_url="http://test", headers=bearer(services)
     ) as client:

@@ -56,7 +56,7 @@ def timed(services: Services, clock: Clock) -> Services:
 
 @pytest.fixture
 async def app(timed: Services) -> FastAPI:
-    return create_app(timed.settings, timed)
+    return create_app(timed)
 
 
 @pytest.fixture

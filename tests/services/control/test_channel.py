@@ -164,7 +164,7 @@ async def test_who_talks_without_end_is_told_to_wait(caller, meeting, app, timed
 
 async def test_two_gateways_are_one_meeting_by_redis(services: Services, redis_url: str):
     both = [replace(services, events=RedisEvents(redis_url)) for _ in range(2)]
-    apps = [create_app(one.settings, one) for one in both]
+    apps = [create_app(one) for one in both]
     async with on_a_port(apps[0], both[0]) as here, on_a_port(apps[1], both[1]) as there:
         opened = (await here.post("/v1/meetings", json={"name": "Monday"})).json()
         bo_header = header(services, "neighbours")

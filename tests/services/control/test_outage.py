@@ -41,7 +41,7 @@ async def look(caller, meeting_id: str, page: Page) -> Viewer:
 
 async def test_ten_seconds_without_a_network_cost_nobody_their_seat(services, model_file):
     model = import_model(services, model_file, "house", "Robin")
-    app = create_app(services.settings, services)
+    app = create_app(services)
     async with on_a_port(app, services) as caller:
         body = {"name": "Monday", "model_ids": [model.id]}
         meeting_id = (await caller.post("/v1/meetings", json=body)).json()["id"]

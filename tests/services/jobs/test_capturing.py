@@ -13,7 +13,7 @@ import pytest
 
 from capture.storage import open_sequence
 from scene.sequence import Sequence
-from services.container import build_services
+from services.composition import build_services
 from services.jobs.packing import unpack
 from services.settings import Settings
 from tests.services import seeds

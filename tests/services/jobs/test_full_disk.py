@@ -11,7 +11,7 @@ import pytest
 
 from db.errors import StoreFull
 from db.objects import naming_errors
-from services.container import build_services
+from services.composition import build_services
 from services.problems import problem_of
 from services.settings import Settings
 from tests.services import seeds

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from db.models import JobKind, JobRow, JobState, SequenceState
-from services.container import Services, build_services
+from services.composition import build_services
+from services.container import Services
 from services.jobs.lease import reclaim_expired
 from services.jobs.queue import crashed, drop_orphans, enqueue
 from services.problems import stored_failure

@@ -13,7 +13,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from services.container import build_services
+from services.composition import build_services
 from services.jobs.train_job import round_ends
 from services.settings import Settings
 from tests.servers import DATABASES, fresh_database

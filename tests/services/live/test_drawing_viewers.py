@@ -6,6 +6,8 @@ from __future__ import annotations
 import asyncio
 from itertools import pairwise
 
+import pytest
+
 from services.gateway import gateway_of
 from services.live.packets import (
     PosePacket,
@@ -15,6 +17,7 @@ from services.live.packets import (
     is_newer,
     performer_check,
 )
+from services.live.streaming.pose_feed import PoseFeed
 from tests.services.live.test_whep import app, caller, model, open_meeting
 from tests.services.live.viewer import Viewer
 
@@ -40,7 +43,38 @@ async def newest(poses: asyncio.Queue[bytes]) -> PosePacket:
     return decode_pose(await asyncio.wait_for(poses.get(), 20))
 
 
-async def test_poses_come_while_the_viewer_draws_and_pictures_rest(app, caller, model):
+class Ticks:
+    """Counts how often the feed sent what there was to send."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.count, send_newest = 0, PoseFeed.send_newest
+
+        def counted(feed: PoseFeed) -> None:
+            send_newest(feed)
+            self.count += 1
+
+        monkeypatch.setattr(PoseFeed, "send_newest", counted)
+
+    async def past(self, count: int) -> None:
+        """Wait for so many more."""
+        due = self.count + count
+        while self.count < due:
+            await asyncio.sleep(0.005)
+
+
+async def until_quiet(poses: asyncio.Queue[bytes], ticks: Ticks) -> None:
+    """Wait for half a second's ticks after which no pose has come."""
+    async with asyncio.timeout(20):
+        while True:
+            while not poses.empty():
+                poses.get_nowait()
+            await ticks.past(15)
+            if poses.empty():
+                return
+
+
+async def test_poses_come_while_the_viewer_draws_and_pictures_rest(app, caller, model, monkeypatch):
+    ticks = Ticks(monkeypatch)
     meeting_id, header = await open_meeting(caller, model)
     viewer = Viewer()
     channel = viewer.peer.createDataChannel("pose", ordered=False, maxRetransmits=0)
@@ -67,11 +101,7 @@ async def test_poses_come_while_the_viewer_draws_and_pictures_rest(app, caller, 
     assert len(gateway_of(app).views.render_milliseconds()) == rendered
 
     viewer.channel.send(view(3, draws_itself=True, sound_only=True))
-    await asyncio.sleep(0.5)
-    while not poses.empty():
-        poses.get_nowait()
-    await asyncio.sleep(1.0)
-    assert poses.empty()
+    await until_quiet(poses, ticks)
     assert len(gateway_of(app).views.render_milliseconds()) == rendered
 
     viewer.channel.send(view(4, draws_itself=False))

@@ -47,7 +47,7 @@ async def until(look: Callable[[], bool], what: str) -> None:
 
 @pytest.fixture
 async def app(services: Services) -> AsyncIterator[FastAPI]:
-    made = create_app(services.settings, services)
+    made = create_app(services)
     yield made
     await gateway_of(made).close()
 

@@ -179,3 +179,17 @@ async def test_only_who_draws_is_sent_poses_and_only_while_they_can_take_them():
         await asyncio.sleep(0)
     feed.send_newest()
     assert len(feed) == 0
+
+
+async def test_a_closed_feed_leaves_no_task_behind():
+    feed, room, channel = PoseFeed(lambda: 1.0, Instrumentation()), make_room(), Channel()
+    feed.add(room, looking(True), cast(RTCDataChannel, channel))
+    await asyncio.sleep(0)
+    assert len(asyncio.all_tasks()) == 2
+    await feed.close()
+    assert asyncio.all_tasks() == {asyncio.current_task()}
+    sent = len(channel.sent)
+    feed.send_newest()
+    assert sent > 0
+    assert (len(channel.sent), len(feed)) == (sent, 0)
+    await feed.close()

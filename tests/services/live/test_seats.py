@@ -61,7 +61,7 @@ def model(services: Services, model_file: Path) -> ModelRow:
 
 @pytest.fixture
 async def app(services: Services) -> AsyncIterator[FastAPI]:
-    made = create_app(services.settings, services)
+    made = create_app(services)
     yield made
     await gateway_of(made).close()
 
@@ -130,7 +130,7 @@ async def test_an_offer_that_fails_gives_the_seat_back(app, caller, services, me
 async def test_who_never_comes_to_look_loses_the_seat(services, model):
     clock = Clock()
     late = replace(services, clock=clock)
-    transport = httpx.ASGITransport(create_app(late.settings, late))
+    transport = httpx.ASGITransport(create_app(late))
     async with httpx.AsyncClient(
         transport=transport, base_url="http://test", headers=bearer(services)
     ) as caller:
@@ -171,8 +171,10 @@ async def test_an_answer_that_nobody_takes_up_frees_its_place(watched):
     views, clock, noted = watched
     viewer = Viewer()
     await views.open("m", await viewer.offer(), "seat")
+    await asyncio.sleep(0)  # the monitor begins
     clock.now_s += CONNECT_S - 1.0
-    await asyncio.sleep(1.2)
+    # seats are renewed after everybody was looked at
+    await _soon(lambda: noted.kept == [{"seat"}], "a look at who has left")
     assert len(views) == 1
     clock.now_s += 2.0
     await _soon(lambda: noted.given_back == [{"seat"}], "giving back a seat that nobody took up")

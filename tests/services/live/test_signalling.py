@@ -45,7 +45,7 @@ class Screen(MediaStreamTrack):
 @pytest.fixture
 async def app(services: Services, changes: dict[str, int]):
     settings = changed(services.settings, **changes)
-    made = create_app(settings, replace(services, settings=settings))
+    made = create_app(replace(services, settings=settings))
     yield made
     await gateway_of(made).close()
 
@@ -235,7 +235,7 @@ async def test_pages_of_other_origins_are_told_what_they_need(services, meeting_
     settings = changed(
         services.settings, allowed_origins=["https://other.example"], ice_servers=["stun:192.0.2.1"]
     )
-    app = create_app(settings, services)
+    app = create_app(replace(services, settings=settings))
     origin = {"Origin": "https://other.example"}
     async with httpx.AsyncClient(
         transport=httpx.ASGITransport(app), base_url="http://test", headers=origin
@@ -255,7 +255,7 @@ async def test_pages_of_other_origins_are_told_what_they_need(services, meeting_
 
 async def test_ice_servers_come_as_links(services, meeting_id):
     settings = changed(services.settings, ice_servers=["stun:192.0.2.1", "turn:192.0.2.2"])
-    app = create_app(settings, replace(services, settings=settings))
+    app = create_app(replace(services, settings=settings))
     async with httpx.AsyncClient(
         transport=httpx.ASGITransport(app), base_url="http://test", headers=bearer(services)
     ) as caller:

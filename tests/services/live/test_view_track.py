@@ -55,6 +55,17 @@ class Driven:
         return Pose(np.zeros((24, 3)), np.zeros(3), now_s)
 
 
+class CountingView(NewestView):
+    """Counts how often it is asked whether pictures are wanted."""
+
+    asked = 0
+
+    @property
+    def wants_pictures(self) -> bool:
+        self.asked += 1
+        return super().wants_pictures
+
+
 @pytest.fixture
 def room() -> Room:
     return Room(
@@ -117,14 +128,16 @@ async def test_who_says_that_pictures_stopped_gets_a_key_frame_now_and_then(room
 
 
 async def test_who_goes_on_with_sound_alone_costs_no_drawing_and_begins_anew(room, threads):
-    clock, view = Clock(), NewestView()
+    clock, view = Clock(), CountingView()
     track = track_of(room, threads, clock, view)
     view.receive(VIEW)
     assert await keys(track, clock, 2) == [True, False]
     view.receive(replace(VIEW, sequence=2, sound_only=True))
     clock.now_s += 1.0
     coming = asyncio.create_task(track.recv())
-    await asyncio.sleep(5 * TICK_S)
+    asked = view.asked
+    while view.asked < asked + 5:
+        await asyncio.sleep(0)
     assert not coming.done()
     assert len(track.render_seconds) == 2
     view.receive(replace(VIEW, sequence=3))

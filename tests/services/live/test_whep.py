@@ -29,7 +29,7 @@ def model(services: Services, model_file: Path) -> ModelRow:
 @pytest.fixture
 async def app(services: Services, changes: dict[str, int]):
     settings = changed(services.settings, **changes)
-    made = create_app(settings, replace(services, settings=settings))
+    made = create_app(replace(services, settings=settings))
     yield made
     await gateway_of(made).close()
 

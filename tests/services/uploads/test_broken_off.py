@@ -13,7 +13,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from services.container import build_services
+from services.composition import build_services
 from services.jobs.scratch import clear_abandoned, scratch_folder
 from services.settings import Settings
 from tests.services import seeds
@@ -79,8 +79,10 @@ def test_a_cut_piece_is_gone_on_with(settings: Settings):
 def test_a_killed_server_leaves_nothing_visible_and_its_scratch_is_cleared(settings: Settings):
     code = (
         "import sys, uvicorn; from services.app import create_app; "
+        "from services.composition import build_services; "
         "from services.settings import load_settings; "
-        "uvicorn.run(create_app(load_settings()), port=int(sys.argv[1]), log_level='warning')"
+        "app = create_app(build_services(load_settings())); "
+        "uvicorn.run(app, port=int(sys.argv[1]), log_level='warning')"
     )
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]

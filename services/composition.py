@@ -1,0 +1,42 @@
+"""Builds a process's services from its settings: the composition root."""
+
+from __future__ import annotations
+
+from db.objects import Objects, open_objects
+from db.unit_of_work import Database
+from services.auth import Tokens
+from services.container import Clock, Services, utc_now
+from services.jobs.events import open_events
+from services.limits import RateLimit
+from services.person_models import ModelCache
+from services.problems import stored_failure
+from services.settings import Settings
+
+
+def build_services(
+    settings: Settings, *, clock: Clock = utc_now, objects: Objects | None = None
+) -> Services:
+    """Open everything that `settings` name. Neither migrates nor waits for a server."""
+    settings.folders.data_dir.mkdir(parents=True, exist_ok=True)
+    database = Database(settings.database.url)
+    secret = settings.objects.s3_secret_access_key
+    store = objects or open_objects(
+        settings.objects.store_url,
+        endpoint=settings.objects.s3_endpoint_url,
+        region=settings.objects.s3_region,
+        access_key_id=settings.objects.s3_access_key_id,
+        secret_access_key=secret.get_secret_value() if secret else None,
+    )
+    return Services(
+        settings=settings,
+        database=database,
+        objects=store,
+        events=open_events(settings.events.redis_url),
+        tokens=Tokens(settings.signing_key(), clock),
+        models=ModelCache(database, store, settings.models.max_cached),
+        guest_limit=RateLimit(
+            "guest tokens from one address", settings.security.guest_tokens_per_minute, clock
+        ),
+        clock=clock,
+        describe_failure=stored_failure,
+    )
