@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,7 @@ import typer
 
 from scene.arrays import Array, UInt8
 from scene.errors import InvalidInput, SceneError
+from scene.sequence import PoseTrust
 from services.cli.terminal import (
     Report,
     progress_bar,
@@ -50,6 +52,13 @@ def train(
             help="Weights (.pth) for LPIPS, which `humannerf` and `paper` train on. [VGG-16]"
         ),
     ] = None,
+    pose_trust: Annotated[
+        PoseTrust | None,
+        typer.Option(
+            help="How far its poses are believed: `exact` ones stay, `given` ones keep their "
+            "skeleton and means. [as the data says]"
+        ),
+    ] = None,
 ) -> None:
     """Train a model of a person. Ctrl-C keeps a checkpoint, from which the same command continues.
 
@@ -66,6 +75,8 @@ def train(
     require_writable(out)
     budget_s = None if iterations else seconds(budget)
     clip = open_folder(sequence)
+    if pose_trust is not None:
+        clip = replace(clip, pose_trust=pose_trust)
     on_patches = find_preset(preset).trains_on_patches
     out.parent.mkdir(parents=True, exist_ok=True)
     require_poses_on_mask(clip, out.with_suffix(".poses.png"))

@@ -10,10 +10,13 @@ from pathlib import Path
 
 import av
 import cv2
+import numpy as np
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from capture.storage import open_sequence
+from renderer.model_files import load_model
 from services.cli.app import app, main
 from services.cli.terminal import progress_bar, seconds
 
@@ -78,6 +81,16 @@ def test_a_folder_of_humannerfs_is_trained_on_as_it_is(tmp_path):
     )
     assert done.exit_code == 0, done.output
     assert json.loads(figures.read_text())["psnr"]["training_view"]["body_crop"] > 18.0
+
+
+@pytest.mark.parametrize("trust", ["exact", "estimated"])
+def test_poses_are_believed_as_far_as_told(filmed, tmp_path, trust):
+    out = tmp_path / "model.safetensors"
+    words = ["train", str(filmed), "--out", str(out), "--iterations", "150", "--pose-trust", trust]
+    done = runner.invoke(app, words)
+    assert done.exit_code == 0, done.output
+    given, refined = open_sequence(filmed).motion.joint_angles, load_model(out).motion.joint_angles
+    assert np.allclose(refined, given, atol=1e-6) == (trust == "exact")
 
 
 @pytest.mark.parametrize("camera", ["front", "orbit", "40,10"])
