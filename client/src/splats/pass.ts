@@ -10,9 +10,10 @@
 import { SPLAT_NUMBERS, type PackedSplats } from "./packed";
 import { rotationMatrix } from "../viewpoint/geometry";
 import { Lights } from "./lights";
-import { MOVED_COLUMNS } from "./moved";
+import { allocateOffsets, MOVED_COLUMNS } from "./moved";
 import { program, setCamera, texture, uniformsOf, type Uniforms } from "./program";
-import { ORDER_COLUMNS } from "./sort";
+import { TRANSFORM } from "./skeleton";
+import { allocateOrder, ORDER_COLUMNS } from "./sort";
 import { FULLSCREEN_VERTEX, MAX_PEOPLE, PROJECT_FRAGMENT, SPLAT_FRAGMENT, SPLAT_VERTEX, TABLE_COLUMNS } from "./shaders";
 import type { LoadedEnvironment, Shadow } from "./room";
 import { RoomPass } from "./roomPass";
@@ -78,6 +79,8 @@ export interface PassFrame extends PassPeople {
   camera: PassCamera;
 }
 
+const WARM_UP_PX = 16;
+
 export class SplatPass {
   readonly gl: WebGL2RenderingContext;
   private readonly projectProgram: WebGLProgram;
@@ -122,10 +125,29 @@ export class SplatPass {
     this.target = gl.createFramebuffer();
     this.order = texture(gl);
     this.emptyVertexArray = gl.createVertexArray();
+    this.warmUp();
+  }
+
+  /** Draw nothing: the shaders are made ready by a card's first commands, while files are on their way. */
+  private warmUp(): void {
+    const looking = { position: [0, 1, 0], wxyz: [1, 0, 0, 0] } as const;
+    this.setSplats({ count: 1, table: new Uint32Array(SPLAT_NUMBERS), people: [] });
+    this.draw({
+      camera: passCamera(looking, 1, WARM_UP_PX, WARM_UP_PX),
+      transforms: new Float32Array(TRANSFORM),
+      offsets: allocateOffsets(1),
+      order: allocateOrder(1),
+      count: 1,
+      growth: [1],
+      yawsRad: [0],
+      shadows: [[0, 0, 1, 1]],
+      filmedOnly: false,
+    });
+    this.gl.flush();
   }
 
   /** Hand over the splats; they stay on the card. */
-  setSplats(cast: PackedSplats): void {
+  setSplats(cast: Pick<PackedSplats, "count" | "table" | "people">): void {
     const { gl } = this;
     const rows = Math.max(1, Math.ceil(cast.count / TABLE_COLUMNS));
     const padded = new Uint32Array(rows * TABLE_COLUMNS * SPLAT_NUMBERS);
