@@ -35,7 +35,7 @@ if TYPE_CHECKING:  # a browser's driver is loaded where pages are opened
     from benchmarks.meeting import DrivenMeeting
 
 SIZES = (256, 512, 1024)
-COUNTS = (5_000, 10_000, 20_000, 50_000)
+COUNTS = (5_000, 10_000, 20_000, 40_000, 50_000)
 PERFORMERS = (1, 2, 4, 8)
 VIEWERS = ((1, 512), (3, 512), (1, 1024))
 """How many watch, and how many pixels a side."""

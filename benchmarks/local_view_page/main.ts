@@ -1,6 +1,9 @@
 /** The page's own drawing as fast as it comes: poses and viewpoint anew for each picture. */
 
+import { loadSplats } from "../../client/src/api/splats";
 import { LocalRoom } from "../../client/src/splats/localRoom";
+import { PacedRoom } from "../../client/src/splats/pacedRoom";
+import type { Performer } from "../../client/src/api/types";
 import { FOV_Y_RAD, orbitCamera } from "../../client/src/viewpoint/viewpoint";
 
 interface Asked {
@@ -15,13 +18,17 @@ interface Asked {
 const bytes = (text: string): ArrayBuffer => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
 const TURN_RAD = 0.05;
 
+
+function performersOf(moments: string[][], modelId = ""): Performer[] {
+  return (moments[0] ?? []).map((_, id) => ({
+    id: `${id}`, name: "", model_id: modelId, motion_sequence_id: null, position: [0, 0, 0] as const, yaw_rad: 0,
+  }));
+}
+
 async function measure({ file, moments, size, seconds }: Asked): Promise<number> {
   const canvas = document.body.appendChild(document.createElement("canvas"));
   const room = new LocalRoom(canvas, () => Promise.resolve(bytes(file)));
-  const performers = (moments[0] ?? []).map((_, id) => ({
-    id: `${id}`, name: "", model_id: "", motion_sequence_id: null, position: [0, 0, 0] as const, yaw_rad: 0,
-  }));
-  await room.setPerformers(performers);
+  await room.setPerformers(performersOf(moments));
   const packets = moments.map((moment) => moment.map(bytes));
   let pictures = 0;
   let endMs = Infinity;
@@ -47,4 +54,29 @@ async function measure({ file, moments, size, seconds }: Asked): Promise<number>
   return pictures;
 }
 
-Object.assign(window, { measure });
+/** Fetches the model `modelId` as a meeting does; ms until the first picture of it is finished. */
+async function firstPicture(modelId: string, moments: string[][], size: number): Promise<number> {
+  const startMs = performance.now();
+  const canvas = document.body.appendChild(document.createElement("canvas"));
+  const room = new LocalRoom(canvas, (id, onBeginning) => loadSplats(id, "seat", undefined, onBeginning));
+  const paced = new PacedRoom(room);
+  const view = orbitCamera({ target: [0, 0.9, 0], azimuthRad: 0, elevationRad: 0.05, distanceM: 3.2 });
+  const shape = { width: size, height: size };
+  room.onLoaded = () => void paced.trial(view, FOV_Y_RAD, shape);
+  void room.setPerformers(performersOf(moments, modelId));
+  let sequence = 0;
+  while (!paced.draw(view, FOV_Y_RAD, shape, false)) {
+    await new Promise(requestAnimationFrame);
+    sequence += 1;
+    for (const packet of (moments[sequence % moments.length] ?? []).map(bytes)) {
+      new DataView(packet).setUint32(4, sequence, true);
+      room.acceptPacket(packet);
+    }
+  }
+  room.graphics?.readPixels(0, 0, 1, 1, WebGL2RenderingContext.RGBA, WebGL2RenderingContext.UNSIGNED_BYTE, new Uint8Array(4));
+  const tookMs = performance.now() - startMs;
+  room.close();
+  return tookMs;
+}
+
+Object.assign(window, { measure, firstPicture });

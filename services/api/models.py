@@ -14,6 +14,7 @@ from scene.errors import InvalidInput
 from services.access import model_of, sequence_of
 from services.api import shapes
 from services.api.dependencies import Joiner, Provided, Reader
+from services.api.gzipped import ENCODED, VARIES, AcceptEncoding, gzipped, takes_gzip
 from services.api.view_shapes import NewView
 from services.auth import GUEST, Principal
 from services.container import Services
@@ -58,13 +59,21 @@ IfNoneMatch = Annotated[str | None, Header()]
     responses=_FILE_RESPONSES,
 )
 def read_viewer_file(
-    model_id: str, services: Provided, caller: Joiner, if_none_match: IfNoneMatch = None
+    model_id: str,
+    services: Provided,
+    caller: Joiner,
+    if_none_match: IfNoneMatch = None,
+    accept_encoding: AcceptEncoding = "",
 ) -> Response:
     """The splats that a page draws by itself, once for good: to the owner, and to whoever is in a
-    meeting in which the model stands. Its ETag is its sha256, and it never changes."""
+    meeting in which the model stands. Its ETag is its sha256, and it never changes. Compressed
+    where the caller takes gzip."""
     with services.reading() as unit:
         model = _shown_to(unit, caller, model_id)
-    return _file(services, model, VIEWER_FILE, if_none_match)
+    compressed = takes_gzip(accept_encoding)
+    response = _file(services, model, VIEWER_FILE, if_none_match, compressed=compressed)
+    response.headers.update(VARIES)
+    return response
 
 
 @router.get(
@@ -125,21 +134,27 @@ def _shown_to(unit: UnitOfWork, caller: Principal, model_id: str) -> ModelRow:
     return unit.models.get(model_id)
 
 
-def _file(services: Services, model: ModelRow, name: str, if_none_match: str | None) -> Response:
+def _file(
+    services: Services,
+    model: ModelRow,
+    name: str,
+    if_none_match: str | None,
+    *,
+    compressed: bool = False,
+) -> Response:
     found = [file for file in model.files if file.name == name]
     if not found:
         names = ", ".join(file.name for file in model.files)
         raise NotFound(f"name must be one of {names}; got {name!r}")
     (file,) = found
-    headers = {"ETag": f'"{file.sha256}"', "Cache-Control": "private, max-age=31536000, immutable"}
+    etag = f'"{file.sha256}-gzip"' if compressed else f'"{file.sha256}"'
+    headers = {"ETag": etag, "Cache-Control": "private, max-age=31536000, immutable"}
     if if_none_match is not None and file.sha256 in if_none_match:
         return Response(status_code=304, headers=headers)
+    pieces = services.objects.stream(model.person_id, file.sha256)
+    headers["Content-Disposition"] = f'attachment; filename="{file.name}"'
     return StreamingResponse(
-        services.objects.stream(model.person_id, file.sha256),
+        gzipped(pieces) if compressed else pieces,
         media_type="application/octet-stream",
-        headers=headers
-        | {
-            "Content-Length": str(file.bytes),
-            "Content-Disposition": f'attachment; filename="{file.name}"',
-        },
+        headers=headers | (ENCODED if compressed else {"Content-Length": str(file.bytes)}),
     )

@@ -19,6 +19,7 @@ from services.api.environments import (
     own_environment,
     picture_answer,
 )
+from services.api.gzipped import ENCODED, VARIES, AcceptEncoding, gzipped, takes_gzip
 from services.auth import Principal
 from services.container import Services
 from services.errors import NoOwnPerson, NotInRecording, StillRecording
@@ -107,9 +108,14 @@ def read_voice(
     responses=_BYTES,
 )
 def read_model(
-    recording_id: str, model_id: str, services: Provided, caller: Joiner
+    recording_id: str,
+    model_id: str,
+    services: Provided,
+    caller: Joiner,
+    accept_encoding: AcceptEncoding = "",
 ) -> StreamingResponse:
-    """The viewer's file of a performer who moves in the recording."""
+    """The viewer's file of a performer who moves in the recording; compressed where the caller
+    takes gzip."""
     with services.reading() as unit:
         _shown_to(unit, caller, recording_id)
         row = unit.models.get(model_id)
@@ -119,8 +125,10 @@ def read_model(
         raise NotFound(
             f"id must be that of a model of splats that moves in the recording; got {model_id!r}"
         )
-    data = services.objects.stream(row.person_id, files[0].sha256)
-    return StreamingResponse(data, media_type="application/octet-stream")
+    data, headers = services.objects.stream(row.person_id, files[0].sha256), VARIES
+    if takes_gzip(accept_encoding):
+        data, headers = gzipped(data), VARIES | ENCODED
+    return StreamingResponse(data, media_type="application/octet-stream", headers=headers)
 
 
 @router.get("/{recording_id}/place", summary="Read the uploaded environment")

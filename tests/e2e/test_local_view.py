@@ -71,7 +71,7 @@ def test_a_viewer_draws_for_themselves_and_lets_the_server_draw_again(tmp_path):
         watch(page, 15)
         assert decoded(page) > before
         ((sent, whole),) = fetched(page)
-        assert sent > whole > 100_000
+        assert 100_000 < sent < whole  # compressed on the way
         page.reload()  # the seat is kept, and whoever comes back downloads nobody again
         draw_here(page)
         assert fetched(page) == [[0, whole]]

@@ -203,7 +203,7 @@ export class LocalRendering {
   }
 
   private makeRoom(canvas: HTMLCanvasElement, xrCompatible = false): LocalRoom {
-    const room = new LocalRoom(canvas, (modelId) => loadSplats(modelId, this.token), xrCompatible);
+    const room = new LocalRoom(canvas, (modelId, onBeginning) => loadSplats(modelId, this.token, undefined, onBeginning), xrCompatible);
     if (this.environment) room.setEnvironment(this.environment);
     if (this.screen) room.setScreen(this.screen);
     room.onUnknownPerformers = () => {

@@ -49,8 +49,11 @@ export interface SplatFile {
   moved: MovedSplats;
 }
 
-/** The first `share` of the splats in `bytes`. Throws for what is no such file. */
-export function readSplats(bytes: ArrayBuffer, share = 1): SplatFile {
+/**
+ * The first `share` of the splats of a file. Of a `beginning`, bytes of which more are to come, those
+ * that are here, at rest. Throws for what is no such file.
+ */
+export function readSplats(bytes: ArrayBuffer, share = 1, beginning = false): SplatFile {
   const data = new DataView(bytes);
   const magic = bytes.byteLength < HEAD_BYTES ? "" : String.fromCharCode(...new Uint8Array(bytes, 0, 4));
   if (magic !== MAGIC || data.getUint16(4, true) !== VERSION) {
@@ -61,11 +64,13 @@ export function readSplats(bytes: ArrayBuffer, share = 1): SplatFile {
   const start = HEAD_BYTES + 14 * joints;
   const movedStart = start + whole * RECORD_BYTES;
   const wanted = movedStart + data.getUint32(MOVED_AT, true) * MOVED_BYTES;
-  if (bytes.byteLength !== wanted) {
+  const complete = bytes.byteLength === wanted;
+  if (!complete && !(beginning && bytes.byteLength < wanted)) {
     throw new Error(`a file of ${whole} splats must have ${wanted} bytes; got ${bytes.byteLength}`);
   }
   const bounds = Array.from({ length: 8 }, (_, i) => data.getFloat32(12 + 4 * i, true));
-  const file = emptyFile(Math.round(whole * share), joints);
+  const here = Math.min(whole, Math.max(0, Math.floor((bytes.byteLength - start) / RECORD_BYTES)));
+  const file = emptyFile(Math.round(here * share), joints);
   file.restJoints.forEach((_, i) => {
     file.restJoints[i] = data.getFloat32(HEAD_BYTES + 4 * i, true);
   });
@@ -74,7 +79,7 @@ export function readSplats(bytes: ArrayBuffer, share = 1): SplatFile {
   });
   const light = Float32Array.from({ length: LIGHT_NUMBERS }, (_, i) => data.getFloat32(LIGHT_AT + 4 * i, true));
   file.light = light.some((value) => value !== 0) ? light : null;
-  file.moved = readMoved(data, movedStart, file.count);
+  if (complete) file.moved = readMoved(data, movedStart, file.count);
   const growth = varianceScale(whole, file.count);
   for (let i = 0; i < file.count; i++) {
     readRecord(data, start + i * RECORD_BYTES, i, bounds, growth, file);

@@ -17,6 +17,8 @@ import type { Sorted, SortTask } from "./sortWorker";
 /** Poses older than this show a connection that is gone, or a server that draws by itself. */
 const STALE_MS = 1000;
 const TRIAL_FRAMES = 3;
+/** What is whole so soon after its beginning is drawn at once. */
+const SOON_MS = 100;
 const SERVER_ONLY = "Somebody here can only be rendered by the server";
 const NOBODY: PassPeople = {
   transforms: new Float32Array(TRANSFORM),
@@ -29,11 +31,19 @@ const NOBODY: PassPeople = {
   hideUnseen: false,
 };
 
-/** The file of a model; null where it has none that a page can draw. */
-export type LoadSplats = (modelId: string) => Promise<ArrayBuffer | null>;
+/** The file of a model; null where it has none that a page can draw. May tell of its first bytes before. */
+export type LoadSplats = (modelId: string, onBeginning: (bytes: ArrayBuffer) => void) => Promise<ArrayBuffer | null>;
+
+/** A file on its way: as much of it as can be drawn already, and all of it. */
+interface Arriving {
+  beginning: Promise<ArrayBuffer | null>;
+  /** The beginning is less than the whole. */
+  partial: boolean;
+  whole: Promise<ArrayBuffer | null>;
+}
 
 export class LocalRoom {
-  /** Everybody's splats are here. */
+  /** Everybody's splats are here, or enough of them to draw everybody. */
   onLoaded: () => void = () => undefined;
   /** The server speaks of other people than we know. */
   onUnknownPerformers: () => void = () => undefined;
@@ -45,7 +55,7 @@ export class LocalRoom {
   private readonly pass: SplatPass | null;
   private readonly timer: DrawTimer | null;
   private readonly worker = new Worker(new URL("./sortWorker.ts", import.meta.url), { type: "module" });
-  private readonly files = new Map<string, Promise<ArrayBuffer | null>>();
+  private readonly files = new Map<string, Arriving>();
   private performers: readonly Performer[] = [];
   private splats: PackedSplats | null = null;
   private splatsVersion = 0;
@@ -99,8 +109,12 @@ export class LocalRoom {
       this.poses = [];
     }
     try {
-      const files = await Promise.all(performers.map(({ model_id: id }) => this.file(id)));
-      if (this.performers === performers) this.assemble(files);
+      const files = performers.map(({ model_id: id }) => this.file(id));
+      const beginnings = await Promise.all(files.map(({ beginning }) => beginning));
+      const partial = files.some((file) => file.partial);
+      if (partial && this.performers === performers && !this.splats) this.assemble(beginnings, true);
+      const whole = await Promise.all(files.map((file) => file.whole));
+      if (this.performers === performers) this.assemble(whole, false);
     } catch (error) {
       if (this.performers === performers) this.performers = []; // to be asked for again
       throw error;
@@ -229,24 +243,32 @@ export class LocalRoom {
 
   /**
    * Pictures of `size` that this device draws a second, with the first `kept` splats of each person:
-   * a short trial, everybody at rest.
+   * a short trial, which ends as soon as it is clear that `enough` will not be reached.
    */
-  trialFps(view: CameraPose, fovYRad: number, { width, height }: Size, kept: readonly number[]): number {
+  trialFps(view: CameraPose, fovYRad: number, { width, height }: Size, kept: readonly number[], enough: number): number {
     const { splats, pass } = this;
     if (!splats || !pass) return 0;
-    this.updateTransforms(splats, (index) => this.performers[index]?.position);
+    // as they stand, where that is known: the last picture of a trial may be seen
+    this.updateTransforms(splats, this.drawable ? undefined : (index) => this.performers[index]?.position);
     const camera = passCamera(view, fovYRad, width, height);
     const depth = new Float32Array(splats.count);
     const order = allocateOrder(splats.count);
     depths(splats.skinned, depthRows(this.transforms, camera.worldToCamera), depth, kept);
     const count = depthOrder(depth, order);
-    let startMs = 0;
-    for (let frame = 0; frame <= TRIAL_FRAMES; frame++) {
+    const picture = (): number => {
       pass.draw({ camera, ...this.passPeople(splats, { order, count, kept }, false) });
       pass.read(1); // waits for the card
-      if (frame === 0) startMs = performance.now(); // the first one also makes the shaders ready
+      return performance.now();
+    };
+    const startMs = picture(); // the first one also makes the shaders ready
+    const mostMs = (1000 * TRIAL_FRAMES) / enough;
+    let frames = 0;
+    let tookMs = 0;
+    while (frames < TRIAL_FRAMES && tookMs <= mostMs) {
+      tookMs = picture() - startMs;
+      frames += 1;
     }
-    return (1000 * TRIAL_FRAMES) / Math.max(performance.now() - startMs, 0.1);
+    return (1000 * frames) / Math.max(tookMs, 0.1);
   }
 
   close(): void {
@@ -266,35 +288,47 @@ export class LocalRoom {
     }
   }
 
-  private file(modelId: string): Promise<ArrayBuffer | null> {
+  private file(modelId: string): Arriving {
     const known = this.files.get(modelId);
     if (known) return known;
-    const asked = this.load(modelId);
-    this.files.set(modelId, asked);
-    asked.catch(() => this.files.delete(modelId));
-    return asked;
+    let begin: (bytes: ArrayBuffer) => void = () => undefined;
+    const early = new Promise<ArrayBuffer>((resolve) => (begin = resolve));
+    const whole = this.load(modelId, (bytes) => {
+      // on a quick line everything is here before its beginning would be drawn
+      setTimeout(() => {
+        arriving.partial = true;
+        begin(bytes);
+      }, SOON_MS);
+    });
+    const arriving: Arriving = { beginning: Promise.race([early, whole]), partial: false, whole };
+    this.files.set(modelId, arriving);
+    whole.then(
+      () => this.files.set(modelId, { beginning: whole, partial: false, whole }),
+      () => this.files.delete(modelId),
+    );
+    return arriving;
   }
 
   /** Everybody's splats; null, and an obstacle, for files that another release wrote. */
-  private readAll(files: readonly ArrayBuffer[]): SplatFile[] | null {
+  private readAll(files: readonly ArrayBuffer[], partial: boolean): SplatFile[] | null {
     try {
-      return files.map((file) => readSplats(file));
+      return files.map((file) => readSplats(file, 1, partial));
     } catch {
       this.obstacle = SERVER_ONLY;
       return null;
     }
   }
 
-  private assemble(given: readonly (ArrayBuffer | null)[]): void {
+  private assemble(given: readonly (ArrayBuffer | null)[], partial: boolean): void {
     const files = given.filter((file) => file !== null);
     this.obstacle = null;
     if (given.length === 0) this.obstacle = "Nobody is here yet";
     if (files.length < given.length) this.obstacle = SERVER_ONLY;
     if (this.obstacle !== null) return;
-    const whole = this.readAll(files);
+    const whole = this.readAll(files, partial);
     if (!whole) return;
     const share = shareWithin(whole.map(({ count }) => count));
-    const people = share < 1 ? files.map((file) => readSplats(file, share)) : whole;
+    const people = share < 1 ? files.map((file) => readSplats(file, share, partial)) : whole;
     const splats = packSplats(people);
     this.splats = splats;
     this.transforms = new Float32Array(TRANSFORM * splats.joints);

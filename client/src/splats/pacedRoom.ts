@@ -47,7 +47,7 @@ export class PacedRoom {
   trial(view: CameraPose, fovYRad: number, size: Size): number {
     const steps = stepsFor(sum(this.room.counts));
     this.shares = new SplatShares();
-    const fpsAt = (at: number): number => this.room.trialFps(view, fovYRad, size, this.share(view, fovYRad, size, steps[at]));
+    const fpsAt = (at: number): number => this.room.trialFps(view, fovYRad, size, this.share(view, fovYRad, size, steps[at]), ENOUGH_FPS);
     let first = steps.length - 1;
     let fps = fpsAt(first);
     while (fps >= ENOUGH_FPS && first > 0) {

@@ -10,20 +10,13 @@
 import { SPLAT_NUMBERS, type PackedSplats } from "./packed";
 import { rotationMatrix } from "../viewpoint/geometry";
 import { Lights } from "./lights";
-import { MOVED_COLUMNS } from "./moved";
-import { program, uniformsOf, type Uniforms } from "./program";
-import { ORDER_COLUMNS } from "./sort";
-import {
-  MAX_PEOPLE,
-  MAX_SHADOWS,
-  PROJECT_FRAGMENT,
-  ROOM_FRAGMENT,
-  SPLAT_FRAGMENT,
-  SPLAT_VERTEX,
-  TABLE_COLUMNS,
-  FULLSCREEN_VERTEX,
-} from "./shaders";
-import { SCREEN, STUDIO, screenHalfSize, type LoadedEnvironment, type Shadow } from "./room";
+import { allocateOffsets, MOVED_COLUMNS } from "./moved";
+import { program, setCamera, texture, uniformsOf, type Uniforms } from "./program";
+import { TRANSFORM } from "./skeleton";
+import { allocateOrder, ORDER_COLUMNS } from "./sort";
+import { FULLSCREEN_VERTEX, MAX_PEOPLE, PROJECT_FRAGMENT, SPLAT_FRAGMENT, SPLAT_VERTEX, TABLE_COLUMNS } from "./shaders";
+import type { LoadedEnvironment, Shadow } from "./room";
+import { RoomPass } from "./roomPass";
 import type { CameraPose } from "../viewpoint/viewpoint";
 
 /** A pinhole camera in the room, OpenCV axes. */
@@ -86,19 +79,14 @@ export interface PassFrame extends PassPeople {
   camera: PassCamera;
 }
 
-/** Corners of two triangles that share an edge. */
-const TRIANGLES = [0, 1, 2, 2, 1, 3];
+const WARM_UP_PX = 16;
 
 export class SplatPass {
   readonly gl: WebGL2RenderingContext;
   private readonly projectProgram: WebGLProgram;
   private readonly splatProgram: WebGLProgram;
-  private readonly roomProgram: WebGLProgram;
   private readonly projectUniforms: Uniforms;
   private readonly splatUniforms: Uniforms;
-  private readonly roomUniforms: Uniforms;
-  /** Four corners a splat as two triangles. */
-  private readonly corners: WebGLVertexArrayObject;
   private readonly emptyVertexArray: WebGLVertexArrayObject;
   private readonly order: WebGLTexture;
   private readonly table: WebGLTexture;
@@ -110,11 +98,8 @@ export class SplatPass {
   private readonly projectedFramebuffer: WebGLFramebuffer;
   private readonly picture: WebGLTexture;
   private readonly target: WebGLFramebuffer;
-  private readonly panorama: WebGLTexture;
-  private environment: LoadedEnvironment = { panorama: null, light: null };
+  private readonly room: RoomPass;
   private readonly lights = new Lights();
-  private readonly screen: WebGLTexture;
-  private screenHalfSize: readonly [number, number] | null = null;
   private uploadedOrder: Uint32Array | null = null;
   private uploadedOffsets: Float32Array | null = null;
   private size = { width: 0, height: 0 };
@@ -127,10 +112,8 @@ export class SplatPass {
     this.gl = gl;
     this.projectProgram = program(gl, FULLSCREEN_VERTEX, PROJECT_FRAGMENT);
     this.splatProgram = program(gl, SPLAT_VERTEX, SPLAT_FRAGMENT);
-    this.roomProgram = program(gl, FULLSCREEN_VERTEX, ROOM_FRAGMENT);
     this.projectUniforms = uniformsOf(gl, this.projectProgram);
     this.splatUniforms = uniformsOf(gl, this.splatProgram);
-    this.roomUniforms = uniformsOf(gl, this.roomProgram);
     this.table = texture(gl);
     this.transforms = texture(gl);
     this.offsets = texture(gl);
@@ -138,22 +121,33 @@ export class SplatPass {
     this.appearances = texture(gl);
     this.projectedFramebuffer = gl.createFramebuffer();
     this.picture = texture(gl);
-    this.panorama = texture(gl, gl.LINEAR);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
-    this.screen = texture(gl, gl.LINEAR);
-    for (const side of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, side, gl.CLAMP_TO_EDGE);
-    this.setEnvironment(this.environment);
-    this.setScreen(null);
+    this.room = new RoomPass(gl);
     this.target = gl.createFramebuffer();
     this.order = texture(gl);
-    this.corners = gl.createVertexArray();
     this.emptyVertexArray = gl.createVertexArray();
-    gl.bindVertexArray(this.corners);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    this.warmUp();
+  }
+
+  /** Draw nothing: the shaders are made ready by a card's first commands, while files are on their way. */
+  private warmUp(): void {
+    const looking = { position: [0, 1, 0], wxyz: [1, 0, 0, 0] } as const;
+    this.setSplats({ count: 1, table: new Uint32Array(SPLAT_NUMBERS), people: [] });
+    this.draw({
+      camera: passCamera(looking, 1, WARM_UP_PX, WARM_UP_PX),
+      transforms: new Float32Array(TRANSFORM),
+      offsets: allocateOffsets(1),
+      order: allocateOrder(1),
+      count: 1,
+      growth: [1],
+      yawsRad: [0],
+      shadows: [[0, 0, 1, 1]],
+      hideUnseen: false,
+    });
+    this.gl.flush();
   }
 
   /** Hand over the splats; they stay on the card. */
-  setSplats(cast: PackedSplats): void {
+  setSplats(cast: Pick<PackedSplats, "count" | "table" | "people">): void {
     const { gl } = this;
     const rows = Math.max(1, Math.ceil(cast.count / TABLE_COLUMNS));
     const padded = new Uint32Array(rows * TABLE_COLUMNS * SPLAT_NUMBERS);
@@ -162,10 +156,6 @@ export class SplatPass {
     gl.texImage2D(
       gl.TEXTURE_2D, 0, gl.RGBA32UI, 4 * TABLE_COLUMNS, rows, 0, gl.RGBA_INTEGER, gl.UNSIGNED_INT, padded,
     );
-    const triangles = new Uint32Array(6 * cast.count);
-    for (let i = 0; i < cast.count; i++) triangles.set(TRIANGLES.map((corner) => 4 * i + corner), 6 * i);
-    gl.bindVertexArray(this.corners);
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
     this.allocateProjected(cast.count);
     this.uploadedOrder = null;
     this.lights.setClipLights(cast.people.map(({ light }) => light));
@@ -173,24 +163,13 @@ export class SplatPass {
 
   /** Where everybody is from now on. */
   setEnvironment(place: LoadedEnvironment): void {
-    const { gl } = this;
-    this.environment = place;
     this.lights.setRoom(place.light);
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.panorama);
-    const { panorama } = place;
-    if (panorama) gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, panorama);
-    else gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+    this.room.setEnvironment(place);
   }
 
   /** The newest picture of a shared screen; null: none is shared. */
   setScreen(source: TexImageSource | null, width = 1, height = 1): void {
-    const { gl } = this;
-    this.screenHalfSize = source ? screenHalfSize(width, height) : null;
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.screen);
-    if (source) gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, source);
-    else gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+    this.room.setScreen(source, width, height);
   }
 
   /** Draw into the canvas, which takes the size of the camera's picture. */
@@ -209,7 +188,7 @@ export class SplatPass {
       this.resize(eye.camera);
       this.projectSplats(people, eye.camera);
       this.drawSplats(people, eye.camera);
-      this.drawRoom(people, eye);
+      this.room.draw(this.picture, people.shadows, eye);
     }
   }
 
@@ -288,7 +267,7 @@ export class SplatPass {
     gl.uniform1i(at("offsets"), 3);
     gl.uniform1i(at("hideUnseen"), hideUnseen ? 1 : 0);
     if (growth.length > 0) gl.uniform1fv(at("growth"), growth.slice(0, MAX_PEOPLE));
-    this.setCamera(at, camera);
+    setCamera(gl, at, camera);
     const t = camera.worldToCamera;
     gl.uniform3f(at("translation"), t[3] ?? 0, t[7] ?? 0, t[11] ?? 0);
     this.lights.set(gl, at, camera.eye, yawsRad);
@@ -310,52 +289,12 @@ export class SplatPass {
     gl.bindTexture(gl.TEXTURE_2D, this.appearances);
     gl.uniform1i(this.splatUniforms("appearances"), 3);
     gl.uniform2f(this.splatUniforms("size"), width, height);
-    gl.bindVertexArray(this.corners);
+    gl.bindVertexArray(this.emptyVertexArray);
     gl.enable(gl.BLEND);
     // front to back: each splat gets what the ones before it let through
     gl.blendFunc(gl.ONE_MINUS_DST_ALPHA, gl.ONE);
-    gl.drawElements(gl.TRIANGLES, 6 * count, gl.UNSIGNED_INT, 0);
+    gl.drawArrays(gl.TRIANGLES, 0, 3 * count);
     gl.disable(gl.BLEND);
-  }
-
-  private drawRoom({ shadows }: PassPeople, { camera, framebuffer, x, y }: Eye): void {
-    const { gl } = this;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
-    gl.viewport(x, y, camera.width, camera.height);
-    gl.useProgram(this.roomProgram);
-    gl.activeTexture(gl.TEXTURE0);
-    gl.bindTexture(gl.TEXTURE_2D, this.picture);
-    this.setCamera(this.roomUniforms, camera);
-    gl.uniform2f(this.roomUniforms("viewportOrigin"), x, y);
-    gl.activeTexture(gl.TEXTURE3);
-    gl.bindTexture(gl.TEXTURE_2D, this.panorama);
-    gl.uniform1i(this.roomUniforms("panorama"), 3);
-    gl.activeTexture(gl.TEXTURE4);
-    gl.bindTexture(gl.TEXTURE_2D, this.screen);
-    gl.uniform1i(this.roomUniforms("screen"), 4);
-    gl.uniform1i(this.roomUniforms("hasScreen"), this.screenHalfSize ? 1 : 0);
-    gl.uniform3f(this.roomUniforms("screenCentre"), ...SCREEN.centre);
-    gl.uniform2f(this.roomUniforms("screenHalfSize"), ...(this.screenHalfSize ?? [1, 1]));
-    gl.uniform1i(this.roomUniforms("hasPanorama"), this.environment.panorama ? 1 : 0);
-    gl.uniform3f(this.roomUniforms("eye"), ...camera.eye);
-    gl.uniform3f(this.roomUniforms("horizon"), ...STUDIO.horizon);
-    gl.uniform3f(this.roomUniforms("zenith"), ...STUDIO.zenith);
-    gl.uniform3f(this.roomUniforms("floorColour"), ...STUDIO.floor);
-    const kept = shadows.slice(0, MAX_SHADOWS);
-    gl.uniform1i(this.roomUniforms("shadowCount"), kept.length);
-    if (kept.length > 0) gl.uniform4fv(this.roomUniforms("shadows"), kept.flat());
-    gl.bindVertexArray(this.emptyVertexArray);
-    gl.drawArrays(gl.TRIANGLES, 0, 3);
-  }
-
-  private setCamera(uniforms: Uniforms, camera: PassCamera): void {
-    const { gl } = this;
-    const m = camera.worldToCamera;
-    const columns = [0, 1, 2].flatMap((c) => [m[c] ?? 0, m[4 + c] ?? 0, m[8 + c] ?? 0]);
-    gl.uniformMatrix3fv(uniforms("rotation"), false, columns);
-    gl.uniform2f(uniforms("focal"), ...camera.focalPx);
-    gl.uniform2f(uniforms("centre"), ...camera.centrePx);
-    gl.uniform2f(uniforms("size"), camera.width, camera.height);
   }
 
   private resize({ width, height }: PassCamera): void {
@@ -368,13 +307,4 @@ export class SplatPass {
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.target);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.picture, 0);
   }
-}
-
-function texture(gl: WebGL2RenderingContext, blend: number = gl.NEAREST): WebGLTexture {
-  const created = gl.createTexture();
-  gl.bindTexture(gl.TEXTURE_2D, created);
-  for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
-    gl.texParameteri(gl.TEXTURE_2D, filter, blend);
-  }
-  return created;
 }

@@ -1,4 +1,6 @@
-/** Programs of the graphics card, and their uniforms. */
+/** Programs of the graphics card, their uniforms, and textures. */
+
+import type { PassCamera } from "./pass";
 
 export type Uniforms = (name: string) => WebGLUniformLocation | null;
 
@@ -28,5 +30,22 @@ export function program(gl: WebGL2RenderingContext, vertex: string, fragment: st
     const logs = gl.getAttachedShaders(made)?.map((shader) => gl.getShaderInfoLog(shader)) ?? [];
     throw new Error(`the shaders must compile; got ${[gl.getProgramInfoLog(made), ...logs].join(" ")}`);
   }
+  return made;
+}
+
+/** Hand a camera to the program in use; its translation is left to whoever needs it. */
+export function setCamera(gl: WebGL2RenderingContext, uniforms: Uniforms, camera: PassCamera): void {
+  const m = camera.worldToCamera;
+  const columns = [0, 1, 2].flatMap((c) => [m[c] ?? 0, m[4 + c] ?? 0, m[8 + c] ?? 0]);
+  gl.uniformMatrix3fv(uniforms("rotation"), false, columns);
+  gl.uniform2f(uniforms("focal"), ...camera.focalPx);
+  gl.uniform2f(uniforms("centre"), ...camera.centrePx);
+  gl.uniform2f(uniforms("size"), camera.width, camera.height);
+}
+
+export function texture(gl: WebGL2RenderingContext, filter: number = gl.NEAREST): WebGLTexture {
+  const made = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, made);
+  for (const which of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, which, filter);
   return made;
 }

@@ -1,6 +1,8 @@
 /** The room round the people as the server draws it: its colours, and shadows where people stand. */
 
 import type { Light } from "../api/types";
+import type { PassCamera } from "./pass";
+import { NEAR_M } from "./sort";
 import { transformedJoint, TRANSFORM, type Skeleton } from "./skeleton";
 
 /** sRGB of `scene.environment.Environment`. */
@@ -37,6 +39,9 @@ const SHADOW_RADIUS_M = 0.22;
 /** Height of an ankle above the floor at which its shadow has vanished. */
 const FOOT_CLEARANCE_M = 0.35;
 
+/** A shadow ends at so many squared radii from its middle. */
+export const SHADOW_SPREAD = 12;
+
 /** x, z, radius (m) and strength of a soft shadow on the floor. */
 export type Shadow = readonly [number, number, number, number];
 
@@ -48,4 +53,24 @@ export function contactShadows(bones: Skeleton, transforms: Float32Array, at: nu
     const strength = STUDIO.shadowStrength * Math.max(0, 1 - lifted);
     return [x, z, SHADOW_RADIUS_M * (1 + lifted), strength];
   });
+}
+
+/** Left, top, right and bottom (px) of the part of the picture in which shadows may be seen; null: none are. */
+export function shadowBounds(camera: PassCamera, shadows: readonly Shadow[]): readonly [number, number, number, number] | null {
+  const { worldToCamera: m, focalPx, centrePx, width, height } = camera;
+  let [left, top, right, bottom] = [width, height, 0, 0];
+  for (const [x, z, radius, strength] of shadows) {
+    if (strength <= 0) continue;
+    const reach = Math.sqrt(SHADOW_SPREAD) * radius;
+    for (const [px, pz] of [[x - reach, z - reach], [x + reach, z - reach], [x - reach, z + reach], [x + reach, z + reach]] as const) {
+      const row = (r: number): number => (m[4 * r] ?? 0) * px + (m[4 * r + 2] ?? 0) * pz + (m[4 * r + 3] ?? 0);
+      const depth = row(2);
+      if (depth <= NEAR_M) return [0, 0, width, height]; // some of it is beside or behind the camera
+      const [u, v] = [centrePx[0] + (focalPx[0] * row(0)) / depth, centrePx[1] + (focalPx[1] * row(1)) / depth];
+      [left, right] = [Math.min(left, u), Math.max(right, u)];
+      [top, bottom] = [Math.min(top, v), Math.max(bottom, v)];
+    }
+  }
+  const box = [Math.max(0, Math.floor(left)), Math.max(0, Math.floor(top)), Math.min(width, Math.ceil(right)), Math.min(height, Math.ceil(bottom))] as const;
+  return box[0] < box[2] && box[1] < box[3] ? box : null;
 }

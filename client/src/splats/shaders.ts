@@ -1,12 +1,11 @@
 /**
  * GLSL of the splat pass. It follows the server's rasteriser (renderer/splats/rasteriser/projection_kernels.py and
- * tile_kernels.py), light (renderer/relighting/shading_kernels.py) and backdrops (renderer/compositing/backdrop_kernels.py,
- * panorama_kernels.py) formula by formula; a test compares their pictures.
+ * tile_kernels.py) and light (renderer/relighting/shading_kernels.py) formula by formula; a test compares their pictures.
  *
  * Letters: M = sum_k w_k T_k the blended transform, p = R M x + t the camera point, J the perspective's
  * Jacobian; the covariance on the picture is J R A V A^T R^T J^T + pixel filter (EWA splatting,
  * Zwicker et al. 2001). Each splat is placed in the picture once, into a texture in the order of
- * drawing; the four corners of its quad only read that. On a phone's card, which runs vertices twice,
+ * drawing; the corners of its triangle only read that. On a phone's card, which runs vertices twice,
  * and on a processor, where they are dear, that is most of what splats cost.
  */
 
@@ -27,8 +26,6 @@ const UNSEEN_VARIANCE_SCALE = Math.exp(2 * 0.3);
 export const TABLE_COLUMNS = 256;
 /** People of a meeting. */
 export const MAX_PEOPLE = 12;
-/** Two ankles each. */
-export const MAX_SHADOWS = 2 * MAX_PEOPLE;
 
 const float = (value: number): string => value.toFixed(9);
 
@@ -179,13 +176,15 @@ out vec2 offset; // from the mean, in standard deviations
 flat out vec4 colour;
 
 void main() {
-  // four corners a splat: instances are drawn one by one where a processor stands in for the card
-  int instance = gl_VertexID >> 2;
+  // three corners a splat: instances are drawn one by one where a processor stands in for the card,
+  // which also takes longer to begin a triangle than to fill the more that one has than two
+  int instance = gl_VertexID / 3;
+  int corner = gl_VertexID - 3 * instance;
   ivec2 texel = ivec2(instance % ${ORDER_COLUMNS}, instance / ${ORDER_COLUMNS});
   vec4 ellipse = uintBitsToFloat(texelFetch(ellipses, texel, 0));
   uvec4 appearance = texelFetch(appearances, texel, 0);
   float cutoff = uintBitsToFloat(appearance.y);
-  offset = cutoff * (vec2(gl_VertexID & 1, (gl_VertexID >> 1) & 1) * 2.0 - 1.0);
+  offset = cutoff * (corner == 0 ? vec2(0.0, 2.0) : vec2(corner == 1 ? ${float(Math.sqrt(3))} : ${float(-Math.sqrt(3))}, -1.0));
   colour = vec4(unpackHalf2x16(appearance.z), unpackHalf2x16(appearance.w));
   vec2 majorAxis = ellipse.zw;
   vec2 position = ellipse.xy + offset.x * majorAxis + offset.y * uintBitsToFloat(appearance.x) * vec2(-majorAxis.y, majorAxis.x);
@@ -200,8 +199,20 @@ in vec2 offset;
 flat in vec4 colour;
 out vec4 premultiplied;
 
+/**
+ * e^-(r2 / 2), to 5e-5 as far as a splat reaches; beyond, it falls faster, to nil. Half the time of exp
+ * where a processor stands in for the card.
+ */
+float falloff(float r2) {
+  float x = 0.0625 * r2;
+  float root = max(1.0 + x * (-0.99957052 + x * (0.49235955 - 0.133402 * x)), 0.0);
+  root *= root;
+  root *= root;
+  return root * root;
+}
+
 void main() {
-  float alpha = min(colour.a * exp(-0.5 * dot(offset, offset)), ${float(MAX_OPACITY)});
+  float alpha = min(colour.a * falloff(dot(offset, offset)), ${float(MAX_OPACITY)});
   premultiplied = vec4(colour.rgb * alpha, alpha);
 }
 `;
@@ -210,115 +221,5 @@ export const FULLSCREEN_VERTEX = `#version 300 es
 void main() {
   // one triangle that covers everything
   gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0);
-}
-`;
-
-export const ROOM_FRAGMENT = `#version 300 es
-precision highp float;
-precision highp sampler2D;
-
-uniform sampler2D people; // premultiplied
-uniform mat3 rotation; // world -> camera
-uniform vec3 eye;
-uniform vec2 focal;
-uniform vec2 centre;
-uniform vec2 size;
-uniform vec2 viewportOrigin; // of the picture in its framebuffer, px
-uniform vec3 horizon;
-uniform vec3 zenith;
-uniform vec3 floorColour;
-uniform bool hasPanorama; // the place that a panorama shows; else the studio
-uniform sampler2D panorama; // equirectangular, sRGB
-uniform bool hasScreen; // a screen stands in the room
-uniform sampler2D screen; // sRGB, the top row first
-uniform vec3 screenCentre; // m
-uniform vec2 screenHalfSize; // m
-uniform int shadowCount;
-uniform vec4 shadows[${MAX_SHADOWS}]; // x, z, radius (m), strength
-out vec4 fragColour;
-
-const float FADE_M = 14.0;
-const float LINE_HALF_WIDTH_M = 0.008;
-const float LINE_DARKNESS = 0.16;
-/** Where a panorama was taken, and the dome that it is laid on, m. */
-const float PANORAMA_HEIGHT_M = 1.6;
-const float DOME_RADIUS_M = 8.0;
-const float PI = 3.14159265358979;
-const float SCREEN_BACK = 0.12;
-
-/** Share of a pixel as wide as the footprint (m) that the nearest metre line covers. */
-vec2 lineCoverage(vec2 x, float footprint) {
-  vec2 edge = (LINE_HALF_WIDTH_M - abs(x - floor(x + 0.5))) / footprint + 0.5;
-  return clamp(edge, 0.0, 1.0) * min(1.0, 2.0 * LINE_HALF_WIDTH_M / footprint);
-}
-
-/** What soft shadows leave of the light at x, z on the floor. */
-float shadowTransmittance(vec2 ground) {
-  float transmittance = 1.0;
-  for (int s = 0; s < shadowCount; s++) {
-    vec2 offset = ground - shadows[s].xy;
-    float squaredRadii = dot(offset, offset) / (shadows[s].z * shadows[s].z);
-    if (squaredRadii < 12.0) transmittance *= 1.0 - shadows[s].w * exp(-squaredRadii);
-  }
-  return transmittance;
-}
-
-vec3 panoramaColour(vec3 ray) {
-  vec3 hit = vec3(0.0);
-  float transmittance = 1.0;
-  bool onFloor = false;
-  if (ray.y < -1e-6 && eye.y > 0.0) {
-    vec2 ground = eye.xz - eye.y / ray.y * ray.xz;
-    onFloor = dot(ground, ground) < DOME_RADIUS_M * DOME_RADIUS_M - PANORAMA_HEIGHT_M * PANORAMA_HEIGHT_M;
-    hit = vec3(ground.x, -PANORAMA_HEIGHT_M, ground.y);
-    if (onFloor) transmittance = shadowTransmittance(ground);
-  }
-  if (!onFloor) {
-    // the farther crossing of the dome
-    vec3 origin = eye - vec3(0.0, PANORAMA_HEIGHT_M, 0.0);
-    float a = dot(ray, ray), halfB = dot(origin, ray), c = dot(origin, origin) - DOME_RADIUS_M * DOME_RADIUS_M;
-    hit = origin + (sqrt(max(halfB * halfB - a * c, 0.0)) - halfB) / a * ray;
-  }
-  float rows = float(textureSize(panorama, 0).y);
-  float v = 0.5 - atan(hit.y, length(hit.xz)) / PI;
-  vec2 uv = vec2(0.5 + atan(hit.z, hit.x) / (2.0 * PI), clamp(v, 0.5 / rows, 1.0 - 0.5 / rows));
-  return transmittance * textureLod(panorama, uv, 0.0).rgb;
-}
-
-/** Where on the shared screen the ray meets it: from -1 to 1; outside of that where it does not. */
-vec2 screenPoint(vec3 ray) {
-  float t = (screenCentre.z - eye.z) / ray.z;
-  return t > 0.0 ? (eye.xy + t * ray.xy - screenCentre.xy) / screenHalfSize : vec2(2.0);
-}
-
-vec3 roomColour(vec3 ray) {
-  if (hasPanorama) return panoramaColour(ray);
-  float norm = 1.0 / length(ray);
-  if (ray.y < -1e-6 && eye.y > 0.0) {
-    float t = -eye.y / ray.y;
-    vec2 ground = eye.xz + t * ray.xz;
-    float depth = t / norm;
-    float footprint = depth / focal.y / max(-ray.y * norm, 0.05) + 1e-6;
-    vec2 coverage = lineCoverage(ground, footprint);
-    float transmittance = (1.0 - LINE_DARKNESS * max(coverage.x, coverage.y)) * shadowTransmittance(ground);
-    return mix(horizon, floorColour * transmittance, exp(-depth / FADE_M));
-  }
-  return mix(horizon, zenith, sqrt(max(ray.y * norm, 0.0)));
-}
-
-void main() {
-  vec2 pixel = gl_FragCoord.xy - viewportOrigin;
-  vec4 foreground = texelFetch(people, ivec2(pixel), 0);
-  vec3 ray = vec3((vec2(pixel.x, size.y - pixel.y) - centre) / focal, 1.0) * rotation;
-  vec2 point = hasScreen ? screenPoint(ray) : vec2(2.0);
-  bool onScreen = max(abs(point.x), abs(point.y)) < 1.0;
-  // whoever looks from behind sees its back, and nobody through it
-  if (onScreen && ray.z > 0.0) {
-    fragColour = vec4(vec3(SCREEN_BACK), 1.0);
-    return;
-  }
-  vec3 background = vec3(0.0);
-  if (foreground.a < 0.999) background = onScreen ? textureLod(screen, 0.5 + vec2(0.5, -0.5) * point, 0.0).rgb : roomColour(ray);
-  fragColour = vec4(foreground.rgb + (1.0 - foreground.a) * background, 1.0);
 }
 `;

@@ -84,6 +84,19 @@ describe("readSplats", () => {
     expect([...readSplats(fileOf(8, 0, [1, 3, 6]), 0.5).moved.splats]).toEqual([1, 3]);
   });
 
+  it("reads what is here of a beginning, as wide as if the rest were left out", () => {
+    const bytes = fileOf(8, 0.5, [1, 3]);
+    const beginning = readSplats(bytes.slice(0, 188 + 32 * 4 + 10), 1, true);
+    const half = readSplats(bytes, 0.5);
+    expect(beginning.count).toBe(4);
+    expect(beginning.covariances).toEqual(half.covariances);
+    expect(beginning.positions).toEqual(half.positions);
+    expect(beginning.light).toEqual(half.light);
+    expect(beginning.moved.splats).toHaveLength(0);
+    expect(readSplats(bytes, 1, true).moved.splats).toHaveLength(2);
+    expect(() => readSplats(new Uint8Array(188 + 32 * 9).fill(1).buffer, 1, true)).toThrow("must begin with MNSP");
+  });
+
   it("says what is wrong with anything else", () => {
     expect(() => readSplats(new ArrayBuffer(3))).toThrow("must begin with MNSP, version 4; got less");
     expect(() => readSplats(fileOf(2).slice(0, -1))).toThrow("2 splats must have 252 bytes; got 251");
@@ -267,5 +280,32 @@ describe("loadSplats", () => {
     await expect(loadSplats("m", "seat", refused.request)).rejects.toMatchObject({ status: 403 });
     const large = fakeFetch(() => new Response("x", { headers: { "Content-Length": "9000000" } }));
     expect(await loadSplats("m", "seat", large.request)).toBeNull();
+    const endless = fakeFetch(() => new Response(new Uint8Array(9_000_000)));
+    expect(await loadSplats("m", "seat", endless.request)).toBeNull();
+  });
+
+  it("tells the beginning of a large file once, before the rest is here", async () => {
+    const whole = Uint8Array.from({ length: 500_000 }, (_, i) => i % 251);
+    let at = 0;
+    const body = new ReadableStream<Uint8Array>({
+      pull(controller) {
+        if (at >= whole.length) return controller.close();
+        controller.enqueue(whole.slice(at, (at += 100_000)));
+      },
+    });
+    const told: ArrayBuffer[] = [];
+    const { request } = fakeFetch(() => new Response(body));
+    const all = await loadSplats("m", "seat", request, (bytes) => void told.push(bytes));
+    expect(told.map((bytes) => bytes.byteLength)).toEqual([400_000]);
+    const same = (bytes: ArrayBuffer | null | undefined): boolean =>
+      new Uint8Array(bytes ?? new ArrayBuffer(0)).every((byte, i) => byte === whole[i]);
+    expect(all?.byteLength).toBe(whole.length);
+    expect([same(told[0]), same(all)]).toEqual([true, true]);
+  });
+
+  it("tells of a line that breaks on the way", async () => {
+    const body = new ReadableStream<Uint8Array>({ pull: (controller) => controller.error(new TypeError("gone")) });
+    const { request } = fakeFetch(() => new Response(body));
+    await expect(loadSplats("m", "seat", request)).rejects.toMatchObject({ title: "The server does not answer" });
   });
 });

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import hashlib
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import httpx
 import pytest
 
 from db.models import ModelRow
+from services.api.gzipped import takes_gzip
 from services.bootstrap import import_model
 from services.container import Services
 from tests.services.conftest import bearer
@@ -34,7 +36,7 @@ async def join(client: httpx.AsyncClient, *models: ModelRow) -> dict[str, str]:
 async def test_whoever_sits_in_the_meeting_gets_it_once_for_good(
     client: httpx.AsyncClient, model: ModelRow
 ):
-    seat = await join(client, model)
+    seat = await join(client, model) | {"Accept-Encoding": "identity"}
     first = await client.get(url(model), headers=seat)
     assert first.status_code == 200
     assert first.headers["etag"] == f'"{hashlib.sha256(first.content).hexdigest()}"'
@@ -43,6 +45,36 @@ async def test_whoever_sits_in_the_meeting_gets_it_once_for_good(
     again = await client.get(url(model), headers=seat | {"If-None-Match": first.headers["etag"]})
     assert (again.status_code, again.content) == (304, b"")
     assert again.headers["etag"] == first.headers["etag"]
+
+
+async def test_it_is_compressed_for_who_takes_that(client: httpx.AsyncClient, model: ModelRow):
+    seat = await join(client, model)
+    plain = await client.get(url(model), headers=seat | {"Accept-Encoding": "gzip;q=0"})
+    asking = seat | {"Accept-Encoding": "br, gzip"}
+    async with client.stream("GET", url(model), headers=asking) as sent:
+        packed = b"".join([piece async for piece in sent.aiter_raw()])
+    assert gzip.decompress(packed) == plain.content
+    assert len(packed) < 0.8 * len(plain.content)
+    assert sent.headers["content-encoding"] == "gzip"
+    assert "content-encoding" not in plain.headers
+    assert {sent.headers["vary"], plain.headers["vary"]} == {"Accept-Encoding"}
+    assert sent.headers["etag"] != plain.headers["etag"]
+    again = await client.get(url(model), headers=asking | {"If-None-Match": sent.headers["etag"]})
+    assert (again.status_code, again.headers["etag"]) == (304, sent.headers["etag"])
+
+
+@pytest.mark.parametrize(
+    ("header", "takes"),
+    [
+        ("", False),
+        ("identity", False),
+        ("gzip;q=0", False),
+        ("br;q=1.0, GZIP;q=0.5", True),
+        ("*", True),
+    ],
+)
+def test_who_takes_gzip(header: str, takes: bool):
+    assert takes_gzip(header) is takes
 
 
 async def test_a_seat_opens_no_other_file_and_no_other_model(
