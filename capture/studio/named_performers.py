@@ -1,8 +1,9 @@
 """Performers with names, so that figures of different runs are of the same person.
 
-Five are painted, and eight lifelike, of MakeHuman's skins and garments. They differ in build, skin and clothes, and in the clip of the CMU motion capture database that they
-move by: dancing, walking, reaching, washing; all three skeleton families. The clips are no part of
-this package: callers pass the folder that holds them.
+Five are painted; eight are lifelike, of MakeHuman's skins and garments. They differ in build, skin
+and clothes, and in the clip of the CMU motion capture database that they move by: dancing, walking,
+reaching, washing; all three skeleton families. Neither clips nor assets are part of this package:
+callers pass the folders that hold them.
 """
 
 from __future__ import annotations

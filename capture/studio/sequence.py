@@ -15,9 +15,9 @@ from capture.storage import write_sequence
 from capture.studio.expressions import with_random_expressions
 from capture.studio.footage import Footage, FootageWriter
 from capture.studio.garments import Drape, drape
+from capture.studio.lifelike.performer import make_lifelike_performer
 from capture.studio.light import EnvironmentLight
 from capture.studio.motions import gesture_motion, turntable_motion, with_turn
-from capture.studio.lifelike.performer import make_lifelike_performer
 from capture.studio.named_performers import (
     LIFELIKE_PERFORMERS,
     motion_file_of,

@@ -7,6 +7,7 @@ person along each axis, or to one. Format: http://www.makehumancommunity.org/wik
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -164,6 +165,6 @@ def _read_obj(path: Path) -> tuple[Int[Array, "T 3"], Float[Array, "T 3 2"]]:
             texture.append([float(word) for word in words[1:3]])
         elif words[0] == "f":
             polygon = [[int(n) - 1 for n in word.split("/")[:2]] for word in words[1:]]
-            corners += [[polygon[0], a, b] for a, b in zip(polygon[1:], polygon[2:], strict=False)]
+            corners += [[polygon[0], a, b] for a, b in pairwise(polygon[1:])]
     indices = np.array(corners, np.int64)
     return indices[..., 0], np.array(texture)[indices[..., 1]]
