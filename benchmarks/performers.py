@@ -1,5 +1,5 @@
-"""The table of the README: five performers in real motion, three looks, `fast` and `splats`; and the
-lifelike performers, each by itself, where MakeHuman's assets are at hand.
+"""The table of the README: five performers in real motion, three looks, `fast` and `splats`; and
+the lifelike performers, each by itself, where MakeHuman's assets are at hand.
 
 60 frames of 256 x 256 from one camera, exact poses, body crop. Each cell is stored as soon as it
 is measured.

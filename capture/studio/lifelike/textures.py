@@ -39,12 +39,15 @@ def pack(pictures: list[UInt8[Array, "H W 4"]]) -> Textures:
     """`pictures`, of any sizes, with their smaller copies."""
     parts, places, first = [], np.empty((len(pictures), LEVELS, 3), np.int64), 0
     for p, picture in enumerate(pictures):
-        level = picture.astype(np.float32)
-        level[..., :3] *= level[..., 3:] / 255.0
+        level = picture
+        if level[..., 3].min() < 255:
+            alpha = level[..., 3:].astype(np.uint16)
+            level = np.concatenate([(level[..., :3] * alpha + 127) // 255, alpha], axis=2)
+            level = level.astype(np.uint8)
         for n in range(LEVELS):
             height, width = level.shape[:2]
             places[p, n] = first, height, width
-            parts.append((level + 0.5).astype(np.uint8).reshape(-1, 4))
+            parts.append(level.reshape(-1, 4))
             first += height * width
             half = (max(width // 2, 1), max(height // 2, 1))
             level = np.asarray(cv2.resize(level, half, interpolation=cv2.INTER_AREA))
