@@ -10,6 +10,7 @@ import typer
 
 from benchmarks.inputs import (
     FOOTAGE,
+    HUMAN_ASSETS,
     LPIPS_BACKBONE,
     MOTION,
     PANORAMAS,
@@ -179,16 +180,19 @@ def frontier(
 def performers(
     commits: Commits = False,
     motion: Motion = MOTION,
+    assets: Annotated[
+        Path, typer.Option(help="MakeHuman's assets; without them no lifelike performers.")
+    ] = HUMAN_ASSETS,
     backbone: Backbone = None,
     clock: ClockName = "processor",
     only: Only = "",
 ) -> None:
-    """Accuracy on the five studio performers in real motion, in every look."""
+    """Accuracy on the studio's performers in real motion: painted in every look, and lifelike."""
     require_motion(motion)
     from benchmarks.performers import run
 
     writer = _start("performers", commits, narrowed=bool(only) or clock != "processor")
-    run(writer, motion, backbone, clock, only)
+    run(writer, motion, assets, backbone, clock, only)
 
 
 @app.command("train")

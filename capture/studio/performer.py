@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -25,6 +26,36 @@ _KEY_LIGHT = np.array([0.6, 0.55, 0.58])
 """Direction towards the key light of the lit room (front, left, above), unit length below."""
 
 
+class Performer(Protocol):
+    """Who can be filmed in the studio."""
+
+    @property
+    def body(self) -> Body:
+        """The body without clothes, which moves."""
+        ...
+
+    @property
+    def known_body(self) -> Body:
+        """The body as a capture knows it."""
+        ...
+
+    @property
+    def garments(self) -> tuple[Garment, ...]:
+        """Loose clothes, worn in the look `loose` only."""
+        ...
+
+    def render(
+        self,
+        pose: Pose,
+        camera: Camera,
+        look: str,
+        cloth: Float[Array, "C 3"] | None = None,
+        light: EnvironmentLight | None = None,
+    ) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
+        """The picture (premultiplied over black, sRGB) and its alpha, see `render_performer`."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class StudioPerformer:
     """A body with clothes, all of it ground truth."""
@@ -40,6 +71,17 @@ class StudioPerformer:
     """The body as a capture knows it, with the body model's expressions instead of their own."""
     face: Face | None = None
     """Eyes and mouth of a face that moves; None of one that does not."""
+
+    def render(
+        self,
+        pose: Pose,
+        camera: Camera,
+        look: str,
+        cloth: Float[Array, "C 3"] | None = None,
+        light: EnvironmentLight | None = None,
+    ) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
+        """See `render_performer`."""
+        return render_performer(self, pose, camera, look, cloth, light=light)
 
 
 def make_performer(seed: int, *, expressive: bool = False) -> StudioPerformer:
@@ -62,11 +104,16 @@ def make_performer(seed: int, *, expressive: bool = False) -> StudioPerformer:
     joint = body.blend_weights.argmax(axis=1)
     outfit = make_outfit(rng)
     if known.expression_directions is not None:
-        strength = rng.uniform(*_EXPRESSION_STRENGTH, EXPRESSION_COUNT)
-        strength[[name.startswith("blink") for name in EXPRESSION_NAMES]] = 1.0
-        own = strength[:, None, None] * known.expression_directions
+        own = own_strength(rng)[:, None, None] * known.expression_directions
         body = replace(known, expression_directions=own)
     return StudioPerformer(body, outfit, joint, normals, make_garments(body), known, face)
+
+
+def own_strength(rng: np.random.Generator) -> Float[Array, "E"]:
+    """A performer's own expressions as shares of the body model's, drawn from `rng`."""
+    strength = rng.uniform(*_EXPRESSION_STRENGTH, EXPRESSION_COUNT)
+    strength[[name.startswith("blink") for name in EXPRESSION_NAMES]] = 1.0
+    return strength
 
 
 def render_performer(
@@ -97,7 +144,8 @@ def render_performer(
     size = (supersampled.height, supersampled.width)
     triangle = np.empty(size, np.int32)
     barycentric, nearest = np.empty((*size, 3), np.float32), np.empty(size, np.float32)
-    rasterise(pixels, depth, triangles, triangle, barycentric, nearest)
+    bound = np.full(size, np.inf, np.float32)
+    rasterise(pixels, depth, triangles, triangle, barycentric, nearest, bound)
     samples = np.zeros((*size, 4), np.float32)
     is_skin, is_cloth = (triangle >= 0) & (triangle < len(faces)), triangle >= len(faces)
     samples[is_skin, :3] = _shade(
@@ -141,6 +189,13 @@ def _shade(
         return colour
     posed_normals = vertex_normals(posed, performer.body.faces)
     normal = np.einsum("nc,ncx->nx", weights, posed_normals[corners])
+    return lit(colour, normal, light)
+
+
+def lit(
+    colour: Float[Array, "N 3"], normal: Float[Array, "N 3"], light: EnvironmentLight | None
+) -> Float[Array, "N 3"]:
+    """sRGB `colour` of surfaces facing `normal` in the look `lit`; None: the studio's own light."""
     if light is not None:
         return light.shade(colour, normal).astype(np.float32)
     key = _KEY_LIGHT / np.linalg.norm(_KEY_LIGHT)

@@ -15,10 +15,15 @@ from capture.storage import write_sequence
 from capture.studio.expressions import with_random_expressions
 from capture.studio.footage import Footage, FootageWriter
 from capture.studio.garments import Drape, drape
+from capture.studio.lifelike.performer import make_lifelike_performer
 from capture.studio.light import EnvironmentLight
 from capture.studio.motions import gesture_motion, turntable_motion, with_turn
-from capture.studio.named_performers import motion_file_of, seed_of_performer
-from capture.studio.performer import StudioPerformer, make_performer, render_performer
+from capture.studio.named_performers import (
+    LIFELIKE_PERFORMERS,
+    motion_file_of,
+    seed_of_performer,
+)
+from capture.studio.performer import Performer, make_performer
 from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
 from scene.environment import Environment
@@ -48,7 +53,7 @@ _HEAD_CENTRE_M = 0.03
 class _AnimatedPerformer:
     """A performer with a motion, in a look."""
 
-    performer: StudioPerformer
+    performer: Performer
     motion: Motion
     look: str
     cloth: Drape | None
@@ -57,7 +62,7 @@ class _AnimatedPerformer:
     @classmethod
     def of(
         cls,
-        performer: StudioPerformer,
+        performer: Performer,
         motion: Motion,
         look: str,
         light: EnvironmentLight | None = None,
@@ -71,7 +76,7 @@ class _AnimatedPerformer:
     ) -> tuple[Float[Array, "H W 3"], Float[Array, "H W"]]:
         """The performer in `pose` from `camera`: sRGB premultiplied by alpha, and alpha."""
         cloth = None if self.cloth is None else self.cloth.at(pose.time_s)
-        return render_performer(self.performer, pose, camera, self.look, cloth, light=self.light)
+        return self.performer.render(pose, camera, self.look, cloth, self.light)
 
     def render_motion_blurred(
         self, time_s: float, camera: Camera, open_s: float
@@ -89,6 +94,7 @@ def make_sequence(
     out: Path,
     *,
     performer: str | None = None,
+    assets: Path | None = None,
     motion: Path | None = None,
     look: str = "plain",
     frames: int = 60,
@@ -109,6 +115,8 @@ def make_sequence(
     moments of the training motion (novel_view) and of another motion (unseen_pose). With `motion`
     (.bvh, or a folder that holds the performer's clip) the first three quarters train and the rest,
     turned alike, is the unseen motion.
+
+    The lifelike performers are made of the files in `assets`, MakeHuman's.
 
     With `footage`, the raw training frames are written too, as the camera records them (room,
     noise, blur), as input of a capture; the sequence itself stays clean:
@@ -131,7 +139,7 @@ def make_sequence(
     light = _environment_light(look, environment)
     seed = seed if performer is None else seed_of_performer(performer)
     motion = None if motion is None else motion_file_of(motion, performer)
-    subject = make_performer(seed, expressive=expressions)
+    subject = _subject(performer, assets, seed, look, expressions)
     skeleton = subject.body.skeleton
     train_motion, unseen_motion = _motions(motion, skeleton, frames, turn_deg, frames_per_second)
     if expressions:
@@ -228,6 +236,30 @@ def _check(
         raise CaptureError(f"turn_deg must be finite; got {turn_deg}")
     if not 0.0 < rate <= 240.0:
         raise CaptureError(f"frames_per_second must be above 0 and at most 240; got {rate}")
+
+
+def _subject(
+    performer: str | None, assets: Path | None, seed: int, look: str, expressive: bool
+) -> Performer:
+    row = None if performer is None else LIFELIKE_PERFORMERS.get(performer)
+    if row is None:
+        if assets is not None:
+            raise CaptureError(
+                "assets must go with a lifelike performer of "
+                f"{', '.join(LIFELIKE_PERFORMERS)}; got performer {performer!r}"
+            )
+        return make_performer(seed, expressive=expressive)
+    if look == "loose":
+        raise CaptureError(
+            f"look must be plain or lit for the lifelike {performer}; got 'loose', which the "
+            "painted performers have"
+        )
+    if assets is None:
+        raise CaptureError(
+            f"assets must be the folder with MakeHuman's assets for the lifelike {performer}; got "
+            "none; docs/data.md says where to fetch them"
+        )
+    return make_lifelike_performer(row, assets, expressive=expressive)
 
 
 def _environment_light(look: str, environment: Environment | None) -> EnvironmentLight | None:

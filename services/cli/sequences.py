@@ -99,7 +99,14 @@ def capture(
 def studio(
     out: Annotated[Path, typer.Option(help="The sequence's folder.")],
     performer: Annotated[
-        str | None, typer.Option(help="One of amber, basil, clover, dune and ember.")
+        str | None,
+        typer.Option(
+            help="One of amber, basil, clover, dune and ember; lifelike, with --assets: fern, "
+            "flint, hazel, jasper, moss, reed, slate and thorn."
+        ),
+    ] = None,
+    assets: Annotated[
+        Path | None, typer.Option(help="MakeHuman's assets, of which lifelike performers are made.")
     ] = None,
     motion: Annotated[
         Path | None,
@@ -158,6 +165,7 @@ def studio(
         make_sequence(
             out,
             performer=performer,
+            assets=assets,
             motion=motion,
             look=look,
             frames=frames,
