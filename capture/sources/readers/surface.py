@@ -79,7 +79,9 @@ def _of_the_skin(offsets: Float[Array, "K 3"], body: Body) -> Float[Array, "K 3"
         elif PARENTS[joint] in _SHARED:  # hands and feet
             moved[joint] = moved[PARENTS[joint]]
         else:
-            moved[joint] = [np.interp(height[joint], known, axis) for axis in zip(*ends, strict=True)]
+            moved[joint] = [
+                np.interp(height[joint], known, axis) for axis in zip(*ends, strict=True)
+            ]
     return moved
 
 
