@@ -35,7 +35,7 @@ from scene.body import Body
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.motion import Motion, Pose
-from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Frame, PoseTrust, Sequence
+from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Crop, Frame, PoseTrust, Sequence, crop_window
 from scene.skeleton import Skeleton
 
 VERSION = 1
@@ -44,7 +44,7 @@ _TEST_SPLITS = (NOVEL_VIEW, UNSEEN_POSE)
 
 @dataclass(frozen=True, eq=False)
 class FolderFrames:
-    """Frames of one split, read from disk when asked for (a `FrameSource`)."""
+    """Frames of one split, read from disk when asked for (a `CropSource`)."""
 
     folder: Path
     cameras: tuple[Camera, ...]
@@ -70,6 +70,13 @@ class FolderFrames:
         """float32 alpha in [0, 1]. Raises BrokenSequence for a file that is no picture."""
         pixels = self._read("masks", index, cv2.IMREAD_GRAYSCALE)
         return pixels.astype(np.float32) / np.float32(255.0)
+
+    def crop(self, index: int, margin: float) -> Crop:
+        """See `scene.sequence.CropSource`. Raises BrokenSequence for a file that is no picture."""
+        alpha = self._read("masks", index, cv2.IMREAD_GRAYSCALE)
+        rows, columns = crop_window(alpha, margin)
+        pixels = self._read("images", index, cv2.IMREAD_COLOR)[rows, columns, ::-1]
+        return Crop(np.dstack([pixels, alpha[rows, columns]]), rows, columns)
 
     def _read(self, kind: str, index: int, mode: int) -> Array:
         path = self.folder / kind / f"{index:06d}.png"

@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from scene.arrays import Array, Float
+from scene.arrays import Array, Float, UInt8
 from scene.body import Body
 from scene.camera import Camera
 from scene.errors import InvalidInput
@@ -69,6 +69,26 @@ class PoseTrust(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
+class Crop:
+    """A frame cut to the person."""
+
+    rgba: UInt8[Array, "H W 4"]
+    """The person over black, premultiplied, sRGB, and alpha: `image` and `mask` in 8 bits."""
+    rows: slice
+    columns: slice
+    """Where in the frame it is."""
+
+
+@runtime_checkable
+class CropSource(FrameSource, Protocol):
+    """Frames on disk, of which only the person is taken; several threads may ask at once."""
+
+    def crop(self, index: int, margin: float) -> Crop:
+        """Frame `index` cut to its `body_crop`; the whole frame where nobody is in it."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
 class Sequence:
     """A person's frames for training, and test frames where truth is known."""
 
@@ -101,7 +121,16 @@ def read_frame(source: FrameSource, index: int) -> Frame:
     return Frame(source.image(index), source.mask(index), source.camera(index), source.pose(index))
 
 
-def body_crop(mask: Float[Array, "H W"], margin: float = 0.05) -> tuple[slice, slice] | None:
+def crop_window(
+    mask: Float[Array, "H W"] | UInt8[Array, "H W"], margin: float
+) -> tuple[slice, slice]:
+    """The `body_crop` of `mask`; the whole of it where nobody is in it."""
+    return body_crop(mask, margin) or (slice(0, mask.shape[0]), slice(0, mask.shape[1]))
+
+
+def body_crop(
+    mask: Float[Array, "H W"] | UInt8[Array, "H W"], margin: float = 0.05
+) -> tuple[slice, slice] | None:
     """Rows and columns of the box around alpha > 0 grown by `margin` of its size; None if empty."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if rows.size == 0:

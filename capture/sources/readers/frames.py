@@ -1,7 +1,7 @@
 """What readers of data sets share: undistorted, premultiplied pictures and an upright world.
 
-Data sets centre pixels on integers (OpenCV), sequences on halves. Pictures are undistorted by
-cv2.undistort, as the data sets' own code does, so the resulting cameras are pinholes.
+Data sets centre pixels on integers (OpenCV), sequences on halves. Pictures are undistorted as
+cv2.undistort does it, which the data sets' own code calls, so the resulting cameras are pinholes.
 """
 
 from __future__ import annotations
@@ -9,20 +9,24 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence as Series
 from dataclasses import dataclass
+from functools import cache, lru_cache, reduce
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from capture.errors import BrokenDataset
-from scene.arrays import Array, Float
+from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
 from scene.motion import Motion, Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, rotation_between
+from scene.sequence import Crop, crop_window
 from scene.skeleton import JOINT_NAMES, Skeleton
 
 _SOLE_M = 0.02
 """How high the lowest joint, a toe, is above the sole."""
+_KEPT_MAPS = 4
+"""Lenses whose undistortion is kept in memory, 6 MB each at 1024 x 1024."""
 _FLOOR_TOLERANCE_M = 0.05
 """A floor this near to y = 0 is not moved."""
 
@@ -43,7 +47,7 @@ class DatasetFrame:
 
 @dataclass(frozen=True, eq=False)
 class DatasetFrames:
-    """Frames of a data set, read from disk when asked for (a `FrameSource`)."""
+    """Frames of a data set, read from disk when asked for (a `CropSource`)."""
 
     frames: Series[DatasetFrame]
     motion: Motion
@@ -65,23 +69,35 @@ class DatasetFrames:
     def image(self, index: int) -> Float[Array, "H W 3"]:
         """float32 sRGB in [0, 1], premultiplied. Raises BrokenDataset for an unreadable picture."""
         frame = self.frames[index]
-        pixels = self._undistorted(_read(frame.picture, frame.camera), frame)
+        pixels = _undistorted(_read(frame.picture, frame.camera), frame)
         person = pixels[..., ::-1].astype(np.float32) / np.float32(255.0)
         return person * self.mask(index)[..., None]
 
     def mask(self, index: int) -> Float[Array, "H W"]:
         """float32 alpha in [0, 1]. Raises BrokenDataset for an unreadable picture."""
+        return self._alpha(index).astype(np.float32) / np.float32(255.0)
+
+    def crop(self, index: int, margin: float) -> Crop:
+        """See `scene.sequence.CropSource`. Raises BrokenDataset for an unreadable picture."""
+        frame, alpha = self.frames[index], self._alpha(index)
+        rows, columns = crop_window(alpha, margin)
+        alpha = alpha[rows, columns]
+        pixels = _undistorted(_read(frame.picture, frame.camera), frame, rows, columns)
+        rgba = np.empty((*alpha.shape, 4), np.uint8)
+        rgba[..., :3] = pixels[..., ::-1]
+        rgba[..., 3] = alpha
+        rgba[alpha == 0] = 0
+        soft = (alpha > 0) & (alpha < 255)  # the few at which there is anything to multiply
+        rgba[soft, :3] = _premultiplied()[rgba[soft, :3], alpha[soft, None]]
+        return Crop(rgba, rows, columns)
+
+    def _alpha(self, index: int) -> UInt8[Array, "H W"]:
         frame = self.frames[index]
-        masks = [_read(path, frame.camera).max(axis=-1) for path in frame.masks]
-        alpha = np.max(masks, axis=0)
+        pictures = [_read(path, frame.camera) for path in frame.masks]
+        alpha = reduce(np.maximum, (one[..., c] for one in pictures for c in range(3)))
         if frame.labels or alpha.max() == 1:  # many tools write 1 for the person
             alpha = np.where(alpha > 0, np.uint8(255), np.uint8(0))
-        alpha = self._undistorted(alpha, frame)
-        return alpha.astype(np.float32) / np.float32(255.0)
-
-    @staticmethod
-    def _undistorted(pixels: Array, frame: DatasetFrame) -> Array:
-        return pixels if frame.lens is None else cv2.undistort(pixels, *frame.lens)
+        return _undistorted(alpha, frame)
 
 
 def picture_size(path: Path) -> tuple[int, int]:
@@ -152,6 +168,39 @@ def data_hash(root: Path, files: Series[Path]) -> str:
             while block := stream.read(1 << 20):
                 digest.update(block)
     return digest.hexdigest()
+
+
+def _undistorted(
+    pixels: UInt8[Array, "H W *C"],
+    frame: DatasetFrame,
+    rows: slice = slice(None),
+    columns: slice = slice(None),
+) -> UInt8[Array, "h w *C"]:
+    """Those rows and columns of the undistorted picture."""
+    if frame.lens is None:
+        return pixels[rows, columns]
+    intrinsics, distortion = (np.asarray(part, np.float64).tobytes() for part in frame.lens)
+    from_px, fractions = _undistortion(intrinsics, distortion, *pixels.shape[:2])
+    return cv2.remap(pixels, from_px[rows, columns], fractions[rows, columns], cv2.INTER_LINEAR)
+
+
+@lru_cache(maxsize=_KEPT_MAPS)
+def _undistortion(
+    intrinsics: bytes, distortion: bytes, height: int, width: int
+) -> tuple[Array, Array]:
+    """Where cv2.undistort takes every pixel from, and which fraction of a pixel beside."""
+    matrix = np.frombuffer(intrinsics).reshape(3, 3)
+    coefficients = np.frombuffer(distortion)
+    return cv2.initUndistortRectifyMap(
+        matrix, coefficients, None, matrix, (width, height), cv2.CV_16SC2
+    )
+
+
+@cache
+def _premultiplied() -> UInt8[Array, "256 256"]:
+    """A colour times an alpha, both in 8 bits, rounded as the product of their float32."""
+    values = np.arange(256, dtype=np.float32) / np.float32(255.0)
+    return (values[:, None] * values * 255.0 + 0.5).astype(np.uint8)
 
 
 def _read(path: Path, camera: Camera) -> Array:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from renderer.splats.rasteriser.workspace import pack_camera
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
-from scene.sequence import FrameSource, body_crop
+from scene.sequence import Crop, CropSource, FrameSource, crop_window
 
 _CROP_MARGIN = 0.12
 """Share of the body's box kept round it: room where splats that stray are still punished."""
@@ -27,14 +30,33 @@ class View:
 
 
 def read_views(source: FrameSource) -> list[View]:
-    """All frames of `source`."""
-    return [_read_view(source, index) for index in range(len(source))]
+    """All frames of `source`; those on disk are decoded on as many threads as there are cores.
+
+    What a frame raises is raised, with a note that tells which frame it was.
+    """
+    read = partial(_read_view, source)
+    if not isinstance(source, CropSource):
+        return [read(index) for index in range(len(source))]
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0)), "read_views") as pool:
+        return list(pool.map(read, range(len(source))))
 
 
 def _read_view(source: FrameSource, index: int) -> View:
-    image, mask, camera = source.image(index), source.mask(index), source.camera(index)
-    crop = body_crop(mask, _CROP_MARGIN) or (slice(0, mask.shape[0]), slice(0, mask.shape[1]))
-    rgba = np.concatenate([image[crop], mask[crop][..., None]], axis=2)
-    window = camera.cropped(crop[1].start, crop[0].start, rgba.shape[1], rgba.shape[0])
-    pixels = np.ascontiguousarray((rgba * 255.0 + 0.5).astype(np.uint8))
-    return View(pixels, window, pack_camera(window))
+    try:
+        crop = (
+            source.crop(index, _CROP_MARGIN)
+            if isinstance(source, CropSource)
+            else _cut(source.image(index), source.mask(index))
+        )
+    except Exception as error:
+        error.add_note(f"in training frame {index}")
+        raise
+    height, width = crop.rgba.shape[:2]
+    window = source.camera(index).cropped(crop.columns.start, crop.rows.start, width, height)
+    return View(crop.rgba, window, pack_camera(window))
+
+
+def _cut(image: Float[Array, "H W 3"], mask: Float[Array, "H W"]) -> Crop:
+    rows, columns = crop_window(mask, _CROP_MARGIN)
+    rgba = np.concatenate([image[rows, columns], mask[rows, columns][..., None]], axis=2)
+    return Crop(np.ascontiguousarray((rgba * 255.0 + 0.5).astype(np.uint8)), rows, columns)
