@@ -17,6 +17,7 @@ from renderer.splats.model import SplatModel
 from renderer.splats.training.trainer import SplatTrainer
 from renderer.training import Progress, train
 from scene import FrameSource, Motion, Pose
+from scene.sequence import PoseTrust
 from tests.renderer.clocks import ticking
 from tests.renderer.studio import make_sequence
 

@@ -15,7 +15,7 @@ from capture.sources.readers import open_folder
 from capture.sources.readers.frames import DatasetFrames, to_integer_pixel_centres
 from capture.storage import FolderFrames, open_sequence, write_sequence
 from renderer.splats.training.views import View, read_views
-from scene.sequence import CropSource, FrameSource, read_frame
+from scene.sequence import CropSource, FrameSource, PoseTrust, read_frame
 
 FRAMES = 12
 LENS = np.array([-0.2, 0.06, 0.002, -0.001, 0.0])
@@ -92,7 +92,7 @@ def test_frames_of_a_sequence_folder_are_equal_to_the_bit(folder: Path, tmp_path
         body=clip.body,
         train=(read_frame(clip.train, i) for i in range(FRAMES)),
         source="test",
-        exact_poses=True,
+        pose_trust=PoseTrust.EXACT,
     )
     source = open_sequence(tmp_path / "clip").train
     assert isinstance(source, FolderFrames)
