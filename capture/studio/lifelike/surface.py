@@ -88,7 +88,8 @@ def _without_hidden_layers(pieces: list[Piece]) -> list[Piece]:
     socks under trousers."""
     kept, outer = [], np.zeros(0, np.int64)
     for piece in pieces:
-        hidden = np.isin(piece.base, outer).all(axis=1)[piece.faces].all(axis=1)
+        inner = np.asarray(np.isin(piece.base, outer).all(axis=1))
+        hidden = inner[piece.faces].all(axis=1)
         kept.append(
             replace(
                 piece,
