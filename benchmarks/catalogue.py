@@ -60,6 +60,7 @@ CATALOGUE = (
     Benchmark("capture-robustness", ("capture", "--robustness"), (require_motion,)),
     Benchmark("field-speed", ("field",)),
     Benchmark("refinement", ("refinement",)),
+    Benchmark("foreign", ("foreign",), takes_backbone=True),
     Benchmark("kernels", ("kernels",), (require_cuda,)),
     Benchmark("gpu", ("gpu",), (require_cuda,)),
     Benchmark("performers", ("performers",), (require_motion,), takes_backbone=True),

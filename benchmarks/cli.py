@@ -295,6 +295,20 @@ def refinement(commits: Commits = False, clock: ClockName = "processor") -> None
 
 
 @app.command()
+def foreign(
+    commits: Commits = False,
+    backbone: Backbone = None,
+    clock: ClockName = "processor",
+    only: Only = "",
+) -> None:
+    """Splats of another program's exact poses, in HumanNeRF's layout, lit by the room."""
+    from benchmarks.foreign.measure import run
+
+    writer = _start("foreign", commits, narrowed=bool(only) or clock != "processor")
+    run(writer, backbone, clock, only)
+
+
+@app.command()
 def relight(
     commits: Commits = False,
     panoramas: Annotated[

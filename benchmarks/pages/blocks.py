@@ -46,6 +46,7 @@ BLOCKS = (
     Block(_FIGURES_PAGE, "live", ("live-capture",), capture.live),
     Block("docs/capture.md", "capture", ("capture",), capture.accuracy),
     Block("docs/frontier.md", "refinement", ("refinement",), splats.refinement),
+    Block("docs/frontier.md", "foreign", ("foreign",), splats.foreign),
     Block("docs/frontier.md", "frontier", ("frontier",), frontier),
     Block("docs/gpu.md", "gpu", ("gpu",), gpu),
     Block("docs/room.md", "relight", ("relight",), splats.relight),

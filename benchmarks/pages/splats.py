@@ -21,6 +21,15 @@ _EXPRESSIONS = {
     "right_hand_curl": "right hand",
 }
 
+_FOREIGN = {
+    "as trained": "as `metanerf train` does",
+    "poses believed": "poses left alone",
+    "true surface": "poses left alone, the surface that was drawn",
+}
+_SPLITS = ("novel_view", "unseen_pose")
+_MEASURES = (("psnr", 1.0, 1), ("ssim", 1.0, 3), ("lpips", 1e3, 0))
+"""Measure, what it is multiplied with in the table, decimals."""
+
 
 def trainings(figures: Figures) -> str:
     """dB of face and hands by every way to train them."""
@@ -119,6 +128,31 @@ def refinement(figures: Figures) -> str:
     ]
     head = ["noise", "model", "PSNR, dB", "test poses aligned", "joints, mm"]
     return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
+
+
+def foreign(figures: Figures) -> str:
+    """Another program's test set: what estimating poses and surface costs."""
+    rows = [
+        [
+            _FOREIGN[row["way"]],
+            f"{row['budget_s']:g} s, {row['steps']:,} steps",
+            *(
+                " / ".join(
+                    _scaled(row[f"{measure}_{split}_body_crop"], factor, digits)
+                    for split in _SPLITS
+                )
+                for measure, factor, digits in _MEASURES
+            ),
+            f"{row['psnr_training_view_body_crop']:.1f}",
+        ]
+        for row in figures["rows"]
+    ]
+    head = ["splats", "training", "PSNR, dB", "SSIM", "LPIPS x1000", "own views, dB"]
+    return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
+
+
+def _scaled(value: float | None, factor: float, digits: int) -> str:
+    return "-" if value is None else f"{factor * value:.{digits}f}"
 
 
 def _gain(worth: Figures, digits: int) -> str:
