@@ -26,7 +26,7 @@ _KEY_LIGHT = np.array([0.6, 0.55, 0.58])
 """Direction towards the key light of the lit room (front, left, above), unit length below."""
 
 
-class Performer(Protocol):
+class FilmedPerformer(Protocol):
     """Who can be filmed in the studio."""
 
     @property

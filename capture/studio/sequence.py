@@ -23,7 +23,7 @@ from capture.studio.named_performers import (
     motion_file_of,
     seed_of_performer,
 )
-from capture.studio.performer import Performer, make_performer
+from capture.studio.performer import FilmedPerformer, make_performer
 from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
 from scene.environment import Environment
@@ -53,7 +53,7 @@ _HEAD_CENTRE_M = 0.03
 class _AnimatedPerformer:
     """A performer with a motion, in a look."""
 
-    performer: Performer
+    performer: FilmedPerformer
     motion: Motion
     look: str
     cloth: Drape | None
@@ -62,7 +62,7 @@ class _AnimatedPerformer:
     @classmethod
     def of(
         cls,
-        performer: Performer,
+        performer: FilmedPerformer,
         motion: Motion,
         look: str,
         light: EnvironmentLight | None = None,
@@ -240,7 +240,7 @@ def _check(
 
 def _subject(
     performer: str | None, assets: Path | None, seed: int, look: str, expressive: bool
-) -> Performer:
+) -> FilmedPerformer:
     row = None if performer is None else LIFELIKE_PERFORMERS.get(performer)
     if row is None:
         if assets is not None:

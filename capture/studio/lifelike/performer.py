@@ -34,7 +34,7 @@ _OPAQUE = 0.99
 
 @dataclass(frozen=True, eq=False)
 class DressedPerformer:
-    """A lifelike performer; see `capture.studio.performer.Performer`."""
+    """A lifelike performer; see `capture.studio.performer.FilmedPerformer`."""
 
     body: Body
     known_body: Body

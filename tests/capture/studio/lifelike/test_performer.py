@@ -164,7 +164,9 @@ def test_a_sequence_knows_the_naked_body(assets, tmp_path, fern):
     written = open_sequence(tmp_path / "fern")
 
     assert written.person == "fern"
-    assert len(written.body.rest_vertices) == len(fern.body.rest_vertices)
+    assert written.body.rest_vertices is not None
+    assert fern.known_body.rest_vertices is not None
+    assert len(written.body.rest_vertices) == len(fern.known_body.rest_vertices)
     np.testing.assert_allclose(written.body.rest_vertices, fern.known_body.rest_vertices, atol=1e-4)
 
 
