@@ -3,7 +3,7 @@
  * each step shared among people by their size in view. No DOM in here.
  */
 
-import type { PassCamera } from "./pass";
+import type { PassCamera } from "./camera";
 
 /** What one step draws: splats of all together. */
 export interface Step {

@@ -4,7 +4,7 @@ import type { Size } from "../viewpoint/framing";
 import type { CameraPose } from "../viewpoint/viewpoint";
 import { SplatBudget, SplatShares, type Step } from "./budget";
 import type { LocalRoom } from "./localRoom";
-import { passCamera } from "./pass";
+import { passCamera } from "./camera";
 import { ENOUGH_FPS } from "./renderMode";
 
 /** Splats of all people together. */

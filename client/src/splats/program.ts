@@ -1,6 +1,6 @@
 /** Programs of the graphics card, their uniforms, and textures. */
 
-import type { PassCamera } from "./pass";
+import type { PassCamera } from "./camera";
 
 export type Uniforms = (name: string) => WebGLUniformLocation | null;
 

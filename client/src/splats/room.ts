@@ -1,7 +1,7 @@
 /** The room round the people as the server draws it: its colours, and shadows where people stand. */
 
 import type { Light } from "../api/types";
-import type { PassCamera } from "./pass";
+import type { PassCamera } from "./camera";
 import { NEAR_M } from "./sort";
 import { transformedJoint, TRANSFORM, type Skeleton } from "./skeleton";
 

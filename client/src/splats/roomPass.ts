@@ -1,6 +1,6 @@
 /** Draws the room behind a picture of people: once without shadows, then where shadows may fall. */
 
-import type { Eye } from "./pass";
+import type { Eye } from "./camera";
 import { program, setCamera, texture, uniformsOf, type Uniforms } from "./program";
 import { SCREEN, STUDIO, screenHalfSize, shadowBounds, type LoadedEnvironment, type Shadow } from "./room";
 import { MAX_SHADOWS, roomFragment, type RoomKind } from "./roomShader";

@@ -7,7 +7,7 @@
 
 import type { MeetingSession } from "../meeting/session";
 import type { LiveView } from "../drawing/live";
-import type { Eye, PassCamera } from "../splats/pass";
+import type { Eye, PassCamera } from "../splats/camera";
 import { SplatBudget, SplatShares } from "../splats/budget";
 import { headsetRules, type HeadsetStep } from "./headsetSteps";
 import { panelInFrontOf, ViewerRig, centreOf, seatPose, SNAP_RAD } from "./rig";

@@ -1,6 +1,6 @@
 /** Draws flat things over the picture of an eye: boards, the ring on the floor, rays. */
 
-import type { Eye, PassCamera } from "../splats/pass";
+import type { Eye, PassCamera } from "../splats/camera";
 import { program, uniformsOf, type Uniforms } from "../splats/program";
 import { add, cross, scale, unit, type Quad } from "./space";
 import type { Vec3 } from "../viewpoint/geometry";

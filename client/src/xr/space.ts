@@ -4,7 +4,7 @@
  */
 
 import type { Quaternion, Vec3 } from "../viewpoint/geometry";
-import type { PassCamera } from "../splats/pass";
+import type { PassCamera } from "../splats/camera";
 import type { CameraPose } from "../viewpoint/viewpoint";
 
 /** A rigid motion, or a projection: 16 numbers, column by column. */

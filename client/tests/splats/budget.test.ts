@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { shareBudget, sizeInView, SplatBudget, SplatShares, steadyShares } from "../../src/splats/budget";
-import { passCamera } from "../../src/splats/pass";
+import { passCamera } from "../../src/splats/camera";
 
 const PACE = 1000 / 30;
 

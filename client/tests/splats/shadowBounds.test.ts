@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { passCamera } from "../../src/splats/pass";
+import { passCamera } from "../../src/splats/camera";
 import { shadowBounds, type Shadow } from "../../src/splats/room";
 import { orbitCamera } from "../../src/viewpoint/viewpoint";
 

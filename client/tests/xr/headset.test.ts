@@ -5,7 +5,7 @@ import { panelInFrontOf, ViewerRig, seatPose, STANDING_EYES_M } from "../../src/
 import { hitTest } from "../../src/xr/pointers";
 import { column, eyeCamera, floorHit, headPose, quadHit, rayOf, yawOf, type Matrix } from "../../src/xr/space";
 import { rotationMatrix } from "../../src/viewpoint/geometry";
-import { passCamera } from "../../src/splats/pass";
+import { passCamera } from "../../src/splats/camera";
 import { orbitCamera } from "../../src/viewpoint/viewpoint";
 import type { Performer } from "../../src/api/types";
 
