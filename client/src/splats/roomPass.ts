@@ -6,6 +6,9 @@ import { SCREEN, STUDIO, screenHalfSize, shadowBounds, type LoadedEnvironment, t
 import { MAX_SHADOWS, roomFragment, type RoomKind } from "./roomShader";
 import { FULLSCREEN_VERTEX } from "./shaders";
 
+const PANORAMA_UNIT = 3;
+const SCREEN_UNIT = 4;
+
 interface Program {
   program: WebGLProgram;
   at: Uniforms;
@@ -48,10 +51,11 @@ export class RoomPass {
     const sharing = this.screenHalfSize !== null;
     gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
     gl.viewport(x, y, camera.width, camera.height);
-    [people, this.panorama, this.screen].forEach((read, unit) => {
+    // units 1 and 2 hold what the next eye's splats are projected from
+    for (const [unit, read] of [[0, people], [PANORAMA_UNIT, this.panorama], [SCREEN_UNIT, this.screen]] as const) {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(gl.TEXTURE_2D, read);
-    });
+    }
     gl.bindVertexArray(this.vertexArray);
     const cast = shadows.slice(0, MAX_SHADOWS);
     const eye: Eye = { camera, framebuffer, x, y };
@@ -72,8 +76,8 @@ export class RoomPass {
     setCamera(gl, at, camera);
     gl.uniform2f(at("viewportOrigin"), x, y);
     gl.uniform3f(at("eye"), ...camera.eye);
-    gl.uniform1i(at("panorama"), 1);
-    gl.uniform1i(at("screen"), 2);
+    gl.uniform1i(at("panorama"), PANORAMA_UNIT);
+    gl.uniform1i(at("screen"), SCREEN_UNIT);
     gl.uniform3f(at("screenCentre"), ...SCREEN.centre);
     gl.uniform2f(at("screenHalfSize"), ...(this.screenHalfSize ?? [1, 1]));
     gl.uniform3f(at("horizon"), ...STUDIO.horizon);
