@@ -45,6 +45,7 @@ class DriftGuard:
 
     def state(self) -> dict[str, Array]:
         """What `restore` needs."""
+        # as a word: infinite before the first pass, which must not read as a diverged training
         return {"held_out_error": np.array(str(self._least))}
 
     def restore(self, state: dict[str, Array]) -> None:

@@ -53,11 +53,7 @@ class RefinementPasses:
         epochs = _EPOCHS if self._done or self._colours_known else _INITIAL_EPOCHS
         first = 0.0 if self._colours_known else _FIRST
         planned = first + (_LAST - first) * self._done / _MAX_PASSES
-        run = (
-            self._done <= _MAX_PASSES
-            and planned <= fraction < _LAST
-            and self._steps >= epochs * len(self._views)
-        )
+        run = planned <= fraction < _LAST and self._steps >= epochs * len(self._views)
         if run:
             self._steps, self._done = 0, self._done + 1
         return run
@@ -97,7 +93,7 @@ class RefinementPasses:
 
     def end(self) -> None:
         """No more passes."""
-        self._done = _MAX_PASSES + 1
+        self._done = _MAX_PASSES
 
     def state(self) -> dict[str, Array]:
         """What `restore` needs."""
