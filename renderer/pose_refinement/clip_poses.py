@@ -47,8 +47,10 @@ class PoseRefinement:
         self._foot_contacts = FootContacts.of(self.skeleton, self._estimate)
         self._shared = np.zeros(SHARED_PARAMETERS)
         if start is not None and start.data_hash == sequence.data_hash:
-            current, self.skeleton = start.motion, start.skeleton
-            self._shared = log_bone_ratios(self._first_skeleton, self.skeleton)
+            current = start.motion
+            if not self._given:
+                self.skeleton = start.skeleton
+                self._shared = log_bone_ratios(self._first_skeleton, self.skeleton)
         self._angles, self._root = current.joint_angles.copy(), current.root_translation.copy()
         self._deviations = np.array(GIVEN_DEVIATIONS if self._given else INITIAL_DEVIATIONS)
         self._transforms = self._all_transforms()

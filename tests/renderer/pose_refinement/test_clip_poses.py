@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from renderer.pose_refinement.bundle_adjustment import ClipNormalEquations
 from renderer.pose_refinement.clip_poses import PoseRefinement
 from renderer.pose_refinement.photometry import POSE_PARAMETERS, SHARED_PARAMETERS
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.sequence import PoseTrust
-from tests.renderer.studio import make_motion, make_sequence
+from tests.renderer.studio import make_model, make_motion, make_sequence
 
 FRAMES = 6
 
@@ -103,6 +104,15 @@ def test_given_poses_come_back():
         np.testing.assert_array_equal(refinement.given_transforms(frame), before[frame])
     refinement.go_back()
     np.testing.assert_array_equal(refinement.transforms(2), before[2])
+
+
+@pytest.mark.parametrize("trust", [PoseTrust.GIVEN, PoseTrust.ESTIMATED])
+def test_an_earlier_model_of_the_clip_brings_its_skeleton_unless_poses_are_given(trust):
+    sequence, model = make_sequence(trust=trust, frames=FRAMES), make_model()
+    longer = replace(model.skeleton, rest_joints=1.1 * model.skeleton.rest_joints)
+    start = replace(model, skeleton=longer, data_hash=sequence.data_hash, motion=sequence.motion)
+    own = sequence.body.skeleton if trust is PoseTrust.GIVEN else longer
+    assert PoseRefinement(sequence, start).skeleton is own
 
 
 def test_exact_poses_stay():
