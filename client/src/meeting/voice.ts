@@ -78,7 +78,8 @@ export class VoiceConnection {
     }
     if (!this.microphone) throw microphoneProblem("NotFoundError");
     this.microphone.enabled = false;
-    await this.sender?.replaceTrack(this.microphone);
+    // not awaited: it never settles where the connection is closed meanwhile; the next one takes the track itself
+    this.sender?.replaceTrack(this.microphone).catch(() => undefined);
   }
 
   /** What the server says of who is in which track. */

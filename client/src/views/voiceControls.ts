@@ -72,12 +72,14 @@ export function voiceControls(
     connection.assignSlots(session.state.slots);
     play();
     void connection.run();
-    if (!session.joinsUnmuted) return;
+    if (!session.joinsUnmuted && !wanted) return;
     session.joinsUnmuted = false;
     await set(true);
   };
   const set = async (on: boolean): Promise<void> => {
     wanted = on;
+    // pressed before there is a connection: it asks for the microphone as soon as it is made
+    if (on && !connection) return;
     try {
       if (on) await connection?.acquireMicrophone();
     } catch (error) {
@@ -87,7 +89,7 @@ export function voiceControls(
     }
     // whoever let go of the key meanwhile wants silence
     if (wanted !== on) return;
-    if (!on) connection?.setMicrophoneEnabled(false);
+    connection?.setMicrophoneEnabled(on && serverOn);
     session.send({ type: "microphone", on });
   };
   const toggle = (): Promise<void> => set(!serverOn);

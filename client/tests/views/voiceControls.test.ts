@@ -29,12 +29,18 @@ class FakePeer extends EventTarget {
 const OFF = { ...HOST, microphone: false };
 let close: () => void = () => undefined;
 
-async function setUp({ unmuted = false, getUserMedia }: { unmuted?: boolean; getUserMedia?: () => Promise<unknown> } = {}) {
+interface Given {
+  unmuted?: boolean;
+  getUserMedia?: () => Promise<unknown>;
+  getSeat?: () => Promise<never>;
+}
+
+async function setUp({ unmuted = false, getUserMedia, getSeat = async () => ({ token: "seat", ice_servers: [] }) as never }: Given = {}) {
   const track = new FakeTrack();
   const asked = vi.fn(getUserMedia ?? (async () => ({ getAudioTracks: () => [track], getTracks: () => [track] })));
   vi.stubGlobal("navigator", Object.assign(Object.create(navigator), { mediaDevices: { getUserMedia: asked } }));
   const there = inside();
-  there.session.getSeat = async () => ({ token: "seat", ice_servers: [] }) as never;
+  there.session.getSeat = getSeat;
   there.session.joinsUnmuted = unmuted;
   const errors: string[] = [];
   const controls = voiceControls(there.session, (words) => errors.push(words), () => undefined);
@@ -116,6 +122,30 @@ describe("the microphone's button", () => {
     state({ kind: "lost" });
     state({ kind: "open" });
     expect(wanted()).toEqual([true, true]);
+  });
+
+  it("pressed before there is a connection is heard as soon as there is one", async () => {
+    let admit: (seat: never) => void = () => undefined;
+    const getSeat = (): Promise<never> => new Promise((resolve) => (admit = resolve));
+    const { element, track, asked, roster, wanted, settle } = await setUp({ getSeat });
+    element.click();
+    await settle();
+    expect([asked.mock.calls.length, wanted()]).toEqual([0, []]);
+    admit({ token: "seat", ice_servers: [] } as never);
+    await settle();
+    expect([asked.mock.calls.length, wanted()]).toEqual([1, [true]]);
+    roster({ members: [HOST, BO] });
+    expect([track.enabled, element.getAttribute("aria-pressed")]).toEqual([true, "true"]);
+  });
+
+  it("is not held up by a connection that was closed while it took the microphone", async () => {
+    vi.stubGlobal("RTCPeerConnection", class extends FakePeer {
+      override addTransceiver = (): object => ({ sender: { replaceTrack: () => new Promise(() => undefined) }, receiver: { track: new FakeTrack() } });
+    });
+    const { element, wanted, settle } = await setUp();
+    element.click();
+    await settle();
+    expect(wanted()).toEqual([true]);
   });
 
   it("is not for viewers", async () => {
