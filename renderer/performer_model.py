@@ -62,8 +62,8 @@ class PerformerModel(Protocol):
         """Premultiplied sRGB and alpha, float32, of the person in `pose` seen by `camera`."""
         ...
 
-    def captured_only(self) -> PerformerModel:
-        """The model with what no frame showed faded away; itself where it keeps no such record."""
+    def filmed_parts(self) -> PerformerModel:
+        """The model with parts never filmed faded out; itself where it keeps no such record."""
         ...
 
     def drawn_as(self, preset: Preset) -> PerformerModel:

@@ -54,7 +54,7 @@ def camera_path(
             height=size,
             fov_y_rad=_FIELD_OF_VIEW_RAD,
         )
-        yield over_backdrop(model.render(view, pose))
+        yield over_backdrop(model.filmed_parts().render(view, pose))
 
 
 def over_backdrop(

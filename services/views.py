@@ -36,7 +36,7 @@ def render_view(model: PerformerModel, motion: Motion, asked: NewView) -> bytes:
     shown = motion if asked.pose is None else Motion.from_poses([pose])
     camera = view_camera(model.skeleton, shown, pose, asked.camera, asked.width, asked.height)
     if asked.hide_unseen:
-        model = _splats(model, "hide_unseen", "which know what was filmed").captured_only()
+        model = model.filmed_parts()
     if asked.shows == "colour":
         return encode(model.render(camera, pose), asked.background, asked.format)
     if asked.format != "png" or asked.background is not None:

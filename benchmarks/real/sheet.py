@@ -28,7 +28,9 @@ def draw_sheet(
     path: Path, model: PerformerModel, given: list[TestFrame], aligned: list[TestFrame]
 ) -> None:
     """Rows of frames; columns: the frame, the model there as given and aligned, then from 30
-    and 90 degrees to either side and from behind. The person alone, over white."""
+    and 90 degrees to either side and from behind. The person alone, over white, as viewers see
+    them."""
+    model = model.filmed_parts()
     rows = [_row(model, given[place], aligned[place]) for place in _chosen(given)]
     width = max(row.shape[1] for row in rows)
     padded = [

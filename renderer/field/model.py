@@ -61,7 +61,7 @@ class FieldModel:
         """Premultiplied sRGB and alpha of the person in `pose` seen by `camera`."""
         return self._renderer.render(camera, pose)
 
-    def captured_only(self) -> FieldModel:
+    def filmed_parts(self) -> FieldModel:
         """Itself: a field keeps no record of what was captured."""
         return self
 

@@ -102,13 +102,13 @@ class SplatModel:
         """Itself."""
         return self
 
-    def captured_only(self) -> SplatModel:
-        """What no frame showed faded away; made once and kept as long as the model lives."""
+    def filmed_parts(self) -> SplatModel:
+        """Parts never filmed faded out; made once and kept as long as the model lives."""
         if self.seen.all():
             return self
-        if self not in _CAPTURED_ONLY:
-            _CAPTURED_ONLY[self] = replace(self, parameters=fade_unseen(self.parameters, self.seen))
-        return _CAPTURED_ONLY[self]
+        if self not in _FILMED_PARTS:
+            _FILMED_PARTS[self] = replace(self, parameters=fade_unseen(self.parameters, self.seen))
+        return _FILMED_PARTS[self]
 
     def drawn_as(self, preset: Preset) -> SplatModel:
         """Itself: splats have no speed-ups. Raises InvalidInput for the preset of a field."""
@@ -168,4 +168,4 @@ class SplatModel:
         return {}
 
 
-_CAPTURED_ONLY: WeakKeyDictionary[SplatModel, SplatModel] = WeakKeyDictionary()
+_FILMED_PARTS: WeakKeyDictionary[SplatModel, SplatModel] = WeakKeyDictionary()

@@ -1,13 +1,14 @@
 """Gives splats that no frame determines the colours of those around them.
 
-They stay marked, so that a viewer can hide them.
+They stay marked: sides of the body that no frame shows are filled in so, but parts that were never
+filmed, as legs under a desk, would be invented, and fade out unless a viewer asks for them.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION
+from renderer.splats.layout import COLOUR, OPACITY, POSITION
 from scene.arrays import Array, Bool, Float
 
 _NEIGHBOURS = 8
@@ -15,11 +16,10 @@ _DETERMINED_PX = 0.1
 """Evidence at which a splat's own colour weighs as much as one neighbour's."""
 _TO_THE_MEAN = 1e-6
 """Weight of the mean colour: splats with no way to a determined one need some colour."""
-_OPAQUE_WITHIN_M, _TRANSPARENT_FROM_M = 0.02, 0.1
+_OPAQUE_WITHIN_M, _TRANSPARENT_FROM_M = 0.22, 0.42
 """Distance at rest from the nearest seen splat up to which an unseen one keeps its opacity, and
-from which it is transparent: no holes among seen ones, and soft edges."""
-_LOG_SCALE_GROWTH = 0.3
-"""Added to the logarithm of the sizes."""
+from which it is transparent. The back of a trunk lies up to 0.2 m from the sides that a camera in
+front of it shows."""
 
 
 def fill_unseen(
@@ -70,17 +70,15 @@ def _neighbours(rest: Float[Array, "N 3"]):
 
 
 def fade_unseen(parameters: Float[Array, "N P"], seen: Bool[Array, "N"]) -> Float[Array, "N P"]:
-    """`parameters` with unseen splats faded out."""
+    """`parameters` with the parts of the body that were never filmed faded out."""
     result = parameters.copy()
-    # the far side no longer fills the gaps between splats
-    result[:, LOG_SCALE : LOG_SCALE + 3] += _LOG_SCALE_GROWTH
     rest = parameters[:, POSITION : POSITION + 3]
     result[:, OPACITY] = _scale_opacity(result[:, OPACITY], capture_weight(rest, seen))
     return result
 
 
 def capture_weight(rest: Float[Array, "N 3"], seen: Bool[Array, "N"]) -> Float[Array, "N"]:
-    """Factor of opacity: 1 where the person was captured, falling smoothly to 0 elsewhere.
+    """Factor of opacity: 1 where the person was filmed or next to it, falling smoothly to 0.
 
     `rest` are the splats' positions at rest, m.
     """

@@ -61,8 +61,9 @@ class NewView(Body):
         default=None, description="sRGB; empty: transparent, white in a JPEG."
     )
     hide_unseen: bool = Field(
-        default=False,
-        description="Show only what was filmed: the rest, filled in by guess, fades away.",
+        default=True,
+        description="Parts of the body that were never filmed, as legs under a desk, fade out; "
+        "else they are shown as they are guessed.",
     )
     shows: Literal["colour", "depth", "normal"] = Field(
         default="colour",

@@ -58,12 +58,12 @@ class Room:
     def scene_at(self, now_s: float, *, hide_unseen: bool = False) -> Scene[PerformerModel]:
         """The scene at `now_s`: performers driven live, or playing their motion back and forth.
 
-        With `hide_unseen`, what was never captured of them fades out.
+        With `hide_unseen`, parts of them that were never filmed fade out.
         """
         performers = tuple(
             Performer(
                 performer.name,
-                performer.model.captured_only() if hide_unseen else performer.model,
+                performer.model.filmed_parts() if hide_unseen else performer.model,
                 np.array(performer.position, dtype=np.float64),
                 performer.yaw_rad,
                 self._pose(performer, now_s),

@@ -62,7 +62,7 @@ def test_a_viewer_draws_for_themselves_and_lets_the_server_draw_again(tmp_path):
         page.mouse.wheel(0, -600)
         watch(page, 15)
         assert np.abs(seen(page) - still).mean() > 5.0
-        page.get_by_test_id("filmed-only").click()
+        page.get_by_test_id("show-unseen").click()
         watch(page, 5)
 
         page.get_by_test_id("render-mode").select_option("server")

@@ -80,10 +80,10 @@ def test_the_demo_meeting_follows_the_viewer(tmp_path):
         watch(page, 40)
         # the person moves a little all the time; coming closer, they fill the picture
         assert difference(still[0], picture(page)) > 2.0 * difference(*still) + 1.0
-        filmed = page.get_by_test_id("filmed-only")
-        expect(filmed).to_have_attribute("aria-pressed", "false")
-        filmed.click()
-        expect(filmed).to_have_attribute("aria-pressed", "true")
+        invented = page.get_by_test_id("show-unseen")
+        expect(invented).to_have_attribute("aria-pressed", "false")
+        invented.click()
+        expect(invented).to_have_attribute("aria-pressed", "true")
         watch(page, 10)  # the picture goes on
         page.get_by_test_id("leave").click()
         expect(page.get_by_test_id("start-join")).to_be_visible()

@@ -323,7 +323,7 @@ export interface NewView {
   motion_sequence_id?: string | null;
   /** sRGB; empty: transparent, white in a JPEG. */
   background?: readonly [number, number, number] | null;
-  /** Show only what was filmed: the rest, filled in by guess, fades away. */
+  /** Parts of the body that were never filmed, as legs under a desk, fade out; else they are shown as they are guessed. */
   hide_unseen?: boolean;
   /** What pixels tell: colour; depth along the camera's axis, 16 bits, mm, 0 where nobody is; or the surface's normal, xyz from -1 to 1 in the world's axes as 8 bits. */
   shows?: "colour" | "depth" | "normal";

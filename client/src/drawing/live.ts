@@ -59,7 +59,7 @@ export class LiveView {
   /** Drift gently to and fro, for a picture that nobody steers. */
   swaying = false;
   state: LiveState = { kind: "connecting" };
-  private hideUnseen = false;
+  private hideUnseen = true;
 
   private readonly connection: WhepConnection;
   private readonly adaptation = new VideoAdaptation();

@@ -20,8 +20,6 @@ const LEAST_AREA_PX4 = 1e-6;
 /** Opacity below which a splat changes no 8-bit pixel. */
 const MIN_OPACITY = 1 / 255;
 const MAX_OPACITY = 0.99;
-/** Factor of variances where unseen parts are hidden, as renderer/splats/unseen.py widens. */
-const UNSEEN_VARIANCE_SCALE = Math.exp(2 * 0.3);
 /** Splats a row of the table; four texels each. */
 export const TABLE_COLUMNS = 256;
 /** People of a meeting. */
@@ -114,10 +112,7 @@ void main() {
   uvec4 weights = (uvec4(t2.w) >> uvec4(0u, 8u, 16u, 24u)) & 0xffu;
   float opacity = float(t3.y >> 24u) / 255.0;
   mat3 covariance = mat3(v.x, v.y, v.z, v.y, v.w, w.x, v.z, w.x, w.y) * growth[owner];
-  if (hideUnseen) {
-    opacity *= float(t3.x >> 24u) / 255.0;
-    covariance *= ${float(UNSEEN_VARIANCE_SCALE)};
-  }
+  if (hideUnseen) opacity *= float(t3.x >> 24u) / 255.0;
 
   vec4 m0 = vec4(0.0), m1 = vec4(0.0), m2 = vec4(0.0);
   for (int k = 0; k < 4; k++) {

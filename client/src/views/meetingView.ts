@@ -104,19 +104,19 @@ function topBar(live: LiveView, people: HTMLElement, hooks: MeetingViewHooks): H
   );
 }
 
-/** Back to the first view; and only what a camera saw. */
+/** Back to the first view; and parts that no camera saw. */
 function viewButtons(live: LiveView): HTMLButtonElement[] {
   const first = button("Reset view", () => live.viewpoint.reset(), { look: "glass", icon: "reset" });
   first.title = "Reset view";
   const toggle = (): void => {
-    const on = filmed.getAttribute("aria-pressed") !== "true";
-    filmed.setAttribute("aria-pressed", String(on));
-    live.setHideUnseen(on);
+    const on = invented.getAttribute("aria-pressed") !== "true";
+    invented.setAttribute("aria-pressed", String(on));
+    live.setHideUnseen(!on);
   };
-  const filmed = button("Hide unseen parts", toggle, { look: "glass", icon: "filmed", testId: "filmed-only" });
-  filmed.title = "Hide the parts that the camera never saw";
-  filmed.setAttribute("aria-pressed", "false");
-  return [first, filmed];
+  const invented = button("Show parts never filmed", toggle, { look: "glass", icon: "filmed", testId: "show-unseen" });
+  invented.title = "Show the parts of the body that no camera saw; they are invented";
+  invented.setAttribute("aria-pressed", "false");
+  return [first, invented];
 }
 
 /** How to look round: shown at first, and whenever it is asked for. */

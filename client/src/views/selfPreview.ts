@@ -77,6 +77,6 @@ function restPoseRenderer(pass: SplatPass, cast: PackedSplats): (azimuthRad: num
     const count = depthOrder(depth, order);
     // a fresh view of the same numbers: the pass uploads an order that it does not know yet
     const shown = { transforms, offsets, shadows, order: order.slice(), count, growth: [1], yawsRad: [0] };
-    pass.draw({ camera, ...shown, hideUnseen: false });
+    pass.draw({ camera, ...shown, hideUnseen: true });
   };
 }

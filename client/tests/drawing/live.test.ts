@@ -215,16 +215,16 @@ describe("the viewpoint", () => {
     live.close();
   });
 
-  it("says what is wanted: unseen parts hidden, and a stalled video", async () => {
+  it("says what is wanted: parts never filmed hidden or shown, and a stalled video", async () => {
     const { live, seconds, flags } = setUp();
     await seconds(2, 30);
-    expect(flags()).toBe(0);
-    live.setHideUnseen(true);
+    expect(flags()).toBe(1);
+    live.setHideUnseen(false);
     videoFrame();
     await vi.advanceTimersByTimeAsync(100);
-    expect(flags()).toBe(1);
+    expect(flags()).toBe(0);
     await vi.advanceTimersByTimeAsync(700);
-    expect(flags()).toBe(1 | 4);
+    expect(flags()).toBe(4);
     live.close();
   });
 

@@ -106,10 +106,10 @@ describe("the meeting", () => {
 
   it("hides unseen parts, and shows them again", () => {
     const { element, live } = setUp();
-    press(element, "filmed-only");
-    press(element, "filmed-only");
-    expect(live.setHideUnseen.mock.calls).toEqual([[true], [false]]);
-    expect(find(element, "filmed-only").getAttribute("aria-pressed")).toBe("false");
+    press(element, "show-unseen");
+    press(element, "show-unseen");
+    expect(live.setHideUnseen.mock.calls).toEqual([[false], [true]]);
+    expect(find(element, "show-unseen").getAttribute("aria-pressed")).toBe("false");
   });
 
   it("lets one choose who renders, but for a device that can't", () => {

@@ -39,7 +39,7 @@ class Painted:
         rgb = np.clip(frame.image + np.float32(self._error), 0.0, 1.0)
         return np.concatenate([rgb, frame.mask[..., None]], axis=2).astype(np.float32)
 
-    def captured_only(self) -> Painted:
+    def filmed_parts(self) -> Painted:
         return self
 
     def drawn_as(self, preset: Preset) -> Painted:

@@ -96,8 +96,8 @@ def test_whoever_is_turned_in_the_room_is_turned_with_their_light():
 
 def test_what_nobody_filmed_fades_in_the_same_light():
     model = with_light(5)
-    seen = model.parameters[:, 2] > -0.05
-    faded = replace(model, seen=seen).captured_only()
+    seen = model.parameters[:, 1] > 0.8
+    faded = replace(model, seen=seen).filmed_parts()
     assert faded.light is model.light
 
 

@@ -183,14 +183,14 @@ async def test_depth_may_be_asked_for_in_millimetres(client: httpx.AsyncClient, 
     assert "must be asked for as png" in refused.json()["detail"]
 
 
-async def test_only_what_was_filmed_may_be_asked_for(
+async def test_parts_never_filmed_fade_out_unless_they_are_asked_for(
     client: httpx.AsyncClient, services: Services, model: ModelRow
 ):
     loaded = services.models.load_row(model)
     assert isinstance(loaded, SplatModel)
     loaded.seen[loaded.parameters[:, 1] < 0.8] = False  # as if filmed sitting at a desk
-    whole = _pixels(await _view(client, model))[..., 3].astype(int)
-    alone = _pixels(await _view(client, model, hide_unseen=True))[..., 3].astype(int)
+    whole = _pixels(await _view(client, model, hide_unseen=False))[..., 3].astype(int)
+    alone = _pixels(await _view(client, model))[..., 3].astype(int)
     assert alone[100:].sum() < 0.05 * whole[100:].sum()
     assert alone[:50].sum() > 0.98 * whole[:50].sum()
     soft = (alone > 25) & (alone < 0.7 * whole)

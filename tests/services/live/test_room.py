@@ -90,5 +90,5 @@ def test_a_viewer_may_see_only_what_was_filmed():
     (whole,) = room.scene_at(0.0).performers
     (alone,) = room.scene_at(0.0, hide_unseen=True).performers
     assert whole.model is model
-    assert alone.model is model.captured_only()
+    assert alone.model is model.filmed_parts()
     assert alone.model is not model
