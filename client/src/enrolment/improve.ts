@@ -178,12 +178,14 @@ export class ModelImprovement {
   private async remove(id: string, training: Job | null): Promise<boolean> {
     try {
       const { state, job_id } = await this.api.sequence(id);
-      if (state === "uploaded" || state === "capturing") await this.endJob(job_id);
+      const capturing = state === "uploaded" || state === "capturing";
+      // cancelling a capture removes its clip
+      const gone = capturing && (await this.endJob(job_id)) === "cancelled";
       if (training) await this.endJob(training.id);
       // once learnt, its pictures are gone already
-      if (state !== "forgotten") await this.api.deleteSequence(id);
+      if (!gone && state !== "forgotten") await this.api.deleteSequence(id);
     } catch (error) {
-      // 404: cancelling a capture removes its clip; 403: another account's, from an earlier visit
+      // 404: removed elsewhere; 403: another account's, from an earlier visit
       const settled = error instanceof Problem && [403, 404].includes(error.status);
       if (!settled) return false;
     }
@@ -191,14 +193,16 @@ export class ModelImprovement {
     return true;
   }
 
-  /** Cancel a job, and wait until nobody works on it. */
-  private async endJob(jobId: string | null): Promise<void> {
-    if (!jobId || isFinal(await this.api.job(jobId))) return;
+  /** Cancel a job, and wait until nobody works on it; its state then. */
+  private async endJob(jobId: string | null): Promise<Job["state"] | null> {
+    if (!jobId) return null;
+    const job = await this.api.job(jobId);
+    if (isFinal(job)) return job.state;
     await this.api.cancelJob(jobId).catch((error: unknown) => {
       // 409: it has just ended by itself
       if (!(error instanceof Problem) || error.status !== 409) throw error;
     });
-    await this.api.watchJob(jobId, () => undefined, new AbortController().signal);
+    return (await this.api.watchJob(jobId, () => undefined, new AbortController().signal)).state;
   }
 
   private forgetPending(id: string | undefined): void {

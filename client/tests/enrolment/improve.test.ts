@@ -49,7 +49,10 @@ class FakeServer {
     return this.film;
   }
   async deleteSequence(id: string): Promise<void> {
-    if (!this.film) throw GONE;
+    if (!this.film) {
+      this.calls.push(`delete ${id}, which is gone`);
+      throw GONE;
+    }
     if (Object.values(this.jobs).some(({ state }) => ["queued", "running"].includes(state))) throw CONFLICT;
     this.calls.push(`delete ${id}`);
     this.film = null;
