@@ -167,4 +167,17 @@ describe("the meeting", () => {
     [...element.querySelectorAll("button")].find(({ textContent }) => textContent === "Controls")?.click();
     expect(help?.classList.contains("away")).toBe(false);
   });
+
+  it("says only how to look round where the window is narrow, and the rest when asked", () => {
+    vi.stubGlobal("matchMedia", (query: string) => ({ matches: query === "(max-width: 860px)" }));
+    const { element } = setUp();
+    const help = element.querySelector("#controls-help");
+    const toggle = [...element.querySelectorAll("button")].find(({ textContent }) => textContent === "Controls");
+    expect([help?.className, toggle?.getAttribute("aria-expanded")]).toEqual(["controls-help glass brief", "false"]);
+    toggle?.click();
+    expect([help?.className, toggle?.getAttribute("aria-expanded")]).toEqual(["controls-help glass", "true"]);
+    toggle?.click();
+    expect([help?.className, toggle?.getAttribute("aria-expanded")]).toEqual(["controls-help glass away", "false"]);
+    vi.unstubAllGlobals();
+  });
 });
