@@ -129,7 +129,7 @@ async def test_a_last_piece_that_is_sent_again_empty_completes_the_upload(
     data = seeds.video()
     upload_id = (await _begin(client, person_id, data)).json()["id"]
     with monkeypatch.context() as ended:
-        ended.setattr(uploads, "_complete", _power_cut)
+        ended.setattr(uploads, "join", _power_cut)
         assert (await _send(client, upload_id, 0, data)).status_code == 500
     assert (await _begin(client, person_id, data)).json()["offset"] == len(data)
     last = await _send(client, upload_id, len(data), b"")
