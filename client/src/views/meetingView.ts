@@ -20,6 +20,8 @@ interface MeetingViewHooks {
 
 const CLOSE_UP_M = 2.6;
 const HINT_MS = 6000;
+/** How one looks round. */
+const BRIEF_LINES = 2;
 const COPIED_MS = 2000;
 const CHEST_M = 0.95;
 
@@ -128,7 +130,8 @@ function controlsHint(): { element: HTMLElement; toggle: HTMLButtonElement; used
   let hiding: ReturnType<typeof setTimeout> | undefined;
   const show = (amount: "none" | "brief" | "all"): void => {
     element.classList.toggle("away", amount === "none");
-    element.classList.toggle("brief", amount === "brief");
+    // who listens gets the rest nevertheless
+    [...element.children].slice(BRIEF_LINES).forEach((line) => line.classList.toggle("visually-hidden", amount === "brief"));
     toggle.setAttribute("aria-expanded", String(amount === "all"));
   };
   const flip = (): void => {
