@@ -1,4 +1,4 @@
-"""docker-compose.yml: valid by the specification, and each of our services' own commands starts.
+"""docker-compose.yml: valid by the specification, and each of our services' own commands works.
 
 No container engine is needed: the commands run here, with the file's own environment, against a
 local PostgreSQL and Redis in place of those of the file. The S3 store is replaced by a folder.
@@ -16,6 +16,10 @@ import sys
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -23,6 +27,13 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
+
+from db.models import JobKind, PersonRow, SequenceKind, SequenceRow, SequenceState, new_id
+from services.composition import build_services
+from services.container import Services
+from services.jobs.queue import enqueue
+from services.settings import load_settings
+from tests.services.jobs.waiting import until
 
 ROOT = Path(__file__).resolve().parents[1]
 SCHEMA = files("check_jsonschema") / "builtin_schemas" / "vendor" / "compose-spec.json"
@@ -99,7 +110,15 @@ def test_each_service_starts_with_its_own_command_and_environment(
     try:
         checks = wait_ready(f"http://127.0.0.1:{port}/readyz", seconds=60)
         assert checks == {"database": "ok", "objects": "ok", "redis": "ok"}
-        time.sleep(1.0)
+        with one_job_of_each_kind(stores, tmp_path) as jobs:
+            takers = {
+                kind: until(partial(jobs.taker, kind), f"taking a {kind}") for kind in JobKind
+            }
+        assert takers == {
+            JobKind.CAPTURE: running["capture"].pid,
+            JobKind.TRAIN: running["worker"].pid,
+            JobKind.EXPORT: running["worker"].pid,
+        }
         assert {name: process.poll() for name, process in running.items()} == dict.fromkeys(OURS)
     finally:
         for process in running.values():
@@ -107,6 +126,56 @@ def test_each_service_starts_with_its_own_command_and_environment(
         told = {name: process.communicate(timeout=30)[1] for name, process in running.items()}
     for name, process in running.items():
         assert process.returncode in (0, -signal.SIGTERM), told[name]
+
+
+@dataclass
+class Jobs:
+    """Jobs that no child can do, for want of a clip: enough to see who takes them."""
+
+    services: Services
+    ids: dict[JobKind, str]
+
+    def taker(self, kind: JobKind) -> int | None:
+        """The id of the process that has taken the job of this kind; None: it waits."""
+        with self.services.reading() as unit:
+            worker = unit.jobs.get(self.ids[kind]).worker
+        return None if worker is None else int(worker.rpartition(":")[2])
+
+
+@contextmanager
+def one_job_of_each_kind(stores: dict[str, str], folder: Path) -> Iterator[Jobs]:
+    services = build_services(
+        load_settings(
+            data_dir=folder / "test",
+            object_store_url=f"file://{folder}/objects",
+            database_url=stores["METANERF_DATABASE_URL"],
+            redis_url=stores["METANERF_REDIS_URL"],
+        )
+    )
+    ids: dict[JobKind, str] = {}
+    with services.unit_of_work() as unit:
+        now = services.clock()
+        ada = PersonRow(id=new_id(), account="house", name="Ada", created_at=now)
+        unit.people.add(ada)
+        unit.flush()
+        for number, kind in enumerate(JobKind):
+            clip = SequenceRow(
+                id=new_id(),
+                person_id=ada.id,
+                kind=SequenceKind.VIDEO,
+                state=SequenceState.UPLOADED,
+                created_at=now,
+                source_name="none.mp4",
+                source_sha256=f"{number:064x}",
+            )
+            unit.sequences.add(clip)
+            unit.flush()
+            ids[kind] = enqueue(unit, kind, clip, {}, now).id
+        unit.commit()
+    try:
+        yield Jobs(services, ids)
+    finally:
+        services.close()
 
 
 def wait_ready(address: str, seconds: float) -> dict[str, str]:

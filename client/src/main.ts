@@ -14,7 +14,7 @@ import "./style/self.css";
 import "./style/screens.css";
 import { Api, type TokenStore } from "./api/api";
 import { chosenDevices } from "./capture/devices";
-import { Enrolment, type Bookmark, type Clip } from "./enrolment/enrol";
+import { Enrolment, type Bookmark, type Clip, type UploadsUnderWay } from "./enrolment/enrol";
 import { animatablePeople, createKeypointsMeeting, type AnimatablePerson } from "./enrolment/keypoints";
 import { LiveView } from "./drawing/live";
 import { MeetingSession, type StoredSeat, type SeatStore } from "./meeting/session";
@@ -33,6 +33,7 @@ import { enterVrButton } from "./xr/enterButton";
 
 const TOKEN_KEY = "metanerf.token";
 const BOOKMARK_KEY = "metanerf.enrolment";
+const UPLOAD_KEY = "metanerf.upload.";
 const HOST_KEY = "metanerf.host.";
 const SEAT_KEY = "metanerf.seat";
 const NAME_KEY = "metanerf.name";
@@ -52,6 +53,13 @@ const tokens: TokenStore = {
 const seatStore: SeatStore = {
   get: () => readStored<StoredSeat>(SEAT_KEY),
   set: (stored) => writeStored(SEAT_KEY, stored),
+};
+const uploads: UploadsUnderWay = {
+  get: (sha256) => localStorage.getItem(UPLOAD_KEY + sha256),
+  set: (sha256, personId) => {
+    if (personId === null) localStorage.removeItem(UPLOAD_KEY + sha256);
+    else localStorage.setItem(UPLOAD_KEY + sha256, personId);
+  },
 };
 const query = new URLSearchParams(location.search);
 const api = new Api(tokens);
@@ -228,9 +236,8 @@ async function animate(person: AnimatablePerson, file: File): Promise<void> {
 function showEnrolment(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>): void {
   // the server needs its strength for the new person, not for a picture that nobody sees
   leaveMeeting();
-  const enrolment = new Enrolment(api, (state) => view.show(state), (mark) =>
-    writeStored(BOOKMARK_KEY, mark),
-  );
+  const onBookmark = (mark: Bookmark | null): void => writeStored(BOOKMARK_KEY, mark);
+  const enrolment = new Enrolment(api, (state) => view.show(state), onBookmark, uploads);
   const view = progressView(api, enrolment, clip, {
     onMeet: (modelId) => {
       enrolment.leave(); // the server goes on; the meeting is told of better models

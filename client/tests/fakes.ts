@@ -1,7 +1,9 @@
 /** Stand-ins for what only a browser or a server has. */
 
 import type { TokenStore } from "../src/api/api";
+import { Sha256 } from "../src/api/sha256";
 import type { Job, Member, Sequence } from "../src/api/types";
+import type { HashedClip } from "../src/api/upload";
 
 export function tokenStore(token: string | null): TokenStore {
   const hosts = new Map<string, string>();
@@ -60,6 +62,17 @@ export function sequence(part: Partial<Sequence> = {}): Sequence {
 
 export function member(part: Partial<Member> & { id: string }): Member {
   return { name: part.id, role: "speaker", admission: "admitted", present: true, hand_at: null, microphone: false, performer_id: null, connection: null, ...part };
+}
+
+/** As `Api.hashClip`, without a worker. */
+export async function hashClip(blob: Blob, fileName: string): Promise<HashedClip> {
+  return { blob, fileName, sha256: await sha256(blob) };
+}
+
+export async function sha256(blob: Blob): Promise<string> {
+  const hash = new Sha256();
+  hash.add(new Uint8Array(await blob.arrayBuffer()));
+  return hash.hex();
 }
 
 export interface Call {

@@ -56,7 +56,7 @@ IfNoneMatch = Annotated[str | None, Header()]
     f"/{{model_id}}/files/{VIEWER_FILE}",
     summary="Download the viewer's file",
     response_class=StreamingResponse,
-    responses=_FILE_RESPONSES,
+    responses=_FILE_RESPONSES | {204: {"description": "A model that no page can draw."}},
 )
 def read_viewer_file(
     model_id: str,
@@ -67,9 +67,11 @@ def read_viewer_file(
 ) -> Response:
     """The splats that a page draws by itself, once for good: to the owner, and to whoever is in a
     meeting in which the model stands. Its ETag is its sha256, and it never changes. Compressed
-    where the caller takes gzip."""
+    where the caller takes gzip. A model that is not made of splats has none: 204."""
     with services.reading() as unit:
         model = _shown_to(unit, caller, model_id)
+    if all(file.name != VIEWER_FILE for file in model.files):
+        return Response(status_code=204)
     compressed = takes_gzip(accept_encoding)
     response = _file(services, model, VIEWER_FILE, if_none_match, compressed=compressed)
     response.headers.update(VARIES)

@@ -351,4 +351,4 @@ class Guest(BaseModel):
 class DemoMeeting(BaseModel):
     """The demo's meeting."""
 
-    meeting_id: str
+    meeting_id: str | None = Field(description="Empty: this server runs no demo.")

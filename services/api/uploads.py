@@ -144,6 +144,13 @@ async def send_piece(
     return JSONResponse(sequence.model_dump(mode="json"), status_code=202, headers=_offset(upload))
 
 
+@router.delete("/uploads/{upload_id}", summary="Give an upload up", status_code=204)
+def give_up_upload(upload_id: str, services: Provided, caller: Writer) -> Response:
+    """Delete an upload under way, with every piece that has come."""
+    _forget(services, _find_upload(services, caller, upload_id))
+    return Response(status_code=204)
+
+
 def _require_person(services: Services, caller: Principal, person_id: str) -> None:
     with services.reading() as unit:
         person_of(unit, caller, person_id)

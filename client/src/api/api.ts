@@ -3,10 +3,13 @@
 import { NO_SERVER, Problem, problemOf } from "./problem";
 import { loadSplats } from "./splats";
 import { readEvents } from "./sse";
+import { hashClip, sendClip, type HashedClip, type UploadProgress, type UploadRoutes } from "./upload";
+import { sleep } from "./until";
 import type {
   DemoMeeting,
   Environment,
   Environments,
+  ExistingSequence,
   Guest,
   Job,
   ListedPerson,
@@ -17,6 +20,7 @@ import type {
   NewModel,
   NewPerformer,
   NewPerson,
+  NewUpload,
   NewVideo,
   OpenedMeeting,
   People,
@@ -28,6 +32,7 @@ import type {
   Recordings,
   Seat,
   Sequence,
+  Upload,
   Visitor,
 } from "./types";
 
@@ -46,7 +51,7 @@ export function isFinal(job: Job): boolean {
   return FINAL.has(job.state);
 }
 
-export class Api {
+export class Api implements UploadRoutes {
   private pendingToken: Promise<string> | null = null;
   /** A token that has run out still says who we are. */
   private expiredToken: string | null = null;
@@ -54,17 +59,12 @@ export class Api {
   constructor(
     private readonly tokens: TokenStore,
     private readonly request: typeof fetch = (input, init) => fetch(input, init),
-    private readonly openUpload: () => XMLHttpRequest = () => new XMLHttpRequest(),
+    private readonly hash: (clip: Blob, signal: AbortSignal) => Promise<string> = hashClip,
   ) {}
 
   /** The meeting that the demo shows, if this server runs one. */
   async demoMeeting(): Promise<string | null> {
-    try {
-      return (await this.json<DemoMeeting>("GET", "/v1/demo")).meeting_id;
-    } catch (error) {
-      if (error instanceof Problem && error.status === 404) return null;
-      throw error;
-    }
+    return (await this.json<DemoMeeting>("GET", "/v1/demo")).meeting_id;
   }
 
   createPerson(person: NewPerson): Promise<Person> {
@@ -209,37 +209,33 @@ export class Api {
     return (await checked(response)).json() as Promise<Seat>;
   }
 
-  /** Upload a clip; `onProgress` gets 0 to 1. XMLHttpRequest, since fetch can't tell how far it is. */
-  async uploadSequence(
+  /** What a clip is known by to `uploadSequence`. Throws a Problem where it cannot be read. */
+  async hashClip(blob: Blob, fileName: string, signal: AbortSignal): Promise<HashedClip> {
+    return { blob, fileName, sha256: await this.hash(blob, signal) };
+  }
+
+  /** Upload a clip, or what is missing of it; see `sendClip`. */
+  uploadSequence(
     personId: string,
-    file: Blob,
-    fileName: string,
-    onProgress: (fraction: number) => void,
+    clip: HashedClip,
+    onProgress: (progress: UploadProgress) => void,
     signal: AbortSignal,
   ): Promise<Sequence> {
-    const token = await this.token();
-    const form = new FormData();
-    form.append("file", file, fileName);
-    return new Promise((resolve, reject) => {
-      const upload = this.openUpload();
-      upload.open("POST", `/v1/people/${personId}/sequences`);
-      upload.setRequestHeader("Authorization", `Bearer ${token}`);
-      upload.upload.onprogress = (event) => {
-        if (event.lengthComputable) onProgress(event.loaded / event.total);
-      };
-      upload.onerror = () => reject(NO_SERVER);
-      upload.onabort = () => reject(signal.reason);
-      upload.onload = () => {
-        if (upload.status >= 200 && upload.status < 300) {
-          resolve(JSON.parse(upload.responseText) as Sequence);
-        } else {
-          reject(problemOf(upload.status, upload.responseText));
-        }
-      };
-      signal.addEventListener("abort", () => upload.abort(), { once: true });
-      if (signal.aborted) reject(signal.reason);
-      else upload.send(form);
-    });
+    return sendClip(this, personId, clip, onProgress, signal);
+  }
+
+  beginUpload(personId: string, clip: NewUpload, signal: AbortSignal): Promise<Upload | ExistingSequence> {
+    return this.json("POST", `/v1/people/${personId}/uploads`, clip, { signal, timeoutMs: SILENCE_MS });
+  }
+
+  async sendPiece({ id, offset }: Upload, piece: ArrayBuffer, signal?: AbortSignal): Promise<number | Sequence> {
+    const headers = { "Upload-Offset": String(offset) };
+    const answer = await this.send("PATCH", `/v1/uploads/${id}`, piece, { signal, headers, timeoutMs: SILENCE_MS });
+    return answer.status === 202 ? ((await answer.json()) as Sequence) : Number(answer.headers.get("Upload-Offset"));
+  }
+
+  async deleteUpload(id: string): Promise<void> {
+    await this.send("DELETE", `/v1/uploads/${id}`);
   }
 
   /**
@@ -249,7 +245,7 @@ export class Api {
   async watchJob(id: string, onJob: (job: Job) => void, signal: AbortSignal): Promise<Job> {
     for (let attempt = 0; ; attempt++) {
       try {
-        const response = await this.send("GET", `/v1/jobs/${id}/events`, undefined, signal);
+        const response = await this.send("GET", `/v1/jobs/${id}/events`, undefined, { signal });
         if (response.body) {
           for await (const { event, data } of readEvents(response.body)) {
             if (event === "end") break;
@@ -271,38 +267,39 @@ export class Api {
   }
 
   /** A call with a JSON answer. */
-  private async json<T>(method: string, path: string, body?: unknown): Promise<T> {
-    return (await this.send(method, path, body)).json() as Promise<T>;
+  private async json<T>(method: string, path: string, body?: unknown, options?: Options): Promise<T> {
+    return (await this.send(method, path, body, options)).json() as Promise<T>;
   }
 
-  private async send(
-    method: string,
-    path: string,
-    body?: unknown,
-    signal?: AbortSignal,
-  ): Promise<Response> {
+  private async send(method: string, path: string, body?: unknown, options?: Options): Promise<Response> {
     const token = await this.token();
-    let response = await this.attempt(method, path, token, body, signal);
+    let response = await this.attempt(method, path, token, body, options);
     if (response.status === 401 && this.tokens.get() !== null) {
       // the token has run out, or belongs to a server that has been set up anew
       this.expiredToken = this.tokens.get();
       this.tokens.set(null);
-      response = await this.attempt(method, path, await this.token(), body, signal);
+      response = await this.attempt(method, path, await this.token(), body, options);
     }
     return checked(response);
   }
 
+  /** `body` goes as it is if it is bytes, else as JSON. */
   private async attempt(
     method: string,
     path: string,
     token: string,
     body: unknown,
-    signal?: AbortSignal,
+    { signal, headers: more, timeoutMs }: Options = {},
   ): Promise<Response> {
-    const headers: Record<string, string> = { Authorization: `Bearer ${token}` };
+    const headers: Record<string, string> = { Authorization: `Bearer ${token}`, ...more };
     const init: RequestInit = { method, headers };
-    if (signal) init.signal = signal;
-    if (body !== undefined) {
+    const timeout = timeoutMs === undefined ? null : AbortSignal.timeout(timeoutMs);
+    const end = signal && timeout ? AbortSignal.any([signal, timeout]) : (signal ?? timeout);
+    if (end) init.signal = end;
+    if (body instanceof ArrayBuffer) {
+      headers["Content-Type"] = "application/octet-stream";
+      init.body = body;
+    } else if (body !== undefined) {
       headers["Content-Type"] = "application/json";
       init.body = JSON.stringify(body);
     }
@@ -338,6 +335,15 @@ export class Api {
 }
 
 const MAX_ATTEMPTS = 8;
+/** A line on which nothing comes of an upload for so long is lost. */
+const SILENCE_MS = 60_000;
+
+interface Options {
+  signal?: AbortSignal | undefined;
+  headers?: Record<string, string>;
+  /** How long the answer may take. */
+  timeoutMs?: number;
+}
 
 /** The response, or the problem that it tells. */
 async function checked(response: Response): Promise<Response> {
@@ -353,19 +359,4 @@ async function reached(response: Promise<Response>, signal?: AbortSignal): Promi
     signal?.throwIfAborted();
     throw NO_SERVER;
   }
-}
-
-export function sleep(milliseconds: number, signal?: AbortSignal): Promise<void> {
-  return new Promise((resolve, reject) => {
-    const stop = (): void => {
-      clearTimeout(timer);
-      reject(signal?.reason as unknown);
-    };
-    const timer = setTimeout(() => {
-      signal?.removeEventListener("abort", stop);
-      resolve();
-    }, milliseconds);
-    if (signal?.aborted) stop();
-    else signal?.addEventListener("abort", stop, { once: true });
-  });
 }

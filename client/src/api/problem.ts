@@ -8,7 +8,7 @@ export class Problem extends Error {
   constructor(
     readonly title: string,
     readonly detail: string,
-    /** HTTP status; 0 when no answer came. */
+    /** HTTP status; 0 where it is not about an answer. */
     readonly status = 0,
     readonly retryAfterS: number | null = null,
   ) {
@@ -17,7 +17,7 @@ export class Problem extends Error {
 
   /** No answer came; the same call may well succeed later. */
   get offline(): boolean {
-    return this.status === 0 || this.status === 502 || this.status === 504;
+    return this === NO_SERVER;
   }
 
   static from(details: ProblemDetails): Problem {

@@ -22,7 +22,8 @@ export async function loadSplats(
   const response = await request(`/v1/models/${modelId}/files/viewer.splats`, { headers }).catch(() => {
     throw NO_SERVER;
   });
-  if (response.status === 404) return null;
+  // 404: a model that has been deleted meanwhile
+  if (response.status === 204 || response.status === 404) return null;
   if (!response.ok) {
     throw problemOf(response.status, await response.text(), response.headers.get("Retry-After"));
   }

@@ -53,7 +53,8 @@ export type Connection = "good" | "fair" | "poor";
 
 /** The demo's meeting. */
 export interface DemoMeeting {
-  meeting_id: string;
+  /** Empty: this server runs no demo. */
+  meeting_id: string | null;
 }
 
 /** The host denies admission to a participant who waits in the lobby. */

@@ -1,4 +1,4 @@
-/** Waiting for what events tell of, for so long and no longer. */
+/** Waiting: for so long, or for what events tell of. */
 
 /** Wait until `there` holds after events of `kind`, at most so long. */
 export function waitFor(
@@ -26,4 +26,20 @@ export function waitFor(
 export function iceGathered(peer: RTCPeerConnection, milliseconds: number): Promise<void> {
   const complete = (): boolean => peer.iceGatheringState === "complete";
   return waitFor(peer, "icegatheringstatechange", complete, milliseconds);
+}
+
+/** Throws the signal's reason when it is aborted meanwhile. */
+export function sleep(milliseconds: number, signal?: AbortSignal): Promise<void> {
+  return new Promise((resolve, reject) => {
+    const stop = (): void => {
+      clearTimeout(timer);
+      reject(signal?.reason as unknown);
+    };
+    const timer = setTimeout(() => {
+      signal?.removeEventListener("abort", stop);
+      resolve();
+    }, milliseconds);
+    if (signal?.aborted) stop();
+    else signal?.addEventListener("abort", stop, { once: true });
+  });
 }

@@ -7,7 +7,9 @@ import type { Api } from "../api/api";
 import { isFinal } from "../api/api";
 import { MOTION_ONLY } from "./keypoints";
 import { Problem, asProblem } from "../api/problem";
-import type { Job, NewModel, NewPerson, Sequence } from "../api/types";
+import type { Job, ListedPerson, NewModel, NewPerson, Sequence } from "../api/types";
+import type { UploadProgress } from "../api/upload";
+import { UPLOAD_WORDS } from "./progressText";
 
 export type Step = "upload" | "capture" | "train";
 
@@ -43,6 +45,12 @@ export interface Clip {
   modelOnly?: boolean;
 }
 
+/** Whom each clip that is not sent whole yet was begun for, by its sha256; outlives the page. */
+export interface UploadsUnderWay {
+  get(sha256: string): string | null;
+  set(sha256: string, personId: string | null): void;
+}
+
 const TRAINING: NewModel = { preset: "splats", budget_s: 20, seed: 0 };
 
 export class Enrolment {
@@ -59,34 +67,38 @@ export class Enrolment {
   };
   private working = new AbortController();
   private bookmark: Bookmark | null = null;
+  private begun: { newcomer: NewPerson; clip: Clip } | null = null;
   private modelOnly = false;
 
   constructor(
     private readonly api: Api,
     private readonly onChange: (state: EnrolState) => void,
     private readonly onBookmark: (bookmark: Bookmark | null) => void,
+    private readonly uploads: UploadsUnderWay,
   ) {}
 
-  /** Upload `clip` as a new person and see it through to a model. */
+  /** Upload `clip` as a new person and see it through to a model; an upload that was cut off is gone on with. */
   start(newcomer: NewPerson, clip: Clip): Promise<void> {
     this.modelOnly = clip.modelOnly ?? false;
+    this.begun = { newcomer, clip };
     return this.attempt(async (signal) => {
-      this.change({ name: newcomer.name });
-      const person = await this.api.createPerson(newcomer);
+      this.change({ name: newcomer.name, step: "upload", status: "working", fraction: 0, message: UPLOAD_WORDS.hashing, problem: null });
+      const hashed = await this.api.hashClip(clip.blob, clip.fileName, signal);
+      const personId = await this.personOf(newcomer, hashed.sha256);
       try {
         signal.throwIfAborted();
-        const onProgress = (fraction: number): void => this.change({ fraction });
-        const sequence = await this.api.uploadSequence(
-          person.id,
-          clip.blob,
-          clip.fileName,
-          onProgress,
-          signal,
-        );
+        const onProgress = ({ phase, fraction }: UploadProgress): void =>
+          signal.aborted ? undefined : this.change({ fraction, message: UPLOAD_WORDS[phase] });
+        const sequence = await this.api.uploadSequence(personId, hashed, onProgress, signal);
+        signal.throwIfAborted();
+        this.uploads.set(hashed.sha256, null);
         await this.captureAndTrain(sequence, signal);
-        if (this.state.status === "stopped" && !this.canResume) this.erasePerson(person.id);
+        if (this.state.status === "stopped" && !this.canResume) this.erasePerson(personId);
       } catch (error) {
-        if (this.leftNoClip(error, signal)) this.erasePerson(person.id);
+        if (this.leftNoClip(error, signal)) {
+          this.uploads.set(hashed.sha256, null);
+          this.erasePerson(personId);
+        }
         throw error;
       }
     });
@@ -132,13 +144,14 @@ export class Enrolment {
     return ended && !!job?.sequence_id && isFinal(job) && job.state !== "succeeded";
   }
 
-  /** The server went out of sight, but it has the clip: the way can be taken up again. */
+  /** The server went out of sight, but it has the clip, or we have: the way can be taken up again. */
   get canReconnect(): boolean {
-    return this.state.status === "failed" && this.state.problem?.offline === true && !!this.bookmark;
+    return this.state.status === "failed" && this.state.problem?.offline === true && !!(this.bookmark ?? this.begun);
   }
 
   reconnect(): Promise<void> {
-    return this.bookmark ? this.continueFrom(this.bookmark) : Promise.resolve();
+    if (this.bookmark) return this.continueFrom(this.bookmark);
+    return this.begun ? this.start(this.begun.newcomer, this.begun.clip) : Promise.resolve();
   }
 
   /** Take up a stopped or failed job again: a training from its last checkpoint. */
@@ -156,6 +169,17 @@ export class Enrolment {
   /** Stop listening; the server's work goes on. */
   leave(): void {
     this.working.abort(new DOMException("left", "AbortError"));
+  }
+
+  /** Who was made for an earlier attempt to send the same clip, else somebody new. */
+  private async personOf(newcomer: NewPerson, sha256: string): Promise<string> {
+    const known = this.uploads.get(sha256);
+    const isSame = ({ id, name, height_m }: ListedPerson): boolean =>
+      id === known && name === newcomer.name && height_m === (newcomer.height_m ?? null);
+    if (known !== null && (await this.api.people()).some(isSame)) return known;
+    const { id } = await this.api.createPerson(newcomer);
+    this.uploads.set(sha256, id);
+    return id;
   }
 
   /** A person without a clip would be a name that nobody bears. */

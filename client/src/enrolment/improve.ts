@@ -7,6 +7,8 @@
 import { isFinal, type Api } from "../api/api";
 import type { Step } from "./enrol";
 import { Problem, asProblem } from "../api/problem";
+import type { UploadProgress } from "../api/upload";
+import { UPLOAD_WORDS } from "./progressText";
 import { advice } from "./quality";
 import type { RecordedClip } from "../capture/record";
 import type { Job, NewModel, Performer, Sequence } from "../api/types";
@@ -64,7 +66,6 @@ export async function improvable(api: Api, performers: readonly Performer[]): Pr
 export class ModelImprovement {
   state: ImproveState = { kind: "off" };
   private cancelling = new AbortController();
-  private uploading = new AbortController();
   private running: Promise<void> = Promise.resolve();
 
   constructor(
@@ -83,11 +84,10 @@ export class ModelImprovement {
     film: (onSecond: (second: number) => void, signal: AbortSignal) => Promise<RecordedClip>,
   ): Promise<void> {
     this.cancelling = new AbortController();
-    this.uploading = new AbortController();
     this.running = this.attempt(this.cancelling.signal, async (work, signal) => {
       const clip = await film((second) => signal.aborted || this.change({ kind: "filming", second }), signal);
       signal.throwIfAborted();
-      work.sequence = await this.upload(personId, clip);
+      work.sequence = await this.upload(personId, clip, signal);
       signal.throwIfAborted();
       work.sequence = await this.capture(work.sequence, work, signal);
       signal.throwIfAborted();
@@ -103,10 +103,7 @@ export class ModelImprovement {
   /** Take everything back: no more filming, no upload, no job, no clip. */
   async cancel(): Promise<void> {
     if (this.state.kind === "filming" || this.state.kind === "working") {
-      // what has been sent whole is waited for: only with its id can it be removed
-      const onItsWay = this.state.kind === "working" && this.state.step === "upload" && this.state.fraction === 1;
       this.cancelling.abort(new DOMException("taken back", "AbortError"));
-      if (!onItsWay) this.uploading.abort(this.cancelling.signal.reason);
       this.change({ kind: "stopping" });
       await this.running;
     } else if (this.state.kind !== "stopping") this.change({ kind: "off" });
@@ -123,10 +120,12 @@ export class ModelImprovement {
     for (const id of this.pendingDeletions.get()) await this.remove(id, null);
   }
 
-  private async upload(personId: string, { blob, fileName }: RecordedClip): Promise<Sequence> {
-    const onProgress = (fraction: number): void => this.working("upload", fraction, null);
-    onProgress(0);
-    const sequence = await this.api.uploadSequence(personId, blob, fileName, onProgress, this.uploading.signal);
+  private async upload(personId: string, { blob, fileName }: RecordedClip, signal: AbortSignal): Promise<Sequence> {
+    this.working("upload", 0, null, UPLOAD_WORDS.hashing);
+    const clip = await this.api.hashClip(blob, fileName, signal);
+    const onProgress = ({ phase, fraction }: UploadProgress): void =>
+      this.working("upload", fraction, null, UPLOAD_WORDS[phase]);
+    const sequence = await this.api.uploadSequence(personId, clip, onProgress, signal);
     this.pendingDeletions.set([...this.pendingDeletions.get(), sequence.id]);
     return sequence;
   }
@@ -148,8 +147,8 @@ export class ModelImprovement {
     throw error ? Problem.from(error) : new Problem("The job failed", message, 500);
   }
 
-  private working(step: Step, fraction: number, job: Job | null): void {
-    if (!this.cancelling.signal.aborted) this.change({ kind: "working", step, fraction, message: job?.message ?? "", job });
+  private working(step: Step, fraction: number, job: Job | null, message = job?.message ?? ""): void {
+    if (!this.cancelling.signal.aborted) this.change({ kind: "working", step, fraction, message, job });
   }
 
   private async attempt(signal: AbortSignal, run: (work: Work, signal: AbortSignal) => Promise<void>): Promise<void> {
@@ -179,12 +178,14 @@ export class ModelImprovement {
   private async remove(id: string, training: Job | null): Promise<boolean> {
     try {
       const { state, job_id } = await this.api.sequence(id);
-      if (state === "uploaded" || state === "capturing") await this.endJob(job_id);
+      const capturing = state === "uploaded" || state === "capturing";
+      // cancelling a capture removes its clip
+      const gone = capturing && (await this.endJob(job_id)) === "cancelled";
       if (training) await this.endJob(training.id);
       // once learnt, its pictures are gone already
-      if (state !== "forgotten") await this.api.deleteSequence(id);
+      if (!gone && state !== "forgotten") await this.api.deleteSequence(id);
     } catch (error) {
-      // 404: cancelling a capture removes its clip; 403: another account's, from an earlier visit
+      // 404: removed elsewhere; 403: another account's, from an earlier visit
       const settled = error instanceof Problem && [403, 404].includes(error.status);
       if (!settled) return false;
     }
@@ -192,14 +193,16 @@ export class ModelImprovement {
     return true;
   }
 
-  /** Cancel a job, and wait until nobody works on it. */
-  private async endJob(jobId: string | null): Promise<void> {
-    if (!jobId || isFinal(await this.api.job(jobId))) return;
+  /** Cancel a job, and wait until nobody works on it; its state then. */
+  private async endJob(jobId: string | null): Promise<Job["state"] | null> {
+    if (!jobId) return null;
+    const job = await this.api.job(jobId);
+    if (isFinal(job)) return job.state;
     await this.api.cancelJob(jobId).catch((error: unknown) => {
       // 409: it has just ended by itself
       if (!(error instanceof Problem) || error.status !== 409) throw error;
     });
-    await this.api.watchJob(jobId, () => undefined, new AbortController().signal);
+    return (await this.api.watchJob(jobId, () => undefined, new AbortController().signal)).state;
   }
 
   private forgetPending(id: string | undefined): void {

@@ -55,8 +55,9 @@ export async function createKeypointsMeeting(
   // before it is sent: whatever else the file is, the server would take it for a clip of theirs
   if (!(await isJson(file))) throw NO_KEYPOINTS;
   const { modelId, name } = person;
+  const hashed = await api.hashClip(file, file.name, signal);
   const personId = person.mine ? person.personId : (await api.createPerson({ name })).id;
-  const sequence = await api.uploadSequence(personId, file, file.name, () => undefined, signal);
+  const sequence = await api.uploadSequence(personId, hashed, () => undefined, signal);
   const meeting = await api.createMeeting(`${name} by keypoints`, []);
   await api.addPerformer(meeting.id, modelId, sequence.id);
   return api.meeting(meeting.id);

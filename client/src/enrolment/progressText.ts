@@ -1,5 +1,6 @@
 /** What the server is doing, in words for the person whom it is doing it with. */
 
+import type { UploadProgress } from "../api/upload";
 import type { EnrolState } from "./enrol";
 
 type Doing = Pick<EnrolState, "step" | "status" | "fraction" | "message" | "job">;
@@ -18,14 +19,22 @@ const WORDS: Readonly<Record<string, string>> = {
   storing: "Storing the frames",
 };
 
-/** One line of progress: "Detecting you · 40 %". Of the sending there is no more to say than how far. */
+/** What an upload is at, where there is more to say than how far it is. */
+export const UPLOAD_WORDS: Readonly<Record<UploadProgress["phase"] | "hashing", string>> = {
+  hashing: "Preparing your clip",
+  sending: "",
+  waiting: "Interrupted, trying again",
+};
+
+/** One line of progress: "Detecting you · 40 %". */
 export function progressText({ step, status, fraction, message, job }: Doing): string {
   const percent = `${Math.round(100 * fraction)} %`;
-  if (status !== "working" || step === "upload") return percent;
+  if (status !== "working") return percent;
   return [activityText(step, job?.state === "queued", fraction, message), percent].filter(Boolean).join(" · ");
 }
 
 function activityText(step: EnrolState["step"], queued: boolean, fraction: number, message: string): string {
+  if (step === "upload") return message;
   if (queued) return fraction > 0 ? "Interrupted, resuming soon" : WAITING;
   // how a training counts its steps means nothing to people
   if (step === "train" && fraction > 0) return LEARNING;

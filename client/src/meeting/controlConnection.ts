@@ -3,9 +3,9 @@
  * comes back by itself after a cut, until it is closed or the server says goodbye for good.
  */
 
-import { sleep } from "../api/api";
 import { Problem, asProblem } from "../api/problem";
 import type { FromServer, Goodbye, ToServer } from "../api/types";
+import { sleep } from "../api/until";
 
 export type ControlState =
   | { kind: "connecting" }
@@ -76,7 +76,7 @@ export class ControlConnection {
       } catch (error) {
         const problem = asProblem(error);
         if (problem.status === 429) waitS = Math.ceil(problem.retryAfterS ?? THROTTLED_S);
-        else if (!problem.offline && problem.status !== 503) return this.end("refused", problem);
+        else if (error instanceof Problem && !problem.offline && problem.status !== 503) return this.end("refused", problem);
       }
       if (this.closing.signal.aborted) return;
       this.hooks.onState(waitS === null ? { kind: "lost" } : { kind: "lost", waitS });

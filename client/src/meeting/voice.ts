@@ -7,10 +7,9 @@
  * unless the server says that it is on, whoever switched it: we or the host.
  */
 
-import { sleep } from "../api/api";
 import { microphoneProblem, microphoneConstraints } from "../capture/devices";
 import { Problem, problemOf } from "../api/problem";
-import { iceGathered, waitFor } from "../api/until";
+import { iceGathered, waitFor, sleep } from "../api/until";
 import type { VoiceSource } from "./spatialAudio";
 import { reconnectDelayMs } from "./controlConnection";
 

@@ -5,10 +5,9 @@
  * A connection that fails is replaced by a new one, after a growing pause, until `close`.
  */
 
-import { sleep } from "../api/api";
 import { NO_SERVER, Problem, asProblem, problemOf } from "../api/problem";
 import type { Seat } from "../api/types";
-import { iceGathered } from "../api/until";
+import { iceGathered, sleep } from "../api/until";
 
 export type WhepState =
   | { kind: "connecting" }

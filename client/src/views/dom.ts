@@ -54,3 +54,8 @@ export function prefersReducedMotion(): boolean {
 export function usesTouch(): boolean {
   return matchMedia("(pointer: coarse)").matches;
 }
+
+/** Whether the window is as narrow as a phone's; the style sheets' own limit. */
+export function isNarrow(): boolean {
+  return matchMedia("(max-width: 860px)").matches;
+}

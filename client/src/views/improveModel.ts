@@ -1,9 +1,9 @@
 /** Improving one's model from a short clip: explanation, recording mark, progress and cancelling. */
 
-import { sleep } from "../api/api";
 import { CLIP_S, ModelImprovement, improvable, type Improvable, type ImproveState, type PendingDeletions } from "../enrolment/improve";
 import type { LiveView } from "../drawing/live";
 import { Problem, asProblem } from "../api/problem";
+import { sleep } from "../api/until";
 import { progressText } from "../enrolment/progressText";
 import { closeCamera, openCamera, record, type RecordedClip } from "../capture/record";
 import { announce, h, withoutEmpty } from "./dom";

@@ -6,7 +6,7 @@ import type { RenderSetting, RenderStatus } from "../splats/renderMode";
 import type { Performer } from "../api/types";
 import { moveFocusByArrows } from "./arrowFocus";
 import { motionCaptureView } from "./motionCapture";
-import { announce, h, usesTouch } from "./dom";
+import { announce, h, isNarrow, usesTouch } from "./dom";
 import { icon, mark } from "./icons";
 import { improveModelView } from "./improveModel";
 import type { MeetingTools } from "./meetingTools";
@@ -20,6 +20,8 @@ interface MeetingViewHooks {
 
 const CLOSE_UP_M = 2.6;
 const HINT_MS = 6000;
+/** How one looks round. */
+const BRIEF_LINES = 2;
 const COPIED_MS = 2000;
 const CHEST_M = 0.95;
 
@@ -126,22 +128,25 @@ function controlsHint(): { element: HTMLElement; toggle: HTMLButtonElement; used
   toggle.title = "Controls";
   toggle.setAttribute("aria-controls", element.id);
   let hiding: ReturnType<typeof setTimeout> | undefined;
-  const show = (shown: boolean): void => {
-    element.classList.toggle("away", !shown);
-    toggle.setAttribute("aria-expanded", String(shown));
+  const show = (amount: "none" | "brief" | "all"): void => {
+    element.classList.toggle("away", amount === "none");
+    // who listens gets the rest nevertheless
+    [...element.children].slice(BRIEF_LINES).forEach((line) => line.classList.toggle("visually-hidden", amount === "brief"));
+    toggle.setAttribute("aria-expanded", String(amount === "all"));
   };
   const flip = (): void => {
     clearTimeout(hiding);
     hiding = undefined;
-    show(element.classList.contains("away"));
+    show(toggle.getAttribute("aria-expanded") === "true" ? "none" : "all");
   };
-  show(true);
+  // in a narrow window all of it, unasked, would lie over the people
+  show(isNarrow() ? "brief" : "all");
   return {
     element,
     toggle,
     // once somebody has found out how it goes, the words step aside
     used: () => {
-      hiding ??= setTimeout(() => show(false), HINT_MS);
+      hiding ??= setTimeout(() => show("none"), HINT_MS);
     },
     close: () => clearTimeout(hiding),
   };

@@ -1,8 +1,8 @@
 /** Filming oneself: the camera's picture, a countdown, one guided turn, and a look at the result. */
 
-import { sleep } from "../api/api";
 import type { Clip } from "../enrolment/enrol";
 import { asProblem } from "../api/problem";
+import { sleep } from "../api/until";
 import { CAMERA_GONE, COUNTDOWN_S, TURN_S, closeCamera, turnInstruction, openCamera, recordTurn } from "../capture/record";
 import { announce, h } from "./dom";
 import { button, notice, type View } from "./shell";

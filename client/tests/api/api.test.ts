@@ -61,12 +61,6 @@ describe("failures", () => {
     expect(asProblem(new Error("x is undefined")).detail).toBe("X is undefined.");
   });
 
-  it("takes a missing demo for no demo, and nothing else", async () => {
-    const none = fakeFetch(() => json({ title: "No demo" }, 404));
-    expect(await new Api(tokenStore("t"), none.request).demoMeeting()).toBeNull();
-    const broken = fakeFetch(() => json({ title: "Broken" }, 500));
-    await expect(new Api(tokenStore("t"), broken.request).demoMeeting()).rejects.toThrow("Broken");
-  });
 });
 
 describe("watchJob", () => {
@@ -122,68 +116,40 @@ describe("watchJob", () => {
   });
 });
 
-describe("uploadSequence", () => {
-  class FakeUpload {
-    upload: { onprogress?: (event: unknown) => void } = {};
-    onload?: () => void;
-    onerror?: () => void;
-    onabort?: () => void;
-    status = 0;
-    responseText = "";
-    headers: Record<string, string> = {};
-    form: FormData | null = null;
-    opened = "";
-    open(method: string, path: string): void {
-      this.opened = `${method} ${path}`;
-    }
-    setRequestHeader(name: string, value: string): void {
-      this.headers[name] = value;
-    }
-    send(form: FormData): void {
-      this.form = form;
-    }
-    abort(): void {
-      this.onabort?.();
-    }
-    answer(status: number, body: unknown): void {
-      this.status = status;
-      this.responseText = JSON.stringify(body);
-      this.onload?.();
-    }
-  }
+describe("uploads", () => {
+  const clip = { filename: "me.mp4", size: 4, sha256: "0".repeat(64) };
+  const bytes = new TextEncoder().encode("clip").buffer;
 
-  async function upload(signal = never): Promise<[FakeUpload, Promise<unknown>, number[]]> {
-    const fake = new FakeUpload();
-    const api = new Api(tokenStore("t"), fetch, () => fake as unknown as XMLHttpRequest);
-    const seen: number[] = [];
-    const sending = api.uploadSequence("p", new Blob(["clip"]), "me.mp4", (f) => seen.push(f), signal);
-    sending.catch(() => undefined);
-    await Promise.resolve();
-    await Promise.resolve();
-    return [fake, sending, seen];
-  }
-
-  it("sends the file as a form, tells how far it is, and returns the sequence", async () => {
-    const [fake, sending, seen] = await upload();
-    expect(fake.opened).toBe("POST /v1/people/p/sequences");
-    expect(fake.headers["Authorization"]).toBe("Bearer t");
-    expect((fake.form?.get("file") as File).name).toBe("me.mp4");
-    fake.upload.onprogress?.({ lengthComputable: true, loaded: 1, total: 4 });
-    fake.answer(202, sequence());
-    expect(await sending).toEqual(sequence());
-    expect(seen).toEqual([0.25]);
+  it("are begun by what the file is", async () => {
+    const { request, calls } = fakeFetch(() => json({ id: "u", offset: 3 }, 201));
+    expect(await new Api(tokenStore("t"), request).beginUpload("p", clip, never)).toEqual({ id: "u", offset: 3 });
+    expect(calls[0]).toMatchObject({ method: "POST", path: "/v1/people/p/uploads", token: "Bearer t", body: JSON.stringify(clip) });
   });
 
-  it("tells why a file was refused", async () => {
-    const [fake, sending] = await upload();
-    fake.answer(422, { title: "This is no video", detail: "got text" });
-    await expect(sending).rejects.toMatchObject({ title: "This is no video", status: 422 });
+  it("go on with bytes from an offset, until the answer is the sequence", async () => {
+    const sent: RequestInit[] = [];
+    const answers = [new Response(null, { status: 204, headers: { "Upload-Offset": "4" } }), json(sequence(), 202)];
+    const request: typeof fetch = async (_, init) => (sent.push(init as RequestInit), answers.shift() as Response);
+    const api = new Api(tokenStore("t"), request);
+    expect(await api.sendPiece({ id: "u", offset: 0 }, bytes)).toBe(4);
+    expect(await api.sendPiece({ id: "u", offset: 4 }, bytes)).toEqual(sequence());
+    expect(sent.map(({ body }) => body)).toEqual([bytes, bytes]);
+    expect(sent.map(({ headers }) => new Headers(headers).get("Upload-Offset"))).toEqual(["0", "4"]);
   });
 
-  it("can be stopped half-way", async () => {
+  it("stop when told to, and say so where the server says nothing for long", async () => {
+    const hang: typeof fetch = (_, init) =>
+      new Promise((_, reject) => init?.signal?.addEventListener("abort", () => reject(init.signal?.reason)));
+    const silence = new AbortController();
+    vi.spyOn(AbortSignal, "timeout").mockReturnValue(silence.signal);
     const stopping = new AbortController();
-    const [, sending] = await upload(stopping.signal);
-    stopping.abort("stopped");
-    await expect(sending).rejects.toBe("stopped");
+    const api = new Api(tokenStore("t"), hang);
+    const [stopped, silent] = [api.sendPiece({ id: "u", offset: 0 }, bytes, stopping.signal), api.beginUpload("p", clip, never)];
+    await Promise.resolve();
+    stopping.abort("enough");
+    await expect(stopped).rejects.toBe("enough");
+    silence.abort();
+    await expect(silent).rejects.toBe(NO_SERVER);
+    vi.restoreAllMocks();
   });
 });

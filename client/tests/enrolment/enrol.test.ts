@@ -2,8 +2,9 @@ import { describe, expect, it } from "vitest";
 import type { Api } from "../../src/api/api";
 import { Enrolment, type Bookmark, type EnrolState } from "../../src/enrolment/enrol";
 import { NO_SERVER, Problem } from "../../src/api/problem";
-import type { Job, NewPerson, Sequence } from "../../src/api/types";
-import { job, sequence } from "../fakes";
+import type { Job, ListedPerson, NewPerson, Sequence } from "../../src/api/types";
+import type { HashedClip, UploadProgress } from "../../src/api/upload";
+import { hashClip, job, sequence } from "../fakes";
 
 const ADA = { name: "Ada", height_m: 1.78 };
 const CLIP = { blob: new Blob(["clip"]), fileName: "me.mp4" };
@@ -18,6 +19,8 @@ class FakeServer {
     c: { ...CAPTURE, state: "succeeded", progress: 1 },
     j: job({ state: "succeeded", progress: 1, model_id: "m" }),
   };
+  known: Partial<ListedPerson>[] = [];
+  refusal: Problem | null = null;
   held: { id: string; end: (job: Job) => void } | null = null;
   hold: string | null = null;
 
@@ -28,12 +31,16 @@ class FakeServer {
   async erasePerson(id: string): Promise<void> {
     this.calls.push(`erase ${id}`);
   }
+  async people(): Promise<Partial<ListedPerson>[]> {
+    return this.known;
+  }
+  hashClip = hashClip;
   async uploadSequence(
-    _person: string, _file: Blob, fileName: string,
-    onProgress: (fraction: number) => void, signal: AbortSignal,
+    person: string, { fileName }: HashedClip, onProgress: (progress: UploadProgress) => void, signal: AbortSignal,
   ): Promise<Sequence> {
-    this.calls.push(`upload ${fileName}`);
-    onProgress(0.5);
+    this.calls.push(`upload ${fileName} of ${person}`);
+    onProgress({ phase: "sending", fraction: 0.5 });
+    if (this.refusal) throw this.refusal;
     if (this.hold === "upload") {
       await new Promise((_, reject) => signal.addEventListener("abort", () => reject(signal.reason)));
     }
@@ -67,15 +74,17 @@ class FakeServer {
 }
 
 function setUp(server = new FakeServer()) {
+  const underWay = new Map<string, string>();
   const states: EnrolState[] = [];
   const bookmarks: (Bookmark | null)[] = [];
   const enrolment = new Enrolment(
     server as unknown as Api,
     (state) => states.push(state),
     (bookmark) => bookmarks.push(bookmark),
+    { get: (sha256) => underWay.get(sha256) ?? null, set: (sha256, id) => void (id === null ? underWay.delete(sha256) : underWay.set(sha256, id)) },
   );
   const soon = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
-  return { server, states, bookmarks, enrolment, soon };
+  return { server, states, bookmarks, underWay, enrolment, soon };
 }
 
 describe("Enrolment", () => {
@@ -84,7 +93,7 @@ describe("Enrolment", () => {
     await enrolment.start(ADA, CLIP);
     expect(server.calls).toEqual([
       "person Ada 1.78",
-      "upload me.mp4",
+      "upload me.mp4 of p",
       'train s {"preset":"splats","budget_s":20,"seed":0}',
     ]);
     expect(enrolment.state).toMatchObject({ status: "ready", modelId: "m", name: "Ada" });
@@ -225,6 +234,44 @@ describe("Enrolment", () => {
     expect(enrolment.state).toMatchObject({ status: "ready", problem: null });
     expect(server.calls.filter((call) => call.startsWith("upload"))).toHaveLength(1);
     expect(server.calls).not.toContain("erase p");
+  });
+
+  it("sends the clip on, without being given it again, when the server is back", async () => {
+    const { server, states, underWay, enrolment } = setUp();
+    server.refusal = NO_SERVER;
+    await enrolment.start(ADA, CLIP);
+    expect(enrolment.state).toMatchObject({ status: "failed", problem: NO_SERVER });
+    expect([enrolment.canReconnect, [...underWay.values()]]).toEqual([true, ["p"]]);
+    Object.assign(server, { refusal: null, known: [{ id: "p", ...ADA }] });
+    states.length = 0;
+    await enrolment.reconnect();
+    expect(states[0]).toMatchObject({ status: "working", step: "upload", problem: null, message: "Preparing your clip" });
+    expect(enrolment.state.status).toBe("ready");
+    expect(server.calls.slice(0, 3)).toEqual(["person Ada 1.78", "upload me.mp4 of p", "upload me.mp4 of p"]);
+    expect(underWay.size).toBe(0);
+  });
+
+  it.each([
+    ["is gone on with for the same person after a reload", [{ id: "old", ...ADA }], "old"],
+    ["is begun anew for somebody of another name", [{ id: "old", ...ADA, name: "Bo" }], "p"],
+    ["is begun anew for somebody of another height", [{ id: "old", ...ADA, height_m: null }], "p"],
+    ["is begun anew where the person is gone", [], "p"],
+  ])("A clip that was cut off %s", async (_, known, person) => {
+    const { server, underWay, enrolment } = setUp();
+    server.known = known;
+    underWay.set((await hashClip(CLIP.blob, "")).sha256, "old");
+    await enrolment.start(ADA, CLIP);
+    expect(server.calls.filter((call) => call.startsWith("upload"))).toEqual([`upload me.mp4 of ${person}`]);
+    expect(server.calls.some((call) => call.startsWith("person"))).toBe(person === "p");
+    expect(underWay.size).toBe(0);
+  });
+
+  it("tells why a clip was refused, and forgets whom it was for", async () => {
+    const { server, underWay, enrolment } = setUp();
+    server.refusal = new Problem("No space left", "Free some.", 507);
+    await enrolment.start(ADA, CLIP);
+    expect(enrolment.state).toMatchObject({ status: "failed", problem: { title: "No space left", detail: "Free some." } });
+    expect([enrolment.canReconnect, underWay.size, server.calls.at(-1)]).toEqual([false, 0, "erase p"]);
   });
 
   it("says nothing more once it is left", async () => {

@@ -4,7 +4,8 @@ import { ModelImprovement, improvable, type ImproveState } from "../../src/enrol
 import { NO_SERVER, Problem } from "../../src/api/problem";
 import type { RecordedClip } from "../../src/capture/record";
 import type { Job, Performer, Sequence } from "../../src/api/types";
-import { job, sequence } from "../fakes";
+import type { HashedClip, UploadProgress } from "../../src/api/upload";
+import { hashClip, job, sequence } from "../fakes";
 
 const FILM: RecordedClip = { blob: new Blob(["film"]), fileName: "webcam.mp4" };
 const CONFLICT = new Problem("Conflict", "", 409);
@@ -14,7 +15,9 @@ const GONE = new Problem("Not found", "", 404);
 class FakeServer {
   calls: string[] = [];
   hold: "upload" | "c" | "j" | null = null;
-  sent = 0.5;
+  phase: UploadProgress["phase"] = "sending";
+  /** Whose answer is waited for whatever happens. */
+  isLastPiece = false;
   film: Sequence | null = null;
   quality: Sequence["quality"] = { advice: ["Nothing needs to be filmed again."] };
   jobs: Record<string, Job> = {};
@@ -22,15 +25,16 @@ class FakeServer {
   private held: ((job: Job) => void) | null = null;
   private answer: (() => void) | null = null;
 
+  hashClip = hashClip;
   async uploadSequence(
-    person: string, _film: Blob, name: string, onProgress: (fraction: number) => void, signal: AbortSignal,
+    person: string, { fileName }: HashedClip, onProgress: (progress: UploadProgress) => void, signal: AbortSignal,
   ): Promise<Sequence> {
-    this.calls.push(`upload ${person} ${name}`);
-    onProgress(this.sent);
+    this.calls.push(`upload ${person} ${fileName}`);
+    onProgress({ phase: this.phase, fraction: 0.5 });
     if (this.hold === "upload") {
       await new Promise<void>((resolve, reject) => {
         this.answer = resolve;
-        signal.addEventListener("abort", () => reject(signal.reason));
+        if (!this.isLastPiece) signal.addEventListener("abort", () => reject(signal.reason));
       });
     }
     this.jobs["c"] = job({ id: "c", kind: "capture", state: "queued" });
@@ -45,7 +49,10 @@ class FakeServer {
     return this.film;
   }
   async deleteSequence(id: string): Promise<void> {
-    if (!this.film) throw GONE;
+    if (!this.film) {
+      this.calls.push(`delete ${id}, which is gone`);
+      throw GONE;
+    }
     if (Object.values(this.jobs).some(({ state }) => ["queued", "running"].includes(state))) throw CONFLICT;
     this.calls.push(`delete ${id}`);
     this.film = null;
@@ -138,9 +145,19 @@ describe("ModelImprovement", () => {
     expect(states.at(-1)?.kind).toBe("stopped");
   });
 
+  it("says that it tries again while the server is out of reach", async () => {
+    const { server, states, improvement, start, soon } = setUp();
+    Object.assign(server, { hold: "upload", phase: "waiting" });
+    const running = start();
+    await soon();
+    expect(states.at(-1)).toMatchObject({ kind: "working", step: "upload", fraction: 0.5, message: "Interrupted, trying again" });
+    await improvement.cancel();
+    await running;
+  });
+
   it("waits for a film that was sent whole, to remove it by its name", async () => {
     const { server, states, improvement, start, soon } = setUp();
-    Object.assign(server, { hold: "upload", sent: 1 });
+    Object.assign(server, { hold: "upload", isLastPiece: true });
     const running = start();
     await soon();
     const back = improvement.cancel();

@@ -1,7 +1,8 @@
 import { describe, expect, it } from "vitest";
 import type { Api } from "../../src/api/api";
 import { animatablePeople, isJson, createKeypointsMeeting } from "../../src/enrolment/keypoints";
-import { sequence } from "../fakes";
+import type { HashedClip } from "../../src/api/upload";
+import { hashClip, sequence } from "../fakes";
 
 const ADA = { personId: "a", name: "Ada", modelId: "a2", mine: true };
 const KEYPOINTS = new File(['\n{"format": "metanerf-keypoints"}'], "wave.json");
@@ -19,8 +20,9 @@ class FakeServer {
     { id: "b1", person_id: "b" },
     { id: "a2", person_id: "a" },
   ];
-  uploadSequence = async (person: string, _file: Blob, name: string) => {
-    this.calls.push(["upload", person, name]);
+  hashClip = hashClip;
+  uploadSequence = async (person: string, { fileName }: HashedClip) => {
+    this.calls.push(["upload", person, fileName]);
     return sequence({ id: "s", kind: "keypoints" });
   };
   createMeeting = async (name: string, models: string[]) => {

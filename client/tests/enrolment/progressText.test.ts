@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { EnrolState } from "../../src/enrolment/enrol";
-import { progressText } from "../../src/enrolment/progressText";
+import { UPLOAD_WORDS, progressText } from "../../src/enrolment/progressText";
 import { job } from "../fakes";
 
 function words(part: Partial<EnrolState>): string {
@@ -24,6 +24,7 @@ describe("progressText", () => {
     ["the stages of a capture to whom they are about", { message: "finding the person" }, "Detecting you · 40 %"],
     ["a stage that it has no words for as it came", { message: "drying the paint" }, "Drying the paint · 40 %"],
     ["how far the sending is", { step: "upload", job: null }, "40 %"],
+    ["what the sending waits for", { step: "upload", job: null, message: UPLOAD_WORDS.waiting }, "Interrupted, trying again · 40 %"],
     ["how far it came when stopped", { step: "train", status: "stopped", message: "cancelled" }, "40 %"],
     ["a queue", { fraction: 0, job: job({ state: "queued" }) }, "Waiting for the server · 0 %"],
     ["an interruption", { step: "train", job: job({ state: "queued" }) }, "Interrupted, resuming soon · 40 %"],

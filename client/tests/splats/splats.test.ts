@@ -266,13 +266,15 @@ describe("RenderModeSelector", () => {
 });
 
 describe("loadSplats", () => {
-  it("shows the seat's token, and takes a missing file for one that can't be drawn here", async () => {
-    const { request, calls } = fakeFetch(({ path }) =>
-      path.includes("field") ? new Response("{}", { status: 404 }) : new Response(fileOf(1)),
-    );
+  it("shows the seat's token, and draws nobody of whom there is no file", async () => {
+    const { request, calls } = fakeFetch(({ path }) => {
+      if (path.includes("field")) return new Response(null, { status: 204 });
+      return path.includes("gone") ? new Response("{}", { status: 404 }) : new Response(fileOf(1));
+    });
     expect((await loadSplats("m", "seat", request))?.byteLength).toBe(220);
     expect(calls[0]).toMatchObject({ path: "/v1/models/m/files/viewer.splats", token: "Bearer seat" });
     expect(await loadSplats("field", "seat", request)).toBeNull();
+    expect(await loadSplats("gone", "seat", request)).toBeNull();
   });
 
   it("tells of refusals, and takes nothing that is too large", async () => {

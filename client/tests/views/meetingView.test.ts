@@ -167,4 +167,18 @@ describe("the meeting", () => {
     [...element.querySelectorAll("button")].find(({ textContent }) => textContent === "Controls")?.click();
     expect(help?.classList.contains("away")).toBe(false);
   });
+
+  it("says only how to look round where the window is narrow, and the rest when asked", () => {
+    vi.stubGlobal("matchMedia", (query: string) => ({ matches: query === "(max-width: 860px)" }));
+    const { element } = setUp();
+    const help = element.querySelector("#controls-help");
+    const toggle = [...element.querySelectorAll("button")].find(({ textContent }) => textContent === "Controls");
+    const shown = (): (string | null)[] => [...(help?.children ?? [])].filter(({ className }) => className === "").map(({ textContent }) => textContent);
+    expect([shown(), toggle?.getAttribute("aria-expanded")]).toEqual([["Draglook around", "Scrollzoom"], "false"]);
+    toggle?.click();
+    expect([shown().length, toggle?.getAttribute("aria-expanded")]).toEqual([5, "true"]);
+    toggle?.click();
+    expect([help?.classList.contains("away"), toggle?.getAttribute("aria-expanded")]).toEqual([true, "false"]);
+    vi.unstubAllGlobals();
+  });
 });

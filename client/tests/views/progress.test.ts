@@ -22,7 +22,7 @@ function setUp(first: Partial<Job>, found: Partial<Sequence> = {}) {
   });
   const api = new Api(tokenStore("guest"), request);
   const hooks = { onMeet: vi.fn(), onAgain: vi.fn() };
-  const enrolment: Enrolment = new Enrolment(api, (state) => view.show(state), () => undefined);
+  const enrolment: Enrolment = new Enrolment(api, (state) => view.show(state), () => undefined, { get: () => null, set: () => undefined });
   const view = progressView(api, enrolment, null, hooks);
   close = () => (enrolment.leave(), view.close());
   document.body.append(view.element);

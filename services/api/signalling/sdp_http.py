@@ -4,7 +4,7 @@
 `Location` of the session resource, `ETag`, and a `Link` for each ICE server. `PATCH` of the session
 resource with candidates (`application/trickle-ice-sdpfrag`, RFC 8840) under `If-Match: ETAG`: 204.
 ICE restarts (RFC 8445) are rejected (422): a client that lost its connection posts a new offer.
-`DELETE` of the session resource ends it.
+`DELETE` of the session resource ends it: 200, and 204 once it has ended.
 """
 
 from __future__ import annotations
@@ -127,7 +127,15 @@ def own_session(sessions: Sessions, session_id: str, meeting_id: str, caller: Pr
 async def end_session(
     sessions: Sessions, session_id: str, meeting_id: str, caller: Principal
 ) -> Response:
-    """End the caller's session. Raises OtherMeeting, NotFound."""
+    """End the caller's session: 200, or 204 where it has ended already.
+
+    DELETE is idempotent (RFC 9110, section 9.2.2), and a client cannot know what the server has
+    ended meanwhile. Ids are not remembered, so that one that never was is answered alike.
+    Raises OtherMeeting, and NotFound for another's session.
+    """
+    caller.require_meeting(meeting_id)
+    if sessions.find(session_id) is None:
+        return Response(status_code=status.HTTP_204_NO_CONTENT)
     own_session(sessions, session_id, meeting_id, caller)
     await sessions.close(session_id)
     return Response(status_code=status.HTTP_200_OK)

@@ -7,6 +7,7 @@ import hashlib
 import httpx
 import pytest
 
+from services.api import uploads
 from services.container import Services
 from tests.services import seeds
 from tests.services.conftest import bearer, stored_files
@@ -102,3 +103,38 @@ async def test_uploads_of_others_stay_closed(
     upload_id = (await _begin(client, person_id, seeds.video())).json()["id"]
     other = bearer(services, account="neighbours")
     assert (await client.head(f"/v1/uploads/{upload_id}", headers=other)).status_code == 403
+    assert (await client.delete(f"/v1/uploads/{upload_id}", headers=other)).status_code == 403
+
+
+async def test_what_is_given_up_leaves_nothing(
+    client: httpx.AsyncClient, services: Services, person_id: str
+):
+    data = seeds.video()
+    upload_id = (await _begin(client, person_id, data)).json()["id"]
+    await _send(client, upload_id, 0, data[:1000])
+    assert len(stored_files(services.settings)) == 1
+    assert (await client.delete(f"/v1/uploads/{upload_id}")).status_code == 204
+    assert stored_files(services.settings) == []
+    assert (await client.head(f"/v1/uploads/{upload_id}")).status_code == 404
+    assert (await _begin(client, person_id, data)).json()["offset"] == 0
+
+
+async def test_a_last_piece_that_is_sent_again_empty_completes_the_upload(
+    client: httpx.AsyncClient,
+    services: Services,
+    person_id: str,
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """As after a server that ended between the last piece and the sequence."""
+    data = seeds.video()
+    upload_id = (await _begin(client, person_id, data)).json()["id"]
+    with monkeypatch.context() as ended:
+        ended.setattr(uploads, "join", _power_cut)
+        assert (await _send(client, upload_id, 0, data)).status_code == 500
+    assert (await _begin(client, person_id, data)).json()["offset"] == len(data)
+    last = await _send(client, upload_id, len(data), b"")
+    assert (last.status_code, last.json()["state"]) == (202, "uploaded")
+
+
+def _power_cut(*_: object) -> None:
+    raise ConnectionError

@@ -47,6 +47,17 @@ async def test_whoever_sits_in_the_meeting_gets_it_once_for_good(
     assert again.headers["etag"] == first.headers["etag"]
 
 
+async def test_of_a_model_that_is_not_made_of_splats_there_is_none(
+    client: httpx.AsyncClient, services: Services, model: ModelRow
+):
+    with services.unit_of_work() as unit:
+        stored = unit.models.get(model.id)
+        stored.files = [file for file in stored.files if file.name == "model.safetensors"]
+        unit.commit()
+    answer = await client.get(url(model), headers=await join(client, model))
+    assert (answer.status_code, answer.content) == (204, b"")
+
+
 async def test_it_is_compressed_for_who_takes_that(client: httpx.AsyncClient, model: ModelRow):
     seat = await join(client, model)
     plain = await client.get(url(model), headers=seat | {"Accept-Encoding": "gzip;q=0"})

@@ -16,6 +16,8 @@ from tests.services.control.test_voices import Headset, seat_of
 from tests.services.live.viewer import Viewer, view
 
 OUTAGE_S = 10.0
+"""What docs/meeting.md promises. It passes by the real clock: ICE's consent and SCTP's retries on
+the dead sockets, which must not end the server's tasks meanwhile, know no other."""
 BACK_S = 3.0
 """What coming back may take: the picture, the voice and the seat."""
 

@@ -74,7 +74,7 @@ async def test_the_picture_follows_the_viewpoint_and_the_session_ends(app, calle
     assert gone.status_code == 200
     assert len(views) == 0
     again = await caller.delete(answer.headers["location"], headers=header)
-    assert again.status_code == 404
+    assert again.status_code == 204
     await viewer.peer.close()
 
 
