@@ -8,7 +8,6 @@ from __future__ import annotations
 import logging
 import tempfile
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,7 +15,8 @@ import numpy as np
 
 from capture.body.model import BodyModel, load_body_model, require_height
 from capture.captured import CapturedClip, crop_to_person
-from capture.detection.expression_detector import ExpressionDetector, clip_expressions
+from capture.detection.clip_expressions import clip_expressions
+from capture.detection.face_and_hands import ClipParts, FaceAndHandDetector, find_parts
 from capture.detection.landmarks import MediaPipeEstimator, PoseEstimator
 from capture.detection.lifter import Lifter, closed_form, lift
 from capture.detection.network_files import NetworkSource, landmark_network_file, require_given
@@ -32,9 +32,7 @@ from capture.sources.clips import MIN_FRAMES, read_clip
 from capture.sources.video import MAX_FRAMES, Clip
 from capture.sources.webcam import record_webcam
 from capture.storage import write_sequence
-from scene.arrays import Array, Float
 from scene.errors import InvalidInput
-from scene.expression import EXPRESSION_COUNT
 from scene.sequence import PoseTrust
 
 log = logging.getLogger(__name__)
@@ -130,7 +128,7 @@ def capture_clip(
     read = reports.part(0.0, 0.08, "reading the clip")
     clip = read_clip(path, options.max_frames, read, should_stop)
     track, lifter = _track(clip, options, reports)
-    expressions = _expressions(clip, track, options, reports)
+    parts = _parts(clip, track, options, reports)
     masks = segment_clip(
         clip.images, track.people, reports.part(0.3, 0.38, "cutting out the person")
     )
@@ -144,11 +142,13 @@ def capture_clip(
         height_m=options.height_m,
         lifter=lifter,
         images=clip.images,
+        parts=parts,
         on_progress=reports.part(0.38, 0.92, "fitting the body"),
         on_stage=on_fit,
         should_stop=should_stop,
     )
     placed = place_in_world(fit, clip.times_s)
+    expressions = clip_expressions(parts, clip.times_s, track.takes)
     placed = replace(placed, motion=replace(placed.motion, expressions=expressions))
     captured = crop_to_person(clip.images, track, masks, fit, placed, options.size_px)
     quality = judge(captured)
@@ -201,14 +201,10 @@ def _tracked(clip: Clip, estimator: PoseEstimator, reports: _Reports) -> Track:
     return track
 
 
-def _expressions(
-    clip: Clip, track: Track, options: CaptureOptions, reports: _Reports
-) -> Float[Array, "F E"]:
-    """Expressions of face and hands in each frame, as far as models are available."""
+def _parts(clip: Clip, track: Track, options: CaptureOptions, reports: _Reports) -> ClipParts:
+    """Face and hands in each frame, as far as models are available."""
     models = (options.face_model, options.hand_model)
-    files = [None if model is None else _file_or_none(model) for model in models]
-    if not any(files):
-        return np.zeros((len(clip.images), EXPRESSION_COUNT))
+    face, hand = (None if model is None else _file_or_none(model) for model in models)
     report = reports.part(0.28, 0.3, "looking at face and hands")
 
     def progress(done: float) -> None:
@@ -216,8 +212,8 @@ def _expressions(
             raise CaptureStopped("capture was stopped while looking at face and hands")
         report(done)
 
-    with closing(ExpressionDetector(*files)) as detector:
-        return clip_expressions(clip.images, track.people, detector, progress)
+    with FaceAndHandDetector(face, hand) as detector:
+        return find_parts(clip.images, track.people, detector, progress)
 
 
 def _file_or_none(model: NetworkSource | Path) -> Path | None:

@@ -79,7 +79,7 @@ RETIRED = {
     "LandmarkModel": "BodyLandmarks or LandmarkNetwork",
     "ModelSource": "NetworkSource",
     "SeenExpression": "ObservedExpression",
-    "ExpressionFinder": "ExpressionDetector",
+    "ExpressionFinder": "FaceAndHandDetector",
     "Likeness": "Appearance",
     "Backdrop": "BackgroundModel",
     "capture_video": "capture_clip",

@@ -15,6 +15,7 @@ import torch
 
 from capture.body.landmark_names import LANDMARK_NAMES
 from capture.body.model import BodyModel
+from capture.detection.face_and_hands import ClipParts
 from capture.detection.landmarks import Landmarks
 from capture.detection.lifter import Lifter, closed_form
 from capture.errors import CaptureStopped, NoPersonFound
@@ -52,6 +53,7 @@ def fit_clip(
     height_m: float | None = None,
     lifter: Lifter = closed_form,
     images: Sequence[UInt8[Array, "H W 3"]] | None = None,
+    parts: ClipParts | None = None,
     on_progress: Callable[[float], None] = lambda _: None,
     on_stage: Callable[[str, Fit], None] = lambda *_: None,
     should_stop: Callable[[], bool] = lambda: False,
@@ -62,8 +64,9 @@ def fit_clip(
     is the person's, barefoot; None guesses it, and with it how far away they are, which one camera
     can't tell. `lifter` is what the landmarks' estimator is believed to mean by them, to start
     from. `images` are the frames' pictures; without them nothing is known of motion but what
-    landmarks say. `on_stage` is shown what each of `STAGES` made of the clip, so that its worth can
-    be measured. The same input gives the same result.
+    landmarks say. `parts` are faces and hands, as far as anybody looked at them. `on_stage` is
+    shown what each of `STAGES` made of the clip, so that its worth can be measured. The same input
+    gives the same result.
 
     Raises NoPersonFound for a clip without a person, CaptureStopped when asked to stop.
     """
@@ -78,6 +81,7 @@ def fit_clip(
         lifter,
         focal_px=focal_px,
         images=None if images is None else [images[index] for index in found],
+        parts=None if parts is None else parts.at(found.tolist()),
     )
     fit = ClipFit(model, seen)
 

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
+from capture.detection.face_and_hands import ClipParts
 from capture.detection.landmark_arrays import (
     always_hidden,
     hidden_joints,
@@ -19,12 +20,26 @@ from capture.detection.landmark_arrays import (
 )
 from capture.detection.landmarks import Landmarks
 from capture.detection.lifter import Lifter
+from capture.detection.rigid_parts import rigid_parts
 from scene.arrays import Array, Float, Int, Tensor, UInt8
 
 USUAL_FOCAL = 0.87
 """Focal length of phones and webcams, in longest sides of the picture (60 degrees)."""
 _USUAL_RATE = 15.0
 """Frames a second up to which deviations of speeds hold."""
+
+
+@dataclass(frozen=True, eq=False)
+class PartObservations:
+    """Head, left and right palm, by the landmarkers of faces and hands."""
+
+    middles_px: Float[Tensor, "F 3 2"]
+    rotations: Float[Tensor, "F 3 3 3"]
+    """From rest to the camera."""
+    found: Float[Tensor, "F 3"]
+    """1 where the middle is known,"""
+    turned: Float[Tensor, "F 3"]
+    """1 where the rotation is, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +76,8 @@ class Observations:
     """Between the middles of neighbouring steps; infinite at cuts."""
     person_px: float
     """About the standing person's height in the pictures: the unit of deviations there."""
+    parts: PartObservations | None = None
+    """None where nobody looked at face and hands."""
 
     @property
     def centre(self) -> Float[Tensor, "2"]:
@@ -91,6 +108,7 @@ def observe(
     *,
     focal_px: float | None = None,
     images: Sequence[UInt8[Array, "H W 3"]] | None = None,
+    parts: ClipParts | None = None,
 ) -> Observations:
     """Observations of one person in frames that all show them; see `fit_clip` for the arguments."""
     height, width = next(mask.shape for mask in masks if mask is not None)
@@ -119,6 +137,7 @@ def observe(
         steps,
         mid_steps,
         person_height_px(pixels),
+        None if parts is None else _observed_parts(parts, focal, centre),
     )
 
 
@@ -132,6 +151,18 @@ def time_steps(
     middles = np.where(cut[1:] | cut[:-1], np.inf, middles)
     steps = np.where(cut, np.inf, steps)
     return _tensor(steps), _tensor(middles)
+
+
+def _observed_parts(
+    parts: ClipParts, focal_px: float, centre: Float[Array, "2"]
+) -> PartObservations:
+    found = rigid_parts(parts, focal_px, centre)
+    return PartObservations(
+        _tensor(found.middles_px),
+        _tensor(found.rotations),
+        _tensor(found.found),
+        _tensor(found.turned),
+    )
 
 
 def _tensor(value: Array) -> Tensor:

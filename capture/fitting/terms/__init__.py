@@ -14,12 +14,14 @@ from capture.fitting.terms.foot_sliding import FootSliding
 from capture.fitting.terms.joint_angle_prior import JointAnglePrior
 from capture.fitting.terms.landmarks_3d import Landmarks3D
 from capture.fitting.terms.lifted_pose import LiftedPose
+from capture.fitting.terms.part_poses import PartPoses
 from capture.fitting.terms.reprojection import ReprojectionError
 
 __all__ = ["IMAGE_TERMS", "LANDMARK_TERMS"]
 
 LANDMARK_TERMS = (
     ReprojectionError,
+    PartPoses,
     Landmarks3D,
     JointAnglePrior,
     LiftedPose,
