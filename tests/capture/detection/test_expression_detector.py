@@ -69,7 +69,7 @@ def test_who_is_lost_or_hidden_is_at_rest(pictures, people, face_model, hand_mod
     away = replace(first, visibility=np.zeros(33), pixels=first.pixels + 4000.0)
     with closing(ExpressionDetector(face_model, hand_model)) as finder:
         assert not clip_expressions(pictures[:2], [None, away], finder).any()
-        assert finder.hand(pictures[0], away, "left_hand_curl") is None
+        assert finder.hand(pictures[0], away, "left_hand") is None
 
 
 def test_without_models_nothing_is_known(pictures, people):
