@@ -17,8 +17,9 @@ _EXPRESSIONS = {
     "blink_right": "right lid, likewise",
     "brows_up": "brows",
     "smile": "smile",
-    "left_hand_curl": "left hand",
-    "right_hand_curl": "right hand",
+    "left_hand": "left hand",
+    "right_hand": "right hand",
+    "fingers apart": "fingers that bend one by one, in place of all by their mean",
 }
 
 _FOREIGN = {
