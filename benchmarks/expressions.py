@@ -95,7 +95,7 @@ HANDS = Part(
     np.pi,
     0.12,
     _HANDS,
-    {hand: EXPRESSION_NAMES[PARTS[hand]] for hand in _HANDS},
+    {f"{hand}_curl": EXPRESSION_NAMES[PARTS[hand]] for hand in _HANDS},
 )
 TOGETHER = "fingers together"
 """The way to train in which all fingers of a hand bend by their mean."""

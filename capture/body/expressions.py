@@ -60,11 +60,12 @@ _CLOSED = 0.58
 
 _CHAINS = np.array([[0, *range(first, first + 4)] for first in (5, 9, 13, 17)])
 """From the wrist to the tip of index, middle, ring and little finger."""
-_FLAT, _BENT = 0.95, np.array([0.41, 0.38, 0.37, 0.46])
+_FLAT, _BENT = 0.95, np.array([0.5, 0.46, 0.46, 0.53])
 """From wrist to tip, as a share of the way along the bones: of fingers held straight, and of each
-as far bent as the body model bends it (`tools.build_expressions`)."""
+as far bent as the body model bends it (`tools.build_expressions`). Its own joints are then 0.41,
+0.38, 0.37 and 0.46; the landmarks found in pictures of it bend less, to 0.54 to 0.61."""
 _THUMB_TIP, _MIDDLE_KNUCKLE, _LITTLE_KNUCKLE = 4, 9, 17
-_THUMB_OUT, _THUMB_IN = 1.15, 0.48
+_THUMB_OUT, _THUMB_IN = 1.1, 0.52
 """From the thumb's tip to the little finger's knuckle, in palms' lengths: likewise. A thumb folds
 across the palm more than it bends, which its own bones hardly tell."""
 

@@ -92,5 +92,5 @@ def test_worth_is_the_mean_gain_and_its_spread():
     assert made["face: both"] == {"gain_db": 3.5, "spread_db": 0.5}
     assert made["face: density alone"]["gain_db"] == 0.5
     assert made["smile"]["gain_db"] == 2.5
-    assert made["left_hand"] == {"gain_db": 1.0, "spread_db": 0.0}
+    assert made["left_hand_curl"] == {"gain_db": 1.0, "spread_db": 0.0}
     assert made["fingers apart"] == {"gain_db": 0.5, "spread_db": 0.0}

@@ -67,18 +67,18 @@ const WRIST = 0;
  * the bones, as far bent as the body model bends it.
  */
 const CHAINS = [
-  { joints: [5, 6, 7, 8], bent: 0.41 },
-  { joints: [9, 10, 11, 12], bent: 0.38 },
-  { joints: [13, 14, 15, 16], bent: 0.37 },
-  { joints: [17, 18, 19, 20], bent: 0.46 },
+  { joints: [5, 6, 7, 8], bent: 0.5 },
+  { joints: [9, 10, 11, 12], bent: 0.46 },
+  { joints: [13, 14, 15, 16], bent: 0.46 },
+  { joints: [17, 18, 19, 20], bent: 0.53 },
 ] as const;
 /** The same of a finger held straight. */
 const FLAT = 0.95;
 const THUMB_TO_LITTLE_KNUCKLE = [4, 17] as const;
 const PALM = [WRIST, 9] as const;
 /** From the thumb's tip to the little finger's knuckle, in palms' lengths, away from the hand and across it. */
-const THUMB_OUT = 1.15;
-const THUMB_IN = 0.48;
+const THUMB_OUT = 1.1;
+const THUMB_IN = 0.52;
 
 /**
  * Lips apart, left and right lids apart, brows from lids, and how wide and high the mouth ends; null for
