@@ -2,15 +2,17 @@
 
 Truth: a face is filmed as head and shoulders, hands with the whole body; splats are then judged in
 poses, expressions and from cameras that training never saw, on the crop of the face or a hand. Each
-expression is also left out alone, from training and test: the difference is its own worth. That of
-a lid is told of its eye's crop, since a lid is but a hundredth of a face.
+expression of a face, and each hand, is also left out alone, from training and test: the difference
+is its own worth. That of a lid is told of its eye's crop, since a lid is but a hundredth of a face.
+What fingers are worth that bend one by one is the difference to hands of which all five bend by
+their mean.
 """
 
 from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,7 +36,7 @@ from renderer.training import train
 from scene.arrays import Array, Float
 from scene.body import Body
 from scene.camera import Camera, orbit_camera
-from scene.expression import EXPRESSION_NAMES, neutral
+from scene.expression import EXPRESSION_NAMES, PARTS, neutral
 from scene.motion import Pose
 from scene.sequence import NOVEL_VIEW, Sequence
 from scene.skeleton import JOINT_NAMES
@@ -62,21 +64,43 @@ class Part:
     half_m: float
     """Half the side of the crop."""
     joints: tuple[str, ...]
-    expressions: tuple[str, ...]
+    left_out: dict[str, tuple[str, ...]]
+    """What is left out at a time, and its expressions."""
 
-    def crop_of(self, expression: str) -> str:
-        """The crop in which an expression's gain is measured."""
-        return expression if expression in LIDS else self.name
+    def crop_of(self, left_out: str) -> str:
+        """The crop in which the gain of what is left out is measured."""
+        return left_out if left_out in LIDS else self.name
 
 
 LIDS = ("blink_left", "blink_right")
 _EYE_HALF_M = 0.025
 _LID_M = 1e-3
 """How far a lid moves at least, where it does."""
-FACE = Part("face", "head", 256, 0.9, 0.8, 0.085, ("head",), EXPRESSION_NAMES[:5])
-HANDS = Part(
-    "hands", "body", 320, 3.3, np.pi, 0.12, ("left_hand", "right_hand"), EXPRESSION_NAMES[5:]
+_HANDS = ("left_hand", "right_hand")
+FACE = Part(
+    "face",
+    "head",
+    256,
+    0.9,
+    0.8,
+    0.085,
+    ("head",),
+    {name: (name,) for name in EXPRESSION_NAMES[PARTS["face"]]},
 )
+HANDS = Part(
+    "hands",
+    "body",
+    320,
+    3.3,
+    np.pi,
+    0.12,
+    _HANDS,
+    {f"{hand}_curl": EXPRESSION_NAMES[PARTS[hand]] for hand in _HANDS},
+)
+TOGETHER = "fingers together"
+"""The way to train in which all fingers of a hand bend by their mean."""
+Change = Callable[[Float[Array, "*F E"]], Float[Array, "*F E"]]
+"""Of the expressions of a clip or a pose, before they are trained on or drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,17 +163,20 @@ def measured(part: Part, clip: Sequence, seed: int) -> dict[str, Any]:
     """dB of every way to train one performer's `part`."""
     shots = unseen_views(part, make_performer(seed, expressive=True), seed)
     unknown = replace(clip, body=replace(clip.body, expression_directions=None))
-    ways: dict[str, tuple[Sequence, float, tuple[str, ...]]] = {
-        "off": (unknown, 1.0, ()),
-        "off, denser": (without(clip, EXPRESSION_NAMES), _density(), EXPRESSION_NAMES),
-        "even": (clip, 1.0, ()),
-        "on": (clip, _density(), ()),
-        **{f"without {n}": (without(clip, (n,)), _density(), (n,)) for n in part.expressions},
+    nothing = hiding(())
+    ways: dict[str, tuple[Sequence, float, Change]] = {
+        "off": (unknown, 1.0, nothing),
+        "off, denser": (clip, _density(), hiding(EXPRESSION_NAMES)),
+        "even": (clip, 1.0, nothing),
+        "on": (clip, _density(), nothing),
+        **{f"without {n}": (clip, _density(), hiding(of)) for n, of in part.left_out.items()},
     }
+    if part is HANDS:
+        ways[TOGETHER] = (clip, _density(), together)
     made: dict[str, Any] = {"db": {}, "body_crop_db": {}}
-    for way, (sequence, density, hidden) in ways.items():
-        model = trained(sequence, seed, density)
-        made["db"][way] = judged(model, shots, hidden)
+    for way, (sequence, density, change) in ways.items():
+        model = trained(changed(sequence, change), seed, density)
+        made["db"][way] = judged(model, shots, change)
         if part is HANDS and way in ("off", "even", "on"):
             figures = evaluate(model, sequence)["psnr"][NOVEL_VIEW]["body_crop"]
             made["body_crop_db"][way] = figures
@@ -168,10 +195,24 @@ def trained(sequence: Sequence, seed: int, density: float | None = None) -> Spla
     return model.splats
 
 
-def without(clip: Sequence, names: tuple[str, ...]) -> Sequence:
-    """`clip` without the values of the expressions `names`."""
+def changed(clip: Sequence, change: Change) -> Sequence:
+    """`clip` with other expressions."""
     motion = clip.motion
-    return replace(clip, motion=replace(motion, expressions=_hidden(motion.expressions, names)))
+    return replace(clip, motion=replace(motion, expressions=change(motion.expressions)))
+
+
+def hiding(names: tuple[str, ...]) -> Change:
+    """Puts the expressions `names` to rest."""
+    kept = np.array([name not in names for name in EXPRESSION_NAMES])
+    return lambda expressions: np.where(kept, expressions, neutral())
+
+
+def together(expressions: Float[Array, "*F E"]) -> Float[Array, "*F E"]:
+    """Every finger as far bent as its hand's are on average."""
+    shown = expressions.copy()
+    for hand in _HANDS:
+        shown[..., PARTS[hand]] = expressions[..., PARTS[hand]].mean(axis=-1, keepdims=True)
+    return shown
 
 
 def unseen_views(part: Part, performer: StudioPerformer, seed: int) -> list[RenderedExpression]:
@@ -239,13 +280,11 @@ def faces(clip: Sequence, seed: int) -> Float[Array, "H W 3"]:
     return np.hstack(columns)
 
 
-def judged(
-    model: SplatModel, shots: list[RenderedExpression], hidden: tuple[str, ...]
-) -> dict[str, float]:
-    """Mean PSNR, dB, over each kind of crop of `shots`, drawn without the expressions `hidden`."""
+def judged(model: SplatModel, shots: list[RenderedExpression], change: Change) -> dict[str, float]:
+    """Mean PSNR, dB, over each kind of crop of `shots`, drawn with expressions under `change`."""
     found: dict[str, list[float]] = {name: [] for name in shots[0].crops}
     for shot in shots:
-        pose = replace(shot.pose, expression=_hidden(shot.pose.expression, hidden))
+        pose = replace(shot.pose, expression=change(shot.pose.expression))
         rendered = np.clip(model.render(shot.camera, pose)[..., :3], 0.0, 1.0)
         for name, crops in shot.crops.items():
             found[name] += [psnr(rendered[crop], shot.image[crop]) for crop in crops]
@@ -263,7 +302,9 @@ def worth(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
     for part in (FACE, HANDS):
         mine = [row["db"] for row in rows if row["part"] == part.name]
         compared = {f"{part.name}: {step}": (*ways, part.name) for step, ways in steps.items()}
-        compared |= {n: ("on", f"without {n}", part.crop_of(n)) for n in part.expressions}
+        compared |= {n: ("on", f"without {n}", part.crop_of(n)) for n in part.left_out}
+        if part is HANDS:
+            compared["fingers apart"] = ("on", TOGETHER, part.name)
         for name, (way, other, crop) in compared.items():
             gain = [db[way][crop] - db[other][crop] for db in mine]
             spread = round(float(np.std(gain)), 3)
@@ -296,11 +337,6 @@ def frame_times(model: SplatModel) -> dict[str, Any]:
 def _density() -> float:
     settings = find_preset("splats").settings
     return settings.expressive_density  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def _hidden(expressions: Float[Array, "*F E"], names: tuple[str, ...]) -> Float[Array, "*F E"]:
-    kept = np.array([name not in names for name in EXPRESSION_NAMES])
-    return np.where(kept, expressions, neutral())
 
 
 def _crop(camera: Camera, place: Float[Array, "3"], half_m: float) -> tuple[slice, slice]:

@@ -34,6 +34,7 @@ from scene.arrays import Array, Float
 from scene.body import Body
 from scene.camera import Camera
 from scene.errors import SceneError
+from scene.expression import offsets_of_any_version, values_of_any_version
 from scene.motion import Motion, Pose
 from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, Crop, Frame, PoseTrust, Sequence, crop_window
 from scene.skeleton import Skeleton
@@ -192,7 +193,10 @@ def _open_frames(folder: Path) -> FolderFrames:
         folder / "motion.npz", "times_s", "joint_angles", "root_translation", "confidence"
     )
     try:
-        motion = Motion(**{k: moved[k].astype(np.float64) for k in moved})
+        arrays = {k: moved[k].astype(np.float64) for k in moved}
+        if "expressions" in arrays:
+            arrays["expressions"] = values_of_any_version(arrays["expressions"])
+        motion = Motion(**arrays)
         distortion = stored.get("distortion")
         cameras = tuple(
             Camera(
@@ -220,13 +224,15 @@ def _read_body(path: Path) -> Body:
     parts = [stored.get(k) for k in ("rest_vertices", "faces", "blend_weights")]
     vertices, faces, weights = parts
     directions = stored.get("expression_directions")
+    if directions is not None:
+        directions = offsets_of_any_version(directions.astype(np.float64), axis=0)
     try:
         return Body(
             Skeleton(stored["rest_joints"]),
             None if vertices is None else vertices.astype(np.float64),
             None if faces is None else faces.astype(np.int64),
             None if weights is None else weights.astype(np.float64),
-            None if directions is None else directions.astype(np.float64),
+            directions,
         )
     except SceneError as error:
         raise BrokenSequence(f"body.npz: {error}") from error

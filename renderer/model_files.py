@@ -17,6 +17,7 @@ from renderer.errors import BrokenModel
 from renderer.performer_model import PerformerModel
 from scene.arrays import Array
 from scene.errors import SceneError
+from scene.expression import values_of_any_version
 from scene.motion import Motion
 from scene.skeleton import Skeleton
 
@@ -63,7 +64,8 @@ def load_model(path: Path) -> PerformerModel:
     try:
         moved = {k: tensors.pop(f"motion.{k}").astype(np.float64) for k in _MOTION}
         if _EXPRESSIONS in tensors:
-            moved["expressions"] = tensors.pop(_EXPRESSIONS).astype(np.float64)
+            stored = tensors.pop(_EXPRESSIONS).astype(np.float64)
+            moved["expressions"] = values_of_any_version(stored)
         motion = Motion(**moved)
         skeleton = Skeleton(tensors.pop("rest_joints").astype(np.float64))
         return _unpack(tensors, about, skeleton, motion)

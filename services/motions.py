@@ -7,6 +7,7 @@ import io
 import numpy as np
 
 from db.repositories import UnitOfWork
+from scene.expression import values_of_any_version
 from scene.motion import Motion
 from services.container import Services
 from services.errors import NotCaptured
@@ -45,5 +46,5 @@ def motion_from_bytes(data: bytes) -> Motion:
             stored["joint_angles"],
             stored["root_translation"],
             stored["confidence"],
-            *([stored["expressions"]] if "expressions" in stored else []),
+            *([values_of_any_version(stored["expressions"])] if "expressions" in stored else []),
         )

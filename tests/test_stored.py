@@ -16,6 +16,7 @@ import cv2
 import httpx
 import numpy as np
 import pytest
+from safetensors import safe_open
 
 from capture.sources.keypoints import read_keypoints
 from capture.storage import open_sequence
@@ -28,7 +29,7 @@ from renderer.performer_model import PerformerModel
 from renderer.presets import Preset
 from renderer.splats.settings import SplatSettings
 from renderer.training import train
-from scene.motion import Motion
+from scene.motion import Motion, Pose
 from scene.sequence import NOVEL_VIEW, PoseTrust, Sequence
 from services.app import create_app
 from services.composition import build_services
@@ -92,9 +93,17 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Sequence:
     return open_sequence(folder)
 
 
-def assert_reads_as(motion: Motion, wanted: dict[str, Any]) -> None:
+def assert_reads_as(read: Motion | Pose, wanted: dict[str, Any]) -> None:
     for name, values in wanted.items():
-        np.testing.assert_allclose(getattr(motion, name), values, atol=2e-6, err_msg=name)
+        known = values if not name.startswith("expression") else finger_by_finger(np.array(values))
+        np.testing.assert_allclose(getattr(read, name), known, atol=2e-6, err_msg=name)
+
+
+def finger_by_finger(values: np.ndarray) -> np.ndarray:
+    """Seven numbers, of which the last two close whole hands."""
+    assert values.shape[-1] == 7
+    left, right = (np.stack([values[..., hand]] * 5, axis=-1) for hand in (5, 6))
+    return np.concatenate([values[..., :5], left, right], axis=-1)
 
 
 def share_alike(model: PerformerModel, sequence: Sequence, name: str, levels: float) -> float:
@@ -117,7 +126,13 @@ def test_a_sequence_folder_is_read(sequence, expected):
     assert sequence.motion.expressions.any()
     joints = sequence.body.skeleton.rest_joints
     np.testing.assert_allclose(joints, wanted["rest_joints"], atol=2e-6)
-    assert sequence.body.expression_directions is not None
+    directions = sequence.body.expression_directions
+    assert directions is not None
+    with zipfile.ZipFile(STORED / "sequence.zip") as archive, archive.open("body.npz") as stored:
+        hands = np.load(stored)["expression_directions"][5:].astype(np.float64)
+    fingers = directions[5:].reshape(2, 5, *hands.shape[1:])
+    np.testing.assert_allclose(fingers.sum(axis=1), hands, atol=1e-9)
+    assert not np.ptp(fingers, axis=1).any()
     splits = {"train": sequence.train, **sequence.test}
     means = {
         name: [[split.image(i).mean(), split.mask(i).mean()] for i in range(len(split))]
@@ -137,6 +152,17 @@ def test_a_model_draws_the_picture_that_it_drew(kind, sequence, expected):
     assert (model.kind, model.data_hash) == (kind, sequence.data_hash)
     assert_reads_as(model.motion, wanted["motion"])
     assert share_alike(model, sequence, kind, 2.0) >= 0.999
+
+
+def test_fingers_that_close_together_close_the_hand_as_it_did():
+    model = load_model(STORED / "splats.safetensors").splats
+    assert model is not None
+    with safe_open(str(STORED / "splats.safetensors"), framework="numpy") as stored:
+        before = stored.get_tensor("expression_offsets").astype(np.float32)
+    assert before.shape[1:] == (7, 3)
+    np.testing.assert_array_equal(model.expression_offsets[:, :5], before[:, :5])
+    hands = model.expression_offsets[:, 5:].reshape(-1, 2, 5, 3).sum(axis=2)
+    np.testing.assert_allclose(hands, before[:, 5:], atol=1e-6)
 
 
 def test_the_light_that_was_found_is_read():
@@ -210,8 +236,7 @@ def test_a_recording_is_replayed(services, expected):
     }
     assert voices == wanted["voices"]
     (performer,) = recorded.scene_at(wanted["at_s"]).performers
-    for name, values in wanted["pose"].items():
-        np.testing.assert_allclose(getattr(performer.pose, name), values, atol=2e-6, err_msg=name)
+    assert_reads_as(performer.pose, wanted["pose"])
 
 
 async def test_a_recording_is_listed_and_downloaded(services, expected):

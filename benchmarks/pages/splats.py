@@ -19,6 +19,7 @@ _EXPRESSIONS = {
     "smile": "smile",
     "left_hand_curl": "left hand",
     "right_hand_curl": "right hand",
+    "fingers apart": "fingers that bend one by one, in place of all by their mean",
 }
 
 _FOREIGN = {
@@ -47,7 +48,8 @@ def trainings(figures: Figures) -> str:
 
 def expressions(figures: Figures) -> str:
     """What each expression alone is worth."""
-    rows = [[words, _gain(figures["worth"][key], 2)] for key, words in _EXPRESSIONS.items()]
+    worth = figures["worth"]
+    rows = [[words, _gain(worth[key], 2)] for key, words in _EXPRESSIONS.items() if key in worth]
     return markdown_table(["expression", "dB on the crop"], rows)
 
 

@@ -17,17 +17,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from scene.arrays import Array, Float
-from scene.expression import EXPRESSION_NAMES
+from scene.expression import EXPRESSION_COUNT, PARTS
 
 FACE, LEFT_HAND, RIGHT_HAND = 1, 2, 4
 """Groups of numbers that are seen, or not, together: bits."""
 ALL_GROUPS = FACE | LEFT_HAND | RIGHT_HAND
-GROUPS = np.array(
-    [
-        {"left_hand_curl": LEFT_HAND, "right_hand_curl": RIGHT_HAND}.get(n, FACE)
-        for n in EXPRESSION_NAMES
-    ]
-)
+GROUPS = np.zeros(EXPRESSION_COUNT, np.int64)
+for _part, _bit in (("face", FACE), ("left_hand", LEFT_HAND), ("right_hand", RIGHT_HAND)):
+    GROUPS[PARTS[_part]] = _bit
 """Of each number the group it belongs to."""
 FACE_NUMBERS = int((GROUPS == FACE).sum())
 
@@ -61,9 +58,16 @@ _FULL_JAW, _FULL_BROWS, _FULL_SMILE = 0.32, 0.045, 0.2
 _CLOSED = 0.58
 """By which share lids that are shut have come together."""
 
-_FINGERS = ((5, 6, 7, 8), (9, 10, 11, 12), (13, 14, 15, 16), (17, 18, 19, 20))
-_FLAT, _FIST = 0.95, 0.45
-"""From wrist to tip, as a share of the way along the bones."""
+_CHAINS = np.array([[0, *range(first, first + 4)] for first in (5, 9, 13, 17)])
+"""From the wrist to the tip of index, middle, ring and little finger."""
+_FLAT, _BENT = 0.95, np.array([0.5, 0.46, 0.46, 0.53])
+"""From wrist to tip, as a share of the way along the bones: of fingers held straight, and of each
+as far bent as the body model bends it (`tools.build_expressions`). Its own joints are then 0.41,
+0.38, 0.37 and 0.46; the landmarks found in pictures of it bend less, to 0.54 to 0.61."""
+_THUMB_TIP, _MIDDLE_KNUCKLE, _LITTLE_KNUCKLE = 4, 9, 17
+_THUMB_OUT, _THUMB_IN = 1.1, 0.52
+"""From the thumb's tip to the little finger's knuckle, in palms' lengths: likewise. A thumb folds
+across the palm more than it bends, which its own bones hardly tell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,14 +123,15 @@ def face_numbers(measures: Float[Array, "5"], rest: Float[Array, "5"]) -> Float[
     return np.clip(moved / full, 0.0, 1.0)
 
 
-def hand_curl(points: Float[Array, "21 3"]) -> float:
-    """How far four fingers are bent, 0 (flat) to 1 (a fist), from landmarks in any one unit."""
-    shares = []
-    for finger in _FINGERS:
-        joints = points[[0, *finger]]
-        length = np.linalg.norm(np.diff(joints, axis=0), axis=1).sum()
-        shares.append(np.linalg.norm(joints[-1] - joints[0]) / max(float(length), 1e-9))
-    return float(np.clip((_FLAT - np.mean(shares)) / (_FLAT - _FIST), 0.0, 1.0))
+def finger_curls(points: Float[Array, "21 3"]) -> Float[Array, "5"]:
+    """How far thumb, index, middle, ring and little finger are bent, 0 (flat) to 1 (as in a loose
+    fist), from landmarks in any one unit."""
+    bones = np.linalg.norm(np.diff(points[_CHAINS], axis=1), axis=2).sum(axis=1)
+    shares = np.linalg.norm(points[_CHAINS[:, -1]] - points[0], axis=1) / np.maximum(bones, 1e-9)
+    palm = max(_distance(points, (0, _MIDDLE_KNUCKLE)), 1e-9)
+    thumb = _distance(points, (_THUMB_TIP, _LITTLE_KNUCKLE)) / palm
+    fingers = (_FLAT - shares) / (_FLAT - _BENT)
+    return np.clip([(_THUMB_OUT - thumb) / (_THUMB_OUT - _THUMB_IN), *fingers], 0.0, 1.0)
 
 
 def _distance(points: Array, pair: tuple[int, int]) -> float:

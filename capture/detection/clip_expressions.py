@@ -11,12 +11,12 @@ from capture.body.expressions import (
     USUAL_REST,
     face_measures,
     face_numbers,
-    hand_curl,
+    finger_curls,
     resting_face,
 )
 from capture.detection.face_and_hands import SIDES, ClipParts
 from scene.arrays import Array, Float
-from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
+from scene.expression import EXPRESSION_COUNT, PARTS
 
 _MIN_MEASURES = 10
 """Frames needed to estimate a person's face at rest."""
@@ -35,10 +35,9 @@ def clip_expressions(
         if face is not None:
             expressions[frame, :FACE_NUMBERS] = face
     for side, hands in zip(SIDES, parts.hands, strict=True):
-        number = EXPRESSION_NAMES.index(f"{side}_hand_curl")
         for frame, hand in enumerate(hands):
             if hand is not None:
-                expressions[frame, number] = hand_curl(hand.landmarks.shape)
+                expressions[frame, PARTS[f"{side}_hand"]] = finger_curls(hand.landmarks.shape)
     for take in np.unique(takes):
         here = np.asarray(takes) == take
         for number in range(EXPRESSION_COUNT):

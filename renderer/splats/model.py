@@ -15,7 +15,7 @@ from renderer.splats.unseen import fade_unseen
 from scene.arrays import Array, Bool, Float, Int, UInt8
 from scene.camera import Camera
 from scene.errors import InvalidInput, require_finite, require_shape
-from scene.expression import EXPRESSION_COUNT
+from scene.expression import EXPRESSION_COUNT, offsets_of_any_version
 from scene.lighting import HARMONICS
 from scene.motion import Motion, Pose
 from scene.skeleton import Skeleton
@@ -147,6 +147,7 @@ class SplatModel:
         parameters[:, POSITION : POSITION + 3] = positions
         parameters[:, LOG_SCALE:] = tensors["appearance"]
         weights = tensors["weights"].astype(np.float32)
+        offsets = tensors.get("expression_offsets", no_offsets()).astype(np.float32)
         return cls(
             parameters,
             tensors["joints"],
@@ -160,7 +161,7 @@ class SplatModel:
             **{name: tensors[name].astype(np.float32) for name in _SURFACE if name in tensors},
             light=tensors.get("light"),
             expression_splats=tensors.get("expression_splats", no_splats()).astype(np.int32),
-            expression_offsets=tensors.get("expression_offsets", no_offsets()).astype(np.float32),
+            expression_offsets=offsets_of_any_version(offsets, axis=1),
         )
 
     def header(self) -> dict[str, Any]:

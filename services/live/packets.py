@@ -13,9 +13,10 @@ Pose, 160 bytes: u8 index of the performer, u8 count of performers, u16 low bits
 CRC-32 of the performer's id (a viewer whose list differs reads it anew), f32 pelvis[3] (room, m),
 then 24 rotations of 6 bytes as `scene.smallest_three` packs them in 15 bits a component: of the
 pelvis in the room, of every other joint relative to its parent.
-Expression, 8 bytes, may follow the payload of keypoints and of a pose: u8 values[7] (1/255) in the
-order of `scene.expression`, u8 bits of what is known (`capture.body.expressions`). Where it is left
-out of keypoints nothing is known, where it is left out of a pose all is at rest.
+Expression, 16 bytes, may follow the payload of keypoints and of a pose: u8 values[15] (1/255) in
+the order of `scene.expression`, u8 bits of what is known (`capture.body.expressions`). Where it is
+left out of keypoints nothing is known, where it is left out of a pose all is at rest. Earlier pages
+and recordings have 8 bytes: a hand's one curl is then that of each of its fingers.
 
 Channels are unordered and unreliable, so the newest sequence wins and late packets are dropped;
 sequences wrap and are compared as serial numbers (RFC 1982).
@@ -35,7 +36,7 @@ from capture.body.expressions import ALL_GROUPS, ObservedExpression
 from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.errors import SceneError
-from scene.expression import EXPRESSION_COUNT, neutral
+from scene.expression import EARLIER_COUNT, EXPRESSION_COUNT, neutral, values_of_any_version
 from scene.rotations import quaternion_to_matrix
 from scene.skeleton import JOINT_COUNT
 from scene.smallest_three import pack_quaternions, unpack_quaternions
@@ -62,6 +63,7 @@ _POSE = struct.Struct("<BBH3f")
 _ROTATION_BITS, _ROTATION_BYTES = 15, 6
 POSE_BYTES = _HEADER.size + _POSE.size + JOINT_COUNT * _ROTATION_BYTES
 EXPRESSION_BYTES = EXPRESSION_COUNT + 1
+_EARLIER_BYTES = EARLIER_COUNT + 1
 
 
 class Kind(IntEnum):
@@ -154,14 +156,18 @@ def performer_check(performer_id: str) -> int:
     return zlib.crc32(performer_id.encode()) & 0xFFFF
 
 
-def _header_of(data: bytes, wanted: Kind, *sizes: int) -> tuple[int, int, float]:
-    """Flags, sequence and capture time (ms) of a packet of one of `sizes` and the kind `wanted`.
+def _header_of(
+    data: bytes, wanted: Kind, size: int, *, expression: bool = False
+) -> tuple[int, int, float]:
+    """Flags, sequence and capture time (ms) of a packet of `size` bytes and the kind `wanted`,
+    which an `expression` may follow.
 
     Raises PacketError where it is another.
     """
+    sizes = (size, size + _EARLIER_BYTES, size + EXPRESSION_BYTES) if expression else (size,)
     name = f"a {wanted.name.lower()} packet"
     if len(data) not in sizes:
-        allowed = " or ".join(str(size) for size in sizes)
+        allowed = " or ".join(str(one) for one in sizes)
         raise PacketError(f"{name} must be {allowed} bytes long; got {len(data)}")
     version, kind, flags, sequence, capture_time_ms = _HEADER.unpack_from(data)
     if version != VERSION or kind != wanted:
@@ -220,8 +226,9 @@ def encode_keypoints(packet: KeypointsPacket) -> bytes:
 
 def decode_keypoints(data: bytes) -> KeypointsPacket:
     """Read a keypoints packet. Raises PacketError with the rule that `data` breaks."""
-    longer = KEYPOINTS_BYTES + EXPRESSION_BYTES
-    _, sequence, capture_time_ms = _header_of(data, Kind.KEYPOINTS, KEYPOINTS_BYTES, longer)
+    _, sequence, capture_time_ms = _header_of(
+        data, Kind.KEYPOINTS, KEYPOINTS_BYTES, expression=True
+    )
     width, height = _SIZE.unpack_from(data, _HEADER.size)
     if not math.isfinite(capture_time_ms) or not (width and height):
         raise PacketError(
@@ -253,8 +260,7 @@ def encode_pose(packet: PosePacket) -> bytes:
 
 def decode_pose(data: bytes) -> PosePacket:
     """Read a pose packet. Raises PacketError with the rule that `data` breaks."""
-    longer = POSE_BYTES + EXPRESSION_BYTES
-    _, sequence, capture_time_ms = _header_of(data, Kind.POSE, POSE_BYTES, longer)
+    _, sequence, capture_time_ms = _header_of(data, Kind.POSE, POSE_BYTES, expression=True)
     index, count, check, *pelvis = _POSE.unpack_from(data, _HEADER.size)
     if not all(math.isfinite(v) for v in (capture_time_ms, *pelvis)):
         raise PacketError(f"a pose packet must hold finite numbers; got {pelvis}")
@@ -288,8 +294,8 @@ def _expression_in(data: bytes, offset: int) -> ObservedExpression | None:
     """The expression that follows the first `offset` bytes, if one does."""
     if len(data) == offset:
         return None
-    levels = np.frombuffer(data, np.uint8, EXPRESSION_COUNT, offset)
-    return ObservedExpression(levels / 255.0, data[-1] & ALL_GROUPS)
+    levels = np.frombuffer(data[offset:-1], np.uint8)
+    return ObservedExpression(values_of_any_version(levels / 255.0), data[-1] & ALL_GROUPS)
 
 
 def is_newer(sequence: int, than: int) -> bool:

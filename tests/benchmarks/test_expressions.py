@@ -12,10 +12,13 @@ from benchmarks.expressions import (
     HANDS,
     LIDS,
     SEEDS,
+    TOGETHER,
     Part,
     RenderedExpression,
+    changed,
+    hiding,
+    together,
     unseen_views,
-    without,
     worth,
 )
 from capture.studio.performer import make_performer, render_performer
@@ -61,19 +64,28 @@ def test_test_pictures_differ_by_expression(filmed):
 
 def test_what_is_left_out_is_gone():
     clip = make_sequence(frames=4)
-    moving = without(clip, ())
+    moving = changed(clip, hiding(()))
     assert not moving.motion.expressions.any()  # the box shows nothing
     clip.motion.expressions[:] = 0.5
-    left = without(clip, ("smile",)).motion.expressions
+    left = changed(clip, hiding(("smile",))).motion.expressions
     assert not left[:, EXPRESSION_NAMES.index("smile")].any()
     assert (np.delete(left, EXPRESSION_NAMES.index("smile"), axis=1) == 0.5).all()
+
+
+def test_fingers_together_bend_by_their_mean():
+    apart = np.arange(30.0).reshape(2, 15) / 30.0
+    bent = together(apart)
+    np.testing.assert_array_equal(bent[:, :5], apart[:, :5])
+    np.testing.assert_allclose(bent[:, 5:10], np.repeat(apart[:, 7:8], 5, axis=1))
+    np.testing.assert_allclose(bent[1, 10:], [27.0 / 30.0] * 5)
+    assert apart[0, 5] == 5.0 / 30.0
 
 
 def test_worth_is_the_mean_gain_and_its_spread():
     def row(part, best: float) -> dict:
         db = {"off": 20.0, "off, denser": 20.5, "even": 22.0, "on": best}
-        db |= {f"without {n}": 21.0 for n in part.expressions}
-        crops = {part.name, *(part.crop_of(n) for n in part.expressions)}
+        db |= {f"without {n}": 21.0 for n in part.left_out} | {TOGETHER: 21.5}
+        crops = {part.name, *(part.crop_of(n) for n in part.left_out)}
         return {"part": part.name, "db": {way: dict.fromkeys(crops, v) for way, v in db.items()}}
 
     made = worth([row(FACE, 23.0), row(FACE, 24.0), row(HANDS, 22.0)])
@@ -81,3 +93,4 @@ def test_worth_is_the_mean_gain_and_its_spread():
     assert made["face: density alone"]["gain_db"] == 0.5
     assert made["smile"]["gain_db"] == 2.5
     assert made["left_hand_curl"] == {"gain_db": 1.0, "spread_db": 0.0}
+    assert made["fingers apart"] == {"gain_db": 0.5, "spread_db": 0.0}

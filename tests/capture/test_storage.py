@@ -12,7 +12,7 @@ import pytest
 
 from capture.errors import BrokenSequence
 from capture.storage import open_sequence, read_quality
-from scene import FrameSource
+from scene import EXPRESSION_COUNT, FrameSource
 from scene.sequence import NOVEL_VIEW, UNSEEN_POSE, PoseTrust, read_frame
 from tests.capture.sequences import HEIGHT, WIDTH, make_body, make_frames, surface, write_small
 
@@ -60,14 +60,17 @@ def test_sequence_round_trips(tmp_path):
 def test_expressions_round_trip_and_old_folders_have_none(tmp_path):
     rng = np.random.default_rng(1)
     frames = [
-        replace(f, pose=replace(f.pose, expression=rng.random(7))) for f in make_frames(2, rng)
+        replace(f, pose=replace(f.pose, expression=rng.random(EXPRESSION_COUNT)))
+        for f in make_frames(2, rng)
     ]
     shown = open_sequence(write_small(tmp_path / "seq", train=frames)).motion.expressions
     np.testing.assert_array_equal(shown, [frame.pose.expression for frame in frames])
     still = write_small(tmp_path / "still")
     with np.load(still / "motion.npz") as stored:
         assert "expressions" not in stored
-    np.testing.assert_array_equal(open_sequence(still).motion.expressions, np.zeros((3, 7)))
+    np.testing.assert_array_equal(
+        open_sequence(still).motion.expressions, np.zeros((3, EXPRESSION_COUNT))
+    )
 
 
 def test_body_of_joints_alone_and_distortion_round_trip(tmp_path):

@@ -84,7 +84,8 @@ def test_smoothing_trusts_confidence():
 
 def talking() -> Motion:
     """Two poses a second apart: the jaw opens, the smile fades."""
-    shut, opened = np.eye(7)[EXPRESSION_NAMES.index("smile")], np.eye(7)[0]
+    unit = np.eye(EXPRESSION_COUNT)
+    shut, opened = unit[EXPRESSION_NAMES.index("smile")], unit[0]
     poses = [
         Pose(np.zeros((24, 3)), np.zeros(3), float(i), e) for i, e in enumerate([shut, opened])
     ]
@@ -117,16 +118,16 @@ def test_smoothing_spreads_an_expression():
 
 
 @pytest.mark.usefixtures("unchecked_annotations")
-def test_an_expression_has_its_seven_numbers():
-    with pytest.raises(InvalidInput, match=r"expression must be 7.*; got"):
-        Pose(np.zeros((24, 3)), np.zeros(3), 0.0, np.zeros(6))
-    with pytest.raises(InvalidInput, match=r"expressions must be 2 x 7; got"):
+def test_an_expression_has_its_fifteen_numbers():
+    with pytest.raises(InvalidInput, match=r"expression must be 15.*; got"):
+        Pose(np.zeros((24, 3)), np.zeros(3), 0.0, np.zeros(7))
+    with pytest.raises(InvalidInput, match=r"expressions must be 2 x 15; got"):
         Motion(
             np.arange(2.0),
             np.zeros((2, 24, 3)),
             np.zeros((2, 3)),
             np.ones((2, 24)),
-            np.zeros((1, 7)),
+            np.zeros((1, 15)),
         )
 
 

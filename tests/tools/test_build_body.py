@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from capture.body.expressions import finger_curls
 from capture.body.model import ASSET, SHAPE_NAMES, load_body_model
 from scene import JOINT_NAMES, PARENTS, Pose
 from scene.expression import EXPRESSION_NAMES
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from tools.build_body import (
     BASE,
+    RestShapes,
     bones_of_joints,
     build,
     joint_of_bone,
@@ -20,7 +22,7 @@ from tools.build_body import (
     t_pose_angles,
     y_up,
 )
-from tools.build_expressions import LEAST_M, sparse
+from tools.build_expressions import LEAST_M, Fingers, sparse
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +47,59 @@ def test_no_rounding_decides_whether_a_vertex_moves():
     still = {name: np.zeros((4, 3)) for name in EXPRESSION_NAMES}
     assert sparse(still)["expression_counts"].sum() == 0
     still["smile"][1, 2] = LEAST_M * (1.0 + 1e-6)
-    with pytest.raises(ValueError, match=r"must differ from 0\.000187 m by more than 1e-06 m"):
+    with pytest.raises(ValueError, match=r"must differ from 0\.0001916 m by more than 1e-06 m"):
         sparse(still)
+
+
+@pytest.fixture(scope="module")
+def fingers(anny) -> Fingers:
+    shapes = RestShapes(anny)
+    vertices, _, heads = shapes.rest({})
+    return shapes.fingers(vertices, heads)
+
+
+def hand_landmarks(fingers: Fingers, side: str, shares: list[float]) -> np.ndarray:
+    """MediaPipe's 21 points of a hand whose fingers are bent by shares of their full curls."""
+    points = np.zeros((21, 3))
+    points[0] = fingers.heads[f"wrist.{side}"]
+    for finger, share in enumerate(shares, 1):
+        bones = [f"finger{finger}-{link}.{side}" for link in (1, 2, 3)]
+        turns = fingers.turns(finger, side, share)
+        heads = np.array([fingers.heads[bone] for bone in bones])
+        last = fingers.vertex_bones == fingers.bones.index(bones[-1])
+        own = fingers.vertices[(fingers.vertex_weights * last).sum(axis=1) > 0.9]
+        tip = own[((own - heads[2]) @ (heads[2] - heads[1])).argmax()]
+        for point, (bone, at) in enumerate(
+            zip([*bones, bones[-1]], [*heads, tip], strict=True), 4 * finger - 3
+        ):
+            points[point] = (turns[bone] @ [*at, 1.0])[:3]
+    return points
+
+
+@pytest.mark.parametrize("side", ["L", "R"])
+def test_a_finger_bent_as_the_blend_shape_bends_it_is_measured_as_curled(fingers, side):
+    for finger in range(5):
+        shares = np.linspace(0.0, 1.0, 11)
+        bent = [[share if f == finger else 0.0 for f in range(5)] for share in shares]
+        curls = np.array([finger_curls(hand_landmarks(fingers, side, one)) for one in bent])
+        assert not np.delete(curls, finger, axis=1).any()
+        assert curls[0, finger] == 0.0
+        assert curls[-1, finger] > 0.98
+        assert (np.diff(curls[:, finger]) >= 0.0).all()
+        assert np.abs(curls[:, finger] - shares).max() < 0.2
+
+
+def test_fingers_together_make_the_fist(fingers):
+    """A vertex between two fingers moves by the sum of what each does."""
+    both = np.tile(np.eye(4), (len(fingers.bones), 1, 1))
+    for finger in range(1, 6):
+        for bone, turned in fingers.turns(finger, "L").items():
+            both[fingers.bones.index(bone)] = turned
+    blended = np.einsum("vs,vsij->vij", fingers.vertex_weights, both[fingers.vertex_bones])
+    vertices = np.concatenate([fingers.vertices, np.ones((len(fingers.vertices), 1))], axis=1)
+    fist = np.einsum("vij,vj->vi", blended, vertices)[:, :3]
+    offsets = sum(fingers.curls("left").values())
+    np.testing.assert_allclose(fingers.vertices + offsets, fist, atol=1e-6)
 
 
 @pytest.mark.parametrize(

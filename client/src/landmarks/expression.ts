@@ -8,7 +8,9 @@
 
 /** In the order of the server's `EXPRESSION_NAMES`; left and right are the person's own. */
 export const EXPRESSION_NAMES = [
-  "jaw_open", "blink_left", "blink_right", "brows_up", "smile", "left_hand_curl", "right_hand_curl",
+  "jaw_open", "blink_left", "blink_right", "brows_up", "smile",
+  "left_thumb_curl", "left_index_curl", "left_middle_curl", "left_ring_curl", "left_little_curl",
+  "right_thumb_curl", "right_index_curl", "right_middle_curl", "right_ring_curl", "right_little_curl",
 ] as const; // prettier-ignore
 export const EXPRESSION_COUNT = EXPRESSION_NAMES.length;
 /** Numbers that are seen, or not, together: bits. */
@@ -17,6 +19,9 @@ export const LEFT_HAND = 2;
 export const RIGHT_HAND = 4;
 /** Of the first five numbers, which are the face's. */
 export const FACE_NUMBERS = 5;
+export const FINGER_COUNT = 5;
+/** Numbers that earlier versions stored and sent: the face's, and one curl a hand. */
+export const EARLIER_COUNT = FACE_NUMBERS + 2;
 
 export interface ObservedExpression {
   /** 0 to 1 each; without meaning where not known. */
@@ -56,10 +61,24 @@ const FULL_BROWS = 0.045;
 const FULL_SMILE = 0.2;
 /** By which share lids that are shut have come together. */
 const CLOSED = 0.58;
-const FINGERS = [[5, 6, 7, 8], [9, 10, 11, 12], [13, 14, 15, 16], [17, 18, 19, 20]] as const; // prettier-ignore
-/** From wrist to tip, as a share of the way along the bones. */
+const WRIST = 0;
+/**
+ * Index, middle, ring and little finger, and each one's distance from wrist to tip as a share of the way along
+ * the bones, as far bent as the body model bends it.
+ */
+const CHAINS = [
+  { joints: [5, 6, 7, 8], bent: 0.5 },
+  { joints: [9, 10, 11, 12], bent: 0.46 },
+  { joints: [13, 14, 15, 16], bent: 0.46 },
+  { joints: [17, 18, 19, 20], bent: 0.53 },
+] as const;
+/** The same of a finger held straight. */
 const FLAT = 0.95;
-const FIST = 0.45;
+const THUMB_TO_LITTLE_KNUCKLE = [4, 17] as const;
+const PALM = [WRIST, 9] as const;
+/** From the thumb's tip to the little finger's knuckle, in palms' lengths, away from the hand and across it. */
+const THUMB_OUT = 1.1;
+const THUMB_IN = 0.52;
 
 /**
  * Lips apart, left and right lids apart, brows from lids, and how wide and high the mouth ends; null for
@@ -101,19 +120,28 @@ export function faceNumbers(measures: readonly number[], rest: readonly number[]
   return full.map((most, i) => clamp(((measures[i] ?? 0) - (rest[i] ?? 0)) / most));
 }
 
-/** How far four fingers are bent, 0 (flat) to 1 (a fist), from 21 points in any one unit. */
-export function handCurl(points: readonly Point[]): number {
-  const wrist = at(points, 0);
-  const shares = FINGERS.map((finger) => {
+/**
+ * How far thumb, index, middle, ring and little finger are bent, 0 (flat) to 1 (as in a loose fist), from 21
+ * points in any one unit.
+ */
+export function fingerCurls(points: readonly Point[]): number[] {
+  const wrist = at(points, WRIST);
+  const fingers = CHAINS.map(({ joints, bent }) => {
     let [along, before] = [0, wrist];
-    for (const joint of finger) {
+    for (const joint of joints) {
       along += Math.hypot(...subtract(at(points, joint), before));
       before = at(points, joint);
     }
-    return Math.hypot(...subtract(before, wrist)) / Math.max(along, 1e-9);
+    const share = Math.hypot(...subtract(before, wrist)) / Math.max(along, 1e-9);
+    return clamp((FLAT - share) / (FLAT - bent));
   });
-  const mean = shares.reduce((sum, share) => sum + share, 0) / shares.length;
-  return clamp((FLAT - mean) / (FLAT - FIST));
+  const thumb = distance(points, THUMB_TO_LITTLE_KNUCKLE) / Math.max(distance(points, PALM), 1e-9);
+  return [clamp((THUMB_OUT - thumb) / (THUMB_OUT - THUMB_IN)), ...fingers];
+}
+
+/** What an earlier version told of a face and two whole hands, for each number of today. */
+export function fingerByFinger<Of>(earlier: ArrayLike<Of>): Of[] {
+  return Array.from(earlier).flatMap((of, i) => (i < FACE_NUMBERS ? [of] : Array<Of>(FINGER_COUNT).fill(of)));
 }
 
 /** Learns somebody's face at rest as it goes, of the last minute; at first it is how they look then, mouth shut. */

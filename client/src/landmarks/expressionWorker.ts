@@ -7,7 +7,7 @@ import { FaceLandmarker, HandLandmarker, type NormalizedLandmark } from "@mediap
 import wasmLoaderPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.js?url";
 import wasmBinaryPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.wasm?url";
 import { asProblem, problemOf } from "../api/problem";
-import { RestingFaceEstimator, faceMeasures, faceNumbers, handCurl, type Point } from "./expression";
+import { RestingFaceEstimator, faceMeasures, faceNumbers, fingerCurls, type Point } from "./expression";
 import type { Part } from "./crops";
 import type { ExpressionMessage, PartPicture } from "./expressions";
 
@@ -80,7 +80,7 @@ function faceOf(bitmap: ImageBitmap, timeMs: number): number[] | null {
 
 function handOf(bitmap: ImageBitmap): number[] | null {
   const found = hands?.detect(bitmap).worldLandmarks[0];
-  return found ? [handCurl(found.map(({ x, y, z }): Point => [x, y, z]))] : null;
+  return found ? fingerCurls(found.map(({ x, y, z }): Point => [x, y, z])) : null;
 }
 
 function pointsOf(found: readonly NormalizedLandmark[], { width, height }: ImageBitmap): Point[] {

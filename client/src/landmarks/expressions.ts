@@ -4,7 +4,7 @@
  */
 
 import { cropOf, type Part, type SquareCrop } from "./crops";
-import { EXPRESSION_COUNT, FACE, LEFT_HAND, RIGHT_HAND, type ObservedExpression } from "./expression";
+import { EXPRESSION_COUNT, FACE, FACE_NUMBERS, FINGER_COUNT, LEFT_HAND, RIGHT_HAND, type ObservedExpression } from "./expression";
 import type { Landmarks } from "./packet";
 
 export interface PartPicture {
@@ -39,7 +39,7 @@ const USUAL_SHARE = 0.1;
 /** The face in every second look: it does more than hands. */
 const TURNS: readonly Part[] = ["face", "left_hand", "face", "right_hand"];
 const GROUPS: Record<Part, number> = { face: FACE, left_hand: LEFT_HAND, right_hand: RIGHT_HAND };
-const FIRST_NUMBER: Record<Part, number> = { face: 0, left_hand: 5, right_hand: 6 };
+const FIRST_NUMBER: Record<Part, number> = { face: 0, left_hand: FACE_NUMBERS, right_hand: FACE_NUMBERS + FINGER_COUNT };
 
 export class ExpressionDetector {
   private parts: Part[] = [];

@@ -2,22 +2,27 @@
  * A person's splats as the server hands them out (docs/viewer-file.md tells the layout).
  *
  * 32 bytes a splat, the most important first: the first n alone are a model, once their scales are
- * multiplied by (N / n)^1/4. 28 bytes more a splat that a face or hand moves.
+ * multiplied by (N / n)^1/4. 7 bytes more for each splat that a face or hand moves, by each number of an
+ * expression. Files of version 4 have offsets for whole hands.
  */
 
-import { EXPRESSION_COUNT } from "../landmarks/expression";
+import { EARLIER_COUNT, FACE_NUMBERS, FINGER_COUNT, fingerByFinger } from "../landmarks/expression";
 import { rotationMatrix, smallestThree } from "../viewpoint/geometry";
-import { NOTHING_MOVES, type MovedSplats } from "./moved";
+import { movedSplats, NOTHING_MOVES, type BlendShape, type MovedSplats } from "./moved";
 
 const MAGIC = "MNSP";
-const VERSION = 4;
+const VERSION = 5;
+const EARLIER_VERSION = 4;
 const LIGHT_AT = 44;
 /** Three colours of nine harmonics. */
 const LIGHT_NUMBERS = 27;
 const MOVED_AT = LIGHT_AT + 4 * LIGHT_NUMBERS;
 const HEAD_BYTES = MOVED_AT + 8;
 const RECORD_BYTES = 32;
-const MOVED_BYTES = 28;
+/** Of an expression, and of each splat that it moves. */
+const SHAPE_BYTES = 8;
+const OFFSET_BYTES = 7;
+const EARLIER_MOVED_BYTES = 28;
 const ROTATION_STEPS = 1023;
 
 /** The splats of one person at rest. */
@@ -56,14 +61,15 @@ export interface SplatFile {
 export function readSplats(bytes: ArrayBuffer, share = 1, beginning = false): SplatFile {
   const data = new DataView(bytes);
   const magic = bytes.byteLength < HEAD_BYTES ? "" : String.fromCharCode(...new Uint8Array(bytes, 0, 4));
-  if (magic !== MAGIC || data.getUint16(4, true) !== VERSION) {
+  const version = magic === MAGIC ? data.getUint16(4, true) : 0;
+  if (version !== VERSION && version !== EARLIER_VERSION) {
     throw new Error(`a file of splats must begin with ${MAGIC}, version ${VERSION}; got ${magic || "less"}`);
   }
   const joints = data.getUint16(6, true);
   const whole = data.getUint32(8, true);
   const start = HEAD_BYTES + 14 * joints;
   const movedStart = start + whole * RECORD_BYTES;
-  const wanted = movedStart + data.getUint32(MOVED_AT, true) * MOVED_BYTES;
+  const wanted = movedStart + movedBytes(data, version);
   const complete = bytes.byteLength === wanted;
   if (!complete && !(beginning && bytes.byteLength < wanted)) {
     throw new Error(`a file of ${whole} splats must have ${wanted} bytes; got ${bytes.byteLength}`);
@@ -79,7 +85,10 @@ export function readSplats(bytes: ArrayBuffer, share = 1, beginning = false): Sp
   });
   const light = Float32Array.from({ length: LIGHT_NUMBERS }, (_, i) => data.getFloat32(LIGHT_AT + 4 * i, true));
   file.light = light.some((value) => value !== 0) ? light : null;
-  if (complete) file.moved = readMoved(data, movedStart, file.count);
+  if (complete) {
+    const shapesOf = version === VERSION ? readShapes : readEarlierShapes;
+    file.moved = movedSplats(shapesOf(data, movedStart, file.count), file.count);
+  }
   const growth = varianceScale(whole, file.count);
   for (let i = 0; i < file.count; i++) {
     readRecord(data, start + i * RECORD_BYTES, i, bounds, growth, file);
@@ -111,19 +120,46 @@ function emptyFile(count: number, joints: number): SplatFile {
   };
 }
 
-/** Of the moved splats at `start`, which come in order, those among the first `count`. */
-function readMoved(data: DataView, start: number, count: number): MovedSplats {
-  let end = start;
-  while (end < data.byteLength && data.getUint32(end, true) < count) end += MOVED_BYTES;
-  const moved = (end - start) / MOVED_BYTES;
-  const numbers = 3 * EXPRESSION_COUNT;
-  const offsets = new Int8Array(numbers * moved);
-  const splats = Uint32Array.from({ length: moved }, (_, i) => {
-    const at = start + MOVED_BYTES * i;
-    offsets.set(new Int8Array(data.buffer, at + 4, numbers), numbers * i);
-    return data.getUint32(at, true);
+function movedBytes(data: DataView, version: number): number {
+  const first = data.getUint32(MOVED_AT, true);
+  if (version === EARLIER_VERSION) return EARLIER_MOVED_BYTES * first;
+  return SHAPE_BYTES * first + OFFSET_BYTES * data.getUint32(MOVED_AT + 4, true);
+}
+
+/** The blend shapes at `start`, of the first `count` splats. */
+function readShapes(data: DataView, start: number, count: number): BlendShape[] {
+  const expressions = data.getUint32(MOVED_AT, true);
+  let index = start + SHAPE_BYTES * expressions;
+  let offset = index + 4 * data.getUint32(MOVED_AT + 4, true);
+  return Array.from({ length: expressions }, (_, e) => {
+    const splats = Uint32Array.from({ length: data.getUint32(start + SHAPE_BYTES * e, true) }, (_, i) =>
+      data.getUint32(index + 4 * i, true),
+    );
+    const unitM = data.getFloat32(start + SHAPE_BYTES * e + 4, true) / 127;
+    const offsets = Float32Array.from(new Int8Array(data.buffer, offset, 3 * splats.length), (step) => step * unitM);
+    index += 4 * splats.length;
+    offset += 3 * splats.length;
+    const kept = splats.findIndex((splat) => splat >= count);
+    return kept < 0 ? { splats, offsets } : { splats: splats.slice(0, kept), offsets: offsets.slice(0, 3 * kept) };
   });
-  return { splats, offsets, unitM: data.getFloat32(MOVED_AT + 4, true) };
+}
+
+/** The same of version 4, which has offsets of whole hands: each finger takes an equal share. */
+function readEarlierShapes(data: DataView, start: number, count: number): BlendShape[] {
+  const unitM = data.getFloat32(MOVED_AT + 4, true) / 127;
+  const shapes = Array.from({ length: EARLIER_COUNT }, (_, e) => {
+    const share = e < FACE_NUMBERS ? 1 : 1 / FINGER_COUNT;
+    const [splats, offsets]: [number[], number[]] = [[], []];
+    for (let at = start; at < data.byteLength; at += EARLIER_MOVED_BYTES) {
+      const splat = data.getUint32(at, true);
+      const steps = new Int8Array(data.buffer, at + 4 + 3 * e, 3);
+      if (splat >= count || !steps.some(Boolean)) continue;
+      splats.push(splat);
+      offsets.push(...Array.from(steps, (step) => step * unitM * share));
+    }
+    return { splats: Uint32Array.from(splats), offsets: Float32Array.from(offsets) };
+  });
+  return fingerByFinger(shapes);
 }
 
 function readRecord(

@@ -1,41 +1,57 @@
 /** Splats that a face or hand moves: where each goes at rest, before the joints carry it. */
 
-import { EXPRESSION_COUNT } from "../landmarks/expression";
-
-/** Of a person's splats those that move, the lowest number first. */
-export interface MovedSplats {
-  /** Which splats. */
+/** What one number of an expression, at 1, does. */
+export interface BlendShape {
+  /** Which of a person's splats it moves, the lowest number first. */
   splats: Uint32Array;
-  /** x, y, z for each number of an expression in turn, of each such splat; 127 is `unitM` long. */
-  offsets: Int8Array;
-  unitM: number;
+  /** x, y, z of each, m. */
+  offsets: Float32Array;
+}
+
+/** Of a person's splats those that move. */
+export interface MovedSplats {
+  /** Which splats, the lowest number first. */
+  splats: Uint32Array;
+  /** Of each number of an expression in turn: the rows of `splats` that it moves, and how far. */
+  shapes: readonly { rows: Uint32Array; offsets: Float32Array }[];
 }
 
 /** Splats a row of the offsets' texture. */
 export const MOVED_COLUMNS = 256;
-const NUMBERS = 3 * EXPRESSION_COUNT;
 
-export const NOTHING_MOVES: MovedSplats = { splats: new Uint32Array(0), offsets: new Int8Array(0), unitM: 0 };
+export const NOTHING_MOVES: MovedSplats = { splats: new Uint32Array(0), shapes: [] };
 
 /** Room for the offsets of `count` splats: whole rows of a texture, four numbers each. */
 export function allocateOffsets(count: number): Float32Array<ArrayBuffer> {
   return new Float32Array(4 * MOVED_COLUMNS * Math.max(1, Math.ceil(count / MOVED_COLUMNS)));
 }
 
+/** The splats that `shapes` move, of a person who has `count`. */
+export function movedSplats(shapes: readonly BlendShape[], count: number): MovedSplats {
+  const rows = new Uint32Array(count);
+  for (const { splats } of shapes) for (const splat of splats) rows[splat] = 1;
+  const moving = Uint32Array.from(Array.from(rows.keys()).filter((splat) => rows[splat]));
+  moving.forEach((splat, row) => (rows[splat] = row));
+  return {
+    splats: moving,
+    shapes: shapes.map(({ splats, offsets }) => ({ rows: splats.map((splat) => rows[splat] ?? 0), offsets })),
+  };
+}
+
 /** Writes x, y, z (m) and nothing of each moved splat into `out`, from splat `first` on. */
 export function moveSplats(
-  { splats, offsets, unitM }: MovedSplats,
+  { splats, shapes }: MovedSplats,
   expression: ArrayLike<number>,
   out: Float32Array,
   first = 0,
 ): void {
-  for (let i = 0; i < splats.length; i++) {
-    for (let axis = 0; axis < 3; axis++) {
-      let sum = 0;
-      for (let e = 0; e < EXPRESSION_COUNT; e++) {
-        sum += (expression[e] ?? 0) * (offsets[NUMBERS * i + 3 * e + axis] ?? 0);
-      }
-      out[4 * (first + i) + axis] = (sum * unitM) / 127;
+  out.fill(0, 4 * first, 4 * (first + splats.length));
+  shapes.forEach(({ rows, offsets }, e) => {
+    const value = expression[e] ?? 0;
+    if (value === 0) return;
+    for (let i = 0; i < rows.length; i++) {
+      const to = 4 * (first + rows[i]!);
+      for (let axis = 0; axis < 3; axis++) out[to + axis]! += value * offsets[3 * i + axis]!;
     }
-  }
+  });
 }

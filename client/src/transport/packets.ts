@@ -1,6 +1,6 @@
 /**
- * Packets of the live connection: `view` goes up, 52 bytes; `pose` comes down, 176 bytes, and 8 more where
- * face or hands move. Little endian.
+ * Packets of the live connection: `view` goes up, 52 bytes; `pose` comes down, 176 bytes, and 16 more where
+ * face or hands move (8 in recordings of an earlier version, of one curl a hand). Little endian.
  *
  * Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
  * Flags of a view, bit 0: show only what was filmed of a person; bit 1: this page draws the room, so
@@ -10,10 +10,10 @@
  * f32 vertical field of view (rad), u16 width, u16 height (px).
  * A pose's payload: u8 index of the performer, u8 how many there are, u16 check of the performer's id,
  * f32 pelvis[3] (room, m), then 24 turns of 6 bytes: three components of 15 bits, two bits that say
- * which one was left out. Expression: u8 of seven numbers (1/255), u8 bits of what is known.
+ * which one was left out. Expression: u8 of fifteen numbers (1/255), u8 bits of what is known.
  */
 
-import { EXPRESSION_COUNT } from "../landmarks/expression";
+import { EARLIER_COUNT, EXPRESSION_COUNT, fingerByFinger } from "../landmarks/expression";
 import { smallestThree, type Quaternion, type Vec3 } from "../viewpoint/geometry";
 
 export const VIEW_BYTES = 52;
@@ -28,7 +28,8 @@ export const POSE_BYTES = 176;
 const JOINTS = 24;
 const ROTATIONS_AT = 32;
 const ROTATION_STEPS = 32767;
-const LONGER_POSE_BYTES = POSE_BYTES + EXPRESSION_COUNT + 1;
+/** Of a pose alone, with an expression, and with one of an earlier version. */
+const POSE_LENGTHS = [POSE_BYTES, POSE_BYTES + EXPRESSION_COUNT + 1, POSE_BYTES + EARLIER_COUNT + 1];
 
 export interface ViewPacket {
   /** Counts up; wraps at 2^32. The newest one wins. */
@@ -87,8 +88,7 @@ export function encodeView(packet: ViewPacket): ArrayBuffer {
 /** The pose in `bytes`, or null for what is no pose packet of this version. */
 export function decodePose(bytes: ArrayBuffer): PosePacket | null {
   const data = new DataView(bytes);
-  const whole = bytes.byteLength === POSE_BYTES || bytes.byteLength === LONGER_POSE_BYTES;
-  if (!whole || data.getUint8(0) !== VERSION || data.getUint8(1) !== KIND_POSE) return null;
+  if (!POSE_LENGTHS.includes(bytes.byteLength) || data.getUint8(0) !== VERSION || data.getUint8(1) !== KIND_POSE) return null;
   const turns = new Float32Array(4 * JOINTS);
   for (let joint = 0; joint < JOINTS; joint++) {
     const low = data.getUint32(ROTATIONS_AT + 6 * joint, true);
@@ -109,11 +109,10 @@ export function decodePose(bytes: ArrayBuffer): PosePacket | null {
 }
 
 function expressionOf(bytes: ArrayBuffer): Float32Array {
-  const moved = bytes.byteLength === LONGER_POSE_BYTES;
-  const levels = new Uint8Array(bytes, POSE_BYTES, moved ? EXPRESSION_COUNT : 0);
-  const expression = new Float32Array(EXPRESSION_COUNT);
-  levels.forEach((level, i) => (expression[i] = level / 255));
-  return expression;
+  const told = Math.max(0, bytes.byteLength - POSE_BYTES - 1);
+  if (told === 0) return new Float32Array(EXPRESSION_COUNT);
+  const levels = new Uint8Array(bytes, POSE_BYTES, told);
+  return Float32Array.from(told === EARLIER_COUNT ? fingerByFinger(levels) : levels, (level) => level / 255);
 }
 
 /** The low 16 bits of the CRC-32 of a performer's id, by which poses say whom they mean. */

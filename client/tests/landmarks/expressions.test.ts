@@ -8,7 +8,7 @@ import {
   TYPICAL_RESTING_FACE,
   faceMeasures,
   faceNumbers,
-  handCurl,
+  fingerCurls,
   restingFace,
   type Point,
 } from "../../src/landmarks/expression";
@@ -33,7 +33,7 @@ describe("expressions", () => {
     const rest = restingFace(measures);
     close(rest, golden.rest);
     measures.forEach((found, i) => close(faceNumbers(found, rest), golden.numbers[i] ?? []));
-    golden.hands.forEach((hand, i) => expect(handCurl(hand as unknown as Point[])).toBeCloseTo(golden.curls[i] ?? NaN, 6));
+    golden.hands.forEach((hand, i) => close(fingerCurls(hand as unknown as Point[]), golden.curls[i] ?? []));
   });
 
   it("are not told of faces that are small or look away", () => {
@@ -94,6 +94,9 @@ class FakeWorker implements ExpressionWorker {
 
 const settled = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
 
+const FACE_SEEN = [1, 0, 0, 0, 0.5];
+const HAND_SEEN = [0.25, 0, 1, 0.5, 0.75];
+
 describe("ExpressionDetector", () => {
   function setUp() {
     const worker = new FakeWorker();
@@ -107,7 +110,7 @@ describe("ExpressionDetector", () => {
       await settled();
       const asked = worker.pictures[before];
       clock.ms = ms + costMs;
-      if (asked) worker.say({ kind: "found", part: asked.part, timeMs: ms, numbers: asked.part === "face" ? [1, 0, 0, 0, 0.5] : [0.25] });
+      if (asked) worker.say({ kind: "found", part: asked.part, timeMs: ms, numbers: asked.part === "face" ? FACE_SEEN : HAND_SEEN });
       return asked?.part;
     };
     return { worker, finder, offer };
@@ -144,10 +147,17 @@ describe("ExpressionDetector", () => {
     await offer(200, 5);
     const seen = finder.at(250);
     expect(seen?.known).toBe(FACE | LEFT_HAND);
-    expect([...(seen?.values ?? [])]).toEqual([1, 0, 0, 0, 0.5, 0.25, 0]);
+    expect([...(seen?.values ?? [])]).toEqual([...FACE_SEEN, ...HAND_SEEN, 0, 0, 0, 0, 0]);
     // long at first, since nobody knows when the next look will be
     expect(finder.at(1650)?.known).toBe(LEFT_HAND);
     expect(finder.at(1750)).toBeNull();
+  });
+
+  it("tells the fingers of either hand", async () => {
+    const { worker, finder, offer } = setUp();
+    worker.say({ kind: "ready", parts: ["face", "left_hand", "right_hand"] });
+    for (const ms of [100, 200, 300, 400]) await offer(ms, 5);
+    expect([...(finder.at(400)?.values ?? [])]).toEqual([...FACE_SEEN, ...HAND_SEEN, ...HAND_SEEN]);
   });
 
   it("holds what it saw for longer where it looks less often", async () => {

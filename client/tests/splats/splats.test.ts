@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { packSplats, shareWithin } from "../../src/splats/packed";
 import { readSplats, type SplatFile } from "../../src/splats/file";
-import { allocateOffsets, moveSplats } from "../../src/splats/moved";
+import { allocateOffsets, movedSplats, moveSplats } from "../../src/splats/moved";
 import { contactShadows, screenHalfSize } from "../../src/splats/room";
 import { transformedJoint, forwardKinematics, TRANSFORM } from "../../src/splats/skeleton";
 import { depthOrder, depthRows, depths, allocateOrder } from "../../src/splats/sort";
@@ -13,13 +13,12 @@ import { fakeFetch } from "../fakes";
  * A file of `count` splats on two joints; the n-th lies n cm up, whole, red, on joint n mod 2. Splats
  * `moved` go 2 cm up as the jaw opens, and a hundredth of that aside with the last number.
  */
-function fileOf(count: number, light = 0, moved: readonly number[] = []): ArrayBuffer {
-  const bytes = new ArrayBuffer(160 + 28 + 32 * count + 28 * moved.length);
+function fileOf(count: number, light = 0, moved: readonly number[] = [], version = 5): ArrayBuffer {
+  const movedBytes = version === 4 ? 28 * moved.length : 8 * 15 + 7 * 2 * moved.length;
+  const bytes = new ArrayBuffer(160 + 28 + 32 * count + movedBytes);
   const data = new DataView(bytes);
   [..."MNSP"].forEach((letter, i) => data.setUint8(i, letter.charCodeAt(0)));
-  data.setUint16(4, 4, true);
-  data.setUint32(152, moved.length, true);
-  data.setFloat32(156, 0.02, true);
+  data.setUint16(4, version, true);
   data.setUint16(6, 2, true);
   data.setUint32(8, count, true);
   [0, 0, 0, 1, 655.35, 1, Math.log(0.01), 0].forEach((value, i) => data.setFloat32(12 + 4 * i, value, true));
@@ -38,13 +37,34 @@ function fileOf(count: number, light = 0, moved: readonly number[] = []): ArrayB
     data.setUint8(at + 22, 255);
     [0, 128, 0, 0, -127, 0].forEach((value, i) => data.setInt8(at + 26 + i, value));
   }
-  moved.forEach((splat, i) => {
-    const at = 188 + 32 * count + 28 * i;
-    data.setUint32(at, splat, true);
-    data.setInt8(at + 4 + 1, 127);
-    data.setInt8(at + 4 + 18, -1);
-  });
+  (version === 4 ? writeEarlierMoved : writeMoved)(data, 188 + 32 * count, moved);
   return bytes;
+}
+
+function writeMoved(data: DataView, at: number, moved: readonly number[]): void {
+  data.setUint32(152, 15, true);
+  data.setUint32(156, 2 * moved.length, true);
+  for (const e of [0, 14]) {
+    data.setUint32(at + 8 * e, moved.length, true);
+    data.setFloat32(at + 8 * e + 4, 0.02, true);
+  }
+  [...moved, ...moved].forEach((splat, i) => data.setUint32(at + 120 + 4 * i, splat, true));
+  moved.forEach((_, i) => {
+    const offsets = at + 120 + 8 * moved.length;
+    data.setInt8(offsets + 3 * i + 1, 127);
+    data.setInt8(offsets + 3 * (moved.length + i), -1);
+  });
+}
+
+/** As version 4 has it: seven numbers, the last of which closes the whole right hand. */
+function writeEarlierMoved(data: DataView, start: number, moved: readonly number[]): void {
+  data.setUint32(152, moved.length, true);
+  data.setFloat32(156, 0.02, true);
+  moved.forEach((splat, i) => {
+    data.setUint32(start + 28 * i, splat, true);
+    data.setInt8(start + 28 * i + 4 + 1, 127);
+    data.setInt8(start + 28 * i + 4 + 18, -1);
+  });
 }
 
 describe("readSplats", () => {
@@ -77,11 +97,34 @@ describe("readSplats", () => {
     const { moved } = readSplats(fileOf(8, 0, [1, 3, 6]));
     expect([...moved.splats]).toEqual([1, 3, 6]);
     const offsets = allocateOffsets(4);
-    moveSplats(moved, [0.5, 0, 0, 0, 0, 0, 1], offsets, 1);
+    moveSplats(moved, [0.5, ...Array<number>(13).fill(0), 1], offsets, 1);
     const [up, aside] = [0.01, -0.02 / 127].map((value) => expect.closeTo(value, 6));
     expect([...offsets.slice(4, 10)]).toEqual([aside, up, 0, 0, aside, up]);
     expect([...offsets.slice(0, 4)]).toEqual([0, 0, 0, 0]);
     expect([...readSplats(fileOf(8, 0, [1, 3, 6]), 0.5).moved.splats]).toEqual([1, 3]);
+  });
+
+  it("reads files of whole hands, of which each finger takes an equal share", () => {
+    const { moved } = readSplats(fileOf(8, 0, [1, 3, 6], 4));
+    expect([...moved.splats]).toEqual([1, 3, 6]);
+    const offsets = allocateOffsets(3);
+    moveSplats(moved, [0.5, ...Array<number>(9).fill(0), 1, 1, 1, 1, 1], offsets);
+    const [up, aside] = [0.01, -0.02 / 127].map((value) => expect.closeTo(value, 6));
+    expect([...offsets.slice(4, 7)]).toEqual([aside, up, 0]);
+    moveSplats(moved, [...Array<number>(14).fill(0), 1], offsets);
+    expect([...offsets.slice(4, 7)]).toEqual([expect.closeTo(-0.004 / 127, 8), 0, 0]);
+    expect([...readSplats(fileOf(8, 0, [1, 3, 6], 4), 0.5).moved.splats]).toEqual([1, 3]);
+  });
+
+  it("keeps splats apart that different numbers move", () => {
+    const [up, aside] = [new Float32Array([0, 1, 0]), new Float32Array([2, 0, 0, 3, 0, 0])];
+    const shapes = [{ splats: new Uint32Array([4]), offsets: up }, { splats: new Uint32Array([2, 4]), offsets: aside }];
+    const moved = movedSplats(shapes, 6);
+    expect([...moved.splats]).toEqual([2, 4]);
+    const offsets = allocateOffsets(2).fill(9);
+    moveSplats(moved, [1, 0.5], offsets);
+    expect([...offsets.slice(0, 8)]).toEqual([1, 0, 0, 0, 1.5, 1, 0, 0]);
+    expect(offsets[8]).toBe(9);
   });
 
   it("reads what is here of a beginning, as wide as if the rest were left out", () => {
@@ -98,9 +141,9 @@ describe("readSplats", () => {
   });
 
   it("says what is wrong with anything else", () => {
-    expect(() => readSplats(new ArrayBuffer(3))).toThrow("must begin with MNSP, version 4; got less");
-    expect(() => readSplats(fileOf(2).slice(0, -1))).toThrow("2 splats must have 252 bytes; got 251");
-    expect(() => readSplats(fileOf(2, 0, [1]).slice(0, -1))).toThrow("2 splats must have 280 bytes; got 279");
+    expect(() => readSplats(new ArrayBuffer(3))).toThrow("must begin with MNSP, version 5; got less");
+    expect(() => readSplats(fileOf(2).slice(0, -1))).toThrow("2 splats must have 372 bytes; got 371");
+    expect(() => readSplats(fileOf(2, 0, [1]).slice(0, -1))).toThrow("2 splats must have 386 bytes; got 385");
   });
 });
 
@@ -271,7 +314,7 @@ describe("loadSplats", () => {
       if (path.includes("field")) return new Response(null, { status: 204 });
       return path.includes("gone") ? new Response("{}", { status: 404 }) : new Response(fileOf(1));
     });
-    expect((await loadSplats("m", "seat", request))?.byteLength).toBe(220);
+    expect((await loadSplats("m", "seat", request))?.byteLength).toBe(340);
     expect(calls[0]).toMatchObject({ path: "/v1/models/m/files/viewer.splats", token: "Bearer seat" });
     expect(await loadSplats("field", "seat", request)).toBeNull();
     expect(await loadSplats("gone", "seat", request)).toBeNull();

@@ -90,10 +90,17 @@ describe("decodePose", () => {
   });
 
   it("reads what face and hands do, and rest where nothing is said", () => {
-    const moved = decodePose(bytes(golden + "33ff0066000099" + "07"));
-    expect([...(moved?.expression ?? [])]).toEqual([0.2, 1, 0, 0.4, 0, 0, 0.6].map((v) => expect.closeTo(v, 6)));
+    const shown = [0.2, 1, 0, 0.4, ...Array<number>(10).fill(0), 0.6];
+    const moved = decodePose(bytes(golden + "33ff0066" + "00".repeat(10) + "9907"));
+    expect([...(moved?.expression ?? [])]).toEqual(shown.map((v) => expect.closeTo(v, 6)));
     expect(moved?.rotations).toEqual(decodePose(bytes(golden))?.rotations);
-    expect([...(decodePose(bytes(golden))?.expression ?? [])]).toEqual([0, 0, 0, 0, 0, 0, 0]);
+    expect([...(decodePose(bytes(golden))?.expression ?? [])]).toEqual(Array<number>(15).fill(0));
+  });
+
+  it("reads an earlier version's recordings: a hand's curl is that of each of its fingers", () => {
+    const moved = decodePose(bytes(golden + "33ff0066003399" + "07"));
+    const shown = [0.2, 1, 0, 0.4, 0, ...Array<number>(5).fill(0.2), ...Array<number>(5).fill(0.6)];
+    expect([...(moved?.expression ?? [])]).toEqual(shown.map((v) => expect.closeTo(v, 6)));
   });
 
   it("takes nothing else for a pose", () => {

@@ -2,14 +2,15 @@
 
 Layout, also in docs/viewer-file.md:
 
-    char[4] "MNSP", u16 version (4), u16 joints K, u32 splats N
+    char[4] "MNSP", u16 version (5), u16 joints K, u32 splats N
     f32[3] lowest and f32[3] highest position (m), f32 lowest and f32 highest log scale (log m)
     f32[9 3] harmonics of the light that the person was recorded in, all nil where it is not known
-    u32 splats M that expressions move, f32 offset (m) that 127 stands for
+    u32 expressions E, u32 offsets L
     f32[K 3] joints at rest (m), i16[K] parents (-1: none)
     N records: u16[3] position, u8[3] log scale, u8 capture weight, u32 rotation, u8[3] colour,
                u8 opacity, u8[4] joints, u8[4] blend weights, u8[3] albedo, i8[3] normal
-    M entries, by rising index: u32 index of a record, i8[7 3] offsets, u8[3] nil
+    of each expression u32 how many offsets it has, and f32 how far (m) 127 is among them
+    u32[L] records that an expression moves, rising, expression by expression; i8[L 3] how far
 
 Positions and log scales run linearly from lowest to highest; colour and albedo (sRGB), opacity and
 capture weight from 0 to 1; a normal, at rest and outwards, is 127 long; weights sum to 255; the
@@ -17,9 +18,9 @@ rotation is packed by `scene.smallest_three` in 10 bits a component. Colour is t
 albedo and normal are what light falls on, a room's or that of the clip
 (`renderer.relighting.shading`). The capture weight says how much of a splat was captured
 (`renderer.splats.unseen`). Records come in order of importance: the first n alone are a model, once
-their scales are multiplied by (N / n)^1/4; entries of others are then left out. At rest a splat
+their scales are multiplied by (N / n)^1/4; offsets of others are then left out. At rest a splat
 lies at its position plus the sum over expressions, in the order of `scene.expression`, of each
-value (0 to 1) times its offset."""
+value (0 to 1) times its offset; most splats that move do so with one or two of them."""
 
 from __future__ import annotations
 
@@ -35,13 +36,12 @@ from renderer.splats.model import SplatModel
 from renderer.splats.unseen import capture_weight
 from scene.arrays import Array, Float, Int, UInt8
 from scene.colour import to_srgb
-from scene.expression import EXPRESSION_COUNT
 from scene.lighting import HARMONICS
 from scene.smallest_three import pack_quaternions
 
-MAGIC, VERSION = b"MNSP", 4
+MAGIC, VERSION = b"MNSP", 5
 ROTATION_BITS = 10
-HEAD = struct.Struct(f"<4sHHI8f{3 * HARMONICS}fIf")
+HEAD = struct.Struct(f"<4sHHI8f{3 * HARMONICS}fII")
 RECORD = np.dtype(
     [
         ("position", "<u2", 3),
@@ -56,7 +56,8 @@ RECORD = np.dtype(
         ("normal", "i1", 3),
     ]
 )
-MOVED = np.dtype([("index", "<u4"), ("offsets", "i1", (EXPRESSION_COUNT, 3)), ("nil", "u1", 3)])
+_BLOCK = np.dtype([("count", "<u4"), ("far", "<f4")])
+"""Of one expression."""
 
 
 def write_viewer_file(model: SplatModel, path: Path) -> None:
@@ -86,7 +87,7 @@ def encode(model: SplatModel) -> bytes:
     skeleton = model.skeleton
     light = np.zeros((HARMONICS, 3)) if model.light is None else model.light
     order = importance_order(model)
-    moved, far = _moved(model, order)
+    blocks, moved, offsets = _blend_shapes(model, order)
     head = HEAD.pack(
         MAGIC,
         VERSION,
@@ -97,8 +98,8 @@ def encode(model: SplatModel) -> bytes:
         thin,
         wide,
         *light.ravel(),
+        len(blocks),
         len(moved),
-        far,
     )
     return b"".join(
         [
@@ -106,22 +107,26 @@ def encode(model: SplatModel) -> bytes:
             skeleton.rest_joints.astype("<f4").tobytes(),
             np.array(skeleton.parents, "<i2").tobytes(),
             records[order].tobytes(),
+            blocks.tobytes(),
             moved.tobytes(),
+            offsets.tobytes(),
         ]
     )
 
 
-def _moved(model: SplatModel, order: Int[Array, "N"]) -> tuple[Array, float]:
-    """Entries of the splats that expressions move, in file order, and how far 127 is, m."""
+def _blend_shapes(model: SplatModel, order: Int[Array, "N"]) -> tuple[Array, Array, Array]:
+    """Of each expression count and unit, then the records that move, and how far."""
     place = np.empty(len(model), np.int64)
     place[order] = np.arange(len(model))
     index = place[model.expression_splats]
     rising = np.argsort(index)
-    far = float(np.abs(model.expression_offsets).max(initial=0.0))
-    entries = np.zeros(len(index), MOVED)
-    entries["index"] = index[rising]
-    entries["offsets"] = np.rint(model.expression_offsets[rising] * (127.0 / max(far, 1e-9)))
-    return entries, far
+    index, offsets = index[rising], model.expression_offsets[rising].transpose(1, 0, 2)
+    far = np.abs(offsets).max(axis=(1, 2), initial=0.0)
+    steps = np.rint(offsets * (127.0 / np.maximum(far, 1e-9))[:, None, None]).astype(np.int8)
+    expression, row = np.nonzero(steps.any(axis=2))
+    blocks = np.zeros(len(far), _BLOCK)
+    blocks["count"], blocks["far"] = np.bincount(expression, minlength=len(far)), far
+    return blocks, index[row].astype("<u4"), steps[expression, row]
 
 
 def _levels(values: Array, low: Array | float, high: Array | float, steps: int) -> Array:

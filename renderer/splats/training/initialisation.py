@@ -14,6 +14,7 @@ from renderer.splats.training.detail import shown_density
 from scene.arrays import Array, Bool, Float, Int
 from scene.body import Body
 from scene.errors import InvalidInput
+from scene.expression import PARTS
 from scene.rotations import rotation_between
 from scene.sequence import PoseTrust, Sequence
 from scene.skeleton import JOINT_NAMES, Skeleton
@@ -212,11 +213,14 @@ def _face_normals(body: Body) -> Float[Array, "T 3"]:
 
 
 def _expressive_faces(body: Body) -> Bool[Array, "T"]:
-    """Which triangles of `body` expressions move."""
+    """Which triangles of `body` expressions move, a hand's fingers together."""
     assert body.faces is not None
     if body.expression_directions is None:
         return np.zeros(len(body.faces), bool)
-    far = np.linalg.norm(body.expression_directions, axis=2).max(axis=0) > _MOVED_M
+    moved = body.expression_directions
+    hands = [moved[PARTS[hand]].sum(axis=0) for hand in ("left_hand", "right_hand")]
+    moved = np.concatenate([moved[PARTS["face"]], hands])
+    far = np.linalg.norm(moved, axis=2).max(axis=0) > _MOVED_M
     return far[body.faces].any(axis=1)
 
 

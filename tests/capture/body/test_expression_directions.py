@@ -16,7 +16,7 @@ from capture.studio.expressions import with_random_expressions
 from capture.studio.motions import turntable_motion
 from capture.studio.performer import make_performer, render_performer
 from scene import EXPRESSION_NAMES, Body, InvalidInput, Pose, orbit_camera
-from scene.expression import neutral
+from scene.expression import FINGERS, PARTS, neutral
 from scene.sequence import NOVEL_VIEW, read_frame
 from scene.skeleton import JOINT_NAMES
 
@@ -44,22 +44,24 @@ def offsets(name: str) -> np.ndarray:
         ("blink_right", -1, True),
         ("brows_up", 0, False),
         ("smile", 0, False),
-        ("left_hand_curl", 1, True),
-        ("right_hand_curl", -1, True),
+        ("left_thumb_curl", 1, True),
+        ("left_index_curl", 1, True),
+        ("left_little_curl", 1, True),
+        ("right_middle_curl", -1, True),
+        ("right_ring_curl", -1, True),
     ],
 )
 def test_each_expression_moves_its_own_part_its_own_way(name, side, down):
     body, moved = load_body_model(), offsets(name)
     moving = np.linalg.norm(moved, axis=1) > 1e-3
     where = body.rest_vertices[moving]
-    strongest = moved[np.linalg.norm(moved, axis=1).argmax()]
-    assert bool(strongest[1] < 0.0) is down
+    assert bool(moved[moving, 1].mean() < 0.0) is down
     if side:
         assert (np.sign(where[:, 0]) == side).mean() > 0.8
     else:
         assert abs(where[:, 0].mean()) < 2e-3
     joint = "left_hand" if side > 0 else "right_hand"
-    bound = HEAD if "hand" not in name else JOINT_NAMES.index(joint)
+    bound = HEAD if "curl" not in name else JOINT_NAMES.index(joint)
     assert body.blend_weights[moving, bound].mean() > 0.7
 
 
@@ -69,8 +71,22 @@ def test_a_curled_hand_is_a_fist():
     knuckles = body.rest_joints[JOINT_NAMES.index("left_hand")]
     tips = np.argsort(-body.rest_vertices[:, 0])[:20]
     flat = body.rest_vertices[tips, 0] - knuckles[0]
-    fist = flat + offsets("left_hand_curl")[tips, 0]
+    fist = flat + sum(offsets(f"left_{finger}_curl")[tips, 0] for finger in FINGERS)
     assert fist.max() < 0.5 * flat.min()
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_fingers_bend_one_by_one(side: str):
+    """No finger's end moves with another, and each end is as far forward as its finger is."""
+    moved = {f: np.linalg.norm(offsets(f"{side}_{f}_curl"), axis=1) for f in FINGERS}
+    ends = {finger: int(far.argmax()) for finger, far in moved.items()}
+    assert len(set(ends.values())) == 5
+    for finger, far in moved.items():
+        assert far[ends[finger]] > 0.05
+        assert [far[ends[other]] for other in FINGERS if other != finger] == [0.0] * 4
+    vertices = load_body_model().rest_vertices
+    across = [vertices[ends[finger], 2] for finger in FINGERS]
+    assert across == sorted(across, reverse=True)  # palms down, thumbs forward
 
 
 def test_a_body_poses_with_its_expression():
@@ -85,8 +101,10 @@ def test_a_body_poses_with_its_expression():
 @pytest.mark.usefixtures("unchecked_annotations")
 def test_directions_are_of_this_surface():
     body = load_body_model().body(np.zeros(5))
-    with pytest.raises(InvalidInput, match=r"expression_directions must be 7 x 13718 x 3; got"):
-        Body(body.skeleton, body.rest_vertices, body.faces, body.blend_weights, np.zeros((7, 4, 3)))
+    with pytest.raises(InvalidInput, match=r"expression_directions must be 15 x 13718 x 3; got"):
+        Body(
+            body.skeleton, body.rest_vertices, body.faces, body.blend_weights, np.zeros((15, 4, 3))
+        )
 
 
 def portrait(pose: Pose, *, expressive: bool = True) -> np.ndarray:
@@ -137,8 +155,8 @@ def test_parts_are_where_eyes_and_mouth_are():
 
 def test_acting_is_smooth_seeded_and_goes_all_the_way():
     still = turntable_motion(200, 30.0, 0.0)
-    shown = with_random_expressions(still, 5).expressions
-    np.testing.assert_array_equal(shown, with_random_expressions(still, 5).expressions)
+    shown = with_random_expressions(still, 7).expressions
+    np.testing.assert_array_equal(shown, with_random_expressions(still, 7).expressions)
     assert np.abs(shown - with_random_expressions(still, 6).expressions).max() > 0.5
     assert shown.min() >= 0.0
     assert (shown.max(axis=0) > 0.6).all()
@@ -146,6 +164,16 @@ def test_acting_is_smooth_seeded_and_goes_all_the_way():
     assert np.abs(np.diff(shown, axis=0)).max() < 0.4
     alone = np.abs(shown[:, 1] - shown[:, 2])  # each eye winks by itself as well
     assert alone.max() > 0.5
+
+
+@pytest.mark.parametrize("hand", ["left_hand", "right_hand"])
+def test_fingers_close_together_and_apart(hand: str):
+    still = turntable_motion(3000, 30.0, 0.0)
+    curls = with_random_expressions(still, 7).expressions[:, PARTS[hand]]
+    apart, fist, pointing = np.ptp(curls, axis=1), curls.min(axis=1), curls[:, [0, 2, 3, 4]]
+    assert (apart > 0.8).mean() > 0.3
+    assert (fist > 0.9).any()
+    assert ((curls[:, 1] < 0.1) & (pointing.min(axis=1) > 0.9)).any()
 
 
 @pytest.fixture(scope="module")

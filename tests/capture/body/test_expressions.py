@@ -19,10 +19,10 @@ from capture.body.expressions import (
     ObservedExpression,
     face_measures,
     face_numbers,
-    hand_curl,
+    finger_curls,
     resting_face,
 )
-from scene.expression import EXPRESSION_NAMES
+from scene.expression import EXPRESSION_NAMES, FINGERS
 from scene.rotations import axis_angle_to_matrix
 
 GOLDEN = Path(__file__).parents[1] / "expressions.json"
@@ -53,23 +53,36 @@ def face(
     return points
 
 
-def hand(bend_rad: float) -> np.ndarray:
-    """A hand whose fingers bend by so much at each of their three joints, m."""
+def hand(*shares: float) -> np.ndarray:
+    """A hand, m, whose fingers, thumb first, are bent by shares of what the body model bends them
+    from where they are a little bent already (`tools.build_expressions`)."""
     points = np.zeros((21, 3))
-    for finger in range(4):
+    for finger, share in enumerate(shares[1:]):
         place, turned = np.array([0.02 * finger - 0.03, 0.09, 0.0]), 0.0
-        for joint, length in enumerate((0.0, 0.045, 0.025, 0.02)):
-            turned += bend_rad if joint else 0.0
+        points[5 + 4 * finger] = place
+        bones = (0.04, 14.0, 55.0), (0.025, 12.0, 75.0), (0.025, 5.0, 45.0)
+        for joint, (length, flat, bend) in enumerate(bones, 6):
+            turned += np.radians(flat + share * bend)
             place = place + length * np.array([0.0, np.cos(turned), np.sin(turned)])
-            points[5 + 4 * finger + joint] = place
+            points[joint + 4 * finger] = place
+    out, across = np.array([-0.08, 0.09, 0.02]), np.array([0.0, 0.07, 0.02])
+    tip = out + shares[0] * (across - out)
+    points[1:5] = np.linspace(0.0, 1.0, 5)[1:, None] * tip
     return points
+
+
+def bent(name: str, share: float = 1.0) -> np.ndarray:
+    """A hand of which one finger is bent."""
+    return hand(*(share * (finger == name) for finger in FINGERS))
 
 
 def golden() -> dict[str, list]:
     """Points in whole tenths, and what is to be made of them."""
     faces = [face(), face(jaw=0.9), face(left=1.0, right=0.3), face(brows=1.0), face(smile=0.7)]
     faces = [np.round(turned(one, 0.1 * k), 1) for k, one in enumerate(faces)]
-    hands = [np.round(hand(bend), 4) for bend in (0.0, 0.5, 1.4)]
+    hands = [hand(*[share] * 5) for share in (0.0, 0.4, 1.0)]
+    hands += [bent(name, 0.8) for name in FINGERS]
+    hands = [np.round(turned(one, 0.2 * k, 0.3), 4) for k, one in enumerate(hands)]
     measures = np.array([face_measures(one) for one in faces])
     rest = resting_face(measures)
     return {
@@ -78,7 +91,7 @@ def golden() -> dict[str, list]:
         "rest": rest.tolist(),
         "numbers": [face_numbers(one, rest).tolist() for one in measures],
         "hands": [one.tolist() for one in hands],
-        "curls": [hand_curl(one) for one in hands],
+        "curls": [finger_curls(one).tolist() for one in hands],
     }
 
 
@@ -151,19 +164,36 @@ def test_the_face_at_rest_is_found_among_talk_and_blinks():
     np.testing.assert_allclose(resting_face(np.array(shown)), rest, atol=0.02)
 
 
-def test_fingers_curl_from_flat_to_a_fist_whichever_way_the_hand_is_held():
-    bends = [hand_curl(hand(bend)) for bend in (0.0, 0.4, 0.8, 1.2, 1.5)]
-    assert bends == sorted(bends)
-    assert bends[0] < 0.05
-    assert bends[-1] == 1.0
-    assert hand_curl(3.0 * turned(hand(0.8), 1.0, 0.7)) == pytest.approx(bends[2])
+@pytest.mark.parametrize("name", FINGERS)
+def test_each_finger_curls_by_itself_from_flat_to_a_fist(name: str):
+    curls = np.array([finger_curls(bent(name, share)) for share in np.linspace(0.0, 1.0, 11)])
+    own = curls[:, FINGERS.index(name)]
+    assert (np.diff(own) >= 0.0).all()
+    assert own[0] == 0.0
+    assert 0.3 < own[5] < 0.65
+    assert own[-1] > 0.95
+    assert not np.delete(curls, FINGERS.index(name), axis=1).any()
+
+
+@pytest.mark.parametrize("shares", [(0.0, 0.2, 0.4, 0.6, 0.8), (0.7, 0.0, 1.0, 1.0, 0.3)])
+def test_neither_a_turn_nor_the_size_of_a_hand_changes_its_curls(shares: tuple[float, ...]):
+    curls = finger_curls(hand(*shares))
+    away = 3.0 * turned(hand(*shares), 1.0, 0.7) + [0.3, -0.1, 2.0]
+    np.testing.assert_allclose(finger_curls(away), curls, atol=1e-9)
+    mirrored = hand(*shares) * [-1.0, 1.0, 1.0]
+    np.testing.assert_allclose(finger_curls(mirrored), curls, atol=1e-9)
+
+
+def test_a_hand_of_which_nothing_is_known_has_finite_curls():
+    assert np.isfinite(finger_curls(np.zeros((21, 3)))).all()
 
 
 def test_numbers_belong_to_groups_that_are_seen_together():
-    assert [int(bit) for bit in GROUPS] == [FACE] * FACE_NUMBERS + [LEFT_HAND, RIGHT_HAND]
+    wanted = [FACE] * FACE_NUMBERS + [LEFT_HAND] * 5 + [RIGHT_HAND] * 5
+    assert [int(bit) for bit in GROUPS] == wanted
     assert len(USUAL_REST) == FACE_NUMBERS
     known = ObservedExpression(np.zeros(len(EXPRESSION_NAMES)), ALL_GROUPS & ~FACE).known_numbers
-    assert known.tolist() == [False] * FACE_NUMBERS + [True, True]
+    assert known.tolist() == [False] * FACE_NUMBERS + [True] * 10
 
 
 if __name__ == "__main__":

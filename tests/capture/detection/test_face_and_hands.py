@@ -24,7 +24,7 @@ from capture.errors import PoseModelMissing
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from scene.arrays import Array, UInt8
-from scene.expression import EXPRESSION_NAMES
+from scene.expression import EXPRESSION_NAMES, PARTS
 from scene.rotations import matrix_to_axis_angle
 from scene.sequence import Sequence
 from scene.skeleton import JOINT_NAMES
@@ -165,9 +165,9 @@ def test_a_fist_does_not_open_while_it_is_missed():
     hands = [fist(1.0), None, fist(0.0), None, None]
     parts = ClipParts([None] * 5, (hands, [None] * 5))
     moved = clip_expressions(parts, np.arange(5.0), [0, 0, 0, 0, 1])
-    curl = moved[:, EXPRESSION_NAMES.index("left_hand_curl")]
+    curl = moved[:, EXPRESSION_NAMES.index("left_index_curl")]
     assert curl[0] > curl[1] > curl[2]
     assert curl[1] == pytest.approx(0.5 * (curl[0] + curl[2]))
     assert curl[3] == curl[2]
     assert curl[4] == 0.0  # another take
-    assert not moved[:, EXPRESSION_NAMES.index("right_hand_curl")].any()
+    assert not moved[:, PARTS["right_hand"]].any()

@@ -30,18 +30,24 @@ def demo_model() -> SplatModel:
 def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
     """The first `share` of the splats in `data`; motion and the like are those of `like`."""
     magic, version, joints, count, *bounds = struct.unpack_from("<4sHHI8f", data)
-    assert (magic, version) == (b"MNSP", 4)
+    assert (magic, version) == (b"MNSP", 5)
     low, high, (thin, wide) = np.array(bounds[:3]), np.array(bounds[3:6]), bounds[6:]
     light = np.frombuffer(data, "<f4", 27, 44).reshape(9, 3)
-    moved, far = struct.unpack_from("<If", data, 152)
+    expressions, entries = struct.unpack_from("<II", data, 152)
     rest = np.frombuffer(data, "<f4", 3 * joints, HEAD_BYTES).reshape(joints, 3)
     parents = tuple(np.frombuffer(data, "<i2", joints, HEAD_BYTES + 12 * joints).tolist())
     start = HEAD_BYTES + 14 * joints
     rows = np.frombuffer(data, np.uint8, 32 * count, start).reshape(count, 32)
-    entries = np.frombuffer(data, np.uint8, 28 * moved, start + 32 * count).reshape(moved, 28)
-    splats = np.ascontiguousarray(entries[:, :4]).view("<u4")[:, 0].astype(np.int32)
-    offsets = entries[:, 4:25].copy().view(np.int8).reshape(moved, 7, 3) * np.float32(far / 127.0)
-    assert len(data) == start + 32 * count + 28 * moved
+    blocks = start + 32 * count
+    table = np.frombuffer(data, [("count", "<u4"), ("far", "<f4")], expressions, blocks)
+    moved = np.frombuffer(data, "<u4", entries, blocks + 8 * expressions)
+    steps = np.frombuffer(data, "i1", 3 * entries, blocks + 8 * expressions + 4 * entries)
+    assert len(data) == blocks + 8 * expressions + 7 * entries
+    assert table["count"].sum() == entries
+    splats, row = np.unique(moved, return_inverse=True)
+    expression = np.repeat(np.arange(expressions), table["count"])
+    offsets = np.zeros((len(splats), expressions, 3), np.float32)
+    offsets[row, expression] = steps.reshape(-1, 3) * (table["far"][expression, None] / 127.0)
     rows = rows[: round(share * count)]
     p = np.empty((len(rows), PARAMETERS))
     p[:, :3] = low + np.ascontiguousarray(rows[:, :6]).view("<u2") / 65535 * (high - low)
@@ -64,7 +70,7 @@ def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
         albedo=to_linear(rows[:, 26:29] / 255).astype(np.float32),
         normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
         light=light if light.any() else None,
-        expression_splats=splats[splats < len(rows)],
+        expression_splats=splats[splats < len(rows)].astype(np.int32),
         expression_offsets=offsets[splats < len(rows)],
     )
 

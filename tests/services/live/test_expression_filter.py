@@ -7,13 +7,15 @@ from dataclasses import replace
 import numpy as np
 
 from capture.body.expressions import FACE, LEFT_HAND, RIGHT_HAND, ObservedExpression
-from scene.expression import EXPRESSION_NAMES
+from scene.expression import EXPRESSION_NAMES, neutral
 from services.live.motion.expression_filter import EASE_S, HELD_S, ExpressionFilter
 from services.live.motion.live_motion import LiveMotion
 from tests.capture.people import body, standing
 from tests.services.live.people import seen
 
-JAW, BLINK, HAND = (EXPRESSION_NAMES.index(n) for n in ("jaw_open", "blink_left", "left_hand_curl"))
+JAW, BLINK, INDEX = (
+    EXPRESSION_NAMES.index(n) for n in ("jaw_open", "blink_left", "left_index_curl")
+)
 FRAME_S = 1.0 / 30.0
 
 
@@ -59,16 +61,16 @@ def test_what_is_no_longer_seen_stands_a_moment_then_rests_and_comes_back_withou
 
 def test_a_hand_that_is_seen_keeps_no_face_awake():
     live = ExpressionFilter()
-    live.update(expression(FACE | LEFT_HAND, jaw_open=1.0, left_hand_curl=1.0), 0.0)
+    live.update(expression(FACE | LEFT_HAND, jaw_open=1.0, left_index_curl=1.0), 0.0)
     for frame in range(1, 60):
-        now = live.update(expression(LEFT_HAND, left_hand_curl=1.0), frame * FRAME_S)
+        now = live.update(expression(LEFT_HAND, left_index_curl=1.0), frame * FRAME_S)
     assert now.at(59 * FRAME_S)[JAW] == 0.0
-    assert now.at(59 * FRAME_S)[HAND] > 0.95
+    assert now.at(59 * FRAME_S)[INDEX] > 0.95
 
 
 def test_a_performer_driven_live_does_what_their_packets_say_and_rests_when_they_are_gone():
     live, motion = LiveMotion(body().skeleton), standing(30)
-    grinning = expression(FACE | RIGHT_HAND, smile=0.8, right_hand_curl=0.5)
+    grinning = expression(FACE | RIGHT_HAND, smile=0.8, right_little_curl=0.5)
     for number in range(len(motion)):
         pose = motion.pose(number)
         live.update(replace(seen(pose, number), expression=grinning), pose.time_s)
@@ -77,4 +79,4 @@ def test_a_performer_driven_live_does_what_their_packets_say_and_rests_when_they
     assert pose is not None
     assert later is not None
     np.testing.assert_allclose(pose.expression, grinning.values, atol=0.02)
-    np.testing.assert_array_equal(later.expression, np.zeros(7))
+    np.testing.assert_array_equal(later.expression, neutral())

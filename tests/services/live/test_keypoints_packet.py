@@ -10,8 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from capture.body.expressions import ALL_GROUPS, FACE, LEFT_HAND, ObservedExpression
+from capture.body.expressions import (
+    ALL_GROUPS,
+    FACE,
+    LEFT_HAND,
+    RIGHT_HAND,
+    ObservedExpression,
+)
 from capture.body.landmark_names import LANDMARK_COUNT
+from scene.expression import neutral
 from services.live import packets
 from services.live.packets import (
     EXPRESSION_BYTES,
@@ -57,10 +64,10 @@ def test_golden_bytes():
 
 def test_golden_bytes_of_an_expression():
     """The page's tests hold its encoder to the same."""
-    values = np.array([0.2, 1.0, 0.0, 0.4, 2.0, -1.0, 0.6])
+    values = np.array([0.2, 1.0, 0.0, 0.4, 2.0, -1.0, 0.6, *[0.0] * 7, 0.8])
     seen = ObservedExpression(values, FACE | LEFT_HAND)
     data = encode_keypoints(replace(packet(), expression=seen))
-    assert data.hex() == GOLDEN + "33ff0066ff0099" + "03"
+    assert data.hex() == GOLDEN + "33ff0066ff0099" + 7 * "00" + "cc03"
     assert len(data) == KEYPOINTS_BYTES + EXPRESSION_BYTES
     back = decode_keypoints(data).expression
     assert back is not None
@@ -69,8 +76,16 @@ def test_golden_bytes_of_an_expression():
     assert decode_keypoints(bytes.fromhex(GOLDEN)).expression is None
 
 
+def test_an_earlier_pages_hand_closes_all_its_fingers():
+    back = decode_keypoints(bytes.fromhex(GOLDEN + "33ff0066ff0099" + "05")).expression
+    assert back is not None
+    assert back.known == FACE | RIGHT_HAND
+    wanted = [0.2, 1.0, 0.0, 0.4, 1.0, *[0.0] * 5, *[0.6] * 5]
+    np.testing.assert_allclose(back.values, wanted, atol=1e-9)
+
+
 def test_groups_that_nobody_knows_of_are_left_alone():
-    data = encode_keypoints(replace(packet(), expression=ObservedExpression(np.zeros(7), 0xFF)))
+    data = encode_keypoints(replace(packet(), expression=ObservedExpression(neutral(), 0xFF)))
     back = decode_keypoints(data).expression
     assert back is not None
     assert back.known == ALL_GROUPS
@@ -105,7 +120,9 @@ def test_what_is_out_of_range_is_moved_to_its_end():
 def test_every_truncation_is_refused():
     data = encode_keypoints(packet())
     for length in [*range(len(data)), len(data) + 1]:
-        with pytest.raises(PacketError, match=f"must be 383 or 391 bytes long; got {length}"):
+        with pytest.raises(
+            PacketError, match=f"must be 383 or 391 or 399 bytes long; got {length}"
+        ):
             decode_keypoints((data + b"x")[:length])
 
 

@@ -13,6 +13,7 @@ from aiortc import RTCDataChannel
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scene.expression import neutral
 from scene.rotations import matrix_to_axis_angle, quaternion_to_matrix
 from services.live.packets import (
     POSE_BYTES,
@@ -47,11 +48,17 @@ def test_golden_bytes():
 
 
 def test_golden_bytes_of_an_expression():
-    moved = replace(golden_packet(), expression=np.array([0.2, 1.0, 0.0, 0.4, 0.0, 0.0, 0.6]))
+    moved = replace(golden_packet(), expression=np.array([0.2, 1.0, 0.0, 0.4, *[0.0] * 10, 0.6]))
     data = encode_pose(moved)
-    assert data.hex() == GOLDEN + "33ff0066000099" + "07"
+    assert data.hex() == GOLDEN + "33ff0066" + 10 * "00" + "9907"
     np.testing.assert_allclose(decode_pose(data).expression, moved.expression, atol=0.5 / 255)
-    np.testing.assert_array_equal(decode_pose(bytes.fromhex(GOLDEN)).expression, np.zeros(7))
+    np.testing.assert_array_equal(decode_pose(bytes.fromhex(GOLDEN)).expression, neutral())
+
+
+def test_an_earlier_recordings_hand_closes_all_its_fingers():
+    data = bytes.fromhex(GOLDEN + "33ff0066003399" + "07")
+    wanted = [0.2, 1.0, 0.0, 0.4, 0.0, *[0.2] * 5, *[0.6] * 5]
+    np.testing.assert_allclose(decode_pose(data).expression, wanted, atol=1e-9)
 
 
 def golden_packet() -> PosePacket:
@@ -84,7 +91,9 @@ def test_every_turn_survives_within_a_hundredth_of_a_degree(turns, place, sequen
 def test_every_truncation_is_refused():
     data = encode_pose(golden_packet())
     for length in range(len(data)):
-        with pytest.raises(PacketError, match=f"must be 176 or 184 bytes long; got {length}"):
+        with pytest.raises(
+            PacketError, match=f"must be 176 or 184 or 192 bytes long; got {length}"
+        ):
             decode_pose(data[:length])
 
 
@@ -127,7 +136,7 @@ def test_packets_put_everybody_where_the_renderer_does():
 
 def test_packets_carry_what_the_motion_expresses():
     room = make_room()
-    smiling = np.zeros(7)
+    smiling = neutral()
     smiling[4] = 0.6
     member = room.performers[0]
     motion = replace(member.motion, expressions=np.tile(smiling, (len(member.motion), 1)))
