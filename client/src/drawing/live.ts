@@ -87,7 +87,7 @@ export class LiveView {
     readonly meeting: Meeting,
     private readonly options: LiveOptions,
   ) {
-    this.viewpoint = new Viewpoint(homeOrbit(meeting.performers, 1), options.inertia);
+    this.viewpoint = new Viewpoint(homeOrbit(meeting.viewpoint, 1), options.inertia);
     this.latency = options.stamped ? new LatencyMeter(this.video) : null;
     this.video.autoplay = this.video.muted = this.video.playsInline = true;
     this.video.disablePictureInPicture = true;
@@ -137,6 +137,11 @@ export class LiveView {
   play(): void {
     // refused only where even muted video may not start by itself; then a touch starts it
     this.video.play().catch(() => addEventListener("pointerdown", () => this.play(), { once: true }));
+  }
+
+  /** Come close to somebody, in front of them. */
+  lookAt({ viewpoint }: Performer): void {
+    this.viewpoint.goTo(homeOrbit(viewpoint, this.size.aspect));
   }
 
   /** Show only what was filmed of the people; what was never seen of them is a guess. */
@@ -248,13 +253,13 @@ export class LiveView {
     const seat = await this.options.seat(stale);
     this.firstStart = !seat.ready;
     this.localRendering.token = seat.token;
-    this.setPerformers(seat.performers);
+    this.setRoster(seat);
     return seat;
   }
 
-  private setPerformers(performers: readonly Performer[]): void {
-    this.viewpoint.setHome(homeOrbit(performers, this.size.aspect));
-    this.meeting.performers = [...performers];
+  private setRoster({ performers, viewpoint }: Pick<Meeting, "performers" | "viewpoint">): void {
+    this.viewpoint.setHome(homeOrbit(viewpoint, this.size.aspect));
+    Object.assign(this.meeting, { performers, viewpoint });
     this.onPerformers(performers);
     void this.localRendering.loadPerformers();
   }
@@ -265,7 +270,7 @@ export class LiveView {
     const meeting = await this.api.meeting(this.meeting.id).catch(() => null);
     if (!meeting) return;
     void this.showEnvironment(meeting.environment);
-    this.setPerformers(meeting.performers);
+    this.setRoster(meeting);
   }
 
   private frame(nowMs: number): void {
@@ -307,7 +312,7 @@ export class LiveView {
 
   private measure(): void {
     if (!this.size.measure()) return;
-    this.setPerformers(this.meeting.performers);
+    this.setRoster(this.meeting);
     this.fit();
   }
 

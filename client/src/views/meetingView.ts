@@ -18,10 +18,8 @@ interface MeetingViewHooks {
   onRetry(): void;
 }
 
-const CLOSE_UP_M = 2.6;
 const HINT_MS = 6000;
 const COPIED_MS = 2000;
-const CHEST_M = 0.95;
 
 /** The way into a headset: what the view shows of it, and ends with itself. */
 export interface HeadsetControl {
@@ -225,11 +223,9 @@ function showPerformers(people: HTMLElement, performers: readonly Performer[], l
   if (people.dataset["key"] === key) return;
   people.dataset["key"] = key;
   people.replaceChildren(
-    ...performers.map(({ name, position: [x, , z] }) => {
-      const chip = button(name, () => live.viewpoint.lookAt([x, CHEST_M, z], CLOSE_UP_M), {
-        look: "glass",
-      });
-      chip.setAttribute("aria-label", `Look at ${name}`);
+    ...performers.map((performer) => {
+      const chip = button(performer.name, () => live.lookAt(performer), { look: "glass" });
+      chip.setAttribute("aria-label", `Look at ${performer.name}`);
       return chip;
     }),
   );
