@@ -53,7 +53,9 @@ export function selfPreview(api: Api): { element: HTMLElement; open(): Promise<v
 }
 
 async function newestSplats(api: Api): Promise<ArrayBuffer | null> {
-  const model = (await api.models()).at(-1);
+  const [people, models] = await Promise.all([api.people(), api.models()]);
+  const mine = new Set(people.filter((person) => person.mine).map(({ id }) => id));
+  const model = models.filter(({ person_id }) => mine.has(person_id)).at(-1);
   return model ? api.splats(model.id) : null;
 }
 
