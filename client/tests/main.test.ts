@@ -109,7 +109,7 @@ describe("opening the page", () => {
   });
 
   it("starts with one's own model where the server runs no demo", async () => {
-    answer = ({ path }) => (path === "/v1/demo" ? json({ title: "No demo" }, 404) : null);
+    answer = ({ path }) => (path === "/v1/demo" ? json({ meeting_id: null }) : null);
     const page = await open("/");
     expect(page.textContent).toContain("Start with your model");
     expect(page.querySelector("[data-testid=start-join]")).toBeNull();

@@ -143,9 +143,9 @@ class Seat(BaseModel):
 
 
 class DemoMeeting(BaseModel):
-    """The demo's meeting."""
+    """The demo's meeting, where the server shows one."""
 
-    meeting_id: str
+    meeting_id: str | None
 
 
 def _owner(row: PerformerRow, caller: Principal) -> Owner:

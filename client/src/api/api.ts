@@ -60,12 +60,7 @@ export class Api {
 
   /** The meeting that the demo shows, if this server runs one. */
   async demoMeeting(): Promise<string | null> {
-    try {
-      return (await this.json<DemoMeeting>("GET", "/v1/demo")).meeting_id;
-    } catch (error) {
-      if (error instanceof Problem && error.status === 404) return null;
-      throw error;
-    }
+    return (await this.json<DemoMeeting>("GET", "/v1/demo")).meeting_id;
   }
 
   createPerson(person: NewPerson): Promise<Person> {
@@ -183,7 +178,8 @@ export class Api {
 
   /** A small picture of a model, from the front. */
   async modelPicture(modelId: string): Promise<Blob> {
-    const body = { width: 96, height: 128, format: "webp" } satisfies NewView;
+    const camera = { orbit: { distance_m: 3 } };
+    const body = { camera, width: 96, height: 128, format: "webp" } satisfies NewView;
     return (await this.send("POST", `/v1/models/${modelId}/views`, body)).blob();
   }
 

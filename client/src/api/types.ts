@@ -51,9 +51,9 @@ export interface Captioned {
 /** How well somebody's network carries the meeting. */
 export type Connection = "good" | "fair" | "poor";
 
-/** The demo's meeting. */
+/** The demo's meeting, where the server shows one. */
 export interface DemoMeeting {
-  meeting_id: string;
+  meeting_id: string | null;
 }
 
 /** The host denies admission to a participant who waits in the lobby. */

@@ -1,7 +1,8 @@
 /** The meeting: the live picture, filling the window, and the little that lies on it. */
 
 import { attachControls } from "../viewpoint/controls";
-import type { LiveStats, LiveState, LiveView } from "../drawing/live";
+import type { LiveView } from "../drawing/live";
+import type { LiveStats, LiveState } from "../drawing/liveState";
 import type { RenderSetting, RenderStatus } from "../splats/renderMode";
 import type { Performer } from "../api/types";
 import { moveFocusByArrows } from "./arrowFocus";

@@ -7,6 +7,7 @@ import { Problem } from "../api/problem";
 import type { Performer } from "../api/types";
 import { announce, h } from "./dom";
 import { modelButtons, ownPerformers } from "./ownModels";
+import { selfView } from "./selfView";
 import { button, notice, type View } from "./shell";
 
 const WORDS: Record<Tracking, string> = {
@@ -35,6 +36,7 @@ export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonEl
     attributes: { "aria-label": "Motion capture" },
   });
   let capture: MotionCapture | null = null;
+  let self: ReturnType<typeof selfView> | null = null;
 
   const show = (on: boolean, ...children: Node[]): void => {
     toggle.setAttribute("aria-pressed", String(on));
@@ -44,7 +46,8 @@ export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonEl
 
   const end = (): void => {
     capture?.close();
-    capture = null;
+    self?.close();
+    capture = self = null;
     show(false);
   };
 
@@ -65,6 +68,7 @@ export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonEl
   const captureAs = ({ id, name }: Pick<Performer, "id" | "name">): void => {
     const status = statusLine(WORDS.starting);
     const canvas = h("canvas", { attributes: { "aria-hidden": "true" } });
+    self = selfView(live, id);
     const line = h("p", { className: "self-detail" }, `Animating ${name}. Only your movements leave this device.`);
     capture = new MotionCapture(() => live.openKeypointsChannel(id), {
       onTracking: (tracking) => {
@@ -75,7 +79,8 @@ export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonEl
       onLandmarks: (seen) => drawSkeleton(canvas, seen),
       onProblem: showProblem,
     });
-    show(true, h("div", { className: "self-picture" }, capture.video, canvas), status, line);
+    const camera = h("div", { className: "self-camera" }, capture.video, canvas);
+    show(true, h("div", { className: "self-picture" }, self.element, camera), status, line);
     void capture.start();
   };
 

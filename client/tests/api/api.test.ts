@@ -62,7 +62,7 @@ describe("failures", () => {
   });
 
   it("takes a missing demo for no demo, and nothing else", async () => {
-    const none = fakeFetch(() => json({ title: "No demo" }, 404));
+    const none = fakeFetch(() => json({ meeting_id: null }));
     expect(await new Api(tokenStore("t"), none.request).demoMeeting()).toBeNull();
     const broken = fakeFetch(() => json({ title: "Broken" }, 500));
     await expect(new Api(tokenStore("t"), broken.request).demoMeeting()).rejects.toThrow("Broken");

@@ -2,7 +2,8 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Api } from "../../src/api/api";
 import type { Meeting, Performer, Seat } from "../../src/api/types";
-import { LiveView, type LiveState } from "../../src/drawing/live";
+import { LiveView } from "../../src/drawing/live";
+import type { LiveState } from "../../src/drawing/liveState";
 import { fakeFetch, json, tokenStore, type Call } from "../fakes";
 import { FRONT, performer } from "../viewpoint/front";
 

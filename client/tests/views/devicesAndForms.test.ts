@@ -11,6 +11,7 @@ import { keypointsForm } from "../../src/views/keypointsForm";
 import { motionCaptureView } from "../../src/views/motionCapture";
 import { fakeFetch, json, tokenStore } from "../fakes";
 import { performer } from "../viewpoint/front";
+import { performerCheck } from "../../src/transport/packets";
 import { find } from "./inside";
 
 const soon = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
@@ -178,14 +179,15 @@ describe("motion capture in the meeting", () => {
     const getUserMedia = vi.fn(() => new Promise(() => undefined)); // the browser still asks
     vi.stubGlobal("navigator", Object.assign(Object.create(navigator), { mediaDevices: { getUserMedia } }));
     const { request, calls } = fakeFetch(() => new Response(new Blob(["picture"])));
-    const live = { api: new Api(tokenStore("guest"), request), meeting: { performers } };
+    const watchPoses = vi.fn();
+    const live = { api: new Api(tokenStore("guest"), request), meeting: { performers }, watchPoses };
     const made = motionCaptureView(live as unknown as LiveView);
     document.body.append(made.toggle, made.element);
     const start = async (): Promise<void> => {
       made.toggle.click();
       await soon();
     };
-    return { ...made, start, getUserMedia, calls };
+    return { ...made, start, getUserMedia, calls, watchPoses };
   }
   const [demo, own] = [{ owner: "demo" }, { owner: "own" }] as const;
 
@@ -215,6 +217,22 @@ describe("motion capture in the meeting", () => {
     expect(getUserMedia).not.toHaveBeenCalled();
     choices[1]?.click();
     expect(element.textContent).toContain("Animating Cy.");
+  });
+
+  it("shows oneself as the others see one: from poses, until it is switched off", async () => {
+    const { element, start, calls, watchPoses } = view(performer("Ada", own), performer("Cy"));
+    await start();
+    const onPose = watchPoses.mock.lastCall?.[0] as (pose: object) => void;
+    onPose({ check: performerCheck("Cy") });
+    expect(calls).toEqual([]);
+    onPose({ check: performerCheck("Ada") });
+    onPose({ check: performerCheck("Ada") });
+    await soon();
+    expect(calls.map(({ path }) => path)).toEqual(["/v1/models/m-Ada/files/viewer.splats"]);
+    // no graphics here: then the camera alone is shown
+    expect(find<HTMLElement>(element, "self-view").hidden).toBe(true);
+    await start();
+    expect(watchPoses).toHaveBeenLastCalledWith(null);
   });
 
   it("says what to do where one has no model here", async () => {
