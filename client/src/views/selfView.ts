@@ -9,6 +9,8 @@ import { h } from "./dom";
 
 const SIZE = { width: 320, height: 240 };
 const FRAME_MS = 66;
+/** Share of the time that drawing may take: the camera's landmarks come first. */
+const SHARE = 0.2;
 
 /** Shows the performer `id` until it is closed; stays hidden where this browser can't draw them. */
 export function selfView(live: LiveView, id: string): { element: HTMLCanvasElement; close(): void } {
@@ -22,7 +24,7 @@ export function selfView(live: LiveView, id: string): { element: HTMLCanvasEleme
   let pass: SplatPass | null = null;
   let portrait: Portrait | null = null;
   let modelId = "";
-  let drawnMs = -Infinity;
+  let dueMs = -Infinity;
   let closed = false;
 
   const load = async (wanted: string): Promise<void> => {
@@ -42,10 +44,11 @@ export function selfView(live: LiveView, id: string): { element: HTMLCanvasEleme
     const performer = pose.check === check ? live.meeting.performers.find((one) => one.id === id) : undefined;
     if (!performer) return;
     if (performer.model_id !== modelId) void load(performer.model_id);
-    const nowMs = performance.now();
-    if (!portrait || nowMs - drawnMs < FRAME_MS) return;
-    drawnMs = nowMs;
+    const startMs = performance.now();
+    if (!pass || !portrait || startMs < dueMs) return;
     portrait.draw({ ...pose, yawRad: performer.yaw_rad }, homeOrbit(performer.viewpoint, SIZE.width / SIZE.height), SIZE);
+    pass.read(1); // waits for the card
+    dueMs = startMs + Math.max(FRAME_MS, (performance.now() - startMs) / SHARE);
     element.hidden = false;
   };
 
