@@ -31,7 +31,7 @@ from renderer.splats.files.viewer_file import encode
 from renderer.splats.model import SplatModel
 from renderer.splats.settings import SplatSettings
 from services.api.gzipped import ENCODED, gzipped
-from services.live.room import MeetingPerformer, Room, circle_layout, facing_yaw
+from services.live.room import MeetingPerformer, Room
 from services.live.streaming.pose_feed import pose_packets
 
 SIZES = (256, 512)
@@ -109,9 +109,7 @@ def _compressed(file: bytes) -> bytes:
 
 
 def _room_of(model: SplatModel) -> Room:
-    ((place, yaw),) = circle_layout(1)
-    yaw += facing_yaw(model.motion)
-    return Room("local-view", (MeetingPerformer("0", "0", model, model.motion, place, yaw),))
+    return Room("local-view", (MeetingPerformer.at_place("0", "0", model, 0),))
 
 
 def _text(data: bytes) -> str:

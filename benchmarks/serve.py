@@ -112,16 +112,13 @@ def _drawing(count: int, performers: int, size: int) -> dict[str, Any]:
 
 def _encoding(size: int, performers: int, moving: bool) -> dict[str, Any]:
     """Processor ms a picture: drawing into a frame, and each codec; by a still or moving viewer."""
-    from services.live.room import MeetingPerformer, Room, circle_layout
+    from services.live.room import MeetingPerformer, Room
     from services.live.streaming.encoding import Codec, PictureEncoder
     from services.live.streaming.view_track import FrameRenderer
 
     model = surface_model(10_000)
-    performers_in_room = (
-        MeetingPerformer(str(n), "", model, model.motion, place, yaw)
-        for n, (place, yaw) in enumerate(circle_layout(performers))
-    )
-    room, canvas = Room("", tuple(performers_in_room)), FrameRenderer()
+    cast = (MeetingPerformer.at_place(str(n), "", model, n) for n in range(performers))
+    room, canvas = Room("", tuple(cast)), FrameRenderer()
     encoders, spent = {codec: PictureEncoder(codec) for codec in Codec}, dict.fromkeys(Codec, 0.0)
     painted, camera = 0.0, room.initial_camera(size, size)
     for tick in range(-_WARM_UPS, _VIEWS):

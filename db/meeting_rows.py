@@ -123,11 +123,11 @@ class PerformerRow(Base):
     """Whose motion they move by; empty: their model's own."""
     name: Mapped[str] = mapped_column(String(120))
     place: Mapped[int]
-    """Order of arrival, from 0."""
-    x_m: Mapped[float]
-    y_m: Mapped[float]
-    z_m: Mapped[float]
-    yaw_rad: Mapped[float]
+    """Number of their place in the room, from 0; see services.arrangement."""
+    front_yaw_rad: Mapped[float]
+    """Turn about +y after which they face +z, by the motion that they are shown in."""
+    eye_height_m: Mapped[float]
+    """Mean height of their eyes above the floor in that motion."""
     person: Mapped[PersonRow] = relationship(lazy="joined", viewonly=True)
 
     @property

@@ -27,7 +27,7 @@ from scene.environment import Environment, Performer, Scene
 from scene.errors import InvalidInput
 from scene.lighting import HARMONICS, Lighting
 from scene.motion import Motion, Pose
-from scene.skeleton import JOINT_COUNT, Skeleton
+from scene.skeleton import HEAD, JOINT_COUNT, Skeleton
 
 FIELD_PREVIEW_PX = 128
 """Longest side at which a field performer is rendered live; the layer is then enlarged."""
@@ -35,6 +35,9 @@ _ANKLES = (7, 8)
 _SHADOW_RADIUS_M = 0.22
 _FOOT_CLEARANCE_M = 0.35
 """Height of an ankle above the floor at which its contact shadow has vanished."""
+_HEAD_M = 0.45
+"""Whose head is so near to the camera is not drawn: it looks through their eyes, however they
+lean. As OWN_HEAD_M of client/src/splats/ownHead.ts."""
 _FAINTEST_SHADOW = 1.0 / 1024.0
 """Darkness that changes no byte."""
 
@@ -112,7 +115,8 @@ class SceneRenderer:
 
     def _layers(self, scene: Scene[PerformerModel], camera: Camera) -> Float[Array, "H W 4"]:
         """All performers, premultiplied, nothing behind them."""
-        performers, lighting = scene.performers, scene.environment.lighting
+        performers = [p for p in scene.performers if not _inside_head(p, camera)]
+        lighting = scene.environment.lighting
         splats = [p for p in performers if p.model.splats is not None]
         fields = [p for p in performers if p.model.splats is None]
         if splats and not fields:
@@ -277,6 +281,11 @@ def _joint_position(performer: Performer[PerformerModel], joint: int) -> Float[A
     """Where a joint is in the room, m."""
     transforms = _skinning_transforms(performer)[joint]
     return transforms[:3, :3] @ performer.model.skeleton.rest_joints[joint] + transforms[:3, 3]
+
+
+def _inside_head(performer: Performer[PerformerModel], camera: Camera) -> bool:
+    """Whether `camera` looks through the eyes of a performer."""
+    return float(np.linalg.norm(_joint_position(performer, HEAD) - camera.position)) < _HEAD_M
 
 
 def _distance(performer: Performer[PerformerModel], camera: Camera) -> float:

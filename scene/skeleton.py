@@ -46,6 +46,7 @@ PARENTS: tuple[int, ...] = (
     -1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21,
 )  # fmt: skip
 JOINT_COUNT = len(JOINT_NAMES)
+HEAD = JOINT_NAMES.index("head")
 FOOT_JOINTS: tuple[int, ...] = tuple(
     JOINT_NAMES.index(f"{side}_{part}") for side in ("left", "right") for part in ("ankle", "foot")
 )

@@ -1,4 +1,4 @@
-"""Meetings: who stands where, and how others are asked in."""
+"""Meetings: who is in them, and how others are asked in."""
 
 from __future__ import annotations
 
@@ -9,10 +9,19 @@ from db.errors import NotFound
 from db.models import MeetingRow, ModelRow, PerformerRow, Role, new_id
 from db.repositories import UnitOfWork
 from scene.motion import Motion
+from scene.skeleton import Skeleton
+from services.arrangement import (
+    DefaultViewpoint,
+    Placed,
+    first_free,
+    place,
+    view_from_a_place,
+    view_from_the_front,
+)
 from services.auth import INVITED
 from services.container import Services
 from services.errors import MeetingFull
-from services.live.room import circle_layout, facing_yaw
+from services.live.room import eye_height, facing_yaw
 from services.motions import motion_of
 
 DEMO = "demo"
@@ -42,8 +51,7 @@ def create_meeting(
     unit.meetings.add(meeting)
     unit.flush()
     for model in models:
-        _add(unit, meeting, model, None)
-    arrange(services, unit, meeting)
+        _add(services, unit, meeting, model, None)
     return meeting
 
 
@@ -54,24 +62,22 @@ def add_performer(
     model: ModelRow,
     motion_sequence_id: str | None = None,
 ) -> PerformerRow:
-    """One more performer, who moves by a sequence's motion or by the model's own.
+    """One more performer at the first free place, who moves by a sequence's motion or by the
+    model's own.
 
-    Everybody moves up. Raises MeetingFull, or NotCaptured where the sequence has no motion.
+    Raises MeetingFull, or NotCaptured where the sequence has no motion.
     """
     if len(meeting.performers) >= MOST_PERFORMERS:
         raise MeetingFull(
             f"a meeting must have at most {MOST_PERFORMERS} performers; got one more; "
             "remove somebody first",
         )
-    performer = _add(unit, meeting, model, motion_sequence_id)
-    arrange(services, unit, meeting)
-    return performer
+    return _add(services, unit, meeting, model, motion_sequence_id)
 
 
-def remove_performer(
-    services: Services, unit: UnitOfWork, meeting: MeetingRow, performer_id: str
-) -> None:
-    """One performer less. Raises NotFound for one who is not there."""
+def remove_performer(meeting: MeetingRow, performer_id: str) -> None:
+    """One performer less; the others stay where they are. Raises NotFound for one who is not
+    there."""
     found = [one for one in meeting.performers if one.id == performer_id]
     if not found:
         raise NotFound(
@@ -79,21 +85,41 @@ def remove_performer(
             "read the meeting to see who is there",
         )
     meeting.performers.remove(found[0])
-    arrange(services, unit, meeting)
 
 
-def arrange(services: Services, unit: UnitOfWork, meeting: MeetingRow) -> None:
-    """Place everybody on a circle, facing its middle."""
-    count = len(meeting.performers)
-    if count == 0:
-        return
-    for index, (performer, (place, yaw_rad)) in enumerate(
-        zip(meeting.performers, circle_layout(count), strict=True)
-    ):
-        motion = performed_motion(services, unit, performer)
-        performer.place = index
-        performer.x_m, performer.y_m, performer.z_m = place
-        performer.yaw_rad = yaw_rad + facing_yaw(motion)
+def measure(performer: PerformerRow, skeleton: Skeleton, motion: Motion) -> None:
+    """Note which way a performer of `skeleton` faces in `motion`, and how high their eyes are."""
+    performer.front_yaw_rad = facing_yaw(motion)
+    performer.eye_height_m = eye_height(skeleton, motion)
+
+
+def position(performer: PerformerRow) -> tuple[float, float, float]:
+    """Where a performer is, m."""
+    x_m, z_m, _ = place(performer.place)
+    return x_m, 0.0, z_m
+
+
+def yaw(performer: PerformerRow) -> float:
+    """Turn (rad about +y) of a performer's model, so that they face the others."""
+    return place(performer.place)[2] + performer.front_yaw_rad
+
+
+def placed(performer: PerformerRow) -> Placed:
+    """Where a performer is, which way they face there, and how high their eyes are."""
+    return Placed(*place(performer.place), performer.eye_height_m)
+
+
+def default_viewpoint(meeting: MeetingRow, account: str) -> DefaultViewpoint:
+    """From where a page of `account` sees a meeting at first.
+
+    Whoever takes part as themselves looks from their own place. Whoever only watches, or brought
+    several people, or had theirs moved by another clip, stands in front of everybody.
+    """
+    own = [p for p in meeting.performers if p.account == account and p.motion_sequence_id is None]
+    if len(own) != 1:
+        return view_from_the_front([placed(one) for one in meeting.performers])
+    others = [placed(one) for one in meeting.performers if one is not own[0]]
+    return view_from_a_place(placed(own[0]), others)
 
 
 def performed_motion(services: Services, unit: UnitOfWork, performer: PerformerRow) -> Motion:
@@ -128,7 +154,11 @@ def host_token(services: Services, meeting: MeetingRow) -> str:
 
 
 def _add(
-    unit: UnitOfWork, meeting: MeetingRow, model: ModelRow, motion_sequence_id: str | None
+    services: Services,
+    unit: UnitOfWork,
+    meeting: MeetingRow,
+    model: ModelRow,
+    motion_sequence_id: str | None,
 ) -> PerformerRow:
     performer = PerformerRow(
         id=new_id(),
@@ -136,11 +166,9 @@ def _add(
         model_id=model.id,
         motion_sequence_id=motion_sequence_id,
         name=unit.people.get(model.person_id).name,
-        place=len(meeting.performers),
-        x_m=0.0,
-        y_m=0.0,
-        z_m=0.0,
-        yaw_rad=0.0,
+        place=first_free([one.place for one in meeting.performers]),
     )
+    skeleton = services.models.load_row(model).skeleton
+    measure(performer, skeleton, performed_motion(services, unit, performer))
     meeting.performers.append(performer)
     return performer

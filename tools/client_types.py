@@ -20,7 +20,7 @@ CLIENT_TYPES = Path(__file__).resolve().parents[1] / "client" / "src" / "api" / 
 _HEAD = """\
 /**
  * What travels as JSON between server and page. Written from the server's OpenAPI document by
- * `python -m tools.client_types`; change services/api/shapes.py, view_shapes.py or
+ * `python -m tools.client_types`; change services/api/*shapes.py or
  * services/control/messages.py and run that, never this file.
  */
 """

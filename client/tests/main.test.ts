@@ -1,9 +1,10 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { fakeFetch, json, type Call } from "./fakes";
+import { FRONT } from "./viewpoint/front";
 
-const MEETING = { id: "m", name: "Monday", join_url: "/?meeting=m", environment: "studio", performers: [], lobby: true };
-const SEAT = { token: "seat", control_url: "/v1/meetings/m/control", whep_url: "/whep/m", ice_servers: [], ready: true, performers: [] };
+const MEETING = { id: "m", name: "Monday", join_url: "/?meeting=m", environment: "studio", performers: [], viewpoint: FRONT, lobby: true };
+const SEAT = { token: "seat", control_url: "/v1/meetings/m/control", whep_url: "/whep/m", ice_servers: [], ready: true, performers: [], viewpoint: FRONT };
 
 class FakeSocket extends EventTarget {
   static OPEN = 1;

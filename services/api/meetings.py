@@ -7,7 +7,7 @@ from fastapi.concurrency import run_in_threadpool
 
 from services import meetings, seats
 from services.access import meeting_of, model_of, sequence_of
-from services.api import shapes
+from services.api import meeting_shapes as shapes
 from services.api.dependencies import CurrentGateway, Joiner, Provided, Writer
 from services.auth import Principal
 from services.container import Services
@@ -27,7 +27,7 @@ def open_meeting(
             services, unit, caller.account, body.name, models, lobby=body.lobby
         )
         unit.commit()
-    opened = shapes.Meeting.of(meeting, meetings.join_url(services, meeting))
+        opened = shapes.Meeting.of(meeting, meetings.join_url(services, meeting), caller)
     return shapes.OpenedMeeting(**dict(opened), host_token=meetings.host_token(services, meeting))
 
 
@@ -38,7 +38,7 @@ def read_meeting(meeting_id: str, services: Provided, caller: Joiner) -> shapes.
     with services.reading() as unit:
         meeting = unit.meetings.get(meeting_id)
         recording = unit.recordings.under_way(meeting_id) is not None
-    told = shapes.Meeting.of(meeting, meetings.join_url(services, meeting))
+    told = shapes.Meeting.of(meeting, meetings.join_url(services, meeting), caller)
     return told.model_copy(update={"recording": recording})
 
 
@@ -54,7 +54,7 @@ async def add_performer(
     services: Provided,
     caller: Writer,
 ) -> shapes.Performer:
-    """Place a model in the meeting; the other performers make room."""
+    """Place a model in the meeting; the other performers stay where they are."""
     performer = await run_in_threadpool(_add, services, caller, meeting_id, body)
     await gateway.views.refresh(meeting_id)
     return performer
@@ -102,13 +102,14 @@ def join_meeting(
         whep_url=f"/whep/{meeting_id}",
         control_url=f"/v1/meetings/{meeting_id}/control",
         ready=gateway.views.ready,
-        performers=[shapes.Performer.of(one) for one in meeting.performers],
+        performers=[shapes.Performer.of(one, caller) for one in meeting.performers],
+        viewpoint=shapes.Viewpoint.of(meetings.default_viewpoint(meeting, caller.account)),
     )
 
 
 @router.get("/demo", summary="The demo's meeting")
 def read_demo(services: Provided) -> shapes.DemoMeeting:
-    """The meeting that this server shows to everybody, if there is one."""
+    """The meeting that this server shows to everybody: only under `metanerf demo` is there one."""
     with services.reading() as unit:
         meeting = unit.meetings.with_label(meetings.DEMO)
     shown = meeting is not None and services.settings.security.open_access
@@ -125,7 +126,7 @@ def _add(
             sequence_of(unit, caller, body.motion_sequence_id)
         performer = meetings.add_performer(services, unit, meeting, model, body.motion_sequence_id)
         unit.commit()
-    return shapes.Performer.of(performer)
+        return shapes.Performer.of(performer, caller)
 
 
 def _remove(services: Services, caller: Principal, meeting_id: str, performer_id: str) -> None:
@@ -134,5 +135,5 @@ def _remove(services: Services, caller: Principal, meeting_id: str, performer_id
         found = [one.account for one in meeting.performers if one.id == performer_id]
         if meeting.account != caller.account and found:
             caller.require_account(found[0])  # a guest sends out nobody else's
-        meetings.remove_performer(services, unit, meeting, performer_id)
+        meetings.remove_performer(meeting, performer_id)
         unit.commit()

@@ -9,15 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from capture.body.model import HEIGHTS_M
 from db.models import (
-    Admission,
     JobKind,
     JobRow,
     JobState,
-    MeetingRow,
     ModelRow,
-    PerformerRow,
     PersonRow,
-    Role,
     SequenceKind,
     SequenceRow,
     SequenceState,
@@ -241,114 +237,8 @@ class Job(BaseModel):
         )
 
 
-class NewMeeting(Body):
-    """A meeting to open."""
-
-    name: Name = Field(examples=["Monday"])
-    model_ids: list[str] = Field(default_factory=list, max_length=12)
-    lobby: bool = Field(
-        default=False, description="Whoever joins waits until the host admits them."
-    )
-
-
-class NewPerformer(Body):
-    """A model that is to perform in a meeting."""
-
-    model_id: str
-    motion_sequence_id: str | None = Field(
-        default=None, description="The sequence whose motion it follows; empty: the model's own."
-    )
-
-
-class Performer(BaseModel):
-    """A person's model standing in a meeting."""
-
-    id: str
-    name: str
-    model_id: str
-    motion_sequence_id: str | None = Field(description="Empty: moves as they were filmed.")
-    position: tuple[float, float, float] = Field(description="World, m.")
-    yaw_rad: float
-
-    @classmethod
-    def of(cls, row: PerformerRow) -> Performer:
-        return cls(
-            id=row.id,
-            name=row.name,
-            model_id=row.model_id,
-            motion_sequence_id=row.motion_sequence_id,
-            position=(row.x_m, row.y_m, row.z_m),
-            yaw_rad=row.yaw_rad,
-        )
-
-
-class Meeting(BaseModel):
-    """A meeting and its performers."""
-
-    id: str
-    name: str
-    join_url: str
-    environment: str = Field(description="Name of the place it is held in.")
-    performers: list[Performer]
-    lobby: bool = Field(description="Whoever joins waits until the host admits them.")
-    recording: bool = Field(
-        default=False, description="Whoever joins is asked to agree to being recorded."
-    )
-
-    @classmethod
-    def of(cls, row: MeetingRow, join_url: str) -> Meeting:
-        performers = [Performer.of(one) for one in row.performers]
-        return cls(
-            id=row.id,
-            name=row.name,
-            join_url=join_url,
-            environment=row.environment,
-            performers=performers,
-            lobby=row.lobby,
-        )
-
-
-class OpenedMeeting(Meeting):
-    """A new meeting, as its creator sees it."""
-
-    host_token: str = Field(description="Join with it to be the host; keep it to yourself.")
-
-
-class Visitor(Body):
-    """Somebody who wants to join."""
-
-    display_name: Name = Field(default="Guest")
-
-
-class Seat(BaseModel):
-    """A seat in a meeting, and the token that it is used with."""
-
-    token: str = Field(
-        description="Opens this meeting's view and control channel, also after a reload."
-    )
-    participant_id: str
-    seat: int
-    role: Role
-    admission: Admission = Field(
-        description="Whether the host has admitted you; there is no view before that."
-    )
-    ice_servers: list[str]
-    whep_url: str
-    control_url: str
-    ready: bool = Field(
-        description="False while the renderer compiles, on its first start on a machine."
-    )
-    performers: list[Performer]
-
-
 class Guest(BaseModel):
     """A token for the page."""
 
     token: str
     expires_at: datetime
-
-
-class DemoMeeting(BaseModel):
-    """The demo's meeting."""
-
-    meeting_id: str | None = Field(description="Empty: this server runs no demo.")

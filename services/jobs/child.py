@@ -12,6 +12,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from db.errors import DatabaseAway, NotFound, StoreAway
@@ -31,6 +32,7 @@ from services.settings import Settings, load_settings
 
 log = logging.getLogger("services.jobs.child")
 
+_AUTOGROUP = Path("/proc/self/autogroup")
 Run = Callable[[Services, JobRow, Reporter, Path], None]
 _RUNS: dict[JobKind, Run] = {
     JobKind.CAPTURE: run_capture,
@@ -43,7 +45,7 @@ def main(arguments: list[str]) -> int:
     """Run the job named on the command line. Exit code 0: the job's row says how it ended."""
     job_id, attempt = arguments[0], int(arguments[1])
     settings = load_settings()
-    os.nice(settings.jobs.niceness)
+    give_way(settings.jobs.niceness)
     logging.basicConfig(
         level=settings.server.log_level.upper(), format="%(name)s %(levelname)s %(message)s"
     )
@@ -52,6 +54,17 @@ def main(arguments: list[str]) -> int:
         return _run(services, settings, job_id, attempt)
     finally:
         services.close()
+
+
+def give_way(niceness: int) -> None:
+    """Have this process take only the cores' time that meetings leave.
+
+    Linux weighs sessions first (autogroups, sched(7)) and the processes of each by niceness; this
+    one has a session of its own, so niceness alone would give nothing to the gateway.
+    """
+    os.nice(niceness)
+    with suppress(OSError):  # no Linux, or one that weighs processes alone
+        _AUTOGROUP.write_text(str(niceness))
 
 
 def _run(services: Services, settings: Settings, job_id: str, attempt: int) -> int:

@@ -24,6 +24,7 @@ from services.jobs.events import meeting_topic
 from services.jobs.packing import unpack
 from services.jobs.report import JobStopped, Reporter
 from services.jobs.results import Results
+from services.meetings import measure
 from services.person_models import store_files, write_files
 
 FIRST_USABLE_S = 3.0
@@ -137,6 +138,7 @@ class _Training:
                 unit.flush()
                 if worse is not None:
                     meetings.extend(unit.models.supersede(str(worse), row, row.created_at))
+                    _measure_performers(unit, meetings, row, model)
                 training.model_id = row.id
                 return "the model is ready"
 
@@ -147,6 +149,16 @@ class _Training:
         self._model_id = row.id
         for meeting_id in meetings:
             self._services.events.publish(meeting_topic(meeting_id))
+
+
+def _measure_performers(
+    unit: UnitOfWork, meeting_ids: list[str], row: ModelRow, model: PerformerModel
+) -> None:
+    """Have whoever moves as in `model` from now on face the others by its motion."""
+    for meeting_id in meeting_ids:
+        for performer in unit.meetings.get(meeting_id).performers:
+            if performer.model_id == row.id and performer.motion_sequence_id is None:
+                measure(performer, model.skeleton, model.motion)
 
 
 def _fetch_sequence(services: Services, job: JobRow, folder: Path) -> None:

@@ -3,7 +3,8 @@
 Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
 Flags of a view, bit 0: show only what was captured of a person; bit 1: the viewer draws the room,
 so send poses instead of pictures; bit 2: pictures have stopped although they are wanted, so send a
-key frame; bit 3: sound alone, so send neither pictures nor poses. Unknown bits are ignored.
+key frame; bit 3: sound alone, so send neither pictures nor poses; bit 4: send poses beside
+pictures. Unknown bits are ignored.
 View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
 f32 vertical field of view (rad), u16 width, u16 height (px).
 Keypoints, 367 bytes: u16 width, u16 height (px of the picture), then of MediaPipe's 33 landmarks
@@ -58,7 +59,7 @@ KEYPOINTS_BYTES = _HEADER.size + _SIZE.size + _KEYPOINTS.itemsize
 _KEYPOINT_STEPS = 8192
 """To a metre, or to a side of the picture: a range of four either way."""
 _HALF_RANGE = 1 << 31
-_HIDE_UNSEEN, _DRAWS_ITSELF, _STALLED, _SOUND_ONLY = 1, 2, 4, 8
+_HIDE_UNSEEN, _DRAWS_ITSELF, _STALLED, _SOUND_ONLY, _POSES_TOO = 1, 2, 4, 8, 16
 _POSE = struct.Struct("<BBH3f")
 _ROTATION_BITS, _ROTATION_BYTES = 15, 6
 POSE_BYTES = _HEADER.size + _POSE.size + JOINT_COUNT * _ROTATION_BYTES
@@ -118,6 +119,8 @@ class ViewPacket:
     """Whether pictures are wanted and none has been shown for a while."""
     sound_only: bool = False
     """Whether the viewer's connection is too slow for pictures, and for poses."""
+    poses_too: bool = False
+    """Whether the viewer needs poses, whoever draws the room: for a picture of themselves."""
 
     def camera(self, width: int, height: int) -> Camera:
         """The viewer's camera at `width` x `height` px.
@@ -182,6 +185,7 @@ def encode_view(packet: ViewPacket) -> bytes:
     """The bytes of `packet`."""
     flags = _HIDE_UNSEEN * packet.hide_unseen | _DRAWS_ITSELF * packet.draws_itself
     flags |= _STALLED * packet.stalled | _SOUND_ONLY * packet.sound_only
+    flags |= _POSES_TOO * packet.poses_too
     header = _HEADER.pack(VERSION, Kind.VIEW, flags, packet.sequence, packet.capture_time_ms)
     payload = _VIEW.pack(
         *packet.position, *packet.wxyz, packet.fov_y_rad, packet.width, packet.height
@@ -210,6 +214,7 @@ def decode_view(data: bytes) -> ViewPacket:
         bool(flags & _DRAWS_ITSELF),
         bool(flags & _STALLED),
         bool(flags & _SOUND_ONLY),
+        bool(flags & _POSES_TOO),
     )
 
 
@@ -318,9 +323,11 @@ class NewestView:
 
     @property
     def wants_poses(self) -> bool:
-        """Whether the viewer draws the room."""
+        """Whether the viewer draws the room, or themselves."""
         packet = self.packet
-        return packet is not None and packet.draws_itself and not packet.sound_only
+        if packet is None or packet.sound_only:
+            return False
+        return packet.draws_itself or packet.poses_too
 
     @property
     def wants_pictures(self) -> bool:

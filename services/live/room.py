@@ -12,10 +12,15 @@ from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
 from scene.environment import Environment, Performer, Scene
 from scene.motion import Motion, Pose
-from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from scene.rotations import axis_angle_to_matrix
+from scene.skeleton import HEAD, Skeleton
+from services.arrangement import Placed, place, view_from_the_front
 
-_EYE_LEVEL_SHARE = 0.55
-"""Height of the first view's target, as a share of the tallest performer."""
+_FIRST_FOV_Y_RAD = 0.6
+"""Of pictures before a viewer has told how they look."""
+_EYES_ABOVE_HEAD_JOINT_M = 0.05
+_MOST_POSES = 30
+"""So many of a motion tell how high somebody's eyes are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +35,22 @@ class MeetingPerformer:
     yaw_rad: float
     account: str = ""
     """The account that owns the person and alone may drive them live; empty: nobody."""
+
+    @classmethod
+    def at_place(
+        cls, performer_id: str, name: str, model: PerformerModel, number: int
+    ) -> MeetingPerformer:
+        """Somebody at the place of this number, who moves by their model's own motion."""
+        x_m, z_m, yaw_rad = place(number)
+        yaw_rad += facing_yaw(model.motion)
+        return cls(performer_id, name, model, model.motion, (x_m, 0.0, z_m), yaw_rad)
+
+    @property
+    def placed(self) -> Placed:
+        """Where they are, which way they face in the room, and where their eyes are."""
+        x_m, _, z_m = self.position
+        facing_rad = self.yaw_rad - facing_yaw(self.motion)
+        return Placed(x_m, z_m, facing_rad, eye_height(self.model.skeleton, self.motion))
 
 
 class MotionSource(Protocol):
@@ -78,12 +99,17 @@ class Room:
         return pose or in_place(ping_pong_pose(performer.motion, now_s))
 
     def initial_camera(self, width: int, height: int) -> Camera:
-        """Where a viewer stands before they have moved: in front of everybody, at eye level."""
-        positions = np.array([one.position for one in self.performers] or [(0.0, 0.0, 0.0)])
-        tallest = max((m.model.skeleton.height_m for m in self.performers), default=1.7)
-        target = positions.mean(axis=0) + np.array([0.0, _EYE_LEVEL_SHARE * tallest, 0.0])
-        spread = float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
-        return orbit_camera(target, 3.2 + 2.0 * spread, 0.0, 0.08, width, height)
+        """Where a viewer stands before they have told where: in front of everybody."""
+        view = view_from_the_front([one.placed for one in self.performers])
+        return orbit_camera(
+            view.target,
+            view.distance_for(width / height, _FIRST_FOV_Y_RAD),
+            view.azimuth_rad,
+            view.elevation_rad,
+            width,
+            height,
+            _FIRST_FOV_Y_RAD,
+        )
 
 
 def ping_pong_pose(motion: Motion, now_s: float) -> Pose:
@@ -110,20 +136,8 @@ def facing_yaw(motion: Motion) -> float:
     return float(-np.arctan2(mean[0], mean[2]))
 
 
-def circle_layout(
-    count: int, radius_m: float = 1.0
-) -> list[tuple[tuple[float, float, float], float]]:
-    """Positions and yaws of `count` people round a circle, facing its centre; one alone is at 0.
-
-    The circle opens towards +z, where viewers come in.
-    """
-    if count == 1:
-        return [((0.0, 0.0, 0.0), 0.0)]
-    angles = np.linspace(-0.75, 0.75, count) * np.pi * min(1.0, count / 6.0 + 0.2) + np.pi
-    return [
-        (
-            (float(radius_m * np.sin(a)), 0.0, float(radius_m * np.cos(a))),
-            float(matrix_to_axis_angle(axis_angle_to_matrix(np.array([0.0, a - np.pi, 0.0])))[1]),
-        )
-        for a in angles
-    ]
+def eye_height(skeleton: Skeleton, motion: Motion) -> float:
+    """Mean height (m) above the floor of the eyes of a body of `skeleton` in `motion`."""
+    frames = np.linspace(0, len(motion) - 1, min(len(motion), _MOST_POSES)).round().astype(int)
+    joints = skeleton.joint_transforms(motion.joint_angles[frames], motion.root_translation[frames])
+    return float(joints[:, HEAD, 1, 3].mean()) + _EYES_ABOVE_HEAD_JOINT_M

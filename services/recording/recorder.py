@@ -11,7 +11,7 @@ import asyncio
 import json
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 from anyio import to_thread
 
@@ -25,9 +25,11 @@ from db.models import (
     RecordingRow,
     RecordingState,
 )
+from services.arrangement import view_from_the_front
 from services.container import Services
 from services.live.sessions.voice_sessions import PacketListener
 from services.live.streaming.forwarding import OpusPacket
+from services.meetings import placed, position, yaw
 from services.recording import consent
 from services.recording.chunks import LONGEST_RECORD, Record, pack
 
@@ -198,14 +200,15 @@ class Recorders:
             {
                 "id": one.id,
                 "model_id": one.model_id,
-                "position": [one.x_m, one.y_m, one.z_m],
-                "yaw_rad": one.yaw_rad,
+                "position": position(one),
+                "yaw_rad": yaw(one),
             }
             for one in meeting.performers
         ]
         room = {
             "environment": meeting.environment,
             "performers": performers,
+            "viewpoint": asdict(view_from_the_front([placed(one) for one in meeting.performers])),
             "standing_for": dict(performers_by_participant),
         }
         data = json.dumps(room, sort_keys=True).encode()

@@ -106,10 +106,8 @@ def full_life(database: Database, objects: Objects, name: str = "Ada") -> str:
                 model_id=model.id,
                 name=name,
                 place=0,
-                x_m=0.0,
-                y_m=0.0,
-                z_m=0.0,
-                yaw_rad=0.0,
+                front_yaw_rad=0.0,
+                eye_height_m=1.6,
             )
         ]
         unit.meetings.add(meeting)

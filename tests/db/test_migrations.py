@@ -73,6 +73,36 @@ def test_people_from_before_heights_have_none(url: str):
     assert (found.name, found.height_m) == ("Ada", None)
 
 
+def test_performers_from_before_places_face_the_others_as_they_were_captured(url: str):
+    migrations.migrate(url)
+    migrations.downgrade(url, "0010")
+    engine = make_engine(url)
+    with engine.begin() as connection:
+        for statement in (
+            "INSERT INTO person (id, account, name, created_at) VALUES ('a', 'b', 'Ada', "
+            "'2026-01-01')",
+            "INSERT INTO model (id, person_id, preset, created_at, data_hash, metrics) VALUES "
+            "('m', 'a', 'splats', '2026-01-01', '', '{}')",
+            "INSERT INTO meeting (id, account, name, created_at, lobby, environment) "
+            "VALUES ('r', 'b', 'Room', '2026-01-01', false, 'studio')",
+            # captured turned by 0.3 rad, on the left of the old circle and alone in its middle
+            "INSERT INTO performer (id, meeting_id, person_id, model_id, name, place, x_m, y_m, "
+            "z_m, yaw_rad) VALUES ('p', 'r', 'a', 'm', 'Ada', 0, -1.0, 0.0, 0.0, 1.2707963267949)",
+            "INSERT INTO performer (id, meeting_id, person_id, model_id, name, place, x_m, y_m, "
+            "z_m, yaw_rad) VALUES ('q', 'r', 'a', 'm', 'Ada', 1, 0.0, 0.0, 0.0, -0.3)",
+        ):
+            connection.execute(text(statement))
+    migrations.migrate(url)
+    migrations.check(url)
+    with engine.begin() as connection:
+        found = connection.execute(
+            text("SELECT front_yaw_rad, eye_height_m FROM performer ORDER BY id")
+        ).all()
+    migrations.downgrade(url, "0010")
+    engine.dispose()
+    assert [tuple(row) for row in found] == [pytest.approx((-0.3, 1.6)), pytest.approx((-0.3, 1.6))]
+
+
 def test_whoever_waited_in_the_lobby_before_the_rename_still_waits(url: str):
     migrations.migrate(url)
     migrations.downgrade(url, "0009")

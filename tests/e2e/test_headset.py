@@ -170,7 +170,7 @@ def test_both_eyes_see_the_performer_from_a_little_apart(page: Page):
     for eye in (left, right):
         assert 0.002 < person(eye).mean() < 0.2
         assert eye[:20].std() > 1.0  # a sky, and no blank
-    distance_m = 1.8
+    distance_m = 2.19
     apart = across(left) - across(right)
     assert apart == pytest.approx(_FOCAL_PX * _EYES_APART_M / distance_m, abs=2.0)
     page.evaluate("() => { headset.ipd = 0.3; }")

@@ -25,7 +25,7 @@ from scene.expression import EXPRESSION_COUNT
 from scene.rotations import matrix_to_quaternion
 from services.api.environments import Light
 from services.environments import environment, find_theme
-from services.live.room import MeetingPerformer, Room, circle_layout, facing_yaw
+from services.live.room import MeetingPerformer, Room
 from services.live.streaming.pose_feed import pose_packets
 from tests.renderer.splats.viewer_file import demo_model
 
@@ -57,11 +57,7 @@ def demo() -> SplatModel:
 
 
 def room_of(model: SplatModel, people: int) -> Room:
-    places = circle_layout(people)
-    cast = [
-        MeetingPerformer(str(i), str(i), model, model.motion, place, yaw + facing_yaw(model.motion))
-        for i, (place, yaw) in enumerate(places)
-    ]
+    cast = (MeetingPerformer.at_place(str(i), str(i), model, i) for i in range(people))
     return Room("m", tuple(cast))
 
 

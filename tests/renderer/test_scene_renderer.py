@@ -12,6 +12,7 @@ from renderer.performer_model import PerformerModel
 from renderer.reference import backdrop as twin
 from renderer.scene_renderer import SceneRenderer, contact_shadows, shadow_blocks
 from scene import Environment, InvalidInput, Performer, Pose, Scene, orbit_camera
+from scene.skeleton import HEAD
 from tests.renderer.studio import make_model
 
 ROOM = Environment()
@@ -51,6 +52,17 @@ def test_sky_is_above_floor():
     assert picture.shape == (64, 64, 3)
     assert picture[2].mean(axis=0)[2] > picture[2].mean(axis=0)[0]  # the zenith is blue
     assert picture[-2].mean() < picture[30].mean()  # the floor is darker than the horizon
+
+
+def test_whoever_looks_through_somebodys_eyes_sees_the_others_and_not_that_head():
+    me, other = stand(0.0, 1.3), stand(0.0, -1.3, "two")
+    eyes = float(me.model.skeleton.rest_joints[HEAD, 1]) + 0.05
+    for forward, through in ((0.0, True), (0.3, True), (-1.0, False)):
+        camera = orbit_camera((0.0, eyes, -1.3), 2.6 - forward, 0.0, 0.0, 96, 96)
+        both = SceneRenderer().render(Scene(ROOM, (me, other)), camera).copy()
+        alone = SceneRenderer().render(Scene(ROOM, (other,)), camera)
+        middle = (slice(40, 56), slice(40, 56))
+        assert (both[middle] == alone[middle]).all() == through
 
 
 def test_the_nearer_person_hides_the_other():

@@ -22,6 +22,7 @@ import type {
   NewPerson,
   NewUpload,
   NewVideo,
+  NewView,
   OpenedMeeting,
   People,
   Performer,
@@ -178,6 +179,13 @@ export class Api implements UploadRoutes {
   /** The file from which a model of ours is drawn; null where it has none. */
   async splats(modelId: string): Promise<ArrayBuffer | null> {
     return loadSplats(modelId, await this.token(), this.request);
+  }
+
+  /** A small picture of a model, from the front. */
+  async modelPicture(modelId: string): Promise<Blob> {
+    const camera = { orbit: { distance_m: 3 } };
+    const body = { camera, width: 96, height: 128, format: "webp" } satisfies NewView;
+    return (await this.send("POST", `/v1/models/${modelId}/views`, body)).blob();
   }
 
   async createMeeting(name: string, modelIds: string[]): Promise<Meeting> {

@@ -1,6 +1,6 @@
 /**
  * What travels as JSON between server and page. Written from the server's OpenAPI document by
- * `python -m tools.client_types`; change services/api/shapes.py, view_shapes.py or
+ * `python -m tools.client_types`; change services/api/*shapes.py or
  * services/control/messages.py and run that, never this file.
  */
 
@@ -51,7 +51,7 @@ export interface Captioned {
 /** How well somebody's network carries the meeting. */
 export type Connection = "good" | "fair" | "poor";
 
-/** The demo's meeting. */
+/** The demo's meeting, where the server shows one. */
 export interface DemoMeeting {
   /** Empty: this server runs no demo. */
   meeting_id: string | null;
@@ -190,6 +190,8 @@ export interface Meeting {
   /** Name of the place it is held in. */
   environment: string;
   performers: Performer[];
+  /** From where the caller looks at first. */
+  viewpoint: Viewpoint;
   /** Whoever joins waits until the host admits them. */
   lobby: boolean;
   /** Whoever joins is asked to agree to being recorded. */
@@ -339,6 +341,8 @@ export interface OpenedMeeting {
   /** Name of the place it is held in. */
   environment: string;
   performers: Performer[];
+  /** From where the caller looks at first. */
+  viewpoint: Viewpoint;
   /** Whoever joins waits until the host admits them. */
   lobby: boolean;
   /** Whoever joins is asked to agree to being recorded. */
@@ -370,7 +374,12 @@ export interface Performer {
   motion_sequence_id: string | null;
   /** World, m. */
   position: readonly [number, number, number];
+  /** Turn of the model about +y. */
   yaw_rad: number;
+  /** Whose person it is: the caller's own, the demo's, which every guest may drive, or somebody else's. */
+  owner: "own" | "demo" | "other";
+  /** In front of them. */
+  viewpoint: Viewpoint;
 }
 
 /** A person who is, or will be, modelled. */
@@ -592,6 +601,8 @@ export interface Seat {
   /** False while the renderer compiles, on its first start on a machine. */
   ready: boolean;
   performers: Performer[];
+  /** From where you look at first. */
+  viewpoint: Viewpoint;
 }
 
 /** A clip, and the state of its processing. */
@@ -668,6 +679,22 @@ export interface ViewPose {
   root_translation?: number[];
   /** Face, hands. */
   expression?: number[];
+}
+
+/** From where one looks at first: an orbit round a target. */
+export interface Viewpoint {
+  /** World, m. */
+  target: readonly [number, number, number];
+  /** 0 looks from +z, +pi/2 from +x. */
+  azimuth_rad: number;
+  /** Positive above the target. */
+  elevation_rad: number;
+  /** From the target; more where the width needs it. */
+  distance_m: number;
+  /** What is to be in sight at the target. */
+  width_m: number;
+  /** How far behind the target the last performer is. */
+  depth_m: number;
 }
 
 /** Somebody who wants to join. */

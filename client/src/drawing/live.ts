@@ -4,7 +4,7 @@ import type { Api } from "../api/api";
 import type { Vec3 } from "../viewpoint/geometry";
 import { MIN_USABLE_FPS, SIDES } from "../viewpoint/framing";
 import { LocalRendering } from "./localRendering";
-import { Pacer, StallDetector, encodeView } from "../transport/packets";
+import { Pacer, StallDetector, decodePose, encodeView, type PosePacket } from "../transport/packets";
 import { VideoAdaptation } from "../transport/videoAdaptation";
 import { PictureSize } from "../transport/pictureSize";
 import type { RenderSetting, RenderStatus } from "../splats/renderMode";
@@ -12,29 +12,9 @@ import { LatencyMeter } from "../transport/latencyCode";
 import { Sway } from "../viewpoint/sway";
 import type { Meeting, Performer, Seat } from "../api/types";
 import { FOV_Y_RAD, Viewpoint, homeOrbit, type CameraPose } from "../viewpoint/viewpoint";
-import { WhepConnection, type WhepStats, type WhepState } from "../transport/whep";
+import { WhepConnection, type WhepStats } from "../transport/whep";
 import type { HeadsetView } from "./headsetView";
-
-export interface LiveStats {
-  fps: number;
-  framesDecoded: number;
-  width: number;
-  height: number;
-  roundTripMs: number | null;
-}
-
-export interface LiveOptions {
-  /** A seat in the meeting; `stale` when the last one is no longer accepted. */
-  seat(stale: boolean): Promise<Seat>;
-  inertia: boolean;
-  /** A fixed square size, px, in place of the adaptive one: for measuring. */
-  pinned: number | null;
-  /** Whether pictures show when they were captured: for measuring, too. */
-  stamped: boolean;
-}
-
-/** As the viewer sees it: connected is not enough, a picture must be there, unless there is audio only. */
-export type LiveState = WhepState | { kind: "preparing"; firstStart: boolean } | { kind: "audio-only" };
+import type { LiveOptions, LiveState, LiveStats } from "./liveState";
 
 /** No picture for so long while the page is seen: the connection is dead, whatever it says. */
 const STALLED_S = 4;
@@ -60,6 +40,7 @@ export class LiveView {
   swaying = false;
   state: LiveState = { kind: "connecting" };
   private hideUnseen = true;
+  private poseWatcher: ((pose: PosePacket) => void) | null = null;
 
   private readonly connection: WhepConnection;
   private readonly adaptation = new VideoAdaptation();
@@ -87,7 +68,7 @@ export class LiveView {
     readonly meeting: Meeting,
     private readonly options: LiveOptions,
   ) {
-    this.viewpoint = new Viewpoint(homeOrbit(meeting.performers, 1), options.inertia);
+    this.viewpoint = new Viewpoint(homeOrbit(meeting.viewpoint, 1), options.inertia);
     this.latency = options.stamped ? new LatencyMeter(this.video) : null;
     this.video.autoplay = this.video.muted = this.video.playsInline = true;
     this.video.disablePictureInPicture = true;
@@ -116,7 +97,7 @@ export class LiveView {
         this.video.srcObject = stream;
         this.play();
       },
-      onPose: (packet) => this.localRendering.acceptPose(packet),
+      onPose: (packet) => this.onPose(packet),
     });
   }
 
@@ -137,6 +118,11 @@ export class LiveView {
   play(): void {
     // refused only where even muted video may not start by itself; then a touch starts it
     this.video.play().catch(() => addEventListener("pointerdown", () => this.play(), { once: true }));
+  }
+
+  /** Come close to somebody, in front of them. */
+  lookAt({ viewpoint }: Performer): void {
+    this.viewpoint.goTo(homeOrbit(viewpoint, this.size.aspect));
   }
 
   /** Show only what was filmed of the people; what was never seen of them is a guess. */
@@ -215,6 +201,12 @@ export class LiveView {
     return [x, y + HEAD_ABOVE_PELVIS_M, z];
   }
 
+  /** Have poses come, whoever draws, for a picture of one's own; null: no longer. */
+  watchPoses(watcher: ((pose: PosePacket) => void) | null): void {
+    this.poseWatcher = watcher;
+    this.viewpointUnsent = true;
+  }
+
   /** A channel that moves a performer of ours by keypoints; null while there is no connection. */
   openKeypointsChannel(performerId: string): RTCDataChannel | null {
     return this.connection.openKeypointsChannel(performerId);
@@ -230,6 +222,12 @@ export class LiveView {
     this.localRendering.close();
     this.video.srcObject = null;
     this.video.remove();
+  }
+
+  private onPose(packet: ArrayBuffer): void {
+    this.localRendering.acceptPose(packet);
+    const pose = this.poseWatcher && decodePose(packet);
+    if (pose) this.poseWatcher?.(pose);
   }
 
   private readonly onPageHide = (): void => this.connection.close();
@@ -248,13 +246,13 @@ export class LiveView {
     const seat = await this.options.seat(stale);
     this.firstStart = !seat.ready;
     this.localRendering.token = seat.token;
-    this.setPerformers(seat.performers);
+    this.setRoster(seat);
     return seat;
   }
 
-  private setPerformers(performers: readonly Performer[]): void {
-    this.viewpoint.setHome(homeOrbit(performers, this.size.aspect));
-    this.meeting.performers = [...performers];
+  private setRoster({ performers, viewpoint }: Pick<Meeting, "performers" | "viewpoint">): void {
+    this.viewpoint.setHome(homeOrbit(viewpoint, this.size.aspect));
+    Object.assign(this.meeting, { performers, viewpoint });
     this.onPerformers(performers);
     void this.localRendering.loadPerformers();
   }
@@ -265,7 +263,7 @@ export class LiveView {
     const meeting = await this.api.meeting(this.meeting.id).catch(() => null);
     if (!meeting) return;
     void this.showEnvironment(meeting.environment);
-    this.setPerformers(meeting.performers);
+    this.setRoster(meeting);
   }
 
   private frame(nowMs: number): void {
@@ -297,6 +295,7 @@ export class LiveView {
       fovYRad: this.localRendering.headsetView?.fovYRad ?? FOV_Y_RAD,
       hideUnseen: this.hideUnseen,
       rendersLocally: this.localRendering.ready,
+      posesToo: this.poseWatcher !== null,
       audioOnly: this.adaptation.audioOnly && !this.localRendering.headsetView,
       stalled: this.connected && !this.adaptation.audioOnly && !document.hidden && this.stalls.stalled(performance.now()),
       ...(this.localRendering.headsetView?.size ?? this.size.requested),
@@ -307,7 +306,7 @@ export class LiveView {
 
   private measure(): void {
     if (!this.size.measure()) return;
-    this.setPerformers(this.meeting.performers);
+    this.setRoster(this.meeting);
     this.fit();
   }
 

@@ -7,7 +7,7 @@ import { loadEnvironment } from "./environment";
 import { loadSplats } from "../api/splats";
 import { LocalRoom } from "../splats/localRoom";
 import { PacedRoom } from "../splats/pacedRoom";
-import type { LoadedEnvironment } from "../splats/room";
+import { screenPlace, type LoadedEnvironment } from "../splats/room";
 import { RenderModeSelector, type RenderSetting, type RenderStatus } from "../splats/renderMode";
 import { drawLatencyCode } from "../transport/latencyCode";
 import type { Meeting } from "../api/types";
@@ -119,8 +119,9 @@ export class LocalRendering {
     this.headsetView = null;
   }
 
-  /** Fetch whom the roster names, where this device may come to draw them. */
+  /** Fetch whom the roster names, where this device may come to draw them; a shared screen hangs behind them. */
   async loadPerformers(): Promise<void> {
+    for (const room of [this.room, this.headsetView?.room]) room?.placeScreen(screenPlace(this.meeting.viewpoint));
     if (this.token === "") return;
     void this.showEnvironment(this.meeting.environment);
     void this.headsetView?.room.setPerformers(this.meeting.performers).catch(() => undefined);

@@ -30,6 +30,7 @@ export type ImproveState =
 export interface Improvable {
   performerId: string;
   personId: string;
+  modelId: string;
   name: string;
 }
 
@@ -55,7 +56,7 @@ export async function improvable(api: Api, performers: readonly Performer[]): Pr
     return performers.flatMap(({ id, name, model_id }) => {
       const model = models.find((one) => one.id === model_id);
       const fits = model?.preset === "splats" && ours.has(model.person_id);
-      return fits ? [{ performerId: id, personId: model.person_id, name }] : [];
+      return fits ? [{ performerId: id, personId: model.person_id, modelId: model.id, name }] : [];
     });
   } catch (error) {
     if (error instanceof Problem && error.status === 403) return [];

@@ -4,10 +4,10 @@ import type { Api } from "../api/api";
 import { ResolutionLadder, fitSize, highestStep, type Size } from "../viewpoint/framing";
 import type { Vec3 } from "../viewpoint/geometry";
 import { performerCheck } from "../transport/packets";
-import { LocalRoom } from "../splats/localRoom";
+import { LocalRoom, type DrawnPerformer } from "../splats/localRoom";
 import { PacedRoom } from "../splats/pacedRoom";
 import { decodePanorama, type LoadedEnvironment } from "../splats/room";
-import type { Performer } from "../api/types";
+import type { Viewpoint as DefaultViewpoint } from "../api/types";
 import { FOV_Y_RAD, Viewpoint, homeOrbit } from "../viewpoint/viewpoint";
 import type { LoadedRecording } from "./load";
 import type { Player } from "./player";
@@ -15,13 +15,16 @@ import { indexAt, poseAt, type RoomRecord } from "./tracks";
 
 const COUNTING_MS = 1000;
 const HEAD_ABOVE_PELVIS_M = 0.65;
+/** In recordings that tell no viewpoint, everybody stands within a metre of the origin. */
+const ROUND_THE_ORIGIN: DefaultViewpoint = { target: [0, 1.2, 0], azimuth_rad: 0, elevation_rad: 0.08, distance_m: 3, width_m: 3, depth_m: 1 };
 
 export class ReplayRenderer {
   readonly canvas = document.createElement("canvas");
   readonly viewpoint: Viewpoint;
   private readonly room: LocalRoom;
   private readonly pacedRoom: PacedRoom;
-  private performers: Performer[] = [];
+  private performers: DrawnPerformer[] = [];
+  private home = ROUND_THE_ORIGIN;
   private environmentName = "";
   private sequence = 0;
   private readonly ladder = new ResolutionLadder();
@@ -43,8 +46,8 @@ export class ReplayRenderer {
     });
     this.pacedRoom = new PacedRoom(this.room);
     this.room.onLoaded = () => void this.pacedRoom.trial(this.viewpoint.camera, FOV_Y_RAD, this.size);
-    const first = loaded.rooms.items[0];
-    this.viewpoint = new Viewpoint(homeOrbit(first ? this.performersOf(first) : [], this.aspect), inertia);
+    this.home = loaded.rooms.items[0]?.viewpoint ?? ROUND_THE_ORIGIN;
+    this.viewpoint = new Viewpoint(homeOrbit(this.home, this.aspect), inertia);
     this.canvas.classList.add("shown");
   }
 
@@ -112,20 +115,20 @@ export class ReplayRenderer {
   private fit(aspect: number): void {
     if (aspect === 0 || aspect === this.aspect) return;
     this.aspect = aspect;
-    this.viewpoint.setHome(homeOrbit(this.performers, aspect));
+    this.viewpoint.setHome(homeOrbit(this.home, aspect));
   }
 
   /** Whoever was erased since has no motion, and is not there. */
-  private performersOf(room: RoomRecord): Performer[] {
-    return room.performers
-      .filter(({ id }) => this.loaded.motions.has(id))
-      .map((one) => ({ ...one, name: "", motion_sequence_id: null }));
+  private performersOf(room: RoomRecord): DrawnPerformer[] {
+    return room.performers.filter(({ id }) => this.loaded.motions.has(id));
   }
 
   private showRoom(room: RoomRecord): void {
     const cast = this.performersOf(room);
     if (cast.map(({ id }) => id).join() !== this.performers.map(({ id }) => id).join()) {
       this.performers = cast;
+      this.home = room.viewpoint ?? ROUND_THE_ORIGIN;
+      this.viewpoint.setHome(homeOrbit(this.home, this.aspect));
       // who can't be had now is asked for again with the next change
       void this.room.setPerformers(cast).catch(() => undefined);
     }

@@ -1,7 +1,8 @@
 /** A recording's tracks as the server hands them out: records of u32 moment (ms), u16 length, bytes. */
 
 import { decodePose, type PosePacket } from "../transport/packets";
-import type { Performer } from "../api/types";
+import type { Viewpoint } from "../api/types";
+import type { DrawnPerformer } from "../splats/localRoom";
 
 export interface Track<Of> {
   /** Moments, ms, ascending. */
@@ -12,7 +13,9 @@ export interface Track<Of> {
 /** What the recorder noted of the room. */
 export interface RoomRecord {
   environment: string;
-  performers: Pick<Performer, "id" | "model_id" | "position" | "yaw_rad">[];
+  performers: DrawnPerformer[];
+  /** In front of everybody; recordings of before do not have it. */
+  viewpoint?: Viewpoint;
   /** Participant -> who stood for them. */
   standing_for: Record<string, string>;
 }

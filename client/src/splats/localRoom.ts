@@ -10,7 +10,9 @@ import { varianceScale, readSplats, type SplatFile } from "./file";
 import { allocateOffsets, moveSplats } from "./moved";
 import { passCamera, type Eye, type PassCamera } from "./camera";
 import { SplatPass, type PassPeople } from "./pass";
-import { contactShadows, type LoadedEnvironment, type Shadow } from "./room";
+import { ArrivingFiles, type LoadSplats } from "./arriving";
+import { withoutOwnHead } from "./ownHead";
+import { contactShadows, type LoadedEnvironment, type ScreenPlace, type Shadow } from "./room";
 import { forwardKinematics, TRANSFORM } from "./skeleton";
 import { depthOrder, depthRows, depths, allocateOrder } from "./sort";
 import type { Sorted, SortTask } from "./sortWorker";
@@ -18,8 +20,6 @@ import type { Sorted, SortTask } from "./sortWorker";
 /** Poses older than this show a connection that is gone, or a server that draws by itself. */
 const STALE_MS = 1000;
 const TRIAL_FRAMES = 3;
-/** What is whole so soon after its beginning is drawn at once. */
-const SOON_MS = 100;
 const SERVER_ONLY = "Somebody here can only be rendered by the server";
 const NOBODY: PassPeople = {
   transforms: new Float32Array(TRANSFORM),
@@ -32,16 +32,8 @@ const NOBODY: PassPeople = {
   hideUnseen: false,
 };
 
-/** The file of a model; null where it has none that a page can draw. May tell of its first bytes before. */
-export type LoadSplats = (modelId: string, onBeginning: (bytes: ArrayBuffer) => void) => Promise<ArrayBuffer | null>;
-
-/** A file on its way: as much of it as can be drawn already, and all of it. */
-interface Arriving {
-  beginning: Promise<ArrayBuffer | null>;
-  /** The beginning is less than the whole. */
-  partial: boolean;
-  whole: Promise<ArrayBuffer | null>;
-}
+/** Who is drawn, and where until they move. */
+export type DrawnPerformer = Pick<Performer, "id" | "model_id" | "position" | "yaw_rad">;
 
 export class LocalRoom {
   /** Everybody's splats are here, or enough of them to draw everybody. */
@@ -56,8 +48,8 @@ export class LocalRoom {
   private readonly pass: SplatPass | null;
   private readonly timer: DrawTimer | null;
   private readonly worker = new Worker(new URL("./sortWorker.ts", import.meta.url), { type: "module" });
-  private readonly files = new Map<string, Arriving>();
-  private performers: readonly Performer[] = [];
+  private readonly files: ArrivingFiles;
+  private performers: readonly DrawnPerformer[] = [];
   private splats: PackedSplats | null = null;
   private splatsVersion = 0;
   private poses: PosePacket[] = [];
@@ -79,9 +71,10 @@ export class LocalRoom {
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
-    private readonly load: LoadSplats,
+    load: LoadSplats,
     private readonly xrCompatible = false,
   ) {
+    this.files = new ArrivingFiles(load);
     this.pass = this.makePass();
     this.timer = this.pass && new DrawTimer(this.pass.gl, (tookMs) => this.onFinished(tookMs));
     this.worker.addEventListener("message", ({ data }: MessageEvent<Sorted>) => this.onSorted(data));
@@ -99,7 +92,7 @@ export class LocalRoom {
    * Who stands in the room; fetches whom it does not know yet. Who gets a better model meanwhile is
    * drawn by the one before until that has come. Throws a Problem.
    */
-  async setPerformers(performers: readonly Performer[]): Promise<void> {
+  async setPerformers(performers: readonly DrawnPerformer[]): Promise<void> {
     const before = this.performers;
     const alike = (key: "id" | "model_id"): boolean =>
       performers.length === before.length && performers.every((one, at) => one[key] === before[at]?.[key]);
@@ -110,7 +103,7 @@ export class LocalRoom {
       this.poses = [];
     }
     try {
-      const files = performers.map(({ model_id: id }) => this.file(id));
+      const files = performers.map(({ model_id: id }) => this.files.get(id));
       const beginnings = await Promise.all(files.map(({ beginning }) => beginning));
       const partial = files.some((file) => file.partial);
       if (partial && this.performers === performers && !this.splats) this.assemble(beginnings, true);
@@ -134,6 +127,12 @@ export class LocalRoom {
     this.screen = video;
     if (!video) this.pass?.setScreen(null);
     else this.watchScreen(video);
+    this.drawnKey = "";
+  }
+
+  /** Where a shared screen hangs from now on. */
+  placeScreen(place: ScreenPlace): void {
+    this.pass?.placeScreen(place);
     this.drawnKey = "";
   }
 
@@ -192,7 +191,7 @@ export class LocalRoom {
     this.posesChanged = false;
     this.drawnKey = key;
     if (changed) this.version += 1;
-    this.sort(camera, kept);
+    this.sort(splats, camera, kept);
     const sorted = this.sorted;
     if (!sorted || !(changed || this.resorted)) return false;
     this.resorted = false;
@@ -235,7 +234,7 @@ export class LocalRoom {
       if (this.posesChanged) this.updateTransforms(splats);
       this.posesChanged = false;
       this.version += 1;
-      this.sort(head, kept);
+      this.sort(splats, head, kept);
     }
     const sorted = drawable ? this.sorted : null;
     pass.drawEyes(splats && sorted ? this.passPeople(splats, sorted, hideUnseen) : NOBODY, eyes);
@@ -287,27 +286,6 @@ export class LocalRoom {
       this.obstacle = "This browser can’t render people: it has no WebGL2";
       return null;
     }
-  }
-
-  private file(modelId: string): Arriving {
-    const known = this.files.get(modelId);
-    if (known) return known;
-    let begin: (bytes: ArrayBuffer) => void = () => undefined;
-    const early = new Promise<ArrayBuffer>((resolve) => (begin = resolve));
-    const whole = this.load(modelId, (bytes) => {
-      // on a quick line everything is here before its beginning would be drawn
-      setTimeout(() => {
-        arriving.partial = true;
-        begin(bytes);
-      }, SOON_MS);
-    });
-    const arriving: Arriving = { beginning: Promise.race([early, whole]), partial: false, whole };
-    this.files.set(modelId, arriving);
-    whole.then(
-      () => this.files.set(modelId, { beginning: whole, partial: false, whole }),
-      () => this.files.delete(modelId),
-    );
-    return arriving;
   }
 
   /** Everybody's splats; null, and an obstacle, for files that another release wrote. */
@@ -374,12 +352,13 @@ export class LocalRoom {
   }
 
   /** Have the worker sort for the newest view, unless it is still at the last one. */
-  private sort(camera: PassCamera, kept: readonly number[]): void {
+  private sort({ people }: PackedSplats, camera: PassCamera, most: readonly number[]): void {
     const order = this.spareOrder;
     if (!order || this.sortedVersion === this.version) return;
     this.spareOrder = null;
     this.sortedVersion = this.version;
     const rows = depthRows(this.transforms, camera.worldToCamera);
+    const kept = withoutOwnHead(people, this.transforms, camera.eye, most);
     const task: SortTask = { version: this.splatsVersion, rows, order, kept };
     this.worker.postMessage(task, [order.buffer]);
   }

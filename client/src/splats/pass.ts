@@ -15,7 +15,7 @@ import { program, setCamera, texture, uniformsOf, type Uniforms } from "./progra
 import { TRANSFORM } from "./skeleton";
 import { allocateOrder, ORDER_COLUMNS } from "./sort";
 import { FULLSCREEN_VERTEX, MAX_PEOPLE, PROJECT_FRAGMENT, SPLAT_FRAGMENT, SPLAT_VERTEX, TABLE_COLUMNS } from "./shaders";
-import type { LoadedEnvironment, Shadow } from "./room";
+import type { LoadedEnvironment, ScreenPlace, Shadow } from "./room";
 import { RoomPass } from "./roomPass";
 
 /** Who is seen, from wherever. */
@@ -131,6 +131,11 @@ export class SplatPass {
   /** The newest picture of a shared screen; null: none is shared. */
   setScreen(source: TexImageSource | null, width = 1, height = 1): void {
     this.room.setScreen(source, width, height);
+  }
+
+  /** Where a shared screen hangs from now on. */
+  placeScreen(place: ScreenPlace): void {
+    this.room.placeScreen(place);
   }
 
   /** Draw into the canvas, which takes the size of the camera's picture. */

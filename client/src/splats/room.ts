@@ -1,6 +1,7 @@
 /** The room round the people as the server draws it: its colours, and shadows where people stand. */
 
-import type { Light } from "../api/types";
+import type { Viewpoint as DefaultViewpoint, Light } from "../api/types";
+import type { Vec3 } from "../viewpoint/geometry";
 import type { PassCamera } from "./camera";
 import { NEAR_M } from "./sort";
 import { transformedJoint, TRANSFORM, type Skeleton } from "./skeleton";
@@ -20,8 +21,20 @@ export interface LoadedEnvironment {
   light: Light | null;
 }
 
-/** A shared screen in the room: behind everybody, upright, facing where viewers come in. */
-export const SCREEN = { centre: [0, 1.72, -1.9], widest: 2.6, highest: 1.5 } as const;
+/** A shared screen in the room: upright, so far behind whoever sits farthest away. */
+const SCREEN = { heightM: 1.72, behindM: 1.9, widest: 2.6, highest: 1.5 } as const;
+
+/** Where the middle of a shared screen is, and which way it faces. */
+export interface ScreenPlace {
+  centre: Vec3;
+  azimuthRad: number;
+}
+
+/** Behind everybody whom one sees from `view`, facing that way. */
+export function screenPlace({ target: [x, , z], azimuth_rad: azimuthRad, depth_m: depthM }: DefaultViewpoint): ScreenPlace {
+  const behindM = SCREEN.behindM + depthM;
+  return { centre: [x - behindM * Math.sin(azimuthRad), SCREEN.heightM, z - behindM * Math.cos(azimuthRad)], azimuthRad };
+}
 
 /** Half the width and height (m) of a screen of so many pixels. */
 export function screenHalfSize(width: number, height: number): readonly [number, number] {

@@ -2,7 +2,7 @@
 
 import type { Eye } from "./camera";
 import { program, setCamera, texture, uniformsOf, type Uniforms } from "./program";
-import { SCREEN, STUDIO, screenHalfSize, shadowBounds, type LoadedEnvironment, type Shadow } from "./room";
+import { STUDIO, screenHalfSize, shadowBounds, type LoadedEnvironment, type ScreenPlace, type Shadow } from "./room";
 import { MAX_SHADOWS, roomFragment, type RoomKind } from "./roomShader";
 import { FULLSCREEN_VERTEX } from "./shaders";
 
@@ -20,6 +20,7 @@ export class RoomPass {
   private readonly panorama: WebGLTexture;
   private readonly screen: WebGLTexture;
   private panoramic = false;
+  private screenPlace: ScreenPlace = { centre: [0, 0, 0], azimuthRad: 0 };
   private screenHalfSize: readonly [number, number] | null = null;
 
   constructor(private readonly gl: WebGL2RenderingContext) {
@@ -43,6 +44,11 @@ export class RoomPass {
   setScreen(source: TexImageSource | null, width = 1, height = 1): void {
     this.screenHalfSize = source ? screenHalfSize(width, height) : null;
     this.upload(this.screen, source);
+  }
+
+  /** Where a shared screen hangs from now on. */
+  placeScreen(place: ScreenPlace): void {
+    this.screenPlace = place;
   }
 
   /** Draw `people`, a premultiplied picture as large as the camera's, and what is behind them. */
@@ -78,7 +84,8 @@ export class RoomPass {
     gl.uniform3f(at("eye"), ...camera.eye);
     gl.uniform1i(at("panorama"), PANORAMA_UNIT);
     gl.uniform1i(at("screen"), SCREEN_UNIT);
-    gl.uniform3f(at("screenCentre"), ...SCREEN.centre);
+    gl.uniform3f(at("screenCentre"), ...this.screenPlace.centre);
+    gl.uniform2f(at("screenFacing"), Math.sin(this.screenPlace.azimuthRad), Math.cos(this.screenPlace.azimuthRad));
     gl.uniform2f(at("screenHalfSize"), ...(this.screenHalfSize ?? [1, 1]));
     gl.uniform3f(at("horizon"), ...STUDIO.horizon);
     gl.uniform3f(at("zenith"), ...STUDIO.zenith);

@@ -43,6 +43,7 @@ uniform vec3 floorColour;
 uniform sampler2D panorama; // equirectangular, sRGB
 uniform sampler2D screen; // sRGB, the top row first
 uniform vec3 screenCentre; // m
+uniform vec2 screenFacing; // x and z of the way that it faces, a unit vector
 uniform vec2 screenHalfSize; // m
 uniform int shadowCount;
 uniform vec4 shadows[${MAX_SHADOWS}]; // x, z, radius (m), strength
@@ -117,8 +118,10 @@ vec3 roomColour(vec3 ray) {
 #ifdef SHARING
 /** Where on the shared screen the ray meets it: from -1 to 1; outside of that where it does not. */
 vec2 screenPoint(vec3 ray) {
-  float t = (screenCentre.z - eye.z) / ray.z;
-  return t > 0.0 ? (eye.xy + t * ray.xy - screenCentre.xy) / screenHalfSize : vec2(2.0);
+  float t = dot(screenCentre.xz - eye.xz, screenFacing) / dot(ray.xz, screenFacing);
+  vec3 from = eye + t * ray - screenCentre;
+  vec2 right = vec2(screenFacing.y, -screenFacing.x);
+  return t > 0.0 ? vec2(dot(from.xz, right), from.y) / screenHalfSize : vec2(2.0);
 }
 #endif
 

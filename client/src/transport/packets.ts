@@ -5,7 +5,7 @@
  * Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
  * Flags of a view, bit 0: show only what was filmed of a person; bit 1: this page draws the room, so
  * poses are wanted in place of pictures; bit 2: pictures are wanted and have stopped, so one that needs none
- * before it is; bit 3: neither pictures nor poses are wanted, audio only.
+ * before it is; bit 3: neither pictures nor poses are wanted, audio only; bit 4: poses are wanted beside pictures.
  * A view's payload: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV camera axes),
  * f32 vertical field of view (rad), u16 width, u16 height (px).
  * A pose's payload: u8 index of the performer, u8 how many there are, u16 check of the performer's id,
@@ -24,6 +24,7 @@ const HIDE_UNSEEN = 1;
 const RENDERS_LOCALLY = 2;
 const STALLED = 4;
 const AUDIO_ONLY = 8;
+const POSES_TOO = 16;
 export const POSE_BYTES = 176;
 const JOINTS = 24;
 const ROTATIONS_AT = 32;
@@ -48,6 +49,8 @@ export interface ViewPacket {
   stalled: boolean;
   /** The connection is too slow for pictures, and for poses. */
   audioOnly: boolean;
+  /** Poses are wanted, whoever draws the room. */
+  posesToo: boolean;
 }
 
 /** How one performer stands in the room. */
@@ -74,7 +77,7 @@ export function encodeView(packet: ViewPacket): ArrayBuffer {
   data.setUint8(0, VERSION);
   data.setUint8(1, KIND_VIEW);
   const drawing = (packet.hideUnseen ? HIDE_UNSEEN : 0) | (packet.rendersLocally ? RENDERS_LOCALLY : 0);
-  const coming = (packet.stalled ? STALLED : 0) | (packet.audioOnly ? AUDIO_ONLY : 0);
+  const coming = (packet.stalled ? STALLED : 0) | (packet.audioOnly ? AUDIO_ONLY : 0) | (packet.posesToo ? POSES_TOO : 0);
   data.setUint16(2, drawing | coming, true);
   data.setUint32(4, packet.sequence, true);
   data.setFloat64(8, packet.captureTimeMs, true);

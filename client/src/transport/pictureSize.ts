@@ -20,9 +20,10 @@ export class PictureSize {
     private readonly onResize: () => void,
   ) {}
 
-  /** Width over height of the viewport. */
+  /** Width over height of what is seen: the viewport, and of a fixed square no more than its width. */
   get aspect(): number {
-    return this.box.width / this.box.height;
+    const aspect = this.box.width / this.box.height;
+    return this.pinned ? Math.min(1, aspect) : aspect;
   }
 
   /** The largest step that the viewport's pixels are worth. */

@@ -6,7 +6,7 @@
  */
 
 import type { Quaternion, Vec3 } from "./geometry";
-import type { Performer } from "../api/types";
+import type { Viewpoint as DefaultViewpoint } from "../api/types";
 
 export const FOV_Y_RAD = 0.6;
 const ELEVATION_LIMITS_RAD = [-0.35, 1.35] as const;
@@ -47,18 +47,11 @@ export interface Steering {
 
 export const STILL: Steering = { forward: 0, right: 0, turn: 0, zoom: 0, run: false };
 
-/** The first view: in front of everybody, a little above the middle of the body. */
-export function homeOrbit(performers: readonly Performer[], aspect: number): Orbit {
-  const count = Math.max(1, performers.length);
-  const sum = performers.reduce((s, p) => [s[0] + p.position[0], s[1] + p.position[2]] as const, [
-    0, 0,
-  ] as readonly [number, number]);
-  const [x, z] = [sum[0] / count, sum[1] / count];
-  const spread = Math.max(0, ...performers.map((p) => Math.hypot(p.position[0] - x, p.position[2] - z)));
-  const widthM = 1.3 + 2 * spread;
-  const fitting = widthM / (2 * Math.tan(FOV_Y_RAD / 2) * Math.max(aspect, 0.1));
-  const distanceM = clamp(Math.max(3.7 + 0.8 * spread, fitting), DISTANCE_LIMITS_M);
-  return { target: [x, 0.92, z], azimuthRad: 0, elevationRad: 0.08, distanceM };
+/** The first view, as the server says; from so far away that a window of this aspect shows everybody. */
+export function homeOrbit(view: DefaultViewpoint, aspect: number): Orbit {
+  const fitting = view.width_m / (2 * Math.tan(FOV_Y_RAD / 2) * Math.max(aspect, 0.1));
+  const distanceM = clamp(Math.max(view.distance_m, fitting), DISTANCE_LIMITS_M);
+  return { target: view.target, azimuthRad: view.azimuth_rad, elevationRad: view.elevation_rad, distanceM };
 }
 
 /** The camera that `orbit` describes. */
@@ -126,22 +119,22 @@ export class Viewpoint {
     this.steering = steering;
   }
 
-  /** Look at another point of the room, from the same side. */
-  lookAt(target: Vec3, distanceM: number): void {
-    this.aim({ target, distanceM });
+  /** Go to another view; by the short way round. */
+  goTo(orbit: Orbit): void {
+    this.aim(this.turnedLike(orbit));
   }
 
-  /** Back to the first view; by the short way round. */
+  /** Back to the first view. */
   reset(): void {
-    const turns = Math.round((this.goal.azimuthRad - this.home.azimuthRad) / (2 * Math.PI));
-    this.aim({ ...this.home, azimuthRad: this.home.azimuthRad + turns * 2 * Math.PI });
+    this.home = this.turnedLike(this.home);
+    this.aim(this.home);
   }
 
   /** A new first view (people came or the window changed); a view still at the old one follows. */
   setHome(home: Orbit): void {
     const untouched = near(this.goal, this.home);
     this.home = home;
-    if (untouched) this.goal = home;
+    if (untouched) this.reset();
   }
 
   /** Advance by `seconds`; says whether the view moved. */
@@ -182,6 +175,12 @@ export class Viewpoint {
     }
     if (turn) this.turn(turn * TURN_RAD_PER_S * dt, 0);
     if (zoom) this.zoom(ZOOM_PER_S ** (-zoom * dt));
+  }
+
+  /** The same view, told with the whole turns that the viewer has made. */
+  private turnedLike(orbit: Orbit): Orbit {
+    const turns = Math.round((this.goal.azimuthRad - orbit.azimuthRad) / (2 * Math.PI));
+    return { ...orbit, azimuthRad: orbit.azimuthRad + turns * 2 * Math.PI };
   }
 
   private aim(change: Partial<Orbit>): void {

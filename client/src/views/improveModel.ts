@@ -7,6 +7,7 @@ import { sleep } from "../api/until";
 import { progressText } from "../enrolment/progressText";
 import { closeCamera, openCamera, record, type RecordedClip } from "../capture/record";
 import { announce, h, withoutEmpty } from "./dom";
+import { modelButtons } from "./ownModels";
 import { button, notice, type View } from "./shell";
 
 const COUNTDOWN_S = 5;
@@ -44,7 +45,7 @@ export function improveModelView(live: LiveView, borrow: () => MediaStream | nul
       if (now !== attempt) return;
       if (mine.length === 0) throw NO_OWN_MODEL;
       if (mine.length === 1) improve(mine[0] as Improvable);
-      else panel.prompt("Which model is yours?", ...mine.map((one) => button(one.name, () => improve(one))));
+      else panel.prompt("Which model is yours?", modelButtons(live.api, mine, improve));
     } catch (error) {
       if (now === attempt) panel.show({ kind: "failed", problem: asProblem(error), advice: [], clipOnServer: false });
     }

@@ -1,7 +1,8 @@
 /** The meeting: the live picture, filling the window, and the little that lies on it. */
 
 import { attachControls } from "../viewpoint/controls";
-import type { LiveStats, LiveState, LiveView } from "../drawing/live";
+import type { LiveView } from "../drawing/live";
+import type { LiveStats, LiveState } from "../drawing/liveState";
 import type { RenderSetting, RenderStatus } from "../splats/renderMode";
 import type { Performer } from "../api/types";
 import { moveFocusByArrows } from "./arrowFocus";
@@ -18,12 +19,10 @@ interface MeetingViewHooks {
   onRetry(): void;
 }
 
-const CLOSE_UP_M = 2.6;
 const HINT_MS = 6000;
 /** How one looks round. */
 const BRIEF_LINES = 2;
 const COPIED_MS = 2000;
-const CHEST_M = 0.95;
 
 /** The way into a headset: what the view shows of it, and ends with itself. */
 export interface HeadsetControl {
@@ -230,11 +229,9 @@ function showPerformers(people: HTMLElement, performers: readonly Performer[], l
   if (people.dataset["key"] === key) return;
   people.dataset["key"] = key;
   people.replaceChildren(
-    ...performers.map(({ name, position: [x, , z] }) => {
-      const chip = button(name, () => live.viewpoint.lookAt([x, CHEST_M, z], CLOSE_UP_M), {
-        look: "glass",
-      });
-      chip.setAttribute("aria-label", `Look at ${name}`);
+    ...performers.map((performer) => {
+      const chip = button(performer.name, () => live.lookAt(performer), { look: "glass" });
+      chip.setAttribute("aria-label", `Look at ${performer.name}`);
       return chip;
     }),
   );

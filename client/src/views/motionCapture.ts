@@ -1,12 +1,13 @@
 /** Motion capture on or off, a preview of the landmarks, and the state of the tracking. */
 
-import type { Api } from "../api/api";
 import { MotionCapture, type Tracking } from "../landmarks/motionCapture";
 import { drawSkeleton } from "../landmarks/skeleton";
 import type { LiveView } from "../drawing/live";
-import { Problem, asProblem } from "../api/problem";
+import { Problem } from "../api/problem";
 import type { Performer } from "../api/types";
 import { announce, h } from "./dom";
+import { modelButtons, ownPerformers } from "./ownModels";
+import { selfView } from "./selfView";
 import { button, notice, type View } from "./shell";
 
 const WORDS: Record<Tracking, string> = {
@@ -22,7 +23,7 @@ const NO_OWN_MODEL = new Problem(
 
 /** A button that switches the camera on and off, and a panel for what it shows. */
 export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonElement; camera(): MediaStream | null } {
-  const toggle = button("Track my movements", () => void (element.hidden ? begin() : end()), {
+  const toggle = button("Track my movements", () => (element.hidden ? begin() : end()), {
     look: "glass",
     icon: "camera",
     testId: "motion-capture",
@@ -35,7 +36,7 @@ export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonEl
     attributes: { "aria-label": "Motion capture" },
   });
   let capture: MotionCapture | null = null;
-  let asked = 0;
+  let self: ReturnType<typeof selfView> | null = null;
 
   const show = (on: boolean, ...children: Node[]): void => {
     toggle.setAttribute("aria-pressed", String(on));
@@ -44,9 +45,9 @@ export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonEl
   };
 
   const end = (): void => {
-    asked += 1;
     capture?.close();
-    capture = null;
+    self?.close();
+    capture = self = null;
     show(false);
   };
 
@@ -55,23 +56,19 @@ export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonEl
     show(true, notice(problem, button("Close", end)));
   };
 
-  const begin = async (): Promise<void> => {
-    const now = ++asked;
-    show(true, statusLine(WORDS.starting));
-    try {
-      const mine = await ownPerformers(live.api, live.meeting.performers);
-      if (now !== asked) return;
-      if (mine.length === 0) throw NO_OWN_MODEL;
-      if (mine.length === 1) captureAs(mine[0] as Performer);
-      else show(true, statusLine("Which model is yours?"), ...mine.map((one) => button(one.name, () => captureAs(one))));
-    } catch (error) {
-      if (now === asked) showProblem(asProblem(error));
-    }
+  const begin = (): void => {
+    const mine = ownPerformers(live.meeting.performers);
+    const [first] = mine;
+    if (!first) return showProblem(NO_OWN_MODEL);
+    if (mine.length === 1) return captureAs(first);
+    const models = mine.map((one) => ({ ...one, modelId: one.model_id }));
+    show(true, statusLine("Which model is yours?"), modelButtons(live.api, models, captureAs));
   };
 
-  const captureAs = ({ id, name }: Performer): void => {
+  const captureAs = ({ id, name }: Pick<Performer, "id" | "name">): void => {
     const status = statusLine(WORDS.starting);
     const canvas = h("canvas", { attributes: { "aria-hidden": "true" } });
+    self = selfView(live, id);
     const line = h("p", { className: "self-detail" }, `Animating ${name}. Only your movements leave this device.`);
     capture = new MotionCapture(() => live.openKeypointsChannel(id), {
       onTracking: (tracking) => {
@@ -82,23 +79,13 @@ export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonEl
       onLandmarks: (seen) => drawSkeleton(canvas, seen),
       onProblem: showProblem,
     });
-    show(true, h("div", { className: "self-picture" }, capture.video, canvas), status, line);
+    const camera = h("div", { className: "self-camera" }, capture.video, canvas);
+    show(true, h("div", { className: "self-picture" }, self.element, camera), status, line);
     void capture.start();
   };
 
   toggle.setAttribute("aria-pressed", "false");
   return { element, toggle, close: end, camera: () => capture?.camera ?? null };
-}
-
-/** Performers of our own people; none for who was only invited to look. */
-async function ownPerformers(api: Api, performers: readonly Performer[]): Promise<Performer[]> {
-  try {
-    const models = new Set((await api.models()).map(({ id }) => id));
-    return performers.filter(({ model_id }) => models.has(model_id));
-  } catch (error) {
-    if (error instanceof Problem && error.status === 403) return [];
-    throw error;
-  }
 }
 
 function statusLine(text: string): HTMLElement {

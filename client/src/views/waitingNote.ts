@@ -1,6 +1,6 @@
 /** What one waits for while there is no picture, and that there is audio only. */
 
-import type { LiveState } from "../drawing/live";
+import type { LiveState } from "../drawing/liveState";
 import { announce, h } from "./dom";
 import { icon } from "./icons";
 

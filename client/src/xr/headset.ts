@@ -10,7 +10,7 @@ import type { LiveView } from "../drawing/live";
 import type { Eye, PassCamera } from "../splats/camera";
 import { SplatBudget, SplatShares } from "../splats/budget";
 import { headsetRules, type HeadsetStep } from "./headsetSteps";
-import { panelInFrontOf, ViewerRig, centreOf, seatPose, SNAP_RAD } from "./rig";
+import { panelInFrontOf, ViewerRig, homePose, SNAP_RAD } from "./rig";
 import { MENU_PX, menuItems, type MenuAction, type MenuItem, type Sheet } from "./menu";
 import { paintMenu, paintText } from "./paint";
 import { Pointers, type Aim } from "./pointers";
@@ -75,14 +75,13 @@ export class Headset {
     ways: HeadsetActions,
   ): Promise<Headset> {
     const space = await session.requestReferenceSpace("local-floor");
-    const { seat } = await meetingSession.getSeat();
     const rates = [...(session.supportedFrameRates ?? [])];
     if (rates.includes(PACE_HZ)) await session.updateTargetFrameRate?.(PACE_HZ);
     const view = live.beginHeadset(document.createElement("canvas"));
     try {
       const gl = view.room.graphics;
       if (!gl) throw new Error(view.room.obstacle ?? "");
-      const headset = new Headset(session, space, gl, live, view, meetingSession, ways, seat);
+      const headset = new Headset(session, space, gl, live, view, meetingSession, ways);
       headset.start();
       return headset;
     } catch (error) {
@@ -100,7 +99,6 @@ export class Headset {
     private readonly view: HeadsetView,
     private readonly meetingSession: MeetingSession,
     private readonly actions: HeadsetActions,
-    private readonly seat: number,
   ) {
     this.quads = new QuadRenderer(gl);
     this.menuPanel = new CanvasPanel(gl, MENU_PX.width, MENU_PX.height);
@@ -160,12 +158,13 @@ export class Headset {
   }
 
   private get centre(): readonly [number, number] {
-    return centreOf(this.live.meeting.performers);
+    const [x, , z] = this.live.meeting.viewpoint.target;
+    return [x, z];
   }
 
   /** Sit down at first; boards come along with whoever turns away from them. */
   private placePanels(head: Matrix): void {
-    if (!this.head) this.rig.placeAt(head, seatPose(this.seat, this.live.meeting.performers));
+    if (!this.head) this.rig.placeAt(head, homePose(this.live.meeting.viewpoint));
     this.head = head;
     const away = Math.abs(Math.sin(0.5 * (yawOf(head) - (this.panels?.yawRad ?? 0))));
     if (this.panels && away < Math.sin(0.5 * TURNED_AWAY_RAD)) return;

@@ -1,7 +1,7 @@
-/** Where in the room a headset's space stands: its viewer's seat, steps, turns, and height. */
+/** Where in the room a headset's space stands: its viewer's place, steps, turns, and height. */
 
 import type { Vec3 } from "../viewpoint/geometry";
-import type { Performer } from "../api/types";
+import type { Viewpoint as DefaultViewpoint } from "../api/types";
 import { add, column, scale, unit, yawOf, type Matrix, type Quad, type Ray } from "./space";
 
 /** Eyes of somebody who stands, m above the floor. */
@@ -9,9 +9,6 @@ export const STANDING_EYES_M = 1.6;
 export const SNAP_RAD = Math.PI / 6;
 /** So far from the middle of everybody one may step, m: as far as walking goes on a screen. */
 const MAX_TELEPORT_M = 8;
-const SEAT_DISTANCE_M = 1.8;
-const SEAT_SPACING_RAD = 0.45;
-const SEATS_ROUND = 7;
 
 export interface FloorPose {
   x: number;
@@ -20,20 +17,10 @@ export interface FloorPose {
   yawRad: number;
 }
 
-/** The seat number `seat`: beside the others in front of everybody, facing their middle. */
-export function seatPose(seat: number, performers: readonly Performer[]): FloorPose {
-  const [x, z] = centreOf(performers);
-  const spread = Math.max(0, ...performers.map(({ position: [px, , pz] }) => Math.hypot(px - x, pz - z)));
-  const nth = seat % SEATS_ROUND;
-  const yawRad = SEAT_SPACING_RAD * Math.ceil(nth / 2) * (nth % 2 === 1 ? 1 : -1);
-  const distance = SEAT_DISTANCE_M + spread;
-  return { x: x + distance * Math.sin(yawRad), z: z + distance * Math.cos(yawRad), yawRad };
-}
-
-export function centreOf(performers: readonly Performer[]): readonly [number, number] {
-  const count = Math.max(1, performers.length);
-  const sum = (axis: 0 | 2): number => performers.reduce((all, { position }) => all + position[axis], 0);
-  return [sum(0) / count, sum(2) / count];
+/** The place of the first view on a screen: one's own, or in front of everybody; the head's height is the viewer's. */
+export function homePose({ target: [x, , z], azimuth_rad: yawRad, elevation_rad: elevationRad, distance_m: distanceM }: DefaultViewpoint): FloorPose {
+  const awayM = distanceM * Math.cos(elevationRad);
+  return { x: x + awayM * Math.sin(yawRad), z: z + awayM * Math.cos(yawRad), yawRad };
 }
 
 /** A rigid motion from a headset's space (floor at y = 0) into the room. */

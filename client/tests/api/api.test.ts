@@ -61,6 +61,12 @@ describe("failures", () => {
     expect(asProblem(new Error("x is undefined")).detail).toBe("X is undefined.");
   });
 
+  it("takes a missing demo for no demo, and nothing else", async () => {
+    const none = fakeFetch(() => json({ meeting_id: null }));
+    expect(await new Api(tokenStore("t"), none.request).demoMeeting()).toBeNull();
+    const broken = fakeFetch(() => json({ title: "Broken" }, 500));
+    await expect(new Api(tokenStore("t"), broken.request).demoMeeting()).rejects.toThrow("Broken");
+  });
 });
 
 describe("watchJob", () => {

@@ -2,12 +2,14 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Api } from "../../src/api/api";
 import type { Meeting, Performer, Seat } from "../../src/api/types";
-import { LiveView, type LiveState } from "../../src/drawing/live";
+import { LiveView } from "../../src/drawing/live";
+import type { LiveState } from "../../src/drawing/liveState";
 import { fakeFetch, json, tokenStore, type Call } from "../fakes";
+import { FRONT, performer } from "../viewpoint/front";
 
-const ADA: Performer = { id: "ada", name: "Ada", model_id: "m1", motion_sequence_id: null, position: [1, 0, 2], yaw_rad: 0 };
+const ADA = performer("ada", { name: "Ada", model_id: "m1", position: [1, 0, 2] });
 const BO: Performer = { ...ADA, id: "bo", name: "Bo", position: [-1, 0, 2] };
-const SEAT = { token: "seat", whep_url: "/whep/m", ice_servers: [], ready: true, performers: [ADA] } as unknown as Seat;
+const SEAT = { token: "seat", whep_url: "/whep/m", ice_servers: [], ready: true, performers: [ADA], viewpoint: FRONT } as unknown as Seat;
 
 class FakeChannel extends EventTarget {
   readyState = "open";
@@ -53,14 +55,14 @@ class FakePeer extends EventTarget {
 let videoFrame: () => void = () => undefined;
 
 function setUp(answer: (call: Call) => Response = () => new Response("answer", { status: 201, headers: { Location: "/whep/m/1" } }), seat: Partial<Seat> = {}) {
-  const roster = { performers: [ADA, BO], environment: "studio" };
+  const roster = { performers: [ADA, BO], viewpoint: FRONT, environment: "studio" };
   const { request, calls } = fakeFetch((call) => {
     if (call.method === "DELETE") return new Response();
     if (call.path === "/v1/meetings/m") return json(roster);
     return call.path === "/v1/meetings/m/environment" ? json({ name: "studio", picture_url: null, light: null }) : answer(call);
   });
   vi.stubGlobal("fetch", request);
-  const meeting = { id: "m", name: "Monday", environment: "studio", performers: [ADA] } as unknown as Meeting;
+  const meeting = { id: "m", name: "Monday", environment: "studio", performers: [ADA], viewpoint: FRONT } as unknown as Meeting;
   const seats: boolean[] = [];
   const live = new LiveView(new Api(tokenStore("guest"), request), meeting, {
     seat: async (stale) => (seats.push(stale), { ...SEAT, ...seat }),

@@ -4,6 +4,7 @@ import { LocalRendering } from "../../src/drawing/localRendering";
 import type { RenderStatus } from "../../src/splats/renderMode";
 import type { Meeting } from "../../src/api/types";
 import type { CameraPose } from "../../src/viewpoint/viewpoint";
+import { FRONT } from "../viewpoint/front";
 
 // what needs a graphics card and a worker
 const rooms = vi.hoisted(() => [] as Record<string, unknown>[]);
@@ -18,6 +19,7 @@ vi.mock("../../src/splats/localRoom", () => ({
     draw = vi.fn(() => true);
     setEnvironment = vi.fn();
     setScreen = vi.fn();
+    placeScreen = vi.fn();
     setPerformers = vi.fn(async () => undefined);
     trialFps = (...[, , , kept]: [unknown, unknown, unknown, number[]]): number => 600_000 / (kept[0] ?? 1);
     onLoaded = (): void => undefined;
@@ -37,7 +39,7 @@ function drawing(place: () => Promise<unknown> = async () => STUDIO) {
   const told: RenderStatus[] = [];
   const onUnknownPerformers = vi.fn();
   const asked = vi.fn(place);
-  const meeting = { id: "m", environment: "studio", performers: [] } as unknown as Meeting;
+  const meeting = { id: "m", environment: "studio", performers: [], viewpoint: FRONT } as unknown as Meeting;
   const local = new LocalRendering({ environment: asked } as unknown as Api, meeting, {
     onModeChange: (one) => told.push(one),
     onShownChange: () => undefined,

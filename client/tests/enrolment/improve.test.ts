@@ -265,7 +265,7 @@ describe("improvable", () => {
       { id: "elsewhere", person_id: "p", preset: "splats" },
     ];
     const here = ["mine", "field", "theirs", "stranger"].map(performer);
-    expect(await improvable(api(people, models), here)).toEqual([{ performerId: "of-mine", personId: "p", name: "mine" }]);
+    expect(await improvable(api(people, models), here)).toEqual([{ performerId: "of-mine", personId: "p", modelId: "mine", name: "mine" }]);
   });
 
   it("is nobody for who was only invited to look", async () => {

@@ -2,7 +2,8 @@ import { describe, expect, it } from "vitest";
 import { packSplats, shareWithin } from "../../src/splats/packed";
 import { readSplats, type SplatFile } from "../../src/splats/file";
 import { allocateOffsets, movedSplats, moveSplats } from "../../src/splats/moved";
-import { contactShadows, screenHalfSize } from "../../src/splats/room";
+import { withoutOwnHead } from "../../src/splats/ownHead";
+import { contactShadows, screenHalfSize, screenPlace } from "../../src/splats/room";
 import { transformedJoint, forwardKinematics, TRANSFORM } from "../../src/splats/skeleton";
 import { depthOrder, depthRows, depths, allocateOrder } from "../../src/splats/sort";
 import { loadSplats } from "../../src/api/splats";
@@ -352,5 +353,35 @@ describe("loadSplats", () => {
     const body = new ReadableStream<Uint8Array>({ pull: (controller) => controller.error(new TypeError("gone")) });
     const { request } = fakeFetch(() => new Response(body));
     await expect(loadSplats("m", "seat", request)).rejects.toMatchObject({ title: "The server does not answer" });
+  });
+});
+
+describe("withoutOwnHead", () => {
+  const joints = 24;
+  const standing = { restJoints: new Float32Array(3 * joints), parents: new Int16Array(joints).map((_, joint) => joint - 1) };
+  standing.restJoints.set([0, 1.5, 0], 3 * 15);
+
+  /** Everybody unturned, at x. */
+  function transforms(...xs: number[]): Float32Array {
+    const out = new Float32Array(TRANSFORM * joints * xs.length);
+    xs.forEach((x, person) => {
+      for (let joint = 0; joint < joints; joint++) out.set([1, 0, 0, x, 0, 1, 0, 0, 0, 0, 1, 0], TRANSFORM * (joints * person + joint));
+    });
+    return out;
+  }
+
+  it("leaves out whoever's eyes one looks through, and nobody else", () => {
+    const people = [standing, standing];
+    const two = transforms(0, 2);
+    expect(withoutOwnHead(people, two, [2, 1.55, 0.3], [700, 900])).toEqual([700, 0]);
+    expect(withoutOwnHead(people, two, [2, 1.55, 0.6], [700, 900])).toEqual([700, 900]);
+    expect(withoutOwnHead(people, two, [0, 0.9, 0], [])).toEqual([Infinity, Infinity]);
+  });
+});
+
+describe("screenPlace", () => {
+  it("is behind everybody, facing the viewer", () => {
+    const view = { target: [1, 1.3, 2], azimuth_rad: Math.PI / 2, elevation_rad: 0, distance_m: 3, width_m: 1, depth_m: 0.6 } as const;
+    expect(screenPlace(view)).toEqual({ centre: [-1.5, 1.72, 2].map((value) => expect.closeTo(value, 6)), azimuthRad: Math.PI / 2 });
   });
 });

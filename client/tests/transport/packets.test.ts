@@ -14,7 +14,7 @@ describe("encodeView", () => {
       hideUnseen: false,
       rendersLocally: false,
       stalled: false,
-      audioOnly: false,
+      audioOnly: false, posesToo: false,
     });
     expect(bytes.byteLength).toBe(VIEW_BYTES);
     const hex = [...new Uint8Array(bytes)].map((byte) => byte.toString(16).padStart(2, "0"));
@@ -31,19 +31,19 @@ describe("encodeView", () => {
 
   it("asks for what was filmed alone by the first bit of the flags", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: true, rendersLocally: false, stalled: false, audioOnly: false });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: true, rendersLocally: false, stalled: false, audioOnly: false, posesToo: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 1, 0]);
   });
 
   it("asks for poses in place of pictures by the second", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, rendersLocally: true, stalled: false, audioOnly: false });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, rendersLocally: true, stalled: false, audioOnly: false, posesToo: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 2, 0]);
   });
 
   it("says by the third that pictures have stopped", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, rendersLocally: false, stalled: true, audioOnly: false });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, rendersLocally: false, stalled: true, audioOnly: false, posesToo: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 4, 0]);
   });
 });
@@ -51,8 +51,16 @@ describe("encodeView", () => {
 describe("encodeView on a line that is too slow", () => {
   it("asks by the fourth bit for audio only", () => {
     const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
-    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, rendersLocally: true, stalled: false, audioOnly: true });
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, rendersLocally: true, stalled: false, audioOnly: true, posesToo: false });
     expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 10, 0]);
+  });
+});
+
+describe("encodeView with a picture of oneself", () => {
+  it("asks by the fifth bit for poses beside pictures", () => {
+    const packet = { sequence: 1, captureTimeMs: 0, fovYRad: 0.6, width: 16, height: 16 };
+    const bytes = encodeView({ ...packet, position: [0, 0, 0], wxyz: [1, 0, 0, 0], hideUnseen: false, rendersLocally: false, stalled: false, audioOnly: false, posesToo: true });
+    expect([...new Uint8Array(bytes)].slice(0, 4)).toEqual([1, 3, 16, 0]);
   });
 });
 

@@ -28,6 +28,7 @@ test("a pinned size is asked for on every stage", () => {
   size.measure();
   size.fit(256);
   expect(size.requested).toEqual({ width: 640, height: 640 });
+  expect(size.aspect).toBe(1); // what lies above and below is cut off, and nothing beside is shown
 });
 
 test("a small stage is not worth large pictures", () => {

@@ -2,6 +2,7 @@ import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import type { Seat } from "../../src/api/types";
 import { WhepConnection, backoffMs, type WhepState } from "../../src/transport/whep";
 import { fakeFetch, json, type Call } from "../fakes";
+import { FRONT } from "../viewpoint/front";
 
 class FakeChannel extends EventTarget {
   readyState = "connecting";
@@ -72,6 +73,7 @@ const SEAT: Seat = {
   ice_servers: ["stun:s"],
   whep_url: "/whep/m",
   performers: [],
+  viewpoint: FRONT,
 };
 
 function setUp(answer: (call: Call, attempt: number) => Response) {

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Quaternion, Vec3 } from "../../src/viewpoint/geometry";
-import type { Performer } from "../../src/api/types";
+import { FRONT } from "./front";
 import { STILL, Viewpoint, homeOrbit, orbitCamera, type Orbit } from "../../src/viewpoint/viewpoint";
 
 const HOME: Orbit = { target: [0, 0.9, 0], azimuthRad: 0, elevationRad: 0.1, distanceM: 3 };
@@ -16,11 +16,6 @@ function rotate([w, x, y, z]: Quaternion, [a, b, c]: Vec3): Vec3 {
     b + w * ty + z * tx - x * tz,
     c + w * tz + x * ty - y * tx,
   ];
-}
-
-function performer(x: number, z: number): Performer {
-  const nobody = { id: `${x}`, name: "", model_id: "", motion_sequence_id: null };
-  return { ...nobody, position: [x, 0, z], yaw_rad: 0 };
 }
 
 describe("orbitCamera", () => {
@@ -153,14 +148,14 @@ describe("Viewpoint", () => {
 });
 
 describe("homeOrbit", () => {
-  it("steps back for more people and for narrow windows", () => {
-    const alone = homeOrbit([performer(0, 0)], 1.6);
-    expect(homeOrbit([performer(-1, 0), performer(1, 0)], 1.6).distanceM).toBeGreaterThan(alone.distanceM);
-    expect(homeOrbit([performer(0, 0)], 0.46).distanceM).toBeGreaterThan(alone.distanceM);
-    expect(homeOrbit([], 1)).toEqual(homeOrbit([performer(0, 0)], 1));
+  it("is the server's view where the window is wide enough for it", () => {
+    const view = { ...FRONT, target: [1, 1.4, 2] as const, azimuth_rad: 0.7 };
+    expect(homeOrbit(view, 1.6)).toEqual({ target: [1, 1.4, 2], azimuthRad: 0.7, elevationRad: 0.08, distanceM: 2.2 });
   });
 
-  it("looks at the middle of everybody", () => {
-    expect(homeOrbit([performer(1, 2), performer(3, 4)], 1).target).toEqual([2, 0.92, 3]);
+  it("steps back for more people and for narrow windows", () => {
+    expect(homeOrbit({ ...FRONT, width_m: 3.5 }, 1.6).distanceM).toBeCloseTo(3.54, 2); // as the server's
+    expect(homeOrbit(FRONT, 0.46).distanceM).toBeCloseTo(3.16, 2);
+    expect(homeOrbit({ ...FRONT, width_m: 0 }, 0.46).distanceM).toBe(2.2); // one's own place is where it is
   });
 });

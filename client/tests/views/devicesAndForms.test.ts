@@ -9,8 +9,10 @@ import { chosenDevices } from "../../src/capture/devices";
 import { deviceCheck } from "../../src/views/deviceCheck";
 import { keypointsForm } from "../../src/views/keypointsForm";
 import { motionCaptureView } from "../../src/views/motionCapture";
-import { fakeFetch, json, tokenStore, type Call } from "../fakes";
-import { find, press } from "./inside";
+import { fakeFetch, json, tokenStore } from "../fakes";
+import { performer } from "../viewpoint/front";
+import { performerCheck } from "../../src/transport/packets";
+import { find } from "./inside";
 
 const soon = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
 
@@ -173,58 +175,70 @@ describe("trying camera and microphone", () => {
 });
 
 describe("motion capture in the meeting", () => {
-  const performer = (id: string): Performer => ({ id, name: id, model_id: `m-${id}` }) as Performer;
-
-  function view(answer: (call: Call) => Response) {
+  function view(...performers: Performer[]) {
     const getUserMedia = vi.fn(() => new Promise(() => undefined)); // the browser still asks
     vi.stubGlobal("navigator", Object.assign(Object.create(navigator), { mediaDevices: { getUserMedia } }));
-    const { request } = fakeFetch(answer);
-    const live = { api: new Api(tokenStore("guest"), request), meeting: { performers: ["Ada", "Bo", "Cy"].map(performer) } };
+    const { request, calls } = fakeFetch(() => new Response(new Blob(["picture"])));
+    const watchPoses = vi.fn();
+    const live = { api: new Api(tokenStore("guest"), request), meeting: { performers }, watchPoses };
     const made = motionCaptureView(live as unknown as LiveView);
     document.body.append(made.toggle, made.element);
     const start = async (): Promise<void> => {
       made.toggle.click();
       await soon();
     };
-    return { ...made, start, getUserMedia };
+    return { ...made, start, getUserMedia, calls, watchPoses };
   }
-  const models = (...ids: string[]): Response => json({ items: ids.map((id) => ({ id: `m-${id}` })) });
+  const [demo, own] = [{ owner: "demo" }, { owner: "own" }] as const;
 
-  it("starts at once for one's only model, and ends by the same press", async () => {
-    const { element, toggle, start, getUserMedia } = view(() => models("Bo"));
+  it("asks nothing of whoever has one model of their own, and ends by the same press", async () => {
+    const { element, toggle, start, getUserMedia } = view(performer("Ada", demo), performer("Ada", { id: "mine", ...own }), performer("Cy"));
     await start();
     expect(getUserMedia).toHaveBeenCalledTimes(1);
-    expect(element.textContent).toContain("Animating Bo.");
+    expect(element.textContent).toContain("Animating Ada.");
     expect(toggle.getAttribute("aria-pressed")).toBe("true");
     await start();
     expect([element.hidden, toggle.getAttribute("aria-pressed")]).toEqual([true, "false"]);
   });
 
-  it("asks which model is one's own where there are several", async () => {
-    const { element, start, getUserMedia } = view(() => models("Ada", "Cy"));
+  it("takes the demo's model for a guest who brought none", async () => {
+    const { element, start } = view(performer("Ada", demo), performer("Cy"));
     await start();
-    expect([...element.querySelectorAll("button")].map(({ textContent }) => textContent)).toEqual(["Ada", "Cy"]);
+    expect(element.textContent).toContain("Animating Ada.");
+  });
+
+  it("asks which model is one's own where there are several, and shows a picture of each", async () => {
+    const { element, start, getUserMedia, calls } = view(performer("Ada", own), performer("Bo"), performer("Cy", own));
+    await start();
+    const choices = [...find(element, "model-choices").querySelectorAll("button")];
+    expect(choices.map(({ textContent }) => textContent)).toEqual(["Ada", "Cy"]);
+    expect(choices.map((one) => one.querySelector("img")?.src.startsWith("blob:"))).toEqual([true, true]);
+    expect(calls.map(({ path }) => path)).toEqual(["/v1/models/m-Ada/views", "/v1/models/m-Cy/views"]);
     expect(getUserMedia).not.toHaveBeenCalled();
-    element.querySelectorAll("button")[1]?.click();
+    choices[1]?.click();
     expect(element.textContent).toContain("Animating Cy.");
   });
 
-  it("says what to do where one has no model here, also as an invited viewer", async () => {
-    for (const answer of [() => models("Zoe"), () => json({ title: "Not allowed" }, 403)]) {
-      const { element, start, getUserMedia } = view(answer);
-      await start();
-      expect(element.textContent).toContain("You have no model in this meeting");
-      expect(getUserMedia).not.toHaveBeenCalled();
-      press(document.body, "motion-capture");
-      document.body.innerHTML = "";
-    }
+  it("shows oneself as the others see one: from poses, until it is switched off", async () => {
+    const { element, start, calls, watchPoses } = view(performer("Ada", own), performer("Cy"));
+    await start();
+    const onPose = watchPoses.mock.lastCall?.[0] as (pose: object) => void;
+    onPose({ check: performerCheck("Cy") });
+    expect(calls).toEqual([]);
+    onPose({ check: performerCheck("Ada") });
+    onPose({ check: performerCheck("Ada") });
+    await soon();
+    expect(calls.map(({ path }) => path)).toEqual(["/v1/models/m-Ada/files/viewer.splats"]);
+    // no graphics here: then the camera alone is shown
+    expect(find<HTMLElement>(element, "self-view").hidden).toBe(true);
+    await start();
+    expect(watchPoses).toHaveBeenLastCalledWith(null);
   });
 
-  it("does not start after it was switched off meanwhile", async () => {
-    const { element, toggle, getUserMedia } = view(() => models("Bo"));
-    toggle.click();
-    toggle.click();
-    await soon();
-    expect([element.hidden, getUserMedia.mock.calls.length]).toEqual([true, 0]);
+  it("says what to do where one has no model here", async () => {
+    const { element, start, getUserMedia } = view(performer("Cy"));
+    await start();
+    expect(element.textContent).toContain("You have no model in this meeting");
+    expect(getUserMedia).not.toHaveBeenCalled();
   });
 });

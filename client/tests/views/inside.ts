@@ -5,8 +5,9 @@ import type { Meeting, Roster, ToServer } from "../../src/api/types";
 import type { ControlConnection, ControlHooks } from "../../src/meeting/controlConnection";
 import { MeetingSession } from "../../src/meeting/session";
 import { fakeFetch, json, member, tokenStore, type Call } from "../fakes";
+import { FRONT } from "../viewpoint/front";
 
-export const MEETING = { id: "m", name: "Monday", join_url: "/", performers: [], lobby: false } as unknown as Meeting;
+export const MEETING = { id: "m", name: "Monday", join_url: "/", performers: [], viewpoint: FRONT, lobby: false } as unknown as Meeting;
 export const HOST = member({ id: "me", role: "host", microphone: true });
 export const BO = member({ id: "b", name: "Bo" });
 export const ROSTER: Roster = {

@@ -3,13 +3,15 @@ import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Api } from "../../src/api/api";
 import { Problem } from "../../src/api/problem";
 import type { Performer } from "../../src/api/types";
-import type { LiveState, LiveView } from "../../src/drawing/live";
+import type { LiveView } from "../../src/drawing/live";
+import type { LiveState } from "../../src/drawing/liveState";
 import type { RenderStatus } from "../../src/splats/renderMode";
 import { meetingTools } from "../../src/views/meetingTools";
 import { meetingView } from "../../src/views/meetingView";
 import { Viewpoint, homeOrbit } from "../../src/viewpoint/viewpoint";
 import { fakeFetch, json, member, tokenStore } from "../fakes";
 import { BO, HOST, find, inside, press } from "./inside";
+import { FRONT } from "../viewpoint/front";
 
 const ADA = { id: "p", name: "Ada", model_id: "m", position: [1, 0, 2] } as unknown as Performer;
 
@@ -21,12 +23,13 @@ function fakeLive() {
     meeting: { name: "Monday", join_url: "http://elsewhere/?meeting=m#token=t", performers: [ADA] },
     video: document.createElement("video"),
     canvas: document.createElement("canvas"),
-    viewpoint: new Viewpoint(homeOrbit([ADA], 1), false),
+    viewpoint: new Viewpoint(homeOrbit(FRONT, 1), false),
     state: { kind: "connecting" } as LiveState,
     onState: (_: LiveState): void => undefined,
     onStats: (_: object): void => undefined,
     onRenderStatus: (_: RenderStatus): void => undefined,
     onPerformers: (_: readonly Performer[]): void => undefined,
+    lookAt: vi.fn(),
     setHideUnseen: vi.fn(),
     chooseRenderMode: vi.fn(),
     showScreen: vi.fn(),
@@ -97,8 +100,9 @@ describe("the meeting", () => {
     const { live, labelled } = setUp();
     const home = live.viewpoint.orbit;
     labelled("Ada").click();
+    expect(live.lookAt).toHaveBeenCalledWith(ADA);
+    live.viewpoint.zoom(2);
     live.viewpoint.step(0.1);
-    expect(live.viewpoint.orbit).toMatchObject({ target: [1, 0.95, 2], distanceM: expect.closeTo(2.6, 5) });
     labelled("Reset view").click();
     live.viewpoint.step(0.1);
     expect(live.viewpoint.orbit.distanceM).toBeCloseTo(home.distanceM, 5);

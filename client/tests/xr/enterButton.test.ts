@@ -4,6 +4,7 @@ import type { LiveView } from "../../src/drawing/live";
 import type { MeetingSession } from "../../src/meeting/session";
 import { INITIAL_STATE } from "../../src/meeting/state";
 import { enterVrButton } from "../../src/xr/enterButton";
+import { FRONT } from "../viewpoint/front";
 
 class FakeSession extends EventTarget {
   inputSources = [];
@@ -34,7 +35,7 @@ function setUp({ graphics = true, seat = async (): Promise<object> => ({ seat: 1
   vi.stubGlobal("navigator", Object.assign(Object.create(navigator), { xr: system }));
   const visits: string[] = [];
   const live = {
-    meeting: { performers: [] },
+    meeting: { performers: [], viewpoint: FRONT },
     beginHeadset: () => (visits.push("begin"), { room: { graphics: graphics ? fakeGl() : null, obstacle: "no WebGL2" } }),
     endHeadset: () => visits.push("end"),
   } as unknown as LiveView;

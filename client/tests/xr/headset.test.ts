@@ -1,13 +1,13 @@
 import { describe, expect, it } from "vitest";
 import { SplatBudget } from "../../src/splats/budget";
 import { HEADSET_STEPS, headsetRules, type HeadsetStep } from "../../src/xr/headsetSteps";
-import { panelInFrontOf, ViewerRig, seatPose, STANDING_EYES_M } from "../../src/xr/rig";
+import { panelInFrontOf, ViewerRig, homePose, STANDING_EYES_M } from "../../src/xr/rig";
 import { hitTest } from "../../src/xr/pointers";
 import { column, eyeCamera, floorHit, headPose, quadHit, rayOf, yawOf, type Matrix } from "../../src/xr/space";
 import { rotationMatrix } from "../../src/viewpoint/geometry";
 import { passCamera } from "../../src/splats/camera";
-import { orbitCamera } from "../../src/viewpoint/viewpoint";
-import type { Performer } from "../../src/api/types";
+import { homeOrbit, orbitCamera } from "../../src/viewpoint/viewpoint";
+import { FRONT } from "../viewpoint/front";
 
 /** A head at x, y, z that is turned to the left about y and then tilted up. */
 function headAt(x: number, y: number, z: number, yaw = 0, tilt = 0): Matrix {
@@ -107,37 +107,22 @@ describe("rays", () => {
   });
 });
 
-const performer = (x: number, z: number): Performer => ({
-  id: `${x}`,
-  name: "",
-  model_id: "",
-  motion_sequence_id: null,
-  position: [x, 0, z],
-  yaw_rad: 0,
-});
-
 describe("ViewerRig", () => {
   const head = headAt(0.4, 1.2, -0.3, 0.5);
 
-  it("sits whoever comes on their seat, facing the middle, whichever way they stand at home", () => {
+  it("puts whoever comes where a screen would show the room from, whichever way they stand at home", () => {
     const footing = new ViewerRig();
-    for (const seat of [0, 1, 2, 6, 7]) {
-      const place = seatPose(seat, [performer(1, 1), performer(3, 1)]);
+    for (const azimuth_rad of [0, 1.05, -2.5]) {
+      const place = homePose({ ...FRONT, target: [2, 1.3, 1], azimuth_rad });
+      const [x = 0, , z = 0] = orbitCamera(homeOrbit({ ...FRONT, target: [2, 1.3, 1], azimuth_rad }, 1)).position;
       footing.placeAt(head, place);
       const room = footing.toRoom(head);
-      expect([...column(room, 3)]).toEqual(close([place.x, 1.2, place.z]));
+      expect([...column(room, 3)]).toEqual(close([x, 1.2, z]));
       const { along } = rayOf(room);
       const towards = [2 - place.x, 1 - place.z];
       expect(along[0] * (towards[1] ?? 0) - along[2] * (towards[0] ?? 0)).toBeCloseTo(0, 5);
       expect(along[0] * (towards[0] ?? 0) + along[2] * (towards[1] ?? 0)).toBeGreaterThan(0);
     }
-  });
-
-  it("gives seats apart from each other", () => {
-    const places = [0, 1, 2, 3].map((seat) => seatPose(seat, [performer(0, 0)]));
-    const xs = places.map(({ x }) => x.toFixed(3));
-    expect(new Set(xs).size).toBe(4);
-    expect(seatPose(0, []).z).toBeCloseTo(1.8);
   });
 
   it("steps to a place, though not out of the room, and keeps its direction", () => {

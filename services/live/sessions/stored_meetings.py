@@ -13,7 +13,7 @@ from services import seats
 from services.container import Services
 from services.environments import environment_in
 from services.live.room import MeetingPerformer
-from services.meetings import performed_motion
+from services.meetings import performed_motion, position, yaw
 
 log = logging.getLogger(__name__)
 
@@ -63,8 +63,8 @@ def load_performers(services: Services, meeting_id: str) -> tuple[MeetingPerform
             performer.name,
             services.models.load_row(row),
             motion,
-            (performer.x_m, performer.y_m, performer.z_m),
-            performer.yaw_rad,
+            position(performer),
+            yaw(performer),
             account,
         )
         for performer, row, motion, account in zip(performers, rows, motions, accounts, strict=True)

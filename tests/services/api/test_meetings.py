@@ -66,11 +66,14 @@ async def test_performers_come_and_go_and_live_views_follow(
         assert gone.status_code == 204
         assert (await client.delete(f"{path}/{ada.json()['id']}")).status_code == 404
         left = (await client.get(f"/v1/meetings/{meeting['id']}")).json()["performers"]
-        assert [(p["id"], p["position"]) for p in left] == [(bob["id"], [0.0, 0.0, 0.0])]
+        assert left == [bob]  # who stays does not move
+        again = (await client.post(path, json={"model_id": models[0].id})).json()
+        assert again["position"] == [0.0, 0.0, 0.0]
+        await client.delete(f"{path}/{again['id']}")
         await client.delete(f"/v1/people/{models[1].person_id}")
         left = (await client.get(f"/v1/meetings/{meeting['id']}")).json()["performers"]
         assert left == []
-    assert heard == [meeting["id"]] * 4
+    assert heard == [meeting["id"]] * 6
 
 
 async def test_joining_gives_a_seat_and_a_token_for_this_meeting_only(
@@ -149,6 +152,36 @@ async def test_the_demo_is_made_once_and_heals(
     assert ensure_demo(services, model_file, "Robin") == meeting_id
     meeting = (await client.get(f"/v1/meetings/{meeting_id}", headers=guest)).json()
     assert [p["name"] for p in meeting["performers"]] == ["Robin"]
+
+
+async def test_whoever_takes_part_looks_from_their_own_place_and_others_from_the_front(
+    client: httpx.AsyncClient, services: Services, model_file: Path
+):
+    meeting_id = ensure_demo(services, model_file, "Robin")
+    tokens = [(await client.post("/v1/guest")).json()["token"] for _ in range(2)]
+    speaker, watcher = ({"Authorization": f"Bearer {token}"} for token in tokens)
+    account = services.tokens.read(tokens[0]).account
+    model = import_model(services, model_file, account, "Robin")
+    path = f"/v1/meetings/{meeting_id}"
+    mine = await client.post(f"{path}/performers", json={"model_id": model.id}, headers=speaker)
+    assert mine.json()["owner"] == "own"
+    own, seen = [(await client.get(path, headers=headers)).json() for headers in (speaker, watcher)]
+    assert [p["owner"] for p in own["performers"]] == ["demo", "own"]
+    assert [p["owner"] for p in seen["performers"]] == ["demo", "other"]
+    x, _, z = own["viewpoint"]["target"]
+    away = own["viewpoint"]["distance_m"] * math.cos(own["viewpoint"]["elevation_rad"])
+    eye = (
+        x + away * math.sin(own["viewpoint"]["azimuth_rad"]),
+        z + away * math.cos(own["viewpoint"]["azimuth_rad"]),
+    )
+    assert eye == pytest.approx(own["performers"][1]["position"][::2])
+    assert seen["viewpoint"]["azimuth_rad"] == pytest.approx(math.pi / 3)
+    seat = await client.post(f"{path}/join", json={}, headers=speaker)
+    assert seat.json()["viewpoint"] == own["viewpoint"]
+    # who brought two is asked which they are, and till then only watches
+    await client.post(f"{path}/performers", json={"model_id": model.id}, headers=speaker)
+    own, seen = [(await client.get(path, headers=headers)).json() for headers in (speaker, watcher)]
+    assert own["viewpoint"] == seen["viewpoint"]
 
 
 async def _keypoints(client: httpx.AsyncClient, person_id: str) -> str:

@@ -132,7 +132,14 @@ def test_drawing_for_oneself_is_the_second_flag():
 
 @pytest.mark.parametrize(
     ("flags", "pictures", "poses"),
-    [(0, True, False), (2, False, True), (8, False, False), (10, False, False)],
+    [
+        (0, True, False),
+        (2, False, True),
+        (8, False, False),
+        (10, False, False),
+        (16, True, True),
+        (24, False, False),
+    ],
 )
 def test_sound_alone_is_the_fourth_flag_and_wants_neither_pictures_nor_poses(
     flags, pictures, poses
@@ -142,7 +149,7 @@ def test_sound_alone_is_the_fourth_flag_and_wants_neither_pictures_nor_poses(
     data = bytearray.fromhex(GOLDEN)
     data[2] = flags
     packet = decode_view(bytes(data))
-    assert packet.sound_only == (flags >= 8)
+    assert packet.sound_only == bool(flags & 8)
     assert encode_view(packet) == bytes(data)
     newest.receive(packet)
     assert (newest.wants_pictures, newest.wants_poses) == (pictures, poses)

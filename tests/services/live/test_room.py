@@ -1,18 +1,20 @@
-"""Rooms: endless motion without jumps, people on their spot, places round a circle."""
+"""Rooms: endless motion without jumps, people on their spot, facing the others."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from scene import Pose
+from scene.rotations import axis_angle_to_matrix
+from scene.skeleton import HEAD
+from services.arrangement import place
 from services.live.room import (
     MeetingPerformer,
     Room,
-    circle_layout,
+    eye_height,
     facing_yaw,
     in_place,
     ping_pong_pose,
@@ -42,27 +44,34 @@ def test_a_walker_stays_on_the_spot_but_may_jump():
     np.testing.assert_array_equal(pose.root_translation, [0.0, 0.2, 0.0])
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 6, 12])
-def test_places_are_apart_and_face_the_middle(count):
-    places = circle_layout(count)
-    assert len(places) == count
-    for i, (a, yaw) in enumerate(places):
-        assert all(math.dist(a, b) > 0.25 for b, _ in places[:i])
-        if count > 1:
-            facing = np.array([np.sin(yaw), 0.0, np.cos(yaw)])
-            assert facing @ -np.array(a) > 0.99 * np.linalg.norm(a)
-
-
 def test_facing_yaw_turns_the_clip_to_the_front():
     motion = make_motion(8)
     motion.joint_angles[:, 0] = [0.0, 0.7, 0.0]
     assert facing_yaw(motion) == pytest.approx(-0.7)
 
 
+def test_whoever_was_recorded_turned_away_faces_the_others_all_the_same():
+    model = make_model(50)
+    model.motion.joint_angles[:, 0] = [0.0, 2.5, 0.0]
+    one = MeetingPerformer.at_place("a", "Ada", model, 1)
+    assert one.placed.facing_rad == pytest.approx(place(1)[2])
+    (shown,) = Room("m", (one,)).scene_at(0.0).performers
+    turned = shown.placement[:3, :3] @ axis_angle_to_matrix(shown.pose.joint_angles[0])
+    forward = np.array([np.sin(one.placed.facing_rad), 0.0, np.cos(one.placed.facing_rad)])
+    np.testing.assert_allclose(turned[:, 2], forward, atol=1e-6)
+
+
+def test_eyes_of_whoever_sits_are_as_low_as_they_sit():
+    skeleton, motion = make_model(50).skeleton, make_motion(8)
+    standing = eye_height(skeleton, motion)
+    assert standing == pytest.approx(skeleton.rest_joints[HEAD, 1] + 0.05, abs=0.05)
+    motion.root_translation[:, 1] -= 0.4
+    assert eye_height(skeleton, motion) == pytest.approx(standing - 0.4)
+
+
 def test_the_first_view_sees_everybody():
     cast = tuple(
-        MeetingPerformer(str(i), "x", (model := make_model(50)), model.motion, place, yaw)
-        for i, (place, yaw) in enumerate(circle_layout(4))
+        MeetingPerformer.at_place(str(number), "x", make_model(50), number) for number in range(4)
     )
     room = Room("m", cast)
     camera = room.initial_camera(256, 256)
