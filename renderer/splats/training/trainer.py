@@ -40,6 +40,7 @@ from renderer.splats.training.evidence import (
     shown_pixels,
 )
 from renderer.splats.training.initialisation import first_splats, moved_with_bones, splats_of_model
+from renderer.splats.training.occlusion import hidden_by_limbs, limb_splats
 from renderer.splats.training.views import read_views
 from renderer.splats.unseen import fill_unseen
 from scene.arrays import Array, Bool, Float
@@ -106,6 +107,7 @@ class SplatTrainer:
         self._by_parameter = np.zeros((count, PARAMETERS), np.float32)
         self._losses = np.zeros(threads)
         estimated = sequence.pose_trust is PoseTrust.ESTIMATED
+        self._limbs = limb_splats(self._joints, self._weights) if estimated else None
         self._linear_from = settings.uncertain_linear_from if estimated else settings.linear_from
 
     def warm_up(self) -> None:
@@ -154,7 +156,7 @@ class SplatTrainer:
         )
         if self._light is not None:
             self._light.chain_to_albedo(self._by_parameter, self.parameters, shown)
-        contribution = self._by_projected[:, CONTRIBUTION]
+        contribution = self._contribution(frame)
         rates = self._rates(fraction)
         adam_step(
             self.parameters,
@@ -218,6 +220,16 @@ class SplatTrainer:
         )
         sum_threads(self._thread_gradients, self._by_projected)
         return transforms, drawn, shown
+
+    def _contribution(self, frame: int) -> Float[Array, "N"]:
+        """Summed blending weight of each splat in the frame just drawn, px; nil for those that a
+        limb may hide where poses are estimated."""
+        contribution = self._by_projected[:, CONTRIBUTION]
+        if self._limbs is not None:
+            view = self._views[frame]
+            size = view.rgba.shape[0], view.rgba.shape[1]
+            contribution[hidden_by_limbs(self._work, self._limbs, size, view.window.focal_px)] = 0.0
+        return contribution
 
     def _refine_poses(self, passes: RefinementPasses, fraction: float) -> None:
         """One pass over the clip, while the model stays true to given poses; splats follow
@@ -357,7 +369,7 @@ class SplatTrainer:
         for frame in frames_looked_at(len(self._views)):
             transforms, _, _ = self._draw(frame, np.zeros(3, np.float32))
             facing = self._faces_camera(transforms, self._views[frame].camera)
-            shown = self._by_projected[:, CONTRIBUTION]
+            shown = self._contribution(frame)
             found.append(shown_pixels(self._work, shown, facing))
         return in_best_frames(np.stack(found))
 

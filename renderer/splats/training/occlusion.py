@@ -1,0 +1,51 @@
+"""Which splats a forearm or a hand hides in a frame, and may hide if its pose is a little off.
+
+What is in front of the body teaches nothing to what is behind it: pixels of a hand whose pose is a
+few centimetres off fall on the chest, and would stay there as skin-coloured spots.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.splats.layout import ALPHA, EMPTY_BOX, MEAN_X, MEAN_Y
+from renderer.splats.rasteriser.workspace import Workspace
+from scene.arrays import Array, Bool
+from scene.skeleton import JOINT_NAMES
+
+_FRONT_JOINTS = [
+    index for index, name in enumerate(JOINT_NAMES) if name.endswith(("elbow", "wrist", "hand"))
+]
+_CELL_PX = 4
+_MARGIN_M = 0.015
+"""How far beside its place a hand may be: what errors of captured poses come to."""
+_BEHIND_M = 0.04
+"""How much farther away a splat must be to count as hidden: a sleeve's own is not."""
+_OPAQUE = 0.2
+
+
+def limb_splats(joints: Array, weights: Array) -> Bool[Array, "N"]:
+    """Those that move most with a forearm, wrist or hand; arguments as of `FirstSplats`."""
+    strongest = np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+    return np.isin(strongest, _FRONT_JOINTS)
+
+
+def hidden_by_limbs(
+    work: Workspace, limbs: Bool[Array, "N"], size: tuple[int, int], focal_px: float
+) -> Bool[Array, "N"]:
+    """The splats behind `limbs` in the picture, `size` (height, width) px, that `work` arranged."""
+    from scipy.ndimage import grey_erosion
+
+    p, drawn = work.projected, work.boxes[:, 0] != EMPTY_BOX
+    height, width = (-(-side // _CELL_PX) for side in size)
+    column = np.clip((p[:, MEAN_X] / _CELL_PX).astype(np.int32), 0, width - 1)
+    row = np.clip((p[:, MEAN_Y] / _CELL_PX).astype(np.int32), 0, height - 1)
+    front = np.flatnonzero(limbs & drawn & (p[:, ALPHA] > _OPAQUE))
+    if not len(front):
+        return np.zeros(len(limbs), bool)
+    nearest = np.full((height, width), np.inf, np.float32)
+    np.minimum.at(nearest, (row[front], column[front]), work.depth[front])
+    margin_px = _MARGIN_M * focal_px / float(np.median(work.depth[front]))
+    reach = 1 + 2 * max(1, round(margin_px / _CELL_PX))
+    nearest = grey_erosion(nearest, size=(reach, reach), mode="nearest")
+    return ~limbs & drawn & (work.depth > nearest[row, column] + _BEHIND_M)
