@@ -68,9 +68,7 @@ def build(
 
 
 def _preset() -> Preset:
-    preset = find_preset("splats")
-    assert isinstance(preset.settings, SplatSettings)
-    return replace(preset, settings=replace(preset.settings, most=_SPLATS))
+    return replace(find_preset("splats"), settings=SplatSettings(most=_SPLATS))
 
 
 def _before_the_camera(motion: Motion) -> Motion:

@@ -35,7 +35,7 @@ def seen_hand(
     return PartLandmarks(pixels, points)
 
 
-def clip_of(hand: PartLandmarks, *, agreed: bool = True) -> ClipParts:
+def seen_clip(hand: PartLandmarks, *, agreed: bool = True) -> ClipParts:
     return ClipParts([None], ([FoundHand(hand, agreed)], [None]))
 
 
@@ -43,7 +43,7 @@ def clip_of(hand: PartLandmarks, *, agreed: bool = True) -> ClipParts:
 @given(ANGLES)
 def test_a_palm_before_the_camera_is_turned_as_it_is(angles):
     rotation = axis_angle_to_matrix(angles)
-    found = rigid_parts(clip_of(seen_hand(rotation, CENTRE)), FOCAL_PX, CENTRE)
+    found = rigid_parts(seen_clip(seen_hand(rotation, CENTRE)), FOCAL_PX, CENTRE)
     assert found.rotations[0, 1] == pytest.approx(rotation, abs=1e-6)
     assert found.found.tolist() == [[False, True, False]] == found.turned.tolist()
 
@@ -51,21 +51,21 @@ def test_a_palm_before_the_camera_is_turned_as_it_is(angles):
 def test_at_the_side_of_the_picture_the_line_of_sight_counts():
     """A hand that looks straight on, 45 degrees to the right, has turned by as much."""
     at = CENTRE + np.array([FOCAL_PX, 0.0])
-    found = rigid_parts(clip_of(seen_hand(np.eye(3), at)), FOCAL_PX, CENTRE)
+    found = rigid_parts(seen_clip(seen_hand(np.eye(3), at)), FOCAL_PX, CENTRE)
     turned = axis_angle_to_matrix(np.array([0.0, -np.pi / 4.0, 0.0]))
     assert found.rotations[0, 1] == pytest.approx(turned, abs=1e-6)
     assert found.middles_px[0, 1] == pytest.approx(at)
 
 
 def test_a_hand_taken_for_the_other_side_keeps_its_place_alone():
-    found = rigid_parts(clip_of(seen_hand(np.eye(3), CENTRE), agreed=False), FOCAL_PX, CENTRE)
+    found = rigid_parts(seen_clip(seen_hand(np.eye(3), CENTRE), agreed=False), FOCAL_PX, CENTRE)
     assert found.found[0, 1]
     assert not found.turned[0, 1]
 
 
 def test_a_small_hand_keeps_its_place_alone():
     small = seen_hand(np.eye(3), CENTRE, palm_px=20.0)
-    found = rigid_parts(clip_of(small), FOCAL_PX, CENTRE)
+    found = rigid_parts(seen_clip(small), FOCAL_PX, CENTRE)
     assert found.found[0, 1]
     assert not found.turned[0, 1]
 

@@ -124,7 +124,10 @@ NAN = float("nan")
         ({"pose": {"joint_angles": [[0, 0, NAN]] * 24}}, "joint_angles must be finite; got nan"),
         ({"pose": {"joint_angles": [[0, 0, 0]] * 23}}, "joint_angles must be 24 x 3"),
         ({"pose": {"joint_angles": [[0, 0, 0]] * 24, "root_translation": [0, NAN, 0]}}, "finite"),
-        ({"pose": {"joint_angles": [[0, 0, 0]] * 24, "expression": [0.5]}}, "expression must be 7"),
+        (
+            {"pose": {"joint_angles": [[0, 0, 0]] * 24, "expression": [0.5]}},
+            "expression must be 15",
+        ),
         ({"pose": {"joint_angles": [[0, 0, 0]] * 24, "expression": [2] * 7}}, "expression"),
         ({"time_s": NAN}, "time_s"),
         ({"camera": {"orbit": {"azimuth_deg": NAN}}}, "azimuth_deg"),
