@@ -83,6 +83,7 @@ Object.assign(window, {
     const panorama = place ? await decodePanorama(new Blob([bytes(place.picture)])) : null;
     pass.setEnvironment({ panorama, light: place?.light ?? null });
     const screen = asked.screen ? testScreen() : null;
+    pass.placeScreen({ centre: [0, 1.72, -1.9], azimuthRad: 0 });
     pass.setScreen(screen, screen?.width, screen?.height);
     pass.draw(frameOf(asked));
     return btoa(Array.from(pass.read(), (byte) => String.fromCharCode(byte)).join(""));
