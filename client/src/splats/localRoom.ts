@@ -14,7 +14,7 @@ import { ArrivingFiles, type LoadSplats } from "./arriving";
 import { withoutOwnHead } from "./ownHead";
 import { contactShadows, type LoadedEnvironment, type ScreenPlace, type Shadow } from "./room";
 import { forwardKinematics, TRANSFORM } from "./skeleton";
-import { depthOrder, depthRows, depths, allocateOrder } from "./sort";
+import { allocateOrder, depthOrder, depthRows, depths, displaced } from "./sort";
 import type { Sorted, SortTask } from "./sortWorker";
 
 /** Poses older than this show a connection that is gone, or a server that draws by itself. */
@@ -253,7 +253,7 @@ export class LocalRoom {
     const camera = passCamera(view, fovYRad, width, height);
     const depth = new Float32Array(splats.count);
     const order = allocateOrder(splats.count);
-    depths(splats.skinned, depthRows(this.transforms, camera.worldToCamera), depth, kept);
+    depths(displaced(splats.skinned, this.offsets), depthRows(this.transforms, camera.worldToCamera), depth, kept);
     const count = depthOrder(depth, order);
     const picture = (): number => {
       pass.draw({ camera, ...this.passPeople(splats, { order, count, kept }, false) });
@@ -349,6 +349,7 @@ export class LocalRoom {
       moveSplats(moved, shown[index] ?? [], this.offsets, first);
       first += moved.splats.length;
     }
+    this.worker.postMessage({ version: this.splatsVersion, offsets: this.offsets } satisfies SortTask);
   }
 
   /** Have the worker sort for the newest view, unless it is still at the last one. */

@@ -36,6 +36,10 @@ export function packSplats(people: readonly SplatFile[]): PackedSplats {
     positions: new Float32Array(3 * count),
     joints: new Uint16Array(4 * count),
     weights: new Uint8Array(4 * count),
+    moved: Uint32Array.from(people.flatMap(({ moved }, person) => {
+      const before = people.slice(0, person).reduce((sum, earlier) => sum + earlier.count, 0);
+      return Array.from(moved.splats, (splat) => before + splat);
+    })),
   };
   const table = new Uint32Array(SPLAT_NUMBERS * count);
   let first = 0;

@@ -10,7 +10,7 @@ import { packSplats, type PackedSplats } from "./packed";
 import { SplatPass } from "./pass";
 import { contactShadows } from "./room";
 import { forwardKinematics, TRANSFORM } from "./skeleton";
-import { allocateOrder, depthOrder, depthRows, depths } from "./sort";
+import { allocateOrder, depthOrder, depthRows, depths, displaced } from "./sort";
 
 /** How somebody stands: pelvis (m) and rotations as of a pose packet. */
 export interface PortraitPose {
@@ -53,7 +53,7 @@ export class Portrait {
     const offsets = allocateOffsets(splats.moved);
     moveSplats(person.moved, expression, offsets, 0);
     const camera = passCamera(orbitCamera(orbit), FOV_Y_RAD, width, height);
-    depths(splats.skinned, depthRows(transforms, camera.worldToCamera), depth);
+    depths(displaced(splats.skinned, offsets), depthRows(transforms, camera.worldToCamera), depth);
     // a fresh one: the pass uploads an order that it does not know yet
     const order = allocateOrder(splats.count);
     const count = depthOrder(depth, order);

@@ -24,6 +24,17 @@ export interface SkinnedPoints {
   /** Four rows of the table of transforms each, and their weights, which sum to 255. */
   joints: Uint16Array;
   weights: Uint8Array;
+  /** Those that expressions move, in the order of their offsets. */
+  moved: Uint32Array;
+}
+
+/** `points` as an expression's `offsets` (four numbers each, m) move them at rest. */
+export function displaced(points: SkinnedPoints, offsets: Float32Array): SkinnedPoints {
+  const positions = points.positions.slice();
+  points.moved.forEach((splat, row) => {
+    for (let axis = 0; axis < 3; axis++) positions[3 * splat + axis]! += offsets[4 * row + axis]!;
+  });
+  return { ...points, positions };
 }
 
 /** Depth (m along the camera's z) as a linear function of places at rest: four numbers a joint. */

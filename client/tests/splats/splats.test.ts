@@ -5,7 +5,7 @@ import { allocateOffsets, movedSplats, moveSplats } from "../../src/splats/moved
 import { withoutOwnHead } from "../../src/splats/ownHead";
 import { contactShadows, screenHalfSize, screenPlace } from "../../src/splats/room";
 import { transformedJoint, forwardKinematics, TRANSFORM } from "../../src/splats/skeleton";
-import { depthOrder, depthRows, depths, allocateOrder } from "../../src/splats/sort";
+import { allocateOrder, depthOrder, depthRows, depths, displaced } from "../../src/splats/sort";
 import { loadSplats } from "../../src/api/splats";
 import { RenderModeSelector } from "../../src/splats/renderMode";
 import { fakeFetch } from "../fakes";
@@ -221,6 +221,17 @@ describe("depths", () => {
     const order = allocateOrder(5);
     expect(depthOrder(depth, order)).toBe(3);
     expect([...order.slice(0, 3)]).toEqual([0, 3, 4]);
+  });
+});
+
+describe("displaced", () => {
+  it("puts each splat where its expression moves it, whoever it belongs to", () => {
+    const cast = packSplats([readSplats(fileOf(3, 0, [2])), readSplats(fileOf(2, 0, [0, 1]))]);
+    const offsets = allocateOffsets(cast.moved);
+    offsets.set([1, 2, 3, 0, 4, 5, 6, 0, 7, 8, 9, 0]);
+    const moved = displaced(cast.skinned, offsets).positions;
+    const by = Array.from(moved, (value, i) => Math.round(value - (cast.skinned.positions[i] ?? 0)));
+    expect(by).toEqual([0, 0, 0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
   });
 });
 

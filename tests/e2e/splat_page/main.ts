@@ -8,7 +8,7 @@ import { passCamera } from "../../../client/src/splats/camera";
 import { SplatPass, type PassFrame } from "../../../client/src/splats/pass";
 import { contactShadows, decodePanorama } from "../../../client/src/splats/room";
 import { forwardKinematics, TRANSFORM } from "../../../client/src/splats/skeleton";
-import { depthOrder, depthRows, depths, allocateOrder } from "../../../client/src/splats/sort";
+import { depthOrder, depthRows, depths, allocateOrder, displaced } from "../../../client/src/splats/sort";
 import type { Quaternion, Vec3 } from "../../../client/src/viewpoint/geometry";
 import type { Light } from "../../../client/src/api/types";
 
@@ -59,7 +59,7 @@ function frameOf(asked: Asked): PassFrame {
   const depth = new Float32Array(splats.count);
   const order = allocateOrder(splats.count);
   const kept = asked.kept ?? splats.skinned.counts;
-  depths(splats.skinned, depthRows(transforms, camera.worldToCamera), depth, kept);
+  depths(displaced(splats.skinned, offsets), depthRows(transforms, camera.worldToCamera), depth, kept);
   const count = depthOrder(depth, order);
   const growth = splats.skinned.counts.map((whole, person) => varianceScale(whole, kept[person] ?? whole));
   return { camera, transforms, offsets, order, count, growth, yawsRad: asked.yawsRad, shadows, hideUnseen: asked.hideUnseen };
