@@ -9,7 +9,7 @@ import { MOTION_ONLY } from "./keypoints";
 import { Problem, asProblem } from "../api/problem";
 import type { Job, ListedPerson, NewModel, NewPerson, Sequence } from "../api/types";
 import type { UploadProgress } from "../api/upload";
-import { UPLOAD_WORDS } from "./progressText";
+import { UPLOAD_WORDS } from "./uploadWords";
 
 export type Step = "upload" | "capture" | "train";
 

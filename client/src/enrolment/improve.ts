@@ -8,7 +8,7 @@ import { isFinal, type Api } from "../api/api";
 import type { Step } from "./enrol";
 import { Problem, asProblem } from "../api/problem";
 import type { UploadProgress } from "../api/upload";
-import { UPLOAD_WORDS } from "./progressText";
+import { UPLOAD_WORDS } from "./uploadWords";
 import { advice } from "./quality";
 import type { RecordedClip } from "../capture/record";
 import type { Job, NewModel, Performer, Sequence } from "../api/types";

@@ -1,6 +1,5 @@
 /** What the server is doing, in words for the person whom it is doing it with. */
 
-import type { UploadProgress } from "../api/upload";
 import type { EnrolState } from "./enrol";
 
 type Doing = Pick<EnrolState, "step" | "status" | "fraction" | "message" | "job">;
@@ -17,13 +16,6 @@ const WORDS: Readonly<Record<string, string>> = {
   "fitting the body": "Estimating your movements",
   "writing the sequence": "Storing the frames",
   storing: "Storing the frames",
-};
-
-/** What an upload is at, where there is more to say than how far it is. */
-export const UPLOAD_WORDS: Readonly<Record<UploadProgress["phase"] | "hashing", string>> = {
-  hashing: "Preparing your clip",
-  sending: "",
-  waiting: "Interrupted, trying again",
 };
 
 /** One line of progress: "Detecting you · 40 %". */

@@ -1,6 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { EnrolState } from "../../src/enrolment/enrol";
-import { UPLOAD_WORDS, progressText } from "../../src/enrolment/progressText";
+import { progressText } from "../../src/enrolment/progressText";
+import { UPLOAD_WORDS } from "../../src/enrolment/uploadWords";
 import { job } from "../fakes";
 
 function words(part: Partial<EnrolState>): string {
