@@ -17,7 +17,8 @@ const HANDS = { left_hand: [15, 17, 19, 21], right_hand: [16, 18, 20, 22] } as c
 const SEEN = 0.5;
 /** Half a side, in the head's landmarks' larger extent. */
 const AROUND_HEAD = 1.1;
-const AROUND_HAND = 1.6;
+/** Hands that sign fill a smaller square, and palms are then not detected. */
+const AROUND_HAND = 2.2;
 
 /** A square about the part; null where it is hidden or outside of the picture. */
 export function cropOf(part: Part, seen: Landmarks): SquareCrop | null {
@@ -30,6 +31,19 @@ export function cropOf(part: Part, seen: Landmarks): SquareCrop | null {
   const [x, y] = [(hand.left + hand.right) / 2, (hand.top + hand.bottom) / 2];
   if (x < 0 || y < 0 || x > seen.width || y > seen.height) return null;
   return square(hand, AROUND_HAND * size);
+}
+
+/** Which of the hands found in a crop, whose sides are 1, lies nearest to its middle; -1 of none. */
+export function mostCentral(hands: readonly (readonly { x: number; y: number }[])[]): number {
+  const far = hands.map((points) => {
+    const [x, y] = [mean(points.map((point) => point.x)), mean(points.map((point) => point.y))];
+    return Math.hypot(x - 0.5, y - 0.5);
+  });
+  return far.indexOf(Math.min(...far));
+}
+
+function mean(values: readonly number[]): number {
+  return values.reduce((sum, value) => sum + value, 0) / values.length;
 }
 
 interface Extent {

@@ -8,7 +8,7 @@ import wasmLoaderPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.
 import wasmBinaryPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.wasm?url";
 import { asProblem, problemOf } from "../api/problem";
 import { RestingFaceEstimator, faceMeasures, faceNumbers, fingerCurls, type Point } from "./expression";
-import type { Part } from "./crops";
+import { mostCentral, type Part } from "./crops";
 import type { ExpressionMessage, PartPicture } from "./expressions";
 
 /** How a landmarker's program is made, once from each address; a second landmarker needs one of its own. */
@@ -33,7 +33,9 @@ async function openFaces(): Promise<FaceLandmarker> {
 }
 
 async function openHands(): Promise<HandLandmarker> {
-  return HandLandmarker.createFromOptions(HAND_FILES, await optionsOf("hand-model"));
+  // a blurred hand is better known roughly than not at all; a square may show both
+  const looking = { numHands: 2, minHandDetectionConfidence: 0.1, minHandPresenceConfidence: 0.1 };
+  return HandLandmarker.createFromOptions(HAND_FILES, { ...(await optionsOf("hand-model")), ...looking });
 }
 
 /** What opens; null where it does not: without it everything else goes on. */
@@ -79,7 +81,8 @@ function faceOf(bitmap: ImageBitmap, timeMs: number): number[] | null {
 }
 
 function handOf(bitmap: ImageBitmap): number[] | null {
-  const found = hands?.detect(bitmap).worldLandmarks[0];
+  const { landmarks, worldLandmarks } = hands?.detect(bitmap) ?? { landmarks: [], worldLandmarks: [] };
+  const found = worldLandmarks[mostCentral(landmarks)];
   return found ? fingerCurls(found.map(({ x, y, z }): Point => [x, y, z])) : null;
 }
 

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import golden from "../../../tests/capture/expressions.json";
-import { cropOf } from "../../src/landmarks/crops";
+import { cropOf, mostCentral } from "../../src/landmarks/crops";
 import {
   FACE,
   LEFT_HAND,
@@ -67,10 +67,18 @@ function somebody(): Landmarks {
   return seen;
 }
 
+describe("mostCentral", () => {
+  it("takes the hand that the square is about, of those that it shows", () => {
+    const at = (x: number, y: number) => [{ x: x - 0.1, y }, { x: x + 0.1, y }];
+    expect(mostCentral([at(0.9, 0.5), at(0.45, 0.55), at(0.2, 0.1)])).toBe(1);
+    expect(mostCentral([])).toBe(-1);
+  });
+});
+
 describe("cropOf", () => {
   it("holds a head with room about it, and hands of the size that goes with it", () => {
     expect(cropOf("face", somebody())).toEqual({ x: 179, y: 99, side: 282 });
-    expect(cropOf("left_hand", somebody())?.side).toBe(Math.round(2 * 1.6 * 128));
+    expect(cropOf("left_hand", somebody())?.side).toBe(Math.round(2 * 2.2 * 128));
   });
 
   it("looks for no hand that is hidden or outside of the picture", () => {
