@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 import cv2
 import numpy as np
 
 from capture.body.landmark_names import FACE_LANDMARKS, LANDMARK_NAMES
-from capture.detection.landmarks import Landmarks
+from capture.detection.landmarks import ClosedOnExit, Landmarks
 from capture.errors import PoseModelMissing
 from scene.arrays import Array, Float, UInt8
 from scene.rotations import rotation_between
@@ -80,8 +79,8 @@ class ClipParts:
         return ClipParts([self.faces[frame] for frame in frames], (left, right))
 
 
-class FaceAndHandDetector:
-    """Looks at one person, picture by picture. Use it as a context.
+class FaceAndHandDetector(ClosedOnExit):
+    """Looks at one person, picture by picture. Use it as a context, or `close` it.
 
     Raises PoseModelMissing if a file is not a model.
     """
@@ -119,22 +118,15 @@ class FaceAndHandDetector:
                     )
                 )
         except (RuntimeError, ValueError, OSError) as error:
-            self.__exit__(None, None, None)
+            self.close()
             raise PoseModelMissing(
                 f"a landmark model must be a MediaPipe .task file; got {path} ({error}); set "
                 "METANERF_FACE_MODEL to a face_landmarker.task, METANERF_HAND_MODEL to a "
                 "hand_landmarker.task"
             ) from error
 
-    def __enter__(self) -> FaceAndHandDetector:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Free the networks."""
         for networks in (self._faces, self._hands):
             if networks is not None:
                 networks.close()

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -47,7 +46,21 @@ class PoseEstimator(Protocol):
         ...
 
 
-class MediaPipeEstimator:
+class ClosedOnExit:
+    """Something to be used as a context, or closed."""
+
+    def close(self) -> None:
+        """Free what it holds."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class MediaPipeEstimator(ClosedOnExit):
     """MediaPipe's Pose Landmarker. Pictures are independent: tracking is
     `capture.detection.tracking`'s.
 
@@ -78,17 +91,6 @@ class MediaPipeEstimator:
                 f"the pose model must be a MediaPipe .task file; got {model_path} ({error}); set "
                 "METANERF_POSE_MODEL to a pose_landmarker_full.task"
             ) from error
-
-    def __enter__(self) -> MediaPipeEstimator:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Free the networks."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
+
+from tests.e2e.line import running
 
 _MOST_BYTES = 16_384
 _HOST = "127.0.0.1"
@@ -77,14 +77,6 @@ async def _pour(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> N
     writer.close()
 
 
-@contextmanager
-def cut_line(port: int) -> Iterator[CutLine]:
+def cut_line(port: int) -> AbstractContextManager[CutLine]:
     """A line that runs on a thread of its own."""
-    line = CutLine(port)
-    thread = threading.Thread(target=line.run, daemon=True)
-    thread.start()
-    try:
-        yield line
-    finally:
-        line.end()
-        thread.join(10.0)
+    return running(CutLine(port))

@@ -7,11 +7,12 @@ import selectors
 import socket
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 from playwright.sync_api import Page, Route
+
+from tests.e2e.line import running
 
 _MOST_BYTES = 65_536
 _BURST_S = 0.25
@@ -97,17 +98,9 @@ class SlowLine:
         return made
 
 
-@contextmanager
-def slow_line() -> Iterator[SlowLine]:
+def slow_line() -> AbstractContextManager[SlowLine]:
     """A line that runs on a thread of its own."""
-    line = SlowLine()
-    thread = threading.Thread(target=line.run, daemon=True)
-    thread.start()
-    try:
-        yield line
-    finally:
-        line.end()
-        thread.join(10.0)
+    return running(SlowLine())
 
 
 def _reached_at(end: socket.socket, sdp: str) -> str:
