@@ -8,7 +8,7 @@ import numpy as np
 
 from scene.arrays import Array, Float, Int
 from scene.errors import InvalidInput, require_finite, require_shape
-from scene.expression import EXPRESSION_COUNT
+from scene.expression import BLEND_SHAPE_COUNT, blend_shape_weights
 from scene.motion import Pose
 from scene.skeleton import Skeleton
 
@@ -24,8 +24,8 @@ class Body:
     """Triangles, counter-clockwise seen from outside."""
     blend_weights: Float[Array, "V K"] | None = None
     """Weight of each joint for each vertex; rows sum to one."""
-    expression_directions: Float[Array, "E V 3"] | None = None
-    """Metres at rest that each expression (`scene.expression`) at 1 moves the surface; None where
+    expression_directions: Float[Array, "S V 3"] | None = None
+    """Metres at rest that each blend shape (`scene.expression`) at 1 moves the surface; None where
     that is not known."""
 
     def __post_init__(self) -> None:
@@ -45,7 +45,7 @@ class Body:
         require_finite("rest_vertices", self.rest_vertices)
         require_finite("blend_weights", self.blend_weights)
         if self.expression_directions is not None:
-            sizes = (EXPRESSION_COUNT, len(self.rest_vertices), 3)
+            sizes = (BLEND_SHAPE_COUNT, len(self.rest_vertices), 3)
             require_shape("expression_directions", self.expression_directions, sizes)
             require_finite("expression_directions", self.expression_directions)
         off = float(np.abs(self.blend_weights.sum(axis=1) - 1.0).max())
@@ -64,9 +64,9 @@ class Body:
         return self.rest_vertices is not None
 
     def posed_vertices(self, pose: Pose) -> Float[Array, "V 3"]:
-        """The surface in `pose`, world metres: x = sum_k w_k M_k (x_rest + sum_e s_e d_e).
+        """The surface in `pose`, world metres: x = sum_k w_k M_k (x_rest + sum_s e_s d_s).
 
-        s and d are the pose's expression and the body's directions, where it knows any.
+        e are the weights of the pose's expression, d the body's directions, where it knows any.
         Raises InvalidInput where the body has no surface.
         """
         if self.rest_vertices is None or self.blend_weights is None:
@@ -75,7 +75,8 @@ class Body:
         blended = np.tensordot(self.blend_weights, skinning[:, :3, :], axes=1)
         rest = self.rest_vertices
         if self.expression_directions is not None and pose.expression.any():
-            rest = rest + np.tensordot(pose.expression, self.expression_directions, axes=1)
+            shown = blend_shape_weights(pose.expression)
+            rest = rest + np.tensordot(shown, self.expression_directions, axes=1)
         turned = np.einsum("vij,vj->vi", blended[:, :, :3], rest)
         return turned + blended[:, :, 3]
 

@@ -14,9 +14,9 @@ import numpy as np
 from capture.body.model import load_body_model
 from capture.studio.lifelike.base_mesh import ASSET
 from scene.arrays import Array
-from scene.expression import EXPRESSION_NAMES
 from scene.skeleton import Skeleton
 from tools.build_body import RestShapes, open_anny, t_pose_angles
+from tools.build_expressions import BLEND_SHAPE_NAMES
 
 
 def build(model: Any) -> dict[str, Array]:
@@ -47,7 +47,7 @@ def build(model: Any) -> dict[str, Array]:
         ).astype(np.float32),
         "vertex_directions": np.stack(directions, -1).astype(np.float16),
         "expression_directions": np.stack(
-            [expressions[name][helpers] for name in EXPRESSION_NAMES]
+            [expressions[name][helpers] for name in BLEND_SHAPE_NAMES]
         ).astype(np.float16),
         "weight_joints": np.argsort(-weights, axis=1, kind="stable")[:, :4].astype(np.uint8),
         "weights": -np.sort(-weights, axis=1)[:, :4].astype(np.float32),

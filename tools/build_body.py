@@ -155,10 +155,12 @@ class RestShapes:
     def expressions(
         self, vertices: Float[Array, "V 3"], heads: Float[Array, "B 3"]
     ) -> dict[str, Float[Array, "V 3"]]:
-        """How far each expression at 1 moves the T-pose's `vertices`, with bones at `heads`."""
+        """How far each blend shape at 1 moves the T-pose's `vertices`, with bones at `heads`."""
         moved = {name: self.rest({}, made_of)[0] - vertices for name, made_of in FACE_UNITS.items()}
         fingers = self.fingers(vertices, heads)
-        return {**moved, **fingers.curls("left"), **fingers.curls("right")}
+        for side in ("left", "right"):
+            moved |= fingers.curls(side) | fingers.in_betweens(side)
+        return moved
 
     def fingers(self, vertices: Float[Array, "V 3"], heads: Float[Array, "B 3"]) -> Fingers:
         """The hands of the T-pose's `vertices`, with bones at `heads`."""

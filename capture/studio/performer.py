@@ -15,7 +15,7 @@ from capture.studio.outfit import Outfit, albedo, cloth_albedo, make_outfit
 from scene.arrays import Array, Float
 from scene.body import Body, vertex_normals
 from scene.camera import Camera
-from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
+from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES, PARTS
 from scene.motion import Pose
 
 SUPERSAMPLING = 4
@@ -109,11 +109,12 @@ def make_performer(seed: int, *, expressive: bool = False) -> StudioPerformer:
     return StudioPerformer(body, outfit, joint, normals, make_garments(body), known, face)
 
 
-def own_strength(rng: np.random.Generator) -> Float[Array, "E"]:
-    """A performer's own expressions as shares of the body model's, drawn from `rng`."""
+def own_strength(rng: np.random.Generator) -> Float[Array, "S"]:
+    """A performer's own blend shapes as shares of the body model's, drawn from `rng`."""
     strength = rng.uniform(*_EXPRESSION_STRENGTH, EXPRESSION_COUNT)
     strength[[name.startswith("blink") for name in EXPRESSION_NAMES]] = 1.0
-    return strength
+    hands = [strength[PARTS[hand]] for hand in ("left_hand", "right_hand")]
+    return np.concatenate([strength, *hands])
 
 
 def render_performer(

@@ -53,14 +53,14 @@ def skin_and_project(
 def expressed(
     parameters: Float[Tensor, "N 14"],
     splats: Int[Tensor, "M"],
-    offsets: Float[Tensor, "M E 3"],
-    expression: Float[Tensor, "E"],
+    offsets: Float[Tensor, "M S 3"],
+    blend_shape_weights: Float[Tensor, "S"],
 ) -> Float[Tensor, "N 14"]:
-    """`parameters` with `splats` moved at rest by the sum of each expression times its offset."""
+    """`parameters` with `splats` moved at rest by the sum of each weight times its offset."""
     moved = parameters.clone()
     place = slice(POSITION, POSITION + 3)
     moved[splats, place] = parameters[splats, place] + torch.einsum(
-        "e,mex->mx", expression, offsets
+        "s,msx->mx", blend_shape_weights, offsets
     )
     return moved
 

@@ -1,6 +1,6 @@
 """Splats moved at rest by what a face and hands do.
 
-Letters: M splats that expressions move, E expressions, C models.
+Letters: M splats that expressions move, S blend shapes, C models.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ def apply_blend_shapes(
     splats: Array,  # [M] int32
     owner: Array,  # [M] int32: index of the model
     rest: Array,  # [M 3] float32: positions where nothing is shown, m
-    offsets: Array,  # [M E 3] float32, m
-    shown: Array,  # [C E] float32
+    offsets: Array,  # [M S 3] float32, m
+    shown: Array,  # [C S] float32: their weights
 ) -> None:
-    """Rest positions plus the sum of each expression times its offset."""
+    """Rest positions plus the sum of each weight times its offset."""
     for m in range(splats.shape[0]):
         for x in range(3):
             place = rest[m, x]
-            for e in range(shown.shape[1]):
-                place += shown[owner[m], e] * offsets[m, e, x]
+            for s in range(shown.shape[1]):
+                place += shown[owner[m], s] * offsets[m, s, x]
             parameters[splats[m], POSITION + x] = place

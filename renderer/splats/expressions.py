@@ -1,10 +1,10 @@
 """Expressions of a person of splats: which splats they move, and how far.
 
-A splat's rest position in a frame is its own plus the sum over expressions of the value (0 to 1)
-times the splat's offset, before skinning. Offsets are those of the body's surface where the splat
-began. Learning them too, by an Adam like that of positions, was measured and left out: on a studio
-face in poses never seen it loses 0.3 dB at a tenth of the positions' rate and 1.7 dB at half of it,
-and those of the very performer are no better than the body model's.
+A splat's rest position in a frame is its own plus the sum over blend shapes of the weight
+(`scene.expression`) times the splat's offset, before skinning. Offsets are those of the body's
+surface where the splat began. Learning them too, by an Adam like that of positions, was measured
+and left out: on a studio face in poses never seen it loses 0.3 dB at a tenth of the positions' rate
+and 1.7 dB at half of it, and those of the very performer are no better than the body model's.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from renderer.splats.layout import POSITION
 from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Float, Int
-from scene.expression import EXPRESSION_COUNT
+from scene.expression import BLEND_SHAPE_COUNT, blend_shape_weights
 
 _LEAST_M = 1e-4
 """Splats that no expression moves further are left out."""
@@ -28,14 +28,14 @@ def no_splats() -> Int[Array, "0"]:
     return np.zeros(0, np.int32)
 
 
-def no_offsets() -> Float[Array, "0 E 3"]:
+def no_offsets() -> Float[Array, "0 S 3"]:
     """Of a model without blend shapes."""
-    return np.zeros((0, EXPRESSION_COUNT, 3), np.float32)
+    return np.zeros((0, BLEND_SHAPE_COUNT, 3), np.float32)
 
 
 def moving_splats(
-    offsets: Float[Array, "N E 3"],
-) -> tuple[Int[Array, "M"], Float[Array, "M E 3"]]:
+    offsets: Float[Array, "N S 3"],
+) -> tuple[Int[Array, "M"], Float[Array, "M S 3"]]:
     """The splats that `offsets` (m) move at all, and how far."""
     splats = np.flatnonzero((np.linalg.norm(offsets, axis=2) > _LEAST_M).any(axis=1))
     return splats.astype(np.int32), offsets[splats].astype(np.float32)
@@ -56,7 +56,7 @@ class BlendShapes:
             [m.parameters[m.expression_splats.astype(np.int64), place] for m in models]
         ).astype(np.float32)
         self.offsets = np.concatenate([m.expression_offsets for m in models]).astype(np.float32)
-        self.shown = np.zeros((len(models), EXPRESSION_COUNT), np.float32)
+        self.shown = np.zeros((len(models), BLEND_SHAPE_COUNT), np.float32)
 
     @property
     def any(self) -> bool:
@@ -69,7 +69,7 @@ class BlendShapes:
             self.shown[:] = 0.0
             return
         for row, expression in zip(self.shown, expressions, strict=True):
-            row[:] = expression
+            row[:] = blend_shape_weights(expression)
 
     def move(self, parameters: Float[Array, "N P"]) -> None:
         """Write the blended rest positions into `parameters`."""
@@ -83,7 +83,7 @@ class ClipBlendShapes:
     """Blend shapes of one model, with the expression of each frame of a clip."""
 
     splats: Int[Array, "M"]
-    offsets: Float[Array, "M E 3"]
+    offsets: Float[Array, "M S 3"]
     expressions: Float[Array, "F E"]
 
     def moved(self, parameters: Float[Array, "N P"], frame: int) -> Float[Array, "N P"]:
@@ -97,7 +97,7 @@ class ClipBlendShapes:
 
         moved = parameters.copy()
         rest = parameters[self.splats, POSITION : POSITION + 3]
-        shown = self.expressions[frame : frame + 1].astype(np.float32)
+        shown = blend_shape_weights(self.expressions[frame : frame + 1]).astype(np.float32)
         owner = np.zeros(len(self.splats), np.int32)
         apply_blend_shapes(moved, self.splats, owner, rest, self.offsets, shown)
         return moved

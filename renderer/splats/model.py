@@ -15,7 +15,7 @@ from renderer.splats.unseen import fade_unseen
 from scene.arrays import Array, Bool, Float, Int, UInt8
 from scene.camera import Camera
 from scene.errors import InvalidInput, require_finite, require_shape
-from scene.expression import EXPRESSION_COUNT, offsets_of_any_version
+from scene.expression import BLEND_SHAPE_COUNT, offsets_of_any_version
 from scene.lighting import HARMONICS
 from scene.motion import Motion, Pose
 from scene.skeleton import Skeleton
@@ -52,8 +52,8 @@ class SplatModel:
     it gives linear colour. None: where no other light falls, colours are those of `parameters`."""
     expression_splats: Int[Array, "M"] = field(default_factory=no_splats)
     """Rows of the splats that the person's expressions move, of head and hands; none: not known."""
-    expression_offsets: Float[Array, "M E 3"] = field(default_factory=no_offsets)
-    """Metres at rest that each expression (`scene.expression`) at 1 moves them."""
+    expression_offsets: Float[Array, "M S 3"] = field(default_factory=no_offsets)
+    """Metres at rest that each blend shape (`scene.expression`) at 1 moves them."""
 
     def __post_init__(self) -> None:
         require_shape("parameters", self.parameters, (None, PARAMETERS))
@@ -63,7 +63,7 @@ class SplatModel:
         for name in ("albedo", "normals"):
             if (known := getattr(self, name)) is not None:
                 require_shape(name, known, (len(self.parameters), 3))
-        sizes = (len(self.expression_splats), EXPRESSION_COUNT, 3)
+        sizes = (len(self.expression_splats), BLEND_SHAPE_COUNT, 3)
         require_shape("expression_offsets", self.expression_offsets, sizes)
         require_finite("expression_offsets", self.expression_offsets)
         if self.expression_splats.size and not (

@@ -21,7 +21,7 @@ from renderer.splats.files.viewer_file import encode
 from renderer.splats.model import SplatModel
 from scene import orbit_camera
 from scene.camera import Camera
-from scene.expression import EXPRESSION_COUNT
+from scene.expression import BLEND_SHAPE_COUNT, EXPRESSION_COUNT, EXPRESSION_NAMES
 from scene.rotations import matrix_to_quaternion
 from services.api.environments import Light
 from services.environments import environment, find_theme
@@ -129,13 +129,14 @@ def test_the_page_moves_faces_and_hands_as_the_server_does(page: Page, demo: Spl
     rng, head = np.random.default_rng(3), demo.skeleton.rest_joints[15]
     near = np.linalg.norm(demo.parameters[:, :3] - head, axis=1) < 0.25
     moving = np.flatnonzero(near)
-    offsets = np.zeros((len(moving), EXPRESSION_COUNT, 3), np.float32)
+    offsets = np.zeros((len(moving), BLEND_SHAPE_COUNT, 3), np.float32)
     offsets[:, 0] = [0.0, -0.03, 0.02]
     offsets[:, 4] = rng.normal(0.0, 0.004, (len(moving), 3))
+    offsets[:, EXPRESSION_COUNT] = [0.02, 0.0, 0.0]  # as the left thumb curls, and half-way most
     face = replace(demo, expression_splats=moving, expression_offsets=offsets)
     still = room_of(face, 2)
     shown = np.zeros((len(demo.motion), EXPRESSION_COUNT))
-    shown[:, [0, 4]] = 0.8, 0.5
+    shown[:, [0, 4, EXPRESSION_NAMES.index("left_thumb_curl")]] = 0.8, 0.5, 0.4
     talking = replace(still.performers[0], motion=replace(demo.motion, expressions=shown))
     room, now_s = Room("m", (talking, still.performers[1])), 0.4
     x, _, z = talking.position

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from scene import EXPRESSION_COUNT, EXPRESSION_NAMES, InvalidInput, Motion, Pose
+from scene.expression import BLEND_SHAPE_COUNT, blend_shape_weights, offsets_of_any_version
 from scene.rotations import axis_angle_to_matrix
 
 
@@ -115,6 +116,28 @@ def test_expressions_are_never_predicted_past_their_ends():
 def test_smoothing_spreads_an_expression():
     shown = talking().smoothed(1.0).expressions[:, 0]
     np.testing.assert_allclose(shown, [0.3775, 0.6225], atol=1e-4)  # exp(-1/2) beside 1
+
+
+def test_a_finger_half_bent_has_all_of_its_in_between():
+    expression = np.zeros(EXPRESSION_COUNT)
+    expression[0] = 0.5  # the jaw's way is a straight line
+    curl = EXPRESSION_NAMES.index("right_little_curl")
+    expression[curl] = 0.5
+    weights = blend_shape_weights(expression)
+    assert len(weights) == BLEND_SHAPE_COUNT
+    np.testing.assert_array_equal(np.flatnonzero(weights), [0, curl, BLEND_SHAPE_COUNT - 1])
+    np.testing.assert_allclose(weights[[0, curl, -1]], [0.5, 0.5, 1.0])
+    expression[curl] = 1.0
+    assert blend_shape_weights(expression)[-1] == 0.0
+
+
+@pytest.mark.parametrize("stored", [7, 15, 25])
+def test_offsets_of_any_version_have_all_blend_shapes(stored: int):
+    offsets = np.ones((4, stored, 3))
+    read = offsets_of_any_version(offsets, axis=1)
+    assert read.shape == (4, BLEND_SHAPE_COUNT, 3)
+    np.testing.assert_allclose(read[:, :EXPRESSION_COUNT].sum(), 4 * min(stored, 15) * 3)
+    assert read[:, EXPRESSION_COUNT:].any() == (stored == 25)
 
 
 @pytest.mark.usefixtures("unchecked_annotations")

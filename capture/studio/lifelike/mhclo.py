@@ -44,7 +44,7 @@ class FittedPiece:
 
     rest_vertices: Float[Array, "N 3"]
     blend_weights: Float[Array, "N 24"]
-    expression_directions: Float[Array, "E N 3"]
+    expression_directions: Float[Array, "S N 3"]
 
 
 def read_piece(path: Path) -> Piece:

@@ -20,6 +20,16 @@ export const RIGHT_HAND = 4;
 /** Of the first five numbers, which are the face's. */
 export const FACE_NUMBERS = 5;
 export const FINGER_COUNT = 5;
+/**
+ * The weight of a blend shape: one of the numbers, or of a finger's second shape 4 c (1 - c) of its curl c
+ * (`blend_shape_weights` of the server's scene/expression.py).
+ */
+export function blendShapeWeight(expression: ArrayLike<number>, shape: number): number {
+  if (shape < EXPRESSION_COUNT) return expression[shape] ?? 0;
+  const curl = expression[shape - 2 * FINGER_COUNT] ?? 0;
+  return 4 * curl * (1 - curl);
+}
+
 /** Numbers that earlier versions stored and sent: the face's, and one curl a hand. */
 export const EARLIER_COUNT = FACE_NUMBERS + 2;
 

@@ -1,6 +1,8 @@
 /** Splats that a face or hand moves: where each goes at rest, before the joints carry it. */
 
-/** What one number of an expression, at 1, does. */
+import { blendShapeWeight } from "../landmarks/expression";
+
+/** What one blend shape, at 1, does. */
 export interface BlendShape {
   /** Which of a person's splats it moves, the lowest number first. */
   splats: Uint32Array;
@@ -12,7 +14,7 @@ export interface BlendShape {
 export interface MovedSplats {
   /** Which splats, the lowest number first. */
   splats: Uint32Array;
-  /** Of each number of an expression in turn: the rows of `splats` that it moves, and how far. */
+  /** Of each blend shape in turn: the rows of `splats` that it moves, and how far. */
   shapes: readonly { rows: Uint32Array; offsets: Float32Array }[];
 }
 
@@ -46,8 +48,8 @@ export function moveSplats(
   first = 0,
 ): void {
   out.fill(0, 4 * first, 4 * (first + splats.length));
-  shapes.forEach(({ rows, offsets }, e) => {
-    const value = expression[e] ?? 0;
+  shapes.forEach(({ rows, offsets }, shape) => {
+    const value = blendShapeWeight(expression, shape);
     if (value === 0) return;
     for (let i = 0; i < rows.length; i++) {
       const to = 4 * (first + rows[i]!);

@@ -94,6 +94,19 @@ describe("readSplats", () => {
     expect([...(readSplats(fileOf(1, 0.5)).light ?? [])]).toEqual(Array.from({ length: 27 }, (_, i) => 0.5 * i));
   });
 
+  it("moves a finger that is half bent by all of its in-between", () => {
+    const shape = { splats: Uint32Array.of(0), offsets: Float32Array.of(1, 0, 0) };
+    const nothing = { splats: new Uint32Array(0), offsets: new Float32Array(0) };
+    const moved = movedSplats([...Array<typeof nothing>(24).fill(nothing), shape], 1);
+    const offsets = allocateOffsets(1);
+    const across = (curl: number) => {
+      moveSplats(moved, [...Array<number>(14).fill(0), curl], offsets);
+      return offsets[0];
+    };
+    expect([0, 0.5, 1].map(across)).toEqual([0, 1, 0]);
+    expect(across(0.25)).toBeCloseTo(0.75);
+  });
+
   it("reads which splats face and hands move, as far as they are drawn", () => {
     const { moved } = readSplats(fileOf(8, 0, [1, 3, 6]));
     expect([...moved.splats]).toEqual([1, 3, 6]);

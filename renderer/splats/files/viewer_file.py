@@ -5,12 +5,12 @@ Layout, also in docs/viewer-file.md:
     char[4] "MNSP", u16 version (5), u16 joints K, u32 splats N
     f32[3] lowest and f32[3] highest position (m), f32 lowest and f32 highest log scale (log m)
     f32[9 3] harmonics of the light that the person was recorded in, all nil where it is not known
-    u32 expressions E, u32 offsets L
+    u32 blend shapes S, u32 offsets L
     f32[K 3] joints at rest (m), i16[K] parents (-1: none)
     N records: u16[3] position, u8[3] log scale, u8 capture weight, u32 rotation, u8[3] colour,
                u8 opacity, u8[4] joints, u8[4] blend weights, u8[3] albedo, i8[3] normal
-    of each expression u32 how many offsets it has, and f32 how far (m) 127 is among them
-    u32[L] records that an expression moves, rising, expression by expression; i8[L 3] how far
+    of each blend shape u32 how many offsets it has, and f32 how far (m) 127 is among them
+    u32[L] records that a blend shape moves, rising, one after the other; i8[L 3] how far
 
 Positions and log scales run linearly from lowest to highest; colour and albedo (sRGB), opacity and
 capture weight from 0 to 1; a normal, at rest and outwards, is 127 long; weights sum to 255; the
@@ -19,8 +19,8 @@ albedo and normal are what light falls on, a room's or that of the clip
 (`renderer.relighting.shading`). The capture weight says how much of a splat was captured
 (`renderer.splats.unseen`). Records come in order of importance: the first n alone are a model, once
 their scales are multiplied by (N / n)^1/4; offsets of others are then left out. At rest a splat
-lies at its position plus the sum over expressions, in the order of `scene.expression`, of each
-value (0 to 1) times its offset; most splats that move do so with one or two of them."""
+lies at its position plus the sum over blend shapes, in the order of `scene.expression`, of each
+weight times its offset; most splats that move do so with one or two of them."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ RECORD = np.dtype(
     ]
 )
 _BLOCK = np.dtype([("count", "<u4"), ("far", "<f4")])
-"""Of one expression."""
+"""Of one blend shape."""
 
 
 def write_viewer_file(model: SplatModel, path: Path) -> None:
@@ -115,7 +115,7 @@ def encode(model: SplatModel) -> bytes:
 
 
 def _blend_shapes(model: SplatModel, order: Int[Array, "N"]) -> tuple[Array, Array, Array]:
-    """Of each expression count and unit, then the records that move, and how far."""
+    """Of each blend shape count and unit, then the records that move, and how far."""
     place = np.empty(len(model), np.int64)
     place[order] = np.arange(len(model))
     index = place[model.expression_splats]
@@ -123,10 +123,10 @@ def _blend_shapes(model: SplatModel, order: Int[Array, "N"]) -> tuple[Array, Arr
     index, offsets = index[rising], model.expression_offsets[rising].transpose(1, 0, 2)
     far = np.abs(offsets).max(axis=(1, 2), initial=0.0)
     steps = np.rint(offsets * (127.0 / np.maximum(far, 1e-9))[:, None, None]).astype(np.int8)
-    expression, row = np.nonzero(steps.any(axis=2))
+    shape, row = np.nonzero(steps.any(axis=2))
     blocks = np.zeros(len(far), _BLOCK)
-    blocks["count"], blocks["far"] = np.bincount(expression, minlength=len(far)), far
-    return blocks, index[row].astype("<u4"), steps[expression, row]
+    blocks["count"], blocks["far"] = np.bincount(shape, minlength=len(far)), far
+    return blocks, index[row].astype("<u4"), steps[shape, row]
 
 
 def _levels(values: Array, low: Array | float, high: Array | float, steps: int) -> Array:

@@ -14,7 +14,7 @@ from renderer.splats.training.detail import shown_density
 from scene.arrays import Array, Bool, Float, Int
 from scene.body import Body
 from scene.errors import InvalidInput
-from scene.expression import PARTS
+from scene.expression import EXPRESSION_COUNT, PARTS
 from scene.rotations import rotation_between
 from scene.sequence import PoseTrust, Sequence
 from scene.skeleton import JOINT_NAMES, Skeleton
@@ -53,7 +53,7 @@ class FirstSplats:
     normals: Float[Array, "N 3"]
     """Outward, unit length."""
     expression_splats: Int[Array, "M"] = field(default_factory=no_splats)
-    expression_offsets: Float[Array, "M E 3"] = field(default_factory=no_offsets)
+    expression_offsets: Float[Array, "M S 3"] = field(default_factory=no_offsets)
     """As the body's surface moves, m; empty where that is not known."""
 
 
@@ -100,7 +100,8 @@ def first_splats(
 def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -> FirstSplats:
     """The splats of an earlier `model` on `skeleton`.
 
-    Their normals are those of `first`; so are offsets of expressions where the model knows none.
+    Their normals are those of `first`; so are offsets of expressions where the model knows none, or
+    was made before fingers had in-betweens.
     """
     from scipy.spatial import KDTree
 
@@ -109,7 +110,7 @@ def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -
     place = slice(POSITION, POSITION + 3)
     _, nearest = KDTree(first.parameters[:, place]).query(parameters[:, place])
     splats, offsets = model.expression_splats, model.expression_offsets
-    if not len(splats) and len(first.expression_splats):
+    if not offsets[:, EXPRESSION_COUNT:].any() and len(first.expression_splats):
         known = np.zeros((len(first.parameters), *offsets.shape[1:]), np.float32)
         known[first.expression_splats] = first.expression_offsets
         splats, offsets = moving_splats(known[nearest])
@@ -173,10 +174,10 @@ class SurfacePlaces:
         spacing = np.sqrt(share.sum() / count / density[face])
         return cls(face, mix, unit, spacing, float(areas.sum()))
 
-    def blended(self, body: Body, directions: Float[Array, "E V 3"]) -> Float[Array, "N E 3"]:
+    def blended(self, body: Body, directions: Float[Array, "S V 3"]) -> Float[Array, "N S 3"]:
         """`directions` of the vertices of `body`, at the places."""
         assert body.faces is not None
-        return np.einsum("nc,encx->nex", self.mix, directions[:, body.faces[self.face]])
+        return np.einsum("nc,sncx->nsx", self.mix, directions[:, body.faces[self.face]])
 
     def sampled(
         self, body: Body

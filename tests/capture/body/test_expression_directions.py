@@ -101,9 +101,9 @@ def test_a_body_poses_with_its_expression():
 @pytest.mark.usefixtures("unchecked_annotations")
 def test_directions_are_of_this_surface():
     body = load_body_model().body(np.zeros(5))
-    with pytest.raises(InvalidInput, match=r"expression_directions must be 15 x 13718 x 3; got"):
+    with pytest.raises(InvalidInput, match=r"expression_directions must be 25 x 13718 x 3; got"):
         Body(
-            body.skeleton, body.rest_vertices, body.faces, body.blend_weights, np.zeros((15, 4, 3))
+            body.skeleton, body.rest_vertices, body.faces, body.blend_weights, np.zeros((25, 4, 3))
         )
 
 

@@ -33,21 +33,21 @@ def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
     assert (magic, version) == (b"MNSP", 5)
     low, high, (thin, wide) = np.array(bounds[:3]), np.array(bounds[3:6]), bounds[6:]
     light = np.frombuffer(data, "<f4", 27, 44).reshape(9, 3)
-    expressions, entries = struct.unpack_from("<II", data, 152)
+    shapes, entries = struct.unpack_from("<II", data, 152)
     rest = np.frombuffer(data, "<f4", 3 * joints, HEAD_BYTES).reshape(joints, 3)
     parents = tuple(np.frombuffer(data, "<i2", joints, HEAD_BYTES + 12 * joints).tolist())
     start = HEAD_BYTES + 14 * joints
     rows = np.frombuffer(data, np.uint8, 32 * count, start).reshape(count, 32)
     blocks = start + 32 * count
-    table = np.frombuffer(data, [("count", "<u4"), ("far", "<f4")], expressions, blocks)
-    moved = np.frombuffer(data, "<u4", entries, blocks + 8 * expressions)
-    steps = np.frombuffer(data, "i1", 3 * entries, blocks + 8 * expressions + 4 * entries)
-    assert len(data) == blocks + 8 * expressions + 7 * entries
+    table = np.frombuffer(data, [("count", "<u4"), ("far", "<f4")], shapes, blocks)
+    moved = np.frombuffer(data, "<u4", entries, blocks + 8 * shapes)
+    steps = np.frombuffer(data, "i1", 3 * entries, blocks + 8 * shapes + 4 * entries)
+    assert len(data) == blocks + 8 * shapes + 7 * entries
     assert table["count"].sum() == entries
     splats, row = np.unique(moved, return_inverse=True)
-    expression = np.repeat(np.arange(expressions), table["count"])
-    offsets = np.zeros((len(splats), expressions, 3), np.float32)
-    offsets[row, expression] = steps.reshape(-1, 3) * (table["far"][expression, None] / 127.0)
+    shape = np.repeat(np.arange(shapes), table["count"])
+    offsets = np.zeros((len(splats), shapes, 3), np.float32)
+    offsets[row, shape] = steps.reshape(-1, 3) * (table["far"][shape, None] / 127.0)
     rows = rows[: round(share * count)]
     p = np.empty((len(rows), PARAMETERS))
     p[:, :3] = low + np.ascontiguousarray(rows[:, :6]).view("<u2") / 65535 * (high - low)

@@ -11,7 +11,7 @@ import pytest
 from capture.errors import CaptureError
 from capture.studio.lifelike.base_mesh import BaseMesh
 from capture.studio.lifelike.mhclo import fit, read_piece
-from scene.expression import EXPRESSION_COUNT
+from scene.expression import BLEND_SHAPE_COUNT
 
 MHCLO = """# a square
 obj_file patch.obj
@@ -51,7 +51,7 @@ def base_mesh() -> BaseMesh:
     vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]])
     weights = np.zeros((4, 24))
     weights[[0, 1, 2, 3], [0, 1, 0, 0]] = 1.0
-    expressions = np.zeros((EXPRESSION_COUNT, 4, 3))
+    expressions = np.zeros((BLEND_SHAPE_COUNT, 4, 3))
     expressions[2, 1] = [0.0, 0.0, 0.04]
     return BaseMesh(
         vertices,

@@ -14,7 +14,7 @@ from renderer.splats.files.viewer_file import RECORD, encode, write_viewer_file
 from renderer.splats.layout import LOG_SCALE, POSITION
 from renderer.splats.unseen import capture_weight
 from scene.colour import to_srgb
-from scene.expression import EXPRESSION_COUNT
+from scene.expression import BLEND_SHAPE_COUNT
 from tests.renderer.splats.viewer_file import HEAD_BYTES, decode, demo_model, pictures, psnr_on_body
 from tests.renderer.studio import make_model
 
@@ -36,7 +36,7 @@ def truth(demo) -> np.ndarray:
 
 def test_twenty_thousand_splats_fit_six_times_into_what_a_client_may_be_sent(demo, encoded):
     assert RECORD.itemsize == 32
-    head, moved = HEAD_BYTES + 14 * 24 + 8 * EXPRESSION_COUNT, len(demo.expression_splats)
+    head, moved = HEAD_BYTES + 14 * 24 + 8 * BLEND_SHAPE_COUNT, len(demo.expression_splats)
     offsets = len(encoded) - head - 32 * len(demo)
     assert offsets % 7 == 0
     assert moved < offsets // 7 < 2 * moved  # most are moved by one or two expressions
