@@ -47,6 +47,7 @@ class Benchmark:
 
 
 CATALOGUE = (
+    Benchmark("reading", ("reading",)),
     Benchmark("live-capture", ("live-capture",)),
     Benchmark("masks", ("masks",)),
     Benchmark("local-view", ("local-view",), (require_browser,)),

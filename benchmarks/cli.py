@@ -309,6 +309,14 @@ def foreign(
 
 
 @app.command()
+def reading(commits: Commits = False) -> None:
+    """Seconds that a large data set takes to be read and cut to the person."""
+    from benchmarks.foreign.reading import run
+
+    run(_start("reading", commits))
+
+
+@app.command()
 def relight(
     commits: Commits = False,
     panoramas: Annotated[

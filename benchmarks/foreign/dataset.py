@@ -31,11 +31,16 @@ _RING_DEGREES = (45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0)
 def write_dataset(folder: Path, size: int = SIZE, frames: int = FRAMES) -> None:
     """Write the three folders into `folder`, the same to the bit for the same sizes."""
     figure, turn = make_figure(), turning(frames)
-    front = lens_on_ring(0.0, 1.0, 3.3, size)
-    _write(folder / TRAIN, figure, [(move, front) for move in turn])
+    write_training_frames(folder / TRAIN, size, frames)
     moments = [turn[i * frames // NOVEL_VIEWS] for i in range(NOVEL_VIEWS)]
     for name, moves in ((NOVEL_VIEW, moments), (UNSEEN_POSE, dancing(UNSEEN_POSES))):
         _write(folder / name, figure, [(move, ring_lens(i, size)) for i, move in enumerate(moves)])
+
+
+def write_training_frames(folder: Path, size: int, frames: int) -> None:
+    """Write the folder that is trained on: one turn before a camera that stands still."""
+    front = lens_on_ring(0.0, 1.0, 3.3, size)
+    _write(folder, make_figure(), [(move, front) for move in turning(frames)])
 
 
 def ring_lens(number: int, size: int) -> Lens:

@@ -45,6 +45,7 @@ BLOCKS = (
     Block(_FIGURES_PAGE, "robustness", ("capture-robustness",), capture.robustness),
     Block(_FIGURES_PAGE, "live", ("live-capture",), capture.live),
     Block("docs/capture.md", "capture", ("capture",), capture.accuracy),
+    Block("docs/data.md", "reading", ("reading",), splats.reading),
     Block("docs/frontier.md", "refinement", ("refinement",), splats.refinement),
     Block("docs/frontier.md", "foreign", ("foreign",), splats.foreign),
     Block("docs/frontier.md", "frontier", ("frontier",), frontier),

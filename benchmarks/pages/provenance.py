@@ -34,8 +34,10 @@ def _origins(figures: Figures) -> Iterator[Figures]:
 def _sentence(origin: Figures) -> str:
     """Of one commit."""
     changes = " with uncommitted changes" if origin["uncommitted_changes"] else ""
+    machine = origin["machine"]
     notes = [
-        origin["machine"]["processor"],
+        machine["processor"],
+        *([f"reference loop {machine['loop_ms']:g} ms"] if "loop_ms" in machine else []),
         *([origin["date_from"]] if "date_from" in origin else []),
     ]
     return f"`{origin['commit']}`{changes} on {origin['date'][:10]} ({', '.join(notes)})"

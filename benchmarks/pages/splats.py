@@ -153,6 +153,16 @@ def foreign(figures: Figures) -> str:
     return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
 
 
+def reading(figures: Figures) -> str:
+    """How long a large data set takes."""
+    side = figures["size"]
+    sentence = (
+        f"{figures['frames']} frames of {side} x {side} px are read and cut to the person in "
+        f"{figures['seconds']:.1f} s on {figures['threads']} threads (`metanerf bench reading`). "
+    )
+    return sentence + measured_at(figures)
+
+
 def _scaled(value: float | None, factor: float, digits: int) -> str:
     return "-" if value is None else f"{factor * value:.{digits}f}"
 

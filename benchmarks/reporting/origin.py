@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import platform
+import time
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from benchmarks.reporting.checkout import Checkout
+
+_TURNS, _TRIES = 300_000, 5
 
 ORIGIN = ("date", "machine", "commit", "uncommitted_changes")
 """What `origin_of` tells."""
@@ -27,12 +30,28 @@ def origin_of(checkout: Checkout, now: datetime | None = None) -> dict[str, Any]
             "processor": _processor(),
             "cores": os.cpu_count(),
             "load_before": round(os.getloadavg()[0], 2),
+            "loop_ms": loop_ms(),
             "python": platform.python_version(),
             "torch": version("torch"),
         },
         "commit": checkout.commit(),
         "uncommitted_changes": bool(checkout.uncommitted_paths()),
     }
+
+
+def loop_ms() -> float:
+    """Processor time of a fixed loop of the interpreter, the shortest of a few tries.
+
+    The same processor's name stands for machines that differ by a factor of two, by what their
+    neighbours do: where figures of two days differ, this says whether the code or the machine did.
+    """
+    tries = []
+    for _ in range(_TRIES):
+        began, total = time.process_time(), 0
+        for number in range(_TURNS):
+            total += number
+        tries.append(time.process_time() - began)
+    return round(1e3 * min(tries), 1)
 
 
 def _processor() -> str:

@@ -108,7 +108,7 @@ def test_names_choose_among_the_benchmarks():
     assert chosen(()) == list(CATALOGUE)
     assert [one.name for one in chosen(["train", "serve"])] == ["train", "serve"]
     with pytest.raises(
-        InvalidInput, match=r"a benchmark must be one of live-capture, .*got 'cast'"
+        InvalidInput, match=r"a benchmark must be one of reading, live-capture, .*got 'cast'"
     ):
         chosen(["cast"])
 

@@ -29,7 +29,8 @@ def test_figures_say_where_they_come_from(checkout: Checkout):
     assert figures["benchmark"] == "serve"
     assert figures["command"] == "metanerf bench serve"
     assert figures["date"] == "2026-05-01T12:00:00+00:00"
-    assert set(figures["machine"]) == {"processor", "cores", "load_before", "python", "torch"}
+    machine = {"processor", "cores", "load_before", "loop_ms", "python", "torch"}
+    assert set(figures["machine"]) == machine
     assert figures["commit"] == git(checkout.root, "rev-parse", "HEAD")[:7]
     assert figures["uncommitted_changes"] is False
     assert figures["frames_per_second"] == 30.0
