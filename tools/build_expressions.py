@@ -32,7 +32,7 @@ _FINGER_BENDS_DEG = (55.0, 75.0, 45.0)
 _THUMB_BENDS_DEG = (20.0, 30.0, 40.0)
 _THUMB_TO_M = 0.03
 """How far below the middle finger's knuckle a thumb that closes comes to lie."""
-LEAST_M = 1.916e-4
+LEAST_M = 1.907e-4
 """Shorter offsets are left out. MakeHuman's are whole tenths of a millimetre: the threshold lies
 between the lengths that occur, so that no processor's rounding decides which vertices move."""
 _MARGIN_M = 1e-6
