@@ -10,6 +10,7 @@ import numpy as np
 
 from renderer.splats.layout import ALPHA, EMPTY_BOX, MEAN_X, MEAN_Y
 from renderer.splats.rasteriser.workspace import Workspace
+from renderer.splats.training.surface_kinds import strongest_joints
 from scene.arrays import Array, Bool
 from scene.skeleton import JOINT_NAMES
 
@@ -26,8 +27,7 @@ _OPAQUE = 0.2
 
 def limb_splats(joints: Array, weights: Array) -> Bool[Array, "N"]:
     """Those that move most with a forearm, wrist or hand; arguments as of `FirstSplats`."""
-    strongest = np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
-    return np.isin(strongest, _FRONT_JOINTS)
+    return np.isin(strongest_joints(joints, weights), _FRONT_JOINTS)
 
 
 def hidden_by_limbs(

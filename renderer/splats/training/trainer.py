@@ -33,16 +33,16 @@ from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.evidence import (
-    GRAZING,
-    SEEN_PX,
+    Evidence,
     frames_looked_at,
-    in_best_frames,
     shown_pixels,
+    surface_cosines,
 )
+from renderer.splats.training.filling import fill_unseen
 from renderer.splats.training.initialisation import first_splats, moved_with_bones, splats_of_model
 from renderer.splats.training.occlusion import hidden_by_limbs, limb_splats
+from renderer.splats.training.surface_kinds import surface_kinds
 from renderer.splats.training.views import read_views
-from renderer.splats.unseen import fill_unseen
 from scene.arrays import Array, Bool, Float
 from scene.sequence import PoseTrust, Sequence
 from scene.skeleton import Skeleton
@@ -51,6 +51,9 @@ _MIN_CONTRIBUTION = 0.02
 """Summed blending weight, in pixels, from which a step moves a splat."""
 _LIGHT_FROM = 0.3
 """Share of the training after which the light is estimated."""
+_FILLED_FROM = 0.8
+"""Share of the training after which sides that no frame shows are filled in and keep their colour:
+what shines through from behind is then right, and what lies in front is trained before it."""
 _PREVIEW_PX = 384
 
 
@@ -70,6 +73,7 @@ class SplatTrainer:
 
         self._sequence, self._settings = sequence, settings
         self._find_light = find_light
+        self._found: Evidence | None = None
         self._light: CapturedLight | None = None
         self._rng = np.random.default_rng(seed)
         self._views = read_views(sequence.train)
@@ -86,6 +90,8 @@ class SplatTrainer:
         self._expressions = ClipBlendShapes(
             first.expression_splats, first.expression_offsets, sequence.motion.expressions
         )
+        rest = first.parameters[:, POSITION : POSITION + 3]
+        self._kinds = surface_kinds(rest, self._joints, self._weights, self._poses.skeleton)
         count = len(self.parameters)
         self._passes = (
             RefinementPasses(self._views, colours_known=start is not None)
@@ -118,7 +124,13 @@ class SplatTrainer:
         self.restore(before)
 
     def before_step(self, fraction: float) -> None:
-        """Estimate the light, once the splats have the person's colours."""
+        """Estimate the light, once the splats have the person's colours; later, fill the sides that
+        no frame shows."""
+        if self._found is None and fraction >= _FILLED_FROM:
+            self._found = self._evidence()
+            self.parameters = fill_unseen(self.parameters, self._found, self._kinds)
+            for moment in (self._first_moment, self._second_moment):
+                moment[~self._found.seen, COLOUR : COLOUR + 3] = 0.0
         if not self._find_light or self._light is not None or fraction < _LIGHT_FROM:
             return
         from renderer.relighting.light_estimation import estimate_light
@@ -157,6 +169,8 @@ class SplatTrainer:
         if self._light is not None:
             self._light.chain_to_albedo(self._by_parameter, self.parameters, shown)
         contribution = self._contribution(frame)
+        if self._found is not None:
+            self._by_parameter[~self._found.seen, COLOUR : COLOUR + 3] = 0.0
         rates = self._rates(fraction)
         adam_step(
             self.parameters,
@@ -328,9 +342,8 @@ class SplatTrainer:
 
     def finish(self, metrics: dict[str, Any]) -> SplatModel:
         """The model, with unseen splats filled in."""
-        evidence = self._evidence()
-        seen = evidence > SEEN_PX
-        parameters = fill_unseen(self.parameters, evidence)
+        evidence = self._evidence() if self._found is None else self._found
+        parameters, seen = fill_unseen(self.parameters, evidence, self._kinds), evidence.seen
         seen_share = round(float(seen.mean()), 4)
         return self._model(
             parameters, seen, {**metrics, "splats": len(seen), "seen_share": seen_share}
@@ -363,29 +376,15 @@ class SplatTrainer:
         """`parameters` with colours as captured, also while albedos are trained."""
         return parameters if self._light is None else self._light.with_mean_light(parameters)
 
-    def _evidence(self) -> Float[Array, "N"]:
-        """How well pixels determine each splat's colour (`renderer.splats.training.evidence`)."""
-        found = []
+    def _evidence(self) -> Evidence:
+        """How well pixels determine each splat's colour."""
+        shown, cosines = [], []
         for frame in frames_looked_at(len(self._views)):
             transforms, _, _ = self._draw(frame, np.zeros(3, np.float32))
-            facing = self._faces_camera(transforms, self._views[frame].camera)
-            shown = self._contribution(frame)
-            found.append(shown_pixels(self._work, shown, facing))
-        return in_best_frames(np.stack(found))
-
-    def _faces_camera(
-        self, transforms: Float[Array, "K 4 4"], camera: Float[Array, "4 4"]
-    ) -> Bool[Array, "N"]:
-        """Whether the body's surface at each splat's initial position faces the camera."""
-        first = self._first_splats
-        blended = np.einsum("ns,nsij->nij", first.weights, transforms[first.joints][:, :, :3])
-        rest = first.parameters[:, POSITION : POSITION + 3]
-        place = np.einsum("nij,nj->ni", blended[:, :, :3], rest) + blended[:, :, 3]
-        normal = np.einsum("nij,nj->ni", blended[:, :, :3], first.normals)
-        eye = -camera[:3, :3].T @ camera[:3, 3]
-        away = eye - place
-        cosine = (normal * away).sum(axis=1) / np.maximum(np.linalg.norm(away, axis=1), 1e-9)
-        return cosine > GRAZING
+            shown.append(shown_pixels(self._work, self._contribution(frame)))
+            eye = self._views[frame].window.position
+            cosines.append(surface_cosines(self._first_splats, transforms, eye))
+        return Evidence.of_frames(np.stack(shown), np.stack(cosines))
 
     def _rates(self, fraction: float) -> Float[Array, "P"]:
         s = self._settings

@@ -1,4 +1,4 @@
-"""Splats that no frame determines take their colour from those around them."""
+"""Parts of the body that were never filmed fade out, and sides of filmed ones stay."""
 
 from __future__ import annotations
 
@@ -6,63 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.splats.layout import COLOUR, OPACITY, PARAMETERS
+from renderer.splats.layout import OPACITY
 from renderer.splats.model import SplatModel
-from renderer.splats.unseen import fill_unseen
 from scene import Pose, orbit_camera
 from scene.arrays import Array, Float
 from tests.renderer.studio import make_model
-
-
-def splats(*rows: tuple[float, float, float, float]) -> np.ndarray:
-    """x, y, z and a shade of grey each."""
-    parameters = np.zeros((len(rows), PARAMETERS), np.float32)
-    for i, (x, y, z, grey) in enumerate(rows):
-        parameters[i, :3], parameters[i, COLOUR : COLOUR + 3] = (x, y, z), grey
-    return parameters
-
-
-def line_of(*greys: float) -> np.ndarray:
-    """Splats a centimetre apart, each of a shade of grey."""
-    return splats(*((0.01 * i, 1.0, 0.0, grey) for i, grey in enumerate(greys)))
-
-
-def test_determined_colours_stay_and_others_lie_between_them():
-    trained = line_of(0.2, *[0.9] * 30, 0.8)
-    evidence = np.zeros(32)
-    evidence[[0, -1]] = 10.0
-    filled = fill_unseen(trained, evidence)[:, COLOUR]
-    np.testing.assert_allclose(filled[[0, -1]], [0.2, 0.8], atol=0.01)
-    assert (np.diff(filled) > -1e-6).all()
-    assert abs(filled[15:17].mean() - 0.5) < 0.02
-
-
-def test_a_colour_that_frames_hardly_determine_gives_way_to_those_around():
-    trained = line_of(*[0.4] * 10, 0.9, *[0.4] * 10)
-    strong, weak = np.full(21, 5.0), np.full(21, 5.0)
-    weak[10] = 0.02
-    assert fill_unseen(trained, strong)[10, COLOUR] > 0.89
-    assert fill_unseen(trained, weak)[10, COLOUR] < 0.45
-
-
-def test_far_from_all_that_was_seen_the_mean_colour_holds():
-    near, far = line_of(*[0.2] * 12), line_of(*[0.9] * 12)
-    far[:, 0] += 5.0
-    evidence = np.repeat([1.0, 0.0], 12)
-    filled = fill_unseen(np.concatenate([near, far]), evidence)
-    np.testing.assert_allclose(filled[:, COLOUR], 0.2, atol=1e-5)
-
-
-def test_shape_and_opacity_stay():
-    trained = np.random.default_rng(0).uniform(size=(40, PARAMETERS)).astype(np.float32)
-    filled = fill_unseen(trained, np.linspace(0.0, 1.0, 40))
-    rest = np.delete(np.arange(PARAMETERS), range(COLOUR, COLOUR + 3))
-    np.testing.assert_array_equal(filled[:, rest], trained[:, rest])
-
-
-def test_nothing_changes_where_nothing_was_seen():
-    trained = line_of(0.1, 0.9)
-    assert fill_unseen(trained, np.zeros(2)) is trained
 
 
 def filmed_at_a_desk() -> SplatModel:

@@ -1,0 +1,126 @@
+"""Gives splats that no frame determines colours of the nearest seen surface of the same kind.
+
+They stay marked as unseen. Hair takes its colour from hair, cloth from cloth, skin from skin; only
+low frequencies are taken over: a logo or a lanyard on the chest does not show on the back.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.splats.layout import COLOUR, POSITION
+from renderer.splats.training.evidence import Evidence
+from renderer.splats.training.surface_kinds import KINDS
+from scene.arrays import Array, Float, Int
+
+_NEIGHBOURS = 8
+_DETERMINED_PX = 0.05
+"""Evidence at which a splat's own colour weighs as much as one neighbour's."""
+_MOST = 1e4
+"""Greatest weight: beyond, it is the colour's own anyway."""
+_GUESS = 1.0
+"""Weight of a guess, of the same measure: stray colours at the rim reach one or two splats far."""
+_CELL_M = 0.02
+"""Side of the cubes whose mean colours stand for what was seen: a bright logo of many small splats
+counts no more than as much plain cloth."""
+_CELLS = 60
+"""Nearest cubes whose median is the guess."""
+_CELL_PX = 0.5
+"""Evidence in a cube from which it counts."""
+_ACROSS = 0.45
+"""How much a distance across a limb counts, against one along it: clothes end along it."""
+_SCALP = KINDS.index("scalp")
+_HEAD = [KINDS.index(kind) for kind in ("neck", "face", "scalp")]
+_SIDEWAYS = [KINDS.index(kind) for kind in ("arms", "hands")]
+"""Kinds whose bones lie along x at rest; those of others but the head lie along y."""
+_COLOURS, _PLACE = slice(COLOUR, COLOUR + 3), slice(POSITION, POSITION + 3)
+
+
+def fill_unseen(
+    parameters: Float[Array, "N P"], evidence: Evidence, kinds: Int[Array, "N"]
+) -> Float[Array, "N P"]:
+    """`parameters` with the smoothest colours that agree with what frames determine.
+
+    Colours minimise the squared differences between neighbours at rest plus, weighted by the
+    fourth power of the evidence, those from the trained ones, plus those from a guess: the
+    median of the nearest seen surface of the same kind (screened membrane interpolation,
+    Terzopoulos 1986). Shape and opacity stay: training has made obstructing splats transparent.
+
+    Args:
+        kinds: index into `KINDS`, as of `surface_kinds`.
+    """
+    from scipy.sparse import diags
+    from scipy.sparse.linalg import splu
+
+    if not evidence.pixels.any():
+        return parameters
+    colours = parameters[:, _COLOURS].astype(np.float64)
+    weights = np.minimum((evidence.pixels.astype(np.float64) / _DETERMINED_PX) ** 4, _MOST)
+    guesses = _guesses(parameters[:, _PLACE], colours, _lent(evidence, kinds), kinds)
+    edges = _neighbours(parameters[:, _PLACE])
+    diagonal = np.asarray(edges.sum(axis=1)).ravel() + weights + _GUESS
+    # a sparse direct solver: far from all evidence, conjugate gradients take thousands of steps
+    factors = splu(
+        (diags(diagonal) - edges).tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        options={"SymmetricMode": True},
+    )
+    filled = parameters.copy()
+    filled[:, _COLOURS] = factors.solve(weights[:, None] * colours + _GUESS * guesses)
+    return filled
+
+
+def _lent(evidence: Evidence, kinds: Int[Array, "N"]) -> Float[Array, "N"]:
+    """How much each splat's colour counts in guesses: where it faces a camera; hair, which stands
+    up from the skull, also where that turns away."""
+    lent = np.where(kinds == _SCALP, evidence.pixels, evidence.facing)
+    return lent if lent.any() else evidence.pixels
+
+
+def _guesses(
+    rest: Float[Array, "N 3"],
+    colours: Float[Array, "N 3"],
+    trust: Float[Array, "N"],
+    kinds: Int[Array, "N"],
+) -> Float[Array, "N 3"]:
+    """The median colour of the cubes of each splat's kind that lie nearest to it; of any kind
+    where none of its own was seen."""
+    from scipy.spatial import KDTree
+
+    cubes = np.column_stack([kinds, np.floor(rest / _CELL_M)]).astype(np.int64)
+    cells, cell = np.unique(cubes, axis=0, return_inverse=True)
+    cell = cell.ravel()
+    total = np.bincount(cell, trust)
+    known = total >= min(_CELL_PX, total.max())
+    light = np.column_stack([np.bincount(cell, trust * channel) for channel in colours.T])
+    means = light[known] / total[known, None]
+    cell_kinds, places = cells[known, 0], (cells[known, 1:] + 0.5) * _CELL_M
+    guesses = np.empty_like(colours)
+    for kind in np.unique(kinds):
+        mine, same = kinds == kind, cell_kinds == kind
+        same = same if same.any() else np.ones_like(same)
+        count, axes = min(_CELLS, int(same.sum())), _axes(int(kind))
+        _, near = KDTree(places[same] * axes).query(rest[mine] * axes, k=count)
+        guesses[mine] = np.median(means[same][np.reshape(near, (-1, count))], axis=1)
+    return guesses
+
+
+def _axes(kind: int) -> Float[Array, "3"]:
+    """How much a distance along each axis at rest counts."""
+    axes = np.ones(3)
+    if kind not in _HEAD:
+        axes[[1, 2] if kind in _SIDEWAYS else [0, 2]] = _ACROSS
+    return axes
+
+
+def _neighbours(rest: Float[Array, "N 3"]):
+    """Symmetric adjacency, 1 where either is among the nearest of the other (scipy's CSR)."""
+    from scipy.sparse import csr_matrix
+    from scipy.spatial import KDTree
+
+    count, size = min(_NEIGHBOURS, len(rest) - 1), len(rest)
+    _, near = KDTree(rest).query(rest, k=count + 1)
+    others = np.asarray(near)[:, 1:].ravel()
+    pairs = (np.ones(len(others)), (np.repeat(np.arange(size), count), others))
+    edges = csr_matrix(pairs, shape=(size, size))
+    return edges.maximum(edges.T)

@@ -1,0 +1,156 @@
+"""Splats that no frame determines take their colour from the seen surface of their kind."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from renderer.splats.layout import COLOUR, PARAMETERS
+from renderer.splats.settings import SplatSettings
+from renderer.splats.training.evidence import Evidence
+from renderer.splats.training.filling import fill_unseen
+from renderer.splats.training.surface_kinds import KINDS
+from renderer.splats.training.trainer import SplatTrainer
+from scene.arrays import Array, Float
+from tests.renderer.studio import make_sequence
+
+HAIR, CLOTH = KINDS.index("scalp"), KINDS.index("trunk")
+
+
+def splats(*rows: tuple[float, float, float, float]) -> np.ndarray:
+    """x, y, z and a shade of grey each."""
+    parameters = np.zeros((len(rows), PARAMETERS), np.float32)
+    for i, (x, y, z, grey) in enumerate(rows):
+        parameters[i, :3], parameters[i, COLOUR : COLOUR + 3] = (x, y, z), grey
+    return parameters
+
+
+def line_of(*greys: float) -> np.ndarray:
+    """Splats a centimetre apart, each of a shade of grey."""
+    return splats(*((0.01 * i, 1.0, 0.0, grey) for i, grey in enumerate(greys)))
+
+
+def filled_greys(
+    trained: Float[Array, "N P"],
+    evidence: Float[Array, "N"],
+    facing: Float[Array, "N"] | None = None,
+    kinds: Array | None = None,
+) -> Float[Array, "N"]:
+    """One channel of the filled colours; all of one kind, all facing the camera, if not told."""
+    found = Evidence(evidence, evidence if facing is None else facing)
+    kinds = np.full(len(trained), CLOTH) if kinds is None else kinds
+    return fill_unseen(trained, found, kinds)[:, COLOUR]
+
+
+def test_determined_colours_stay_and_others_lie_between_them():
+    trained = line_of(0.2, *[0.9] * 30, 0.8)
+    evidence = np.zeros(32)
+    evidence[[0, -1]] = 10.0
+    filled = filled_greys(trained, evidence)
+    np.testing.assert_allclose(filled[[0, -1]], [0.2, 0.8], atol=0.01)
+    assert (np.diff(filled) > -1e-6).all()
+    assert abs(filled[15:17].mean() - 0.5) < 0.02
+
+
+def test_a_colour_that_frames_hardly_determine_gives_way_to_those_around():
+    trained = line_of(*[0.4] * 10, 0.9, *[0.4] * 10)
+    strong, weak = np.full(21, 5.0), np.full(21, 5.0)
+    weak[10] = 0.02
+    assert filled_greys(trained, strong)[10] > 0.89
+    assert filled_greys(trained, weak)[10] < 0.45
+
+
+def head_and_trunk() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Splats on two columns, a head over a trunk, whose front alone was seen: parameters, evidence,
+    kinds. Hair is dark, cloth is light with a stripe of every other splat;
+    the back has no colour yet."""
+    rows, kinds = [], []
+    for kind, low, grey in ((HAIR, 1.5, 0.1), (CLOTH, 1.0, 0.8)):
+        for i in range(400):
+            height, z = low + 0.4 * (i // 20) / 20, 0.01 * (i % 20)
+            stripe = 0.1 * (-1) ** i if kind == CLOTH else 0.0
+            rows.append((0.0, height, z, grey + stripe if z >= 0.1 else 0.5))
+            kinds.append(kind)
+    parameters = splats(*rows)
+    return parameters, np.where(parameters[:, 2] >= 0.1, 3.0, 0.0), np.array(kinds)
+
+
+def test_a_back_takes_hair_from_hair_and_cloth_from_cloth():
+    trained, evidence, kinds = head_and_trunk()
+    filled = filled_greys(trained, evidence, kinds=kinds)
+    back, inside = evidence == 0.0, np.abs(trained[:, 1] - 1.45) > 0.1
+    assert np.abs(filled[back & inside & (kinds == HAIR)] - 0.1).max() < 0.05
+    assert np.abs(filled[back & inside & (kinds == CLOTH)] - 0.8).max() < 0.1
+
+
+def test_seen_splats_keep_their_colour():
+    trained, evidence, kinds = head_and_trunk()
+    filled, seen = filled_greys(trained, evidence, kinds=kinds), evidence > 0.0
+    np.testing.assert_allclose(filled[seen], trained[seen, COLOUR], atol=0.01)
+
+
+def test_a_back_shows_low_frequencies_alone():
+    trained, evidence, kinds = head_and_trunk()
+    filled = filled_greys(trained, evidence, kinds=kinds).reshape(2, 20, 20)
+    stripes = np.abs(np.diff(filled[1], axis=1))
+    assert stripes[:, 11:].min() > 0.15
+    assert stripes[:, :6].max() < 0.02
+
+
+def test_a_rim_in_the_colour_of_the_background_does_not_spread():
+    trained, evidence, kinds = head_and_trunk()
+    rim = np.isclose(trained[:, 2], 0.1)
+    trained[rim, COLOUR : COLOUR + 3], evidence[rim] = 1.0, 0.3
+    facing = np.where(rim, 0.0, evidence)
+    filled = filled_greys(trained, evidence, facing, kinds)
+    far = (trained[:, 2] < 0.04) & (kinds == HAIR) & (trained[:, 1] > 1.55)
+    assert filled[far].max() < 0.2
+
+
+def test_a_kind_that_was_never_seen_takes_what_lies_nearest():
+    near, far = line_of(*[0.2] * 12), line_of(*[0.9] * 12)
+    far[:, 0] += 5.0
+    evidence, kinds = np.repeat([1.0, 0.0], 12), np.repeat([CLOTH, HAIR], 12)
+    filled = filled_greys(np.concatenate([near, far]), evidence, kinds=kinds)
+    np.testing.assert_allclose(filled, 0.2, atol=1e-5)
+
+
+def test_shape_and_opacity_stay():
+    trained = np.random.default_rng(0).uniform(size=(40, PARAMETERS)).astype(np.float32)
+    evidence = np.linspace(0.0, 1.0, 40)
+    filled = fill_unseen(trained, Evidence(evidence, evidence), np.full(40, CLOTH))
+    rest = np.delete(np.arange(PARAMETERS), range(COLOUR, COLOUR + 3))
+    np.testing.assert_array_equal(filled[:, rest], trained[:, rest])
+
+
+def test_nothing_changes_where_nothing_was_seen():
+    trained, none = line_of(0.1, 0.9), np.zeros(2)
+    assert fill_unseen(trained, Evidence(none, none), np.full(2, CLOTH)) is trained
+
+
+def test_what_shines_through_from_behind_is_no_evidence():
+    shown = np.full((4, 3), 2.0)
+    cosines = np.tile([0.9, 0.0, -0.8], (4, 1))
+    found = Evidence.of_frames(shown, cosines)
+    np.testing.assert_allclose(found.facing, [2.0, 0.0, 0.0])
+    assert 0.0 < found.pixels[1] < found.pixels[0]
+    assert found.seen.tolist() == [True, True, False]
+
+
+def test_filled_colours_hold_while_training_ends():
+    trainer = SplatTrainer(make_sequence(), replace(SplatSettings(), count=400, most=400), 0)
+    for _ in range(4):
+        trainer.step(0.1)
+    before = trainer.parameters.copy()
+    trainer.before_step(0.79)
+    np.testing.assert_array_equal(trainer.parameters, before)
+    trainer.before_step(0.8)
+    filled = trainer.parameters.copy()
+    for _ in range(4):
+        trainer.step(0.9)
+    changed = (trainer.parameters != filled)[:, COLOUR : COLOUR + 3].any(axis=1)
+    seen = trainer.finish({}).seen
+    assert 0 < seen.sum() < len(seen)
+    assert not changed[~seen].any()
+    assert changed[seen].mean() > 0.5
