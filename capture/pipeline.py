@@ -110,7 +110,7 @@ def capture_clip(
     on_fit: Callable[[str, Fit], None] = lambda *_: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> CaptureQuality:
-    """Capture a video, or a folder or zip of frames, whichever `path` is, into the folder `out`.
+    """Capture a video, a folder or zip of frames, or a zip of videos into the folder `out`.
 
     Args:
         on_progress: called with the share done and what is being done.
@@ -151,7 +151,7 @@ def capture_clip(
     expressions = clip_expressions(parts, clip.times_s, track.takes)
     placed = replace(placed, motion=replace(placed.motion, expressions=expressions))
     captured = crop_to_person(clip.images, track, masks, fit, placed, options.size_px)
-    quality = judge(captured)
+    quality = judge(captured, clip.recordings)
     _store(out, path.name, clip, captured, quality, options, reports)
     if options.overlay is not None:
         write_video(captured.overlays(), options.overlay, clip.frames_per_second)

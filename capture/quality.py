@@ -42,10 +42,13 @@ class CaptureQuality:
     """Sampled frames in which the person was not found."""
     takes: int
     """Runs of frames without a jump of the picture."""
+    recordings: int
+    """Of which the clip is made: so many takes are no fault of it."""
     coverage: Mapping[str, float]
     """Share of frames that show each side."""
     landmark_error_px: float
-    """Mean distance of seen landmarks from the fitted body's, px of the stored frames."""
+    """Mean distance of seen landmarks from the fitted body's, px of the stored frames: as many as
+    it would be at the clip's usual distance, since somebody who comes close is larger."""
     landmark_error: float
     """The same in heights of the person's box."""
     landmark_error_mm: float
@@ -85,7 +88,7 @@ class CaptureQuality:
         weakest = min(self.frame_confidence)
         return [
             ("Frames", f"{self.frames_used} of {total}", _verdict(self.frames_lost <= 0.1 * total)),
-            ("Takes", str(self.takes), _verdict(self.takes == 1, "cuts")),
+            ("Takes", str(self.takes), _verdict(self.takes <= self.recordings, "cuts")),
             ("Sides", sides, f"not seen: {', '.join(hidden)}" if hidden else "all round"),
             ("Legs", "seen" if self.legs_seen else "not seen", _verdict(self.legs_seen)),
             ("Person", f"{self.person_px} px tall", _verdict(self.person_px >= _SMALL_PX, "small")),
@@ -113,16 +116,17 @@ class CaptureQuality:
         ]
 
 
-def judge(clip: CapturedClip) -> CaptureQuality:
-    """Measure a capture and say what to do better."""
+def judge(clip: CapturedClip, recordings: int = 1) -> CaptureQuality:
+    """Measure a capture of a clip that was made in so many recordings; say what to do better."""
     heights = [float(np.ptp(np.nonzero(mask > 0.5)[0]) + 1) for mask in clip.masks]
     person_px = int(np.median(heights))
-    error_px = float(np.nanmean(clip.landmark_error_px))
+    error_px = float(np.nanmean(_errors_px(clip)))
     frame_confidence = clip.motion.confidence.mean(axis=1)
     measured: dict[str, Any] = {
         "frames_used": len(clip.images),
         "frames_lost": clip.frames_lost,
         "takes": clip.takes,
+        "recordings": recordings,
         "coverage": side_shares(clip.motion, clip.camera),
         "landmark_error_px": round(error_px, 3),
         "landmark_error": round(error_px / max(person_px, 1), 4),
@@ -131,7 +135,7 @@ def judge(clip: CapturedClip) -> CaptureQuality:
         "mask_overlap": round(_mask_overlap(clip), 3),
         "confidence": round(float(frame_confidence.mean()), 3),
         "frame_confidence": tuple(np.round(frame_confidence, 3).tolist()),
-        "weak_s": _weak_spans(clip, frame_confidence),
+        "weak_s": _weak_spans(clip),
         "blur": round(float(np.median([sharpness(*p) for p in _pairs(clip)])), 1),
         "legs_seen": clip.legs_seen,
         "person_px": person_px,
@@ -157,20 +161,39 @@ def sharpness(image: UInt8[Array, "H W 3"], mask: Float[Array, "H W"]) -> float:
     return float(laplacian[inside].var()) if inside.any() else 0.0
 
 
+def _depths_m(clip: CapturedClip) -> Float[Array, "F"]:
+    """Of the pelvis, before the camera."""
+    pelvis = clip.motion.root_translation + clip.body.skeleton.rest_joints[0]
+    return clip.camera.project(pelvis)[1]
+
+
+def _errors_px(clip: CapturedClip) -> Float[Array, "F 33"]:
+    """Distances of landmarks from the body's, as they would be at the clip's usual distance."""
+    depths_m = _depths_m(clip)
+    return clip.landmark_error_px * (depths_m / np.median(depths_m))[:, None]
+
+
 def _error_mm(clip: CapturedClip) -> float:
     """Mean distance of seen landmarks from the body's, at the depth of its pelvis."""
-    pelvis = clip.motion.root_translation + clip.body.skeleton.rest_joints[0]
-    _, depth_m = clip.camera.project(pelvis)
     focal_px = float(clip.camera.intrinsics[[0, 1], [0, 1]].mean())
-    return 1e3 * float(np.nanmean(clip.landmark_error_px * depth_m[:, None])) / focal_px
+    return 1e3 * float(np.nanmean(clip.landmark_error_px * _depths_m(clip)[:, None])) / focal_px
 
 
-def _weak_spans(
-    clip: CapturedClip, confidence: Float[Array, "F"]
-) -> tuple[tuple[float, float], ...]:
+def _shown_confidence(clip: CapturedClip) -> Float[Array, "F"]:
+    """Mean visibility of the joints that are in the picture: a face close by hides no legs."""
+    motion, camera = clip.motion, clip.camera
+    joints = clip.body.skeleton.joint_transforms(motion.joint_angles, motion.root_translation)
+    pixels, _ = camera.project(joints[..., :3, 3])
+    shown = ((pixels >= 0.0) & (pixels < [camera.width, camera.height])).all(axis=-1)
+    seen = (motion.confidence * shown).sum(axis=1)
+    return seen / np.maximum(shown.sum(axis=1), 1)
+
+
+def _weak_spans(clip: CapturedClip) -> tuple[tuple[float, float], ...]:
     """Spans of frames, s, with low confidence or high error relative to the rest of the clip."""
-    known = ~np.isnan(clip.landmark_error_px)
-    error = np.nansum(clip.landmark_error_px, axis=1) / np.maximum(known.sum(axis=1), 1)
+    errors_px, confidence = _errors_px(clip), _shown_confidence(clip)
+    known = ~np.isnan(errors_px)
+    error = np.nansum(errors_px, axis=1) / np.maximum(known.sum(axis=1), 1)
     typical = np.median(error) + 1e-6
     weak = (confidence < _WEAK * np.median(confidence)) | (error > _WEAK_ERROR * typical)
     weak |= ~known.any(axis=1)
@@ -237,7 +260,7 @@ def _advice(found: Mapping[str, Any]) -> list[str]:
             f"The person was lost in {found['frames_lost']} of {total} frames: stay inside the "
             "picture, alone and well lit."
         )
-    if found["takes"] > 1:
+    if found["takes"] > found["recordings"]:
         lines.append(f"The picture jumps ({found['takes']} takes): film one take without cuts.")
     if found["blur"] < _SHARP:
         lines.append(

@@ -1,6 +1,6 @@
 """Frames as pictures: a folder, or a zip that is read without being unpacked to disk.
 
-Nothing of a zip is ever written, so a name that points outside can do no harm; it is refused all
+No name of a zip is ever written to, so one that points outside can do no harm; it is refused all
 the same, since an honest program makes none. Sizes are checked twice: as declared, and while
 inflating.
 """
@@ -58,7 +58,7 @@ def read_frames(
     Raises UnreadableClip for a broken or dangerous archive, no pictures, an empty or broken
     picture, pictures of different sizes; CaptureStopped when asked to stop.
     """
-    with _opened(path) as (names, read):
+    with opened_archive(path, PICTURES) as (names, read):
         if not names:
             raise UnreadableClip(
                 f"{path.name} must hold pictures ({', '.join(PICTURES)}); got none; add the frames"
@@ -104,9 +104,13 @@ def decode_picture(name: str, data: bytes) -> UInt8[Array, "H W 3"]:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[list[str], Reader]]:
+def opened_archive(path: Path, suffixes: tuple[str, ...]) -> Iterator[tuple[list[str], Reader]]:
+    """Names with one of `suffixes` in a folder or zip, by natural order, and what reads one.
+
+    Raises UnreadableClip for a broken or dangerous archive.
+    """
     if path.is_dir():
-        files = {f.name: f for f in path.iterdir() if f.is_file() and _is_picture(f.name)}
+        files = {f.name: f for f in path.iterdir() if f.is_file() and _is_wanted(f.name, suffixes)}
         yield _in_order(files), lambda name: _read_file(files[name])
         return
     try:
@@ -117,14 +121,14 @@ def _opened(path: Path) -> Iterator[tuple[list[str], Reader]]:
         ) from error
     with archive:
         _check_entries(archive, path.name)
-        names = [i.filename for i in archive.infolist() if _is_picture(i.filename)]
+        names = [i.filename for i in archive.infolist() if _is_wanted(i.filename, suffixes)]
         yield _in_order(names), lambda name: _inflate(archive, name)
 
 
-def _is_picture(name: str) -> bool:
+def _is_wanted(name: str, suffixes: tuple[str, ...]) -> bool:
     parts = PurePosixPath(name).parts
     hidden = any(part.startswith((".", "__MACOSX")) for part in parts)
-    return not hidden and name.lower().endswith(PICTURES)
+    return not hidden and name.lower().endswith(suffixes)
 
 
 def _in_order(names: dict[str, Path] | list[str]) -> list[str]:

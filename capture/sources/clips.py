@@ -1,4 +1,4 @@
-"""Any clip: a video, or a folder or zip of frames."""
+"""Any clip: a video, a folder or zip of frames, or a zip of videos."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 from capture.errors import UnreadableClip
 from capture.sources.archive import read_frames
+from capture.sources.pieces import holds_pieces, read_pieces
 from capture.sources.video import Clip, read_video
 
 MIN_FRAMES = 8
@@ -24,7 +25,12 @@ def read_clip(
 
     Raises UnreadableClip where it is none or has fewer than `MIN_FRAMES`, CaptureStopped.
     """
-    read = read_frames if path.is_dir() or _is_zip(path) else read_video
+    if path.is_dir():
+        read = read_frames
+    elif _is_zip(path):
+        read = read_pieces if holds_pieces(path) else read_frames
+    else:
+        read = read_video
     clip = read(path, max_frames=max_frames, on_progress=on_progress, should_stop=should_stop)
     if len(clip.images) < MIN_FRAMES:
         raise UnreadableClip(

@@ -42,6 +42,8 @@ class Clip:
     """Width and height of the frames before they were made smaller, px."""
     source_frames: int
     """Frames of the whole clip, from which these were sampled."""
+    recordings: int = 1
+    """Of which the clip is made; between two the picture may jump."""
 
     @property
     def frames_per_second(self) -> float:

@@ -3,6 +3,7 @@
 import "./style/tokens.css";
 import "./style/base.css";
 import "./style/start.css";
+import "./style/guide.css";
 import "./style/progress.css";
 import "./style/viewport.css";
 import "./style/replay.css";
@@ -16,6 +17,7 @@ import { Api, type TokenStore } from "./api/api";
 import { chosenDevices } from "./capture/devices";
 import { Enrolment, type Bookmark, type Clip, type UploadsUnderWay } from "./enrolment/enrol";
 import { animatablePeople, createKeypointsMeeting, type AnimatablePerson } from "./enrolment/keypoints";
+import { guideStore } from "./enrolment/recordedSteps";
 import { LiveView } from "./drawing/live";
 import { MeetingSession, type StoredSeat, type SeatStore } from "./meeting/session";
 import type { ControlState } from "./meeting/controlConnection";
@@ -236,7 +238,11 @@ async function animate(person: AnimatablePerson, file: File): Promise<void> {
 function showEnrolment(clip: Clip | null, begin: (enrolment: Enrolment) => Promise<void>): void {
   // the server needs its strength for the new person, not for a picture that nobody sees
   leaveMeeting();
-  const onBookmark = (mark: Bookmark | null): void => writeStored(BOOKMARK_KEY, mark);
+  const onBookmark = (mark: Bookmark | null): void => {
+    writeStored(BOOKMARK_KEY, mark);
+    // the clip has arrived: no copy of it stays in the browser
+    if (mark) void guideStore.forget();
+  };
   const enrolment = new Enrolment(api, (state) => view.show(state), onBookmark, uploads);
   const view = progressView(api, enrolment, clip, {
     onMeet: (modelId) => {

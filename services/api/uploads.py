@@ -34,7 +34,7 @@ _FORM = {
                         "file": {
                             "type": "string",
                             "format": "binary",
-                            "description": "A video, a zip of frames, or keypoints as JSON.",
+                            "description": "A video, a zip of frames or videos, or JSON keypoints.",
                         }
                     },
                 }

@@ -30,7 +30,7 @@ Height = Annotated[
 def capture(
     out: Annotated[Path, typer.Option(help="The sequence's folder.")],
     source: Annotated[
-        Path | None, typer.Argument(help="A video, or a folder or zip of frames.")
+        Path | None, typer.Argument(help="A video, a folder or zip of frames, or a zip of videos.")
     ] = None,
     webcam: Annotated[int | None, typer.Option(help="Record with this webcam instead.")] = None,
     length: Annotated[str, typer.Option(help="How long the webcam records.")] = "15s",

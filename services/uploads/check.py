@@ -9,6 +9,7 @@ from pathlib import Path
 
 from capture.errors import UnreadableClip
 from capture.sources.archive import PICTURES, read_frames
+from capture.sources.pieces import holds_pieces, unpacked_videos
 from capture.sources.video import probe_video
 from db.models import SequenceKind
 from scene.motion import Motion
@@ -47,10 +48,14 @@ def check_upload(path: Path, name: str) -> Checked:
         from capture.sources.keypoints import read_keypoints
 
         return Checked(kind, read_keypoints(path))
-    if kind is SequenceKind.FRAMES:
+    if kind is SequenceKind.VIDEO:
+        _check_video(path, name)
+    elif holds_pieces(path):
+        with unpacked_videos(path) as pieces:
+            for piece in pieces:
+                _check_video(piece, piece.name)
+    else:
         _check_archive(path)
-    elif probe_video(path).frames == 0:
-        raise UnreadableClip(f"{name!r} must hold at least one frame; got none; film it again")
     return Checked(kind)
 
 
@@ -66,9 +71,14 @@ def sniff(path: Path, name: str) -> SequenceKind:
         return SequenceKind.KEYPOINTS
     shown = f"{path.stat().st_size} bytes that begin with {head[:16]!r}" if head else "0 bytes"
     raise UnreadableClip(
-        f"{name!r} must be a video (mp4, mov, webm, mkv), a zip of frames or keypoints as JSON; "
-        f"got {shown}; export it again"
+        f"{name!r} must be a video (mp4, mov, webm, mkv), a zip of frames or of videos, or "
+        f"keypoints as JSON; got {shown}; export it again"
     )
+
+
+def _check_video(path: Path, name: str) -> None:
+    if probe_video(path).frames == 0:
+        raise UnreadableClip(f"{name!r} must hold at least one frame; got none; film it again")
 
 
 def _check_archive(path: Path) -> None:

@@ -12,9 +12,10 @@ from capture.captured import CapturedClip
 from capture.quality import SIDES, judge, sharpness, side_shares
 from scene.camera import orbit_camera
 from scene.motion import Motion
-from tests.capture.people import body, camera, picture, seen_by, standing
+from tests.capture.people import JOINT, body, camera, picture, seen_by, standing
 
 FRAMES = 16
+SIDE, LEG = ("left", "right"), ("hip", "knee", "ankle", "foot")
 
 
 def _seen(motion: Motion) -> CapturedClip:
@@ -98,6 +99,27 @@ def test_losses_cuts_and_missing_legs_are_told(turning):
     assert "lost in 8 of 24 frames" in text
     assert "3 takes" in text
     assert "upper body" in text
+
+
+def test_so_many_recordings_are_as_many_takes(turning):
+    cut = replace(turning, takes=3)
+    assert not any("jumps" in line for line in judge(cut, recordings=3).advice)
+    assert any("jumps (3 takes)" in line for line in judge(cut, recordings=2).advice)
+    assert {name: verdict for name, _, verdict in judge(cut, 3).rows()}["Takes"] == "good"
+
+
+def test_a_face_close_to_the_camera_is_not_hard_to_follow(turning):
+    """Its legs are not in the picture, and what it is off by is as much larger as it is."""
+    close = np.arange(FRAMES) < FRAMES // 4
+    places = turning.motion.root_translation + close[:, None] * np.array([0.0, -0.6, 1.6])
+    confidence = turning.motion.confidence.copy()
+    legs = [JOINT[f"{side}_{leg}"] for side in SIDE for leg in LEG]
+    confidence[: FRAMES // 4, legs] = 0.0
+    motion = replace(turning.motion, root_translation=places, confidence=confidence)
+    errors = np.where(close[:, None], 4.0, 1.0) * turning.landmark_error_px
+    quality = judge(replace(turning, motion=motion, landmark_error_px=errors))
+    assert quality.weak_s == ()
+    assert quality.landmark_error_px == pytest.approx(1.0, rel=0.25)
 
 
 def test_the_report_is_plain_json(turning):

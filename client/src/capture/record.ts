@@ -1,11 +1,7 @@
-/** A clip from the webcam: one slow turn, filmed by the browser. */
+/** The webcam, and clips of it, filmed by the browser. */
 
 import { chosenDevices } from "./devices";
 import { Problem } from "../api/problem";
-
-/** Long enough for one slow turn, short enough to hold still. */
-export const TURN_S = 15;
-export const COUNTDOWN_S = 5;
 
 const TYPES = [
   ["video/mp4;codecs=avc1.42E01E", "webcam.mp4"],
@@ -71,54 +67,55 @@ export function cameraProblem(errorName: string): Problem {
   }
 }
 
-/** What to call out `second` seconds into the turn. */
-export function turnInstruction(second: number): string {
-  const share = second / TURN_S;
-  if (share < 0.1) return "Face the camera";
-  if (share < 0.3) return "Turn slowly to your left";
-  if (share < 0.45) return "Keep turning: now your back";
-  if (share < 0.65) return "Keep turning, nice and slow";
-  if (share < 0.85) return "Almost done";
-  return "Face the camera again";
+/** A recording that goes on until it is stopped. */
+export interface Recording {
+  /** Rejects with a Problem where the browser can't go on. */
+  readonly ended: Promise<RecordedClip>;
+  stop(): Promise<RecordedClip>;
 }
 
-/** Records one turn, or until `signal` aborts (then it rejects). */
-export function recordTurn(stream: MediaStream, onSecond: (second: number) => void, signal: AbortSignal): Promise<RecordedClip> {
-  return record(stream, TURN_S, onSecond, signal);
+export function startRecording(stream: MediaStream): Recording {
+  const [mimeType, fileName] = TYPES.find(([type]) => MediaRecorder.isTypeSupported(type)) ?? TYPES[3];
+  const recorder = new MediaRecorder(stream, { mimeType, videoBitsPerSecond: BITS_PER_SECOND });
+  const parts: Blob[] = [];
+  const ended = new Promise<RecordedClip>((resolve, reject) => {
+    recorder.ondataavailable = (event) => parts.push(event.data);
+    recorder.onerror = () => reject(cameraProblem("NotReadableError"));
+    recorder.onstop = () => resolve({ blob: new Blob(parts, { type: mimeType.split(";")[0] ?? mimeType }), fileName });
+  });
+  recorder.start(1000);
+  const stop = (): Promise<RecordedClip> => {
+    if (recorder.state === "recording") recorder.stop();
+    return ended;
+  };
+  return { ended, stop };
 }
 
 /** Records `stream` for so many seconds; rejects where the camera goes before, or `signal` aborts. */
-export function record(
+export async function record(
   stream: MediaStream,
   seconds: number,
   onSecond: (second: number) => void,
   signal: AbortSignal,
 ): Promise<RecordedClip> {
-  const [mimeType, fileName] = TYPES.find(([type]) => MediaRecorder.isTypeSupported(type)) ?? TYPES[3];
-  const recorder = new MediaRecorder(stream, { mimeType, videoBitsPerSecond: BITS_PER_SECOND });
-  const parts: Blob[] = [];
-  return new Promise((resolve, reject) => {
-    const startMs = performance.now();
-    let whole = false;
-    const tick = setInterval(() => {
-      const second = (performance.now() - startMs) / 1000;
-      whole = second >= seconds;
-      onSecond(Math.min(second, seconds));
-      if (whole && recorder.state === "recording") recorder.stop();
-    }, 100);
-    recorder.ondataavailable = (event) => parts.push(event.data);
-    recorder.onerror = () => reject(cameraProblem("NotReadableError"));
-    recorder.onstop = () => {
-      clearInterval(tick);
-      if (signal.aborted) reject(signal.reason as unknown);
-      else if (!whole) reject(cameraProblem("NotReadableError"));
-      else resolve({ blob: new Blob(parts, { type: mimeType.split(";")[0] ?? mimeType }), fileName });
-    };
-    signal.addEventListener("abort", () => recorder.state === "recording" && recorder.stop(), {
-      once: true,
-    });
-    recorder.start(1000);
-  });
+  const recording = startRecording(stream);
+  const startMs = performance.now();
+  let whole = false;
+  const tick = setInterval(() => {
+    const second = (performance.now() - startMs) / 1000;
+    whole = second >= seconds;
+    onSecond(Math.min(second, seconds));
+    if (whole) void recording.stop().catch(() => undefined);
+  }, 100);
+  signal.addEventListener("abort", () => void recording.stop().catch(() => undefined), { once: true });
+  try {
+    const clip = await recording.ended;
+    signal.throwIfAborted();
+    if (!whole) throw cameraProblem("NotReadableError");
+    return clip;
+  } finally {
+    clearInterval(tick);
+  }
 }
 
 export function closeCamera(stream: MediaStream | null): void {

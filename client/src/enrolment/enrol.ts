@@ -43,6 +43,8 @@ export interface Clip {
   fileName: string;
   /** Whether the clip is to be deleted once the model is trained. */
   modelOnly?: boolean;
+  /** A video to look at, where the clip itself is none. */
+  preview?: Blob;
 }
 
 /** Whom each clip that is not sent whole yet was begun for, by its sha256; outlives the page. */

@@ -14,11 +14,15 @@ export type Part = "face" | "left_hand" | "right_hand";
 /** MediaPipe's numbers: nose to mouth; wrist, little finger, index and thumb of each hand. */
 const HEAD = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10] as const;
 const HANDS = { left_hand: [15, 17, 19, 21], right_hand: [16, 18, 20, 22] } as const;
+/** Nose, shoulders and hips. */
+const UPPER_BODY = [0, 11, 12, 23, 24] as const;
 const SEEN = 0.5;
 /** Half a side, in the head's landmarks' larger extent. */
 const AROUND_HEAD = 1.1;
 /** Hands that sign fill a smaller square, and palms are then not detected. */
 const AROUND_HAND = 2.2;
+/** Half a side, in the upper body's landmarks' larger extent. */
+const AROUND_UPPER_BODY = 0.6;
 
 /** A square about the part; null where it is hidden or outside of the picture. */
 export function cropOf(part: Part, seen: Landmarks): SquareCrop | null {
@@ -31,6 +35,12 @@ export function cropOf(part: Part, seen: Landmarks): SquareCrop | null {
   const [x, y] = [(hand.left + hand.right) / 2, (hand.top + hand.bottom) / 2];
   if (x < 0 || y < 0 || x > seen.width || y > seen.height) return null;
   return square(hand, AROUND_HAND * size);
+}
+
+/** A square about the head and the trunk. */
+export function upperBodySquare(seen: Landmarks): SquareCrop | null {
+  const body = extent(seen, UPPER_BODY);
+  return square(body, AROUND_UPPER_BODY * Math.max(body.right - body.left, body.bottom - body.top));
 }
 
 /** Which of the hands found in a crop, whose sides are 1, lies nearest to its middle; -1 of none. */

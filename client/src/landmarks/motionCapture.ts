@@ -5,6 +5,7 @@ import { CAMERA_GONE, closeCamera, openCamera } from "../capture/record";
 import { KeypointsChannel, type Channel } from "./channel";
 import { ExpressionDetector } from "./expressions";
 import { LandmarkDetector } from "./detector";
+import { eachFrame } from "./frames";
 import type { Landmarks } from "./packet";
 
 /** Landmarks need no more. */
@@ -35,8 +36,7 @@ export class MotionCapture {
   private expressions: ExpressionDetector | null = null;
   private readonly channel: KeypointsChannel;
   private closed = false;
-  private frameCallback = 0;
-  private timeMs = 0;
+  private endFrames: () => void = () => undefined;
   private foundMs = 0;
 
   /** `open` gives a channel that drives our performer. */
@@ -64,7 +64,7 @@ export class MotionCapture {
       onFound: (seen, timeMs) => this.onFound(seen, timeMs),
       onFailed: (reason) => this.fail(new Problem("Motion capture failed", reason)),
     });
-    this.nextFrame();
+    this.endFrames = eachFrame(this.video, (timeMs) => this.detector?.offer(timeMs));
   }
 
   /** What the camera sees, while it is on. */
@@ -75,21 +75,12 @@ export class MotionCapture {
   /** The camera goes off, and the performer is left to their recorded motion. */
   close(): void {
     this.closed = true;
-    this.video.cancelVideoFrameCallback(this.frameCallback);
+    this.endFrames();
     this.detector?.close();
     this.expressions?.close();
     this.channel.close();
     closeCamera(this.stream);
     this.video.srcObject = null;
-  }
-
-  private nextFrame(): void {
-    this.frameCallback = this.video.requestVideoFrameCallback((nowMs, { captureTime = nowMs }) => {
-      // cameras do not always tell rising times, and the detector needs them
-      this.timeMs = Math.max(this.timeMs + 1, performance.timeOrigin + captureTime);
-      this.detector?.offer(this.timeMs);
-      this.nextFrame();
-    });
   }
 
   private onFound(seen: Landmarks | null, timeMs: number): void {

@@ -10,7 +10,7 @@ const BONES: readonly (readonly [number, number])[] = [
 ]; // prettier-ignore
 const HEAD: readonly number[] = [0, 2, 5, 7, 8];
 const SEEN = 0.5;
-const COLOUR = "#7be8cf";
+const FOUND = "#7be8cf";
 
 export interface Line {
   from: readonly [number, number];
@@ -35,7 +35,7 @@ export function skeletonLines(
 }
 
 /** Draw `seen`, or nothing, over the whole of `canvas`. */
-export function drawSkeleton(canvas: HTMLCanvasElement, seen: Landmarks | null): void {
+export function drawSkeleton(canvas: HTMLCanvasElement, seen: Landmarks | null, colour = FOUND): void {
   const pen = canvas.getContext("2d");
   if (!pen) return;
   if (seen && (canvas.width !== seen.width || canvas.height !== seen.height)) {
@@ -45,7 +45,7 @@ export function drawSkeleton(canvas: HTMLCanvasElement, seen: Landmarks | null):
   pen.clearRect(0, 0, canvas.width, canvas.height);
   if (!seen) return;
   const { lines, points } = skeletonLines(seen, canvas.width, canvas.height);
-  pen.strokeStyle = pen.fillStyle = COLOUR;
+  pen.strokeStyle = pen.fillStyle = colour;
   pen.lineWidth = canvas.height / 60;
   pen.lineCap = "round";
   pen.beginPath();

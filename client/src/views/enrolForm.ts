@@ -1,4 +1,4 @@
-/** Name and clip: a file that is chosen or dropped, or a turn in front of the camera; or keypoints. */
+/** Name and clip: a file that is chosen or dropped, or guided steps in front of the camera; or keypoints. */
 
 import type { Clip } from "../enrolment/enrol";
 import { MOTION_ONLY, isJson } from "../enrolment/keypoints";
@@ -7,7 +7,8 @@ import { announce, h } from "./dom";
 import { described, fileDrop } from "./fileDrop";
 import { heightField } from "./heightField";
 import { keypointsForm, type KeypointsHooks } from "./keypointsForm";
-import { recorder } from "./recorder";
+import { guideStore } from "../enrolment/recordedSteps";
+import { guidedRecorder } from "./guidedRecorder";
 import { button, type View } from "./shell";
 
 const ACCEPTED = "video/*,.mp4,.mov,.webm,.mkv,.avi,.zip,.json";
@@ -105,14 +106,16 @@ export function enrolForm(hooks: EnrolHooks): View {
   };
   const ways = [
     ["Clip", () => clipForm(drop.element)],
-    ["Camera", () => clipForm((recorderView = recorder(filmed)).element)],
+    ["Camera", () => clipForm((recorderView = guidedRecorder(filmed, guideStore)).element)],
     ["Keypoints", () => keypointsForm(hooks)],
   ] as const;
   const clipForm = (source: HTMLElement): HTMLElement => {
     body.replaceChildren(source);
     return form;
   };
+  let shown = 0;
   const show = (index: number): void => {
+    shown = index;
     recorderView?.close();
     recorderView = null;
     drop.clear();
@@ -120,27 +123,37 @@ export function enrolForm(hooks: EnrolHooks): View {
     const way = ways[index] ?? ways[0];
     element.replaceChildren(tabs, way[1]());
   };
-  const tabs = switcher(ways.map(([label]) => label), show);
+  const { element: tabs, choose: chooseWay } = switcher(ways.map(([label]) => label), show);
   const element = h("div", { className: "card" });
   show(0);
+  // whoever reloaded the page amid the steps goes on with them
+  const goOn = async (): Promise<void> => {
+    const earlier = await guideStore.load();
+    if (!earlier || shown !== 0 || clip !== null) return;
+    chooseWay(1);
+    element.scrollIntoView?.();
+  };
+  void goOn();
   return { element, close: () => recorderView?.close() };
 }
 
 /** Two or more choices of which one holds. */
-function switcher(labels: readonly string[], onChoice: (index: number) => void): HTMLElement {
-  const choices = labels.map((label, index) =>
+function switcher(labels: readonly string[], onChoice: (index: number) => void): { element: HTMLElement; choose(index: number): void } {
+  const choices: HTMLButtonElement[] = labels.map((label, index) =>
     h("button", {
       type: "button",
       textContent: label,
-      onclick: () => choose(index),
+      onclick: () => {
+        choose(index);
+        choices[index]?.focus();
+      },
       attributes: { "aria-pressed": String(index === 0) },
     }),
   );
   const choose = (index: number): void => {
     choices.forEach((choice, i) => choice.setAttribute("aria-pressed", String(i === index)));
     onChoice(index);
-    choices[index]?.focus();
   };
   const attributes = { role: "group", "aria-label": "Source of the clip" };
-  return h("div", { className: "switcher", attributes }, ...choices);
+  return { element: h("div", { className: "switcher", attributes }, ...choices), choose };
 }

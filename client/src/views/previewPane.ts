@@ -22,13 +22,14 @@ export function previewPane(api: Api, clip: Clip | null): PreviewPane {
   let fetching = false;
   let closed = false;
 
-  if (clip && /\.(mp4|mov|webm|m4v)$/i.test(clip.fileName)) {
-    clipAddress = URL.createObjectURL(clip.blob);
-    const video = h("video", { muted: true, loop: true, playsInline: true, autoplay: true });
+  const video = clip && (clip.preview ?? (/\.(mp4|mov|webm|m4v)$/i.test(clip.fileName) ? clip.blob : null));
+  if (video) {
+    clipAddress = URL.createObjectURL(video);
+    const player = h("video", { muted: true, loop: true, playsInline: true, autoplay: true });
     // a clip that this browser can't play may still be one that the server can read
-    video.addEventListener("error", () => video.remove());
-    video.src = clipAddress;
-    element.append(video);
+    player.addEventListener("error", () => player.remove());
+    player.src = clipAddress;
+    element.append(player);
   }
 
   /** One request at a time; progress that comes meanwhile is caught up with afterwards. */

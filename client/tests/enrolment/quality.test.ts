@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { advice, qualityLines } from "../../src/enrolment/quality";
-import { cameraProblem, turnInstruction, openCamera, TURN_S } from "../../src/capture/record";
+import { cameraProblem, openCamera } from "../../src/capture/record";
 import { sequence } from "../fakes";
 
 describe("a capture's report", () => {
@@ -37,12 +37,6 @@ describe("a capture's report", () => {
 });
 
 describe("filming", () => {
-  it("guides through the turn and ends where it began", () => {
-    expect(turnInstruction(0)).toMatch(/face the camera/i);
-    expect(turnInstruction(TURN_S / 2)).toMatch(/turning/i);
-    expect(turnInstruction(TURN_S)).toMatch(/face the camera/i);
-  });
-
   it("says what to do when the camera can't be had", async () => {
     expect(cameraProblem("NotAllowedError").detail).toMatch(/allow it/i);
     expect(cameraProblem("NotFoundError").title).toBe("No camera found");
