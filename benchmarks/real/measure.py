@@ -22,6 +22,7 @@ from benchmarks.real.cases import CASES, Case
 from benchmarks.real.filmed import FilmedClip, film, require_unseen
 from benchmarks.real.judge import Judge, TestFrame, flicker, mean
 from benchmarks.real.parts import part_finder
+from benchmarks.real.posture import head_pitch_deg, trunk_lean_deg
 from benchmarks.real.ruler import Ruler
 from benchmarks.real.sheet import draw_sheet
 from benchmarks.reporting.figures import FigureWriter
@@ -133,6 +134,7 @@ def measure(
                     "seconds": round(one.footage.times_s[-1], 2),
                     "capture_s": round(one.capture_s, 1),
                     **{key: one.report[key] for key in _REPORTED},
+                    **_posture(one),
                 }
                 for name, one in clips.items()
             },
@@ -142,6 +144,16 @@ def measure(
             "as_given": _summary(judge, model, frames),
             "aligned": _summary(judge, model, [f for f in aligned if f.group != OWN_VIEWS]),
         }
+
+
+def _posture(clip: FilmedClip) -> dict[str, float]:
+    """Means over the clip's frames."""
+    motion, skeleton = clip.sequence.motion, clip.sequence.body.skeleton
+    found = {
+        "trunk_lean_deg": trunk_lean_deg(motion, skeleton),
+        "head_pitch_deg": head_pitch_deg(motion, skeleton, clip.camera),
+    }
+    return {name: round(float(values.mean()), 1) for name, values in found.items()}
 
 
 def _options(case: Case, clip: str, footage: Path, networks: Networks) -> CaptureOptions:

@@ -168,6 +168,7 @@ class ClipFit:
             np.where(weights > 0.0, error, np.nan),
             weights,
             None if floor is None else floor * [1.0, 1.0, 1.0, scale],
+            state.up.numpy().astype(np.float64),
         )
 
 

@@ -21,6 +21,7 @@ from capture.detection.landmark_arrays import (
 from capture.detection.landmarks import Landmarks
 from capture.detection.lifter import Lifter
 from capture.detection.rigid_parts import rigid_parts
+from capture.detection.scene_vertical import scene_vertical
 from scene.arrays import Array, Float, Int, Tensor, UInt8
 
 USUAL_FOCAL = 0.87
@@ -78,6 +79,8 @@ class Observations:
     """About the standing person's height in the pictures: the unit of deviations there."""
     parts: PartObservations | None = None
     """None where nobody looked at face and hands."""
+    up: Float[Tensor, "3"] | None = None
+    """The vertical (unit, camera frame), where lines of the scene show it."""
 
     @property
     def centre(self) -> Float[Tensor, "2"]:
@@ -117,6 +120,7 @@ def observe(
     centre = np.array([0.5 * width, 0.5 * height])
     lifted = lifter(*interpolate_gaps(people, times_s, takes), focal, centre)
     hidden = hidden_joints(weights)
+    up = None if images is None else scene_vertical(images, masks, focal)
     steps, mid_steps = time_steps(times_s, takes)
     return Observations(
         images,
@@ -138,6 +142,7 @@ def observe(
         mid_steps,
         person_height_px(pixels),
         None if parts is None else _observed_parts(parts, focal, centre),
+        None if up is None else _tensor(up),
     )
 
 

@@ -40,6 +40,7 @@ class Descent:
             (state.log_landmark_scale, 0.3 * rate),
             (state.clothing_m, 0.03 * rate),
             (state.floor_plane, 0.3 * rate),
+            (state.tilt, 0.3 * rate),
         ]
         if not seen.focal_known:
             groups.append((state.log_focal, 0.2 * rate))

@@ -24,3 +24,5 @@ class Fit:
     """Trust in each landmark, 0 to 1."""
     floor: Float[Array, "4"] | None
     """Normal (unit, up) and distance from the camera along it, m, where feet show a floor."""
+    up: Float[Array, "3"]
+    """The vertical (unit), by the scene and by people who stand upright in it."""

@@ -56,8 +56,16 @@ class FitState:
     """y = a x + b z + c about `floor_origin`, m."""
     floor_origin: Float[Tensor, "3"] | None
     """m; None until a floor was found."""
+    tilt: Float[Tensor, "2"]
+    """Slopes of the vertical in the camera frame: x / y and z / y."""
     frame_confidence: Float[Tensor, "F"]
     """Weight of the estimator's landmarks of each frame, 0 to 1."""
+
+    @property
+    def up(self) -> Float[Tensor, "3"]:
+        """The vertical (unit) in the camera frame."""
+        x, z = self.tilt
+        return torch.stack([x, torch.ones_like(x), z]) / (1.0 + x * x + z * z).sqrt()
 
     def local_rotations(self) -> Float[Tensor, "F 24 3 3"]:
         """Rotations relative to the parent; joint 0's to the camera frame."""
@@ -175,8 +183,14 @@ def initial_state(body: FitBody, seen: Observations) -> FitState:
         torch.zeros(LANDMARK_COUNT, 3, requires_grad=True),
         torch.zeros(3, requires_grad=True),
         None,
+        _initial_tilt(seen).requires_grad_(),
         torch.ones(frames),
     )
+
+
+def _initial_tilt(seen: Observations) -> Float[Tensor, "2"]:
+    """Level, where the scene doesn't tell."""
+    return torch.zeros(2) if seen.up is None else seen.up[[0, 2]] / seen.up[1]
 
 
 @torch.no_grad()

@@ -46,7 +46,8 @@ def place_in_world(fit: Fit, times_s: Float[Array, "F"]) -> PlacedFit:
     legs_seen = bool(np.median(confidence[:, legs]) > _LEGS_SEEN)
     shift = fit.pelvis - body.skeleton.rest_joints[0]
     joints = body.skeleton.joint_transforms(fit.joint_angles, shift)[..., :3, 3]
-    up_rotation = _upright(upward(joints, legs_seen) if fit.floor is None else fit.floor[:3])
+    up = fit.up if not legs_seen else upward(joints) if fit.floor is None else fit.floor[:3]
+    up_rotation = _upright(up)
     pelvis = fit.pelvis @ up_rotation.T
     angles = fit.joint_angles.copy()
     angles[:, 0] = matrix_to_axis_angle(up_rotation @ axis_angle_to_matrix(angles[:, 0]))

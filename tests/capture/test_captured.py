@@ -37,6 +37,7 @@ def cropped(size_px: int, masks: list[Array | None] = MASKS) -> CapturedClip:
         error,
         np.ones((FRAMES, 33)),
         None,
+        np.array([0.0, 1.0, 0.0]),
     )
     placed = PlacedFit(body(), MOTION, camera().world_to_camera, legs_seen=True)
     return crop_to_person(IMAGES, TRACK, masks, fit, placed, size_px)

@@ -16,6 +16,7 @@ from capture.fitting.terms.landmarks_3d import Landmarks3D
 from capture.fitting.terms.lifted_pose import LiftedPose
 from capture.fitting.terms.part_poses import PartPoses
 from capture.fitting.terms.reprojection import ReprojectionError
+from capture.fitting.terms.upright import Upright
 
 __all__ = ["IMAGE_TERMS", "LANDMARK_TERMS"]
 
@@ -25,6 +26,7 @@ LANDMARK_TERMS = (
     Landmarks3D,
     JointAnglePrior,
     LiftedPose,
+    Upright,
     Acceleration,
     FootSliding,
     ClipPriors,

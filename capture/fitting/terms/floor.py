@@ -51,12 +51,11 @@ _PLACES = 4
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 
 
-def upward(joints: Float[Array, "F 24 3"], legs_seen: bool) -> Float[Array, "3"]:
-    """The vertical (unit) in the camera frame, from joint positions of a person mostly upright."""
+def upward(joints: Float[Array, "F 24 3"]) -> Float[Array, "3"]:
+    """The vertical (unit) in the camera frame, from joint positions of a person mostly upright,
+    whose legs are seen."""
     neck, pelvis = joints[:, _J["neck"]], joints[:, _J["pelvis"]]
     trunk = unit(neck - pelvis)
-    if not legs_seen:
-        return unit(_median_direction(trunk, np.ones(len(trunk))) + np.array([0.0, 1.0, 0.0]))
     ankles = 0.5 * (joints[:, _J["left_ankle"]] + joints[:, _J["right_ankle"]])
     legs = unit(pelvis - ankles)
     bend = np.arccos(np.clip((trunk * legs).sum(1), -1.0, 1.0))
@@ -102,7 +101,7 @@ class FloorContact(Term):
         """Look for the floor; there is none where feet are hardly seen, nor straight from above."""
         state, joints = clip.state, clip.posed.joint_positions
         self._upright = state.floor_origin = None
-        up = upward(joints.numpy().astype(np.float64), legs_seen=True)
+        up = upward(joints.numpy().astype(np.float64))
         if self._shown.mean() < _SEEN or up[1] < _LEVEL:
             return
         self._upright = torch.tensor([-up[0] / up[1], -up[2] / up[1]], dtype=torch.float32)

@@ -14,8 +14,8 @@ from scene.arrays import Float, Tensor
 
 DEVIATION = 0.006
 """Of a part's middle in the picture, in heights of the person."""
-DEVIATION_RAD = (0.1, 0.25, 0.25)
-"""Of the head's rotation, and of the palms'."""
+DEVIATION_RAD = (0.05, 0.25, 0.25)
+"""Of the head's rotation, which scatters by 1 to 2.5 degrees, and of the palms'."""
 _JOINTS = list(PART_JOINTS)
 _OUTLIER = 4.0
 """Deviations from which a part has no say: it may be another hand, or the wrong way round."""

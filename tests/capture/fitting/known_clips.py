@@ -27,7 +27,7 @@ WIDTH, HEIGHT, FOCAL_PX, PERSON_PX = 480, 640, 500.0, 400.0
 SPREAD_RAD = 0.3
 """By which the lifter says that its rotations are usually off."""
 UNKNOWNS = ("joint_angles", "pelvis", "shape", "log_focal", "log_landmark_scale", "clothing_m")
-UNKNOWNS += ("lifter_bias", "landmark_offsets")
+UNKNOWNS += ("lifter_bias", "landmark_offsets", "tilt")
 
 
 @contextmanager
@@ -76,6 +76,7 @@ def known_state(frames: int = FRAMES, *, moves: bool = True) -> FitState:
             landmark_offsets=torch.zeros(33, 3),
             floor_plane=torch.zeros(3),
             floor_origin=None,
+            tilt=torch.zeros(2),
             frame_confidence=torch.ones(frames),
         )
 
