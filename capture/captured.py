@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -15,6 +15,7 @@ from capture.fitting.world import PlacedFit
 from capture.overlay import draw_overlay
 from capture.segmentation.foreground import premultiplied
 from capture.segmentation.masks import mask_bounds
+from capture.sources.video import Window, shrink
 from scene.arrays import Array, Float, UInt8
 from scene.body import Body
 from scene.camera import Camera
@@ -46,6 +47,18 @@ class CapturedClip:
             mask = self.masks[index]
             yield Frame(premultiplied(image, mask), mask, self.camera, self.motion.pose(index))
 
+    def shrunk(self, size_px: int) -> CapturedClip:
+        """The same with pictures of at most `size_px` a side."""
+        images = [shrink(image, size_px) for image in self.images]
+        height, width = images[0].shape[:2]
+        return replace(
+            self,
+            images=images,
+            masks=[shrink(mask, size_px) for mask in self.masks],
+            camera=self.camera.resized(width, height),
+            landmark_error_px=self.landmark_error_px * (height / self.camera.height),
+        )
+
     def overlays(self) -> Iterator[UInt8[Array, "h w 3"]]:
         """Whole pictures, with all that was found drawn over them."""
         for index, image in enumerate(self.images):
@@ -54,43 +67,64 @@ class CapturedClip:
             yield draw_overlay(frame, self.body)
 
 
-def crop_to_person(
-    images: Sequence[UInt8[Array, "H W 3"]],
-    track: Track,
-    masks: Sequence[Float[Array, "H W"] | None],
-    fit: Fit,
-    placed: PlacedFit,
-    size_px: int,
-) -> CapturedClip:
-    """The frames in which the person was found, cropped round all of them.
+def person_window(masks: Sequence[Float[Array, "h w"] | None], filmed: tuple[int, int]) -> Window:
+    """What holds the person in all frames, in px of pictures of the size `filmed` (width, height),
+    of which the masks may be smaller versions.
 
-    Pictures are made smaller until their longest side is `size_px`, never larger. Raises
-    NoPersonFound where all masks are empty.
+    Raises NoPersonFound where all masks are empty.
     """
-    height, width = images[0].shape[:2]
-    found_frames = np.flatnonzero(track.found).tolist()
-    window = mask_bounds(masks, _FAINT, _CROP_MARGIN)
-    if window is None:
+    bounds = mask_bounds(masks, _FAINT, _CROP_MARGIN)
+    if bounds is None:
         raise NoPersonFound(
             "the person's mask must not be empty; got nothing in any frame; film against a plain, "
             "well lit background"
         )
-    x, y, w, h = window
-    scale = min(1.0, size_px / max(w, h))
-    target = (max(1, round(w * scale)), max(1, round(h * scale)))
+    height, width = next(mask.shape for mask in masks if mask is not None)
+    x, y, w, h = bounds
+    across, down = filmed[0] / width, filmed[1] / height
+    return (
+        slice(round(down * y), round(down * (y + h))),
+        slice(round(across * x), round(across * (x + w))),
+    )
 
-    def cropped(picture: Array) -> Array:
-        return cv2.resize(picture[y : y + h, x : x + w], target, interpolation=cv2.INTER_AREA)
 
+def crop_to_person(
+    images: Sequence[UInt8[Array, "H W 3"]],
+    window: Window,
+    filmed: tuple[int, int],
+    track: Track,
+    masks: Sequence[Float[Array, "h w"] | None],
+    fit: Fit,
+    placed: PlacedFit,
+) -> CapturedClip:
+    """The frames in which the person was found.
+
+    Args:
+        images: all frames, cut to `window` of pictures of the size `filmed`, at the size at which
+            they are stored.
+        masks, fit: of the whole pictures, at the size that the capture worked with.
+    """
+    found_frames = np.flatnonzero(track.found).tolist()
+    stored_height, stored_width = images[0].shape[:2]
+    rows, columns = window
+
+    def cut(mask: Float[Array, "h w"]) -> Float[Array, "H W"]:
+        whole = cv2.resize(mask, filmed, interpolation=cv2.INTER_LINEAR)
+        size = (stored_width, stored_height)
+        return cv2.resize(whole[window], size, interpolation=cv2.INTER_AREA)
+
+    height, width = next(mask.shape for mask in masks if mask is not None)
     intrinsics = np.array(
         [[fit.focal_px, 0.0, 0.5 * width], [0.0, fit.focal_px, 0.5 * height], [0.0, 0.0, 1.0]]
     )
-    camera = Camera(intrinsics, placed.world_to_camera, width, height)
+    whole = Camera(intrinsics, placed.world_to_camera, width, height).resized(*filmed)
+    size = (columns.stop - columns.start, rows.stop - rows.start)
+    camera = whole.cropped(columns.start, rows.start, *size).resized(stored_width, stored_height)
     motion = placed.motion
     return CapturedClip(
-        [cropped(images[index]) for index in found_frames],
-        [cropped(mask) for index in found_frames if (mask := masks[index]) is not None],
-        camera.cropped(x, y, w, h).resized(*target),
+        [images[index] for index in found_frames],
+        [cut(mask) for index in found_frames if (mask := masks[index]) is not None],
+        camera,
         placed.body,
         Motion(
             motion.times_s[found_frames],
@@ -99,7 +133,7 @@ def crop_to_person(
             motion.confidence[found_frames],
             motion.expressions[found_frames],
         ),
-        fit.landmark_error_px[found_frames] * scale,
+        fit.landmark_error_px[found_frames] * (camera.focal_px / fit.focal_px),
         len(images) - len(found_frames),
         track.takes[-1] + 1,
         placed.legs_seen,

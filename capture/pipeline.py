@@ -8,13 +8,14 @@ from __future__ import annotations
 import logging
 import tempfile
 from collections.abc import Callable
+from collections.abc import Sequence as Many
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from capture.body.model import BodyModel, load_body_model, require_height
-from capture.captured import CapturedClip, crop_to_person
+from capture.captured import CapturedClip, crop_to_person, person_window
 from capture.detection.clip_expressions import clip_expressions
 from capture.detection.face_and_hands import ClipParts, FaceAndHandDetector, find_parts
 from capture.detection.landmarks import MediaPipeEstimator, PoseEstimator
@@ -29,16 +30,19 @@ from capture.overlay import write_video
 from capture.quality import CaptureQuality, judge
 from capture.segmentation.clip import segment_clip
 from capture.sources.clips import MIN_FRAMES, read_clip
-from capture.sources.video import MAX_FRAMES, Clip
+from capture.sources.video import MAX_FRAMES, MAX_SIDE_PX, Clip, Window, shrink
 from capture.sources.webcam import record_webcam
 from capture.storage import write_sequence
+from scene.arrays import Array, UInt8
 from scene.errors import InvalidInput
 from scene.sequence import PoseTrust
 
 log = logging.getLogger(__name__)
 
-SIZE_PX = 512
+SIZE_PX = 1024
 """Longest side of the stored frames."""
+_JUDGED_PX = 512
+"""Longest side of the frames that the report measures and overlays show."""
 MIN_FOUND = 0.25
 """Share of the sampled frames in which the person must be found."""
 
@@ -126,7 +130,7 @@ def capture_clip(
     options.require_usable()
     reports = _Reports(on_progress, should_stop)
     read = reports.part(0.0, 0.08, "reading the clip")
-    clip = read_clip(path, options.max_frames, read, should_stop)
+    clip = read_clip(path, options.max_frames, read, should_stop, max_side=MAX_SIDE_PX)
     track, lifter = _track(clip, options, reports)
     parts = _parts(clip, track, options, reports)
     masks = segment_clip(
@@ -150,11 +154,14 @@ def capture_clip(
     placed = place_in_world(fit, clip.times_s)
     expressions = clip_expressions(parts, clip.times_s, track.takes)
     placed = replace(placed, motion=replace(placed.motion, expressions=expressions))
-    captured = crop_to_person(clip.images, track, masks, fit, placed, options.size_px)
-    quality = judge(captured, clip.recordings)
+    window = person_window(masks, clip.source_size)
+    images = _filmed(path, clip, window, options, reports)
+    captured = crop_to_person(images, window, clip.source_size, track, masks, fit, placed)
+    looked_at = captured.shrunk(_JUDGED_PX)
+    quality = judge(looked_at, clip.recordings)
     _store(out, path.name, clip, captured, quality, options, reports)
     if options.overlay is not None:
-        write_video(captured.overlays(), options.overlay, clip.frames_per_second)
+        write_video(looked_at.overlays(), options.overlay, clip.frames_per_second)
     return quality
 
 
@@ -231,6 +238,22 @@ def _focal_px(clip: Clip, options: CaptureOptions) -> float | None:
     return options.focal_px * max(clip.images[0].shape[:2]) / max(clip.source_size)
 
 
+def _filmed(
+    path: Path, clip: Clip, window: Window, options: CaptureOptions, reports: _Reports
+) -> Many[UInt8[Array, "H W 3"]]:
+    """All frames cut to `window`, as sharp as they were filmed up to the size that is stored."""
+    if max(clip.source_size) <= MAX_SIDE_PX:
+        return [shrink(image[window], options.size_px) for image in clip.images]
+    return read_clip(
+        path,
+        options.max_frames,
+        reports.part(0.92, 0.95, "reading the clip again, at its own size"),
+        reports.should_stop,
+        max_side=options.size_px,
+        window=window,
+    ).images
+
+
 def _store(
     out: Path,
     source: str,
@@ -245,7 +268,7 @@ def _store(
         person=options.person,
         frames_per_second=clip.frames_per_second,
         body=captured.body,
-        train=captured.frames(reports.part(0.92, 1.0, "writing the sequence")),
+        train=captured.frames(reports.part(0.95, 1.0, "writing the sequence")),
         confidence=captured.motion.confidence,
         source=source,
         pose_trust=PoseTrust.ESTIMATED,

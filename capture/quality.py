@@ -47,8 +47,8 @@ class CaptureQuality:
     coverage: Mapping[str, float]
     """Share of frames that show each side."""
     landmark_error_px: float
-    """Mean distance of seen landmarks from the fitted body's, px of the stored frames: as many as
-    it would be at the clip's usual distance, since somebody who comes close is larger."""
+    """Mean distance of seen landmarks from the fitted body's, px of the clip that was judged: as
+    many as it would be at the clip's usual distance, since somebody who comes close is larger."""
     landmark_error: float
     """The same in heights of the person's box."""
     landmark_error_mm: float
@@ -67,7 +67,7 @@ class CaptureQuality:
     """Median variance of the Laplacian inside the mask; higher is sharper."""
     legs_seen: bool
     person_px: int
-    """Height of the person in the stored frames."""
+    """Height of the person in the clip that was judged."""
     advice: tuple[str, ...]
     """What to record again, and how."""
 

@@ -63,15 +63,15 @@ def film(ruler: Ruler, footage: Path, folder: Path, options: CaptureOptions) -> 
     capture_s = time.perf_counter() - begun
     whole = read_video(path, max_frames=_ALL_FRAMES, max_side=_WHOLE_PX)
     sequence = open_sequence(folder)
-    sampled = read_size(path)
-    camera = whole_camera(sequence.train.camera(0), focals[-1], sampled).resized(*whole.source_size)
+    filmed_width, _ = whole.source_size
+    focal_px = focals[-1] * filmed_width / read_width(path)
+    camera = whole_camera(sequence.train.camera(0), focal_px, whole.source_size)
     return FilmedClip(ruler, whole, sequence, camera, quality.as_json(), capture_s)
 
 
-def read_size(path: Path) -> tuple[int, int]:
-    """Width and height of the pictures that a capture of `path` works with, px."""
-    height, width = read_video(path, max_frames=2).images[0].shape[:2]
-    return width, height
+def read_width(path: Path) -> int:
+    """Width of the pictures that a capture of `path` works with, px."""
+    return read_video(path, max_frames=2).images[0].shape[1]
 
 
 def whole_camera(stored: Camera, focal_px: float, size: tuple[int, int]) -> Camera:

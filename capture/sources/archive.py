@@ -22,7 +22,16 @@ import numpy as np
 from av.error import FFmpegError
 
 from capture.errors import CaptureStopped, UnreadableClip
-from capture.sources.video import MAX_FRAMES, MAX_PIXELS, MAX_SIDE_PX, Clip, evenly_spaced, shrink
+from capture.sources.video import (
+    MAX_FRAMES,
+    MAX_PIXELS,
+    MAX_SIDE_PX,
+    WHOLE,
+    Clip,
+    Window,
+    evenly_spaced,
+    shrink,
+)
 from scene.arrays import Array, UInt8
 
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp")
@@ -50,10 +59,13 @@ def read_frames(
     frames_per_second: float = 30.0,
     max_frames: int = MAX_FRAMES,
     max_side: int = MAX_SIDE_PX,
+    window: Window = WHOLE,
     on_progress: Callable[[float], None] = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Clip:
     """The pictures in a folder or zip, by natural order of their names, `frames_per_second` apart.
+
+    Each is cut to `window` and made no larger than `max_side`.
 
     Raises UnreadableClip for a broken or dangerous archive, no pictures, an empty or broken
     picture, pictures of different sizes; CaptureStopped when asked to stop.
@@ -77,7 +89,7 @@ def read_frames(
                     f"all frames must be {sizes[0][0]} x {sizes[0][1]} as the first; got "
                     f"{sizes[-1][0]} x {sizes[-1][1]} in {names[index]}; use one camera's frames"
                 )
-            images.append(shrink(picture, max_side))
+            images.append(shrink(picture[window], max_side))
         return Clip(tuple(images), chosen / frames_per_second, sizes[0], len(names))
 
 

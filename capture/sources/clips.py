@@ -8,7 +8,7 @@ from pathlib import Path
 from capture.errors import UnreadableClip
 from capture.sources.archive import read_frames
 from capture.sources.pieces import holds_pieces, read_pieces
-from capture.sources.video import Clip, read_video
+from capture.sources.video import MAX_SIDE_PX, WHOLE, Clip, Window, read_video
 
 MIN_FRAMES = 8
 """Fewer frames with the person say too little about a body."""
@@ -20,8 +20,12 @@ def read_clip(
     max_frames: int,
     on_progress: Callable[[float], None] = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
+    *,
+    max_side: int = MAX_SIDE_PX,
+    window: Window = WHOLE,
 ) -> Clip:
-    """At most `max_frames` frames, spread evenly over the clip at `path`.
+    """At most `max_frames` frames, spread evenly over the clip at `path`, cut to `window` and made
+    no larger than `max_side`.
 
     Raises UnreadableClip where it is none or has fewer than `MIN_FRAMES`, CaptureStopped.
     """
@@ -31,7 +35,14 @@ def read_clip(
         read = read_pieces if holds_pieces(path) else read_frames
     else:
         read = read_video
-    clip = read(path, max_frames=max_frames, on_progress=on_progress, should_stop=should_stop)
+    clip = read(
+        path,
+        max_frames=max_frames,
+        max_side=max_side,
+        window=window,
+        on_progress=on_progress,
+        should_stop=should_stop,
+    )
     if len(clip.images) < MIN_FRAMES:
         raise UnreadableClip(
             f"{path.name} must have at least {MIN_FRAMES} frames; got {len(clip.images)}; film 10 "

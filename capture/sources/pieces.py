@@ -14,7 +14,9 @@ from capture.sources.archive import PICTURES, opened_archive
 from capture.sources.video import (
     MAX_FRAMES,
     MAX_SIDE_PX,
+    WHOLE,
     Clip,
+    Window,
     evenly_spaced,
     probe_video,
     read_video,
@@ -52,10 +54,12 @@ def read_pieces(
     *,
     max_frames: int = MAX_FRAMES,
     max_side: int = MAX_SIDE_PX,
+    window: Window = WHOLE,
     on_progress: Callable[[float], None] = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Clip:
-    """At most `max_frames` frames, spread evenly over all recordings in the zip at `path`.
+    """At most `max_frames` frames, spread evenly over all recordings in the zip at `path`, each cut
+    to `window` and made no larger than `max_side`.
 
     Raises UnreadableClip for a broken archive or video and for recordings of different sizes,
     CaptureStopped when asked to stop.
@@ -75,6 +79,7 @@ def read_pieces(
                     piece,
                     max_frames=int(frames),
                     max_side=max_side,
+                    window=window,
                     on_progress=lambda part, done=done, share=share: on_progress(
                         done + share * part
                     ),

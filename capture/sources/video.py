@@ -21,6 +21,9 @@ MAX_FRAMES = 120
 """Frames used of a clip: more of them teach the model little and cost time."""
 MAX_SIDE_PX = 1024
 """Frames are made smaller to this longest side: the landmark network sees 256 px of a person."""
+Window = tuple[slice, slice]
+"""Rows and columns of a picture as it was filmed, px."""
+WHOLE: Window = (slice(None), slice(None))
 MAX_PIXELS = 8192 * 8192
 """A picture that claims more is refused before it is decoded."""
 _FASTEST, _USUAL_RATE = 240.0, 30.0
@@ -39,7 +42,7 @@ class Clip:
     times_s: Float[Array, "F"]
     """From the first frame of the clip, increasing."""
     source_size: tuple[int, int]
-    """Width and height of the frames before they were made smaller, px."""
+    """Width and height of the frames before they were cut or made smaller, px."""
     source_frames: int
     """Frames of the whole clip, from which these were sampled."""
     recordings: int = 1
@@ -92,10 +95,13 @@ def read_video(
     *,
     max_frames: int = MAX_FRAMES,
     max_side: int = MAX_SIDE_PX,
+    window: Window = WHOLE,
     on_progress: Callable[[float], None] = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Clip:
     """At most `max_frames` frames, spread evenly over the clip, turned the way they are shown.
+
+    Each is cut to `window` and made no larger than `max_side`.
 
     Raises UnreadableClip for anything that is no video, CaptureStopped when asked to stop.
     """
@@ -114,7 +120,7 @@ def read_video(
                 continue
             picture = np.rot90(frame.to_ndarray(format="rgb24"), round(frame.rotation / 90.0))
             size = (picture.shape[1], picture.shape[0])
-            images.append(shrink(picture, max_side))
+            images.append(shrink(picture[window], max_side))
             time_s = frame.time if frame.time is not None else decoded / info.frames_per_second
             times.append(float(time_s))
             numbers.append(decoded - 1)

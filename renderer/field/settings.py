@@ -27,6 +27,8 @@ class FieldSettings:
     """Share of the rays that pass beside the body, through the shell alone."""
     patch_px: int = 0
     """Side of square patches, which a perceptual loss needs; 0: single rays."""
+    most_px: int | None = None
+    """Longest side of the frames' crops; larger ones are shrunk. None: as they are."""
     on_body_share: float = 0.8
     """Share of patches centred on the body."""
     lpips_backbone: Path | None = None
@@ -60,6 +62,7 @@ FAST = FieldSettings(
     field_rate=1e-2,
     motion_rate=1e-3,
     rays_a_frame=256,
+    most_px=512,
 )
 """Two CPU cores, a minute. Measured on a plain performer of 60 frames, 256 px:
 

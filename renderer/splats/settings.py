@@ -21,6 +21,15 @@ class SplatSettings:
     unseen_density: float = 4000.0
     """A square metre, where no frame looks, though half of the surface lies there: placing 10,000
     splats so, in place of evenly, is worth 2.4 dB and 0.1 of LPIPS on a webcam clip."""
+    whole_px: int = 512
+    """Longest side of the pictures in which a step sees the whole person."""
+    window_px: int = 256
+    """Side of the squares of frames at the size in which they were filmed."""
+    window_share: float = 0.25
+    """Share of the steps that look at such a square, where frames are larger than `whole_px`: with
+    half of them, the body loses half a decibel."""
+    expressive_share: float = 0.5
+    """Share of the squares that lie about face or hands."""
     expressive_density: float = 3.0
     """How much denser splats lie on face and hands, where the body model knows their expressions:
     1 dB on either's crop for 0.2 dB of the whole body (`metanerf bench expressions`)."""

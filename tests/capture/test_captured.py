@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
-from capture.captured import CapturedClip, crop_to_person
+from capture.captured import CapturedClip, crop_to_person, person_window
 from capture.detection.tracking import Track
 from capture.errors import NoPersonFound
 from capture.fitting.result import Fit
 from capture.fitting.world import PlacedFit
+from capture.sources.video import shrink
 from scene.arrays import Array
 from scene.camera import Camera
 from tests.capture.people import body, camera, picture, seen_by, standing
@@ -25,8 +27,9 @@ MASKS = [None if frame == LOST else person.mask for frame, person in enumerate(P
 IMAGES = [picture(person) for person in PEOPLE]
 
 
-def cropped(size_px: int, masks: list[Array | None] = MASKS) -> CapturedClip:
-    """A clip whose fit is the truth, but for landmarks that lie `frame` px off."""
+def cropped(size_px: int, masks: list[Array | None] = MASKS, finer: int = 1) -> CapturedClip:
+    """A clip whose fit is the truth, but for landmarks that lie `frame` px off; it was filmed
+    `finer` times as large as it was fitted."""
     error = np.repeat(np.arange(float(FRAMES))[:, None], 33, 1)
     error[LOST] = np.nan
     fit = Fit(
@@ -40,7 +43,10 @@ def cropped(size_px: int, masks: list[Array | None] = MASKS) -> CapturedClip:
         np.array([0.0, 1.0, 0.0]),
     )
     placed = PlacedFit(body(), MOTION, camera().world_to_camera, legs_seen=True)
-    return crop_to_person(IMAGES, TRACK, masks, fit, placed, size_px)
+    filmed = (finer * camera().width, finer * camera().height)
+    window = person_window(masks, filmed)
+    images = [shrink(cv2.resize(image, filmed)[window], size_px) for image in IMAGES]
+    return crop_to_person(images, window, filmed, TRACK, masks, fit, placed)
 
 
 def test_frames_in_which_the_person_was_lost_are_left_out():
@@ -73,9 +79,9 @@ def test_pictures_are_made_smaller_never_larger(size_px):
     np.testing.assert_allclose(clip.landmark_error_px, share * whole.landmark_error_px)
 
 
-@pytest.mark.parametrize("size_px", [60, 1000])
-def test_the_camera_sees_the_person_where_the_picture_does(size_px):
-    clip = cropped(size_px)
+@pytest.mark.parametrize(("size_px", "finer"), [(60, 1), (1000, 1), (1000, 3), (300, 3)])
+def test_the_camera_sees_the_person_where_the_picture_does(size_px, finer):
+    clip = cropped(size_px, finer=finer)
     assert (clip.camera.height, clip.camera.width) == clip.images[0].shape[:2]
     for index, mask in enumerate(clip.masks):
         joints = body().skeleton.joint_transforms(
@@ -88,6 +94,26 @@ def test_the_camera_sees_the_person_where_the_picture_does(size_px):
     assert seen_along(clip.camera, (0.0, 0.0)) == pytest.approx(
         seen_along(camera(), corner_of(clip.camera)), abs=0.01
     )
+
+
+def test_pictures_filmed_larger_than_they_were_fitted_are_stored_so():
+    fitted, filmed = cropped(1000), cropped(1000, finer=3)
+    assert filmed.images[0].shape[0] == pytest.approx(3 * fitted.images[0].shape[0], abs=3)
+    assert filmed.camera.focal_px == pytest.approx(3.0 * fitted.camera.focal_px)
+    np.testing.assert_allclose(filmed.landmark_error_px, 3.0 * fitted.landmark_error_px)
+    for image, mask in zip(filmed.images, filmed.masks, strict=True):
+        assert mask.shape == image.shape[:2]
+        red = (image == [200, 60, 40]).all(axis=2)
+        assert (red == (mask > 0.5)).mean() > 0.99
+
+
+def test_a_shrunk_clip_is_the_same_seen_in_smaller_pictures():
+    whole, small = cropped(1000), cropped(1000).shrunk(100)
+    assert max(small.images[0].shape[:2]) == 100
+    share = 100.0 / max(whole.images[0].shape[:2])
+    assert small.camera.focal_px == pytest.approx(share * whole.camera.focal_px, rel=0.01)
+    np.testing.assert_allclose(small.landmark_error_px, share * whole.landmark_error_px, rtol=0.01)
+    assert [mask.shape for mask in small.masks] == [image.shape[:2] for image in small.images]
 
 
 def seen_along(view: Camera, pixel: tuple[float, float]) -> Array:

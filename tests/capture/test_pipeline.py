@@ -18,9 +18,11 @@ from capture.errors import (
 )
 from capture.overlay import project_surface, write_video
 from capture.pipeline import CaptureOptions, capture_clip, capture_webcam
+from capture.sources.clips import MIN_FRAMES
 from capture.sources.video import read_video
 from capture.storage import open_sequence, read_quality
 from scene import PoseTrust
+from scene.arrays import Array
 from scene.errors import InvalidInput
 from tests.capture.people import (
     FakeEstimator,
@@ -112,6 +114,29 @@ def test_the_overlay_shows_the_whole_pictures(captured):
     assert len(clip.images) == quality.frames_used
     corner = clip.images[0][:8, :8].mean(axis=(0, 1))
     np.testing.assert_allclose(corner, 120.0, atol=12.0)  # the grey wall, which is not stored
+
+
+def test_the_person_is_stored_as_large_as_filmed(tmp_path, monkeypatch):
+    monkeypatch.setattr("capture.pipeline.MAX_SIDE_PX", 128)
+    motion, frames = standing(MIN_FRAMES), range(MIN_FRAMES)
+    fitted, filmed = (
+        [seen_by(camera(size), body(), motion.pose(index)) for index in frames]
+        for size in (128, 160)
+    )
+    with zipfile.ZipFile(tmp_path / "large.zip", "w") as archive:
+        for index in frames:
+            archive.writestr(f"{index:03d}.png", encoded(picture(filmed[index], COLOUR)))
+    options = CaptureOptions(person="p", estimator=FakeEstimator({COLOUR: fitted}))
+    capture_clip(tmp_path / "large.zip", tmp_path / "seq", options)
+    frame = open_sequence(tmp_path / "seq").frame(0)
+    assert height_px(frame.mask) == pytest.approx(height_px(filmed[0].mask), abs=4)
+    covered = project_surface(frame.camera, open_sequence(tmp_path / "seq").body, frame.pose) > 0
+    person = frame.mask > 0.5
+    assert (covered & person).sum() / (covered | person).sum() > 0.8
+
+
+def height_px(mask: Array) -> int:
+    return int(np.ptp(np.flatnonzero((mask > 0.5).any(axis=1)))) + 1
 
 
 def test_an_overlay_must_be_an_mp4(zipped, estimator, tmp_path):

@@ -80,7 +80,9 @@ class FieldTrainer:
         self._volume = self.field.weight_volume()
         with torch.no_grad():
             self._support = Support.of(self._volume)
-        self._views = read_views(sequence.train, self.device, settings.patch_px)
+        self._views = read_views(
+            sequence.train, self.device, least_px=settings.patch_px, most_px=settings.most_px
+        )
         self._adam = torch.optim.Adam(self._groups(), betas=_BETAS, fused=True)
         self._base_rates = [float(group["lr"]) for group in self._adam.param_groups]
         self._lpips = None

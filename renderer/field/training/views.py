@@ -140,16 +140,19 @@ class TrainingView:
         return self._rgba[pixels].float() / 255.0
 
 
-def read_views(source: FrameSource, device: torch.device, least_px: int = 0) -> list[TrainingView]:
-    """All frames of `source` on `device`, cropped to the body, to `least_px` a side or more.
+def read_views(
+    source: FrameSource, device: torch.device, *, least_px: int = 0, most_px: int | None = None
+) -> list[TrainingView]:
+    """All frames of `source` on `device`, cropped to the body, to `least_px` a side or more, then
+    shrunk to `most_px`.
 
-    Raises TrainingError for pictures smaller than that.
+    Raises TrainingError for pictures smaller than `least_px`.
     """
-    return [_read_view(source, index, device, least_px) for index in range(len(source))]
+    return [_read_view(source, index, device, least_px, most_px) for index in range(len(source))]
 
 
 def _read_view(
-    source: FrameSource, index: int, device: torch.device, least_px: int
+    source: FrameSource, index: int, device: torch.device, least_px: int, most_px: int | None
 ) -> TrainingView:
     image, mask, camera = source.image(index), source.mask(index), source.camera(index)
     if min(mask.shape) < least_px:
@@ -160,6 +163,12 @@ def _read_view(
     crop = tuple(_widened(s, n, least_px) for s, n in zip(crop, mask.shape, strict=True))
     rgba = np.concatenate([over_black(image, mask)[crop], mask[crop][..., None]], axis=2)
     window = camera.cropped(crop[1].start, crop[0].start, rgba.shape[1], rgba.shape[0])
+    scale = 1.0 if most_px is None else min(1.0, most_px / max(rgba.shape[:2]))
+    if scale < 1.0:
+        import cv2
+
+        window = window.resized(round(scale * window.width), round(scale * window.height))
+        rgba = cv2.resize(rgba, (window.width, window.height), interpolation=cv2.INTER_AREA)
     pose = source.pose(index)
     return TrainingView(
         rgba, window.rays()[1], camera.position, pose.joint_angles, pose.root_translation, device

@@ -195,10 +195,14 @@ class SurfacePlaces:
 def splat_density(sequence: Sequence, settings: SplatSettings) -> tuple[int, Float[Array, "T"]]:
     """How many splats the surface of `sequence` gets, and how dense they lie on each triangle.
 
-    As many a square metre as the frames show pixels of it, few where they show none, more on face
-    and hands; all told at least `settings.count`, at most `settings.most`.
+    As many a square metre as the frames, at the size in which steps see them whole, show pixels of
+    it, few where they show none, more on face and hands; all told at least `settings.count`, at
+    most `settings.most`.
     """
-    density = np.maximum(shown_density(sequence) / settings.pixels_a_splat, settings.unseen_density)
+    camera = sequence.train.camera(0)
+    scale = min(1.0, settings.whole_px / max(camera.width, camera.height))
+    pixels = scale**2 * shown_density(sequence)
+    density = np.maximum(pixels / settings.pixels_a_splat, settings.unseen_density)
     density *= np.where(_expressive_faces(sequence.body), settings.expressive_density, 1.0)
     areas = 0.5 * np.linalg.norm(_face_normals(sequence.body), axis=1)
     wanted = round(float((areas * density).sum()))

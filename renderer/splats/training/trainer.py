@@ -39,10 +39,11 @@ from renderer.splats.training.evidence import (
     surface_cosines,
 )
 from renderer.splats.training.filling import fill_unseen
+from renderer.splats.training.full_size import FullSizeWindows, whole_views
 from renderer.splats.training.initialisation import first_splats, moved_with_bones, splats_of_model
 from renderer.splats.training.occlusion import hidden_by_limbs, limb_splats
 from renderer.splats.training.surface_kinds import surface_kinds
-from renderer.splats.training.views import read_views
+from renderer.splats.training.views import View, read_views
 from scene.arrays import Array, Bool, Float
 from scene.sequence import PoseTrust, Sequence
 from scene.skeleton import Skeleton
@@ -76,12 +77,15 @@ class SplatTrainer:
         self._found: Evidence | None = None
         self._light: CapturedLight | None = None
         self._rng = np.random.default_rng(seed)
-        self._views = read_views(sequence.train)
+        filmed = read_views(sequence.train)
+        self._views = whole_views(filmed, settings.whole_px)
         first = first_splats(sequence, settings, self._rng)
         self._poses = PoseRefinement(sequence, start)
         if start is not None:
             first = splats_of_model(start, first, self._poses.skeleton)
         self._first_splats, self._first_skeleton = first, self._poses.skeleton
+        larger = self._views[0] is not filmed[0]
+        self._windows = FullSizeWindows(filmed, first, settings) if larger else None
         self.parameters, self._joints, self._weights = (
             first.parameters.copy(),
             first.joints,
@@ -152,8 +156,10 @@ class SplatTrainer:
         if not self._queue:
             self._queue = self._rng.permutation(self._guard.trained).tolist()
         frame = self._queue.pop()
-        transforms, drawn, shown = self._draw(frame, self._rng.uniform(size=3).astype(np.float32))
-        view, work = self._views[frame], self._work
+        background = self._rng.uniform(size=3).astype(np.float32)
+        transforms, work = self._poses.transforms(frame), self._work
+        view = self._looked_at(frame, transforms)
+        drawn, shown = self._draw(frame, view, background, transforms)
         chain_rule(
             drawn,
             self._joints,
@@ -168,7 +174,7 @@ class SplatTrainer:
         )
         if self._light is not None:
             self._light.chain_to_albedo(self._by_parameter, self.parameters, shown)
-        contribution = self._contribution(frame)
+        contribution = self._contribution(view)
         if self._found is not None:
             self._by_parameter[~self._found.seen, COLOUR : COLOUR + 3] = 0.0
         rates = self._rates(fraction)
@@ -189,23 +195,28 @@ class SplatTrainer:
             self._pull_to_surface(contribution > _MIN_CONTRIBUTION, fraction)
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
 
+    def _looked_at(self, frame: int, transforms: Float[Array, "K 4 4"]) -> View:
+        """What a step sees of `frame`: the whole person or, where filmed larger, a window."""
+        if self._windows is None or self._rng.random() >= self._settings.window_share:
+            return self._views[frame]
+        return self._windows.drawn(frame, self.parameters, transforms, self._rng)
+
     def _draw(
         self,
         frame: int,
+        view: View,
         background: Float[Array, "3"],
-        transforms: Float[Array, "K 4 4"] | None = None,
-    ) -> tuple[Float[Array, "K 4 4"], Float[Array, "N P"], Float[Array, "N P"]]:
-        """Render `frame` and compare: fills the gradients of projected splats, and the losses.
+        transforms: Float[Array, "K 4 4"],
+    ) -> tuple[Float[Array, "N P"], Float[Array, "N P"]]:
+        """Render `view` of `frame` and compare: fills the gradients of projected splats, and the
+        losses.
 
-        Returns the transforms, the parameters with the frame's expression, and these shaded by
-        the light.
+        Returns the parameters with the frame's expression, and these shaded by the light.
         """
         from renderer.splats.rasteriser.tile_kernels import draw_and_differentiate
         from renderer.splats.training.adam_kernels import sum_threads
 
-        view, work = self._views[frame], self._work
-        if transforms is None:
-            transforms = self._poses.transforms(frame)
+        work = self._work
         height, width = view.rgba.shape[:2]
         shown = drawn = self._expressions.moved(self.parameters, frame)
         if self._light is not None:
@@ -233,14 +244,13 @@ class SplatTrainer:
             self._losses,
         )
         sum_threads(self._thread_gradients, self._by_projected)
-        return transforms, drawn, shown
+        return drawn, shown
 
-    def _contribution(self, frame: int) -> Float[Array, "N"]:
+    def _contribution(self, view: View) -> Float[Array, "N"]:
         """Summed blending weight of each splat in the frame just drawn, px; nil for those that a
         limb may hide where poses are estimated."""
         contribution = self._by_projected[:, CONTRIBUTION]
         if self._limbs is not None:
-            view = self._views[frame]
             size = view.rgba.shape[0], view.rgba.shape[1]
             contribution[hidden_by_limbs(self._work, self._limbs, size, view.window.focal_px)] = 0.0
         return contribution
@@ -272,8 +282,9 @@ class SplatTrainer:
 
     def _error_in_given_pose(self, frame: int) -> float:
         """Mean loss of a channel in the pose that the sequence gives `frame`, over black."""
-        self._draw(frame, np.zeros(3, np.float32), self._poses.given_transforms(frame))
-        return float(self._losses.sum()) / (3.0 * self._views[frame].rgba[..., 0].size)
+        view, black = self._views[frame], np.zeros(3, np.float32)
+        self._draw(frame, view, black, self._poses.given_transforms(frame))
+        return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
 
     def _on_current_skeleton(
         self, parameters: Float[Array, "N P"], before: Skeleton
@@ -380,10 +391,10 @@ class SplatTrainer:
         """How well pixels determine each splat's colour."""
         shown, cosines = [], []
         for frame in frames_looked_at(len(self._views)):
-            transforms, _, _ = self._draw(frame, np.zeros(3, np.float32))
-            shown.append(shown_pixels(self._work, self._contribution(frame)))
-            eye = self._views[frame].window.position
-            cosines.append(surface_cosines(self._first_splats, transforms, eye))
+            view, transforms = self._views[frame], self._poses.transforms(frame)
+            self._draw(frame, view, np.zeros(3, np.float32), transforms)
+            shown.append(shown_pixels(self._work, self._contribution(view)))
+            cosines.append(surface_cosines(self._first_splats, transforms, view.window.position))
         return Evidence.of_frames(np.stack(shown), np.stack(cosines))
 
     def _rates(self, fraction: float) -> Float[Array, "P"]:

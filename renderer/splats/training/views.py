@@ -28,6 +28,29 @@ class View:
     camera: Float[Array, "4 4"]
     """The same, packed."""
 
+    @classmethod
+    def of(cls, rgba: UInt8[Array, "H W 4"], window: Camera) -> View:
+        """What `window` saw."""
+        return cls(rgba, window, pack_camera(window))
+
+    def resized(self, scale: float) -> View:
+        """`scale` times as large, box-filtered; itself at 1."""
+        if scale == 1.0:
+            return self
+        import cv2
+
+        height, width = (max(1, round(scale * side)) for side in self.rgba.shape[:2])
+        rgba = cv2.resize(self.rgba, (width, height), interpolation=cv2.INTER_AREA)
+        return View.of(rgba, self.window.resized(width, height))
+
+    def cut(self, x: int, y: int, side: int) -> View:
+        """The square of `side` px about the pixel (x, y), moved to lie inside the picture."""
+        height, width = self.rgba.shape[:2]
+        left = min(max(x - side // 2, 0), max(width - side, 0))
+        top = min(max(y - side // 2, 0), max(height - side, 0))
+        rgba = np.ascontiguousarray(self.rgba[top : top + side, left : left + side])
+        return View.of(rgba, self.window.cropped(left, top, rgba.shape[1], rgba.shape[0]))
+
 
 def read_views(source: FrameSource) -> list[View]:
     """All frames of `source`; those on disk are decoded on as many threads as there are cores.
@@ -53,7 +76,7 @@ def _read_view(source: FrameSource, index: int) -> View:
         raise
     height, width = crop.rgba.shape[:2]
     window = source.camera(index).cropped(crop.columns.start, crop.rows.start, width, height)
-    return View(crop.rgba, window, pack_camera(window))
+    return View.of(crop.rgba, window)
 
 
 def _cut(image: Float[Array, "H W 3"], mask: Float[Array, "H W"]) -> Crop:

@@ -67,6 +67,14 @@ def test_no_more_frames_are_read_than_asked_for_from_the_first_to_the_last(tmp_p
 
 
 @pytest.mark.parametrize("write", [write_folder, write_zip, write_mp4])
+def test_only_a_window_of_each_frame_is_kept_where_asked(tmp_path, write):
+    window = (slice(4, 24), slice(8, 18))
+    clip = read_clip(write(tmp_path / "clip.mp4"), 100, window=window, max_side=10)
+    assert {image.shape for image in clip.images} == {(10, 5, 3)}
+    assert clip.source_size == (48, 32)
+
+
+@pytest.mark.parametrize("write", [write_folder, write_zip, write_mp4])
 def test_too_few_frames_are_refused_with_both_numbers(tmp_path, write):
     path = write(tmp_path / "short.mp4", MIN_FRAMES - 1)
     with pytest.raises(UnreadableClip, match=r"short\.mp4 must have at least 8 frames; got 7"):

@@ -48,6 +48,16 @@ def test_large_frames_are_made_smaller(clip):
     assert read.source_size == (64, 48)
 
 
+def test_a_window_is_cut_before_frames_are_made_smaller(tmp_path):
+    image = np.zeros((48, 64, 3), np.uint8)
+    image[16:32, 32:64] = 200
+    write_video([image] * 3, tmp_path / "clip.mp4", 30)
+    read = read_video(tmp_path / "clip.mp4", max_side=16, window=(slice(16, 32), slice(32, 64)))
+    assert read.images[0].shape == (8, 16, 3)
+    assert read.images[0].mean() == pytest.approx(200.0, abs=4.0)
+    assert read.source_size == (64, 48)
+
+
 def test_a_text_file_named_mp4_is_refused_with_rule_value_and_remedy(tmp_path):
     path = tmp_path / "story.mp4"
     path.write_text("once upon a time")

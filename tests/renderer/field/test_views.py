@@ -17,7 +17,7 @@ SIDE = 5
 def view() -> TrainingView:
     """The first frame, its rays' meetings with the body known."""
     field = PersonField.for_body(TINY.sizes, body())
-    (first, *_) = read_views(sequence().train, torch.device("cpu"), 20)
+    (first, *_) = read_views(sequence().train, torch.device("cpu"), least_px=20)
     volume = field.weight_volume()
     transforms = field.transforms(first.joint_angles, first.root_translation, refine=False)
     first.prepare(field, volume, Support.of(volume), transforms)
@@ -38,6 +38,17 @@ def test_a_share_of_patches_is_centred_on_the_body(view, on_body):
     # patches at the border are moved inwards, so their centres are not drawn evenly
     expected = on_body + (1.0 - on_body) * float(anywhere)
     assert float(centred) == pytest.approx(expected, abs=0.06)
+
+
+def test_large_crops_are_shrunk_and_see_the_same_rays():
+    source, cpu = sequence().train, torch.device("cpu")
+    whole, small = read_views(source, cpu)[0], read_views(source, cpu, most_px=16)[0]
+    assert max(small.shape) == 16 < max(whole.shape)
+    every = (torch.arange(view.shape[0] * view.shape[1]) for view in (whole, small))
+    means = [
+        view.rays(pixels)[1].mean(dim=0) for view, pixels in zip((whole, small), every, strict=True)
+    ]
+    assert torch.allclose(means[0], means[1], atol=1e-3)
 
 
 def test_one_seed_picks_the_same_patches(view):

@@ -13,7 +13,7 @@ from renderer.splats.training.initialisation import SurfacePlaces, splat_density
 from scene.camera import Camera
 from scene.motion import Motion, Pose
 from scene.sequence import Sequence
-from tests.renderer.studio import make_sequence
+from tests.renderer.studio import SIZE, make_sequence
 
 
 class _Frames:
@@ -85,6 +85,15 @@ def test_count_follows_the_pixels_between_its_bounds():
     assert splat_density(sequence, replace(settings, count=count + 7))[0] == count + 7
     assert splat_density(sequence, replace(settings, most=count - 7))[0] == count - 7
     assert density.min() == 0.0
+
+
+def test_pixels_count_at_the_size_in_which_steps_see_whole_frames():
+    once, large = _from_one_side(), _from_one_side(finer=3)
+    settings = replace(SplatSettings(), count=10, unseen_density=0.0, whole_px=SIZE)
+    expected = splat_density(once, settings)[0]
+    assert splat_density(large, settings)[0] == pytest.approx(expected, abs=1)
+    larger = replace(settings, whole_px=3 * SIZE)
+    assert splat_density(large, larger)[0] == pytest.approx(9 * expected, rel=0.02)
 
 
 def test_most_splats_lie_where_frames_look():

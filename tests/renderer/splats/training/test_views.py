@@ -118,6 +118,25 @@ def test_a_frame_without_a_person_is_kept_whole(frames: DatasetFrames, tmp_path:
     assert not view.rgba.any()
 
 
+def test_a_view_cut_or_resized_shows_the_same_rays(frames: DatasetFrames):
+    view = read_views(frames)[0]
+    height, width = view.rgba.shape[:2]
+    point = view.window.unproject(np.array([0.4 * width, 0.3 * height]), np.array(2.0))
+    small = view.resized(0.5)
+    assert small.rgba.shape == (round(0.5 * height), round(0.5 * width), 4)
+    pixel, _ = small.window.project(point)
+    np.testing.assert_allclose(pixel / small.rgba.shape[1::-1], [0.4, 0.3])
+    assert view.resized(1.0) is view
+    for x, y in ((0, 0), (width // 2, height // 3), (10**6, -(10**6))):
+        part = view.cut(x, y, 16)
+        assert part.rgba.shape == (16, 16, 4)
+        assert part.rgba.flags.c_contiguous
+        shift = (view.window.project(point)[0] - part.window.project(point)[0]).round().astype(int)
+        left, top = shift.tolist()
+        assert np.array_equal(part.rgba, view.rgba[top : top + 16, left : left + 16])
+    assert view.cut(0, 0, 10**4).rgba.shape == view.rgba.shape
+
+
 def test_what_a_thread_cannot_read_is_told_by_file_and_frame(frames: DatasetFrames, tmp_path: Path):
     broken = tmp_path / "frame_000005.png"
     broken.write_bytes(b"no picture")
