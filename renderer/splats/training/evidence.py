@@ -12,8 +12,10 @@ from renderer.splats.training.initialisation import FirstSplats
 from scene.arrays import Array, Bool, Float
 
 SEEN_PX = 0.05
-"""Evidence from which a splat counts as seen. A splat that lies open has about 1 px, one behind the
-body a thousandth."""
+"""Evidence from which a splat counts as seen, where one that lies open has about 1 px; one behind
+the body has a thousandth."""
+_OPEN = 95.0
+"""Percentile, among splats that frames show at all, of one that lies open."""
 _GRAZING = 0.4
 """Cosine between surface and view below which evidence counts less: at the rim, small pose errors
 give a splat the background's colour."""
@@ -36,9 +38,15 @@ class Evidence:
     """Of frames alone in which the surface faces the camera: what may lend its colour to others."""
 
     @property
+    def open_px(self) -> float:
+        """Of a splat that lies open, at most 1: where splats are denser than pixels, less."""
+        shown = self.pixels[self.pixels > 0.0]
+        return min(1.0, float(np.percentile(shown, _OPEN))) if len(shown) else 0.0
+
+    @property
     def seen(self) -> Bool[Array, "N"]:
         """Which splats the frames show."""
-        return self.pixels > SEEN_PX
+        return self.pixels > SEEN_PX * self.open_px
 
     @classmethod
     def of_frames(cls, shown: Float[Array, "F N"], cosines: Float[Array, "F N"]) -> Evidence:

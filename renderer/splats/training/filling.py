@@ -15,7 +15,8 @@ from scene.arrays import Array, Float, Int
 
 _NEIGHBOURS = 8
 _DETERMINED_PX = 0.05
-"""Evidence at which a splat's own colour weighs as much as one neighbour's."""
+"""Evidence at which a splat's own colour weighs as much as one neighbour's, where one that lies
+open has 1 px."""
 _MOST = 1e4
 """Greatest weight: beyond, it is the colour's own anyway."""
 _GUESS = 1.0
@@ -52,10 +53,11 @@ def fill_unseen(
     from scipy.sparse import diags
     from scipy.sparse.linalg import splu
 
-    if not evidence.pixels.any():
+    if evidence.open_px == 0.0:
         return parameters
     colours = parameters[:, _COLOURS].astype(np.float64)
-    weights = np.minimum((evidence.pixels.astype(np.float64) / _DETERMINED_PX) ** 4, _MOST)
+    determined_px = _DETERMINED_PX * evidence.open_px
+    weights = np.minimum((evidence.pixels.astype(np.float64) / determined_px) ** 4, _MOST)
     guesses = _guesses(parameters[:, _PLACE], colours, _lent(evidence, kinds), kinds)
     edges = _neighbours(parameters[:, _PLACE])
     diagonal = np.asarray(edges.sum(axis=1)).ravel() + weights + _GUESS

@@ -53,6 +53,16 @@ def test_determined_colours_stay_and_others_lie_between_them():
     assert abs(filled[15:17].mean() - 0.5) < 0.02
 
 
+def test_splats_denser_than_pixels_are_seen_as_well_as_others():
+    """Of a person far away each open splat has a hundredth of a pixel, and is seen all the same."""
+    trained = line_of(*[0.4] * 10, 0.9, *[0.4] * 10)
+    pixels = np.append(np.full(20, 2.0), 0.004)
+    assert Evidence(pixels, pixels).seen.tolist() == [True] * 20 + [False]
+    few = 0.005 * pixels
+    assert Evidence(few, few).seen.tolist() == [True] * 20 + [False]
+    assert filled_greys(trained, few)[10] > 0.89
+
+
 def test_a_colour_that_frames_hardly_determine_gives_way_to_those_around():
     trained = line_of(*[0.4] * 10, 0.9, *[0.4] * 10)
     strong, weak = np.full(21, 5.0), np.full(21, 5.0)
