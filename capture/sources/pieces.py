@@ -30,11 +30,8 @@ _BETWEEN_S = 1.0
 
 def holds_pieces(path: Path) -> bool:
     """Whether the zip at `path` holds videos and no pictures. Raises as `opened_archive` does."""
-    with (
-        opened_archive(path, PICTURES) as (pictures, _),
-        opened_archive(path, VIDEOS) as (videos, _),
-    ):
-        return bool(videos) and not pictures
+    with opened_archive(path, (*PICTURES, *VIDEOS)) as (names, _):
+        return bool(names) and all(name.lower().endswith(VIDEOS) for name in names)
 
 
 @contextmanager
