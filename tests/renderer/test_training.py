@@ -117,7 +117,7 @@ def poison(monkeypatch, times: int) -> None:
         loss = step(self, fraction)
         if next(count) >= 100 and left[0]:
             left[0] -= 1
-            self.parameters[:] = np.nan
+            self.splats.parameters[:] = np.nan
             return float("nan")
         return loss
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from renderer.splats.layout import POSITION
 from renderer.splats.settings import SplatSettings
-from renderer.splats.training.initialisation import FirstSplats
+from renderer.splats.training.trained_splats import TrainedSplats
 from renderer.splats.training.views import View
 from scene.arrays import Array, Float
 
@@ -26,27 +26,26 @@ def whole_views(filmed: list[View], most_px: int) -> list[View]:
 class FullSizeWindows:
     """Draws the windows of one training."""
 
-    def __init__(self, filmed: list[View], first: FirstSplats, settings: SplatSettings) -> None:
+    def __init__(self, filmed: list[View], settings: SplatSettings) -> None:
         self._filmed, self._settings = filmed, settings
-        self._joints, self._weights = first.joints, first.weights
-        self._expressive = first.expression_splats
 
     def drawn(
         self,
         frame: int,
-        parameters: Float[Array, "N P"],
+        splats: TrainedSplats,
         transforms: Float[Array, "K 4 4"],
         rng: np.random.Generator,
     ) -> View:
-        """A square of `frame`, in which splats are posed by `transforms`: about one of the face or
-        a hand, or about any."""
+        """A square of `frame`, in which `transforms` pose `splats`: about one of the face or a
+        hand, or about any."""
         view, settings = self._filmed[frame], self._settings
-        if len(self._expressive) and rng.random() < settings.expressive_share:
-            splat = int(rng.choice(self._expressive))
+        expressive = splats.first.expression_splats
+        if len(expressive) and rng.random() < settings.expressive_share:
+            splat = int(rng.choice(expressive))
         else:
-            splat = int(rng.integers(len(parameters)))
-        blended = np.tensordot(self._weights[splat], transforms[self._joints[splat]], 1)
-        rest = parameters[splat, POSITION : POSITION + 3]
+            splat = int(rng.integers(len(splats)))
+        blended = np.tensordot(splats.weights[splat], transforms[splats.joints[splat]], 1)
+        rest = splats.parameters[splat, POSITION : POSITION + 3]
         pixel, _ = view.window.project(blended[:3, :3] @ rest + blended[:3, 3])
         x, y = np.clip(pixel, -1e6, 1e6).astype(int).tolist()
         return view.cut(x, y, settings.window_px)

@@ -56,6 +56,35 @@ class FirstSplats:
     expression_offsets: Float[Array, "M S 3"] = field(default_factory=no_offsets)
     """As the body's surface moves, m; empty where that is not known."""
 
+    def taken(self, kept: Bool[Array, "N"]) -> FirstSplats:
+        """Those of them that are `kept`."""
+        row = np.cumsum(kept) - 1
+        moving = kept[self.expression_splats]
+        return FirstSplats(
+            self.parameters[kept],
+            self.joints[kept],
+            self.weights[kept],
+            self.normals[kept],
+            row[self.expression_splats[moving]].astype(np.int32),
+            self.expression_offsets[moving],
+        )
+
+    def joined(self, others: FirstSplats) -> FirstSplats:
+        """These, then `others`."""
+        moving = others.expression_splats + np.int32(len(self.parameters))
+        return FirstSplats(
+            np.concatenate([self.parameters, others.parameters]),
+            np.concatenate([self.joints, others.joints]),
+            np.concatenate([self.weights, others.weights]),
+            np.concatenate([self.normals, others.normals]),
+            np.concatenate([self.expression_splats, moving]),
+            np.concatenate([self.expression_offsets, others.expression_offsets]),
+        )
+
+    def moved(self, before: Skeleton, after: Skeleton) -> Float[Array, "N P"]:
+        """Their parameters, moved from the skeleton `before` to the one `after`."""
+        return moved_with_bones(self.parameters, self.joints, self.weights, before, after)
+
 
 def first_splats(
     sequence: Sequence, settings: SplatSettings, rng: np.random.Generator

@@ -16,22 +16,19 @@ from renderer.pose_refinement.drift_guard import DriftGuard
 from renderer.pose_refinement.passes import RefinementPasses
 from renderer.pose_refinement.photometry import SkinnedPoints
 from renderer.relighting.captured_light import CapturedLight
-from renderer.splats.expressions import ClipBlendShapes
 from renderer.splats.layout import (
     BOX_FILTER_PX2,
     COLOUR,
-    CONTRIBUTION,
     LOG_SCALE,
     OPACITY,
     PARAMETERS,
     POSITION,
-    PROJECTED,
     ROTATION,
 )
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
-from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.settings import SplatSettings
+from renderer.splats.training.densification import Densification, splat_errors, to_split
 from renderer.splats.training.evidence import (
     Evidence,
     frames_looked_at,
@@ -40,16 +37,15 @@ from renderer.splats.training.evidence import (
 )
 from renderer.splats.training.filling import fill_unseen
 from renderer.splats.training.full_size import FullSizeWindows, whole_views
-from renderer.splats.training.initialisation import first_splats, moved_with_bones, splats_of_model
-from renderer.splats.training.occlusion import hidden_by_limbs, limb_splats
-from renderer.splats.training.surface_kinds import surface_kinds
+from renderer.splats.training.initialisation import FirstSplats, first_splats, splats_of_model
+from renderer.splats.training.occlusion import hidden_by_limbs
+from renderer.splats.training.trained_splats import TrainedSplats
 from renderer.splats.training.views import View, read_views
 from scene.arrays import Array, Bool, Float
 from scene.sequence import PoseTrust, Sequence
-from scene.skeleton import Skeleton
 
-_MIN_CONTRIBUTION = 0.02
-"""Summed blending weight, in pixels, from which a step moves a splat."""
+_DENSIFIED_FROM = 0.25
+"""Share of the training after which coarse splats give way to finer ones."""
 _LIGHT_FROM = 0.3
 """Share of the training after which the light is estimated."""
 _FILLED_FROM = 0.8
@@ -81,22 +77,17 @@ class SplatTrainer:
         self._views = whole_views(filmed, settings.whole_px)
         first = first_splats(sequence, settings, self._rng)
         self._poses = PoseRefinement(sequence, start)
-        if start is not None:
-            first = splats_of_model(start, first, self._poses.skeleton)
-        self._first_splats, self._first_skeleton = first, self._poses.skeleton
+        self._first_skeleton = self._poses.skeleton
+        earlier = None if start is None else splats_of_model(start, first, self._first_skeleton)
+        self._densification = Densification.planned(first, earlier, settings)
+        if self._densification is not None:
+            first = self._densification.coarse
+        elif earlier is not None:
+            first = earlier
+        self._split: Bool[Array, "N"] | None = None
         larger = self._views[0] is not filmed[0]
-        self._windows = FullSizeWindows(filmed, first, settings) if larger else None
-        self.parameters, self._joints, self._weights = (
-            first.parameters.copy(),
-            first.joints,
-            first.weights,
-        )
-        self._expressions = ClipBlendShapes(
-            first.expression_splats, first.expression_offsets, sequence.motion.expressions
-        )
-        rest = first.parameters[:, POSITION : POSITION + 3]
-        self._kinds = surface_kinds(rest, self._joints, self._weights, self._poses.skeleton)
-        count = len(self.parameters)
+        self._windows = FullSizeWindows(filmed, settings) if larger else None
+        self.splats = self._splats_begun(first)
         self._passes = (
             RefinementPasses(self._views, colours_known=start is not None)
             if self._poses.active
@@ -104,21 +95,17 @@ class SplatTrainer:
         )
         given = sequence.pose_trust is PoseTrust.GIVEN
         self._guard = DriftGuard(len(self._views), active=given)
-        self._surface = first.parameters
-        self._first_moment = np.zeros_like(self.parameters)
-        self._second_moment = np.zeros_like(self.parameters)
-        self._steps = np.zeros(count, np.int32)
         self._rate_factor = np.ones(1, np.float32)
         self._queue: list[int] = []
-        threads = numba.get_num_threads()
-        self._work = Workspace(count)
-        self._thread_gradients = np.zeros((threads, count, PROJECTED), np.float32)
-        self._by_projected = np.zeros((count, PROJECTED), np.float32)
-        self._by_parameter = np.zeros((count, PARAMETERS), np.float32)
-        self._losses = np.zeros(threads)
-        estimated = sequence.pose_trust is PoseTrust.ESTIMATED
-        self._limbs = limb_splats(self._joints, self._weights) if estimated else None
-        self._linear_from = settings.uncertain_linear_from if estimated else settings.linear_from
+        self._losses = np.zeros(numba.get_num_threads())
+        self._estimated = sequence.pose_trust is PoseTrust.ESTIMATED
+        self._linear_from = (
+            settings.uncertain_linear_from if self._estimated else settings.linear_from
+        )
+
+    def _splats_begun(self, first: FirstSplats) -> TrainedSplats:
+        expressions = self._sequence.motion.expressions
+        return TrainedSplats(first, self._first_skeleton, expressions, self._settings)
 
     def warm_up(self) -> None:
         """Compile the kernels by one step whose effect is undone."""
@@ -128,28 +115,29 @@ class SplatTrainer:
         self.restore(before)
 
     def before_step(self, fraction: float) -> None:
-        """Estimate the light, once the splats have the person's colours; later, fill the sides that
-        no frame shows."""
+        """Make coarse splats finer; estimate the light, once splats have the person's colours;
+        later, fill the sides that no frame shows."""
+        if self._densification is not None and self._split is None and fraction >= _DENSIFIED_FROM:
+            self._densify(self._densification)
         if self._found is None and fraction >= _FILLED_FROM:
             self._found = self._evidence()
-            self.parameters = fill_unseen(self.parameters, self._found, self._kinds)
-            for moment in (self._first_moment, self._second_moment):
-                moment[~self._found.seen, COLOUR : COLOUR + 3] = 0.0
+            filled = fill_unseen(self.splats.parameters, self._found, self.splats.kinds)
+            self.splats.parameters = filled
+            self.splats.hold_colours(~self._found.seen)
         if not self._find_light or self._light is not None or fraction < _LIGHT_FROM:
             return
         from renderer.relighting.light_estimation import estimate_light
 
-        whole = np.ones(len(self.parameters), bool)
-        self._light = estimate_light(self._model(self.parameters, whole, {}), self._sequence)
+        whole = np.ones(len(self.splats), bool)
+        self._light = estimate_light(self._model(self.splats.parameters, whole, {}), self._sequence)
         self._find_light = self._light is not None
         if self._light is not None:
-            self.parameters = self._light.without_light(self.parameters)
+            self.splats.parameters = self._light.without_light(self.splats.parameters)
 
     def step(self, fraction: float) -> float:
         """Render one frame, compare, update the visible splats; returns the mean loss of a
         channel."""
         from renderer.splats.rasteriser.projection_kernels import chain_rule
-        from renderer.splats.training.adam_kernels import adam_step
 
         if self._passes is not None and self._passes.should_run(fraction):
             self._refine_poses(self._passes, fraction)
@@ -157,49 +145,36 @@ class SplatTrainer:
             self._queue = self._rng.permutation(self._guard.trained).tolist()
         frame = self._queue.pop()
         background = self._rng.uniform(size=3).astype(np.float32)
-        transforms, work = self._poses.transforms(frame), self._work
+        transforms, splats = self._poses.transforms(frame), self.splats
         view = self._looked_at(frame, transforms)
         drawn, shown = self._draw(frame, view, background, transforms)
         chain_rule(
             drawn,
-            self._joints,
-            self._weights,
+            splats.joints,
+            splats.weights,
             transforms,
             view.camera,
-            work.projected,
-            work.boxes,
-            self._by_projected,
+            splats.work.projected,
+            splats.work.boxes,
+            splats.by_projected,
             len(self._losses),
-            self._by_parameter,
+            splats.by_parameter,
         )
         if self._light is not None:
-            self._light.chain_to_albedo(self._by_parameter, self.parameters, shown)
-        contribution = self._contribution(view)
+            self._light.chain_to_albedo(splats.by_parameter, splats.parameters, shown)
+        self._leave_out_hidden(view)
         if self._found is not None:
-            self._by_parameter[~self._found.seen, COLOUR : COLOUR + 3] = 0.0
-        rates = self._rates(fraction)
-        adam_step(
-            self.parameters,
-            self._by_parameter,
-            contribution,
-            self._first_moment,
-            self._second_moment,
-            self._steps,
-            rates,
-            self._settings.beta1,
-            self._settings.beta2,
-            _MIN_CONTRIBUTION,
-            np.log(np.array(self._settings.scale_range_m, np.float32)),
-        )
-        if self._sequence.pose_trust is PoseTrust.ESTIMATED:
-            self._pull_to_surface(contribution > _MIN_CONTRIBUTION, fraction)
+            splats.by_parameter[~self._found.seen, COLOUR : COLOUR + 3] = 0.0
+        moved = splats.update(self._rates(fraction))
+        if self._estimated:
+            splats.pull_to_surface(moved, self._settings.shape_pull * (1.0 - fraction))
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
 
     def _looked_at(self, frame: int, transforms: Float[Array, "K 4 4"]) -> View:
         """What a step sees of `frame`: the whole person or, where filmed larger, a window."""
         if self._windows is None or self._rng.random() >= self._settings.window_share:
             return self._views[frame]
-        return self._windows.drawn(frame, self.parameters, transforms, self._rng)
+        return self._windows.drawn(frame, self.splats, transforms, self._rng)
 
     def _draw(
         self,
@@ -216,17 +191,17 @@ class SplatTrainer:
         from renderer.splats.rasteriser.tile_kernels import draw_and_differentiate
         from renderer.splats.training.adam_kernels import sum_threads
 
-        work = self._work
+        splats, work = self.splats, self.splats.work
         height, width = view.rgba.shape[:2]
-        shown = drawn = self._expressions.moved(self.parameters, frame)
+        shown = drawn = splats.expressions.moved(splats.parameters, frame)
         if self._light is not None:
             shown = self._light.shade(
-                drawn, self._joints, self._weights, transforms, view.window.position
+                drawn, splats.joints, splats.weights, transforms, view.window.position
             )
         work.arrange(
             shown,
-            self._joints,
-            self._weights,
+            splats.joints,
+            splats.weights,
             transforms,
             view.camera,
             width,
@@ -240,20 +215,41 @@ class SplatTrainer:
             view.rgba,
             background,
             self._linear_from,
-            self._thread_gradients,
+            splats.thread_gradients,
             self._losses,
         )
-        sum_threads(self._thread_gradients, self._by_projected)
+        sum_threads(splats.thread_gradients, splats.by_projected)
         return drawn, shown
 
-    def _contribution(self, view: View) -> Float[Array, "N"]:
-        """Summed blending weight of each splat in the frame just drawn, px; nil for those that a
-        limb may hide where poses are estimated."""
-        contribution = self._by_projected[:, CONTRIBUTION]
-        if self._limbs is not None:
-            size = view.rgba.shape[0], view.rgba.shape[1]
-            contribution[hidden_by_limbs(self._work, self._limbs, size, view.window.focal_px)] = 0.0
-        return contribution
+    def _leave_out_hidden(self, view: View) -> None:
+        """Splats that a limb may hide contribute nothing where poses are estimated."""
+        if self._estimated:
+            splats, size = self.splats, view.rgba.shape[:2]
+            hidden = hidden_by_limbs(splats.work, splats.limbs, size, view.window.focal_px)
+            splats.contribution[hidden] = 0.0
+
+    def _densify(self, planned: Densification) -> None:
+        """Make the splats finer that pictures still differ from."""
+        split = to_split(self._splat_errors(frame) for frame in frames_looked_at(len(self._views)))
+        trained = self.splats.parameters
+        self._split_into(planned, split)
+        surface = self.splats.surface
+        self.splats.parameters = planned.parameters(split, trained, surface)
+
+    def _split_into(self, planned: Densification, split: Bool[Array, "N"]) -> None:
+        self._split, self.splats = split, self._splats_begun(planned.splats(split))
+        self.splats.surface_on(self._poses.skeleton)
+
+    def _splat_errors(self, frame: int) -> tuple[Float[Array, "N"], Float[Array, "N"]]:
+        from renderer.splats.rasteriser.tile_kernels import draw
+
+        view, work = self._views[frame], self.splats.work
+        self._draw(frame, view, np.zeros(3, np.float32), self._poses.transforms(frame))
+        self._leave_out_hidden(view)
+        picture = np.empty(view.rgba.shape, np.float32)
+        draw(work.projected, work.starts, work.entries, len(self._losses), picture)
+        truth = view.rgba.astype(np.float32) / np.float32(255.0)
+        return splat_errors(work, self.splats.contribution, picture, truth)
 
     def _refine_poses(self, passes: RefinementPasses, fraction: float) -> None:
         """One pass over the clip, while the model stays true to given poses; splats follow
@@ -262,23 +258,21 @@ class SplatTrainer:
             self._poses.go_back()
             passes.end()
             return
+        splats = self.splats
         points = SkinnedPoints(
-            self.parameters[:, POSITION : POSITION + 3], self._joints, self._weights
+            splats.parameters[:, POSITION : POSITION + 3], splats.joints, splats.weights
         )
         before = self._poses.skeleton
         self._poses.apply_step(
             passes.equations(
                 points,
-                self._as_captured(self.parameters),
+                self._as_captured(splats.parameters),
                 self._poses,
                 fraction,
-                self._expressions,
+                splats.expressions,
             )
         )
-        self.parameters = self._on_current_skeleton(self.parameters, before)
-        self._surface = self._on_current_skeleton(
-            self._first_splats.parameters, self._first_skeleton
-        )
+        splats.follow_bones(before, self._poses.skeleton)
 
     def _error_in_given_pose(self, frame: int) -> float:
         """Mean loss of a channel in the pose that the sequence gives `frame`, over black."""
@@ -286,28 +280,12 @@ class SplatTrainer:
         self._draw(frame, view, black, self._poses.given_transforms(frame))
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
 
-    def _on_current_skeleton(
-        self, parameters: Float[Array, "N P"], before: Skeleton
-    ) -> Float[Array, "N P"]:
-        """`parameters` of splats moved from the skeleton `before` to the current one."""
-        return moved_with_bones(
-            parameters, self._joints, self._weights, before, self._poses.skeleton
-        )
-
-    def _pull_to_surface(self, moved: Bool[Array, "N"], fraction: float) -> None:
-        """Pull positions, scales and rotations of the splats just updated to their initial
-        values."""
-        pull = np.float32(self._settings.shape_pull * (1.0 - fraction))
-        shape = slice(POSITION, ROTATION + 4)
-        gap = self._surface[moved, shape] - self.parameters[moved, shape]
-        self.parameters[moved, shape] += pull * gap
-
     def preview(self) -> Float[Array, "H W 3"]:
         """The first training view, over light grey."""
         camera = self._sequence.train.camera(0)
         scale = _PREVIEW_PX / max(camera.width, camera.height)
         small = camera.resized(round(camera.width * scale), round(camera.height * scale))
-        model = self._model(self.parameters, np.ones(len(self.parameters), bool), {})
+        model = self._model(self.splats.parameters, np.ones(len(self.splats), bool), {})
         shown = self._sequence.motion.expressions[:1]
         picture = SplatRenderer((model,)).render(
             small, [self._poses.transforms(0)], expressions=list(shown)
@@ -318,10 +296,8 @@ class SplatTrainer:
         """Parameters, moments, refined poses and the random state."""
         rng_state = json.dumps({"rng": self._rng.bit_generator.state, "queue": self._queue})
         return {
-            "parameters": self.parameters.copy(),
-            "first": self._first_moment.copy(),
-            "second": self._second_moment.copy(),
-            "steps": self._steps.copy(),
+            **self.splats.state(),
+            **({} if self._split is None else {"split": self._split}),
             "slower": self._rate_factor.copy(),
             "chance": np.array(rng_state),
             **self._poses.state(),
@@ -332,20 +308,24 @@ class SplatTrainer:
 
     def restore(self, state: dict[str, Array]) -> None:
         """Go back to `state`."""
-        self.parameters = state["parameters"].copy()
-        self._first_moment, self._second_moment = state["first"].copy(), state["second"].copy()
-        self._steps, self._rate_factor = state["steps"].copy(), state["slower"].copy()
+        self._restore_splats(state)
+        self._rate_factor = state["slower"].copy()
         rng_state = json.loads(str(state["chance"]))
         self._rng.bit_generator.state, self._queue = rng_state["rng"], list(rng_state["queue"])
-        self._thread_gradients[:] = 0.0
         self._light = CapturedLight.restored(state)
-        self._poses.restore(state)
         self._guard.restore(state)
-        self._surface = self._on_current_skeleton(
-            self._first_splats.parameters, self._first_skeleton
-        )
         if self._passes is not None:
             self._passes.restore(state)
+
+    def _restore_splats(self, state: dict[str, Array]) -> None:
+        self._poses.restore(state)
+        split = state.get("split")
+        if self._densification is not None and split is not None:
+            self._split_into(self._densification, split)
+        elif self._densification is not None and self._split is not None:
+            self._split, self.splats = None, self._splats_begun(self._densification.coarse)
+        self.splats.restore(state)
+        self.splats.surface_on(self._poses.skeleton)
 
     def halve_learning_rate(self) -> None:
         """Halve all rates."""
@@ -354,7 +334,10 @@ class SplatTrainer:
     def finish(self, metrics: dict[str, Any]) -> SplatModel:
         """The model, with unseen splats filled in."""
         evidence = self._evidence() if self._found is None else self._found
-        parameters, seen = fill_unseen(self.parameters, evidence, self._kinds), evidence.seen
+        parameters, seen = (
+            fill_unseen(self.splats.parameters, evidence, self.splats.kinds),
+            evidence.seen,
+        )
         seen_share = round(float(seen.mean()), 4)
         return self._model(
             parameters, seen, {**metrics, "splats": len(seen), "seen_share": seen_share}
@@ -369,8 +352,8 @@ class SplatTrainer:
             normals = light.normals
         return SplatModel(
             self._as_captured(parameters),
-            self._joints.astype(np.uint8),
-            self._weights,
+            self.splats.joints.astype(np.uint8),
+            self.splats.weights,
             seen,
             self._poses.skeleton,
             self._poses.motion(),
@@ -379,8 +362,8 @@ class SplatTrainer:
             albedo=albedo,
             normals=normals,
             light=None if light is None else light.harmonics.astype(np.float32),
-            expression_splats=self._expressions.splats,
-            expression_offsets=self._expressions.offsets,
+            expression_splats=self.splats.expressions.splats,
+            expression_offsets=self.splats.expressions.offsets,
         )
 
     def _as_captured(self, parameters: Float[Array, "N P"]) -> Float[Array, "N P"]:
@@ -393,8 +376,9 @@ class SplatTrainer:
         for frame in frames_looked_at(len(self._views)):
             view, transforms = self._views[frame], self._poses.transforms(frame)
             self._draw(frame, view, np.zeros(3, np.float32), transforms)
-            shown.append(shown_pixels(self._work, self._contribution(view)))
-            cosines.append(surface_cosines(self._first_splats, transforms, view.window.position))
+            self._leave_out_hidden(view)
+            shown.append(shown_pixels(self.splats.work, self.splats.contribution))
+            cosines.append(surface_cosines(self.splats.first, transforms, view.window.position))
         return Evidence.of_frames(np.stack(shown), np.stack(cosines))
 
     def _rates(self, fraction: float) -> Float[Array, "P"]:

@@ -152,14 +152,14 @@ def test_filled_colours_hold_while_training_ends():
     trainer = SplatTrainer(make_sequence(), replace(SplatSettings(), count=400, most=400), 0)
     for _ in range(4):
         trainer.step(0.1)
-    before = trainer.parameters.copy()
+    before = trainer.splats.parameters.copy()
     trainer.before_step(0.79)
-    np.testing.assert_array_equal(trainer.parameters, before)
+    np.testing.assert_array_equal(trainer.splats.parameters, before)
     trainer.before_step(0.8)
-    filled = trainer.parameters.copy()
+    filled = trainer.splats.parameters.copy()
     for _ in range(4):
         trainer.step(0.9)
-    changed = (trainer.parameters != filled)[:, COLOUR : COLOUR + 3].any(axis=1)
+    changed = (trainer.splats.parameters != filled)[:, COLOUR : COLOUR + 3].any(axis=1)
     seen = trainer.finish({}).seen
     assert 0 < seen.sum() < len(seen)
     assert not changed[~seen].any()

@@ -8,6 +8,7 @@ import pytest
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.full_size import FullSizeWindows, whole_views
 from renderer.splats.training.initialisation import first_splats
+from renderer.splats.training.trained_splats import TrainedSplats
 from renderer.splats.training.views import View
 from scene.camera import orbit_camera
 from tests.renderer.studio import make_sequence
@@ -35,16 +36,17 @@ def test_larger_ones_are_shrunk_by_one_share():
 
 
 def test_a_window_lies_about_a_splat_where_it_is_posed():
-    first = first_splats(make_sequence(), SplatSettings(count=400), np.random.default_rng(0))
+    sequence, settings = make_sequence(), SplatSettings(count=400, window_px=32)
+    first = first_splats(sequence, settings, np.random.default_rng(0))
     (view,) = views((320, 320))
-    settings = SplatSettings(window_px=32)
-    windows = FullSizeWindows([view], first, settings)
+    windows = FullSizeWindows([view], settings)
+    splats = TrainedSplats(first, sequence.body.skeleton, sequence.motion.expressions, settings)
     raised = np.tile(np.eye(4, dtype=np.float32), (24, 1, 1))
     raised[:, 1, 3] = 0.1
     chance = np.random.default_rng(0)
     centres = []
     for _ in range(200):
-        part = windows.drawn(0, first.parameters, raised, chance)
+        part = windows.drawn(0, splats, raised, chance)
         assert part.rgba.shape == (32, 32, 4)
         shift = view.window.intrinsics[:2, 2] - part.window.intrinsics[:2, 2]
         centres.append(shift + 16.0)
