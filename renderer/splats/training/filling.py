@@ -10,10 +10,10 @@ import numpy as np
 
 from renderer.splats.layout import COLOUR, POSITION
 from renderer.splats.training.evidence import Evidence
+from renderer.splats.training.neighbours import neighbours_at_rest
 from renderer.splats.training.surface_kinds import KINDS
 from scene.arrays import Array, Float, Int
 
-_NEIGHBOURS = 8
 _DETERMINED_PX = 0.05
 """Evidence at which a splat's own colour weighs as much as one neighbour's, where one that lies
 open has 1 px."""
@@ -28,6 +28,10 @@ _CELLS = 60
 """Nearest cubes whose median is the guess."""
 _CELL_PX = 0.5
 """Evidence in a cube from which it counts."""
+_RANGE = (5.0, 95.0)
+"""Percentiles of those cubes' colours between which that of a splat lies which only rims show."""
+_FACED = 0.5
+"""Share of its evidence from frames that a splat faces, below which only rims show it."""
 _ACROSS = 0.45
 """How much a distance across a limb counts, against one along it: clothes end along it."""
 _SCALP = KINDS.index("scalp")
@@ -45,7 +49,9 @@ def fill_unseen(
     Colours minimise the squared differences between neighbours at rest plus, weighted by the
     fourth power of the evidence, those from the trained ones, plus those from a guess: the
     median of the nearest seen surface of the same kind (screened membrane interpolation,
-    Terzopoulos 1986). Shape and opacity stay: training has made obstructing splats transparent.
+    Terzopoulos 1986). What only the rim of outlines shows, a blend with splats in front and with
+    the background, first comes to the range of the seen surface near it; hair does not. Shape and
+    opacity stay: training has made obstructing splats transparent.
 
     Args:
         kinds: index into `KINDS`, as of `surface_kinds`.
@@ -58,8 +64,11 @@ def fill_unseen(
     colours = parameters[:, _COLOURS].astype(np.float64)
     determined_px = _DETERMINED_PX * evidence.open_px
     weights = np.minimum((evidence.pixels.astype(np.float64) / determined_px) ** 4, _MOST)
-    guesses = _guesses(parameters[:, _PLACE], colours, _lent(evidence, kinds), kinds)
-    edges = _neighbours(parameters[:, _PLACE])
+    trust = _lent(evidence, kinds)
+    guesses, lowest, highest = _guesses(parameters[:, _PLACE], colours, trust, kinds)
+    rim = (evidence.facing < _FACED * evidence.pixels) & (kinds != _SCALP)
+    colours[rim] = np.clip(colours[rim], lowest[rim], highest[rim])
+    edges = neighbours_at_rest(parameters[:, _PLACE])
     diagonal = np.asarray(edges.sum(axis=1)).ravel() + weights + _GUESS
     # a sparse direct solver: far from all evidence, conjugate gradients take thousands of steps
     factors = splu(
@@ -84,9 +93,9 @@ def _guesses(
     colours: Float[Array, "N 3"],
     trust: Float[Array, "N"],
     kinds: Int[Array, "N"],
-) -> Float[Array, "N 3"]:
-    """The median colour of the cubes of each splat's kind that lie nearest to it; of any kind
-    where none of its own was seen."""
+) -> Float[Array, "3 N 3"]:
+    """Median, low and high colour of the cubes of each splat's kind that lie nearest to it; of any
+    kind where none of its own was seen."""
     from scipy.spatial import KDTree
 
     cubes = np.column_stack([kinds, np.floor(rest / _CELL_M)]).astype(np.int64)
@@ -97,13 +106,14 @@ def _guesses(
     light = np.column_stack([np.bincount(cell, trust * channel) for channel in colours.T])
     means = light[known] / total[known, None]
     cell_kinds, places = cells[known, 0], (cells[known, 1:] + 0.5) * _CELL_M
-    guesses = np.empty_like(colours)
+    guesses = np.empty((3, *colours.shape))
     for kind in np.unique(kinds):
         mine, same = kinds == kind, cell_kinds == kind
         same = same if same.any() else np.ones_like(same)
         count, axes = min(_CELLS, int(same.sum())), _axes(int(kind))
         _, near = KDTree(places[same] * axes).query(rest[mine] * axes, k=count)
-        guesses[mine] = np.median(means[same][np.reshape(near, (-1, count))], axis=1)
+        around = means[same][np.reshape(near, (-1, count))]
+        guesses[:, mine] = np.percentile(around, (50.0, *_RANGE), axis=1)
     return guesses
 
 
@@ -113,16 +123,3 @@ def _axes(kind: int) -> Float[Array, "3"]:
     if kind not in _HEAD:
         axes[[1, 2] if kind in _SIDEWAYS else [0, 2]] = _ACROSS
     return axes
-
-
-def _neighbours(rest: Float[Array, "N 3"]):
-    """Symmetric adjacency, 1 where either is among the nearest of the other (scipy's CSR)."""
-    from scipy.sparse import csr_matrix
-    from scipy.spatial import KDTree
-
-    count, size = min(_NEIGHBOURS, len(rest) - 1), len(rest)
-    _, near = KDTree(rest).query(rest, k=count + 1)
-    others = np.asarray(near)[:, 1:].ravel()
-    pairs = (np.ones(len(others)), (np.repeat(np.arange(size), count), others))
-    edges = csr_matrix(pairs, shape=(size, size))
-    return edges.maximum(edges.T)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from renderer.splats.expressions import ClipBlendShapes
@@ -9,14 +11,23 @@ from renderer.splats.layout import COLOUR, CONTRIBUTION, PARAMETERS, POSITION, P
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import FirstSplats, moved_with_bones
+from renderer.splats.training.neighbours import neighbours_at_rest
 from renderer.splats.training.occlusion import limb_splats
-from renderer.splats.training.surface_kinds import surface_kinds
+from renderer.splats.training.surface_kinds import KINDS, surface_kinds
 from scene.arrays import Array, Bool, Float
 from scene.skeleton import Skeleton
 
 _MIN_CONTRIBUTION = 0.02
 """Summed blending weight, in pixels, from which a step moves a splat."""
-_SHAPE = slice(POSITION, ROTATION + 4)
+_SHAPE, _PLACE = slice(POSITION, ROTATION + 4), slice(POSITION, POSITION + 3)
+_ROUGHNESS_M = 0.01
+"""How far a splat may stand out from those beside it where depth is uncertain. If less, pictures
+from the camera are less sharp: what lies in front of what is then settled by chance."""
+_ROUGH_KINDS = [KINDS.index(kind) for kind in ("neck", "face", "scalp")]
+"""Kinds that may be rougher: long hair hangs before the chest."""
+_ROUGHNESS_PULL = 0.1
+"""Share of what stands out farther that a step takes back."""
+_SMOOTHING_ROUNDS = 10
 
 
 class TrainedSplats:
@@ -43,6 +54,7 @@ class TrainedSplats:
         )
         rest = first.parameters[:, POSITION : POSITION + 3]
         self.kinds = surface_kinds(rest, self.joints, self.weights, skeleton)
+        self._rough = np.isin(self.kinds, _ROUGH_KINDS)
         self.limbs = limb_splats(self.joints, self.weights)
         count, threads = len(self), numba.get_num_threads()
         self.work = Workspace(count)
@@ -52,6 +64,7 @@ class TrainedSplats:
         self._first_moment = np.zeros_like(self.parameters)
         self._second_moment = np.zeros_like(self.parameters)
         self._steps = np.zeros(count, np.int32)
+        self._displacement = np.zeros(0, np.float32)
 
     def __len__(self) -> int:
         return len(self.first.parameters)
@@ -86,6 +99,35 @@ class TrainedSplats:
         gap = self.surface[moved, _SHAPE] - self.parameters[moved, _SHAPE]
         self.parameters[moved, _SHAPE] += np.float32(share) * gap
 
+    def smooth_displacement(self) -> None:
+        """Find how far off the surface the neighbourhood of each splat lies, m."""
+        away = self._off_surface(np.ones(len(self), bool))
+        for _ in range(_SMOOTHING_ROUNDS):
+            away = 0.5 * (away + self._neighbourhood @ away)
+        self._displacement = away.astype(np.float32)
+
+    def pull_to_neighbours(self, moved: Bool[Array, "N"]) -> None:
+        """Take back what stands out of `moved`, once the neighbourhood's place is known: in depth,
+        frames from one side leave a splat free."""
+        if not len(self._displacement):
+            return
+        gap = self._displacement[moved] - self._off_surface(moved)
+        gap -= np.clip(gap, -_ROUGHNESS_M, _ROUGHNESS_M)
+        gap[self._rough[moved]] = 0.0
+        back = np.float32(_ROUGHNESS_PULL) * gap[:, None]
+        self.parameters[moved, _PLACE] += back * self.first.normals[moved]
+
+    def _off_surface(self, some: Bool[Array, "N"]) -> Float[Array, "M"]:
+        """How far `some` lie off the surface along its normal, m."""
+        away = self.parameters[some, _PLACE] - self.surface[some, _PLACE]
+        return np.einsum("nx,nx->n", away, self.first.normals[some])
+
+    @cached_property
+    def _neighbourhood(self):
+        """[N N]: times what splats have, the mean of it beside each (scipy's CSR)."""
+        edges = neighbours_at_rest(self.first.parameters[:, _PLACE])
+        return edges.multiply(1.0 / edges.sum(axis=1)).tocsr()
+
     def follow_bones(self, before: Skeleton, after: Skeleton) -> None:
         """Move from the skeleton `before` to the one of other bone lengths `after`."""
         self.parameters = moved_with_bones(
@@ -109,11 +151,12 @@ class TrainedSplats:
             "first": self._first_moment.copy(),
             "second": self._second_moment.copy(),
             "steps": self._steps.copy(),
+            "displacement": self._displacement.copy(),
         }
 
     def restore(self, state: dict[str, Array]) -> None:
         """Go back to `state`, of as many splats."""
         self.parameters = state["parameters"].copy()
         self._first_moment, self._second_moment = state["first"].copy(), state["second"].copy()
-        self._steps = state["steps"].copy()
+        self._steps, self._displacement = state["steps"].copy(), state["displacement"].copy()
         self.thread_gradients[:] = 0.0

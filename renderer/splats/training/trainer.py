@@ -142,6 +142,8 @@ class SplatTrainer:
         if self._passes is not None and self._passes.should_run(fraction):
             self._refine_poses(self._passes, fraction)
         if not self._queue:
+            if self._estimated and fraction > 0.0:
+                self.splats.smooth_displacement()
             self._queue = self._rng.permutation(self._guard.trained).tolist()
         frame = self._queue.pop()
         background = self._rng.uniform(size=3).astype(np.float32)
@@ -168,6 +170,7 @@ class SplatTrainer:
         moved = splats.update(self._rates(fraction))
         if self._estimated:
             splats.pull_to_surface(moved, self._settings.shape_pull * (1.0 - fraction))
+            splats.pull_to_neighbours(moved)
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
 
     def _looked_at(self, frame: int, transforms: Float[Array, "K 4 4"]) -> View:
@@ -235,6 +238,8 @@ class SplatTrainer:
         self._split_into(planned, split)
         surface = self.splats.surface
         self.splats.parameters = planned.parameters(split, trained, surface)
+        if self._estimated:
+            self.splats.smooth_displacement()
 
     def _split_into(self, planned: Densification, split: Bool[Array, "N"]) -> None:
         self._split, self.splats = split, self._splats_begun(planned.splats(split))

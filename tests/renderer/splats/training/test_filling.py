@@ -118,6 +118,16 @@ def test_a_rim_in_the_colour_of_the_background_does_not_spread():
     assert filled[far].max() < 0.2
 
 
+def test_what_only_a_rim_shows_comes_to_the_range_of_the_surface_near_it():
+    trained = line_of(*np.tile([0.3, 0.5], 40), 0.95, 0.4)
+    evidence, facing = np.full(82, 5.0), np.full(82, 5.0)
+    facing[-2:] = 0.0
+    filled = filled_greys(trained, evidence, facing)
+    assert 0.38 < filled[-2] < 0.52
+    np.testing.assert_allclose(filled[-1], 0.4, atol=0.01)
+    np.testing.assert_allclose(filled[:-4], trained[:-4, COLOUR], atol=0.01)
+
+
 def test_a_kind_that_was_never_seen_takes_what_lies_nearest():
     near, far = line_of(*[0.2] * 12), line_of(*[0.9] * 12)
     far[:, 0] += 5.0
