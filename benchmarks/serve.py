@@ -79,7 +79,7 @@ def _training_step() -> dict[str, Any]:
         seconds.append(time.perf_counter() - started)
     spent_ms = 1e3 * (time.process_time() - began) / _STEPS
     row = {
-        "splats": len(trainer.parameters),
+        "splats": len(trainer.splats.parameters),
         "frames": _TRAINING_FRAMES,
         "size": SIZES[0],
         "steps": _STEPS,
