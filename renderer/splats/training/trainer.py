@@ -317,7 +317,7 @@ class SplatTrainer:
         self._rate_factor = state["slower"].copy()
         rng_state = json.loads(str(state["chance"]))
         self._rng.bit_generator.state, self._queue = rng_state["rng"], list(rng_state["queue"])
-        self._light = CapturedLight.restored(state)
+        self._light, self._found = CapturedLight.restored(state), None
         self._guard.restore(state)
         if self._passes is not None:
             self._passes.restore(state)
@@ -339,10 +339,8 @@ class SplatTrainer:
     def finish(self, metrics: dict[str, Any]) -> SplatModel:
         """The model, with unseen splats filled in."""
         evidence = self._evidence() if self._found is None else self._found
-        parameters, seen = (
-            fill_unseen(self.splats.parameters, evidence, self.splats.kinds),
-            evidence.seen,
-        )
+        seen, splats = evidence.seen, self.splats
+        parameters = fill_unseen(splats.parameters, evidence, splats.kinds)
         seen_share = round(float(seen.mean()), 4)
         return self._model(
             parameters, seen, {**metrics, "splats": len(seen), "seen_share": seen_share}

@@ -119,9 +119,12 @@ def test_training_goes_back_to_coarse_splats_and_on_from_finer_ones():
     trainer.step(0.3)
     finer, count = trainer.state(), len(trainer.splats)
     losses = [trainer.step(0.3) for _ in range(3)]
+    trainer.before_step(0.8)
 
     trainer.restore(coarse)
     assert len(trainer.splats) == 100
+    assert np.isfinite(trainer.step(0.9))
+    trainer.restore(coarse)
     trainer.before_step(0.25)
     assert len(trainer.splats) == count
 
