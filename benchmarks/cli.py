@@ -334,11 +334,20 @@ def relight(
 
 
 @app.command()
-def masks(commits: Commits = False) -> None:
-    """Captured masks and edge colours against the studio's exact ones, stage by stage."""
+def masks(
+    commits: Commits = False,
+    motion: Motion = MOTION,
+    assets: Annotated[
+        Path, typer.Option(help="MakeHuman's assets; without them no lifelike performers.")
+    ] = HUMAN_ASSETS,
+    footage: Annotated[Path, typer.Option(help="Folder of the folders real-*.")] = FOOTAGE,
+) -> None:
+    """Captured masks and edge colours, stage by stage: painted, lifelike and real people."""
+    require_motion(motion)
+    require_real_footage(footage)
     from benchmarks.masks import run
 
-    run(_start("masks", commits))
+    run(_start("masks", commits), motion, assets, footage)
 
 
 @app.command("two-cameras")

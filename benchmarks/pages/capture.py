@@ -14,6 +14,7 @@ _MASK_STAGES = {
     "true_alpha": "true alpha, the picture's colours",
     "true_alpha_own_colours": "true alpha, own colours",
 }
+_MASK_PERFORMERS = ("lit", "loose", "hazel", "jasper")
 _MASK_COLUMNS = (
     ("overlap", 3, "overlap"),
     ("alpha_error", 3, "alpha error"),
@@ -60,20 +61,25 @@ _STAGES = {
 
 
 def masks(figures: Figures) -> str:
-    """Both looks beside one another, a row a stage."""
-    both = (figures["lit"], figures["loose"])
+    """The performers beside one another, a row a stage; and the real clips."""
+    performers = [figures[name] for name in _MASK_PERFORMERS if name in figures]
     rows = [
         [
             words,
             *(
-                " / ".join(f"{look[stage][key]:.{digits}f}" for look in both)
+                " / ".join(f"{look[stage][key]:.{digits}f}" for look in performers)
                 for key, digits, _ in _MASK_COLUMNS
             ),
         ]
         for stage, words in _MASK_STAGES.items()
     ]
     head = ["stage", *(words for _, _, words in _MASK_COLUMNS)]
-    return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
+    real = [
+        [clip, f"{row['overlap']:.3f}", f"{row['alpha_error']:.3f}", f"{row['work_ms']:.0f}"]
+        for clip, row in figures["real"].items()
+    ]
+    of_clips = markdown_table(["real clip", "overlap", "alpha error", "ms a frame"], real)
+    return "\n\n".join([markdown_table(head, rows), of_clips, measured_at(figures)])
 
 
 def accuracy(figures: Figures) -> str:
