@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from renderer.errors import TrainingError
 from renderer.splats.expressions import ClipBlendShapes
 from renderer.splats.layout import COLOUR, CONTRIBUTION, PARAMETERS, POSITION, PROJECTED, ROTATION
 from renderer.splats.rasteriser.workspace import Workspace
@@ -155,8 +156,15 @@ class TrainedSplats:
         }
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Go back to `state`, of as many splats."""
+        """Go back to `state`. Raises TrainingError where it is of another number of splats."""
+        if len(state["parameters"]) != len(self):
+            raise TrainingError(
+                f"checkpoint must be of {len(self)} splats, as this version begins the clip with; "
+                f"got {len(state['parameters'])}; delete it to start anew"
+            )
         self.parameters = state["parameters"].copy()
         self._first_moment, self._second_moment = state["first"].copy(), state["second"].copy()
-        self._steps, self._displacement = state["steps"].copy(), state["displacement"].copy()
+        self._steps = state["steps"].copy()
+        # checkpoints of before there were neighbourhoods go on without one until the next round
+        self._displacement = state.get("displacement", np.zeros(0, np.float32)).copy()
         self.thread_gradients[:] = 0.0

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from renderer.errors import TrainingError
 from renderer.splats.layout import POSITION
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import first_splats
@@ -88,3 +90,10 @@ def test_a_state_holds_the_neighbourhood_too():
         one.pull_to_neighbours(EVERY)
     assert (splats.parameters != state["parameters"]).any()
     np.testing.assert_array_equal(other.parameters, splats.parameters)
+
+
+def test_a_state_of_another_number_of_splats_is_refused():
+    splats = make_splats()
+    state = {name: of[:300] for name, of in splats.state().items()}
+    with pytest.raises(TrainingError, match="must be of 400 splats.* got 300; delete it"):
+        splats.restore(state)
