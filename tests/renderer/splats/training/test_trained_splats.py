@@ -95,5 +95,5 @@ def test_a_state_holds_the_neighbourhood_too():
 def test_a_state_of_another_number_of_splats_is_refused():
     splats = make_splats()
     state = {name: of[:300] for name, of in splats.state().items()}
-    with pytest.raises(TrainingError, match="must be of 400 splats.* got 300; delete it"):
+    with pytest.raises(TrainingError, match=r"must be of 400 splats.* got 300; delete it"):
         splats.restore(state)
