@@ -42,6 +42,10 @@ Commits = Annotated[
     ),
 ]
 Motion = Annotated[Path, typer.Option(help="Folder of recorded motion (.bvh).")]
+Assets = Annotated[
+    Path, typer.Option(help="MakeHuman's assets; without them no lifelike performers.")
+]
+Footage = Annotated[Path, typer.Option(help="Folder of the folders real-*.")]
 Backbone = Annotated[Path | None, typer.Option(help="LPIPS backbone (.pth).")]
 Picture = Annotated[Path | None, typer.Option(help="Draw the comparison here.")]
 ClockName = Annotated[
@@ -180,9 +184,7 @@ def frontier(
 def performers(
     commits: Commits = False,
     motion: Motion = MOTION,
-    assets: Annotated[
-        Path, typer.Option(help="MakeHuman's assets; without them no lifelike performers.")
-    ] = HUMAN_ASSETS,
+    assets: Assets = HUMAN_ASSETS,
     backbone: Backbone = None,
     clock: ClockName = "processor",
     only: Only = "",
@@ -337,10 +339,8 @@ def relight(
 def masks(
     commits: Commits = False,
     motion: Motion = MOTION,
-    assets: Annotated[
-        Path, typer.Option(help="MakeHuman's assets; without them no lifelike performers.")
-    ] = HUMAN_ASSETS,
-    footage: Annotated[Path, typer.Option(help="Folder of the folders real-*.")] = FOOTAGE,
+    assets: Assets = HUMAN_ASSETS,
+    footage: Footage = FOOTAGE,
 ) -> None:
     """Captured masks and edge colours, stage by stage: painted, lifelike and real people."""
     require_motion(motion)
@@ -366,7 +366,7 @@ def two_cameras_command(
 @app.command()
 def real(
     commits: Commits = False,
-    footage: Annotated[Path, typer.Option(help="Folder of the folders real-*.")] = FOOTAGE,
+    footage: Footage = FOOTAGE,
     backbone: Annotated[Path, typer.Option(help="LPIPS backbone (.pth).")] = LPIPS_BACKBONE,
     clock: ClockName = "processor",
     budget: Annotated[str, typer.Option(help="Training time of each model.")] = "60s",

@@ -136,7 +136,7 @@ def _real(name: str, footage: Path) -> dict[str, Any]:
     ruler = Ruler.read(name)
     images = read_video(ruler.require_footage(footage), max_frames=_ALL_FRAMES).images
     people = _tracked(images)
-    masks, work_ms = _timed(lambda: segment_clip(images, people))
+    masks, work_ms = _timed(lambda: segment_clip(images, people), len(images))
     found = [i for i in ruler.indices if masks[i] is not None]
     size = images[0].shape[1::-1]
     alpha, hidden = (
@@ -148,7 +148,7 @@ def _real(name: str, footage: Path) -> dict[str, Any]:
     return {
         "overlap": round(_overlap(ours * judged, alpha * judged), 4),
         "alpha_error": round(float(np.abs(ours - alpha)[_band(alpha) & judged].mean()), 4),
-        "work_ms": round(work_ms * FRAMES / len(images), 1),
+        "work_ms": work_ms,
     }
 
 
@@ -182,11 +182,11 @@ def _measure(
     return figures
 
 
-def _timed(work: Callable[[], Any]) -> tuple[Any, float]:
-    """The result of `work`, and ms of the processor a frame of `FRAMES`."""
+def _timed(work: Callable[[], Any], frames: int = FRAMES) -> tuple[Any, float]:
+    """The result of `work`, and ms of the processor a frame."""
     started = time.process_time()
     done = work()
-    return done, round((time.process_time() - started) * 1e3 / FRAMES, 1)
+    return done, round((time.process_time() - started) * 1e3 / frames, 1)
 
 
 def _errors(masks: Array, pictures: Array, alpha: Array, colour: Array) -> dict[str, float]:

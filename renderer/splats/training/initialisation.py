@@ -81,10 +81,6 @@ class FirstSplats:
             np.concatenate([self.expression_offsets, others.expression_offsets]),
         )
 
-    def moved(self, before: Skeleton, after: Skeleton) -> Float[Array, "N P"]:
-        """Their parameters, moved from the skeleton `before` to the one `after`."""
-        return moved_with_bones(self.parameters, self.joints, self.weights, before, after)
-
 
 def first_splats(
     sequence: Sequence, settings: SplatSettings, rng: np.random.Generator

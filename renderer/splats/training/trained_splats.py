@@ -53,7 +53,7 @@ class TrainedSplats:
         self.expressions = ClipBlendShapes(
             first.expression_splats, first.expression_offsets, expressions
         )
-        rest = first.parameters[:, POSITION : POSITION + 3]
+        rest = first.parameters[:, _PLACE]
         self.kinds = surface_kinds(rest, self.joints, self.weights, skeleton)
         self._rough = np.isin(self.kinds, _ROUGH_KINDS)
         self.limbs = limb_splats(self.joints, self.weights)
@@ -138,7 +138,9 @@ class TrainedSplats:
 
     def surface_on(self, skeleton: Skeleton) -> None:
         """Take the surface to be that of `skeleton`."""
-        self.surface = self.first.moved(self._first_skeleton, skeleton)
+        self.surface = moved_with_bones(
+            self.first.parameters, self.joints, self.weights, self._first_skeleton, skeleton
+        )
 
     def hold_colours(self, held: Bool[Array, "N"]) -> None:
         """Forget where the colours of `held` were going to."""

@@ -236,14 +236,13 @@ class SplatTrainer:
         split = to_split(self._splat_errors(frame) for frame in frames_looked_at(len(self._views)))
         trained = self.splats.parameters
         self._split_into(planned, split)
-        surface = self.splats.surface
-        self.splats.parameters = planned.parameters(split, trained, surface)
+        self.splats.surface_on(self._poses.skeleton)
+        self.splats.parameters = planned.parameters(split, trained, self.splats.surface)
         if self._estimated:
             self.splats.smooth_displacement()
 
     def _split_into(self, planned: Densification, split: Bool[Array, "N"]) -> None:
         self._split, self.splats = split, self._splats_begun(planned.splats(split))
-        self.splats.surface_on(self._poses.skeleton)
 
     def _splat_errors(self, frame: int) -> tuple[Float[Array, "N"], Float[Array, "N"]]:
         from renderer.splats.rasteriser.tile_kernels import draw
