@@ -88,6 +88,14 @@ def person_window(masks: Sequence[Float[Array, "h w"] | None], filmed: tuple[int
     )
 
 
+def working_camera(fit: Fit, placed: PlacedFit, width: int, height: int) -> Camera:
+    """The camera of the whole pictures, of `width` x `height` px, that the capture works with."""
+    intrinsics = np.array(
+        [[fit.focal_px, 0.0, 0.5 * width], [0.0, fit.focal_px, 0.5 * height], [0.0, 0.0, 1.0]]
+    )
+    return Camera(intrinsics, placed.world_to_camera, width, height)
+
+
 def crop_to_person(
     images: Sequence[UInt8[Array, "H W 3"]],
     window: Window,
@@ -114,10 +122,7 @@ def crop_to_person(
         return cv2.resize(whole[window], size, interpolation=cv2.INTER_AREA)
 
     height, width = next(mask.shape for mask in masks if mask is not None)
-    intrinsics = np.array(
-        [[fit.focal_px, 0.0, 0.5 * width], [0.0, fit.focal_px, 0.5 * height], [0.0, 0.0, 1.0]]
-    )
-    whole = Camera(intrinsics, placed.world_to_camera, width, height).resized(*filmed)
+    whole = working_camera(fit, placed, width, height).resized(*filmed)
     size = (columns.stop - columns.start, rows.stop - rows.start)
     camera = whole.cropped(columns.start, rows.start, *size).resized(stored_width, stored_height)
     motion = placed.motion

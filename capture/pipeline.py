@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from capture.body.model import BodyModel, load_body_model, require_height
-from capture.captured import CapturedClip, crop_to_person, person_window
+from capture.captured import CapturedClip, crop_to_person, person_window, working_camera
 from capture.detection.clip_expressions import clip_expressions
 from capture.detection.face_and_hands import ClipParts, FaceAndHandDetector, find_parts
 from capture.detection.landmarks import MediaPipeEstimator, PoseEstimator
@@ -23,6 +23,7 @@ from capture.detection.lifter import Lifter, closed_form, lift
 from capture.detection.network_files import NetworkSource, landmark_network_file, require_given
 from capture.detection.tracking import Track, track_person
 from capture.errors import BrokenSequence, CaptureStopped, NoPersonFound, PoseModelMissing
+from capture.fitting.face_shape import with_own_face
 from capture.fitting.fit import fit_clip
 from capture.fitting.result import Fit
 from capture.fitting.world import place_in_world
@@ -154,6 +155,11 @@ def capture_clip(
     placed = place_in_world(fit, clip.times_s)
     expressions = clip_expressions(parts, clip.times_s, track.takes)
     placed = replace(placed, motion=replace(placed.motion, expressions=expressions))
+    if options.body_model is None:
+        height, width = clip.images[0].shape[:2]
+        faces = [None if face is None else face.pixels for face in parts.faces]
+        camera = working_camera(fit, placed, width, height)
+        placed = replace(placed, body=with_own_face(placed.body, placed.motion, camera, faces))
     window = person_window(masks, clip.source_size)
     images = _filmed(path, clip, window, options, reports)
     captured = crop_to_person(images, window, clip.source_size, track, masks, fit, placed)

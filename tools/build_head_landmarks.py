@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from capture.detection.face_and_hands import FaceAndHandDetector
+from capture.detection.face_and_hands import FaceAndHandDetector, PartLandmarks
 from capture.detection.rigid_parts import (
     HEAD_MIRROR,
     HEAD_POINTS,
@@ -26,6 +27,8 @@ from capture.storage import open_sequence
 from capture.studio import make_sequence
 from capture.studio.named_performers import LIFELIKE_PERFORMERS
 from scene.arrays import Array, Float
+from scene.camera import Camera
+from scene.motion import Pose
 from scene.rotations import matrix_to_axis_angle
 from scene.sequence import Sequence
 from scene.skeleton import JOINT_NAMES
@@ -74,17 +77,10 @@ def points_on_head(
     """The rigid points of the face in each frame in which it is found, m from the head's joint, in
     its own axes; their depth, which a picture does not show, is as far from the joint as that of
     the performer's own face. `half_px` is half the side of the square about the head."""
-    source, skeleton, found = filmed.train, filmed.body.skeleton, []
-    front = _face_front(filmed)
-    for index in range(len(source)):
-        camera, pose = source.camera(index), source.pose(index)
-        grey = 0.5 * (1.0 - source.mask(index)[..., None])
-        picture = np.rint(255.0 * np.clip(source.image(index) + grey, 0.0, 1.0)).astype(np.uint8)
-        head = skeleton.joint_transforms(pose.joint_angles, pose.root_translation)[_HEAD]
+    found, front = [], _face_front(filmed)
+    for camera, pose, face in found_faces(filmed, detector, half_px):
+        head = _head(filmed, pose)
         pixels, depth = camera.project(head[:3, 3])
-        face = detector.face_about(picture, pixels, half_px)
-        if face is None:
-            continue
         chosen, m_per_px = list(HEAD_POINTS), float(depth) / camera.focal_px
         shape = face.in_camera(camera.focal_px, camera.intrinsics[:2, 2])[chosen]
         shape += np.append((face.pixels[chosen] - pixels - shape[:, :2]).mean(axis=0), 0.0)
@@ -94,6 +90,27 @@ def points_on_head(
         points += (front - points[:, 2].max()) / to_head[2, 2] * to_head[2]
         found.append(points)
     return found
+
+
+def found_faces(
+    filmed: Sequence, detector: FaceAndHandDetector, half_px: float
+) -> Iterator[tuple[Camera, Pose, PartLandmarks]]:
+    """Camera, pose and landmarks of each training frame in which the face is found, over grey, in a
+    square about the head whose half side is `half_px`."""
+    source = filmed.train
+    for index in range(len(source)):
+        camera, pose = source.camera(index), source.pose(index)
+        grey = 0.5 * (1.0 - source.mask(index)[..., None])
+        picture = np.rint(255.0 * np.clip(source.image(index) + grey, 0.0, 1.0)).astype(np.uint8)
+        middle, _ = camera.project(_head(filmed, pose)[:3, 3])
+        face = detector.face_about(picture, middle, half_px)
+        if face is not None:
+            yield camera, pose, face
+
+
+def _head(filmed: Sequence, pose: Pose) -> Float[Array, "4 4"]:
+    skeleton = filmed.body.skeleton
+    return skeleton.joint_transforms(pose.joint_angles, pose.root_translation)[_HEAD]
 
 
 def _face_front(filmed: Sequence) -> float:
