@@ -36,7 +36,14 @@ from renderer.training import train
 from scene.arrays import Array, Float
 from scene.body import Body
 from scene.camera import Camera, orbit_camera
-from scene.expression import EXPRESSION_NAMES, PARTS, neutral
+from scene.expression import (
+    EXPRESSION_NAMES,
+    GAZE,
+    PARTS,
+    gaze_numbers,
+    gaze_of,
+    neutral,
+)
 from scene.motion import Pose
 from scene.sequence import NOVEL_VIEW, Sequence
 from scene.skeleton import JOINT_NAMES
@@ -221,6 +228,7 @@ def unseen_views(part: Part, performer: StudioPerformer, seed: int) -> list[Rend
     moves, shots, eyes = gesture_motion(TESTS, 10.0), [], _eyes(performer.known_body)
     for index in range(TESTS):
         shown = np.clip(rng.uniform(-0.4, 1.2, len(EXPRESSION_NAMES)), 0.0, 1.0)
+        shown[GAZE] = gaze_numbers(gaze_of(shown))  # eyes look to one side at a time
         pose = replace(moves.pose(index), expression=shown)
         joints = skeleton.joint_transforms(pose.joint_angles, pose.root_translation)
         head = joints[JOINT_NAMES.index("head")]

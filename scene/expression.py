@@ -14,15 +14,20 @@ import numpy as np
 from scene.arrays import Array, Float
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
-_FACE_NAMES = ("jaw_open", "blink_left", "blink_right", "brows_up", "smile")
+_MIMIC_NAMES = ("jaw_open", "blink_left", "blink_right", "brows_up", "smile")
+_GAZE_NAMES = ("look_left", "look_right", "look_up", "look_down")
 EXPRESSION_NAMES: tuple[str, ...] = (
-    *_FACE_NAMES,
+    *_MIMIC_NAMES,
+    *_GAZE_NAMES,
     *(f"{side}_{finger}_curl" for side in ("left", "right") for finger in FINGERS),
 )
-"""0: at rest (mouth shut, eyes open, brows and mouth at ease, hand flat); 1: fully."""
+"""0: at rest (mouth shut, eyes open and straight ahead, brows and mouth at ease, hand flat);
+1: fully."""
 EXPRESSION_COUNT = len(EXPRESSION_NAMES)
 
-_LEFT, _RIGHT = len(_FACE_NAMES), len(_FACE_NAMES) + len(FINGERS)
+_MIMIC = len(_MIMIC_NAMES)
+_LEFT = _MIMIC + len(_GAZE_NAMES)
+_RIGHT = _LEFT + len(FINGERS)
 PARTS = {
     "face": slice(0, _LEFT),
     "left_hand": slice(_LEFT, _RIGHT),
@@ -30,12 +35,17 @@ PARTS = {
 }
 """Where among the numbers those of each part of the body are."""
 
+GAZE = slice(_MIMIC, _LEFT)
+"""Where among them those of the eyes are, which turn together."""
+GAZE_RAD = (0.5, 0.35)
+"""How far eyes turn aside, and up or down, where a number of theirs is 1."""
+
 BLEND_SHAPE_COUNT = EXPRESSION_COUNT + 2 * len(FINGERS)
 """Those of each number, then the in-betweens of the fingers' curls, in the same order."""
 
-_EARLIER_REPEATS = (*[1] * len(_FACE_NAMES), len(FINGERS), len(FINGERS))
-EARLIER_COUNT = len(_EARLIER_REPEATS)
-"""Numbers that earlier versions stored: the face's, and one curl a hand."""
+_WHOLE_HANDS = (*[1] * _MIMIC, len(FINGERS), len(FINGERS))
+EARLIER_COUNTS = (len(_WHOLE_HANDS), EXPRESSION_COUNT - len(_GAZE_NAMES))
+"""Numbers that earlier versions stored: one curl a hand and no gaze; no gaze."""
 
 
 def neutral() -> Float[Array, "E"]:
@@ -53,22 +63,44 @@ def blend_shape_weights(expression: Float[Array, "*F E"]) -> Float[Array, "*F S"
     return np.concatenate([expression, 4.0 * curls * (1.0 - curls)], axis=-1)
 
 
+def gaze_of(expression: Float[Array, "*F E"]) -> Float[Array, "*F 2"]:
+    """Where the eyes look: yaw to the person's left and pitch down, rad, from straight ahead."""
+    left, right, up, down = np.moveaxis(expression[..., GAZE], -1, 0)
+    return np.stack([left - right, down - up], axis=-1) * GAZE_RAD
+
+
+def gaze_numbers(gaze: Float[Array, "*F 2"]) -> Float[Array, "*F 4"]:
+    """The numbers of the eyes that look to `gaze` (see `gaze_of`), as far as they can turn."""
+    yaw, down = np.moveaxis(gaze / GAZE_RAD, -1, 0)
+    return np.clip(np.stack([yaw, -yaw, -down, down], axis=-1), 0.0, 1.0)
+
+
 def values_of_any_version(stored: Float[Array, "*F X"]) -> Float[Array, "*F E"]:
-    """Values as any version stored them: a hand's one curl becomes that of each of its fingers."""
-    if stored.shape[-1:] != (EARLIER_COUNT,):
-        return stored
-    return np.repeat(stored, _EARLIER_REPEATS, axis=-1)
+    """Values as any version stored them: a hand's one curl becomes that of each of its fingers,
+    and eyes of which nothing was known look straight ahead."""
+    if stored.shape[-1:] == (EARLIER_COUNTS[0],):
+        stored = np.repeat(stored, _WHOLE_HANDS, axis=-1)
+    if stored.shape[-1:] == (EARLIER_COUNTS[1],):
+        stored = _with_gaze(stored, axis=stored.ndim - 1)
+    return stored
 
 
 def offsets_of_any_version(stored: Float[Array, "..."], axis: int) -> Float[Array, "..."]:
     """Offsets as any version stored them, blend shapes along `axis`: each finger takes an equal
-    share of its hand's, so that all of them together move it as far; in-betweens move nothing."""
-    if stored.shape[axis : axis + 1] == (EARLIER_COUNT,):
-        shares = np.repeat(_EARLIER_REPEATS, _EARLIER_REPEATS).astype(stored.dtype)
-        stored = np.repeat(stored, _EARLIER_REPEATS, axis=axis)
+    share of its hand's, so that all of them together move it as far; in-betweens and eyes of which
+    nothing was known move nothing."""
+    if stored.shape[axis : axis + 1] == (EARLIER_COUNTS[0],):
+        shares = np.repeat(_WHOLE_HANDS, _WHOLE_HANDS).astype(stored.dtype)
+        stored = np.repeat(stored, _WHOLE_HANDS, axis=axis)
         stored = stored / np.expand_dims(shares, tuple(range(1, stored.ndim - axis)))
-    if stored.shape[axis : axis + 1] != (EXPRESSION_COUNT,):
-        return stored
-    missing = [(0, 0)] * stored.ndim
-    missing[axis] = (0, BLEND_SHAPE_COUNT - EXPRESSION_COUNT)
-    return np.pad(stored, missing)
+    if stored.shape[axis : axis + 1] == (EARLIER_COUNTS[1],):
+        missing = [(0, 0)] * stored.ndim
+        missing[axis] = (0, BLEND_SHAPE_COUNT - EXPRESSION_COUNT)
+        stored = np.pad(stored, missing)
+    if stored.shape[axis : axis + 1] == (BLEND_SHAPE_COUNT - len(_GAZE_NAMES),):
+        stored = _with_gaze(stored, axis)
+    return stored
+
+
+def _with_gaze(stored: Float[Array, "..."], axis: int) -> Float[Array, "..."]:
+    return np.insert(stored, [_MIMIC] * len(_GAZE_NAMES), 0.0, axis=axis)

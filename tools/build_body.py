@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from capture.body.model import ASSET, EYES, MOUTH, SHAPE_NAMES, TONGUE
+from capture.body.eyes import EYES
+from capture.body.model import ASSET, MOUTH, SHAPE_NAMES, TONGUE
 from scene.arrays import Array, Float
 from scene.rotations import matrix_to_axis_angle, rotation_between
 from scene.skeleton import JOINT_NAMES, PARENTS, Skeleton

@@ -6,7 +6,7 @@ values at rest differ between people: `resting_face` estimates them from a clip,
 The page's twin is `client/src/landmarks/expression.ts`; both are tested on the same numbers.
 
 Face landmarks: https://ai.google.dev/edge/mediapipe/solutions/vision/face_landmarker (478 points,
-the first 468 of which are used); hands: the same, hand_landmarker (21 points). Left and right are
+ten of them of the irises); hands: the same, hand_landmarker (21 points). Left and right are
 the person's own.
 """
 
@@ -36,6 +36,8 @@ _MAX_TURN_SINE = 0.7
 _OUTER_CORNERS = 33, 263  # right, left
 _CHEEKS = 234, 454
 _LIPS = 13, 14  # inner, upper and lower
+_IRISES = 468, 473
+"""Middles, of the right eye and the left."""
 _MOUTH_CORNERS = 61, 291
 _LIDS = {
     "left": ((385, 380), (386, 374), (387, 373)),
@@ -48,13 +50,19 @@ _FOREHEAD, _UNDER_NOSE = 10, 2
 _JAW_IN_SMILE = 0.6
 """As a mouth opens its corners sink and draw together: what lips apart give back."""
 
-USUAL_REST = np.array([0.02, 0.27, 0.27, 0.22, -0.2])
+USUAL_REST = np.array([0.02, 0.27, 0.27, 0.22, -0.2, 0.0, 0.065])
 """Measures of a face at rest, of people in general."""
-_REST_PERCENTILES = (10.0, 65.0, 65.0, 40.0, 30.0)
+_REST_PERCENTILES = (10.0, 65.0, 65.0, 40.0, 30.0, None, 50.0)
 """Percentiles of a clip's measures that give the face at rest: talk opens a mouth, blinks are
-short."""
+short. How high irises lie in their eyes differs between people; which way straight ahead is does
+not, nor does it depend on where somebody looks most."""
 _FULL_JAW, _FULL_BROWS, _FULL_SMILE = 0.32, 0.045, 0.2
 """What each measure grows by from rest to fully."""
+_IRIS_DEPTH = 0.125
+"""How far irises lie before the corners of their eyes, in widths of an eye."""
+_FULL_ASIDE, _FULL_UP = 0.2, 0.09
+"""How far irises have moved where eyes look fully aside, and up, in widths of an eye. Of lifelike
+performers who look about they tell the yaw to 4 degrees; the pitch, which lids hide, hardly."""
 _CLOSED = 0.58
 """By which share lids that are shut have come together."""
 
@@ -85,14 +93,15 @@ class ObservedExpression:
         return (GROUPS & self.known) != 0
 
 
-def face_measures(points: Float[Array, "N 3"]) -> Float[Array, "5"] | None:
-    """Lips apart, left and right lids apart, brows from lids, and how wide and high the mouth ends.
+def face_measures(points: Float[Array, "478 3"]) -> Float[Array, "7"] | None:
+    """Lips apart, left and right lids apart, brows from lids, how wide and high the mouth ends, and
+    how far irises are to the person's left and up.
 
     Args:
         points: landmarks, px of the picture, z as MediaPipe gives it times the picture's width.
 
-    Returns None for a face that is too small or turned away too far. Lids are shares of their own
-    eye's width, the others of the distance between the eyes' outer corners."""
+    Returns None for a face that is too small or turned away too far. Lids and irises are shares of
+    an eye's width, the others of the distance between the eyes' outer corners."""
     if _distance(points[:, :2], _CHEEKS) < SMALLEST_FACE_PX:
         return None
     across = points[_OUTER_CORNERS[1]] - points[_OUTER_CORNERS[0]]
@@ -107,20 +116,23 @@ def face_measures(points: Float[Array, "N 3"]) -> Float[Array, "5"] | None:
     lips = _distance(points, _LIPS) / span
     brows = np.mean([_distance(points, pair) for pair in _BROWS_TO_LIDS]) / span
     smile = (_distance(points, _MOUTH_CORNERS) + _mouth_height(points, across / span)) / span
-    return np.array([lips, *lids, brows, smile + _JAW_IN_SMILE * lips])
+    return np.array([lips, *lids, brows, smile + _JAW_IN_SMILE * lips, *_irises(points)])
 
 
-def resting_face(measures: Float[Array, "F 5"]) -> Float[Array, "5"]:
+def resting_face(measures: Float[Array, "F 7"]) -> Float[Array, "7"]:
     """The measures of somebody's face at rest, from those of a clip's frames."""
-    columns = zip(measures.T, _REST_PERCENTILES, strict=True)
-    return np.array([np.percentile(column, share) for column, share in columns])
+    columns = zip(measures.T, _REST_PERCENTILES, USUAL_REST, strict=True)
+    return np.array(
+        [usual if share is None else np.percentile(own, share) for own, share, usual in columns]
+    )
 
 
-def face_numbers(measures: Float[Array, "5"], rest: Float[Array, "5"]) -> Float[Array, "5"]:
-    """jaw_open, blink_left, blink_right, brows_up and smile, each 0 to 1."""
-    moved = measures - rest
+def face_numbers(measures: Float[Array, "7"], rest: Float[Array, "7"]) -> Float[Array, "9"]:
+    """jaw_open, blink_left, blink_right, brows_up, smile, then where the eyes look, each 0 to 1."""
+    *moved, aside, up = measures - rest
     full = np.array([_FULL_JAW, -_CLOSED * rest[1], -_CLOSED * rest[2], _FULL_BROWS, _FULL_SMILE])
-    return np.clip(moved / full, 0.0, 1.0)
+    aside, up = aside / _FULL_ASIDE, up / _FULL_UP
+    return np.clip([*(moved / full), aside, -aside, up, -up], 0.0, 1.0)
 
 
 def finger_curls(points: Float[Array, "21 3"]) -> Float[Array, "5"]:
@@ -140,8 +152,33 @@ def _distance(points: Array, pair: tuple[int, int]) -> float:
 
 def _mouth_height(points: Float[Array, "N 3"], right_to_left: Float[Array, "3"]) -> float:
     """Of the mouth's corners above (below: negative) those of the eyes, along the face."""
+    mouth = points[list(_MOUTH_CORNERS)].mean(axis=0)
+    return float((mouth - _eyes_middle(points)) @ _upward(points, right_to_left))
+
+
+def _eyes_middle(points: Float[Array, "N 3"]) -> Float[Array, "3"]:
+    return points[[*_CORNERS["left"], *_CORNERS["right"]]].mean(axis=0)
+
+
+def _upward(points: Float[Array, "N 3"], right_to_left: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Along the face, unit length."""
     up = points[_FOREHEAD] - points[_UNDER_NOSE]
     up = up - (up @ right_to_left) * right_to_left
-    eyes = points[[*_CORNERS["left"], *_CORNERS["right"]]].mean(axis=0)
-    mouth = points[list(_MOUTH_CORNERS)].mean(axis=0)
-    return float((mouth - eyes) @ up / np.linalg.norm(up))
+    return up / np.linalg.norm(up)
+
+
+def _irises(points: Float[Array, "478 3"]) -> Float[Array, "2"]:
+    """How far the irises are to the person's left, and up, from the middle of their eyes' corners,
+    both eyes together, in widths of an eye.
+
+    Their depth is not measured, so only the picture counts: a face that turns moves them aside by
+    as much as they lie before the corners.
+    """
+    width = 0.5 * (_distance(points, _CORNERS["left"]) + _distance(points, _CORNERS["right"]))
+    left = points[_OUTER_CORNERS[1]] - points[_OUTER_CORNERS[0]]
+    left = left / np.linalg.norm(left)
+    up = _upward(points, left)
+    off = (points[list(_IRISES)].mean(axis=0) - _eyes_middle(points)) / width
+    ahead = np.cross(left, up)
+    off = off[:2] - _IRIS_DEPTH * ahead[:2]
+    return np.linalg.solve(np.stack([left[:2], up[:2]], axis=1), off)

@@ -14,9 +14,11 @@ from typing import Protocol
 
 import numpy as np
 
+from capture.body.eyes import gaze_directions
 from scene.arrays import Array, Float, Int
 from scene.body import Body
 from scene.errors import InvalidInput, require_shape
+from scene.expression import GAZE, offsets_of_any_version
 from scene.skeleton import Skeleton
 
 ASSET = Path(__file__).parents[1] / "assets" / "body.npz"
@@ -24,8 +26,8 @@ SHAPE_NAMES = ("height", "weight", "gender", "muscle", "proportions")
 """What the shape numbers change, in the order of `BodyModel.body`'s argument."""
 HEIGHTS_M = (0.5, 2.5)
 """Plausible heights of people."""
-MOUTH, TONGUE, EYES = 1, 2, (3, 4)
-"""Parts of the surface that a face at rest hides, eyes left and right; 0 is skin."""
+MOUTH, TONGUE = 1, 2
+"""Parts of the surface that a face at rest hides, beside its eyes; 0 is skin."""
 
 
 class BodyModel(Protocol):
@@ -80,7 +82,7 @@ class LinearBodyModel:
     expression_directions: Float[Array, "S V 3"] | None = None
     """Metres that each blend shape at 1 moves the surface; of the mean, good for every shape."""
     parts: Int[Array, "T"] | None = None
-    """Which part of the face each triangle is of: `MOUTH`, `TONGUE`, `EYES`, or else 0."""
+    """Which part of the face each triangle is of: `MOUTH`, `TONGUE`, of `EYES`, or else 0."""
 
     @property
     def shape_count(self) -> int:
@@ -139,4 +141,10 @@ def _expression_directions(stored: Mapping[str, Array], vertices: int) -> Float[
     directions = np.zeros((len(counts), vertices, 3))
     expression = np.repeat(np.arange(len(counts)), counts)
     directions[expression, stored["expression_vertices"]] = stored["expression_offsets"]
+    directions = offsets_of_any_version(directions, axis=0)
+    directions[GAZE] = gaze_directions(
+        stored["rest_vertices"].astype(np.float64),
+        stored["faces"].astype(np.int64),
+        stored["parts"].astype(np.int64),
+    )
     return directions

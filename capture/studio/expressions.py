@@ -1,4 +1,5 @@
-"""Random expressions of a performer's face and hands: talking, blinking, smiling, gestures."""
+"""Random expressions of a performer's face and hands: talking, blinking, smiling, looking about,
+gestures."""
 
 from __future__ import annotations
 
@@ -7,7 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from scene.arrays import Array, Float
-from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES, FINGERS, PARTS
+from scene.expression import (
+    EXPRESSION_COUNT,
+    EXPRESSION_NAMES,
+    FINGERS,
+    GAZE,
+    PARTS,
+    gaze_numbers,
+)
 from scene.motion import Motion
 
 _PERIODS_S = {
@@ -17,6 +25,10 @@ _PERIODS_S = {
 }
 """Shortest and longest period of the sine waves whose sum each expression is."""
 _WAVES = 4
+_FIXATION_S = 0.7
+"""How long eyes rest on one place."""
+_FARTHEST_GAZE_RAD = 0.35, 0.15
+"""How far they turn aside, up and down."""
 _BLINK_INTERVAL_S = 1.6
 _BLINK_S = 0.12
 """Standard deviation of a blink in time: it takes about 0.3 s."""
@@ -49,6 +61,9 @@ def with_random_expressions(motion: Motion, seed: int) -> Motion:
         expressions[:, PARTS[hand]] = _gestures(motion.times_s, rng)
     left, right = (EXPRESSION_NAMES.index(f"blink_{side}") for side in ("left", "right"))
     _blink(expressions, left, right, motion.times_s, rng)
+    fixation = np.floor((motion.times_s - motion.times_s[0]) / _FIXATION_S + 1e-6).astype(int)
+    places = rng.uniform(-1.0, 1.0, (fixation[-1] + 1, 2)) * _FARTHEST_GAZE_RAD
+    expressions[:, GAZE] = gaze_numbers(places[fixation])
     return replace(motion, expressions=expressions)
 
 

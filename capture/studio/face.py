@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capture.body.model import EYES, MOUTH, TONGUE
+from capture.body.eyes import EYES
+from capture.body.model import MOUTH, TONGUE
 from scene.arrays import Array, Float, Int
 from scene.body import Body
 

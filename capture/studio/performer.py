@@ -111,8 +111,9 @@ def make_performer(seed: int, *, expressive: bool = False) -> StudioPerformer:
 
 def own_strength(rng: np.random.Generator) -> Float[Array, "S"]:
     """A performer's own blend shapes as shares of the body model's, drawn from `rng`."""
-    strength = rng.uniform(*_EXPRESSION_STRENGTH, EXPRESSION_COUNT)
-    strength[[name.startswith("blink") for name in EXPRESSION_NAMES]] = 1.0
+    strength = np.ones(EXPRESSION_COUNT)
+    own = [not name.startswith(("blink", "look")) for name in EXPRESSION_NAMES]
+    strength[own] = rng.uniform(*_EXPRESSION_STRENGTH, sum(own))
     hands = [strength[PARTS[hand]] for hand in ("left_hand", "right_hand")]
     return np.concatenate([strength, *hands])
 

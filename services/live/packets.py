@@ -37,7 +37,7 @@ from capture.body.expressions import ALL_GROUPS, ObservedExpression
 from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.errors import SceneError
-from scene.expression import EARLIER_COUNT, EXPRESSION_COUNT, neutral, values_of_any_version
+from scene.expression import EARLIER_COUNTS, EXPRESSION_COUNT, neutral, values_of_any_version
 from scene.rotations import quaternion_to_matrix
 from scene.skeleton import JOINT_COUNT
 from scene.smallest_three import pack_quaternions, unpack_quaternions
@@ -64,7 +64,7 @@ _POSE = struct.Struct("<BBH3f")
 _ROTATION_BITS, _ROTATION_BYTES = 15, 6
 POSE_BYTES = _HEADER.size + _POSE.size + JOINT_COUNT * _ROTATION_BYTES
 EXPRESSION_BYTES = EXPRESSION_COUNT + 1
-_EARLIER_BYTES = EARLIER_COUNT + 1
+_EARLIER_BYTES = tuple(count + 1 for count in EARLIER_COUNTS)
 
 
 class Kind(IntEnum):
@@ -167,7 +167,8 @@ def _header_of(
 
     Raises PacketError where it is another.
     """
-    sizes = (size, size + _EARLIER_BYTES, size + EXPRESSION_BYTES) if expression else (size,)
+    told = (*_EARLIER_BYTES, EXPRESSION_BYTES) if expression else ()
+    sizes = (size, *(size + more for more in told))
     name = f"a {wanted.name.lower()} packet"
     if len(data) not in sizes:
         allowed = " or ".join(str(one) for one in sizes)

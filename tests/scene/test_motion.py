@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from scene import EXPRESSION_COUNT, EXPRESSION_NAMES, InvalidInput, Motion, Pose
-from scene.expression import BLEND_SHAPE_COUNT, blend_shape_weights, offsets_of_any_version
+from scene.expression import (
+    BLEND_SHAPE_COUNT,
+    GAZE,
+    blend_shape_weights,
+    gaze_numbers,
+    gaze_of,
+    offsets_of_any_version,
+    values_of_any_version,
+)
 from scene.rotations import axis_angle_to_matrix
 
 
@@ -131,26 +139,44 @@ def test_a_finger_half_bent_has_all_of_its_in_between():
     assert blend_shape_weights(expression)[-1] == 0.0
 
 
-@pytest.mark.parametrize("stored", [7, 15, 25])
+@pytest.mark.parametrize("stored", [7, 15])
+def test_values_of_any_version_have_all_numbers(stored: int):
+    read = values_of_any_version(np.arange(1.0, stored + 1.0))
+    assert read.shape == (EXPRESSION_COUNT,)
+    assert read[:5].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert not read[GAZE].any()
+    assert read[-5:].tolist() == ([7.0] * 5 if stored == 7 else [11.0, 12.0, 13.0, 14.0, 15.0])
+
+
+def test_a_gaze_comes_back_from_its_numbers():
+    gaze = np.array([[0.2, -0.1], [-0.45, 0.3], [0.0, 0.0], [2.0, -2.0]])
+    expressions = np.zeros((4, EXPRESSION_COUNT))
+    expressions[:, GAZE] = gaze_numbers(gaze)
+    np.testing.assert_allclose(gaze_of(expressions), np.clip(gaze, [-0.5, -0.35], [0.5, 0.35]))
+
+
+@pytest.mark.parametrize("stored", [7, 15, 25, 29])
 def test_offsets_of_any_version_have_all_blend_shapes(stored: int):
     offsets = np.ones((4, stored, 3))
     read = offsets_of_any_version(offsets, axis=1)
     assert read.shape == (4, BLEND_SHAPE_COUNT, 3)
-    np.testing.assert_allclose(read[:, :EXPRESSION_COUNT].sum(), 4 * min(stored, 15) * 3)
-    assert read[:, EXPRESSION_COUNT:].any() == (stored == 25)
+    numbers = 19 if stored == 29 else min(stored, 15)
+    np.testing.assert_allclose(read[:, :EXPRESSION_COUNT].sum(), 4 * numbers * 3)
+    assert read[:, GAZE].any() == (stored == 29)
+    assert read[:, EXPRESSION_COUNT:].any() == (stored >= 25)
 
 
 @pytest.mark.usefixtures("unchecked_annotations")
-def test_an_expression_has_its_fifteen_numbers():
-    with pytest.raises(InvalidInput, match=r"expression must be 15.*; got"):
+def test_an_expression_has_its_nineteen_numbers():
+    with pytest.raises(InvalidInput, match=r"expression must be 19; got"):
         Pose(np.zeros((24, 3)), np.zeros(3), 0.0, np.zeros(7))
-    with pytest.raises(InvalidInput, match=r"expressions must be 2 x 15; got"):
+    with pytest.raises(InvalidInput, match=r"expressions must be 2 x 19; got"):
         Motion(
             np.arange(2.0),
             np.zeros((2, 24, 3)),
             np.zeros((2, 3)),
             np.ones((2, 24)),
-            np.zeros((1, 15)),
+            np.zeros((1, 19)),
         )
 
 

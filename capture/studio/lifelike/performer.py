@@ -16,7 +16,7 @@ from capture.body.model import load_body_model
 from capture.errors import CaptureError
 from capture.studio.garments import Garment
 from capture.studio.lifelike.base_mesh import base_mesh_of
-from capture.studio.lifelike.eyes import Eyes, gaze_at
+from capture.studio.lifelike.eyes import Eyes
 from capture.studio.lifelike.surface import Surface, dressed
 from capture.studio.light import EnvironmentLight
 from capture.studio.named_performers import LifelikePerformer
@@ -24,6 +24,7 @@ from capture.studio.performer import SUPERSAMPLING, lit, own_strength
 from scene.arrays import Array, Float
 from scene.body import Body, vertex_normals
 from scene.camera import Camera
+from scene.expression import GAZE, gaze_of
 from scene.motion import Pose
 
 _LAYERS = 8
@@ -40,16 +41,14 @@ class DressedPerformer:
     known_body: Body
     surface: Surface
     eyes: Eyes
-    seed: int | None
-    """Of where they look as time goes by; None: straight ahead."""
     garments: tuple[Garment, ...] = ()
 
     def posed_vertices(self, pose: Pose) -> Float[Array, "N 3"]:
         """The whole surface in `pose`, world metres, eyes turned to where they look."""
         body = self.surface.body
-        if self.seed is not None:
+        if pose.expression[GAZE].any():
             assert body.rest_vertices is not None
-            turned = self.eyes.turned(body.rest_vertices, gaze_at(pose.time_s, self.seed))
+            turned = self.eyes.turned(body.rest_vertices, gaze_of(pose.expression))
             body = replace(body, rest_vertices=turned)
         return body.posed_vertices(pose)
 
@@ -124,6 +123,7 @@ def make_lifelike_performer(
     if expressive:
         assert known.expression_directions is not None
         strength = own_strength(np.random.default_rng(row.seed))
+        strength[GAZE] = 0.0  # eyes turn, and do not go along straight lines as those of models do
         body = replace(
             known, expression_directions=strength[:, None, None] * known.expression_directions
         )
@@ -138,7 +138,6 @@ def make_lifelike_performer(
         known,
         dressed(row, root, body, model.parts, base, eyes),
         eyes,
-        row.seed if expressive else None,
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from capture.body.model import EYES
+from capture.body.eyes import EYES
 from capture.errors import CaptureError
 from capture.studio.lifelike.base_mesh import BaseMesh
 from capture.studio.lifelike.eyes import Eyes

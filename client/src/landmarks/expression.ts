@@ -9,6 +9,7 @@
 /** In the order of the server's `EXPRESSION_NAMES`; left and right are the person's own. */
 export const EXPRESSION_NAMES = [
   "jaw_open", "blink_left", "blink_right", "brows_up", "smile",
+  "look_left", "look_right", "look_up", "look_down",
   "left_thumb_curl", "left_index_curl", "left_middle_curl", "left_ring_curl", "left_little_curl",
   "right_thumb_curl", "right_index_curl", "right_middle_curl", "right_ring_curl", "right_little_curl",
 ] as const; // prettier-ignore
@@ -17,8 +18,9 @@ export const EXPRESSION_COUNT = EXPRESSION_NAMES.length;
 export const FACE = 1;
 export const LEFT_HAND = 2;
 export const RIGHT_HAND = 4;
-/** Of the first five numbers, which are the face's. */
-export const FACE_NUMBERS = 5;
+/** Of the first numbers, which are the face's: those of its skin, then those of the eyes. */
+export const FACE_NUMBERS = 9;
+const SKIN_NUMBERS = 5;
 export const FINGER_COUNT = 5;
 /**
  * The weight of a blend shape: one of the numbers, or of a finger's second shape 4 c (1 - c) of its curl c
@@ -30,8 +32,8 @@ export function blendShapeWeight(expression: ArrayLike<number>, shape: number): 
   return 4 * curl * (1 - curl);
 }
 
-/** Numbers that earlier versions stored and sent: the face's, and one curl a hand. */
-export const EARLIER_COUNT = FACE_NUMBERS + 2;
+/** Numbers that earlier versions stored and sent: without the eyes', and at first with one curl a hand. */
+export const EARLIER_COUNTS = [SKIN_NUMBERS + 2, SKIN_NUMBERS + 2 * FINGER_COUNT] as const;
 
 export interface ObservedExpression {
   /** 0 to 1 each; without meaning where not known. */
@@ -50,11 +52,13 @@ const MOST_TURNED = 0.7;
 const OUTER_CORNERS = [33, 263] as const;
 const CHEEKS = [234, 454] as const;
 const LIPS = [13, 14] as const;
+const IRISES = [468, 473] as const;
 const MOUTH_CORNERS = [61, 291] as const;
 const LEFT_LIDS = [[385, 380], [386, 374], [387, 373]] as const; // prettier-ignore
 const RIGHT_LIDS = [[160, 144], [159, 145], [158, 153]] as const; // prettier-ignore
 const LEFT_EYE = [362, 263] as const;
 const RIGHT_EYE = [33, 133] as const;
+const EYE_CORNERS = [...LEFT_EYE, ...RIGHT_EYE] as const;
 const BROWS_TO_LIDS = [[65, 158], [52, 159], [295, 385], [282, 386]] as const; // prettier-ignore
 /** As a mouth opens its corners sink and draw together: what lips apart give back. */
 const JAW_IN_SMILE = 0.6;
@@ -62,15 +66,24 @@ const FOREHEAD = 10;
 const UNDER_NOSE = 2;
 
 /** Measures of a face at rest, of people in general. */
-export const TYPICAL_RESTING_FACE: readonly number[] = [0.02, 0.27, 0.27, 0.22, -0.2];
-/** Where among measures the face at rest is found, percent: talk opens a mouth, blinks are short. */
-const REST_PERCENTILES = [10, 65, 65, 40, 30] as const;
+export const TYPICAL_RESTING_FACE: readonly number[] = [0.02, 0.27, 0.27, 0.22, -0.2, 0, 0.065];
+/**
+ * Where among measures the face at rest is found, percent: talk opens a mouth, blinks are short. How high
+ * irises lie in their eyes differs between people; which way straight ahead is does not (null), nor does it depend
+ * on where somebody looks most.
+ */
+const REST_PERCENTILES = [10, 65, 65, 40, 30, null, 50] as const;
 /** What each measure grows by from rest to fully. */
 const FULL_JAW = 0.32;
 const FULL_BROWS = 0.045;
 const FULL_SMILE = 0.2;
 /** By which share lids that are shut have come together. */
 const CLOSED = 0.58;
+/** How far irises lie before the corners of their eyes, in widths of an eye. */
+const IRIS_DEPTH = 0.125;
+/** How far irises have moved where eyes look fully aside, and up, likewise. */
+const FULL_ASIDE = 0.2;
+const FULL_UP = 0.09;
 const WRIST = 0;
 /**
  * Index, middle, ring and little finger, and each one's distance from wrist to tip as a share of the way along
@@ -91,8 +104,8 @@ const THUMB_OUT = 1.1;
 const THUMB_IN = 0.52;
 
 /**
- * Lips apart, left and right lids apart, brows from lids, and how wide and high the mouth ends; null for
- * a face that is too small or turned too far.
+ * Lips apart, left and right lids apart, brows from lids, how wide and high the mouth ends, and how far irises
+ * are to the person's left and up; null for a face that is too small or turned too far.
  */
 export function faceMeasures(points: readonly Point[]): number[] | null {
   const [right, left] = OUTER_CORNERS.map((i) => at(points, i)) as [Point, Point];
@@ -103,19 +116,23 @@ export function faceMeasures(points: readonly Point[]): number[] | null {
   if (Math.abs(across[2]) > MOST_TURNED * span) return null;
   const lips = distance(points, LIPS) / span;
   const brows = BROWS_TO_LIDS.reduce((sum, pair) => sum + distance(points, pair), 0) / BROWS_TO_LIDS.length;
-  const smile = distance(points, MOUTH_CORNERS) + mouthHeight(points, across.map((value) => value / span) as unknown as Point);
+  const leftward = across.map((value) => value / span) as unknown as Point;
+  const upward = upwardOf(points, leftward);
+  const smile = distance(points, MOUTH_CORNERS) + dot(subtract(mean(points, MOUTH_CORNERS), mean(points, EYE_CORNERS)), upward);
   return [
     lips,
     lidsApart(points, LEFT_LIDS, LEFT_EYE),
     lidsApart(points, RIGHT_LIDS, RIGHT_EYE),
     brows / span,
     smile / span + JAW_IN_SMILE * lips,
+    ...irisesOff(points, leftward, upward),
   ];
 }
 
 /** The measures of somebody's face at rest, from those of many pictures. */
 export function restingFace(measures: readonly (readonly number[])[]): number[] {
   return REST_PERCENTILES.map((percent, i) => {
+    if (percent === null) return TYPICAL_RESTING_FACE[i] ?? 0;
     const sorted = measures.map((one) => one[i] ?? 0).sort((a, b) => a - b);
     const place = ((sorted.length - 1) * percent) / 100;
     const below = sorted[Math.floor(place)] ?? 0;
@@ -124,10 +141,12 @@ export function restingFace(measures: readonly (readonly number[])[]): number[] 
   });
 }
 
-/** jaw_open, blink_left, blink_right, brows_up and smile. */
+/** jaw_open, blink_left, blink_right, brows_up, smile, then where the eyes look. */
 export function faceNumbers(measures: readonly number[], rest: readonly number[]): number[] {
-  const full = [FULL_JAW, -CLOSED * (rest[1] ?? 0), -CLOSED * (rest[2] ?? 0), FULL_BROWS, FULL_SMILE];
-  return full.map((most, i) => clamp(((measures[i] ?? 0) - (rest[i] ?? 0)) / most));
+  const full = [FULL_JAW, -CLOSED * (rest[1] ?? 0), -CLOSED * (rest[2] ?? 0), FULL_BROWS, FULL_SMILE, FULL_ASIDE, FULL_UP];
+  const moved = full.map((most, i) => ((measures[i] ?? 0) - (rest[i] ?? 0)) / most);
+  const [aside = 0, up = 0] = moved.splice(SKIN_NUMBERS);
+  return [...moved, aside, -aside, up, -up].map(clamp);
 }
 
 /**
@@ -149,9 +168,16 @@ export function fingerCurls(points: readonly Point[]): number[] {
   return [clamp((THUMB_OUT - thumb) / (THUMB_OUT - THUMB_IN)), ...fingers];
 }
 
-/** What an earlier version told of a face and two whole hands, for each number of today. */
-export function fingerByFinger<Of>(earlier: ArrayLike<Of>): Of[] {
-  return Array.from(earlier).flatMap((of, i) => (i < FACE_NUMBERS ? [of] : Array<Of>(FINGER_COUNT).fill(of)));
+/** What any version told of a face and hands, for each number of today; `unknown` of what it did not tell of. */
+export function ofAnyVersion<Of>(told: ArrayLike<Of>, unknown: Of): Of[] {
+  let numbers = Array.from(told);
+  if (numbers.length === EARLIER_COUNTS[0]) {
+    numbers = numbers.flatMap((of, i) => (i < SKIN_NUMBERS ? [of] : Array<Of>(FINGER_COUNT).fill(of)));
+  }
+  if (numbers.length === EARLIER_COUNTS[1]) {
+    numbers.splice(SKIN_NUMBERS, 0, ...Array<Of>(FACE_NUMBERS - SKIN_NUMBERS).fill(unknown));
+  }
+  return numbers;
 }
 
 /** Learns somebody's face at rest as it goes, of the last minute; at first it is how they look then, mouth shut. */
@@ -199,13 +225,26 @@ function lidsApart(
   return sum / pairs.length / distance(points, corners);
 }
 
-/** Of the mouth's corners above (below: less than nil) those of the eyes, along the face. */
-function mouthHeight(points: readonly Point[], across: Point): number {
+/** Along the face, unit length. */
+function upwardOf(points: readonly Point[], leftward: Point): Point {
   const nose = subtract(at(points, FOREHEAD), at(points, UNDER_NOSE));
-  const along = dot(nose, across);
-  const up = nose.map((value, i) => value - along * (across[i] ?? 0)) as unknown as Point;
-  const above = subtract(mean(points, MOUTH_CORNERS), mean(points, [...LEFT_EYE, ...RIGHT_EYE]));
-  return dot(above, up) / Math.hypot(...up);
+  const along = dot(nose, leftward);
+  const up = nose.map((value, i) => value - along * (leftward[i] ?? 0));
+  return up.map((value) => value / Math.hypot(...up)) as unknown as Point;
+}
+
+/**
+ * How far the irises are to the person's left, and up, from the middle of their eyes' corners, in widths of an
+ * eye. Their depth is not measured, so only the picture counts: a face that turns moves them aside by as much as
+ * they lie before the corners.
+ */
+function irisesOff(points: readonly Point[], left: Point, up: Point): [number, number] {
+  const width = 0.5 * (distance(points, LEFT_EYE) + distance(points, RIGHT_EYE));
+  const off = subtract(mean(points, IRISES), mean(points, EYE_CORNERS)).map((value) => value / width);
+  const x = (off[0] ?? 0) - IRIS_DEPTH * (left[1] * up[2] - left[2] * up[1]);
+  const y = (off[1] ?? 0) - IRIS_DEPTH * (left[2] * up[0] - left[0] * up[2]);
+  const area = left[0] * up[1] - left[1] * up[0];
+  return [(x * up[1] - y * up[0]) / area, (left[0] * y - left[1] * x) / area];
 }
 
 function mean(points: readonly Point[], which: readonly number[]): Point {

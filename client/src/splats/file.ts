@@ -3,16 +3,17 @@
  *
  * 32 bytes a splat, the most important first: the first n alone are a model, once their scales are
  * multiplied by (N / n)^1/4. 7 bytes more for each splat that a face or hand moves, by each number of an
- * expression. Files of version 4 have offsets for whole hands.
+ * expression. Files of version 5 have none for the eyes, those of version 4 offsets for whole hands.
  */
 
-import { EARLIER_COUNT, FACE_NUMBERS, FINGER_COUNT, fingerByFinger } from "../landmarks/expression";
+import { EARLIER_COUNTS, FINGER_COUNT, ofAnyVersion } from "../landmarks/expression";
 import { rotationMatrix, smallestThree } from "../viewpoint/geometry";
 import { movedSplats, NOTHING_MOVES, type BlendShape, type MovedSplats } from "./moved";
 
 const MAGIC = "MNSP";
-const VERSION = 5;
-const EARLIER_VERSION = 4;
+const VERSION = 6;
+const EYELESS_VERSION = 5;
+const WHOLE_HANDS_VERSION = 4;
 const LIGHT_AT = 44;
 /** Three colours of nine harmonics. */
 const LIGHT_NUMBERS = 27;
@@ -62,7 +63,7 @@ export function readSplats(bytes: ArrayBuffer, share = 1, beginning = false): Sp
   const data = new DataView(bytes);
   const magic = bytes.byteLength < HEAD_BYTES ? "" : String.fromCharCode(...new Uint8Array(bytes, 0, 4));
   const version = magic === MAGIC ? data.getUint16(4, true) : 0;
-  if (version !== VERSION && version !== EARLIER_VERSION) {
+  if (version > VERSION || version < WHOLE_HANDS_VERSION) {
     throw new Error(`a file of splats must begin with ${MAGIC}, version ${VERSION}; got ${magic || "less"}`);
   }
   const joints = data.getUint16(6, true);
@@ -86,7 +87,7 @@ export function readSplats(bytes: ArrayBuffer, share = 1, beginning = false): Sp
   const light = Float32Array.from({ length: LIGHT_NUMBERS }, (_, i) => data.getFloat32(LIGHT_AT + 4 * i, true));
   file.light = light.some((value) => value !== 0) ? light : null;
   if (complete) {
-    const shapesOf = version === VERSION ? readShapes : readEarlierShapes;
+    const shapesOf = version === WHOLE_HANDS_VERSION ? readWholeHandShapes : readShapes;
     file.moved = movedSplats(shapesOf(data, movedStart, file.count), file.count);
   }
   const growth = varianceScale(whole, file.count);
@@ -122,7 +123,7 @@ function emptyFile(count: number, joints: number): SplatFile {
 
 function movedBytes(data: DataView, version: number): number {
   const first = data.getUint32(MOVED_AT, true);
-  if (version === EARLIER_VERSION) return EARLIER_MOVED_BYTES * first;
+  if (version === WHOLE_HANDS_VERSION) return EARLIER_MOVED_BYTES * first;
   return SHAPE_BYTES * first + OFFSET_BYTES * data.getUint32(MOVED_AT + 4, true);
 }
 
@@ -131,7 +132,7 @@ function readShapes(data: DataView, start: number, count: number): BlendShape[] 
   const expressions = data.getUint32(MOVED_AT, true);
   let index = start + SHAPE_BYTES * expressions;
   let offset = index + 4 * data.getUint32(MOVED_AT + 4, true);
-  return Array.from({ length: expressions }, (_, e) => {
+  const shapes = Array.from({ length: expressions }, (_, e) => {
     const splats = Uint32Array.from({ length: data.getUint32(start + SHAPE_BYTES * e, true) }, (_, i) =>
       data.getUint32(index + 4 * i, true),
     );
@@ -142,13 +143,19 @@ function readShapes(data: DataView, start: number, count: number): BlendShape[] 
     const kept = splats.findIndex((splat) => splat >= count);
     return kept < 0 ? { splats, offsets } : { splats: splats.slice(0, kept), offsets: offsets.slice(0, 3 * kept) };
   });
+  if (data.getUint16(4, true) > EYELESS_VERSION) return shapes;
+  const inBetweens = shapes.splice(EARLIER_COUNTS[1]);
+  return [...ofAnyVersion(shapes, STILL), ...inBetweens];
 }
 
+/** A blend shape that moves nothing. */
+const STILL: BlendShape = { splats: new Uint32Array(0), offsets: new Float32Array(0) };
+
 /** The same of version 4, which has offsets of whole hands: each finger takes an equal share. */
-function readEarlierShapes(data: DataView, start: number, count: number): BlendShape[] {
+function readWholeHandShapes(data: DataView, start: number, count: number): BlendShape[] {
   const unitM = data.getFloat32(MOVED_AT + 4, true) / 127;
-  const shapes = Array.from({ length: EARLIER_COUNT }, (_, e) => {
-    const share = e < FACE_NUMBERS ? 1 : 1 / FINGER_COUNT;
+  const shapes = Array.from({ length: EARLIER_COUNTS[0] }, (_, e) => {
+    const share = e < EARLIER_COUNTS[0] - 2 ? 1 : 1 / FINGER_COUNT;
     const [splats, offsets]: [number[], number[]] = [[], []];
     for (let at = start; at < data.byteLength; at += EARLIER_MOVED_BYTES) {
       const splat = data.getUint32(at, true);
@@ -159,7 +166,7 @@ function readEarlierShapes(data: DataView, start: number, count: number): BlendS
     }
     return { splats: Uint32Array.from(splats), offsets: Float32Array.from(offsets) };
   });
-  return fingerByFinger(shapes);
+  return ofAnyVersion(shapes, STILL);
 }
 
 function readRecord(

@@ -10,10 +10,10 @@
  * f32 vertical field of view (rad), u16 width, u16 height (px).
  * A pose's payload: u8 index of the performer, u8 how many there are, u16 check of the performer's id,
  * f32 pelvis[3] (room, m), then 24 turns of 6 bytes: three components of 15 bits, two bits that say
- * which one was left out. Expression: u8 of fifteen numbers (1/255), u8 bits of what is known.
+ * which one was left out. Expression: u8 of nineteen numbers (1/255), u8 bits of what is known.
  */
 
-import { EARLIER_COUNT, EXPRESSION_COUNT, fingerByFinger } from "../landmarks/expression";
+import { EARLIER_COUNTS, EXPRESSION_COUNT, ofAnyVersion } from "../landmarks/expression";
 import { smallestThree, type Quaternion, type Vec3 } from "../viewpoint/geometry";
 
 export const VIEW_BYTES = 52;
@@ -30,7 +30,7 @@ const JOINTS = 24;
 const ROTATIONS_AT = 32;
 const ROTATION_STEPS = 32767;
 /** Of a pose alone, with an expression, and with one of an earlier version. */
-const POSE_LENGTHS = [POSE_BYTES, POSE_BYTES + EXPRESSION_COUNT + 1, POSE_BYTES + EARLIER_COUNT + 1];
+const POSE_LENGTHS = [POSE_BYTES, ...[EXPRESSION_COUNT, ...EARLIER_COUNTS].map((count) => POSE_BYTES + count + 1)];
 
 export interface ViewPacket {
   /** Counts up; wraps at 2^32. The newest one wins. */
@@ -115,7 +115,7 @@ function expressionOf(bytes: ArrayBuffer): Float32Array {
   const told = Math.max(0, bytes.byteLength - POSE_BYTES - 1);
   if (told === 0) return new Float32Array(EXPRESSION_COUNT);
   const levels = new Uint8Array(bytes, POSE_BYTES, told);
-  return Float32Array.from(told === EARLIER_COUNT ? fingerByFinger(levels) : levels, (level) => level / 255);
+  return Float32Array.from(ofAnyVersion(levels, 0), (level) => level / 255);
 }
 
 /** The low 16 bits of the CRC-32 of a performer's id, by which poses say whom they mean. */

@@ -14,8 +14,8 @@ import { fakeFetch } from "../fakes";
  * A file of `count` splats on two joints; the n-th lies n cm up, whole, red, on joint n mod 2. Splats
  * `moved` go 2 cm up as the jaw opens, and a hundredth of that aside with the last number.
  */
-function fileOf(count: number, light = 0, moved: readonly number[] = [], version = 5): ArrayBuffer {
-  const movedBytes = version === 4 ? 28 * moved.length : 8 * 15 + 7 * 2 * moved.length;
+function fileOf(count: number, light = 0, moved: readonly number[] = [], version = 6): ArrayBuffer {
+  const movedBytes = version === 4 ? 28 * moved.length : 8 * shapesOf(version) + 7 * 2 * moved.length;
   const bytes = new ArrayBuffer(160 + 28 + 32 * count + movedBytes);
   const data = new DataView(bytes);
   [..."MNSP"].forEach((letter, i) => data.setUint8(i, letter.charCodeAt(0)));
@@ -38,20 +38,24 @@ function fileOf(count: number, light = 0, moved: readonly number[] = [], version
     data.setUint8(at + 22, 255);
     [0, 128, 0, 0, -127, 0].forEach((value, i) => data.setInt8(at + 26 + i, value));
   }
-  (version === 4 ? writeEarlierMoved : writeMoved)(data, 188 + 32 * count, moved);
+  (version === 4 ? writeEarlierMoved : writeMoved)(data, 188 + 32 * count, moved, version);
   return bytes;
 }
 
-function writeMoved(data: DataView, at: number, moved: readonly number[]): void {
-  data.setUint32(152, 15, true);
+/** Of version 5, which has none of the eyes, and of today. */
+const shapesOf = (version: number): number => (version === 5 ? 15 : 19);
+
+function writeMoved(data: DataView, at: number, moved: readonly number[], version: number): void {
+  const shapes = shapesOf(version);
+  data.setUint32(152, shapes, true);
   data.setUint32(156, 2 * moved.length, true);
-  for (const e of [0, 14]) {
+  for (const e of [0, shapes - 1]) {
     data.setUint32(at + 8 * e, moved.length, true);
     data.setFloat32(at + 8 * e + 4, 0.02, true);
   }
-  [...moved, ...moved].forEach((splat, i) => data.setUint32(at + 120 + 4 * i, splat, true));
+  [...moved, ...moved].forEach((splat, i) => data.setUint32(at + 8 * shapes + 4 * i, splat, true));
   moved.forEach((_, i) => {
-    const offsets = at + 120 + 8 * moved.length;
+    const offsets = at + 8 * shapes + 8 * moved.length;
     data.setInt8(offsets + 3 * i + 1, 127);
     data.setInt8(offsets + 3 * (moved.length + i), -1);
   });
@@ -97,35 +101,35 @@ describe("readSplats", () => {
   it("moves a finger that is half bent by all of its in-between", () => {
     const shape = { splats: Uint32Array.of(0), offsets: Float32Array.of(1, 0, 0) };
     const nothing = { splats: new Uint32Array(0), offsets: new Float32Array(0) };
-    const moved = movedSplats([...Array<typeof nothing>(24).fill(nothing), shape], 1);
+    const moved = movedSplats([...Array<typeof nothing>(28).fill(nothing), shape], 1);
     const offsets = allocateOffsets(1);
     const across = (curl: number) => {
-      moveSplats(moved, [...Array<number>(14).fill(0), curl], offsets);
+      moveSplats(moved, [...Array<number>(18).fill(0), curl], offsets);
       return offsets[0];
     };
     expect([0, 0.5, 1].map(across)).toEqual([0, 1, 0]);
     expect(across(0.25)).toBeCloseTo(0.75);
   });
 
-  it("reads which splats face and hands move, as far as they are drawn", () => {
-    const { moved } = readSplats(fileOf(8, 0, [1, 3, 6]));
+  it.each([6, 5])("reads which splats face and hands move, as far as they are drawn, of version %i", (version) => {
+    const { moved } = readSplats(fileOf(8, 0, [1, 3, 6], version));
     expect([...moved.splats]).toEqual([1, 3, 6]);
     const offsets = allocateOffsets(4);
-    moveSplats(moved, [0.5, ...Array<number>(13).fill(0), 1], offsets, 1);
+    moveSplats(moved, [0.5, ...Array<number>(17).fill(0), 1], offsets, 1);
     const [up, aside] = [0.01, -0.02 / 127].map((value) => expect.closeTo(value, 6));
     expect([...offsets.slice(4, 10)]).toEqual([aside, up, 0, 0, aside, up]);
     expect([...offsets.slice(0, 4)]).toEqual([0, 0, 0, 0]);
-    expect([...readSplats(fileOf(8, 0, [1, 3, 6]), 0.5).moved.splats]).toEqual([1, 3]);
+    expect([...readSplats(fileOf(8, 0, [1, 3, 6], version), 0.5).moved.splats]).toEqual([1, 3]);
   });
 
   it("reads files of whole hands, of which each finger takes an equal share", () => {
     const { moved } = readSplats(fileOf(8, 0, [1, 3, 6], 4));
     expect([...moved.splats]).toEqual([1, 3, 6]);
     const offsets = allocateOffsets(3);
-    moveSplats(moved, [0.5, ...Array<number>(9).fill(0), 1, 1, 1, 1, 1], offsets);
+    moveSplats(moved, [0.5, ...Array<number>(13).fill(0), 1, 1, 1, 1, 1], offsets);
     const [up, aside] = [0.01, -0.02 / 127].map((value) => expect.closeTo(value, 6));
     expect([...offsets.slice(4, 7)]).toEqual([aside, up, 0]);
-    moveSplats(moved, [...Array<number>(14).fill(0), 1], offsets);
+    moveSplats(moved, [...Array<number>(18).fill(0), 1], offsets);
     expect([...offsets.slice(4, 7)]).toEqual([expect.closeTo(-0.004 / 127, 8), 0, 0]);
     expect([...readSplats(fileOf(8, 0, [1, 3, 6], 4), 0.5).moved.splats]).toEqual([1, 3]);
   });
@@ -155,9 +159,9 @@ describe("readSplats", () => {
   });
 
   it("says what is wrong with anything else", () => {
-    expect(() => readSplats(new ArrayBuffer(3))).toThrow("must begin with MNSP, version 5; got less");
-    expect(() => readSplats(fileOf(2).slice(0, -1))).toThrow("2 splats must have 372 bytes; got 371");
-    expect(() => readSplats(fileOf(2, 0, [1]).slice(0, -1))).toThrow("2 splats must have 386 bytes; got 385");
+    expect(() => readSplats(new ArrayBuffer(3))).toThrow("must begin with MNSP, version 6; got less");
+    expect(() => readSplats(fileOf(2).slice(0, -1))).toThrow("2 splats must have 404 bytes; got 403");
+    expect(() => readSplats(fileOf(2, 0, [1]).slice(0, -1))).toThrow("2 splats must have 418 bytes; got 417");
   });
 });
 
@@ -339,7 +343,7 @@ describe("loadSplats", () => {
       if (path.includes("field")) return new Response(null, { status: 204 });
       return path.includes("gone") ? new Response("{}", { status: 404 }) : new Response(fileOf(1));
     });
-    expect((await loadSplats("m", "seat", request))?.byteLength).toBe(340);
+    expect((await loadSplats("m", "seat", request))?.byteLength).toBe(372);
     expect(calls[0]).toMatchObject({ path: "/v1/models/m/files/viewer.splats", token: "Bearer seat" });
     expect(await loadSplats("field", "seat", request)).toBeNull();
     expect(await loadSplats("gone", "seat", request)).toBeNull();

@@ -2,7 +2,7 @@
 
 Layout, also in docs/viewer-file.md:
 
-    char[4] "MNSP", u16 version (5), u16 joints K, u32 splats N
+    char[4] "MNSP", u16 version (6), u16 joints K, u32 splats N
     f32[3] lowest and f32[3] highest position (m), f32 lowest and f32 highest log scale (log m)
     f32[9 3] harmonics of the light that the person was recorded in, all nil where it is not known
     u32 blend shapes S, u32 offsets L
@@ -39,7 +39,7 @@ from scene.colour import to_srgb
 from scene.lighting import HARMONICS
 from scene.smallest_three import pack_quaternions
 
-MAGIC, VERSION = b"MNSP", 5
+MAGIC, VERSION = b"MNSP", 6
 ROTATION_BITS = 10
 HEAD = struct.Struct(f"<4sHHI8f{3 * HARMONICS}fII")
 RECORD = np.dtype(

@@ -14,7 +14,7 @@ from renderer.splats.training.detail import shown_density
 from scene.arrays import Array, Bool, Float, Int
 from scene.body import Body
 from scene.errors import InvalidInput
-from scene.expression import EXPRESSION_COUNT, PARTS
+from scene.expression import EXPRESSION_COUNT, GAZE, PARTS
 from scene.rotations import rotation_between
 from scene.sequence import PoseTrust, Sequence
 from scene.skeleton import JOINT_NAMES, Skeleton
@@ -126,7 +126,7 @@ def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -
     """The splats of an earlier `model` on `skeleton`.
 
     Their normals are those of `first`; so are offsets of expressions where the model knows none, or
-    was made before fingers had in-betweens.
+    was made before fingers had in-betweens, or eyes could turn.
     """
     from scipy.spatial import KDTree
 
@@ -135,10 +135,11 @@ def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -
     place = slice(POSITION, POSITION + 3)
     _, nearest = KDTree(first.parameters[:, place]).query(parameters[:, place])
     splats, offsets = model.expression_splats, model.expression_offsets
-    if not offsets[:, EXPRESSION_COUNT:].any() and len(first.expression_splats):
-        known = np.zeros((len(first.parameters), *offsets.shape[1:]), np.float32)
-        known[first.expression_splats] = first.expression_offsets
-        splats, offsets = moving_splats(known[nearest])
+    known = offsets[:, EXPRESSION_COUNT:].any() and offsets[:, GAZE].any()
+    if not known and len(first.expression_splats):
+        all_offsets = np.zeros((len(first.parameters), *offsets.shape[1:]), np.float32)
+        all_offsets[first.expression_splats] = first.expression_offsets
+        splats, offsets = moving_splats(all_offsets[nearest])
     return FirstSplats(parameters, joints, model.weights, first.normals[nearest], splats, offsets)
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capture.body.model import EYES, MOUTH, load_body_model
+from capture.body.eyes import EYES, eyeballs, middle_of
+from capture.body.model import MOUTH, load_body_model
 from capture.errors import CaptureError
 from capture.storage import open_sequence
 from capture.studio import make_sequence
@@ -16,7 +17,7 @@ from capture.studio.expressions import with_random_expressions
 from capture.studio.motions import turntable_motion
 from capture.studio.performer import make_performer, render_performer
 from scene import EXPRESSION_NAMES, Body, InvalidInput, Pose, orbit_camera
-from scene.expression import FINGERS, PARTS, neutral
+from scene.expression import FINGERS, GAZE, PARTS, gaze_of, neutral
 from scene.sequence import NOVEL_VIEW, read_frame
 from scene.skeleton import JOINT_NAMES
 
@@ -101,9 +102,9 @@ def test_a_body_poses_with_its_expression():
 @pytest.mark.usefixtures("unchecked_annotations")
 def test_directions_are_of_this_surface():
     body = load_body_model().body(np.zeros(5))
-    with pytest.raises(InvalidInput, match=r"expression_directions must be 25 x 13718 x 3; got"):
+    with pytest.raises(InvalidInput, match=r"expression_directions must be 29 x 13718 x 3; got"):
         Body(
-            body.skeleton, body.rest_vertices, body.faces, body.blend_weights, np.zeros((25, 4, 3))
+            body.skeleton, body.rest_vertices, body.faces, body.blend_weights, np.zeros((29, 4, 3))
         )
 
 
@@ -155,15 +156,48 @@ def test_parts_are_where_eyes_and_mouth_are():
 
 def test_acting_is_smooth_seeded_and_goes_all_the_way():
     still = turntable_motion(200, 30.0, 0.0)
-    shown = with_random_expressions(still, 7).expressions
-    np.testing.assert_array_equal(shown, with_random_expressions(still, 7).expressions)
-    assert np.abs(shown - with_random_expressions(still, 6).expressions).max() > 0.5
+    whole = with_random_expressions(still, 7).expressions
+    np.testing.assert_array_equal(whole, with_random_expressions(still, 7).expressions)
+    shown = np.delete(whole, GAZE, axis=1)
+    assert np.abs(whole - with_random_expressions(still, 6).expressions).max() > 0.5
     assert shown.min() >= 0.0
     assert (shown.max(axis=0) > 0.6).all()
     assert (shown.min(axis=0) < 0.2).all()
     assert np.abs(np.diff(shown, axis=0)).max() < 0.4
     alone = np.abs(shown[:, 1] - shown[:, 2])  # each eye winks by itself as well
     assert alone.max() > 0.5
+
+
+def test_eyes_of_who_acts_rest_on_a_place_and_then_leap_to_another():
+    still = turntable_motion(200, 30.0, 0.0)
+    gaze = gaze_of(with_random_expressions(still, 7).expressions)
+    leaps = np.flatnonzero(np.diff(gaze, axis=0).any(axis=1)) + 1
+    assert leaps.tolist() == [21 * n for n in range(1, 10)]
+    assert (np.abs(gaze).max(axis=0) <= [0.35, 0.15]).all()
+    assert (np.ptp(gaze, axis=0) > [0.3, 0.1]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "axis", "sign"),
+    [
+        ("look_left", 0, 1.0),
+        ("look_right", 0, -1.0),
+        ("look_up", 1, 1.0),
+        ("look_down", 1, -1.0),
+    ],
+)
+def test_eyes_turn_about_their_middles_and_nothing_else_moves(name: str, axis: int, sign: float):
+    model = load_body_model()
+    assert model.parts is not None
+    moved = offsets(name)
+    balls = np.concatenate(eyeballs(model.faces, model.parts))
+    assert not np.delete(moved, balls, axis=0).any()
+    for ball in eyeballs(model.faces, model.parts):
+        rest = model.rest_vertices[ball]
+        pupil = ball[rest[:, 2].argmax()]
+        assert sign * moved[pupil, axis] > 0.003
+        reached = np.linalg.norm(rest + moved[ball] - middle_of(rest), axis=1)
+        np.testing.assert_allclose(reached, np.linalg.norm(rest - middle_of(rest), axis=1))
 
 
 @pytest.mark.parametrize("hand", ["left_hand", "right_hand"])

@@ -30,7 +30,7 @@ def demo_model() -> SplatModel:
 def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
     """The first `share` of the splats in `data`; motion and the like are those of `like`."""
     magic, version, joints, count, *bounds = struct.unpack_from("<4sHHI8f", data)
-    assert (magic, version) == (b"MNSP", 5)
+    assert (magic, version) == (b"MNSP", 6)
     low, high, (thin, wide) = np.array(bounds[:3]), np.array(bounds[3:6]), bounds[6:]
     light = np.frombuffer(data, "<f4", 27, 44).reshape(9, 3)
     shapes, entries = struct.unpack_from("<II", data, 152)

@@ -11,7 +11,6 @@ import pytest
 from capture.errors import CaptureError
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from capture.studio.lifelike.eyes import gaze_at
 from capture.studio.lifelike.performer import DressedPerformer, make_lifelike_performer
 from capture.studio.motions import gesture_motion, turntable_motion
 from capture.studio.named_performers import LIFELIKE_PERFORMERS, NAMED_PERFORMERS
@@ -141,11 +140,6 @@ def test_eyes_turn_about_their_centres(fern):
         assert turned[front, 0] > rest[front, 0]  # to their left
         assert turned[front, 1] < rest[front, 1]
     assert len(moved) <= sum(len(vertices) for vertices in fern.eyes.vertices)
-
-
-def test_gaze_rests_and_then_leaps():
-    assert gaze_at(0.1, 3).tolist() == gaze_at(0.6, 3).tolist()
-    assert gaze_at(0.1, 3).tolist() != gaze_at(0.8, 3).tolist()
 
 
 def test_a_sequence_knows_the_naked_body(assets, tmp_path, fern):
