@@ -18,6 +18,7 @@ from benchmarks.inputs import (
     WEBCAM,
     require_browser,
     require_footage,
+    require_human_assets,
     require_motion,
     require_panoramas,
     require_real_footage,
@@ -47,6 +48,7 @@ Assets = Annotated[
 ]
 Footage = Annotated[Path, typer.Option(help="Folder of the folders real-*.")]
 Backbone = Annotated[Path | None, typer.Option(help="LPIPS backbone (.pth).")]
+LpipsBackbone = Annotated[Path, typer.Option(help="LPIPS backbone (.pth).")]
 Picture = Annotated[Path | None, typer.Option(help="Draw the comparison here.")]
 ClockName = Annotated[
     Literal["wall", "processor"],
@@ -184,16 +186,33 @@ def frontier(
 def performers(
     commits: Commits = False,
     motion: Motion = MOTION,
-    assets: Assets = HUMAN_ASSETS,
     backbone: Backbone = None,
     clock: ClockName = "processor",
     only: Only = "",
 ) -> None:
-    """Accuracy on the studio's performers in real motion: painted in every look, and lifelike."""
+    """Accuracy on the studio's painted performers in real motion, in every look."""
     require_motion(motion)
     from benchmarks.performers import run
 
     writer = _start("performers", commits, narrowed=bool(only) or clock != "processor")
+    run(writer, motion, backbone, clock, only)
+
+
+@app.command()
+def lifelike(
+    commits: Commits = False,
+    motion: Motion = MOTION,
+    assets: Assets = HUMAN_ASSETS,
+    backbone: LpipsBackbone = LPIPS_BACKBONE,
+    clock: ClockName = "processor",
+    only: Only = "",
+) -> None:
+    """Accuracy on each lifelike performer from new views, and how that looks."""
+    require_motion(motion)
+    require_human_assets(assets)
+    from benchmarks.lifelike import run
+
+    writer = _start("lifelike", commits, narrowed=bool(only) or clock != "processor")
     run(writer, motion, assets, backbone, clock, only)
 
 
@@ -367,7 +386,7 @@ def two_cameras_command(
 def real(
     commits: Commits = False,
     footage: Footage = FOOTAGE,
-    backbone: Annotated[Path, typer.Option(help="LPIPS backbone (.pth).")] = LPIPS_BACKBONE,
+    backbone: LpipsBackbone = LPIPS_BACKBONE,
     clock: ClockName = "processor",
     budget: Annotated[str, typer.Option(help="Training time of each model.")] = "60s",
     only: Only = "",
@@ -378,15 +397,9 @@ def real(
     from capture.detection.network_files import landmark_network_file
     from services.settings import load_settings
 
-    settings = load_settings()
-    pose, face, hand = (
-        landmark_network_file(source)
-        for source in (
-            settings.pose_model_source(),
-            settings.face_model_source(),
-            settings.hand_model_source(),
-        )
-    )
+    own = load_settings()
+    sources = own.pose_model_source(), own.face_model_source(), own.hand_model_source()
+    pose, face, hand = (landmark_network_file(source) for source in sources)
     networks = Networks(pose, face, hand, backbone)
     writer = _start("real", commits, narrowed=bool(only) or (clock, budget) != ("processor", "60s"))
     run(writer, footage, networks, clock, only, effort=Effort(seconds(budget)))

@@ -52,6 +52,15 @@ def require_motion(folder: Path = MOTION) -> None:
         )
 
 
+def require_human_assets(folder: Path = HUMAN_ASSETS) -> None:
+    """Raises InvalidInput where there is nothing to make lifelike performers of."""
+    if not (folder / "base").is_dir():
+        raise InvalidInput(
+            f"assets must be a folder that holds MakeHuman's base; got {folder}; docs/data.md says "
+            "which"
+        )
+
+
 def require_panoramas(folder: Path = PANORAMAS) -> None:
     """Raises InvalidInput where there are no rooms."""
     if not any(folder.glob("*.hdr")):

@@ -1,5 +1,4 @@
-"""The table of the README: five performers in real motion, three looks, `fast` and `splats`; and
-the lifelike performers, each by itself, where MakeHuman's assets are at hand.
+"""The table of the README: five performers in real motion, three looks, `fast` and `splats`.
 
 60 frames of 256 x 256 from one camera, exact poses, body crop. Each cell is stored as soon as it
 is measured.
@@ -18,15 +17,12 @@ from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence
 from capture.studio import make_sequence
-from capture.studio.named_performers import LIFELIKE_PERFORMERS, NAMED_PERFORMERS
+from capture.studio.named_performers import NAMED_PERFORMERS
 from capture.studio.sequence import LOOKS
 from renderer.evaluation.evaluate import evaluate
 from renderer.training import train
 
 BUDGETS_S = {"fast": 90.0, "splats": 20.0}
-LIFELIKE_BUDGET_S = 60.0
-MUST, AIM = {"psnr": 32.0, "lpips": 0.05}, {"psnr": 36.0, "lpips": 0.03}
-"""Of lifelike performers from new views."""
 FRAMES, SIZE = 60, 256
 _MEASURES = ("psnr", "ssim", "lpips")
 
@@ -34,7 +30,6 @@ _MEASURES = ("psnr", "ssim", "lpips")
 def run(
     writer: FigureWriter,
     motion: Path,
-    assets: Path,
     backbone: Path | None,
     clock_name: str,
     only: str,
@@ -48,7 +43,7 @@ def run(
         row = cache.measured(
             f"{about['look']}/{about['performer']}/{about['preset']}",
             {**about, "size": SIZE, "lpips": lpips},
-            lambda: _cell(about, motion, assets, backbone, clock),
+            lambda: _cell(about, motion, backbone, clock),
         )
         return [] if row is None else [{**about, **row}]
 
@@ -58,9 +53,6 @@ def run(
             for preset, budget_s in BUDGETS_S.items():
                 about = {"look": look, "performer": performer}
                 rows += measured({**about, "preset": preset, "budget_s": budget_s})
-    lifelike = []
-    for performer in LIFELIKE_PERFORMERS if assets.is_dir() else ():
-        lifelike += measured(_lifelike(performer))
     about = {
         "frames": FRAMES,
         "size": SIZE,
@@ -68,28 +60,11 @@ def run(
         "region": "body crop",
         **clock.about(),
     }
-    found = {"means": means(rows), "rows": rows, "lifelike": lifelike}
-    writer.write({**about, **found, "lifelike_must": MUST, "lifelike_aim": AIM})
-
-
-def _lifelike(performer: str) -> dict[str, Any]:
-    """What is measured of a lifelike performer, and what they look like."""
-    row = LIFELIKE_PERFORMERS[performer]
-    return {
-        "look": "plain",
-        "performer": performer,
-        "preset": "splats",
-        "budget_s": LIFELIKE_BUDGET_S,
-        "tone": row.tone,
-        "age": row.age,
-        "skin": row.skin,
-        "hair": row.hair or "none",
-        "garments": list(row.garments),
-    }
+    writer.write({**about, "means": means(rows), "rows": rows})
 
 
 def _cell(
-    about: dict[str, Any], motion: Path, assets: Path, backbone: Path | None, clock: Clock
+    about: dict[str, Any], motion: Path, backbone: Path | None, clock: Clock
 ) -> dict[str, Any]:
     """One performer in one look, one preset trained and judged."""
     with tempfile.TemporaryDirectory() as folder:
@@ -97,7 +72,6 @@ def _cell(
         make_sequence(
             path,
             performer=about["performer"],
-            assets=assets if about["performer"] in LIFELIKE_PERFORMERS else None,
             motion=motion,
             look=about["look"],
             frames=FRAMES,

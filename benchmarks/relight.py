@@ -17,6 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from benchmarks.reporting.cells import in_a_cell
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import Clock, clock_named, milliseconds
 from capture.sources.panorama import read_panorama
@@ -138,7 +139,7 @@ def _compare(
         figures.append([psnr(one[crop], truth[crop]) for one in rendered])
         if index == 0:
             cells = [one[crop] for one in (*rendered, truth)]
-            strip = np.hstack([_fit_into_cell(cell) for cell in cells])
+            strip = np.hstack([in_a_cell(cell, _CELL_PX) for cell in cells])
     unlit, relit = np.mean(figures, axis=0)
     return _Comparison(
         {
@@ -164,14 +165,3 @@ def _cost(model: SplatModel, shown: Environment, clock: Clock) -> dict[str, floa
         if frame >= 0:
             seconds.append(clock.now() - started)
     return milliseconds(seconds)
-
-
-def _fit_into_cell(cell: Float[Array, "H W 3"]) -> Float[Array, "h w 3"]:
-    """In the middle of a cell, as large as fits."""
-    room = np.zeros((*_CELL_PX, 3))
-    scale = min(whole / side for whole, side in zip(_CELL_PX, cell.shape[:2], strict=True))
-    high, wide = (max(1, round(side * scale)) for side in cell.shape[:2])
-    small = cv2.resize(cell.astype(np.float32), (wide, high), interpolation=cv2.INTER_AREA)
-    top, left = (_CELL_PX[0] - high) // 2, (_CELL_PX[1] - wide) // 2
-    room[top : top + high, left : left + wide] = small
-    return room

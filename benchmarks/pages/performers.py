@@ -7,6 +7,7 @@ from benchmarks.reporting.markdown import markdown_table
 
 _MEASURES = (("psnr", 1.0, 1), ("ssim", 1.0, 3), ("lpips", 1e3, 1))
 """Measure, what it is multiplied with in the table, decimals."""
+_PAIR = ("psnr", "lpips")
 
 
 def performers(figures: Figures) -> str:
@@ -58,3 +59,25 @@ def table(means: list[Figures]) -> str:
             ]
         )
     return markdown_table(["look", "preset", "training", "PSNR, dB", "SSIM", "LPIPS"], rows)
+
+
+def lifelike(figures: Figures) -> str:
+    """Each lifelike performer by itself, with what they look like."""
+    rows = []
+    for row in figures["rows"]:
+        cells = []
+        for split in ("novel_view", "unseen_pose"):
+            decibels, distance = (row[f"{measure}_{split}_body_crop"] for measure in _PAIR)
+            cells.append(f"{decibels:.1f} / {distance:.3f}")
+        rows.append([row["performer"], f"{row['tone']}, {row['age']}", row["hair"], *cells])
+    must = figures["must"]
+    return "\n\n".join(
+        [
+            f"{figures['frames']} frames of {figures['size']} x {figures['size']} from one camera, "
+            f"{figures['poses']} poses, {figures['budget_s']:g} s of one thread, PSNR (dB) / LPIPS "
+            f"on `{figures['lpips'].removesuffix('.pth')}`, {figures['region']} "
+            f"(`metanerf bench lifelike`); {must['psnr']:g} dB and {must['lpips']:g} are wanted:",
+            markdown_table(["performer", "skin", "hair", "unseen views", "unseen poses"], rows),
+            measured_at(figures),
+        ]
+    )

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.pages.performers import table
+from benchmarks.pages.performers import lifelike, table
 from benchmarks.performers import means
 
 
@@ -37,3 +37,28 @@ def test_means_are_over_the_performers_of_one_look():
         "| plain | `fast` | 90 s | 32.0 / 31.0 (± 2.0) | 0.970 / 0.970 | 15.0 / 15.0 |",
         "| lit | `fast` | 90 s | 28.0 / 27.0 (± 0.0) | 0.970 / 0.970 | - / - |",
     ]
+
+
+def test_lifelike_performers_are_listed_each_by_itself():
+    row = cell("plain", "moss", 33.26, 0.0124)
+    row |= {"tone": "dark", "age": "middle-aged", "hair": "short04", "commit": "abcdef0"}
+    origin = {
+        "commit": "abcdef0",
+        "date": "2026-05-01T12:00:00+00:00",
+        "uncommitted_changes": False,
+        "machine": {"processor": "a processor"},
+    }
+    figures = {
+        "frames": 60,
+        "size": 256,
+        "poses": "exact",
+        "budget_s": 60.0,
+        "lpips": "alexnet_features.pth",
+        "region": "body crop",
+        "must": {"psnr": 32.0, "lpips": 0.05},
+        "rows": [{**row, **origin}],
+    }
+    text = lifelike(figures)
+    assert "| moss | dark, middle-aged | short04 | 33.3 / 0.012 | 32.3 / 0.012 |" in text
+    assert "60 s of one thread" in text
+    assert "`alexnet_features`" in text
