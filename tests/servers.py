@@ -7,6 +7,11 @@ Whatever asks for one of these fixtures, or for `POSTGRESQL` of `DATABASES`, is 
 from __future__ import annotations
 
 import os
+import shutil
+import signal
+import socket
+import subprocess
+import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,7 +32,9 @@ _REDIS = os.environ.get("METANERF_TEST_REDIS", "redis://127.0.0.1:6379/15")
 POSTGRESQL = pytest.param("postgresql", marks=pytest.mark.server)
 DATABASES = ("sqlite", POSTGRESQL)
 """Kinds of databases to test on: SQLite always, PostgreSQL where one answers."""
-SERVER_FIXTURES = frozenset({"postgres_url", "redis_url", "pose_model", "face_model", "hand_model"})
+SERVER_FIXTURES = frozenset(
+    {"postgres_url", "redis_url", "mortal_redis", "pose_model", "face_model", "hand_model"}
+)
 
 
 def _unavailable(what: str) -> None:
@@ -76,6 +83,69 @@ def redis_url() -> str:
     except redis.RedisError as error:
         _unavailable(f"no Redis at {_REDIS} (METANERF_TEST_REDIS): {error}")
     return _REDIS
+
+
+def free_port() -> int:
+    """A TCP port on which nobody listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def program(name: str) -> str:
+    """The path of a server's program; skips where it is not installed."""
+    found = shutil.which(name) or shutil.which(name, path="/usr/sbin:/usr/local/sbin")
+    if found is None:
+        _unavailable(f"{name} is not installed")
+    assert found is not None
+    return found
+
+
+class MortalRedis:
+    """A Redis of the test's own, which goes away, hangs and comes back as the test says."""
+
+    def __init__(self) -> None:
+        self._port = free_port()
+        self.url = f"redis://127.0.0.1:{self._port}/0"
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Return once it answers."""
+        import redis
+
+        self._process = subprocess.Popen(
+            [program("redis-server"), "--port", str(self._port), "--save", ""],
+            stdout=subprocess.DEVNULL,
+        )
+        client = redis.Redis.from_url(self.url)
+        for _ in range(200):
+            try:
+                client.ping()
+                client.close()
+                return
+            except redis.RedisError:
+                time.sleep(0.05)
+        raise AssertionError("the Redis of this test did not start")
+
+    def kill(self) -> None:
+        """Gone without a word."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+
+    def hang(self) -> None:
+        """It keeps its connections and answers nobody, until it is killed."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGSTOP)
+
+
+@pytest.fixture
+def mortal_redis() -> Iterator[MortalRedis]:
+    """A Redis of the test's own, which runs."""
+    made = MortalRedis()
+    made.start()
+    yield made
+    made.kill()
 
 
 @pytest.fixture(scope="session")
