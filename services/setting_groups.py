@@ -97,6 +97,12 @@ class SecuritySettings(Group):
         validation_alias="METANERF_OPEN_ACCESS",
         description="Anybody may get a guest's token (the demo).",
     )
+    metrics_token: SecretStr | None = Field(
+        default=None,
+        min_length=16,
+        validation_alias="METANERF_METRICS_TOKEN",
+        description="Bearer token of /metrics; without, only private addresses may read it.",
+    )
     guest_tokens_per_minute: int = Field(
         default=60,
         ge=1,

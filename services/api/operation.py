@@ -10,8 +10,9 @@ from prometheus_client import CONTENT_TYPE_LATEST
 from pydantic import BaseModel, Field
 
 from services.api.dependencies import Provided
+from services.api.scraping import FiguresReader
 from services.metrics import exposition
-from services.problems import RETRY_AFTER_S
+from services.problems import RETRY_AFTER_S, problems
 from services.readiness import Status, check_stores, status_of
 
 router = APIRouter(tags=["operation"])
@@ -53,8 +54,13 @@ def readyz(services: Provided) -> JSONResponse:
     "/metrics",
     summary="Figures for Prometheus",
     response_class=Response,
-    responses={200: {"content": {"text/plain": {}}}},
+    responses={200: {"content": {"text/plain": {}}}, **problems(401, 403)},
+    dependencies=[FiguresReader],
 )
 def metrics(services: Provided) -> Response:
-    """Requests, jobs and live sessions in Prometheus' text format."""
+    """Requests, jobs and live sessions in Prometheus' text format.
+
+    Only for callers from a private network that came without a proxy, or, where the server has set
+    one, with its token.
+    """
     return Response(exposition(services), headers={"Content-Type": CONTENT_TYPE_LATEST})

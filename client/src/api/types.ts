@@ -448,7 +448,8 @@ export interface Reacted {
 
 /** What the process needs, and whether it is there. */
 export interface Readiness {
-  status: "ready" | "unready";
+  /** Degraded: it serves, without what it can do without. */
+  status: "ready" | "degraded" | "unready";
   checks: Record<string, string>;
 }
 
