@@ -19,7 +19,7 @@ from services.container import Services
 OK = "ok"
 """The state of what answers; of what does not, it is the reason."""
 _DISPENSABLE = frozenset({"redis"})
-_PATIENCE_S = 4.0
+PATIENCE_S = 4.0
 """A store that hangs must be named while the probe still waits."""
 
 Status = Literal["ready", "degraded", "unready"]
@@ -33,13 +33,13 @@ def check_stores(services: Services) -> dict[str, str]:
     }
     if services.settings.events.redis_url:
         pings["redis"] = services.events.ping
-    states = dict.fromkeys(pings, f"no answer in {_PATIENCE_S:g} s")
+    states = dict.fromkeys(pings, f"no answer in {PATIENCE_S:g} s")
 
     def look(name: str) -> None:
         states[name] = _state(pings[name])
 
     looks = [threading.Thread(target=look, args=[name], daemon=True) for name in pings]
-    give_up_s = time.monotonic() + _PATIENCE_S
+    give_up_s = time.monotonic() + PATIENCE_S
     for one in looks:
         one.start()
     for one in looks:

@@ -227,33 +227,6 @@ class ModelSettings(Group):
     )
 
 
-class LiveSettings(Group):
-    """Pictures and voices of meetings over WebRTC."""
-
-    max_viewers: int = Field(
-        default=8,
-        ge=1,
-        validation_alias="METANERF_MAX_VIEWERS",
-        description="Viewers served live at once by this process.",
-    )
-    max_voices: int = Field(
-        default=200,
-        ge=1,
-        validation_alias="METANERF_MAX_VOICES",
-        description="Voice connections served at once by this process.",
-    )
-    ice_servers: Texts = Field(
-        default_factory=list,
-        validation_alias="METANERF_ICE_SERVERS",
-        description="STUN and TURN addresses given to browsers.",
-    )
-    stamp_pictures: bool = Field(
-        default=False,
-        validation_alias="METANERF_STAMP_PICTURES",
-        description="Show in each picture's corner when it was captured, to measure latency.",
-    )
-
-
 class RecordingSettings(Group):
     """Recordings of meetings."""
 

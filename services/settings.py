@@ -1,4 +1,5 @@
-"""The settings of a process, read from variables METANERF_NAME (services.setting_groups).
+"""The settings of a process, read from variables METANERF_NAME (services.setting_groups,
+services.live_settings).
 
 Built once at the entry point and passed down; nothing else reads the environment.
 """
@@ -16,13 +17,13 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 from pydantic import SecretStr, ValidationError
 
 from scene.errors import InvalidInput
+from services.live_settings import LiveSettings
 from services.setting_groups import (
     DatabaseSettings,
     EventSettings,
     FolderSettings,
     Group,
     JobSettings,
-    LiveSettings,
     ModelSettings,
     NetworkSettings,
     ObjectSettings,

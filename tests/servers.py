@@ -15,9 +15,11 @@ import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from aioice.ice import get_host_addresses
 from sqlalchemy import create_engine, text
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import OperationalError
@@ -33,7 +35,15 @@ POSTGRESQL = pytest.param("postgresql", marks=pytest.mark.server)
 DATABASES = ("sqlite", POSTGRESQL)
 """Kinds of databases to test on: SQLite always, PostgreSQL where one answers."""
 SERVER_FIXTURES = frozenset(
-    {"postgres_url", "redis_url", "mortal_redis", "pose_model", "face_model", "hand_model"}
+    {
+        "postgres_url",
+        "redis_url",
+        "mortal_redis",
+        "turn_server",
+        "pose_model",
+        "face_model",
+        "hand_model",
+    }
 )
 
 
@@ -146,6 +156,48 @@ def mortal_redis() -> Iterator[MortalRedis]:
     made.start()
     yield made
     made.kill()
+
+
+@dataclass(frozen=True)
+class TurnServer:
+    """A coturn on this machine, as deployed."""
+
+    url: str
+    secret: str
+
+
+@pytest.fixture
+def turn_server(tmp_path: Path) -> Iterator[TurnServer]:
+    """A coturn with the configuration that is deployed; its one peer is this machine."""
+    port, own_address = free_port(), get_host_addresses(use_ipv4=True, use_ipv6=False)[0]
+    made = TurnServer(f"turn:127.0.0.1:{port}", uuid.uuid4().hex)
+    options = {
+        "listening-ip": "127.0.0.1",
+        "listening-port": port,
+        "relay-ip": own_address,
+        "allowed-peer-ip": own_address,
+        "static-auth-secret": made.secret,
+        "pidfile": tmp_path / "turnserver.pid",
+        "userdb": tmp_path / "turndb",
+    }
+    configuration = Path(__file__).resolve().parents[1] / "deploy" / "turnserver.conf"
+    command = [program("turnserver"), "-c", str(configuration)]
+    process = subprocess.Popen(
+        [*command, *(f"--{name}={value}" for name, value in options.items())],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        for _ in range(200):
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", port)) == 0:
+                    break
+            assert process.poll() is None, "coturn ended"
+            time.sleep(0.05)
+        yield made
+    finally:
+        process.kill()
+        process.wait()
 
 
 @pytest.fixture(scope="session")

@@ -6,6 +6,7 @@ import dataclasses
 import os
 import stat
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -43,6 +44,8 @@ DEFAULTS = {
     "METANERF_MAX_VIEWERS": 8,
     "METANERF_MAX_VOICES": 200,
     "METANERF_ICE_SERVERS": [],
+    "METANERF_TURN_URLS": [],
+    "METANERF_TURN_SECRET": None,
     "METANERF_STAMP_PICTURES": False,
     "METANERF_MAX_RECORDING_S": 7200.0,
     "METANERF_MAX_RECORDING_BYTES": 536_870_912,
@@ -110,6 +113,26 @@ def test_faults_name_the_variable_and_the_rule(monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(InvalidInput, match=r"METANERF_PORT: .*; METANERF_MAX_VIEWERS: ") as told:
         load_settings()
     assert "got METANERF" in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"ice_servers": ["turn:example.org"]}, "TURN belongs into METANERF_TURN_URLS"),
+        ({"turn_urls": ["stun:example.org"], "turn_secret": "s"}, "STUN into METANERF_ICE_SERVERS"),
+        ({"turn_urls": ["turn:example.org"]}, "both or neither; got only the addresses"),
+        ({"turn_secret": "s"}, "both or neither; got only the secret"),
+    ],
+)
+def test_a_relay_that_could_not_work_is_refused(values: dict[str, Any], words: str):
+    with pytest.raises(InvalidInput, match=words):
+        load_settings(**values)
+
+
+def test_secrets_are_not_shown():
+    secrets = {"jwt_secret": "j" * 40, "turn_secret": "t" * 40, "metrics_token": "m" * 40}
+    shown = repr(load_settings(turn_urls=["turn:example.org"], **secrets))
+    assert not [secret for secret in secrets.values() if secret in shown]
 
 
 def test_a_list_that_is_no_json_is_told_by_its_variable(monkeypatch: pytest.MonkeyPatch):

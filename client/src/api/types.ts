@@ -129,6 +129,13 @@ export interface Hello {
   after: number;
 }
 
+/** An entry of `RTCConfiguration.iceServers`. */
+export interface IceServer {
+  urls: string[];
+  username?: string;
+  credential?: string;
+}
+
 /** A capture, training or export, and its progress. */
 export interface Job {
   id: string;
@@ -596,7 +603,8 @@ export interface Seat {
   role: Role;
   /** Whether the host has admitted you; there is no view before that. */
   admission: Admission;
-  ice_servers: string[];
+  /** For RTCConfiguration; credentials of TURN last as long as the token. */
+  ice_servers: IceServer[];
   whep_url: string;
   control_url: string;
   /** False while the renderer compiles, on its first start on a machine. */

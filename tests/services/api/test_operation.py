@@ -77,7 +77,7 @@ async def test_without_redis_a_gateway_is_degraded_and_serves(services: Services
 async def test_a_store_that_hangs_is_named_while_the_probe_waits(
     services: Services, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(readiness, "_PATIENCE_S", 0.1)
+    monkeypatch.setattr(readiness, "PATIENCE_S", 0.1)
     answered = threading.Event()
 
     class Hanging(AwayObjects):
