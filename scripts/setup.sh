@@ -75,10 +75,10 @@ install_chromium() {
 
 # servers of docker-compose.yml that tests run as they are deployed; without them those tests are skipped
 install_servers() {
-  command -v turnserver >/dev/null && return
+  command -v turnserver >/dev/null && command -v caddy >/dev/null && command -v promtool >/dev/null && return
   command -v apt-get >/dev/null && [ "$(id -u)" = 0 ] || return 0
   echo "setup: installing the servers that the deployment's tests run"
-  apt-get update -qq && apt-get install -y -qq --no-install-recommends coturn >/dev/null
+  apt-get update -qq && apt-get install -y -qq --no-install-recommends coturn caddy prometheus >/dev/null
 }
 
 if [ "${1:-}" = test ]; then install_python requirements-dev.lock; else install_python requirements.lock; fi

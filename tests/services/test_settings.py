@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import SecretStr
 
 from capture.detection.network_files import NetworkSource
 from scene.errors import InvalidInput
@@ -127,6 +128,29 @@ def test_faults_name_the_variable_and_the_rule(monkeypatch: pytest.MonkeyPatch):
 def test_a_relay_that_could_not_work_is_refused(values: dict[str, Any], words: str):
     with pytest.raises(InvalidInput, match=words):
         load_settings(**values)
+
+
+def test_a_secret_may_stand_in_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    secret = tmp_path / "turn_secret"
+    secret.write_text("of a file\n")
+    monkeypatch.setenv("METANERF_TURN_SECRET_FILE", str(secret))
+    monkeypatch.setenv("METANERF_TURN_URLS", '["turn:example.org"]')
+    made = load_settings()
+    assert made.live.turn_secret is not None
+    assert made.live.turn_secret.get_secret_value() == "of a file"
+    child = made.child_environment()
+    assert (child["METANERF_TURN_SECRET"], "METANERF_TURN_SECRET_FILE" in child) == (
+        "of a file",
+        False,
+    )
+    assert load_settings(turn_secret="given").live.turn_secret == SecretStr("given")
+    monkeypatch.setenv("METANERF_TURN_SECRET", "of the environment")
+    with pytest.raises(InvalidInput, match="METANERF_TURN_SECRET_FILE must not be set both"):
+        load_settings()
+    monkeypatch.delenv("METANERF_TURN_SECRET")
+    secret.unlink()
+    with pytest.raises(InvalidInput, match=r"METANERF_TURN_SECRET_FILE must name a file.*No such"):
+        load_settings()
 
 
 def test_secrets_are_not_shown():
