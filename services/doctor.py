@@ -10,10 +10,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 
 import numpy as np
-from aioice import Connection
-from aioice.ice import get_host_addresses
-from aiortc import RTCIceServer
-from aiortc.rtcicetransport import connection_kwargs
+from aiortc import RTCConfiguration, RTCIceServer, RTCPeerConnection
 from av import VideoFrame
 from av.error import FFmpegError
 
@@ -120,9 +117,11 @@ def _port(settings: Settings) -> Finding:
 
 def _udp() -> Finding:
     """Whether packets pass over the addresses that connections are offered on."""
-    addresses = get_host_addresses(use_ipv4=True, use_ipv6=False)
+    offered = asyncio.run(_candidates([]))
+    addresses = sorted({address for kind, address in offered if kind == "host"})
     for address in addresses:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        family = socket.AF_INET6 if ":" in address else socket.AF_INET
+        with socket.socket(family, socket.SOCK_DGRAM) as own:
             own.settimeout(1.0)
             try:
                 own.bind((address, 0))
@@ -137,21 +136,27 @@ def _udp() -> Finding:
 
 def _relay(url: str, server: IceServer) -> Finding:
     asked = RTCIceServer(urls=url, username=server.username, credential=server.credential)
-
-    async def kinds() -> set[str]:
-        connection = Connection(ice_controlling=True, **connection_kwargs([asked]))
-        try:
-            await asyncio.wait_for(connection.gather_candidates(), _RELAY_S)
-            return {candidate.type for candidate in connection.local_candidates}
-        finally:
-            await connection.close()
-
     try:
-        given = "relay" in asyncio.run(kinds())
+        offered = asyncio.run(asyncio.wait_for(_candidates([asked]), _RELAY_S))
     except (OSError, TimeoutError, ValueError):
-        given = False
+        offered = []
+    given = any(kind == "relay" for kind, _ in offered)
     advice = "start it, with the secret of METANERF_TURN_SECRET, or correct METANERF_TURN_URLS"
     return Finding(f"relay {url}", OK if given else "gives no relay", "" if given else advice)
+
+
+async def _candidates(servers: list[RTCIceServer]) -> list[tuple[str, str]]:
+    """Kind and address of everything that a connection of this machine would offer."""
+    connection = RTCPeerConnection(RTCConfiguration(iceServers=servers))
+    try:
+        connection.createDataChannel("doctor")
+        await connection.setLocalDescription(await connection.createOffer())
+        sdp = connection.localDescription.sdp
+    finally:
+        await connection.close()
+    found = [line.split() for line in sdp.splitlines() if line.startswith("a=candidate:")]
+    # a=candidate:FOUNDATION COMPONENT TRANSPORT PRIORITY ADDRESS PORT typ KIND (RFC 8839)
+    return [(words[7], words[4]) for words in found]
 
 
 def _landmark_models(settings: Settings) -> Iterator[Finding]:
