@@ -2,7 +2,7 @@
 # Sets up everything that `make demo` and `make test` need, once: virtual environment, pinned
 # packages, the client's build, the renderer's compiled kernels. Run again it does nothing that is already done.
 #   scripts/setup.sh          what the demo needs
-#   scripts/setup.sh test     and the tools and the Chromium that the tests need
+#   scripts/setup.sh test     and the tools, the Chromium and the servers that the tests need
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -73,7 +73,15 @@ install_chromium() {
   fi
 }
 
+# servers of docker-compose.yml that tests run as they are deployed; without them those tests are skipped
+install_servers() {
+  command -v turnserver >/dev/null && command -v caddy >/dev/null && command -v promtool >/dev/null && return
+  command -v apt-get >/dev/null && [ "$(id -u)" = 0 ] || return 0
+  echo "setup: installing the servers that the deployment's tests run"
+  apt-get update -qq && apt-get install -y -qq --no-install-recommends coturn caddy prometheus >/dev/null
+}
+
 if [ "${1:-}" = test ]; then install_python requirements-dev.lock; else install_python requirements.lock; fi
 build_client
 compile_renderer
-if [ "${1:-}" = test ]; then install_chromium; fi
+if [ "${1:-}" = test ]; then install_chromium; install_servers; fi

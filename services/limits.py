@@ -1,4 +1,4 @@
-"""How often a caller may ask; whoever asks more often learns when to come back."""
+"""How often a caller may ask, and what an address says of who asks."""
 
 from __future__ import annotations
 
@@ -62,3 +62,14 @@ def network_of(address: str) -> str:
     if parsed.version == 4:
         return address
     return str(ipaddress.ip_network((parsed, 64), strict=False))
+
+
+def is_private(address: str) -> bool:
+    """Whether `address` is of this machine or of a private network (RFC 1918, RFC 4193)."""
+    try:
+        parsed = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return False
+    # IPv4 that comes by an IPv6 socket: Python 3.11 takes all of these for private
+    mapped = parsed.ipv4_mapped if isinstance(parsed, ipaddress.IPv6Address) else None
+    return (mapped or parsed).is_private

@@ -11,6 +11,7 @@ from db.errors import DatabaseError
 from db.models import JobKind, JobState
 from services.container import Services
 from services.gateway import Gateway
+from services.readiness import OK, check_stores
 
 REQUESTS = Counter("metanerf_requests_total", "Answered requests.", ["method", "route", "status"])
 SECONDS = Histogram(
@@ -23,6 +24,7 @@ JOBS = Gauge("metanerf_jobs", "Jobs by kind and state.", ["kind", "state"])
 VIEWERS = Gauge("metanerf_viewers", "Viewers served live now.")
 RENDER_MS = Gauge("metanerf_render_milliseconds", "Median of the latest renders, ms.")
 PARTICIPANTS = Gauge("metanerf_participants", "Pages on the control channel now.")
+STORES = Gauge("metanerf_store_up", "1 where a store answers, else 0.", ["store"])
 
 
 class CountRequests:
@@ -66,6 +68,8 @@ def exposition(services: Services) -> bytes:
             counts = unit.jobs.count()
     except DatabaseError:  # the other figures are wanted all the more then
         counts = {}
+    for store, state in check_stores(services).items():
+        STORES.labels(store).set(state == OK)
     for kind in JobKind:
         for state in JobState:
             JOBS.labels(kind.value, state.value).set(counts.get((kind, state), 0))

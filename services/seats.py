@@ -32,7 +32,7 @@ MOST_SEATS = 100
 SEAT_LAPSES_S = 30.0
 BEAT_S = 10.0
 _RETRY_AFTER_S = 15
-_TOKEN_LIFETIME = timedelta(hours=12)
+TOKEN_LIFETIME = timedelta(hours=12)
 _REFUSALS = {
     Admission.WAITING: (
         AwaitingAdmission,
@@ -85,7 +85,7 @@ def take_seat(
     )
     meeting.participants.append(participant)
     token, _ = services.tokens.issue(
-        caller.account, frozenset({"join"}), _TOKEN_LIFETIME, meeting.id, participant.id, role
+        caller.account, frozenset({"join"}), TOKEN_LIFETIME, meeting.id, participant.id, role
     )
     return participant, token
 

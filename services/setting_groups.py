@@ -97,6 +97,12 @@ class SecuritySettings(Group):
         validation_alias="METANERF_OPEN_ACCESS",
         description="Anybody may get a guest's token (the demo).",
     )
+    metrics_token: SecretStr | None = Field(
+        default=None,
+        min_length=16,
+        validation_alias="METANERF_METRICS_TOKEN",
+        description="Bearer token of /metrics; without, only private addresses may read it.",
+    )
     guest_tokens_per_minute: int = Field(
         default=60,
         ge=1,
@@ -218,33 +224,6 @@ class ModelSettings(Group):
         ge=16,
         validation_alias="METANERF_MAX_VIEW_PX",
         description="Longest side of a rendered view, px.",
-    )
-
-
-class LiveSettings(Group):
-    """Pictures and voices of meetings over WebRTC."""
-
-    max_viewers: int = Field(
-        default=8,
-        ge=1,
-        validation_alias="METANERF_MAX_VIEWERS",
-        description="Viewers served live at once by this process.",
-    )
-    max_voices: int = Field(
-        default=200,
-        ge=1,
-        validation_alias="METANERF_MAX_VOICES",
-        description="Voice connections served at once by this process.",
-    )
-    ice_servers: Texts = Field(
-        default_factory=list,
-        validation_alias="METANERF_ICE_SERVERS",
-        description="STUN and TURN addresses given to browsers.",
-    )
-    stamp_pictures: bool = Field(
-        default=False,
-        validation_alias="METANERF_STAMP_PICTURES",
-        description="Show in each picture's corner when it was captured, to measure latency.",
     )
 
 

@@ -1,4 +1,5 @@
-"""The settings of a process, read from variables METANERF_NAME (services.setting_groups).
+"""The settings of a process, read from variables METANERF_NAME (services.setting_groups,
+services.live_settings).
 
 Built once at the entry point and passed down; nothing else reads the environment.
 """
@@ -16,13 +17,13 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 from pydantic import SecretStr, ValidationError
 
 from scene.errors import InvalidInput
+from services.live_settings import LiveSettings
 from services.setting_groups import (
     DatabaseSettings,
     EventSettings,
     FolderSettings,
     Group,
     JobSettings,
-    LiveSettings,
     ModelSettings,
     NetworkSettings,
     ObjectSettings,
@@ -107,6 +108,7 @@ _GROUPS: dict[str, type[Group]] = get_type_hints(Settings)
 def load_settings(**values: Any) -> Settings:
     """Settings from the environment, `values` first; `port` is METANERF_PORT.
 
+    METANERF_PORT_FILE may name a file that holds the value, as secrets of containers are given.
     Raises InvalidInput, which names the variable and the rule of every fault.
     """
     given = {_PREFIX + name.upper(): value for name, value in values.items()}
@@ -115,7 +117,8 @@ def load_settings(**values: Any) -> Settings:
     for name, group in _GROUPS.items():
         known = set(_variables(group).values())
         try:
-            read[name] = group(**{key: given.pop(key) for key in known & set(given)})
+            in_files = _values_in_files(known - set(given), faults)
+            read[name] = group(**in_files, **{key: given.pop(key) for key in known & set(given)})
         except ValidationError as error:
             faults += [
                 ": ".join([*map(str, fault["loc"]), fault["msg"]])
@@ -125,6 +128,23 @@ def load_settings(**values: Any) -> Settings:
     if faults:
         raise InvalidInput("settings must be valid; got " + "; ".join(faults))
     return _with_default_places(Settings(**read))
+
+
+def _values_in_files(variables: set[str], faults: list[str]) -> dict[str, str]:
+    """What stands in the files that the environment names for some of `variables`."""
+    values: dict[str, str] = {}
+    for variable in sorted(variables):
+        path = os.environ.get(f"{variable}_FILE")
+        if not path:
+            continue
+        if variable in os.environ:
+            faults.append(f"{variable} and {variable}_FILE must not be set both; unset one")
+            continue
+        try:
+            values[variable] = Path(path).read_text().rstrip("\n")
+        except (OSError, UnicodeDecodeError) as error:
+            faults.append(f"{variable}_FILE must name a file that can be read; got {error}")
+    return values
 
 
 def _with_default_places(settings: Settings) -> Settings:

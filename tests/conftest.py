@@ -17,9 +17,11 @@ import tests.annotations  # noqa: F401  (the hook finds its checker by this name
 from tests.servers import SERVER_FIXTURES
 from tests.servers import face_model as face_model
 from tests.servers import hand_model as hand_model
+from tests.servers import mortal_redis as mortal_redis
 from tests.servers import pose_model as pose_model
 from tests.servers import postgres_url as postgres_url
 from tests.servers import redis_url as redis_url
+from tests.servers import turn_server as turn_server
 
 # before anything imports triton: without a GPU its kernels run one by one on the CPU
 if not torch.cuda.is_available():

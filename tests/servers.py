@@ -7,12 +7,19 @@ Whatever asks for one of these fixtures, or for `POSTGRESQL` of `DATABASES`, is 
 from __future__ import annotations
 
 import os
+import shutil
+import signal
+import socket
+import subprocess
+import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from aioice.ice import get_host_addresses
 from sqlalchemy import create_engine, text
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import OperationalError
@@ -27,7 +34,17 @@ _REDIS = os.environ.get("METANERF_TEST_REDIS", "redis://127.0.0.1:6379/15")
 POSTGRESQL = pytest.param("postgresql", marks=pytest.mark.server)
 DATABASES = ("sqlite", POSTGRESQL)
 """Kinds of databases to test on: SQLite always, PostgreSQL where one answers."""
-SERVER_FIXTURES = frozenset({"postgres_url", "redis_url", "pose_model", "face_model", "hand_model"})
+SERVER_FIXTURES = frozenset(
+    {
+        "postgres_url",
+        "redis_url",
+        "mortal_redis",
+        "turn_server",
+        "pose_model",
+        "face_model",
+        "hand_model",
+    }
+)
 
 
 def _unavailable(what: str) -> None:
@@ -76,6 +93,111 @@ def redis_url() -> str:
     except redis.RedisError as error:
         _unavailable(f"no Redis at {_REDIS} (METANERF_TEST_REDIS): {error}")
     return _REDIS
+
+
+def free_port() -> int:
+    """A TCP port on which nobody listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def program(name: str) -> str:
+    """The path of a server's program; skips where it is not installed."""
+    found = shutil.which(name) or shutil.which(name, path="/usr/sbin:/usr/local/sbin")
+    if found is None:
+        _unavailable(f"{name} is not installed")
+    assert found is not None
+    return found
+
+
+class MortalRedis:
+    """A Redis of the test's own, which goes away, hangs and comes back as the test says."""
+
+    def __init__(self) -> None:
+        self._port = free_port()
+        self.url = f"redis://127.0.0.1:{self._port}/0"
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Return once it answers."""
+        import redis
+
+        self._process = subprocess.Popen(
+            [program("redis-server"), "--port", str(self._port), "--save", ""],
+            stdout=subprocess.DEVNULL,
+        )
+        client = redis.Redis.from_url(self.url)
+        for _ in range(200):
+            try:
+                client.ping()
+                client.close()
+                return
+            except redis.RedisError:
+                time.sleep(0.05)
+        raise AssertionError("the Redis of this test did not start")
+
+    def kill(self) -> None:
+        """Gone without a word."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+
+    def hang(self) -> None:
+        """It keeps its connections and answers nobody, until it is killed."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGSTOP)
+
+
+@pytest.fixture
+def mortal_redis() -> Iterator[MortalRedis]:
+    """A Redis of the test's own, which runs."""
+    made = MortalRedis()
+    made.start()
+    yield made
+    made.kill()
+
+
+@dataclass(frozen=True)
+class TurnServer:
+    """A coturn on this machine, as deployed."""
+
+    url: str
+    secret: str
+
+
+@pytest.fixture
+def turn_server(tmp_path: Path) -> Iterator[TurnServer]:
+    """A coturn with the configuration that is deployed; its one peer is this machine."""
+    port, own_address = free_port(), get_host_addresses(use_ipv4=True, use_ipv6=False)[0]
+    made = TurnServer(f"turn:127.0.0.1:{port}", uuid.uuid4().hex)
+    options = {
+        "listening-ip": "127.0.0.1",
+        "listening-port": port,
+        "relay-ip": own_address,
+        "allowed-peer-ip": own_address,
+        "static-auth-secret": made.secret,
+        "pidfile": tmp_path / "turnserver.pid",
+        "userdb": tmp_path / "turndb",
+    }
+    configuration = Path(__file__).resolve().parents[1] / "deploy" / "turnserver.conf"
+    command = [program("turnserver"), "-c", str(configuration)]
+    process = subprocess.Popen(
+        [*command, *(f"--{name}={value}" for name, value in options.items())],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        for _ in range(200):
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", port)) == 0:
+                    break
+            assert process.poll() is None, "coturn ended"
+            time.sleep(0.05)
+        yield made
+    finally:
+        process.kill()
+        process.wait()
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ from services import meetings
 from services.api.shapes import Body
 from services.arrangement import DefaultViewpoint, view_from_the_front
 from services.auth import Principal
+from services.live.ice_servers import IceServer
 from services.names import Name
 
 Owner = Literal["own", "demo", "other"]
@@ -132,7 +133,9 @@ class Seat(BaseModel):
     admission: Admission = Field(
         description="Whether the host has admitted you; there is no view before that."
     )
-    ice_servers: list[str]
+    ice_servers: list[IceServer] = Field(
+        description="For RTCConfiguration; credentials of TURN last as long as the token."
+    )
     whep_url: str
     control_url: str
     ready: bool = Field(

@@ -11,6 +11,7 @@ from services.api import meeting_shapes as shapes
 from services.api.dependencies import CurrentGateway, Joiner, Provided, Writer
 from services.auth import Principal
 from services.container import Services
+from services.live.ice_servers import ice_servers
 from services.problems import PROBLEMS
 
 router = APIRouter(prefix="/v1", tags=["meetings"], responses=PROBLEMS)
@@ -98,7 +99,7 @@ def join_meeting(
         seat=seat.seat,
         role=seat.role,
         admission=seat.admission,
-        ice_servers=services.settings.live.ice_servers,
+        ice_servers=ice_servers(services.settings.live, seat.id, services.clock()),
         whep_url=f"/whep/{meeting_id}",
         control_url=f"/v1/meetings/{meeting_id}/control",
         ready=gateway.views.ready,

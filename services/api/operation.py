@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Literal
 
-import redis
 from fastapi import APIRouter, Response
 from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
-from db.errors import DatabaseError
 from services.api.dependencies import Provided
-from services.container import Services
+from services.api.scraping import FiguresReader
 from services.metrics import exposition
-from services.problems import RETRY_AFTER_S
+from services.problems import RETRY_AFTER_S, problems
+from services.readiness import Status, check_stores, status_of
 
 router = APIRouter(tags=["operation"])
 
@@ -29,50 +27,40 @@ class Health(BaseModel):
 class Readiness(BaseModel):
     """What the process needs, and whether it is there."""
 
-    status: Literal["ready", "unready"]
+    status: Status = Field(description="Degraded: it serves, without what it can do without.")
     checks: dict[str, str]
 
 
 @router.get("/healthz", summary="Check liveness")
-def healthz() -> Health:
-    """Answers as long as the process runs."""
+async def healthz() -> Health:
+    """Answers as long as the process runs, whatever else is away."""
     return Health()
 
 
 @router.get("/readyz", summary="Check readiness", responses={503: {"model": Readiness}})
 def readyz(services: Provided) -> JSONResponse:
-    """Whether database, object store and Redis answer; names those that do not."""
-    checks = readiness(services)
-    ready = all(state == "ok" for state in checks.values())
-    answer = Readiness(status="ready" if ready else "unready", checks=checks)
-    headers = None if ready else {"Retry-After": str(RETRY_AFTER_S)}
-    return JSONResponse(answer.model_dump(), status_code=200 if ready else 503, headers=headers)
+    """Whether database, object store and Redis answer; names those that do not.
+
+    Without database or object store it is `unready` (503); without Redis only `degraded` (200).
+    """
+    checks = check_stores(services)
+    answer = Readiness(status=status_of(checks), checks=checks)
+    unready = answer.status == "unready"
+    headers = {"Retry-After": str(RETRY_AFTER_S)} if unready else None
+    return JSONResponse(answer.model_dump(), status_code=503 if unready else 200, headers=headers)
 
 
 @router.get(
     "/metrics",
     summary="Figures for Prometheus",
     response_class=Response,
-    responses={200: {"content": {"text/plain": {}}}},
+    responses={200: {"content": {"text/plain": {}}}, **problems(401, 403)},
+    dependencies=[FiguresReader],
 )
 def metrics(services: Provided) -> Response:
-    """Requests, jobs and live sessions in Prometheus' text format."""
+    """Requests, jobs and live sessions in Prometheus' text format.
+
+    Only for callers from a private network that came without a proxy, or, where the server has set
+    one, with its token.
+    """
     return Response(exposition(services), headers={"Content-Type": CONTENT_TYPE_LATEST})
-
-
-def readiness(services: Services) -> dict[str, str]:
-    """`ok`, or why not, of everything this process needs."""
-    checks: dict[str, Callable[[], None]] = {
-        "database": services.database.ping,
-        "objects": services.objects.ping,
-    }
-    if services.settings.events.redis_url:
-        checks["redis"] = services.events.ping
-    found = {}
-    for name, ping in checks.items():
-        try:
-            ping()
-            found[name] = "ok"
-        except (DatabaseError, redis.RedisError) as error:
-            found[name] = str(error)
-    return found

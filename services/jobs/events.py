@@ -1,7 +1,8 @@
 """Wake-ups: something about a topic has changed, look at the database again.
 
 An event carries nothing and may be lost, so whoever waits also looks from time to time. Without
-Redis that is all there is between processes; with it, a look follows a change at once.
+Redis that is all there is between processes; with it, a look follows a change at once. Redis may go
+away and come back: waits become looks meanwhile, and events travel again as soon as it answers.
 """
 
 from __future__ import annotations
@@ -25,6 +26,11 @@ QUEUE = "queue"
 """Topic: a job was queued or cancelled."""
 _POLL_S = 0.25
 """How often to look where no event comes from other processes."""
+_ANSWER_S = 1.0
+"""Redis answers in milliseconds or is away: who publishes holds up a control channel meanwhile."""
+_PAUSE_S = 2.0
+"""Between two attempts to publish while Redis is away, so that one that hangs costs little."""
+_HEALTH_CHECK_S = 10
 _PREFIX = "metanerf:"
 
 
@@ -105,17 +111,24 @@ class RedisEvents:
     """Events between processes. While Redis is away, everybody just looks often."""
 
     def __init__(self, url: str) -> None:
-        self._url = url
-        self._client = redis.Redis.from_url(
-            url, socket_connect_timeout=2, socket_timeout=5, health_check_interval=10
-        )
+        self._options = {
+            "url": url,
+            "socket_connect_timeout": _ANSWER_S,
+            "socket_timeout": _ANSWER_S,
+            "health_check_interval": _HEALTH_CHECK_S,
+        }
+        self._client = redis.Redis.from_url(**self._options)
         self._local = threading.local()
+        self._outage = _Outage()
 
     def publish(self, topic: str) -> None:
+        if self._outage.pauses():
+            return
         try:
             self._client.publish(_PREFIX + topic, b"1")
+            self._outage.end()
         except redis.RedisError as error:
-            log.warning("event %s was not published: %s", topic, error)
+            self._outage.begin(error)
 
     def wait(self, topic: str, timeout_s: float) -> None:
         started = time.monotonic()
@@ -126,7 +139,7 @@ class RedisEvents:
                 if message is not None and message["type"] == "message":
                     return
         except redis.RedisError as error:
-            log.warning("Redis is away, polling: %s", error)
+            self._outage.begin(error)
             self._local.__dict__.clear()
             time.sleep(min(timeout_s, _POLL_S))
 
@@ -137,19 +150,16 @@ class RedisEvents:
             channel = self._client.pubsub()
             channel.subscribe(_PREFIX + topic)
             channels[topic] = channel
+            self._outage.end()
         return channels[topic]
 
     @asynccontextmanager
     async def listen(self, topic: str) -> AsyncIterator[Listener]:
-        client = redis.asyncio.Redis.from_url(self._url, socket_connect_timeout=2)
+        client = redis.asyncio.Redis.from_url(**self._options)
         channel = client.pubsub()
+        listener = _RedisListener(channel, _PREFIX + topic, self._outage)
         try:
-            try:
-                await channel.subscribe(_PREFIX + topic)
-                listener: Listener = _RedisListener(channel)
-            except redis.RedisError as error:
-                log.warning("Redis is away, polling: %s", error)
-                listener = _Poll()
+            await listener.subscribe()
             yield listener
         finally:
             await channel.aclose()
@@ -163,15 +173,58 @@ class RedisEvents:
 
 
 class _RedisListener:
-    def __init__(self, channel: PubSub) -> None:
-        self._channel = channel
+    """One subscription, made again once Redis is back."""
+
+    def __init__(self, channel: PubSub, name: str, outage: _Outage) -> None:
+        self._channel, self._name, self._outage = channel, name, outage
+
+    async def subscribe(self) -> bool:
+        """Whether events come from now on."""
+        try:
+            await self._channel.subscribe(self._name)
+            # its confirmation: what is published from here on comes
+            if await self._channel.get_message(timeout=_ANSWER_S) is not None:
+                self._outage.end()
+            return True
+        except redis.RedisError as error:
+            self._outage.begin(error)
+            return False
 
     async def wait(self, timeout_s: float) -> None:
+        if not self._channel.subscribed:
+            # once it succeeds, that counts as an event too: some may have been missed
+            if not await self.subscribe():
+                await asyncio.sleep(min(timeout_s, _POLL_S))
+            return
         try:
-            await self._channel.get_message(ignore_subscribe_messages=True, timeout=timeout_s)
+            # a lost connection is made and subscribed again here, and its confirmation is an event
+            if await self._channel.get_message(timeout=timeout_s) is not None:
+                self._outage.end()
         except redis.RedisError as error:
+            self._outage.begin(error)
+            await asyncio.sleep(min(timeout_s, _POLL_S))
+
+
+class _Outage:
+    """Whether Redis is away: told once when it goes and once when it is back."""
+
+    def __init__(self) -> None:
+        self._failed_s: float | None = None
+
+    def pauses(self) -> bool:
+        """Whether the last failure is so recent that another attempt would fail as well."""
+        failed_s = self._failed_s
+        return failed_s is not None and time.monotonic() - failed_s < _PAUSE_S
+
+    def begin(self, error: redis.RedisError) -> None:
+        if self._failed_s is None:
             log.warning("Redis is away, polling: %s", error)
-            await asyncio.sleep(_POLL_S)
+        self._failed_s = time.monotonic()
+
+    def end(self) -> None:
+        if self._failed_s is not None:
+            log.warning("Redis is back")
+        self._failed_s = None
 
 
 def open_events(redis_url: str | None) -> Events:

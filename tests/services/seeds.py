@@ -90,6 +90,27 @@ def captured(services: Services, folder: Path, account: str = "house") -> Sequen
     return sequence
 
 
+def uploaded(services: Services) -> SequenceRow:
+    """A person with a clip that no job can read: its bytes are nowhere."""
+    now = services.clock()
+    person = PersonRow(id=new_id(), account="house", name="Ada", created_at=now)
+    clip = SequenceRow(
+        id=new_id(),
+        person_id=person.id,
+        kind=SequenceKind.VIDEO,
+        state=SequenceState.UPLOADED,
+        created_at=now,
+        source_name="none.mp4",
+        source_sha256="0" * 64,
+    )
+    with services.unit_of_work() as unit:
+        unit.people.add(person)
+        unit.flush()
+        unit.sequences.add(clip)
+        unit.commit()
+    return clip
+
+
 def queued_training(services: Services, sequence: SequenceRow, budget_s: float = 2.0) -> str:
     """A training in the queue; its job's id."""
     with services.unit_of_work() as unit:

@@ -6,8 +6,10 @@ import dataclasses
 import os
 import stat
 from pathlib import Path
+from typing import Any
 
 import pytest
+from pydantic import SecretStr
 
 from capture.detection.network_files import NetworkSource
 from scene.errors import InvalidInput
@@ -27,6 +29,7 @@ DEFAULTS = {
     "METANERF_JWT_SECRET": None,
     "METANERF_TOKEN_LIFETIME_H": 24.0,
     "METANERF_OPEN_ACCESS": False,
+    "METANERF_METRICS_TOKEN": None,
     "METANERF_GUEST_TOKENS_PER_MINUTE": 60,
     "METANERF_DATA_DIR": Path("metanerf-data"),
     "METANERF_DATABASE_URL": "",
@@ -42,6 +45,8 @@ DEFAULTS = {
     "METANERF_MAX_VIEWERS": 8,
     "METANERF_MAX_VOICES": 200,
     "METANERF_ICE_SERVERS": [],
+    "METANERF_TURN_URLS": [],
+    "METANERF_TURN_SECRET": None,
     "METANERF_STAMP_PICTURES": False,
     "METANERF_MAX_RECORDING_S": 7200.0,
     "METANERF_MAX_RECORDING_BYTES": 536_870_912,
@@ -109,6 +114,49 @@ def test_faults_name_the_variable_and_the_rule(monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(InvalidInput, match=r"METANERF_PORT: .*; METANERF_MAX_VIEWERS: ") as told:
         load_settings()
     assert "got METANERF" in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"ice_servers": ["turn:example.org"]}, "TURN belongs into METANERF_TURN_URLS"),
+        ({"turn_urls": ["stun:example.org"], "turn_secret": "s"}, "STUN into METANERF_ICE_SERVERS"),
+        ({"turn_urls": ["turn:example.org"]}, "both or neither; got only the addresses"),
+        ({"turn_secret": "s"}, "both or neither; got only the secret"),
+    ],
+)
+def test_a_relay_that_could_not_work_is_refused(values: dict[str, Any], words: str):
+    with pytest.raises(InvalidInput, match=words):
+        load_settings(**values)
+
+
+def test_a_secret_may_stand_in_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    secret = tmp_path / "turn_secret"
+    secret.write_text("of a file\n")
+    monkeypatch.setenv("METANERF_TURN_SECRET_FILE", str(secret))
+    monkeypatch.setenv("METANERF_TURN_URLS", '["turn:example.org"]')
+    made = load_settings()
+    assert made.live.turn_secret is not None
+    assert made.live.turn_secret.get_secret_value() == "of a file"
+    child = made.child_environment()
+    assert (child["METANERF_TURN_SECRET"], "METANERF_TURN_SECRET_FILE" in child) == (
+        "of a file",
+        False,
+    )
+    assert load_settings(turn_secret="given").live.turn_secret == SecretStr("given")
+    monkeypatch.setenv("METANERF_TURN_SECRET", "of the environment")
+    with pytest.raises(InvalidInput, match="METANERF_TURN_SECRET_FILE must not be set both"):
+        load_settings()
+    monkeypatch.delenv("METANERF_TURN_SECRET")
+    secret.unlink()
+    with pytest.raises(InvalidInput, match=r"METANERF_TURN_SECRET_FILE must name a file.*No such"):
+        load_settings()
+
+
+def test_secrets_are_not_shown():
+    secrets = {"jwt_secret": "j" * 40, "turn_secret": "t" * 40, "metrics_token": "m" * 40}
+    shown = repr(load_settings(turn_urls=["turn:example.org"], **secrets))
+    assert not [secret for secret in secrets.values() if secret in shown]
 
 
 def test_a_list_that_is_no_json_is_told_by_its_variable(monkeypatch: pytest.MonkeyPatch):

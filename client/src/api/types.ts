@@ -129,6 +129,13 @@ export interface Hello {
   after: number;
 }
 
+/** An entry of `RTCConfiguration.iceServers`. */
+export interface IceServer {
+  urls: string[];
+  username?: string;
+  credential?: string;
+}
+
 /** A capture, training or export, and its progress. */
 export interface Job {
   id: string;
@@ -448,7 +455,8 @@ export interface Reacted {
 
 /** What the process needs, and whether it is there. */
 export interface Readiness {
-  status: "ready" | "unready";
+  /** Degraded: it serves, without what it can do without. */
+  status: "ready" | "degraded" | "unready";
   checks: Record<string, string>;
 }
 
@@ -595,7 +603,8 @@ export interface Seat {
   role: Role;
   /** Whether the host has admitted you; there is no view before that. */
   admission: Admission;
-  ice_servers: string[];
+  /** For RTCConfiguration; credentials of TURN last as long as the token. */
+  ice_servers: IceServer[];
   whep_url: string;
   control_url: string;
   /** False while the renderer compiles, on its first start on a machine. */

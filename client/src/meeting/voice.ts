@@ -9,6 +9,7 @@
 
 import { microphoneProblem, microphoneConstraints } from "../capture/devices";
 import { Problem, problemOf } from "../api/problem";
+import type { IceServer } from "../api/types";
 import { iceGathered, waitFor, sleep } from "../api/until";
 import type { VoiceSource } from "./spatialAudio";
 import { reconnectDelayMs } from "./controlConnection";
@@ -42,7 +43,7 @@ export class VoiceConnection {
 
   constructor(
     private readonly address: string,
-    private readonly iceServers: readonly string[],
+    private readonly iceServers: IceServer[],
     private readonly hooks: VoiceHooks,
     private readonly request: typeof fetch = (input, init) => fetch(input, init),
     private readonly makePeer: (configuration: RTCConfiguration) => RTCPeerConnection = (c) =>
@@ -102,10 +103,7 @@ export class VoiceConnection {
   }
 
   private async connect(): Promise<void> {
-    const peer = this.makePeer({
-      iceServers: this.iceServers.map((urls) => ({ urls })),
-      bundlePolicy: "max-bundle",
-    });
+    const peer = this.makePeer({ iceServers: this.iceServers, bundlePolicy: "max-bundle" });
     this.peer = peer;
     this.sender = peer.addTransceiver("audio", { direction: "sendonly" }).sender;
     if (this.microphone) await this.sender.replaceTrack(this.microphone);

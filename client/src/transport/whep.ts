@@ -146,8 +146,7 @@ export class WhepConnection {
   private async connect(): Promise<void> {
     const seat = (this.seat ??= await this.hooks.seat(this.stale));
     this.closing.signal.throwIfAborted();
-    const iceServers = seat.ice_servers.map((urls) => ({ urls }));
-    const peer = this.makePeer({ iceServers, bundlePolicy: "max-bundle" });
+    const peer = this.makePeer({ iceServers: seat.ice_servers, bundlePolicy: "max-bundle" });
     this.peer = peer;
     // before the offer, so that the channel is part of it
     this.channel = peer.createDataChannel("view", { ordered: false, maxRetransmits: 0 });

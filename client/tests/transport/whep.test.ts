@@ -70,7 +70,7 @@ const SEAT: Seat = {
   admission: "admitted",
   control_url: "/v1/meetings/m/control",
   ready: true,
-  ice_servers: ["stun:s"],
+  ice_servers: [{ urls: ["turn:s"], username: "9:me", credential: "c" }],
   whep_url: "/whep/m",
   performers: [],
   viewpoint: FRONT,
@@ -92,13 +92,15 @@ function setUp(answer: (call: Call, attempt: number) => Response) {
     onStream: () => undefined,
     onPose: (packet: ArrayBuffer) => heard.push(packet),
   };
-  const link = new WhepConnection(hooks, request, () => {
+  const configurations: RTCConfiguration[] = [];
+  const link = new WhepConnection(hooks, request, (configuration) => {
+    configurations.push(configuration);
     const peer = new FakePeer();
     peers.push(peer);
     return peer as unknown as RTCPeerConnection;
   });
   const kinds = (): string[] => states.map(({ kind }) => kind);
-  return { link, calls, peers, states, kinds, heard };
+  return { link, calls, peers, states, kinds, heard, configurations };
 }
 
 const accepted = (): Response =>
@@ -113,10 +115,11 @@ afterEach(() => {
 
 describe("WhepConnection", () => {
   it("offers one video to receive, and channels for viewpoints and poses", async () => {
-    const { link, calls, peers, kinds } = setUp(accepted);
+    const { link, calls, peers, kinds, configurations } = setUp(accepted);
     void link.run();
     await vi.advanceTimersByTimeAsync(10);
     const peer = peers[0];
+    expect(configurations[0]?.iceServers).toEqual(SEAT.ice_servers);
     expect(peer?.steps).toEqual(["view", "pose", "video recvonly", "offer", "answer"]);
     expect(peer?.channel?.label).toBe("view");
     expect(peer?.channel?.options).toEqual({ ordered: false, maxRetransmits: 0 });

@@ -18,6 +18,7 @@ from fastapi import Request, Response, status
 from db.errors import NotFound
 from scene.errors import InvalidInput
 from services.auth import Principal
+from services.container import Services
 from services.errors import (
     BadCandidate,
     NoIceRestart,
@@ -27,6 +28,7 @@ from services.errors import (
     UnsupportedMediaType,
 )
 from services.live.aiortc_compat import candidate_from_sdp
+from services.live.ice_servers import IceServer, ice_servers
 
 SDP = "application/sdp"
 SDP_FRAGMENT = "application/trickle-ice-sdpfrag"
@@ -82,18 +84,31 @@ async def read_offer(request: Request) -> str:
     )
 
 
-def created(location: str, session_id: str, answer: str, ice_servers: list[str]) -> Response:
+def created(
+    services: Services, caller: Principal, location: str, session_id: str, answer: str
+) -> Response:
     """201 with the SDP answer and the location of the session resource."""
-    response = Response(answer, status.HTTP_201_CREATED, media_type=SDP)
+    response = Response(_add_rtcp_mux_only(answer), status.HTTP_201_CREATED, media_type=SDP)
     response.headers["Location"] = location
     response.headers["ETag"] = f'"{session_id}"'
     response.headers["Accept-Patch"] = SDP_FRAGMENT
-    for url in ice_servers:
-        response.headers.append("Link", f'<{url}>; rel="ice-server"')
+    holder = caller.participant_id or "viewer"
+    for server in ice_servers(services.settings.live, holder, services.clock()):
+        for url in server.urls:
+            response.headers.append("Link", _ice_server_link(url, server))
     return response
 
 
-def add_rtcp_mux_only(answer: str) -> str:
+def _ice_server_link(url: str, server: IceServer) -> str:
+    """As in RFC 9725, section 4.6."""
+    link = f'<{url}>; rel="ice-server"'
+    if server.username:
+        link += f'; username="{server.username}"; credential="{server.credential}"'
+        link += '; credential-type="password"'
+    return link
+
+
+def _add_rtcp_mux_only(answer: str) -> str:
     """`answer` with `a=rtcp-mux-only` (RFC 8858): RTP and RTCP must share a port."""
     return answer.replace("a=rtcp-mux\r\n", f"a=rtcp-mux\r\n{_RTCP_MUX_ONLY}\r\n")
 

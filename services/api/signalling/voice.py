@@ -57,8 +57,7 @@ async def create_voice_session(
     # from now on the hub closes the connection of a participant who is removed
     gateway.hub.notify(meeting_id)
     location = f"{path}/{session_id}"
-    ice_servers = gateway.services.settings.live.ice_servers
-    return sdp_http.created(location, session_id, sdp_http.add_rtcp_mux_only(answer), ice_servers)
+    return sdp_http.created(gateway.services, caller, location, session_id, answer)
 
 
 @router.post(

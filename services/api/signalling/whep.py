@@ -41,10 +41,7 @@ async def create_session(
     # from now on the hub ends the session of a viewer who is removed
     gateway.hub.notify(meeting_id)
     location = f"/whep/{meeting_id}/{session_id}"
-    ice_servers = gateway.services.settings.live.ice_servers
-    return sdp_http.created(
-        location, session_id, sdp_http.add_rtcp_mux_only(sdp_answer), ice_servers
-    )
+    return sdp_http.created(gateway.services, caller, location, session_id, sdp_answer)
 
 
 @router.options("/whep/{meeting_id}", summary="What a viewer may post", status_code=204)

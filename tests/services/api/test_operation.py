@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 from pathlib import Path
 
 import httpx
+import pytest
 from obstore.store import MemoryStore
 
 from db.unit_of_work import Database
+from services import readiness
 from services.app import create_app
 from services.container import Services
 from services.jobs.events import RedisEvents
@@ -45,18 +48,46 @@ async def test_a_database_that_is_away_is_named_and_requests_fail_fast(services:
         assert (await client.get("/metrics")).status_code == 200
 
 
-async def test_store_and_redis_that_are_away_are_named(services: Services):
-    store = AwayObjects(MemoryStore())
+async def test_an_object_store_that_is_away_is_named(services: Services):
+    broken = replace(services, objects=AwayObjects(MemoryStore()))
+    async with _caller(broken) as client:
+        unready = await client.get("/readyz")
+        assert (unready.status_code, unready.json()["status"]) == (503, "unready")
+        assert unready.json()["checks"]["database"] == "ok"
+        assert "connection refused" in unready.json()["checks"]["objects"]
+        assert (await client.get("/healthz")).status_code == 200
+        assert 'metanerf_store_up{store="objects"} 0.0' in (await client.get("/metrics")).text
+        # what does not need it goes on
+        assert (await client.post("/v1/people", json={"name": "Ada"})).status_code == 201
+
+
+async def test_without_redis_a_gateway_is_degraded_and_serves(services: Services):
     url = "redis://127.0.0.1:1/0"
     settings = changed(services.settings, redis_url=url)
-    broken = replace(services, objects=store, events=RedisEvents(url), settings=settings)
-    async with _caller(broken) as client:
-        checks = (await client.get("/readyz")).json()["checks"]
-        assert checks["database"] == "ok"
-        assert "connection refused" in checks["objects"]
-        assert "refused" in checks["redis"]
-        # what needs neither goes on
+    async with _caller(replace(services, events=RedisEvents(url), settings=settings)) as client:
+        degraded = await client.get("/readyz")
+        assert (degraded.status_code, degraded.json()["status"]) == (200, "degraded")
+        assert "retry-after" not in degraded.headers
+        checks = degraded.json()["checks"]
+        assert "refused" in checks.pop("redis")
+        assert checks == {"database": "ok", "objects": "ok"}
         assert (await client.post("/v1/people", json={"name": "Ada"})).status_code == 201
+
+
+async def test_a_store_that_hangs_is_named_while_the_probe_waits(
+    services: Services, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(readiness, "PATIENCE_S", 0.1)
+    answered = threading.Event()
+
+    class Hanging(AwayObjects):
+        def ping(self) -> None:
+            answered.wait(30.0)
+
+    async with _caller(replace(services, objects=Hanging(MemoryStore()))) as client:
+        checks = (await client.get("/readyz")).json()["checks"]
+    answered.set()
+    assert checks == {"database": "ok", "objects": "no answer in 0.1 s"}
 
 
 async def test_requests_are_counted_by_route(client: httpx.AsyncClient):

@@ -6,7 +6,10 @@ import asyncio
 import threading
 import time
 
+import pytest
+
 from services.jobs.events import Events, LocalEvents, RedisEvents
+from tests.servers import MortalRedis
 
 
 def _wakes_a_thread(listening: Events, speaking: Events) -> bool:
@@ -56,6 +59,45 @@ async def test_without_redis_everybody_just_looks():
     events.wait("topic", 0.05)
     async with events.listen("topic") as listener:
         await asyncio.wait_for(listener.wait(60.0), 30.0)
+    events.close()
+
+
+async def test_listeners_of_before_and_of_meanwhile_are_woken_once_redis_is_back(
+    mortal_redis: MortalRedis, caplog: pytest.LogCaptureFixture
+):
+    events = RedisEvents(mortal_redis.url)
+    async with events.listen("job:1") as before:
+        mortal_redis.kill()
+        events.publish("job:1")
+        async with events.listen("job:1") as meanwhile:
+            both = (before, meanwhile)
+            for one in both:
+                await asyncio.wait_for(one.wait(60.0), 5.0)  # just looks
+            mortal_redis.start()
+            for one in both:
+                await asyncio.wait_for(one.wait(60.0), 5.0)  # subscribed again
+            waits = [asyncio.create_task(one.wait(60.0)) for one in both]
+            await asyncio.sleep(0.3)
+            assert not any(one.done() for one in waits), "nothing has happened yet"
+            async with asyncio.timeout(5.0):
+                while not all(one.done() for one in waits):
+                    events.publish("job:1")
+                    await asyncio.sleep(0.1)
+    told = [r.getMessage() for r in caplog.records if r.name == "services.jobs.events"]
+    assert [words.split(",")[0] for words in told] == ["Redis is away", "Redis is back"]
+    events.close()
+
+
+def test_a_redis_that_hangs_holds_up_whoever_publishes_only_for_a_moment(
+    mortal_redis: MortalRedis,
+):
+    events = RedisEvents(mortal_redis.url)
+    events.publish("topic")
+    mortal_redis.hang()
+    started = time.monotonic()
+    for _ in range(20):
+        events.publish("topic")
+    assert time.monotonic() - started < 2.0
     events.close()
 
 

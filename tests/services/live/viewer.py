@@ -25,8 +25,8 @@ def view(sequence: int, x: float, z: float, size: int = 160) -> bytes:
 class Viewer:
     """One connection: a data channel up, a video down."""
 
-    def __init__(self) -> None:
-        self.peer = RTCPeerConnection(RTCConfiguration(iceServers=[]))
+    def __init__(self, configuration: RTCConfiguration | None = None) -> None:
+        self.peer = RTCPeerConnection(configuration or RTCConfiguration(iceServers=[]))
         self.channel = self.peer.createDataChannel("view", ordered=False, maxRetransmits=0)
         self.receiver = self.peer.addTransceiver("video", direction="recvonly").receiver
 

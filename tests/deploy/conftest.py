@@ -1,0 +1,7 @@
+"""The gateway that the deployment's servers stand in front of: the one of tests/services."""
+
+from __future__ import annotations
+
+from tests.services.conftest import empty_database as empty_database
+from tests.services.conftest import services as services
+from tests.services.conftest import settings as settings
