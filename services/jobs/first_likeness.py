@@ -56,7 +56,7 @@ def make_first_likeness(
         log.warning("job %s: no first likeness: %s", capture.id, error)
         return
     model.metrics.update(round=0, train_seconds=FIRST_USABLE_S)
-    _hand_out(services, capture, training.id, model, draft.parent)
+    _publish(services, capture, training.id, model, draft.parent)
 
 
 def _waiting(services: Services, capture: JobRow) -> JobRow | None:
@@ -71,7 +71,7 @@ def _waiting(services: Services, capture: JobRow) -> JobRow | None:
     return training if makes_splats and training.params.get("improves") is None else None
 
 
-def _hand_out(
+def _publish(
     services: Services, capture: JobRow, training_id: str, model: PerformerModel, scratch: Path
 ) -> None:
     with Results(services, capture) as results:
