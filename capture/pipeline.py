@@ -9,6 +9,7 @@ import logging
 import tempfile
 from collections.abc import Callable
 from collections.abc import Sequence as Many
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -139,10 +140,11 @@ def capture_clip(
     read = reports.part(0.0, 0.08, "reading the clip")
     clip = read_clip(path, options.max_frames, read, should_stop, max_side=MAX_SIDE_PX)
     track, lifter = _track(clip, options, reports)
-    parts = _parts(clip, track, options, reports)
-    masks = segment_clip(
-        clip.images, track.people, reports.part(0.3, 0.38, "cutting out the person")
-    )
+    with ThreadPoolExecutor(1, "parts") as aside:  # networks leave cores to the masks
+        finding = aside.submit(_parts, clip, track, options, should_stop)
+        cut_out = reports.part(0.28, 0.38, "cutting out the person")
+        masks = segment_clip(clip.images, track.people, cut_out)
+        parts = finding.result()
     window = person_window(masks, clip.source_size)
     expressions = clip_expressions(parts, clip.times_s, track.takes)
 
@@ -229,19 +231,19 @@ def _tracked(clip: Clip, estimator: PoseEstimator, reports: _Reports) -> Track:
     return track
 
 
-def _parts(clip: Clip, track: Track, options: CaptureOptions, reports: _Reports) -> ClipParts:
+def _parts(
+    clip: Clip, track: Track, options: CaptureOptions, should_stop: Callable[[], bool]
+) -> ClipParts:
     """Face and hands in each frame, as far as models are available."""
     models = (options.face_model, options.hand_model)
     face, hand = (None if model is None else _file_or_none(model) for model in models)
-    report = reports.part(0.28, 0.3, "looking at face and hands")
 
-    def progress(done: float) -> None:
-        if reports.should_stop():
+    def go_on(_: float) -> None:
+        if should_stop():
             raise CaptureStopped("capture was stopped while looking at face and hands")
-        report(done)
 
     with FaceAndHandDetector(face, hand) as detector:
-        return find_parts(clip.images, track.people, detector, progress)
+        return find_parts(clip.images, track.people, detector, go_on)
 
 
 def _file_or_none(model: NetworkSource | Path) -> Path | None:
