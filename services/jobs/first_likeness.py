@@ -14,9 +14,10 @@ from pathlib import Path
 from capture.storage import open_sequence
 from db.models import JobKind, JobRow, JobState
 from db.repositories import UnitOfWork
-from renderer.errors import TrainingError, TrainingStopped
+from renderer.errors import TrainingStopped
 from renderer.performer_model import PerformerModel
 from renderer.training import Progress, train
+from scene.errors import SceneError
 from services.container import Services
 from services.jobs.events import job_topic
 from services.jobs.report import JobStopped, Reporter
@@ -52,11 +53,12 @@ def make_first_likeness(
         )
     except TrainingStopped as stopped:
         raise JobStopped from stopped
-    except TrainingError as error:
+    except SceneError as error:
         log.warning("job %s: no first likeness: %s", capture.id, error)
         return
     model.metrics.update(round=0, train_seconds=FIRST_USABLE_S)
-    _publish(services, capture, training.id, model, draft.parent)
+    if (training := _waiting(services, capture)) is not None:  # nobody has cancelled it meanwhile
+        _publish(services, capture, training.id, model, draft.parent)
 
 
 def _waiting(services: Services, capture: JobRow) -> JobRow | None:
