@@ -44,8 +44,9 @@ SIZE_PX = 1024
 """Longest side of the stored frames."""
 _JUDGED_PX = 512
 """Longest side of the frames that the report measures and overlays show."""
-_DRAFT_PX = 512
-"""Longest side of a draft's frames: as much as a training's steps see of a whole person."""
+_DRAFT_PX = 256
+"""Longest side of a draft's frames: in the same seconds a training makes twice as many steps as at
+512 px, and comes nearer to frames of that size."""
 _DRAFT_STAGE = STAGES[1]
 """After it poses are about right, and nine tenths of the fit's time are still to come."""
 MIN_FOUND = 0.25
