@@ -51,6 +51,7 @@ CATALOGUE = (
     Benchmark("reading", ("reading",)),
     Benchmark("live-capture", ("live-capture",)),
     Benchmark("masks", ("masks",)),
+    Benchmark("enrolment", ("enrolment",), (require_webcam_clip,)),
     Benchmark("local-view", ("local-view",), (require_browser,)),
     Benchmark("serve", ("serve",), (require_browser,)),
     Benchmark("meeting", ("meeting",), (require_browser, require_webcam_clip)),

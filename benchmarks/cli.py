@@ -127,6 +127,22 @@ def serve(commits: Commits = False) -> None:
 
 
 @app.command()
+def enrolment(
+    commits: Commits = False,
+    clip: Annotated[
+        list[Path] | None, typer.Option(help="A video of one person; repeat for several.")
+    ] = None,
+) -> None:
+    """How soon somebody who has sent a clip is met."""
+    clips = clip or [WEBCAM]
+    for one in clips:
+        require_webcam_clip(one)
+    from benchmarks.enrolment import run
+
+    run(_start("enrolment", commits, narrowed=clip is not None), clips)
+
+
+@app.command()
 def gpu(
     commits: Commits = False,
     train_for: Annotated[

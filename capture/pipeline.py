@@ -9,6 +9,7 @@ import logging
 import tempfile
 from collections.abc import Callable
 from collections.abc import Sequence as Many
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from capture.detection.network_files import NetworkSource, landmark_network_file
 from capture.detection.tracking import Track, track_person
 from capture.errors import BrokenSequence, CaptureStopped, NoPersonFound, PoseModelMissing
 from capture.fitting.face_shape import with_own_face
-from capture.fitting.fit import fit_clip
+from capture.fitting.fit import STAGES, fit_clip
 from capture.fitting.result import Fit
 from capture.fitting.world import place_in_world
 from capture.overlay import write_video
@@ -44,6 +45,11 @@ SIZE_PX = 1024
 """Longest side of the stored frames."""
 _JUDGED_PX = 512
 """Longest side of the frames that the report measures and overlays show."""
+_DRAFT_PX = 256
+"""Longest side of a draft's frames: in the same seconds a training makes twice as many steps as at
+512 px, and comes nearer to frames of that size."""
+_DRAFT_STAGE = STAGES[1]
+"""After it poses are about right, and nine tenths of the fit's time are still to come."""
 MIN_FOUND = 0.25
 """Share of the sampled frames in which the person must be found."""
 
@@ -113,6 +119,7 @@ def capture_clip(
     *,
     on_progress: Progress = lambda *_: None,
     on_fit: Callable[[str, Fit], None] = lambda *_: None,
+    on_draft: Callable[[Path], None] | None = None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> CaptureQuality:
     """Capture a video, a folder or zip of frames, or a zip of videos into the folder `out`.
@@ -120,6 +127,8 @@ def capture_clip(
     Args:
         on_progress: called with the share done and what is being done.
         on_fit: called with each stage of the fit and its result (`fit.STAGES`).
+        on_draft: called once, early in the fit, with a sequence folder of smaller frames in the
+            poses found so far, which is gone afterwards.
         should_stop: asked often; CaptureStopped follows.
 
     Returns the quality report, which is stored too. Raises UnreadableClip, NoPersonFound,
@@ -133,10 +142,34 @@ def capture_clip(
     read = reports.part(0.0, 0.08, "reading the clip")
     clip = read_clip(path, options.max_frames, read, should_stop, max_side=MAX_SIDE_PX)
     track, lifter = _track(clip, options, reports)
-    parts = _parts(clip, track, options, reports)
-    masks = segment_clip(
-        clip.images, track.people, reports.part(0.3, 0.38, "cutting out the person")
-    )
+    with ThreadPoolExecutor(1, "parts") as aside:  # networks leave cores to the masks
+        finding = aside.submit(_parts, clip, track, options, should_stop)
+        cut_out = reports.part(0.28, 0.38, "cutting out the person")
+        masks = segment_clip(clip.images, track.people, cut_out)
+        parts = finding.result()
+    window = person_window(masks, clip.source_size)
+    expressions = clip_expressions(parts, clip.times_s, track.takes)
+    faces = [None if face is None else face.pixels for face in parts.faces]
+
+    def captured(fit: Fit, images: Many[UInt8[Array, "H W 3"]]) -> CapturedClip:
+        placed = place_in_world(fit, clip.times_s)
+        placed = replace(placed, motion=replace(placed.motion, expressions=expressions))
+        if options.body_model is None:
+            height, width = clip.images[0].shape[:2]
+            camera = working_camera(fit, placed, width, height)
+            placed = replace(placed, body=with_own_face(placed.body, placed.motion, camera, faces))
+        return crop_to_person(images, window, clip.source_size, track, masks, fit, placed)
+
+    def on_stage(stage: str, fit: Fit) -> None:
+        on_fit(stage, fit)
+        if on_draft is not None and stage == _DRAFT_STAGE:
+            out.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(prefix=".draft-", dir=out.parent) as folder:
+                draft = Path(folder) / "draft"
+                small = captured(fit, _worked_with(clip, window))
+                _store(draft, path.name, clip, small, None, options, lambda _: None)
+                on_draft(draft)
+
     fit = fit_clip(
         track.people,
         masks,
@@ -149,23 +182,14 @@ def capture_clip(
         images=clip.images,
         parts=parts,
         on_progress=reports.part(0.38, 0.92, "fitting the body"),
-        on_stage=on_fit,
+        on_stage=on_stage,
         should_stop=should_stop,
     )
-    placed = place_in_world(fit, clip.times_s)
-    expressions = clip_expressions(parts, clip.times_s, track.takes)
-    placed = replace(placed, motion=replace(placed.motion, expressions=expressions))
-    if options.body_model is None:
-        height, width = clip.images[0].shape[:2]
-        faces = [None if face is None else face.pixels for face in parts.faces]
-        camera = working_camera(fit, placed, width, height)
-        placed = replace(placed, body=with_own_face(placed.body, placed.motion, camera, faces))
-    window = person_window(masks, clip.source_size)
-    images = _filmed(path, clip, window, options, reports)
-    captured = crop_to_person(images, window, clip.source_size, track, masks, fit, placed)
-    looked_at = captured.shrunk(_JUDGED_PX)
+    finished = captured(fit, _filmed(path, clip, window, options, reports))
+    looked_at = finished.shrunk(_JUDGED_PX)
     quality = judge(looked_at, clip.recordings)
-    _store(out, path.name, clip, captured, quality, options, reports)
+    on_written = reports.part(0.95, 1.0, "writing the sequence")
+    _store(out, path.name, clip, finished, quality, options, on_written)
     if options.overlay is not None:
         write_video(looked_at.overlays(), options.overlay, clip.frames_per_second)
     return quality
@@ -214,19 +238,19 @@ def _tracked(clip: Clip, estimator: PoseEstimator, reports: _Reports) -> Track:
     return track
 
 
-def _parts(clip: Clip, track: Track, options: CaptureOptions, reports: _Reports) -> ClipParts:
+def _parts(
+    clip: Clip, track: Track, options: CaptureOptions, should_stop: Callable[[], bool]
+) -> ClipParts:
     """Face and hands in each frame, as far as models are available."""
     models = (options.face_model, options.hand_model)
     face, hand = (None if model is None else _file_or_none(model) for model in models)
-    report = reports.part(0.28, 0.3, "looking at face and hands")
 
-    def progress(done: float) -> None:
-        if reports.should_stop():
+    def go_on(_: float) -> None:
+        if should_stop():
             raise CaptureStopped("capture was stopped while looking at face and hands")
-        report(done)
 
     with FaceAndHandDetector(face, hand) as detector:
-        return find_parts(clip.images, track.people, detector, progress)
+        return find_parts(clip.images, track.people, detector, go_on)
 
 
 def _file_or_none(model: NetworkSource | Path) -> Path | None:
@@ -242,6 +266,17 @@ def _focal_px(clip: Clip, options: CaptureOptions) -> float | None:
     if options.focal_px is None:
         return None
     return options.focal_px * max(clip.images[0].shape[:2]) / max(clip.source_size)
+
+
+def _worked_with(clip: Clip, window: Window) -> list[UInt8[Array, "h w 3"]]:
+    """The frames that the capture works with, cut to `window` of those that were filmed."""
+    height, width = clip.images[0].shape[:2]
+    across, down = width / clip.source_size[0], height / clip.source_size[1]
+    rows, columns = (
+        slice(round(share * span.start), round(share * span.stop))
+        for share, span in zip((down, across), window, strict=True)
+    )
+    return [shrink(image[rows, columns], _DRAFT_PX) for image in clip.images]
 
 
 def _filmed(
@@ -265,18 +300,18 @@ def _store(
     source: str,
     clip: Clip,
     captured: CapturedClip,
-    quality: CaptureQuality,
+    quality: CaptureQuality | None,
     options: CaptureOptions,
-    reports: _Reports,
+    on_progress: Callable[[float], None],
 ) -> None:
     write_sequence(
         out,
         person=options.person,
         frames_per_second=clip.frames_per_second,
         body=captured.body,
-        train=captured.frames(reports.part(0.95, 1.0, "writing the sequence")),
+        train=captured.frames(on_progress),
         confidence=captured.motion.confidence,
         source=source,
         pose_trust=PoseTrust.ESTIMATED,
-        quality=quality.as_json(),
+        quality=None if quality is None else quality.as_json(),
     )

@@ -172,7 +172,8 @@ class ModelRow(Base):
     preset: Mapped[str] = mapped_column(String(64))
     created_at: Mapped[datetime]
     superseded_at: Mapped[datetime | None]
-    """When a better one took its place; it is kept a while for those who still look at it."""
+    """When a better one took its place, or its clip was given up; it is kept a while for those who
+    still look at it."""
     data_hash: Mapped[str] = mapped_column(String(128))
     metrics: Mapped[dict[str, Any]]
     files: Mapped[list[ModelFileRow]] = relationship(
@@ -216,6 +217,7 @@ class JobRow(Base):
         ForeignKey("sequence.id", ondelete="SET NULL"), index=True
     )
     model_id: Mapped[str | None] = mapped_column(ForeignKey("model.id", ondelete="SET NULL"))
+    """Of a training, the best there is so far: while its clip is captured, a first likeness."""
     progress: Mapped[float] = mapped_column(default=0.0)
     message: Mapped[str] = mapped_column(String(500), default="")
     preview: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)

@@ -161,7 +161,10 @@ class Jobs(Protocol):
         ...
 
     def claim(self, kinds: Collection[JobKind], worker: str, now: datetime) -> JobRow | None:
-        """Take the oldest queued job of `kinds`, exclusively; None where there is none."""
+        """Take the oldest queued job of `kinds`, exclusively; None where there is none.
+
+        A training waits until its clip is captured.
+        """
         ...
 
     def with_expired_lease(self, renewed_before: datetime) -> list[JobRow]:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
 from typing import Any, TypeVar, cast
 
-from sqlalchemy import CursorResult, Select, Table, delete, func, select, update
+from sqlalchemy import CursorResult, Select, Table, and_, delete, func, select, update
 from sqlalchemy.orm import Session
 
 from db.errors import NotFound
@@ -27,6 +27,7 @@ from db.models import (
     PersonRow,
     RecordingChunkRow,
     SequenceRow,
+    SequenceState,
     UploadRow,
 )
 
@@ -218,10 +219,15 @@ class SqlJobs(_Repository):
 
     def claim(self, kinds: Collection[JobKind], worker: str, now: datetime) -> JobRow | None:
         """See `Jobs.claim`."""
+        uncaptured = select(SequenceRow.id).where(
+            SequenceRow.id == JobRow.sequence_id,
+            SequenceRow.state.in_([SequenceState.UPLOADED, SequenceState.CAPTURING]),
+        )
+        waits_for_capture = and_(JobRow.kind == JobKind.TRAIN, uncaptured.exists())
         # PostgreSQL skips rows that another worker holds; SQLite has one writer at a time anyway
         query = (
             select(JobRow)
-            .where(JobRow.state == JobState.QUEUED, JobRow.kind.in_(kinds))
+            .where(JobRow.state == JobState.QUEUED, JobRow.kind.in_(kinds), ~waits_for_capture)
             .order_by(JobRow.created_at)
             .limit(1)
             .with_for_update(skip_locked=True)

@@ -8,7 +8,17 @@ from typing import Any
 from benchmarks.pages.provenance import CHANGED, Figures, short_origin
 from benchmarks.reporting.markdown import markdown_table
 
-SOURCES = ("serve", "meeting", "train", "expressions", "relight", "local-view", "gpu", "frontier")
+SOURCES = (
+    "serve",
+    "meeting",
+    "enrolment",
+    "train",
+    "expressions",
+    "relight",
+    "local-view",
+    "gpu",
+    "frontier",
+)
 """Files of figures, in the order in which `numbers` takes them."""
 
 
@@ -78,6 +88,15 @@ def _meeting(figures: Figures) -> _Rows:
     yield "what somebody who is seen sends", sent
 
 
+def _enrolment(figures: Figures) -> _Rows:
+    for row in figures["rows"]:
+        yield (
+            f"from a clip of {row['seconds']:.0f} s that is sent to a first likeness that can be "
+            "met; to the finished model",
+            f"{row['first_likeness_s']:.0f} s; {row['model_s']:.0f} s",
+        )
+
+
 def _train(figures: Figures) -> _Rows:
     cold = dict(figures["curves"]["cold"])
     yield (
@@ -134,7 +153,17 @@ def _frontier(figures: Figures) -> _Rows:
     yield "a model's file", ", ".join(files)
 
 
-_ROWS = (_serve, _meeting, _train, _expressions, _relight, _local_view, _gpu, _frontier)
+_ROWS = (
+    _serve,
+    _meeting,
+    _enrolment,
+    _train,
+    _expressions,
+    _relight,
+    _local_view,
+    _gpu,
+    _frontier,
+)
 """What makes the rows of each of `SOURCES`."""
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 from capture.detection.landmarks import Landmarks
 from capture.segmentation.background import FRAMES as BACKGROUND_FRAMES
@@ -23,8 +25,15 @@ def segment_clip(
     background = learn_background(
         [image for image, _ in some], (dilated_person_mask(one) for _, one in some)
     )
+
+    def refined(
+        image: UInt8[Array, "H W 3"], person: Landmarks | None
+    ) -> Float[Array, "H W"] | None:
+        return None if person is None else refine_mask(image, person, background)
+
     masks: list[Float[Array, "H W"] | None] = []
-    for index, person in enumerate(people):
-        masks.append(None if person is None else refine_mask(images[index], person, background))
-        on_progress((index + 1) / len(people))
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0)), "segment") as pool:
+        for mask in pool.map(refined, images, people):
+            masks.append(mask)
+            on_progress(len(masks) / len(people))
     return smooth_masks(images, masks)

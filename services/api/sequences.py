@@ -66,7 +66,8 @@ async def delete_sequence(
 def train_model(
     sequence_id: str, body: shapes.NewModel, services: Provided, caller: Writer
 ) -> shapes.Job:
-    """Queue a training job; follow it at `/v1/jobs/{id}/events`."""
+    """Queue a training job; follow it at `/v1/jobs/{id}/events`. Before the clip is captured it
+    waits for that, and in the meantime its `model_id` names a first likeness (splats)."""
     preset = find_preset(body.preset)
     longest = services.settings.jobs.max_budget_s
     if body.budget_s > longest:
@@ -81,10 +82,11 @@ def train_model(
                 "have no colours; they can drive a model (`motion_sequence_id` of a view), or "
                 "upload a video",
             )
-        if sequence.state is not SequenceState.READY:
+        capture = unit.jobs.latest(sequence_id, JobKind.CAPTURE)
+        if sequence.state is not SequenceState.READY and (capture is None or capture.state.final):
             raise NotCaptured(
-                f"a sequence must be ready before it is trained from; got {sequence.state}; "
-                "wait for its capture",
+                "a sequence must be captured, or on its way to be, to be trained from; got "
+                f"{sequence.state}; resume its capture or upload the clip again",
             )
         if body.improves is not None:
             _require_improvable(model_of(unit, caller, body.improves), sequence, preset.name)

@@ -218,7 +218,8 @@ class Job(BaseModel):
     has_preview: bool
     sequence_id: str | None
     model_id: str | None = Field(
-        description="What was trained; while the job runs, the best there is so far."
+        description="What was trained; until the job ends, the best there is so far: while its "
+        "clip is being captured, a first likeness."
     )
     error: Problem | None
 

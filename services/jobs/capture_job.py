@@ -11,6 +11,7 @@ from db.objects import fetch
 from db.repositories import UnitOfWork
 from scene.sequence import Sequence
 from services.container import Services
+from services.jobs.first_likeness import make_first_likeness
 from services.jobs.report import JobStopped, Reporter, encode_preview
 from services.jobs.results import Results
 
@@ -23,6 +24,13 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
     from capture.pipeline import CaptureOptions, capture_clip
 
     sequence, person = _begin(services, job)
+    done = 0.0
+
+    def on_progress(share: float, message: str) -> None:
+        nonlocal done
+        done = share * _SHARE_OF_CAPTURE
+        reporter.progress(done, message)
+
     source = folder / f"source{_suffix(sequence)}"
     fetch(services.objects, job.person_id, sequence.source_sha256, source)
     out = folder / "sequence"
@@ -37,7 +45,8 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
                 face_model=services.settings.face_model_source(),
                 hand_model=services.settings.hand_model_source(),
             ),
-            on_progress=lambda done, message: reporter.progress(done * _SHARE_OF_CAPTURE, message),
+            on_progress=on_progress,
+            on_draft=lambda draft: make_first_likeness(services, job, reporter, draft, done),
             should_stop=reporter.should_stop,
         )
     except CaptureStopped as stopped:

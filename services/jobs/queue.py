@@ -1,10 +1,11 @@
 """What can be done with a job: queue it, cancel it, resume it, queue it again, end it.
 
-A capture that fails or is cancelled takes its sequence with it, since there is nothing to be had
-from it; the job stays and says why. Only a full disk is not the clip's fault: then the clip stays
-and the capture can be resumed. All functions work within the caller's transaction; those that
-end a job return the objects that nothing points at afterwards, for the caller to delete once the
-transaction is committed.
+A training may be queued before its clip is captured, and waits for that. A capture that fails or
+is cancelled takes its sequence and such trainings with it, since there is nothing to be had from
+it; the jobs stay and say why. Only a full disk is not the clip's fault: then the clip stays and the
+capture can be resumed. All functions work within the caller's transaction; those that end a job
+return the objects that nothing points at afterwards, for the caller to delete once the transaction
+is committed.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ Orphan = tuple[str, str]
 """Owner and sha256 of an object."""
 DescribeFailure = Callable[[Exception], dict[str, Any]]
 """What a job's row keeps of the error that ended it, with what people read as `detail`."""
+_WAITING, _WAITING_FOR_CAPTURE = "waiting for a worker", "waiting for the capture"
 
 
 def enqueue(
@@ -35,6 +37,7 @@ def enqueue(
     now: datetime,
 ) -> JobRow:
     """Queue work on `sequence`."""
+    captured = sequence.state is SequenceState.READY or kind is not JobKind.TRAIN
     job = JobRow(
         id=new_id(),
         person_id=sequence.person_id,
@@ -43,7 +46,7 @@ def enqueue(
         params=params,
         created_at=now,
         sequence_id=sequence.id,
-        message="waiting for a worker",
+        message=_WAITING if captured else _WAITING_FOR_CAPTURE,
         progress=0.0,
         preview_version=0,
         attempt=0,
@@ -77,7 +80,7 @@ def resume(job: JobRow) -> None:
         )
     job.state, job.error, job.finished_at = JobState.QUEUED, None, None
     job.cancel_requested, job.crashes = False, 0
-    job.message = "waiting for a worker"
+    job.message = _WAITING
 
 
 def requeue(job: JobRow, message: str) -> None:
@@ -116,6 +119,8 @@ def finish(
     job.message, job.error = message[:500], None
     if state is JobState.SUCCEEDED:
         job.progress = 1.0
+        for training in _waiting_for(unit, job):
+            training.message = _WAITING
         return drop_checkpoint(job) + _forget_frames(unit, job)
     return _discard_sequence(unit, job) if job.kind is JobKind.CAPTURE else []
 
@@ -209,7 +214,27 @@ def _discard_sequence(unit: UnitOfWork, job: JobRow) -> list[Orphan]:
         return []
     if sequence.state is SequenceState.READY:
         return []
+    for training in _waiting_for(unit, job):
+        _give_up_with(unit, training, job)
     job.sequence_id = None
     unit.flush()
     unit.sequences.remove(sequence)
     return [(sequence.person_id, sequence.source_sha256)]
+
+
+def _waiting_for(unit: UnitOfWork, capture: JobRow) -> list[JobRow]:
+    """The trainings that wait for the clip of `capture`."""
+    if capture.kind is not JobKind.CAPTURE or capture.sequence_id is None:
+        return []
+    jobs = unit.jobs.of_sequence(capture.sequence_id)
+    return [job for job in jobs if job.kind is JobKind.TRAIN and job.state is JobState.QUEUED]
+
+
+def _give_up_with(unit: UnitOfWork, training: JobRow, capture: JobRow) -> None:
+    """End a training whose clip is gone, for its capture's reason, and list its first likeness no
+    more; whoever meets that likeness keeps it."""
+    if training.model_id is not None:
+        unit.models.get(training.model_id).superseded_at = capture.finished_at
+    training.model_id = training.sequence_id = None
+    training.state, training.finished_at = capture.state, capture.finished_at
+    training.message, training.error = capture.message, capture.error

@@ -43,9 +43,8 @@ def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path)
     _fetch_sequence(services, job, folder / "sequence")
     training = _Training(services, job, reporter, folder)
     ends = round_ends(str(job.params["preset"]), float(job.params["budget_s"]))
-    model = training.start()
-    first = int(model.metrics["round"]) if model is not None and job.model_id else 0
-    for number in range(first, len(ends)):
+    model, done = training.start()
+    for number in range(done, len(ends)):
         model = training.round(number, ends, model)
         training.store(model, last=number + 1 == len(ends))
 
@@ -68,13 +67,19 @@ class _Training:
         self._clip: Sequence = open_sequence(folder / "sequence")
         self._left = job.checkpoint_sha256
 
-    def start(self) -> PerformerModel | None:
-        """What an earlier attempt has handed out, else the model that is to be bettered."""
-        known = self._model_id or self._job.params.get("improves")
-        if known is None:
+    def start(self) -> tuple[PerformerModel | None, int]:
+        """What an earlier attempt has handed out and its rounds, else the model that is to be
+        bettered; a first likeness is no start, for its body is that of an unfinished fit."""
+        handed_out = self._load(self._model_id)
+        if handed_out is not None and (done := int(handed_out.metrics["round"])) > 0:
+            return handed_out, done
+        return self._load(self._job.params.get("improves")), 0
+
+    def _load(self, model_id: str | None) -> PerformerModel | None:
+        if model_id is None:
             return None
         try:
-            return self._services.models.load(str(known))
+            return self._services.models.load(model_id)
         except NotFound:  # erased meanwhile
             return None
 
@@ -116,21 +121,9 @@ class _Training:
 
     def store(self, model: PerformerModel, *, last: bool) -> None:
         """Store `model` in the place of what this job stored before."""
-        files = self._folder / f"files-{model.metrics['round']}"
-        files.mkdir()
         meetings: list[str] = []
         with Results(self._services, self._job) as results:
-            row = ModelRow(
-                id=new_id(),
-                person_id=self._job.person_id,
-                sequence_id=self._job.sequence_id,
-                preset=model.preset,
-                created_at=self._services.clock(),
-                data_hash=model.data_hash,
-                metrics=model.metrics,
-            )
-            stored = write_files(model, files)
-            row.files = store_files(results.put_file, self._job.person_id, stored)
+            row = stored_model(self._services, self._job, results, model, self._folder)
             worse = self._model_id or self._job.params.get("improves")
 
             def write(unit: UnitOfWork, training: JobRow) -> str:
@@ -149,6 +142,24 @@ class _Training:
         self._model_id = row.id
         for meeting_id in meetings:
             self._services.events.publish(meeting_topic(meeting_id))
+
+
+def stored_model(
+    services: Services, job: JobRow, results: Results, model: PerformerModel, scratch: Path
+) -> ModelRow:
+    """The row, still to be added, of a `model` that `job` made; its files are in the store."""
+    files = scratch / f"files-{model.metrics['round']}"
+    files.mkdir()
+    return ModelRow(
+        id=new_id(),
+        person_id=job.person_id,
+        sequence_id=job.sequence_id,
+        preset=model.preset,
+        created_at=services.clock(),
+        data_hash=model.data_hash,
+        metrics=model.metrics,
+        files=store_files(results.put_file, job.person_id, write_files(model, files)),
+    )
 
 
 def _measure_performers(

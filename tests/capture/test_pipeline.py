@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from capture.errors import (
     PoseModelMissing,
     UnreadableClip,
 )
+from capture.fitting.result import Fit
 from capture.overlay import project_surface, write_video
 from capture.pipeline import CaptureOptions, capture_clip, capture_webcam
 from capture.sources.clips import MIN_FRAMES
@@ -137,6 +139,57 @@ def test_the_person_is_stored_as_large_as_filmed(tmp_path, monkeypatch):
 
 def height_px(mask: Array) -> int:
     return int(np.ptp(np.flatnonzero((mask > 0.5).any(axis=1)))) + 1
+
+
+def test_a_draft_shows_the_person_before_the_fit_is_finished(zipped, estimator, tmp_path):
+    stages: list[str] = []
+    drafts: list[tuple[int, float, tuple[int, int]]] = []
+
+    def on_draft(folder: Path) -> None:
+        draft = open_sequence(folder)
+        frame = draft.frame(3)
+        covered = project_surface(frame.camera, draft.body, frame.pose) > 0
+        person = frame.mask > 0.5
+        overlap = float((covered & person).sum() / (covered | person).sum())
+        drafts.append((len(stages), overlap, (len(draft.train), frame.camera.width)))
+
+    def on_fit(stage: str, _: Fit) -> None:
+        stages.append(stage)
+
+    options = CaptureOptions(person="p", estimator=estimator)
+    capture_clip(zipped, tmp_path / "out", options, on_fit=on_fit, on_draft=on_draft)
+    stored = open_sequence(tmp_path / "out").frame(3)
+    ((stage, overlap, size),) = drafts
+    assert (stage, size) == (2, (FRAMES, stored.camera.width))
+    assert overlap > 0.75
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_draft_of_a_large_clip_is_small(tmp_path, monkeypatch):
+    monkeypatch.setattr("capture.pipeline.MAX_SIDE_PX", 128)
+    motion = standing(MIN_FRAMES)
+    fitted, filmed = (
+        [seen_by(camera(size), body(), motion.pose(index)) for index in range(MIN_FRAMES)]
+        for size in (128, 160)
+    )
+    (tmp_path / "clip").mkdir()
+    for index, person in enumerate(filmed):
+        (tmp_path / "clip" / f"{index:03d}.png").write_bytes(encoded(picture(person, COLOUR)))
+    drafts: list[tuple[int, float]] = []
+
+    def on_draft(folder: Path) -> None:
+        draft = open_sequence(folder)
+        frame = draft.frame(0)
+        covered = project_surface(frame.camera, draft.body, frame.pose) > 0
+        person = frame.mask > 0.5
+        overlap = float((covered & person).sum() / (covered | person).sum())
+        drafts.append((height_px(frame.mask), overlap))
+
+    options = CaptureOptions(person="p", estimator=FakeEstimator({COLOUR: fitted}))
+    capture_clip(tmp_path / "clip", tmp_path / "out" / "seq", options, on_draft=on_draft)
+    ((tall_px, overlap),) = drafts
+    assert tall_px == pytest.approx(height_px(fitted[0].mask), abs=3)
+    assert overlap > 0.75
 
 
 def test_an_overlay_must_be_an_mp4(zipped, estimator, tmp_path):

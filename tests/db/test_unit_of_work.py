@@ -11,7 +11,7 @@ from sqlalchemy import text
 
 from db.erase import erase_person
 from db.errors import Conflict, DatabaseAway, NotFound
-from db.models import JobKind, JobState, ModelRow, new_id
+from db.models import JobKind, JobState, ModelRow, SequenceState, new_id
 from db.objects import ObstoreObjects
 from db.sweep import sweep
 from db.unit_of_work import Database
@@ -119,6 +119,35 @@ def test_each_job_is_claimed_once_oldest_first(database: Database):
     for thread in threads:
         thread.join()
     assert sorted(claimed) == sorted(one.id for one in jobs)
+
+
+def test_a_training_is_claimed_once_its_clip_is_captured(database: Database):
+    ada = person()
+    clip = sequence(ada.id)
+    clip.state = SequenceState.CAPTURING
+
+    def claimed() -> str | None:
+        with database.unit_of_work() as unit:
+            found = unit.jobs.claim(list(JobKind), "a", NOW)
+            unit.commit()
+        return found and found.id
+
+    with database.unit_of_work() as unit:
+        unit.people.add(ada)
+        unit.flush()
+        unit.sequences.add(clip)
+        unit.flush()
+        training, capture = job(ada.id), job(ada.id, created_at=NOW + timedelta(seconds=1))
+        capture.kind = JobKind.CAPTURE
+        for one in (training, capture):
+            one.sequence_id = clip.id
+            unit.jobs.add(one)
+        unit.commit()
+    assert [claimed(), claimed()] == [capture.id, None]
+    with database.unit_of_work() as unit:
+        unit.sequences.get(clip.id).state = SequenceState.READY
+        unit.commit()
+    assert claimed() == training.id
 
 
 def test_only_the_latest_attempt_may_write(database: Database):

@@ -56,8 +56,9 @@ class Gateway:
 
 @contextmanager
 def serving(data_dir: Path, **options: Any) -> Iterator[Gateway]:
-    """A gateway on a free port."""
-    settings = load_settings(data_dir=data_dir, open_access=True, embedded_worker=False, **options)
+    """A gateway on a free port; no job is worked on unless `options` say so."""
+    options = {"open_access": True, "embedded_worker": False, **options}
+    settings = load_settings(data_dir=data_dir, **options)
     services = build_services(settings)
     services.database.migrate()
     app = create_app(services)

@@ -16,6 +16,8 @@ from capture.storage import open_sequence
 from capture.studio import make_sequence
 from db.models import (
     JobKind,
+    ModelFileRow,
+    ModelRow,
     MotionRow,
     PersonRow,
     SequenceKind,
@@ -26,6 +28,7 @@ from db.models import (
 from services.container import Services
 from services.jobs.packing import pack
 from services.jobs.queue import enqueue
+from tests.shared_data import shared_data
 
 
 def film(folder: Path) -> Path:
@@ -111,6 +114,27 @@ def uploaded(services: Services) -> SequenceRow:
     return clip
 
 
+def trained(services: Services, sequence: SequenceRow) -> ModelRow:
+    """A model of `sequence`, with a file."""
+    weights = services.objects.put(sequence.person_id, [b"the model"])
+    with services.unit_of_work() as unit:
+        model = ModelRow(
+            id=new_id(),
+            person_id=sequence.person_id,
+            sequence_id=sequence.id,
+            preset="splats",
+            created_at=services.clock(),
+            data_hash="0" * 64,
+            metrics={},
+        )
+        unit.models.add(model)
+        unit.flush()
+        file = {"name": "model.safetensors", "bytes": weights.bytes, "sha256": weights.sha256}
+        model.files = [ModelFileRow(person_id=sequence.person_id, **file)]
+        unit.commit()
+    return model
+
+
 def queued_training(services: Services, sequence: SequenceRow, budget_s: float = 2.0) -> str:
     """A training in the queue; its job's id."""
     with services.unit_of_work() as unit:
@@ -133,6 +157,21 @@ def archive(entries: dict[str, bytes], compression: int = zipfile.ZIP_DEFLATED) 
         for name, data in entries.items():
             made.writestr(name, data)
     return file.getvalue()
+
+
+def real_frames(count: int = 8, height: int = 300) -> bytes:
+    """Every tenth frame of a real clip, small, as a zip."""
+    entries = {}
+    with av.open(str(shared_data("real-two-cameras/cam01.mp4"))) as container:
+        for index, frame in enumerate(container.decode(video=0)):
+            if index % 10 == 0:
+                pixels = frame.to_ndarray(format="bgr24")
+                width = round(pixels.shape[1] * height / pixels.shape[0])
+                small = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA)
+                entries[f"{index:04d}.jpg"] = cv2.imencode(".jpg", small)[1].tobytes()
+            if len(entries) == count:
+                break
+    return archive(entries)
 
 
 def frames_archive(count: int = 10) -> bytes:

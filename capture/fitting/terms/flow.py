@@ -9,7 +9,9 @@ texture, so it is weighted by the structure tensor (`certainty`).
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
@@ -182,20 +184,20 @@ def find_flow(
     `coarse` stops at half the resolution, for fits with larger errors. Flow is unknown where
     the forward-backward check fails, as at occlusions.
     """
-    search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    search.setFinestScale(int(coarse))
-    search.setGradientDescentIterations(_GRADIENT_STEPS)
-    search.setVariationalRefinementIterations(0)
     inside = pictures.window.inside(pixels.astype(np.float32))
+
+    def pair_flow(first: int, second: int) -> Float[Array, "h w 2"]:
+        if takes[first] != takes[second]:
+            return _unknown_flow(pictures.grey[first])
+        search = _flow_search(coarse=coarse)
+        return _pair_flow(search, pictures, first, second, inside, visible)
+
     displacements: dict[int, Tensor] = {}
-    for stride in (s for s in strides if s < len(pictures.grey)):
-        pairs = [
-            _pair_flow(search, pictures, first, first + stride, inside, visible)
-            if takes[first] == takes[first + stride]
-            else _unknown_flow(pictures.grey[first])
-            for first in range(len(pictures.grey) - stride)
-        ]
-        displacements[stride] = torch.from_numpy(np.stack(pairs))
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0)), "flow") as pool:
+        for stride in (s for s in strides if s < len(pictures.grey)):
+            firsts = range(len(pictures.grey) - stride)
+            pairs = pool.map(pair_flow, firsts, range(stride, len(pictures.grey)))
+            displacements[stride] = torch.from_numpy(np.stack(list(pairs)))
     return Flow(pictures.window, displacements, pictures.certainty)
 
 
@@ -252,6 +254,15 @@ def flow_energy(
         energies = (geman_mcclure(squared, _OUTLIER) * valid).sum(1)
         total = total + (energies / (valid.sum(1) + _FEW_VERTICES)).mean()
     return total / max(len(targets.displacements), 1)
+
+
+def _flow_search(*, coarse: bool) -> cv2.DISOpticalFlow:
+    """One for each pair: it keeps what it works with, so that threads can share none."""
+    search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    search.setFinestScale(int(coarse))
+    search.setGradientDescentIterations(_GRADIENT_STEPS)
+    search.setVariationalRefinementIterations(0)
+    return search
 
 
 def _pair_flow(

@@ -146,7 +146,7 @@ export interface Job {
   message: string;
   has_preview: boolean;
   sequence_id: string | null;
-  /** What was trained; while the job runs, the best there is so far. */
+  /** What was trained; until the job ends, the best there is so far: while its clip is being captured, a first likeness. */
   model_id: string | null;
   error: Problem | null;
 }

@@ -32,7 +32,7 @@ export interface EnrolState {
 export interface Bookmark {
   name: string;
   sequenceId: string;
-  /** The training, once it has begun. */
+  /** The training, once it is queued. */
   jobId: string | null;
   /** Whether the clip goes once the model is there. */
   modelOnly?: boolean;
@@ -111,13 +111,10 @@ export class Enrolment {
     this.modelOnly = bookmark.modelOnly ?? false;
     return this.attempt(async (signal) => {
       this.setBookmark(bookmark);
-      const step = bookmark.jobId ? "train" : "capture";
-      this.change({ name: bookmark.name, step, status: "working", problem: null });
+      this.change({ name: bookmark.name, step: "capture", status: "working", problem: null });
       const sequence = await this.api.sequence(bookmark.sequenceId);
       signal.throwIfAborted();
-      if (!bookmark.jobId) return this.captureAndTrain(sequence, signal);
-      this.change({ sequence });
-      await this.follow(await this.api.job(bookmark.jobId), signal);
+      await this.captureAndTrain(sequence, signal);
     });
   }
 
@@ -198,21 +195,41 @@ export class Enrolment {
   }
 
   private async captureAndTrain(sequence: Sequence, signal: AbortSignal): Promise<void> {
-    this.setBookmark({ name: this.state.name, sequenceId: sequence.id, jobId: null });
-    this.change({ step: "capture", fraction: 0, message: "", sequence, job: null });
-    let current = sequence;
-    if (current.state !== "ready" && current.job_id !== null) {
-      const job = await this.follow(await this.api.job(current.job_id), signal);
-      if (job.state !== "succeeded") return;
-      current = await this.api.sequence(current.id);
-    }
-    this.change({ sequence: current });
-    if (current.kind === "keypoints") throw MOTION_ONLY;
+    const isCaptured = sequence.job_id === null || !["uploaded", "capturing"].includes(sequence.state);
+    this.change({ step: isCaptured ? "train" : "capture", fraction: 0, message: "", sequence, job: null });
+    const training = await this.trainingOf(sequence);
     signal.throwIfAborted();
-    const job = await this.api.train(current.id, this.modelOnly ? { ...TRAINING, model_only: true } : TRAINING);
-    this.setBookmark({ name: this.state.name, sequenceId: current.id, jobId: job.id });
-    this.change({ step: "train", fraction: 0, message: "", job });
-    await this.follow(job, signal);
+    if (!isCaptured && sequence.job_id !== null) {
+      const capture = await this.followCapture(await this.api.job(sequence.job_id), training.id, signal);
+      if (capture.state !== "succeeded") return;
+      this.change({ step: "train", fraction: 0, message: "", sequence: await this.api.sequence(sequence.id), job: null });
+    }
+    await this.follow(await this.api.job(training.id), signal);
+  }
+
+  /** The training of a clip, queued before its capture is done: the server goes on from one to the other by itself. */
+  private async trainingOf({ id, kind }: Sequence): Promise<Job> {
+    if (kind === "keypoints") throw MOTION_ONLY;
+    if (this.bookmark?.sequenceId === id && this.bookmark.jobId) return this.api.job(this.bookmark.jobId);
+    this.setBookmark({ name: this.state.name, sequenceId: id, jobId: null });
+    const training = await this.api.train(id, this.modelOnly ? { ...TRAINING, model_only: true } : TRAINING);
+    this.setBookmark({ name: this.state.name, sequenceId: id, jobId: training.id });
+    return training;
+  }
+
+  /** Tell a capture's progress until it ends, and of the first likeness that the training is given meanwhile. */
+  private async followCapture(capture: Job, trainingId: string, signal: AbortSignal): Promise<Job> {
+    const captured = new AbortController();
+    const news = ({ model_id: modelId }: Job): void => {
+      if (!captured.signal.aborted && modelId !== this.state.modelId) this.change({ modelId });
+    };
+    // what goes wrong with it is told when the training is followed itself
+    void this.api.watchJob(trainingId, news, AbortSignal.any([signal, captured.signal])).catch(() => undefined);
+    try {
+      return await this.follow(capture, signal);
+    } finally {
+      captured.abort();
+    }
   }
 
   /** Tell a job's progress until it ends. */
@@ -232,7 +249,7 @@ export class Enrolment {
 
   private onJob(job: Job): void {
     const fraction = Math.min(1, Math.max(0, job.progress));
-    // while it is trained, a first model can be met; better ones replace it
+    // until it is trained, a first model can be met; better ones replace it
     const modelId = job.kind === "train" ? job.model_id : this.state.modelId;
     this.change({ job, fraction, message: job.message, modelId });
   }

@@ -57,9 +57,9 @@ export function previewPane(api: Api, clip: Clip | null): PreviewPane {
 
   return {
     element,
-    show: ({ job, step, status }) => {
+    show: ({ job, status }) => {
       element.classList.toggle("busy", status === "working");
-      if (step !== "train" || !job?.has_preview || job === shownJob) return;
+      if (!job?.has_preview || job === shownJob) return;
       shownJob = job;
       void refresh(job);
     },

@@ -17,6 +17,8 @@ const STEPS: readonly (readonly [Step, string, string])[] = [
   ["train", "Train your model", "Training your model"],
 ];
 
+const MEET_EARLY = "This is a first likeness, which becomes sharper. You can join the meeting already.";
+
 interface ProgressHooks {
   onMeet(modelId: string): void;
   onAgain(): void;
@@ -144,7 +146,7 @@ function messageOf(state: EnrolState): string {
   }
   if (state.status === "failed") return "";
   const words = progressText(state);
-  return state.status === "working" && state.modelId ? `${words}. You can join the meeting already; the model keeps improving.` : words;
+  return state.status === "working" && state.modelId ? `${words}. ${MEET_EARLY}` : words;
 }
 
 function stepLine([step, label]: (typeof STEPS)[number], state: EnrolState): HTMLElement {

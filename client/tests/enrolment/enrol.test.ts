@@ -50,7 +50,7 @@ class FakeServer {
     return this.captured;
   }
   async job(id: string): Promise<Job> {
-    return id === "c" ? CAPTURE : job();
+    return id === "c" ? CAPTURE : job({ model_id: (this.outcome[id] as Job).model_id });
   }
   async train(id: string, options: object): Promise<Job> {
     this.calls.push(`train ${id} ${JSON.stringify(options)}`);
@@ -109,10 +109,26 @@ describe("Enrolment", () => {
 
   it("can be met as soon as there is a first model", async () => {
     const { server, states, enrolment } = setUp();
+    server.uploaded = server.captured;
     server.outcome["j"] = job({ model_id: "early" });
     await enrolment.start(ADA, CLIP);
     const first = states.find(({ modelId }) => modelId !== null);
     expect(first).toMatchObject({ status: "working", step: "train", modelId: "early" });
+  });
+
+  it("can be met by a first likeness while the clip is still being captured", async () => {
+    const { server, states, enrolment, soon } = setUp();
+    server.hold = "c";
+    server.outcome["j"] = job({ state: "queued", model_id: "likeness" });
+    const running = enrolment.start(ADA, CLIP);
+    await soon();
+    expect(enrolment.state).toMatchObject({ status: "working", step: "capture", modelId: "likeness" });
+    server.outcome["j"] = job({ state: "succeeded", progress: 1, model_id: "m" });
+    server.held?.end({ ...CAPTURE, state: "succeeded", progress: 1 });
+    await running;
+    expect(enrolment.state).toMatchObject({ status: "ready", step: "train", modelId: "m" });
+    const met = states.slice(states.findIndex(({ modelId }) => modelId !== null));
+    expect(met.every(({ modelId }) => modelId !== null)).toBe(true);
   });
 
   it("goes on after the page was reloaded", async () => {
@@ -127,6 +143,16 @@ describe("Enrolment", () => {
     await enrolment.continueFrom({ name: "Ada", sequenceId: "s", jobId: "j" });
     expect(server.calls).toEqual([]);
     expect(enrolment.state).toMatchObject({ status: "ready", step: "train", modelId: "m" });
+  });
+
+  it("finds a capture again that is under way, and queues no second training behind it", async () => {
+    const { server, states, enrolment } = setUp();
+    server.captured = server.uploaded;
+    await enrolment.continueFrom({ name: "Ada", sequenceId: "s", jobId: "j" });
+    expect(server.calls).toEqual([]);
+    const steps = states.map(({ step }) => step).filter((step, i, all) => step !== all[i - 1]);
+    expect(steps).toEqual(["capture", "train"]);
+    expect(enrolment.state).toMatchObject({ status: "ready", modelId: "m" });
   });
 
   it("stops an upload", async () => {
@@ -163,7 +189,6 @@ describe("Enrolment", () => {
     await enrolment.cancel();
     await running;
     expect(server.calls).toContain("cancel c");
-    expect(server.calls.some((call) => call.startsWith("train"))).toBe(false);
     expect(enrolment.state.status).toBe("stopped");
   });
 
@@ -194,10 +219,10 @@ describe("Enrolment", () => {
     server.outcome["c"] = { ...CAPTURE, state: "failed", error };
     await enrolment.start(ADA, CLIP);
     expect(enrolment.canResume).toBe(true);
-    expect(bookmarks.at(-1)).toMatchObject({ sequenceId: "s", jobId: null });
+    expect(bookmarks.at(-1)).toMatchObject({ sequenceId: "s", jobId: "j" });
     server.outcome["c"] = captured;
     await enrolment.resume();
-    expect(server.calls).toContain("resume c");
+    expect(server.calls.slice(-2)).toEqual([expect.stringMatching("train s"), "resume c"]);
     expect(enrolment.state).toMatchObject({ status: "ready", modelId: "m" });
     expect(server.calls).not.toContain("erase p");
   });
@@ -215,7 +240,7 @@ describe("Enrolment", () => {
 
   it("refuses movement alone as a person", async () => {
     const { server, enrolment } = setUp();
-    server.captured = sequence({ kind: "keypoints" });
+    server.uploaded = sequence({ kind: "keypoints", job_id: null });
     await enrolment.start(ADA, { blob: new Blob(["{}"]), fileName: "walk.json" });
     expect(enrolment.state.problem?.title).toBe("This file contains motion only");
     expect(server.calls.some((call) => call.startsWith("train"))).toBe(false);

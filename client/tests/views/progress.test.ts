@@ -67,7 +67,7 @@ describe("the progress of an enrolment", () => {
     const { view, server, hooks, labels, press, watch } = setUp({ progress: 0.4, model_id: "early" });
     await watch();
     expect(labels()).toEqual(["Meet", "Cancel"]);
-    expect(view.element.textContent).toContain("You can join the meeting already");
+    expect(view.element.textContent).toContain("This is a first likeness, which becomes sharper. You can join");
     const cancel = view.element.querySelector<HTMLElement>("[data-testid=cancel]");
     cancel?.focus();
     server.job = job({ progress: 0.6, model_id: "better" });

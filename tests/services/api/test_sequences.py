@@ -7,7 +7,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from db.models import JobKind, JobState, ModelFileRow, ModelRow, SequenceRow, new_id
+from db.models import JobKind, JobState, SequenceRow
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
@@ -33,32 +33,11 @@ def training(services: Services, sequence: SequenceRow, state: JobState) -> str:
     return job_id
 
 
-def model_from(services: Services, sequence: SequenceRow) -> ModelRow:
-    """A model of `sequence`, with a file."""
-    weights = services.objects.put(sequence.person_id, [b"the model"])
-    with services.unit_of_work() as unit:
-        model = ModelRow(
-            id=new_id(),
-            person_id=sequence.person_id,
-            sequence_id=sequence.id,
-            preset="splats",
-            created_at=services.clock(),
-            data_hash="0" * 64,
-            metrics={},
-        )
-        unit.models.add(model)
-        unit.flush()
-        file = {"name": "model.safetensors", "bytes": weights.bytes, "sha256": weights.sha256}
-        model.files = [ModelFileRow(person_id=sequence.person_id, **file)]
-        unit.commit()
-    return model
-
-
 async def test_a_deleted_clip_leaves_its_model_and_nothing_else(
     client: httpx.AsyncClient, services: Services, sequence: SequenceRow
 ):
     job_id = training(services, sequence, JobState.CANCELLED)
-    kept = model_from(services, sequence)
+    kept = seeds.trained(services, sequence)
     assert len(stored_files(services.settings)) == 5
     deleted = await client.delete(f"/v1/sequences/{sequence.id}")
     assert (deleted.status_code, deleted.content) == (204, b"")

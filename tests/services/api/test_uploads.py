@@ -10,9 +10,12 @@ from collections.abc import AsyncIterator
 import httpx
 import pytest
 
+from db.errors import StoreFull
 from services.app import create_app
 from services.composition import build_services
 from services.container import Services
+from services.jobs.queue import fail
+from services.problems import stored_failure
 from services.settings import Settings
 from tests.fakes import SmallObjects
 from tests.services import seeds
@@ -124,11 +127,31 @@ async def test_keypoints_are_ready_at_once_and_train_nothing(
     assert "keypoints alone" in refused.json()["detail"]
 
 
-async def test_training_waits_for_the_capture(client: httpx.AsyncClient, person_id: str):
+async def test_a_training_waits_for_the_capture_and_ends_with_it(
+    client: httpx.AsyncClient, person_id: str
+):
     sequence = (await _post(client, person_id, "a.mp4", seeds.video())).json()
     early = await client.post(f"/v1/sequences/{sequence['id']}/models", json={})
-    assert early.status_code == 409
-    assert "got uploaded" in early.json()["detail"]
+    assert early.status_code == 202
+    waiting = early.json()
+    assert (waiting["state"], waiting["message"]) == ("queued", "waiting for the capture")
+    await client.delete(f"/v1/jobs/{sequence['job_id']}")
+    over = (await client.get(f"/v1/jobs/{waiting['id']}")).json()
+    assert (over["state"], over["sequence_id"]) == ("cancelled", None)
+    assert (await client.post(f"/v1/jobs/{waiting['id']}/resume")).status_code == 409
+
+
+async def test_no_training_waits_for_a_capture_that_has_stopped(
+    client: httpx.AsyncClient, services: Services, person_id: str
+):
+    sequence = (await _post(client, person_id, "a.mp4", seeds.video())).json()
+    with services.unit_of_work() as unit:
+        capture = unit.jobs.get(sequence["job_id"])
+        fail(unit, capture, StoreFull("the disk is full"), services.clock(), stored_failure)
+        unit.commit()
+    refused = await client.post(f"/v1/sequences/{sequence['id']}/models", json={})
+    assert refused.status_code == 409
+    assert "resume its capture" in refused.json()["detail"]
 
 
 async def test_too_large_is_told_before_it_is_read(

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import av
-import cv2
 import httpx
 import numpy as np
 import pytest
@@ -19,7 +17,6 @@ from services.settings import Settings
 from tests.services import seeds
 from tests.services.conftest import changed, serving, stored_files
 from tests.services.jobs.waiting import job_when, until
-from tests.shared_data import shared_data
 
 
 @pytest.fixture
@@ -36,25 +33,10 @@ def upload(caller: httpx.Client, name: str, data: bytes, **person: float) -> dic
     return answer.json()
 
 
-def real_frames(count: int = 8, height: int = 300) -> bytes:
-    """Every tenth frame of a real clip, small, as a zip."""
-    entries = {}
-    with av.open(str(shared_data("real-two-cameras/cam01.mp4"))) as container:
-        for index, frame in enumerate(container.decode(video=0)):
-            if index % 10 == 0:
-                pixels = frame.to_ndarray(format="bgr24")
-                width = round(pixels.shape[1] * height / pixels.shape[0])
-                small = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA)
-                entries[f"{index:04d}.jpg"] = cv2.imencode(".jpg", small)[1].tobytes()
-            if len(entries) == count:
-                break
-    return seeds.archive(entries)
-
-
 def test_real_frames_become_a_sequence_of_somebody_as_tall_as_they_told(
     caller: httpx.Client, settings: Settings, tmp_path: Path
 ):
-    uploaded = upload(caller, "frames.zip", real_frames(), height_m=1.9)
+    uploaded = upload(caller, "frames.zip", seeds.real_frames(), height_m=1.9)
     job = job_when(
         caller,
         uploaded["job_id"],
@@ -99,7 +81,7 @@ def test_a_video_without_a_person_fails_with_the_reason_and_leaves_nothing(
 
 
 def test_a_running_capture_can_be_cancelled(caller: httpx.Client, settings: Settings):
-    uploaded = upload(caller, "frames.zip", real_frames())
+    uploaded = upload(caller, "frames.zip", seeds.real_frames())
     job_when(caller, uploaded["job_id"], lambda job: job["state"] == "running", "starting")
     caller.delete(f"/v1/jobs/{uploaded['job_id']}")
     job_when(caller, uploaded["job_id"], lambda job: job["state"] == "cancelled", "the end")

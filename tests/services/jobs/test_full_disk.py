@@ -17,7 +17,7 @@ from services.settings import Settings
 from tests.services import seeds
 from tests.services.conftest import changed, serving, stored_files
 from tests.services.disks import TinyDisk
-from tests.services.jobs.test_capturing import real_frames, upload
+from tests.services.jobs.test_capturing import upload
 from tests.services.jobs.waiting import job_when
 
 PLENTY = 64_000_000
@@ -87,7 +87,7 @@ def test_a_training_says_what_is_full_and_is_resumed(
 def test_a_capture_keeps_the_clip_and_is_tried_again(
     working: Settings, disk: TinyDisk, pose_model: Path
 ):
-    clip = real_frames()
+    clip = seeds.real_frames()
     with serving(changed(working, pose_model=pose_model)) as caller:
         # uploads pass by the same disk: the clip comes while there is room
         uploaded = upload(caller, "frames.zip", clip)

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from capture.errors import NoPersonFound
 from db.models import JobKind, JobRow, JobState, SequenceState
 from services.composition import build_services
 from services.container import Services
 from services.jobs.lease import reclaim_expired
-from services.jobs.queue import crashed, drop_orphans, enqueue
+from services.jobs.queue import crashed, drop_orphans, enqueue, fail, finish
 from services.problems import stored_failure
 from services.settings import Settings
 from tests.fakes import Clock
@@ -95,6 +96,45 @@ def test_a_capture_that_is_given_up_takes_its_upload_along(
         job = unit.jobs.get(job_id)
     assert (job.state, job.sequence_id) == (JobState.FAILED, None)
     assert sequence.source_sha256 not in {p.name for p in stored_files(services.settings)}
+
+
+def test_a_capture_that_is_given_up_ends_the_training_and_lists_its_likeness_no_more(
+    services: Services, clock: Clock, sequence_folder: Path
+):
+    sequence = seeds.captured(services, sequence_folder)
+    model = seeds.trained(services, sequence)
+    with services.unit_of_work() as unit:
+        clip = unit.sequences.get(sequence.id)
+        clip.state = SequenceState.CAPTURING
+        capture = enqueue(unit, JobKind.CAPTURE, clip, {}, clock())
+        training = enqueue(unit, JobKind.TRAIN, clip, {}, clock())
+        assert training.message == "waiting for the capture"
+        training.model_id = model.id
+        unit.commit()
+    with services.unit_of_work() as unit:
+        fail(unit, unit.jobs.get(capture.id), NoPersonFound("nobody"), clock(), stored_failure)
+        unit.commit()
+    with services.reading() as unit:
+        over = unit.jobs.get(training.id)
+        assert (over.state, over.model_id, over.sequence_id) == (JobState.FAILED, None, None)
+        assert over.error == unit.jobs.get(capture.id).error
+        # whoever meets the likeness may go on to
+        assert unit.models.of_person(model.person_id) == []
+        assert unit.models.get(model.id).superseded_at == clock()
+
+
+def test_a_training_whose_clip_is_captured_waits_for_a_worker(
+    services: Services, clock: Clock, sequence_folder: Path
+):
+    sequence = seeds.captured(services, sequence_folder)
+    with services.unit_of_work() as unit:
+        clip = unit.sequences.get(sequence.id)
+        clip.state = SequenceState.CAPTURING
+        capture = enqueue(unit, JobKind.CAPTURE, clip, {}, clock())
+        training = enqueue(unit, JobKind.TRAIN, clip, {}, clock())
+        finish(unit, capture, JobState.SUCCEEDED, clock())
+        unit.commit()
+    assert training.message == "waiting for a worker"
 
 
 def test_a_cancelled_job_that_crashes_is_cancelled(services: Services, sequence_folder: Path):

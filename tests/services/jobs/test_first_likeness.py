@@ -1,0 +1,163 @@
+"""A first likeness by a real gateway and landmark model: met early, replaced, never lost."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from db.models import JobKind, JobRow, JobState, SequenceState
+from renderer.errors import TrainingError
+from services.composition import build_services
+from services.container import Services
+from services.jobs.first_likeness import make_first_likeness
+from services.jobs.lease import JobLease
+from services.jobs.queue import enqueue
+from services.jobs.report import Reporter
+from services.settings import Settings
+from tests.services import seeds
+from tests.services.conftest import changed, serving, stored_files
+from tests.services.jobs.waiting import child_of, job_when, until
+
+
+@pytest.fixture
+def working(settings: Settings, pose_model: Path) -> Settings:
+    return changed(settings, embedded_worker=True, pose_model=pose_model)
+
+
+@pytest.fixture
+def caller(working: Settings) -> Iterator[httpx.Client]:
+    with serving(working) as made:
+        yield made
+
+
+def enrol(caller: httpx.Client, **training: Any) -> tuple[str, str, str]:
+    """Real frames are sent, and its training queued at once: ids of clip, capture and training."""
+    person_id = caller.post("/v1/people", json={"name": "Ada"}).json()["id"]
+    files = {"file": ("frames.zip", seeds.real_frames())}
+    sequence = caller.post(f"/v1/people/{person_id}/sequences", files=files).json()
+    answer = caller.post(f"/v1/sequences/{sequence['id']}/models", json=training)
+    assert answer.status_code == 202, answer.text
+    return sequence["id"], sequence["job_id"], answer.json()["id"]
+
+
+def has_model(job: dict[str, Any]) -> bool:
+    return job["model_id"] is not None
+
+
+def test_a_meeting_sees_a_first_likeness_while_the_clip_is_captured_and_then_the_model(
+    caller: httpx.Client, working: Settings
+):
+    sequence_id, capture_id, training_id = enrol(caller, budget_s=1.0)
+    waiting = job_when(caller, training_id, has_model, "a first likeness")
+    assert waiting["state"] == "queued"
+    capture = caller.get(f"/v1/jobs/{capture_id}").json()
+    assert (capture["state"], capture["has_preview"]) == ("running", True)
+    likeness_id = waiting["model_id"]
+    assert listed(caller) == [likeness_id]
+    meeting = caller.post("/v1/meetings", json={"name": "Standup"}).json()
+    performers = f"/v1/meetings/{meeting['id']}/performers"
+    answer = caller.post(performers, json={"model_id": likeness_id})
+    assert answer.status_code == 201, answer.text
+    done = job_when(caller, training_id, lambda job: job["state"] == "succeeded", "the model")
+    shown = caller.get(f"/v1/meetings/{meeting['id']}").json()["performers"]
+    assert [one["model_id"] for one in shown] == listed(caller) == [done["model_id"]]
+    assert done["model_id"] != likeness_id
+    model = caller.get(f"/v1/models/{done['model_id']}").json()
+    assert (model["metrics"]["round"], model["sequence_id"]) == (1, sequence_id)
+    # clip, packed sequence, motion, thumbnail and three files of each model: nothing else is left
+    assert len(stored_files(working)) == 10
+
+
+def listed(caller: httpx.Client) -> list[str]:
+    return [model["id"] for model in caller.get("/v1/models").json()["items"]]
+
+
+def test_a_first_likeness_stays_whoever_dies_after_it(caller: httpx.Client, working: Settings):
+    _, capture_id, training_id = enrol(caller, budget_s=60.0)
+    likeness_id = job_when(caller, training_id, has_model, "a first likeness")["model_id"]
+    os.kill(child_of(capture_id), signal.SIGKILL)
+    captured = job_when(caller, capture_id, lambda job: job["state"] == "succeeded", "capturing")
+    assert caller.get(f"/v1/jobs/{training_id}").json()["model_id"] == likeness_id
+    assert captured["error"] is None
+    services = build_services(working)
+
+    def checkpoint() -> str | None:
+        with services.reading() as unit:
+            return unit.jobs.get(training_id).checkpoint_sha256
+
+    first = job_when(
+        caller,
+        training_id,
+        lambda job: has_model(job) and job["model_id"] != likeness_id,
+        "the first round",
+    )
+    until(checkpoint, "a checkpoint")
+    os.kill(child_of(training_id), signal.SIGKILL)
+    again = job_when(
+        caller, training_id, lambda job: job["progress"] > first["progress"], "going on"
+    )
+    assert listed(caller) == [again["model_id"]]
+    with services.reading() as unit:
+        assert unit.jobs.get(capture_id).crashes == 1
+    services.close()
+
+
+def test_a_cancelled_capture_leaves_no_likeness(caller: httpx.Client):
+    sequence_id, capture_id, training_id = enrol(caller, budget_s=60.0)
+    job_when(caller, training_id, has_model, "a first likeness")
+    caller.delete(f"/v1/jobs/{capture_id}")
+    over = job_when(caller, training_id, lambda job: job["state"] == "cancelled", "the end")
+    assert (over["model_id"], over["sequence_id"]) == (None, None)
+    assert listed(caller) == []
+    assert caller.get(f"/v1/sequences/{sequence_id}").status_code == 404
+
+
+def waiting(services: Services, folder: Path, **params: Any) -> tuple[JobRow, str]:
+    """A capture under way and the id of a training that waits for its clip."""
+    sequence = seeds.captured(services, folder)
+    with services.unit_of_work() as unit:
+        clip = unit.sequences.get(sequence.id)
+        clip.state = SequenceState.CAPTURING
+        capture = enqueue(unit, JobKind.CAPTURE, clip, {}, services.clock())
+        training = enqueue(unit, JobKind.TRAIN, clip, params, services.clock())
+        capture.state, capture.attempt = JobState.RUNNING, 1
+        unit.commit()
+    return capture, training.id
+
+
+@pytest.mark.parametrize("wanted", [{"preset": "fast"}, {"improves": "0" * 32}, {"seen": True}])
+def test_no_likeness_is_made_that_nobody_waits_for(
+    services: Services, sequence_folder: Path, wanted: dict[str, Any]
+):
+    params = {"preset": "splats", "budget_s": 1.0, "seed": 0, "improves": None} | wanted
+    capture, training_id = waiting(services, sequence_folder, **params)
+    if "seen" in wanted:  # an earlier attempt has made one
+        with services.reading() as unit:
+            clip = unit.sequences.get(str(capture.sequence_id))
+        model = seeds.trained(services, clip)
+        with services.unit_of_work() as unit:
+            unit.jobs.get(training_id).model_id = model.id
+            unit.commit()
+    reporter = Reporter(services, JobLease(capture.id, capture.person_id, 1))
+    make_first_likeness(services, capture, reporter, Path("nowhere"), 0.4)
+
+
+def test_a_capture_goes_on_where_no_likeness_is_found(
+    services: Services, sequence_folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def diverge(*_: object, **__: object) -> None:
+        raise TrainingError("training must stay finite; got a loss of nan")
+
+    monkeypatch.setattr("services.jobs.first_likeness.train", diverge)
+    params = {"preset": "splats", "budget_s": 1.0, "seed": 0, "improves": None}
+    capture, training_id = waiting(services, sequence_folder, **params)
+    reporter = Reporter(services, JobLease(capture.id, capture.person_id, 1))
+    make_first_likeness(services, capture, reporter, sequence_folder, 0.4)
+    with services.reading() as unit:
+        assert unit.jobs.get(training_id).model_id is None
