@@ -74,11 +74,14 @@ def _start(name: str, commits: bool, *, narrowed: bool = False) -> FigureWriter:
     return FigureWriter.start(name, commits=commits)
 
 
-def _landmark_model() -> Path:
+def _landmark_models() -> tuple[Path, Path, Path]:
+    """Of bodies, faces and hands."""
     from capture.detection.network_files import landmark_network_file
     from services.settings import load_settings
 
-    return landmark_network_file(load_settings().pose_model_source())
+    own = load_settings()
+    pose, face, hand = own.pose_model_source(), own.face_model_source(), own.hand_model_source()
+    return landmark_network_file(pose), landmark_network_file(face), landmark_network_file(hand)
 
 
 @app.command("all")
@@ -168,7 +171,7 @@ def meeting(
     require_browser()
     from benchmarks.meeting import run
 
-    run(_start("meeting", commits), clip, _landmark_model())
+    run(_start("meeting", commits), clip, _landmark_models()[0])
 
 
 @app.command("local-view")
@@ -297,9 +300,9 @@ def capture_command(
     narrowed = bool(only) or clips != _CLIPS or clock != "processor"
     writer = _start("capture-robustness" if robustness else "capture", commits, narrowed=narrowed)
     if robustness:
-        capture_robustness.run(writer, motion, _landmark_model())
+        capture_robustness.run(writer, motion, _landmark_models()[0])
     else:
-        capture.run(writer, motion, _landmark_model(), backbone, clips, clock, only)
+        capture.run(writer, motion, _landmark_models()[0], backbone, clips, clock, only)
 
 
 @app.command("live-capture")
@@ -385,6 +388,16 @@ def masks(
     run(_start("masks", commits), motion, assets, footage)
 
 
+@app.command("expressions-found")
+def expressions_found(commits: Commits = False, assets: Assets = HUMAN_ASSETS) -> None:
+    """Gaze, faces and fingers, found from pictures of lifelike performers who know them."""
+    require_human_assets(assets)
+    from benchmarks.expressions_found import run
+
+    _, face, hand = _landmark_models()
+    run(_start("expressions-found", commits), assets, face, hand)
+
+
 @app.command("two-cameras")
 def two_cameras_command(
     commits: Commits = False,
@@ -395,7 +408,7 @@ def two_cameras_command(
     require_footage(footage)
     from benchmarks.two_cameras import run
 
-    run(_start("two-cameras", commits), footage, _landmark_model(), picture)
+    run(_start("two-cameras", commits), footage, _landmark_models()[0], picture)
 
 
 @app.command()
@@ -410,12 +423,7 @@ def real(
     """Models of real people on frames, clips and cameras that they never saw, and how they look."""
     require_real_footage(footage)
     from benchmarks.real.measure import Effort, Networks, run
-    from capture.detection.network_files import landmark_network_file
-    from services.settings import load_settings
 
-    own = load_settings()
-    sources = own.pose_model_source(), own.face_model_source(), own.hand_model_source()
-    pose, face, hand = (landmark_network_file(source) for source in sources)
-    networks = Networks(pose, face, hand, backbone)
+    networks = Networks(*_landmark_models(), backbone)
     writer = _start("real", commits, narrowed=bool(only) or (clock, budget) != ("processor", "60s"))
     run(writer, footage, networks, clock, only, effort=Effort(seconds(budget)))

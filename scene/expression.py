@@ -15,7 +15,7 @@ from scene.arrays import Array, Float
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 _MIMIC_NAMES = ("jaw_open", "blink_left", "blink_right", "brows_up", "smile")
-_GAZE_NAMES = ("look_left", "look_right", "look_up", "look_down")
+_GAZE_NAMES = ("look_left", "look_right")
 EXPRESSION_NAMES: tuple[str, ...] = (
     *_MIMIC_NAMES,
     *_GAZE_NAMES,
@@ -37,8 +37,8 @@ PARTS = {
 
 GAZE = slice(_MIMIC, _LEFT)
 """Where among them those of the eyes are, which turn together."""
-GAZE_RAD = (0.5, 0.35)
-"""How far eyes turn aside, and up or down, where a number of theirs is 1."""
+GAZE_RAD = 0.5
+"""How far eyes turn aside where a number of theirs is 1."""
 
 BLEND_SHAPE_COUNT = EXPRESSION_COUNT + 2 * len(FINGERS)
 """Those of each number, then the in-betweens of the fingers' curls, in the same order."""
@@ -63,16 +63,15 @@ def blend_shape_weights(expression: Float[Array, "*F E"]) -> Float[Array, "*F S"
     return np.concatenate([expression, 4.0 * curls * (1.0 - curls)], axis=-1)
 
 
-def gaze_of(expression: Float[Array, "*F E"]) -> Float[Array, "*F 2"]:
-    """Where the eyes look: yaw to the person's left and pitch down, rad, from straight ahead."""
-    left, right, up, down = np.moveaxis(expression[..., GAZE], -1, 0)
-    return np.stack([left - right, down - up], axis=-1) * GAZE_RAD
+def gaze_of(expression: Float[Array, "*F E"]) -> Float[Array, "*F"]:
+    """How far aside the eyes look, to the person's left, rad from straight ahead."""
+    left, right = np.moveaxis(expression[..., GAZE], -1, 0)
+    return (left - right) * GAZE_RAD
 
 
-def gaze_numbers(gaze: Float[Array, "*F 2"]) -> Float[Array, "*F 4"]:
-    """The numbers of the eyes that look to `gaze` (see `gaze_of`), as far as they can turn."""
-    yaw, down = np.moveaxis(gaze / GAZE_RAD, -1, 0)
-    return np.clip(np.stack([yaw, -yaw, -down, down], axis=-1), 0.0, 1.0)
+def gaze_numbers(gaze: Float[Array, "*F"]) -> Float[Array, "*F 2"]:
+    """The numbers of eyes that look aside by `gaze` (see `gaze_of`), as far as they can turn."""
+    return np.clip(np.stack([gaze, -gaze], axis=-1) / GAZE_RAD, 0.0, 1.0)
 
 
 def values_of_any_version(stored: Float[Array, "*F X"]) -> Float[Array, "*F E"]:

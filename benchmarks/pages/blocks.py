@@ -12,7 +12,7 @@ from benchmarks.pages import capture, splats
 from benchmarks.pages.frontier import frontier
 from benchmarks.pages.gpu import gpu
 from benchmarks.pages.numbers import SOURCES, numbers
-from benchmarks.pages.performers import lifelike, performers
+from benchmarks.pages.performers import expressions_found, lifelike, performers
 from benchmarks.pages.provenance import Figures
 from benchmarks.pages.real import real
 from benchmarks.reporting.markdown import replaced
@@ -45,6 +45,7 @@ BLOCKS = (
     Block(_FIGURES_PAGE, "robustness", ("capture-robustness",), capture.robustness),
     Block(_FIGURES_PAGE, "live", ("live-capture",), capture.live),
     Block("docs/capture.md", "capture", ("capture",), capture.accuracy),
+    Block("docs/keypoints.md", "expressions-found", ("expressions-found",), expressions_found),
     Block("docs/data.md", "lifelike", ("lifelike",), lifelike),
     Block("docs/data.md", "reading", ("reading",), splats.reading),
     Block("docs/frontier.md", "refinement", ("refinement",), splats.refinement),

@@ -81,3 +81,25 @@ def lifelike(figures: Figures) -> str:
             measured_at(figures),
         ]
     )
+
+
+def expressions_found(figures: Figures) -> str:
+    """Errors of gaze, face and fingers, mean over lifelike performers."""
+    rows, means = figures["rows"], figures["means"]
+    cells = [["eyes aside", f"{means['gaze_deg']:.1f}°", f"{means['gaze_spread_deg']:.1f}°"]]
+    for name in rows[0]["skin"]:
+        error, spread = (
+            sum(row["skin"][name][of] for row in rows) / len(rows) for of in ("error", "spread")
+        )
+        cells.append([name.replace("_", " "), f"{error:.2f}", f"{spread:.2f}"])
+    cells.append(["each joint of a finger", f"{means['finger_joints_deg']:.1f}°", "-"])
+    return "\n\n".join(
+        [
+            f"{len(rows)} lifelike performers, {figures['pictures']} pictures of "
+            f"{figures['size']} x {figures['size']} of the face and of each hand, of which "
+            f"{100 * means['hands_found']:.0f} % were found; mean error, and how far the truth is "
+            "from rest (eyes) or from its mean (`metanerf bench expressions-found`):",
+            markdown_table(["what", "error", "truth"], cells),
+            measured_at(figures),
+        ]
+    )

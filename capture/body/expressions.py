@@ -50,19 +50,18 @@ _FOREHEAD, _UNDER_NOSE = 10, 2
 _JAW_IN_SMILE = 0.6
 """As a mouth opens its corners sink and draw together: what lips apart give back."""
 
-USUAL_REST = np.array([0.02, 0.27, 0.27, 0.22, -0.2, 0.0, 0.065])
+USUAL_REST = np.array([0.02, 0.27, 0.27, 0.22, -0.2, 0.0])
 """Measures of a face at rest, of people in general."""
-_REST_PERCENTILES = (10.0, 65.0, 65.0, 40.0, 30.0, None, 50.0)
+_REST_PERCENTILES = (10.0, 65.0, 65.0, 40.0, 30.0, None)
 """Percentiles of a clip's measures that give the face at rest: talk opens a mouth, blinks are
-short. How high irises lie in their eyes differs between people; which way straight ahead is does
-not, nor does it depend on where somebody looks most."""
+short. Which way straight ahead is does not depend on where somebody looks most."""
 _FULL_JAW, _FULL_BROWS, _FULL_SMILE = 0.32, 0.045, 0.2
 """What each measure grows by from rest to fully."""
 _IRIS_DEPTH = 0.125
 """How far irises lie before the corners of their eyes, in widths of an eye."""
-_FULL_ASIDE, _FULL_UP = 0.2, 0.09
-"""How far irises have moved where eyes look fully aside, and up, in widths of an eye. Of lifelike
-performers who look about they tell the yaw to 4 degrees; the pitch, which lids hide, hardly."""
+_FULL_ASIDE = 0.23
+"""How far irises have moved where eyes look fully aside, in widths of an eye. Up and down, where
+lids hide them, they tell next to nothing."""
 _CLOSED = 0.58
 """By which share lids that are shut have come together."""
 
@@ -93,9 +92,9 @@ class ObservedExpression:
         return (GROUPS & self.known) != 0
 
 
-def face_measures(points: Float[Array, "478 3"]) -> Float[Array, "7"] | None:
+def face_measures(points: Float[Array, "478 3"]) -> Float[Array, "6"] | None:
     """Lips apart, left and right lids apart, brows from lids, how wide and high the mouth ends, and
-    how far irises are to the person's left and up.
+    how far irises are to the person's left.
 
     Args:
         points: landmarks, px of the picture, z as MediaPipe gives it times the picture's width.
@@ -116,10 +115,10 @@ def face_measures(points: Float[Array, "478 3"]) -> Float[Array, "7"] | None:
     lips = _distance(points, _LIPS) / span
     brows = np.mean([_distance(points, pair) for pair in _BROWS_TO_LIDS]) / span
     smile = (_distance(points, _MOUTH_CORNERS) + _mouth_height(points, across / span)) / span
-    return np.array([lips, *lids, brows, smile + _JAW_IN_SMILE * lips, *_irises(points)])
+    return np.array([lips, *lids, brows, smile + _JAW_IN_SMILE * lips, _irises(points)])
 
 
-def resting_face(measures: Float[Array, "F 7"]) -> Float[Array, "7"]:
+def resting_face(measures: Float[Array, "F 6"]) -> Float[Array, "6"]:
     """The measures of somebody's face at rest, from those of a clip's frames."""
     columns = zip(measures.T, _REST_PERCENTILES, USUAL_REST, strict=True)
     return np.array(
@@ -127,12 +126,11 @@ def resting_face(measures: Float[Array, "F 7"]) -> Float[Array, "7"]:
     )
 
 
-def face_numbers(measures: Float[Array, "7"], rest: Float[Array, "7"]) -> Float[Array, "9"]:
+def face_numbers(measures: Float[Array, "6"], rest: Float[Array, "6"]) -> Float[Array, "7"]:
     """jaw_open, blink_left, blink_right, brows_up, smile, then where the eyes look, each 0 to 1."""
-    *moved, aside, up = measures - rest
+    *moved, aside = measures - rest
     full = np.array([_FULL_JAW, -_CLOSED * rest[1], -_CLOSED * rest[2], _FULL_BROWS, _FULL_SMILE])
-    aside, up = aside / _FULL_ASIDE, up / _FULL_UP
-    return np.clip([*(moved / full), aside, -aside, up, -up], 0.0, 1.0)
+    return np.clip([*(moved / full), aside / _FULL_ASIDE, -aside / _FULL_ASIDE], 0.0, 1.0)
 
 
 def finger_curls(points: Float[Array, "21 3"]) -> Float[Array, "5"]:
@@ -167,9 +165,9 @@ def _upward(points: Float[Array, "N 3"], right_to_left: Float[Array, "3"]) -> Fl
     return up / np.linalg.norm(up)
 
 
-def _irises(points: Float[Array, "478 3"]) -> Float[Array, "2"]:
-    """How far the irises are to the person's left, and up, from the middle of their eyes' corners,
-    both eyes together, in widths of an eye.
+def _irises(points: Float[Array, "478 3"]) -> float:
+    """How far the irises are to the person's left from the middle of their eyes' corners, both eyes
+    together, in widths of an eye.
 
     Their depth is not measured, so only the picture counts: a face that turns moves them aside by
     as much as they lie before the corners.
@@ -181,4 +179,4 @@ def _irises(points: Float[Array, "478 3"]) -> Float[Array, "2"]:
     off = (points[list(_IRISES)].mean(axis=0) - _eyes_middle(points)) / width
     ahead = np.cross(left, up)
     off = off[:2] - _IRIS_DEPTH * ahead[:2]
-    return np.linalg.solve(np.stack([left[:2], up[:2]], axis=1), off)
+    return float(np.linalg.solve(np.stack([left[:2], up[:2]], axis=1), off)[0])

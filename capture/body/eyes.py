@@ -22,26 +22,22 @@ def middle_of(ball: Float[Array, "A 3"]) -> Float[Array, "3"]:
     return 0.5 * (ball.min(axis=0) + ball.max(axis=0))
 
 
-def gaze_rotation(gaze: Float[Array, "2"]) -> Float[Array, "3 3"]:
-    """Of eyes that look to `gaze` (`scene.expression.gaze_of`), at rest."""
-    yaw, pitch = gaze
-    return axis_angle_to_matrix(np.array([0.0, yaw, 0.0])) @ axis_angle_to_matrix(
-        np.array([pitch, 0.0, 0.0])
-    )
+def gaze_rotation(gaze_rad: float) -> Float[Array, "3 3"]:
+    """Of eyes that look aside by `gaze_rad` (`scene.expression.gaze_of`), at rest."""
+    return axis_angle_to_matrix(np.array([0.0, gaze_rad, 0.0]))
 
 
 def gaze_directions(
     vertices: Float[Array, "V 3"], faces: Int[Array, "T 3"], parts: Int[Array, "T"]
-) -> Float[Array, "4 V 3"]:
-    """How far (m) `vertices` move as the eyes look left, right, up and down, each fully.
+) -> Float[Array, "2 V 3"]:
+    """How far (m) `vertices` move as the eyes look left, and right, fully.
 
     They move along straight lines, which from straight ahead to 30 degrees aside are 0.4 mm off an
     eyeball's arc.
     """
-    yaw, pitch = GAZE_RAD
-    directions = np.zeros((4, *vertices.shape))
-    for number, gaze in enumerate(([yaw, 0.0], [-yaw, 0.0], [0.0, -pitch], [0.0, pitch])):
-        turn = gaze_rotation(np.array(gaze))
+    directions = np.zeros((2, *vertices.shape))
+    for number, gaze_rad in enumerate((GAZE_RAD, -GAZE_RAD)):
+        turn = gaze_rotation(gaze_rad)
         for ball in eyeballs(faces, parts):
             from_middle = vertices[ball] - middle_of(vertices[ball])
             directions[number, ball] = from_middle @ turn.T - from_middle

@@ -27,8 +27,7 @@ _PERIODS_S = {
 _WAVES = 4
 _FIXATION_S = 0.7
 """How long eyes rest on one place."""
-_FARTHEST_GAZE_RAD = 0.35, 0.15
-"""How far they turn aside, up and down."""
+_FARTHEST_GAZE_RAD = 0.35
 _BLINK_INTERVAL_S = 1.6
 _BLINK_S = 0.12
 """Standard deviation of a blink in time: it takes about 0.3 s."""
@@ -62,7 +61,7 @@ def with_random_expressions(motion: Motion, seed: int) -> Motion:
     left, right = (EXPRESSION_NAMES.index(f"blink_{side}") for side in ("left", "right"))
     _blink(expressions, left, right, motion.times_s, rng)
     fixation = np.floor((motion.times_s - motion.times_s[0]) / _FIXATION_S + 1e-6).astype(int)
-    places = rng.uniform(-1.0, 1.0, (fixation[-1] + 1, 2)) * _FARTHEST_GAZE_RAD
+    places = _FARTHEST_GAZE_RAD * rng.uniform(-1.0, 1.0, fixation[-1] + 1)
     expressions[:, GAZE] = gaze_numbers(places[fixation])
     return replace(motion, expressions=expressions)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.pages.performers import lifelike, table
+from benchmarks.pages.performers import expressions_found, lifelike, table
 from benchmarks.performers import means
 
 
@@ -62,3 +62,26 @@ def test_lifelike_performers_are_listed_each_by_itself():
     assert "| moss | dark, middle-aged | short04 | 33.3 / 0.012 | 32.3 / 0.012 |" in text
     assert "60 s of one thread" in text
     assert "`alexnet_features`" in text
+
+
+def test_what_is_found_of_an_expression_is_told_beside_what_was_acted():
+    rows = [{"skin": {"jaw_open": {"error": error, "spread": 0.4}}} for error in (0.05, 0.15)]
+    figures = {
+        "pictures": 30,
+        "size": 256,
+        "rows": rows,
+        "means": {
+            "gaze_deg": 4.44,
+            "gaze_spread_deg": 10.0,
+            "finger_joints_deg": 8.26,
+            "hands_found": 0.96,
+        },
+        "commit": "abcdef0",
+        "date": "2026-05-01T12:00:00+00:00",
+        "uncommitted_changes": False,
+        "machine": {"processor": "a processor"},
+    }
+    text = expressions_found(figures)
+    assert "| eyes aside | 4.4° | 10.0° |" in text
+    assert "| jaw open | 0.10 | 0.40 |" in text
+    assert "of which 96 % were found" in text

@@ -33,9 +33,9 @@ class Eyes:
         vertices = eyeballs(body.faces, parts)
         return cls(vertices, np.stack([middle_of(body.rest_vertices[ball]) for ball in vertices]))
 
-    def turned(self, rest: Float[Array, "N 3"], gaze: Float[Array, "2"]) -> Float[Array, "N 3"]:
-        """`rest` vertices with both eyeballs turned by `gaze` (yaw, pitch), rad."""
-        turn, turned = gaze_rotation(gaze), rest.copy()
+    def turned(self, rest: Float[Array, "N 3"], gaze_rad: float) -> Float[Array, "N 3"]:
+        """`rest` vertices with both eyeballs turned to the person's left by `gaze_rad`."""
+        turn, turned = gaze_rotation(gaze_rad), rest.copy()
         for vertices, centre in zip(self.vertices, self.centres, strict=True):
             turned[vertices] = (rest[vertices] - centre) @ turn.T + centre
         return turned

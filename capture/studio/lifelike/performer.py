@@ -48,7 +48,7 @@ class DressedPerformer:
         body = self.surface.body
         if pose.expression[GAZE].any():
             assert body.rest_vertices is not None
-            turned = self.eyes.turned(body.rest_vertices, gaze_of(pose.expression))
+            turned = self.eyes.turned(body.rest_vertices, float(gaze_of(pose.expression)))
             body = replace(body, rest_vertices=turned)
         return body.posed_vertices(pose)
 

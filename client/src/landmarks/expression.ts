@@ -9,7 +9,7 @@
 /** In the order of the server's `EXPRESSION_NAMES`; left and right are the person's own. */
 export const EXPRESSION_NAMES = [
   "jaw_open", "blink_left", "blink_right", "brows_up", "smile",
-  "look_left", "look_right", "look_up", "look_down",
+  "look_left", "look_right",
   "left_thumb_curl", "left_index_curl", "left_middle_curl", "left_ring_curl", "left_little_curl",
   "right_thumb_curl", "right_index_curl", "right_middle_curl", "right_ring_curl", "right_little_curl",
 ] as const; // prettier-ignore
@@ -19,7 +19,7 @@ export const FACE = 1;
 export const LEFT_HAND = 2;
 export const RIGHT_HAND = 4;
 /** Of the first numbers, which are the face's: those of its skin, then those of the eyes. */
-export const FACE_NUMBERS = 9;
+export const FACE_NUMBERS = 7;
 const SKIN_NUMBERS = 5;
 export const FINGER_COUNT = 5;
 /**
@@ -66,13 +66,12 @@ const FOREHEAD = 10;
 const UNDER_NOSE = 2;
 
 /** Measures of a face at rest, of people in general. */
-export const TYPICAL_RESTING_FACE: readonly number[] = [0.02, 0.27, 0.27, 0.22, -0.2, 0, 0.065];
+export const TYPICAL_RESTING_FACE: readonly number[] = [0.02, 0.27, 0.27, 0.22, -0.2, 0];
 /**
- * Where among measures the face at rest is found, percent: talk opens a mouth, blinks are short. How high
- * irises lie in their eyes differs between people; which way straight ahead is does not (null), nor does it depend
- * on where somebody looks most.
+ * Where among measures the face at rest is found, percent: talk opens a mouth, blinks are short. Which way
+ * straight ahead is (null) does not depend on where somebody looks most.
  */
-const REST_PERCENTILES = [10, 65, 65, 40, 30, null, 50] as const;
+const REST_PERCENTILES = [10, 65, 65, 40, 30, null] as const;
 /** What each measure grows by from rest to fully. */
 const FULL_JAW = 0.32;
 const FULL_BROWS = 0.045;
@@ -81,9 +80,8 @@ const FULL_SMILE = 0.2;
 const CLOSED = 0.58;
 /** How far irises lie before the corners of their eyes, in widths of an eye. */
 const IRIS_DEPTH = 0.125;
-/** How far irises have moved where eyes look fully aside, and up, likewise. */
-const FULL_ASIDE = 0.2;
-const FULL_UP = 0.09;
+/** How far irises have moved where eyes look fully aside, likewise. */
+const FULL_ASIDE = 0.23;
 const WRIST = 0;
 /**
  * Index, middle, ring and little finger, and each one's distance from wrist to tip as a share of the way along
@@ -105,7 +103,7 @@ const THUMB_IN = 0.52;
 
 /**
  * Lips apart, left and right lids apart, brows from lids, how wide and high the mouth ends, and how far irises
- * are to the person's left and up; null for a face that is too small or turned too far.
+ * are to the person's left; null for a face that is too small or turned too far.
  */
 export function faceMeasures(points: readonly Point[]): number[] | null {
   const [right, left] = OUTER_CORNERS.map((i) => at(points, i)) as [Point, Point];
@@ -125,7 +123,7 @@ export function faceMeasures(points: readonly Point[]): number[] | null {
     lidsApart(points, RIGHT_LIDS, RIGHT_EYE),
     brows / span,
     smile / span + JAW_IN_SMILE * lips,
-    ...irisesOff(points, leftward, upward),
+    irisesOff(points, leftward, upward),
   ];
 }
 
@@ -143,10 +141,10 @@ export function restingFace(measures: readonly (readonly number[])[]): number[] 
 
 /** jaw_open, blink_left, blink_right, brows_up, smile, then where the eyes look. */
 export function faceNumbers(measures: readonly number[], rest: readonly number[]): number[] {
-  const full = [FULL_JAW, -CLOSED * (rest[1] ?? 0), -CLOSED * (rest[2] ?? 0), FULL_BROWS, FULL_SMILE, FULL_ASIDE, FULL_UP];
+  const full = [FULL_JAW, -CLOSED * (rest[1] ?? 0), -CLOSED * (rest[2] ?? 0), FULL_BROWS, FULL_SMILE, FULL_ASIDE];
   const moved = full.map((most, i) => ((measures[i] ?? 0) - (rest[i] ?? 0)) / most);
-  const [aside = 0, up = 0] = moved.splice(SKIN_NUMBERS);
-  return [...moved, aside, -aside, up, -up].map(clamp);
+  const [aside = 0] = moved.splice(SKIN_NUMBERS);
+  return [...moved, aside, -aside].map(clamp);
 }
 
 /**
@@ -234,17 +232,15 @@ function upwardOf(points: readonly Point[], leftward: Point): Point {
 }
 
 /**
- * How far the irises are to the person's left, and up, from the middle of their eyes' corners, in widths of an
- * eye. Their depth is not measured, so only the picture counts: a face that turns moves them aside by as much as
+ * How far the irises are to the person's left from the middle of their eyes' corners, in widths of an eye. Their depth is not measured, so only the picture counts: a face that turns moves them aside by as much as
  * they lie before the corners.
  */
-function irisesOff(points: readonly Point[], left: Point, up: Point): [number, number] {
+function irisesOff(points: readonly Point[], left: Point, up: Point): number {
   const width = 0.5 * (distance(points, LEFT_EYE) + distance(points, RIGHT_EYE));
   const off = subtract(mean(points, IRISES), mean(points, EYE_CORNERS)).map((value) => value / width);
   const x = (off[0] ?? 0) - IRIS_DEPTH * (left[1] * up[2] - left[2] * up[1]);
   const y = (off[1] ?? 0) - IRIS_DEPTH * (left[2] * up[0] - left[0] * up[2]);
-  const area = left[0] * up[1] - left[1] * up[0];
-  return [(x * up[1] - y * up[0]) / area, (left[0] * y - left[1] * x) / area];
+  return (x * up[1] - y * up[0]) / (left[0] * up[1] - left[1] * up[0]);
 }
 
 function mean(points: readonly Point[], which: readonly number[]): Point {

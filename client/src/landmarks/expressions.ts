@@ -15,7 +15,7 @@ export interface PartPicture {
 
 export type ExpressionMessage =
   | { kind: "ready"; parts: Part[] }
-  /** What the part does: nine numbers of a face, five of a hand; null where it was not found. */
+  /** What the part does: seven numbers of a face, five of a hand; null where it was not found. */
   | { kind: "found"; part: Part; timeMs: number; numbers: number[] | null };
 
 /** As much of a worker as is needed. */

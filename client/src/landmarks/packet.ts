@@ -1,10 +1,10 @@
 /**
  * The `keypoints` packet: what the webcam shows of a person, and no picture. Little endian, 383 bytes,
- * and 20 more where anything is known of face or hands.
+ * and 18 more where anything is known of face or hands.
  *
  * Header, 16 bytes: u8 version, u8 kind, u16 flags, u32 sequence, f64 capture time (ms).
  * Payload: u16 width, u16 height (px of the picture), then of 33 landmarks i16 xy (1/8192 of the
- * picture's sides), i16 xyz (1/8192 m) and u8 visibility (1/255). Expression: u8 of nineteen
+ * picture's sides), i16 xyz (1/8192 m) and u8 visibility (1/255). Expression: u8 of seventeen
  * numbers (1/255), u8 bits of what is known (see `expression.ts`).
  */
 

@@ -10,7 +10,7 @@
  * f32 vertical field of view (rad), u16 width, u16 height (px).
  * A pose's payload: u8 index of the performer, u8 how many there are, u16 check of the performer's id,
  * f32 pelvis[3] (room, m), then 24 turns of 6 bytes: three components of 15 bits, two bits that say
- * which one was left out. Expression: u8 of nineteen numbers (1/255), u8 bits of what is known.
+ * which one was left out. Expression: u8 of seventeen numbers (1/255), u8 bits of what is known.
  */
 
 import { EARLIER_COUNTS, EXPRESSION_COUNT, ofAnyVersion } from "../landmarks/expression";

@@ -35,12 +35,12 @@ describe("encodeKeypoints", () => {
     );
   });
 
-  it("adds twenty bytes where face or hands were seen, as the server's encoder does", () => {
-    const values = new Float32Array([0.2, 1, 0, 0.4, 2, -1, 0.6, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.8]);
+  it("adds eighteen bytes where face or hands were seen, as the server's encoder does", () => {
+    const values = new Float32Array([0.2, 1, 0, 0.4, 2, -1, 0.6, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.8]);
     const plain = hex(encodeKeypoints(7, 1500, nobody()));
     const bytes = encodeKeypoints(7, 1500, nobody(), { values, known: FACE | LEFT_HAND });
     expect(bytes.byteLength).toBe(KEYPOINTS_BYTES + EXPRESSION_BYTES);
-    expect(hex(bytes)).toBe(plain + "33ff0066ff0099" + "00".repeat(11) + "cc03");
+    expect(hex(bytes)).toBe(plain + "33ff0066ff0099" + "00".repeat(9) + "cc03");
   });
 
   it("moves what is out of range to the range's end", () => {

@@ -98,16 +98,16 @@ describe("decodePose", () => {
   });
 
   it("reads what face and hands do, and rest where nothing is said", () => {
-    const shown = [0.2, 1, 0, 0.4, ...Array<number>(14).fill(0), 0.6];
-    const moved = decodePose(bytes(golden + "33ff0066" + "00".repeat(14) + "9907"));
+    const shown = [0.2, 1, 0, 0.4, ...Array<number>(12).fill(0), 0.6];
+    const moved = decodePose(bytes(golden + "33ff0066" + "00".repeat(12) + "9907"));
     expect([...(moved?.expression ?? [])]).toEqual(shown.map((v) => expect.closeTo(v, 6)));
     expect(moved?.rotations).toEqual(decodePose(bytes(golden))?.rotations);
-    expect([...(decodePose(bytes(golden))?.expression ?? [])]).toEqual(Array<number>(19).fill(0));
+    expect([...(decodePose(bytes(golden))?.expression ?? [])]).toEqual(Array<number>(17).fill(0));
   });
 
   it("reads an earlier version's recordings: a hand's curl is that of each of its fingers", () => {
     const moved = decodePose(bytes(golden + "33ff0066003399" + "07"));
-    const eyes = Array<number>(4).fill(0);
+    const eyes = Array<number>(2).fill(0);
     const shown = [0.2, 1, 0, 0.4, 0, ...eyes, ...Array<number>(5).fill(0.2), ...Array<number>(5).fill(0.6)];
     expect([...(moved?.expression ?? [])]).toEqual(shown.map((v) => expect.closeTo(v, 6)));
     const eyeless = decodePose(bytes(golden + "33ff006600" + "00".repeat(9) + "99" + "07"));

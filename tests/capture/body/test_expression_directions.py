@@ -102,9 +102,9 @@ def test_a_body_poses_with_its_expression():
 @pytest.mark.usefixtures("unchecked_annotations")
 def test_directions_are_of_this_surface():
     body = load_body_model().body(np.zeros(5))
-    with pytest.raises(InvalidInput, match=r"expression_directions must be 29 x 13718 x 3; got"):
+    with pytest.raises(InvalidInput, match=r"expression_directions must be 27 x 13718 x 3; got"):
         Body(
-            body.skeleton, body.rest_vertices, body.faces, body.blend_weights, np.zeros((29, 4, 3))
+            body.skeleton, body.rest_vertices, body.faces, body.blend_weights, np.zeros((27, 4, 3))
         )
 
 
@@ -171,22 +171,14 @@ def test_acting_is_smooth_seeded_and_goes_all_the_way():
 def test_eyes_of_who_acts_rest_on_a_place_and_then_leap_to_another():
     still = turntable_motion(200, 30.0, 0.0)
     gaze = gaze_of(with_random_expressions(still, 7).expressions)
-    leaps = np.flatnonzero(np.diff(gaze, axis=0).any(axis=1)) + 1
+    leaps = np.flatnonzero(np.diff(gaze)) + 1
     assert leaps.tolist() == [21 * n for n in range(1, 10)]
-    assert (np.abs(gaze).max(axis=0) <= [0.35, 0.15]).all()
-    assert (np.ptp(gaze, axis=0) > [0.3, 0.1]).all()
+    assert np.abs(gaze).max() <= 0.35
+    assert np.ptp(gaze) > 0.3
 
 
-@pytest.mark.parametrize(
-    ("name", "axis", "sign"),
-    [
-        ("look_left", 0, 1.0),
-        ("look_right", 0, -1.0),
-        ("look_up", 1, 1.0),
-        ("look_down", 1, -1.0),
-    ],
-)
-def test_eyes_turn_about_their_middles_and_nothing_else_moves(name: str, axis: int, sign: float):
+@pytest.mark.parametrize(("name", "sign"), [("look_left", 1.0), ("look_right", -1.0)])
+def test_eyes_turn_about_their_middles_and_nothing_else_moves(name: str, sign: float):
     model = load_body_model()
     assert model.parts is not None
     moved = offsets(name)
@@ -195,7 +187,7 @@ def test_eyes_turn_about_their_middles_and_nothing_else_moves(name: str, axis: i
     for ball in eyeballs(model.faces, model.parts):
         rest = model.rest_vertices[ball]
         pupil = ball[rest[:, 2].argmax()]
-        assert sign * moved[pupil, axis] > 0.003
+        assert sign * moved[pupil, 0] > 0.003
         reached = np.linalg.norm(rest + moved[ball] - middle_of(rest), axis=1)
         np.testing.assert_allclose(reached, np.linalg.norm(rest - middle_of(rest), axis=1))
 

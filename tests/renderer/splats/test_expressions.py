@@ -42,19 +42,7 @@ from tests.renderer.splats.viewer_file import decode
 from tests.renderer.studio import DrawnFrames, make_body, make_model, make_motion, make_sequence
 
 SHOWN = np.array(
-    [
-        0.6,
-        0.0,
-        1.0,
-        0.2,
-        0.0,
-        0.4,
-        0.0,
-        0.0,
-        0.8,
-        *[0.5, 0.9, 0.0, 0.3, 0.0],
-        *[0.0, 1.0, 0.0, 0.7, 0.1],
-    ]
+    [0.6, 0.0, 1.0, 0.2, 0.0, 0.4, 0.0, *[0.5, 0.9, 0.0, 0.3, 0.0], *[0.0, 1.0, 0.0, 0.7, 0.1]]
 )
 
 
@@ -206,7 +194,7 @@ def test_splats_that_are_none_are_refused():
     offsets = np.zeros((1, BLEND_SHAPE_COUNT, 3), np.float32)
     with pytest.raises(InvalidInput, match=r"expression_splats must be of 600 splats; got 600"):
         replace(make_model(), expression_splats=np.array([600]), expression_offsets=offsets)
-    with pytest.raises(InvalidInput, match=r"expression_offsets must be 0 x 29 x 3; got 1 x 29"):
+    with pytest.raises(InvalidInput, match=r"expression_offsets must be 0 x 27 x 3; got 1 x 27"):
         replace(make_model(), expression_offsets=offsets)
 
 

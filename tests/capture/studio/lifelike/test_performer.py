@@ -129,7 +129,7 @@ def without(surface, gone):
 
 def test_eyes_turn_about_their_centres(fern):
     rest = fern.surface.body.rest_vertices
-    turned = fern.eyes.turned(rest, np.array([0.3, 0.1]))
+    turned = fern.eyes.turned(rest, 0.3)
 
     moved = np.flatnonzero(np.linalg.norm(turned - rest, axis=1) > 1e-9)
     for vertices, centre in zip(fern.eyes.vertices, fern.eyes.centres, strict=True):
@@ -138,7 +138,6 @@ def test_eyes_turn_about_their_centres(fern):
         np.testing.assert_allclose(np.linalg.norm(turned[vertices] - centre, axis=1), radius)
         front = vertices[rest[vertices, 2].argmax()]
         assert turned[front, 0] > rest[front, 0]  # to their left
-        assert turned[front, 1] < rest[front, 1]
     assert len(moved) <= sum(len(vertices) for vertices in fern.eyes.vertices)
 
 
