@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated
 
 import typer
 
+from benchmarks.cli_options import (
+    Assets,
+    Backbone,
+    ClockName,
+    Commits,
+    Footage,
+    LpipsBackbone,
+    Motion,
+    Only,
+    Picture,
+    landmark_models,
+    start,
+)
 from benchmarks.inputs import (
     FOOTAGE,
     HUMAN_ASSETS,
@@ -24,64 +36,14 @@ from benchmarks.inputs import (
     require_real_footage,
     require_webcam_clip,
 )
-from scene.errors import InvalidInput
 from services.cli.terminal import seconds
-
-if TYPE_CHECKING:
-    from benchmarks.reporting.figures import FigureWriter
 
 app = typer.Typer(
     help="Measure what is claimed, on this machine. Figures go to build/figures.",
     no_args_is_help=True,
 )
 
-Commits = Annotated[
-    bool,
-    typer.Option(
-        "--commit-figures",
-        help="Write docs/figures too, which the pages show; the tree must have no changes.",
-    ),
-]
-Motion = Annotated[Path, typer.Option(help="Folder of recorded motion (.bvh).")]
-Assets = Annotated[
-    Path, typer.Option(help="MakeHuman's assets; without them no lifelike performers.")
-]
-Footage = Annotated[Path, typer.Option(help="Folder of the folders real-*.")]
-Backbone = Annotated[Path | None, typer.Option(help="LPIPS backbone (.pth).")]
-LpipsBackbone = Annotated[Path, typer.Option(help="LPIPS backbone (.pth).")]
-Picture = Annotated[Path | None, typer.Option(help="Draw the comparison here.")]
-ClockName = Annotated[
-    Literal["wall", "processor"],
-    typer.Option(help="Seconds on all cores, or one thread's own, which neighbours change little."),
-]
-Only = Annotated[str, typer.Option(help="Measure only what has this in its name; none: nothing.")]
 _CLIPS = 10
-
-
-def _start(name: str, commits: bool, *, narrowed: bool = False) -> FigureWriter:
-    """The file that the figures of `name` go to.
-
-    Raises InvalidInput where they are to be committed, and are of less than the whole benchmark or
-    of a tree with changes.
-    """
-    from benchmarks.reporting.figures import FigureWriter, command_line
-
-    if commits and narrowed:
-        raise InvalidInput(
-            "committed figures must be of the whole benchmark as the pages describe it; got "
-            f"`{command_line(sys.argv[1:])}`; leave out the options that change what is measured"
-        )
-    return FigureWriter.start(name, commits=commits)
-
-
-def _landmark_models() -> tuple[Path, Path, Path]:
-    """Of bodies, faces and hands."""
-    from capture.detection.network_files import landmark_network_file
-    from services.settings import load_settings
-
-    own = load_settings()
-    pose, face, hand = own.pose_model_source(), own.face_model_source(), own.hand_model_source()
-    return landmark_network_file(pose), landmark_network_file(face), landmark_network_file(hand)
 
 
 @app.command("all")
@@ -126,7 +88,7 @@ def serve(commits: Commits = False) -> None:
     require_browser()
     from benchmarks.serve import run
 
-    run(_start("serve", commits))
+    run(start("serve", commits))
 
 
 @app.command()
@@ -142,7 +104,7 @@ def enrolment(
         require_webcam_clip(one)
     from benchmarks.enrolment import run
 
-    run(_start("enrolment", commits, narrowed=clip is not None), clips)
+    run(start("enrolment", commits, narrowed=clip is not None), clips)
 
 
 @app.command()
@@ -156,7 +118,7 @@ def gpu(
     from benchmarks.gpu import run
 
     narrowed = train_for != ["60s", "180s"]
-    run(_start("gpu", commits, narrowed=narrowed), [seconds(one) for one in train_for])
+    run(start("gpu", commits, narrowed=narrowed), [seconds(one) for one in train_for])
 
 
 @app.command()
@@ -171,7 +133,7 @@ def meeting(
     require_browser()
     from benchmarks.meeting import run
 
-    run(_start("meeting", commits), clip, _landmark_models()[0])
+    run(start("meeting", commits), clip, landmark_models()[0])
 
 
 @app.command("local-view")
@@ -180,7 +142,7 @@ def local_view(commits: Commits = False) -> None:
     require_browser()
     from benchmarks.local_view import run
 
-    run(_start("local-view", commits))
+    run(start("local-view", commits))
 
 
 @app.command()
@@ -197,7 +159,7 @@ def frontier(
     from benchmarks.frontier.measure import run
 
     narrowed = bool(only) or clock != "processor" or scaled != "30m"
-    writer = _start("frontier", commits, narrowed=narrowed)
+    writer = start("frontier", commits, narrowed=narrowed)
     run(writer, backbone, seconds(scaled), clock, only)
 
 
@@ -213,7 +175,7 @@ def performers(
     require_motion(motion)
     from benchmarks.performers import run
 
-    writer = _start("performers", commits, narrowed=bool(only) or clock != "processor")
+    writer = start("performers", commits, narrowed=bool(only) or clock != "processor")
     run(writer, motion, backbone, clock, only)
 
 
@@ -231,7 +193,7 @@ def lifelike(
     require_human_assets(assets)
     from benchmarks.lifelike import run
 
-    writer = _start("lifelike", commits, narrowed=bool(only) or clock != "processor")
+    writer = start("lifelike", commits, narrowed=bool(only) or clock != "processor")
     run(writer, motion, assets, backbone, clock, only)
 
 
@@ -247,7 +209,7 @@ def train_command(
     require_motion(motion)
     from benchmarks.training_time import run
 
-    writer = _start("train", commits, narrowed=bool(only) or clock != "processor")
+    writer = start("train", commits, narrowed=bool(only) or clock != "processor")
     run(writer, motion, backbone, clock, only)
 
 
@@ -256,7 +218,7 @@ def distil(commits: Commits = False, clock: ClockName = "processor") -> None:
     """Splats learnt from a field's pictures against splats learnt from the clip's own."""
     from benchmarks.distil import run
 
-    run(_start("distil", commits, narrowed=clock != "processor"), clock)
+    run(start("distil", commits, narrowed=clock != "processor"), clock)
 
 
 @app.command()
@@ -270,7 +232,7 @@ def field(
     from benchmarks.field_speed import run
 
     narrowed = (preset, size, steps) != ("paper", 256, 400)
-    run(_start("field-speed", commits, narrowed=narrowed), preset, size, steps)
+    run(start("field-speed", commits, narrowed=narrowed), preset, size, steps)
 
 
 @app.command()
@@ -278,7 +240,7 @@ def kernels(commits: Commits = False) -> None:
     """The fully fused MLP against plain PyTorch on a GPU, forward and backward, 2^20 samples."""
     from benchmarks.kernels import run
 
-    run(_start("kernels", commits))
+    run(start("kernels", commits))
 
 
 @app.command("capture")
@@ -298,11 +260,11 @@ def capture_command(
     from benchmarks import capture, capture_robustness
 
     narrowed = bool(only) or clips != _CLIPS or clock != "processor"
-    writer = _start("capture-robustness" if robustness else "capture", commits, narrowed=narrowed)
+    writer = start("capture-robustness" if robustness else "capture", commits, narrowed=narrowed)
     if robustness:
-        capture_robustness.run(writer, motion, _landmark_models()[0])
+        capture_robustness.run(writer, motion, landmark_models()[0])
     else:
-        capture.run(writer, motion, _landmark_models()[0], backbone, clips, clock, only)
+        capture.run(writer, motion, landmark_models()[0], backbone, clips, clock, only)
 
 
 @app.command("live-capture")
@@ -315,7 +277,7 @@ def live_capture(
     """The live pose solver: ms a frame, and joints against the clip-wide fit and the truth."""
     from benchmarks.live_capture import run
 
-    run(_start("live-capture", commits, narrowed=clip is not None), clip)
+    run(start("live-capture", commits, narrowed=clip is not None), clip)
 
 
 @app.command()
@@ -323,7 +285,7 @@ def expressions(commits: Commits = False, picture: Picture = None) -> None:
     """What moving splats of face and hands is worth, each expression by itself; and its time."""
     from benchmarks.expressions import run
 
-    run(_start("expressions", commits), picture)
+    run(start("expressions", commits), picture)
 
 
 @app.command()
@@ -331,7 +293,7 @@ def refinement(commits: Commits = False, clock: ClockName = "processor") -> None
     """Noise on every joint, and what refining poses wins back: splats, and the paper's MLP."""
     from benchmarks.refinement import run
 
-    run(_start("refinement", commits, narrowed=clock != "processor"), clock)
+    run(start("refinement", commits, narrowed=clock != "processor"), clock)
 
 
 @app.command()
@@ -344,7 +306,7 @@ def foreign(
     """Splats of another program's exact poses, in HumanNeRF's layout, lit by the room."""
     from benchmarks.foreign.measure import run
 
-    writer = _start("foreign", commits, narrowed=bool(only) or clock != "processor")
+    writer = start("foreign", commits, narrowed=bool(only) or clock != "processor")
     run(writer, backbone, clock, only)
 
 
@@ -353,7 +315,7 @@ def reading(commits: Commits = False) -> None:
     """Seconds that a large data set takes to be read and cut to the person."""
     from benchmarks.foreign.reading import run
 
-    run(_start("reading", commits))
+    run(start("reading", commits))
 
 
 @app.command()
@@ -369,7 +331,7 @@ def relight(
     require_panoramas(panoramas)
     from benchmarks.relight import run
 
-    writer = _start("relight", commits, narrowed=clock != "processor")
+    writer = start("relight", commits, narrowed=clock != "processor")
     run(writer, panoramas, picture, clock)
 
 
@@ -385,7 +347,7 @@ def masks(
     require_real_footage(footage)
     from benchmarks.masks import run
 
-    run(_start("masks", commits), motion, assets, footage)
+    run(start("masks", commits), motion, assets, footage)
 
 
 @app.command("expressions-found")
@@ -394,8 +356,8 @@ def expressions_found(commits: Commits = False, assets: Assets = HUMAN_ASSETS) -
     require_human_assets(assets)
     from benchmarks.expressions_found import run
 
-    _, face, hand = _landmark_models()
-    run(_start("expressions-found", commits), assets, face, hand)
+    _, face, hand = landmark_models()
+    run(start("expressions-found", commits), assets, face, hand)
 
 
 @app.command("two-cameras")
@@ -408,7 +370,7 @@ def two_cameras_command(
     require_footage(footage)
     from benchmarks.two_cameras import run
 
-    run(_start("two-cameras", commits), footage, _landmark_models()[0], picture)
+    run(start("two-cameras", commits), footage, landmark_models()[0], picture)
 
 
 @app.command()
@@ -424,6 +386,6 @@ def real(
     require_real_footage(footage)
     from benchmarks.real.measure import Effort, Networks, run
 
-    networks = Networks(*_landmark_models(), backbone)
-    writer = _start("real", commits, narrowed=bool(only) or (clock, budget) != ("processor", "60s"))
+    networks = Networks(*landmark_models(), backbone)
+    writer = start("real", commits, narrowed=bool(only) or (clock, budget) != ("processor", "60s"))
     run(writer, footage, networks, clock, only, effort=Effort(seconds(budget)))

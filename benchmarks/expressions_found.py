@@ -1,8 +1,9 @@
 """How well a face, its gaze and fingers are found from pictures: lifelike performers, who know.
 
-Each performer acts (`capture.studio.expressions`) before a still camera, once per part, at the size
-at which a webcam shows it: head turned by up to 35 degrees, palm seen from up to 30 degrees aside.
-What captures and pages compute from the landmarks is compared with what was acted.
+Each performer talks, blinks, looks about and gestures (`capture.studio.expressions`) before a still
+camera, once per part, at the size at which a webcam shows it: head turned by up to 35 degrees, palm
+seen from up to 30 degrees aside.
+What captures and pages compute from the landmarks is compared with what was performed.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from scene.skeleton import HEAD, JOINT_NAMES
 PICTURES, SIZE_PX = 30, 256
 """Of each part of each performer."""
 _BETWEEN_S = 0.9
-"""From one picture to the next of what is acted: eyes rest for 0.7 s."""
+"""From one picture to the next of what is performed: eyes rest for 0.7 s."""
 _FACE = np.array([0.0, 0.09, 0.08])
 """From the head's joint, m."""
 _FACE_DISTANCE_M, _HAND_DISTANCE_M, _FIELD_OF_VIEW_RAD = 0.7, 0.5, 0.5
@@ -62,10 +63,10 @@ def _face(
 ) -> dict[str, Any]:
     """Mean errors of the gaze aside, degrees, and of each other number of a face, beside how far
     eyes look aside, and how far the number is spread."""
-    acted = _acted(rng)
+    performed = _performed(rng)
     target = performer.body.skeleton.rest_joints[HEAD] + _FACE
     shown, measures = [], []
-    for pose in acted:
+    for pose in performed:
         camera = _camera(target, _FACE_DISTANCE_M, _FACE_ASIDE_RAD, rng)
         middle, half_px = np.full(2, 0.5 * SIZE_PX), 0.5 * SIZE_PX
         face = detector.face_about(_picture(performer, pose, camera), middle, half_px)
@@ -97,7 +98,7 @@ def _hand(
     """Mean error of the joints of thumb and fingers, degrees."""
     skeleton, errors = performer.body.skeleton, []
     wrist, knuckles = (JOINT_NAMES.index(f"{side}_{part}") for part in ("wrist", "hand"))
-    for pose in _acted(rng, _PALMS_TO_CAMERA):
+    for pose in _performed(rng, _PALMS_TO_CAMERA):
         joints = skeleton.joint_transforms(pose.joint_angles, pose.root_translation)[:, :3, 3]
         camera = _camera(joints[knuckles], _HAND_DISTANCE_M, _HAND_ASIDE_RAD, rng)
         person = _somebody(side, *camera.project(joints[[wrist, knuckles]])[0])
@@ -115,7 +116,7 @@ def _hand(
     }
 
 
-def _acted(rng: np.random.Generator, turned: Float[Array, "3"] | None = None) -> list[Pose]:
+def _performed(rng: np.random.Generator, turned: Float[Array, "3"] | None = None) -> list[Pose]:
     """Poses at rest but for what face and hands do, seconds apart."""
     still = turntable_motion(round(PICTURES * _BETWEEN_S * 10.0), 10.0, 0.0)
     motion: Motion = with_random_expressions(still, int(rng.integers(1 << 30)))

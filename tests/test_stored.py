@@ -29,6 +29,7 @@ from renderer.performer_model import PerformerModel
 from renderer.presets import Preset
 from renderer.splats.settings import SplatSettings
 from renderer.training import train
+from scene.expression import GAZE, PARTS
 from scene.motion import Motion, Pose
 from scene.sequence import NOVEL_VIEW, PoseTrust, Sequence
 from services.app import create_app
@@ -41,6 +42,7 @@ from services.settings import load_settings
 from tests.services.conftest import SECRET, bearer
 
 STORED = Path(__file__).parent / "stored"
+FINGERS = slice(PARTS["left_hand"].start, PARTS["right_hand"].stop)
 VIEW, POSE = 2, 3
 """The test camera and the pose of the stored pictures."""
 NOW = datetime(2026, 1, 1, 12, 0, tzinfo=UTC)
@@ -100,10 +102,11 @@ def assert_reads_as(read: Motion | Pose, wanted: dict[str, Any]) -> None:
 
 
 def finger_by_finger(values: np.ndarray) -> np.ndarray:
-    """Seven numbers, of which the last two close whole hands."""
+    """Seven numbers, of which the last two close whole hands, and none turns the eyes."""
     assert values.shape[-1] == 7
     left, right = (np.stack([values[..., hand]] * 5, axis=-1) for hand in (5, 6))
-    return np.concatenate([values[..., :5], left, right], axis=-1)
+    straight_ahead = np.zeros((*values.shape[:-1], 2))
+    return np.concatenate([values[..., :5], straight_ahead, left, right], axis=-1)
 
 
 def share_alike(model: PerformerModel, sequence: Sequence, name: str, levels: float) -> float:
@@ -130,10 +133,11 @@ def test_a_sequence_folder_is_read(sequence, expected):
     assert directions is not None
     with zipfile.ZipFile(STORED / "sequence.zip") as archive, archive.open("body.npz") as stored:
         hands = np.load(stored)["expression_directions"][5:].astype(np.float64)
-    fingers = directions[5:15].reshape(2, 5, *hands.shape[1:])
+    fingers = directions[FINGERS].reshape(2, 5, *hands.shape[1:])
     np.testing.assert_allclose(fingers.sum(axis=1), hands, atol=1e-9)
     assert not np.ptp(fingers, axis=1).any()
-    assert not directions[15:].any()  # it knows no in-betweens
+    assert not directions[FINGERS.stop :].any()  # it knows no in-betweens
+    assert not directions[GAZE].any()  # nor that eyes turn
     splits = {"train": sequence.train, **sequence.test}
     means = {
         name: [[split.image(i).mean(), split.mask(i).mean()] for i in range(len(split))]
@@ -162,7 +166,7 @@ def test_fingers_that_close_together_close_the_hand_as_it_did():
         before = stored.get_tensor("expression_offsets").astype(np.float32)
     assert before.shape[1:] == (7, 3)
     np.testing.assert_array_equal(model.expression_offsets[:, :5], before[:, :5])
-    hands = model.expression_offsets[:, 5:15].reshape(-1, 2, 5, 3).sum(axis=2)
+    hands = model.expression_offsets[:, FINGERS].reshape(-1, 2, 5, 3).sum(axis=2)
     np.testing.assert_allclose(hands, before[:, 5:], atol=1e-6)
 
 

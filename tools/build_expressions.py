@@ -12,14 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from scene.arrays import Array, Float
-from scene.expression import EXPRESSION_NAMES, FINGERS
+from scene.expression import EXPRESSION_NAMES, FINGERS, GAZE
 from scene.rotations import axis_angle_to_matrix
 
 BLEND_SHAPE_NAMES = (
-    *EXPRESSION_NAMES,
+    *EXPRESSION_NAMES[: GAZE.start],
+    *EXPRESSION_NAMES[GAZE.stop :],
     *(f"{side}_{finger}_in_between" for side in ("left", "right") for finger in FINGERS),
 )
-"""As `scene.expression` orders their weights."""
+"""As `scene.expression` orders their weights, but for those of the eyes, which turn as they are
+(`capture.body.eyes`)."""
 FACE_UNITS = {
     "jaw_open": ("jawOpen",),
     "blink_left": ("eyeBlinkLeft",),

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.expressions_found import PICTURES, _acted, _means, _somebody
+from benchmarks.expressions_found import PICTURES, _means, _performed, _somebody
 from capture.body.landmark_names import FACE_LANDMARKS, LANDMARK_NAMES
 from scene.expression import GAZE
 
 
-def test_what_is_acted_differs_from_picture_to_picture():
-    poses = _acted(np.random.default_rng(1))
+def test_what_is_performed_differs_from_picture_to_picture():
+    poses = _performed(np.random.default_rng(1))
     shown = np.array([pose.expression for pose in poses])
     assert len(poses) == PICTURES
     assert (np.ptp(np.delete(shown, GAZE, axis=1), axis=0) > 0.4).all()

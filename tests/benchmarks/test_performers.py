@@ -64,7 +64,7 @@ def test_lifelike_performers_are_listed_each_by_itself():
     assert "`alexnet_features`" in text
 
 
-def test_what_is_found_of_an_expression_is_told_beside_what_was_acted():
+def test_what_is_found_of_an_expression_is_told_beside_what_was_performed():
     rows = [{"skin": {"jaw_open": {"error": error, "spread": 0.4}}} for error in (0.05, 0.15)]
     figures = {
         "pictures": 30,

@@ -24,7 +24,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from db.models import JobKind
+from db.models import JobKind, SequenceState
 from services.composition import build_services
 from services.container import Services
 from services.jobs.queue import enqueue
@@ -228,9 +228,14 @@ def one_job_of_each_kind(database_url: str, redis_url: str, folder: Path) -> Ite
             redis_url=redis_url,
         )
     )
-    # the oldest is taken first; a training is queued again while its clip is not captured
-    order = sorted(JobKind, key=lambda kind: kind is JobKind.TRAIN)
-    clips = {kind: uploaded(services) for kind in order}
+    # nobody takes a training whose clip is still to be captured; one that lacks its frames is tried
+    # again, and the oldest job is taken first
+    states = {
+        JobKind.CAPTURE: SequenceState.UPLOADED,
+        JobKind.EXPORT: SequenceState.UPLOADED,
+        JobKind.TRAIN: SequenceState.READY,
+    }
+    clips = {kind: uploaded(services, state) for kind, state in states.items()}
     with services.unit_of_work() as unit:
         ids = {
             kind: enqueue(unit, kind, clip, {}, services.clock()).id for kind, clip in clips.items()

@@ -93,15 +93,15 @@ def captured(services: Services, folder: Path, account: str = "house") -> Sequen
     return sequence
 
 
-def uploaded(services: Services) -> SequenceRow:
-    """A person with a clip that no job can read: its bytes are nowhere."""
+def uploaded(services: Services, state: SequenceState = SequenceState.UPLOADED) -> SequenceRow:
+    """A person with a clip that no job can read, whatever its `state` says: its bytes are nowhere."""
     now = services.clock()
     person = PersonRow(id=new_id(), account="house", name="Ada", created_at=now)
     clip = SequenceRow(
         id=new_id(),
         person_id=person.id,
         kind=SequenceKind.VIDEO,
-        state=SequenceState.UPLOADED,
+        state=state,
         created_at=now,
         source_name="none.mp4",
         source_sha256="0" * 64,

@@ -126,7 +126,7 @@ NAN = float("nan")
         ({"pose": {"joint_angles": [[0, 0, 0]] * 24, "root_translation": [0, NAN, 0]}}, "finite"),
         (
             {"pose": {"joint_angles": [[0, 0, 0]] * 24, "expression": [0.5]}},
-            "expression must be 15",
+            "expression must be 17",
         ),
         ({"pose": {"joint_angles": [[0, 0, 0]] * 24, "expression": [2] * 7}}, "expression"),
         ({"time_s": NAN}, "time_s"),
