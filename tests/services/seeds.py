@@ -94,7 +94,7 @@ def captured(services: Services, folder: Path, account: str = "house") -> Sequen
 
 
 def uploaded(services: Services, state: SequenceState = SequenceState.UPLOADED) -> SequenceRow:
-    """A person with a clip that no job can read, whatever its `state` says: its bytes are nowhere."""
+    """A person with a clip that no job can read, whatever its `state`: its bytes are nowhere."""
     now = services.clock()
     person = PersonRow(id=new_id(), account="house", name="Ada", created_at=now)
     clip = SequenceRow(
