@@ -55,7 +55,7 @@ def run(writer: FigureWriter, assets: Path, face_model: Path, hand_model: Path) 
                 found[f"{side}_hand"] = _hand(performer, detector, side, rng)
             rows.append(found)
             print(found, flush=True)
-    writer.write({"pictures": PICTURES, "size": SIZE_PX, "means": _means(rows), "rows": rows})
+    writer.write({"pictures": PICTURES, "size": SIZE_PX, "means": mean_errors(rows), "rows": rows})
 
 
 def _face(
@@ -63,7 +63,7 @@ def _face(
 ) -> dict[str, Any]:
     """Mean errors of the gaze aside, degrees, and of each other number of a face, beside how far
     eyes look aside, and how far the number is spread."""
-    performed = _performed(rng)
+    performed = performances(rng)
     target = performer.body.skeleton.rest_joints[HEAD] + _FACE
     shown, measures = [], []
     for pose in performed:
@@ -98,10 +98,10 @@ def _hand(
     """Mean error of the joints of thumb and fingers, degrees."""
     skeleton, errors = performer.body.skeleton, []
     wrist, knuckles = (JOINT_NAMES.index(f"{side}_{part}") for part in ("wrist", "hand"))
-    for pose in _performed(rng, _PALMS_TO_CAMERA):
+    for pose in performances(rng, _PALMS_TO_CAMERA):
         joints = skeleton.joint_transforms(pose.joint_angles, pose.root_translation)[:, :3, 3]
         camera = _camera(joints[knuckles], _HAND_DISTANCE_M, _HAND_ASIDE_RAD, rng)
-        person = _somebody(side, *camera.project(joints[[wrist, knuckles]])[0])
+        person = around_a_hand(side, *camera.project(joints[[wrist, knuckles]])[0])
         hand = detector.hands(_picture(performer, pose, camera), person)[SIDES.index(side)]
         if hand is not None:
             off = finger_curls(hand.landmarks.shape) - pose.expression[PARTS[f"{side}_hand"]]
@@ -116,7 +116,7 @@ def _hand(
     }
 
 
-def _performed(rng: np.random.Generator, turned: Float[Array, "3"] | None = None) -> list[Pose]:
+def performances(rng: np.random.Generator, turned: Float[Array, "3"] | None = None) -> list[Pose]:
     """Poses at rest but for what face and hands do, seconds apart."""
     still = turntable_motion(round(PICTURES * _BETWEEN_S * 10.0), 10.0, 0.0)
     motion: Motion = with_random_expressions(still, int(rng.integers(1 << 30)))
@@ -140,7 +140,7 @@ def _picture(performer: DressedPerformer, pose: Pose, camera: Camera) -> UInt8[A
     return np.rint(255.0 * np.clip(over_grey, 0.0, 1.0)).astype(np.uint8)
 
 
-def _somebody(side: str, wrist: Float[Array, "2"], knuckles: Float[Array, "2"]) -> Landmarks:
+def around_a_hand(side: str, wrist: Float[Array, "2"], knuckles: Float[Array, "2"]) -> Landmarks:
     """The landmarks about which the hand of `side` is looked for, and no other."""
     pixels, seen = np.zeros((len(LANDMARK_NAMES), 2)), np.zeros(len(LANDMARK_NAMES))
     for part, at in (("wrist", wrist), *((p, knuckles) for p in ("pinky", "index", "thumb"))):
@@ -151,7 +151,7 @@ def _somebody(side: str, wrist: Float[Array, "2"], knuckles: Float[Array, "2"]) 
     return Landmarks(pixels, np.zeros((len(pixels), 3)), seen, np.zeros((0, 0), np.float32))
 
 
-def _means(rows: list[dict[str, Any]]) -> dict[str, float]:
+def mean_errors(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Over performers, of whom hands that were not found are left out."""
     names = ("gaze_deg", "gaze_spread_deg")
     means = {name: _rounded(np.mean([row[name] for row in rows])) for name in names}
