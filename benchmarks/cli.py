@@ -18,6 +18,7 @@ from benchmarks.cli_options import (
     Only,
     Picture,
     landmark_models,
+    pose_model,
     start,
 )
 from benchmarks.inputs import (
@@ -133,7 +134,7 @@ def meeting(
     require_browser()
     from benchmarks.meeting import run
 
-    run(start("meeting", commits), clip, landmark_models()[0])
+    run(start("meeting", commits), clip, pose_model())
 
 
 @app.command("local-view")
@@ -262,9 +263,9 @@ def capture_command(
     narrowed = bool(only) or clips != _CLIPS or clock != "processor"
     writer = start("capture-robustness" if robustness else "capture", commits, narrowed=narrowed)
     if robustness:
-        capture_robustness.run(writer, motion, landmark_models()[0])
+        capture_robustness.run(writer, motion, pose_model())
     else:
-        capture.run(writer, motion, landmark_models()[0], backbone, clips, clock, only)
+        capture.run(writer, motion, pose_model(), backbone, clips, clock, only)
 
 
 @app.command("live-capture")
@@ -370,7 +371,7 @@ def two_cameras_command(
     require_footage(footage)
     from benchmarks.two_cameras import run
 
-    run(start("two-cameras", commits), footage, landmark_models()[0], picture)
+    run(start("two-cameras", commits), footage, pose_model(), picture)
 
 
 @app.command()

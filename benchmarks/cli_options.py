@@ -51,11 +51,19 @@ def start(name: str, commits: bool, *, narrowed: bool = False) -> FigureWriter:
     return FigureWriter.start(name, commits=commits)
 
 
+def pose_model() -> Path:
+    """Of bodies, from this machine or fetched."""
+    from capture.detection.network_files import landmark_network_file
+    from services.settings import load_settings
+
+    return landmark_network_file(load_settings().pose_model_source())
+
+
 def landmark_models() -> tuple[Path, Path, Path]:
     """Of bodies, faces and hands."""
     from capture.detection.network_files import landmark_network_file
     from services.settings import load_settings
 
     own = load_settings()
-    pose, face, hand = own.pose_model_source(), own.face_model_source(), own.hand_model_source()
-    return landmark_network_file(pose), landmark_network_file(face), landmark_network_file(hand)
+    face, hand = own.face_model_source(), own.hand_model_source()
+    return pose_model(), landmark_network_file(face), landmark_network_file(hand)

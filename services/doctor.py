@@ -62,8 +62,8 @@ def examine(settings: Settings) -> Iterator[Finding]:
 
 
 def _cores() -> Finding:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    few = (cores or 1) < _LEAST_CORES
+    cores = len(os.sched_getaffinity(0))
+    few = cores < _LEAST_CORES
     return Finding("cores", str(cores), f"give it {_LEAST_CORES} or more" if few else "")
 
 

@@ -114,8 +114,13 @@ def face_measures(points: Float[Array, "478 3"]) -> Float[Array, "6"] | None:
     ]
     lips = _distance(points, _LIPS) / span
     brows = np.mean([_distance(points, pair) for pair in _BROWS_TO_LIDS]) / span
-    smile = (_distance(points, _MOUTH_CORNERS) + _mouth_height(points, across / span)) / span
-    return np.array([lips, *lids, brows, smile + _JAW_IN_SMILE * lips, _irises(points)])
+    left = across / span
+    up = _upward(points, left)
+    mouth = points[list(_MOUTH_CORNERS)].mean(axis=0)
+    high = float((mouth - _eyes_middle(points)) @ up)
+    smile = (_distance(points, _MOUTH_CORNERS) + high) / span
+    irises = _irises(points, left, up)
+    return np.array([lips, *lids, brows, smile + _JAW_IN_SMILE * lips, irises])
 
 
 def resting_face(measures: Float[Array, "F 6"]) -> Float[Array, "6"]:
@@ -148,24 +153,18 @@ def _distance(points: Array, pair: tuple[int, int]) -> float:
     return float(np.linalg.norm(points[pair[0]] - points[pair[1]]))
 
 
-def _mouth_height(points: Float[Array, "N 3"], right_to_left: Float[Array, "3"]) -> float:
-    """Of the mouth's corners above (below: negative) those of the eyes, along the face."""
-    mouth = points[list(_MOUTH_CORNERS)].mean(axis=0)
-    return float((mouth - _eyes_middle(points)) @ _upward(points, right_to_left))
-
-
 def _eyes_middle(points: Float[Array, "N 3"]) -> Float[Array, "3"]:
     return points[[*_CORNERS["left"], *_CORNERS["right"]]].mean(axis=0)
 
 
-def _upward(points: Float[Array, "N 3"], right_to_left: Float[Array, "3"]) -> Float[Array, "3"]:
+def _upward(points: Float[Array, "N 3"], left: Float[Array, "3"]) -> Float[Array, "3"]:
     """Along the face, unit length."""
     up = points[_FOREHEAD] - points[_UNDER_NOSE]
-    up = up - (up @ right_to_left) * right_to_left
+    up = up - (up @ left) * left
     return up / np.linalg.norm(up)
 
 
-def _irises(points: Float[Array, "478 3"]) -> float:
+def _irises(points: Float[Array, "478 3"], left: Float[Array, "3"], up: Float[Array, "3"]) -> float:
     """How far the irises are to the person's left from the middle of their eyes' corners, both eyes
     together, in widths of an eye.
 
@@ -173,9 +172,6 @@ def _irises(points: Float[Array, "478 3"]) -> float:
     as much as they lie before the corners.
     """
     width = 0.5 * (_distance(points, _CORNERS["left"]) + _distance(points, _CORNERS["right"]))
-    left = points[_OUTER_CORNERS[1]] - points[_OUTER_CORNERS[0]]
-    left = left / np.linalg.norm(left)
-    up = _upward(points, left)
     off = (points[list(_IRISES)].mean(axis=0) - _eyes_middle(points)) / width
     ahead = np.cross(left, up)
     off = off[:2] - _IRIS_DEPTH * ahead[:2]

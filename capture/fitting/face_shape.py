@@ -23,10 +23,9 @@ from scene.body import Body, vertex_normals
 from scene.camera import Camera
 from scene.expression import blend_shape_weights
 from scene.motion import Motion, Pose
-from scene.skeleton import JOINT_NAMES
+from scene.skeleton import HEAD
 
 FACE_LANDMARKS_FILE = Path(__file__).parents[1] / "assets" / "face_landmarks.npz"
-_HEAD = JOINT_NAMES.index("head")
 _MIN_FRAMES = 5
 _LEAST_FACING = 0.25
 """Cosine of the angle between a landmark's normal and the line of sight, from which it is seen."""
@@ -76,58 +75,75 @@ def with_own_face(
     seen = [index for index, face in enumerate(faces) if face is not None]
     if len(seen) < _MIN_FRAMES:
         return body
-    landmarks = face_landmarks()
-    total, pulled = np.zeros((len(landmarks.numbers), 3, 3)), np.zeros((len(landmarks.numbers), 3))
+    known = _KnownFace.of(body)
+    total, pulled = np.zeros((len(known.rest), 3, 3)), np.zeros((len(known.rest), 3))
     for index in seen:
         face = faces[index]
         assert face is not None
-        across, lateral = _observed(body, motion.pose(index), camera, landmarks, face)
+        across, lateral = known.observed(motion.pose(index), camera, face)
         total += across
         pulled += lateral
     held = _AT_REST * len(seen) * np.eye(3)
     offsets = np.linalg.solve(total + held, pulled[..., None])[..., 0]
-    return _moved(body, landmarks, offsets)
+    return _moved(body, known.rest, offsets)
 
 
-def _observed(
-    body: Body,
-    pose: Pose,
-    camera: Camera,
-    landmarks: FaceLandmarks,
-    face: Float[Array, "478 2"],
-) -> tuple[Float[Array, "P 3 3"], Float[Array, "P 3"]]:
-    """What one frame says: across which plane, at rest, it shows each landmark, and how far (m) the
-    landmark is off in that plane; nothing of those that face away."""
+@dataclass(frozen=True, eq=False)
+class _KnownFace:
+    """What a body's own surface says of the landmarks."""
+
+    body: Body
+    numbers: Int[Array, "P"]
+    rest: Float[Array, "P 3"]
+    normals: Float[Array, "P 3"]
+    directions: Float[Array, "S P 3"] | None
+    """How far blend shapes move them."""
+
+    @classmethod
+    def of(cls, body: Body) -> _KnownFace:
+        assert body.rest_vertices is not None
+        assert body.faces is not None
+        landmarks, directions = face_landmarks(), body.expression_directions
+        return cls(
+            body,
+            landmarks.numbers,
+            landmarks.at(body.rest_vertices, body.faces),
+            landmarks.at(vertex_normals(body.rest_vertices, body.faces), body.faces),
+            None if directions is None else landmarks.at(directions, body.faces),
+        )
+
+    def observed(
+        self, pose: Pose, camera: Camera, face: Float[Array, "478 2"]
+    ) -> tuple[Float[Array, "P 3 3"], Float[Array, "P 3"]]:
+        """What one frame says: across which plane, at rest, it shows each landmark, and how far (m)
+        the landmark is off in that plane; nothing of those that face away."""
+        rest, skeleton = self.rest, self.body.skeleton
+        if self.directions is not None:
+            rest = rest + np.tensordot(
+                blend_shape_weights(pose.expression), self.directions, axes=1
+            )
+        moved = skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)[HEAD]
+        rotation = moved[:3, :3]
+        places = rest @ rotation.T + moved[:3, 3]
+        _, depth = camera.project(places)
+        sight = (places - camera.position) @ rotation
+        sight /= np.linalg.norm(sight, axis=1, keepdims=True)
+        off = (camera.unproject(face[self.numbers], depth) - places) @ rotation
+        seen = -(sight * self.normals).sum(axis=1) > _LEAST_FACING
+        across = np.eye(3) - sight[:, :, None] * sight[:, None, :]
+        across *= seen[:, None, None]
+        return across, np.einsum("pij,pj->pi", across, off)
+
+
+def _moved(body: Body, places: Float[Array, "P 3"], offsets: Float[Array, "P 3"]) -> Body:
+    """`body` with the surface at `places` moved by `offsets`, and the head around them likewise."""
     assert body.rest_vertices is not None
-    assert body.faces is not None
-    rest = body.rest_vertices
-    if body.expression_directions is not None and pose.expression.any():
-        shown = blend_shape_weights(pose.expression)
-        rest = rest + np.tensordot(shown, body.expression_directions, axes=1)
-    moved = body.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)[_HEAD]
-    places = landmarks.at(rest, body.faces) @ moved[:3, :3].T + moved[:3, 3]
-    normals = landmarks.at(vertex_normals(body.rest_vertices, body.faces), body.faces)
-    to_rest = camera.rotation @ moved[:3, :3]
-    pixels, depth = camera.project(places)
-    sight = (places @ camera.rotation.T + camera.translation) @ to_rest
-    sight /= np.linalg.norm(sight, axis=1, keepdims=True)
-    off = camera.unproject(face[landmarks.numbers], depth) - camera.unproject(pixels, depth)
-    seen = (-(sight * normals).sum(axis=1) > _LEAST_FACING).astype(np.float64)
-    across = np.eye(3) - sight[:, :, None] * sight[:, None, :]
-    across *= seen[:, None, None]
-    return across, np.einsum("pij,pj->pi", across, off @ moved[:3, :3])
-
-
-def _moved(body: Body, landmarks: FaceLandmarks, offsets: Float[Array, "P 3"]) -> Body:
-    assert body.rest_vertices is not None
-    assert body.faces is not None
     assert body.blend_weights is not None
-    places = landmarks.at(body.rest_vertices, body.faces)
-    near = np.flatnonzero(body.blend_weights[:, _HEAD] > 0.0)
+    near = np.flatnonzero(body.blend_weights[:, HEAD] > 0.0)
     known = np.linalg.solve(_alike(places, places) + _NOISE**2 * np.eye(len(places)), offsets)
     moved = body.rest_vertices.copy()
     field = _alike(body.rest_vertices[near], places) @ known
-    moved[near] += body.blend_weights[near, _HEAD, None] * field
+    moved[near] += body.blend_weights[near, HEAD, None] * field
     return replace(body, rest_vertices=moved)
 
 

@@ -28,6 +28,7 @@ _WAVES = 4
 _FIXATION_S = 0.7
 """How long eyes rest on one place."""
 _FARTHEST_GAZE_RAD = 0.35
+"""How far they turn aside."""
 _BLINK_INTERVAL_S = 1.6
 _BLINK_S = 0.12
 """Standard deviation of a blink in time: it takes about 0.3 s."""
