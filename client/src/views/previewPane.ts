@@ -57,8 +57,7 @@ export function previewPane(api: Api, clip: Clip | null): PreviewPane {
 
   return {
     element,
-    show: ({ job, status }) => {
-      element.classList.toggle("busy", status === "working");
+    show: ({ job }) => {
       if (!job?.has_preview || job === shownJob) return;
       shownJob = job;
       void refresh(job);
