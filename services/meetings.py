@@ -21,6 +21,7 @@ from services.arrangement import (
 from services.auth import INVITED
 from services.container import Services
 from services.errors import MeetingFull
+from services.live.eye_level import with_level_gaze
 from services.live.room import eye_height, facing_yaw
 from services.motions import motion_of
 
@@ -123,10 +124,12 @@ def default_viewpoint(meeting: MeetingRow, account: str) -> DefaultViewpoint:
 
 
 def performed_motion(services: Services, unit: UnitOfWork, performer: PerformerRow) -> Motion:
-    """How a performer moves: as the sequence that was lent to them, else as they were filmed."""
+    """How a performer moves: as the sequence that was lent to them, else as they were filmed, with
+    their head held level."""
     if performer.motion_sequence_id is not None:
         return motion_of(services, unit, performer.motion_sequence_id)
-    return services.models.load_row(unit.models.get(performer.model_id)).motion
+    model = services.models.load_row(unit.models.get(performer.model_id))
+    return with_level_gaze(model.skeleton, model.motion)
 
 
 def join_url(services: Services, meeting: MeetingRow) -> str:

@@ -14,10 +14,11 @@ Pose, 160 bytes: u8 index of the performer, u8 count of performers, u16 low bits
 CRC-32 of the performer's id (a viewer whose list differs reads it anew), f32 pelvis[3] (room, m),
 then 24 rotations of 6 bytes as `scene.smallest_three` packs them in 15 bits a component: of the
 pelvis in the room, of every other joint relative to its parent.
-Expression, 16 bytes, may follow the payload of keypoints and of a pose: u8 values[15] (1/255) in
+Expression, 18 bytes, may follow the payload of keypoints and of a pose: u8 values[17] (1/255) in
 the order of `scene.expression`, u8 bits of what is known (`capture.body.expressions`). Where it is
 left out of keypoints nothing is known, where it is left out of a pose all is at rest. Earlier pages
-and recordings have 8 bytes: a hand's one curl is then that of each of its fingers.
+and recordings have 16 bytes, without where the eyes look, or 8: a hand's one curl is then that of
+each of its fingers.
 
 Channels are unordered and unreliable, so the newest sequence wins and late packets are dropped;
 sequences wrap and are compared as serial numbers (RFC 1982).

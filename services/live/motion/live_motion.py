@@ -1,10 +1,10 @@
 """How a performer moves by the keypoints of their webcam.
 
-Packets go through capture's live solver (which smooths by a One-Euro filter) and onto their feet;
-what comes out is where the body is, where it will be in 0.15 s at its pace, and how it rests. A
-pose is read between these: predicted over a short gap, eased to rest over a longer one, eased back
-when the person is seen again. Times are of the camera's clock, which is told from ours by the
-packets that came quickest.
+Packets go through capture's live solver (which smooths by a One-Euro filter), onto their feet and
+to a head that looks level in the mean; what comes out is where the body is, where it will be in
+0.15 s at its pace, and how it rests. A pose is read between these: predicted over a short gap,
+eased to rest over a longer one, eased back when the person is seen again. Times are of the camera's
+clock, which is told from ours by the packets that came quickest.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from scene.camera import Camera
 from scene.errors import InvalidInput
 from scene.motion import Pose
 from scene.skeleton import Skeleton
+from services.live.eye_level import LevelGaze
 from services.live.motion.expression_filter import AT_REST, ExpressionFilter, HeldExpression
 from services.live.motion.foot_locking import FootLocking, LocalPose
 from services.live.packets import KeypointsPacket
@@ -106,6 +107,7 @@ class LiveMotion:
         """For a body of `skeleton`; whoever faces their camera is turned by `yaw_rad` about +y."""
         self._skeleton, self._yaw_rad = skeleton, yaw_rad
         self._foot_locking: FootLocking | None = None
+        self._gaze = LevelGaze()
         self._solver: tuple[tuple[int, int], LiveSolver] | None = None
         self._state: _MotionState | None = None
         self._expression = ExpressionFilter()
@@ -166,7 +168,8 @@ class LiveMotion:
         from scene.kinematics_kernels import relative_axis_angles
 
         locked = foot_locking.update(now, legs_seen=legs_seen, step_s=step_s)
-        later = foot_locking.ahead(ahead)
+        self._gaze.learn(locked.local, step_s)
+        locked, later = map(self._with_level_gaze, (locked, foot_locking.ahead(ahead)))
         rotations = relative_axis_angles(locked.local, later.local)
         return _MotionState(
             time_s,
@@ -178,6 +181,9 @@ class LiveMotion:
             back_s,
             back_share,
         )
+
+    def _with_level_gaze(self, pose: LocalPose) -> LocalPose:
+        return replace(pose, local=self._gaze.raised(pose.local))
 
     def _solver_for(self, width: int, height: int) -> LiveSolver:
         """The solver for pictures of this size; a turned phone needs another."""

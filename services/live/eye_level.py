@@ -1,0 +1,74 @@
+"""Heads held level: whoever looks into a webcam looks at the people they meet.
+
+A webcam stands below or above its owner's eyes, and who looks into it bows or raises the head by as
+much. Seen from eye level, where the others of a meeting are, that head looks at the floor and
+shows its top, which the webcam never saw. So neck and head are turned back, half each, by how far
+the head looks below or above the horizon in the mean; nods and looks aside stay as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+
+from scene.arrays import Array, Float
+from scene.motion import Motion
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from scene.skeleton import HEAD, JOINT_NAMES, Skeleton
+
+_FROM_PELVIS = [
+    JOINT_NAMES.index(name) for name in ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
+]
+_TURNED = _FROM_PELVIS[-2:]
+_FARTHEST_RAD = math.radians(25.0)
+"""No webcam is further from the eyes' height; a head that is bowed by more is meant to be."""
+_FIRST_S, _LEARNT_S = 1.0, 20.0
+"""Where somebody looks is learnt at once, then slowly: people nod and read, cameras stand."""
+
+
+def with_level_gaze(skeleton: Skeleton, motion: Motion) -> Motion:
+    """`motion`, in which the head of a body of `skeleton` looks level in the mean."""
+    joints = skeleton.joint_transforms(motion.joint_angles, motion.root_translation)
+    below_rad = float(np.mean([below_horizon(head) for head in joints[:, HEAD, :3, :3]]))
+    angles = motion.joint_angles.copy()
+    local = axis_angle_to_matrix(angles[:, _TURNED]) @ _raising(below_rad)
+    angles[:, _TURNED] = matrix_to_axis_angle(local)
+    return replace(motion, joint_angles=angles)
+
+
+class LevelGaze:
+    """How far below the horizon somebody looks who is seen live; belongs to one thread."""
+
+    def __init__(self) -> None:
+        self._known_s = 0.0
+        self._below_rad = 0.0
+
+    def learn(self, local: Float[Array, "24 3 3"], step_s: float) -> None:
+        """Note where the head looks by joints' local rotations, `step_s` after the last time."""
+        head = reduce(np.matmul, local[_FROM_PELVIS])
+        share = 1.0
+        if self._known_s > 0.0:
+            share = min(1.0, step_s / min(max(self._known_s, _FIRST_S), _LEARNT_S))
+        self._known_s += step_s
+        self._below_rad += share * (below_horizon(head) - self._below_rad)
+
+    def raised(self, local: Float[Array, "24 3 3"]) -> Float[Array, "24 3 3"]:
+        """Joints' local rotations with the head raised as far as was learnt."""
+        local = local.copy()
+        local[_TURNED] = local[_TURNED] @ _raising(self._below_rad)
+        return local
+
+
+def below_horizon(head: Float[Array, "3 3"]) -> float:
+    """How far (rad) a head of this rotation in the room looks below the horizon; above:
+    negative."""
+    return -math.asin(min(max(float(head[1, 2]), -1.0), 1.0))
+
+
+def _raising(below_rad: float) -> Float[Array, "3 3"]:
+    """Half of the turn about a joint's own axis to the left that raises a head by `below_rad`."""
+    half = 0.5 * min(max(below_rad, -_FARTHEST_RAD), _FARTHEST_RAD)
+    return axis_angle_to_matrix(np.array([-half, 0.0, 0.0]))
