@@ -66,7 +66,11 @@ class SplatSettings:
     beta2: float = 0.99
     scale_range_m: tuple[float, float] = (5e-4, 0.02)
     """Longer ones grow into spikes where poses are off."""
-    shape_pull: float = 0.015
+    shape_pull: float = 0.005
     """Where poses are estimated: share by which a step draws places and sizes back to the surface.
     A person who does not turn is never seen sideways, so what they do in depth is else pure noise.
+    """
+    head_shape_pull: float = 0.015
+    """The same on head and neck, whose surface landmarks of the face have shaped: with less, a
+    profile frays; with as much everywhere, hands and cloth that the body model lacks are blurred.
     """

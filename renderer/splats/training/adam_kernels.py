@@ -1,4 +1,10 @@
-"""Adam (Kingma & Ba 2015) over the rows that a step has seen; the others keep still."""
+"""Adam (Kingma & Ba 2015) over the rows that a step has seen; the others keep still.
+
+Adam's steps are as large for a gradient that is all noise as for one that is not. So the three
+coordinates of a place share one second moment: frames from one side hardly pull a splat in depth,
+and hardly move it then. And what a splat's colour adds to a frame counts for more than nothing only
+where enough of the splat shows.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +13,14 @@ import math
 import numba
 import numpy as np
 
-from renderer.splats.layout import COLOUR, LOG_SCALE
+from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, POSITION
 from scene.arrays import Array
 
 _EPSILON = 1e-15
+_COLOUR_EPSILON = 1e-2
+"""Root of a colour's second moment up to which its steps grow with its gradient: that of a pixel
+that differs by a hundredth. With less, splats of which a sliver shows take stray colours, which are
+seen as spots from other sides."""
 
 
 @numba.njit(parallel=True, fastmath=True, nogil=True, cache=True)
@@ -40,7 +50,11 @@ def adam_step(
             g = gradient[i, p]
             first[i, p] = beta1 * first[i, p] + (1.0 - beta1) * g
             second[i, p] = beta2 * second[i, p] + (1.0 - beta2) * g * g
-            step = first[i, p] * correct1 / (math.sqrt(second[i, p] * correct2) + _EPSILON)
+        of_place = max(second[i, POSITION], second[i, POSITION + 1], second[i, POSITION + 2])
+        for p in range(parameters.shape[1]):
+            moment = of_place if p < LOG_SCALE else second[i, p]
+            least = _COLOUR_EPSILON if COLOUR <= p < OPACITY else _EPSILON
+            step = first[i, p] * correct1 / (math.sqrt(moment * correct2) + least)
             parameters[i, p] -= np.float32(rates[p] * step)
         for p in range(LOG_SCALE, LOG_SCALE + 3):
             parameters[i, p] = min(max(parameters[i, p], log_scale_range[0]), log_scale_range[1])

@@ -30,7 +30,8 @@ _FRAMES, _BEST_SHARE = 40, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Pixels that show each splat, times the share of its light that reaches them."""
+    """Pixels that show each splat, at most one, times the share of its light that reaches
+    them."""
 
     pixels: Float[Array, "N"]
     """Counted less at the rim."""
@@ -39,9 +40,9 @@ class Evidence:
 
     @property
     def open_px(self) -> float:
-        """Of a splat that lies open, at most 1: where splats are denser than pixels, less."""
+        """Of a splat that lies open: 1, or less where splats are denser than pixels."""
         shown = self.pixels[self.pixels > 0.0]
-        return min(1.0, float(np.percentile(shown, _OPEN))) if len(shown) else 0.0
+        return float(np.percentile(shown, _OPEN)) if len(shown) else 0.0
 
     @property
     def seen(self) -> Bool[Array, "N"]:
@@ -64,8 +65,9 @@ def frames_looked_at(count: int) -> range:
 
 
 def shown_pixels(work: Workspace, contribution: Float[Array, "N"]) -> Float[Array, "N"]:
-    """Pixels that show each splat in the frame that `work` has arranged, times the share of its
-    own light that reaches them: about the sum of its squared blending weights.
+    """Pixels that show each splat in the frame that `work` has arranged, at most one, times the
+    share of its own light that reaches them: of a large one, of which the body's rim shows a
+    sliver, many pixels may tell hardly anything.
 
     Args:
         contribution: summed blending weights, px.
@@ -75,7 +77,8 @@ def shown_pixels(work: Workspace, contribution: Float[Array, "N"]) -> Float[Arra
     density = np.maximum(p[:, CONIC_A] * p[:, CONIC_C] - p[:, CONIC_B] ** 2, 1e-12)
     alone = 2.0 * np.pi * p[:, ALPHA] / np.sqrt(density)
     reaches = np.minimum(contribution / np.maximum(alone, 1e-6), 1.0)
-    return np.where(work.boxes[:, 0] != EMPTY_BOX, contribution * reaches, 0.0)
+    shown = np.minimum(contribution, 1.0) * reaches
+    return np.where(work.boxes[:, 0] != EMPTY_BOX, shown, 0.0)
 
 
 def surface_cosines(

@@ -24,8 +24,9 @@ _SHAPE, _PLACE = slice(POSITION, ROTATION + 4), slice(POSITION, POSITION + 3)
 _ROUGHNESS_M = 0.01
 """How far a splat may stand out from those beside it where depth is uncertain. If less, pictures
 from the camera are less sharp: what lies in front of what is then settled by chance."""
-_ROUGH_KINDS = [KINDS.index(kind) for kind in ("neck", "face", "scalp")]
-"""Kinds that may be rougher: long hair hangs before the chest."""
+_HEAD_KINDS = [KINDS.index(kind) for kind in ("neck", "face", "scalp")]
+"""Kinds that may be rougher, since long hair hangs before the chest, and are held more closely to
+the surface, which landmarks of the face have shaped."""
 _ROUGHNESS_PULL = 0.1
 """Share of what stands out farther that a step takes back."""
 _SMOOTHING_ROUNDS = 10
@@ -55,7 +56,9 @@ class TrainedSplats:
         )
         rest = first.parameters[:, _PLACE]
         self.kinds = surface_kinds(rest, self.joints, self.weights, skeleton)
-        self._rough = np.isin(self.kinds, _ROUGH_KINDS)
+        self._on_head = np.isin(self.kinds, _HEAD_KINDS)
+        pull = np.where(self._on_head, settings.head_shape_pull, settings.shape_pull)
+        self._pull = pull.astype(np.float32)[:, None]
         self.limbs = limb_splats(self.joints, self.weights)
         count, threads = len(self), numba.get_num_threads()
         self.work = Workspace(count)
@@ -95,10 +98,11 @@ class TrainedSplats:
         )
         return self.contribution > _MIN_CONTRIBUTION
 
-    def pull_to_surface(self, moved: Bool[Array, "N"], share: float) -> None:
-        """Draw places, sizes and rotations of `moved` back to the surface by `share`."""
+    def pull_to_surface(self, moved: Bool[Array, "N"], strength: float) -> None:
+        """Draw places, sizes and rotations of `moved` back to the surface, by `strength` of what
+        the settings say."""
         gap = self.surface[moved, _SHAPE] - self.parameters[moved, _SHAPE]
-        self.parameters[moved, _SHAPE] += np.float32(share) * gap
+        self.parameters[moved, _SHAPE] += np.float32(strength) * self._pull[moved] * gap
 
     def smooth_displacement(self) -> None:
         """Find how far off the surface the neighbourhood of each splat lies, m."""
@@ -114,7 +118,7 @@ class TrainedSplats:
             return
         gap = self._displacement[moved] - self._off_surface(moved)
         gap -= np.clip(gap, -_ROUGHNESS_M, _ROUGHNESS_M)
-        gap[self._rough[moved]] = 0.0
+        gap[self._on_head[moved]] = 0.0
         back = np.float32(_ROUGHNESS_PULL) * gap[:, None]
         self.parameters[moved, _PLACE] += back * self.first.normals[moved]
 

@@ -169,7 +169,7 @@ class SplatTrainer:
             splats.by_parameter[~self._found.seen, COLOUR : COLOUR + 3] = 0.0
         moved = splats.update(self._rates(fraction))
         if self._estimated:
-            splats.pull_to_surface(moved, self._settings.shape_pull * (1.0 - fraction))
+            splats.pull_to_surface(moved, 1.0 - fraction)
             splats.pull_to_neighbours(moved)
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
 

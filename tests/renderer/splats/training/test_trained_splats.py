@@ -97,3 +97,15 @@ def test_a_state_of_another_number_of_splats_is_refused():
     state = {name: of[:300] for name, of in splats.state().items()}
     with pytest.raises(TrainingError, match=r"must be of 400 splats.* got 300; delete it"):
         splats.restore(state)
+
+
+def test_a_head_is_held_to_its_surface_and_cloth_hangs_as_it_is_filmed():
+    gaps = []
+    for joint in ("head", "pelvis"):
+        splats = make_splats(JOINT_NAMES.index(joint))
+        splats.parameters[:, PLACE] += 0.01 * splats.first.normals
+        for _ in range(100):
+            splats.pull_to_surface(EVERY, 1.0)
+        gaps.append(off_surface(splats))
+    np.testing.assert_allclose(gaps[0], 0.01 * (1.0 - 0.015) ** 100, rtol=1e-2)
+    np.testing.assert_allclose(gaps[1], 0.01 * (1.0 - 0.005) ** 100, rtol=1e-2)
