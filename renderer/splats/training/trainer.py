@@ -336,10 +336,13 @@ class SplatTrainer:
         self._rate_factor *= 0.5
 
     def finish(self, metrics: dict[str, Any]) -> SplatModel:
-        """The model, with unseen splats filled in."""
-        evidence = self._evidence() if self._found is None else self._found
-        seen, splats = evidence.seen, self.splats
-        parameters = fill_unseen(splats.parameters, evidence, splats.kinds)
+        """The model, with unseen splats filled in: now, unless they were while training went on.
+        Filled once more, what lies behind lips and lids would change, and shine through them."""
+        evidence, parameters = self._found, self.splats.parameters
+        if evidence is None:
+            evidence = self._evidence()
+            parameters = fill_unseen(parameters, evidence, self.splats.kinds)
+        seen = evidence.seen
         seen_share = round(float(seen.mean()), 4)
         return self._model(
             parameters, seen, {**metrics, "splats": len(seen), "seen_share": seen_share}

@@ -170,7 +170,9 @@ def test_filled_colours_hold_while_training_ends():
     for _ in range(4):
         trainer.step(0.9)
     changed = (trainer.splats.parameters != filled)[:, COLOUR : COLOUR + 3].any(axis=1)
-    seen = trainer.finish({}).seen
+    model = trainer.finish({})
+    seen = model.seen
+    np.testing.assert_array_equal(model.parameters, trainer.splats.parameters)
     assert 0 < seen.sum() < len(seen)
     assert not changed[~seen].any()
     assert changed[seen].mean() > 0.5
