@@ -49,12 +49,13 @@ class Benchmark:
 
 CATALOGUE = (
     Benchmark("reading", ("reading",)),
-    Benchmark("live-capture", ("live-capture",)),
+    Benchmark("live-capture", ("live-capture",), (require_browser,)),
     Benchmark("masks", ("masks",)),
     Benchmark("enrolment", ("enrolment",), (require_webcam_clip,)),
     Benchmark("local-view", ("local-view",), (require_browser,)),
     Benchmark("serve", ("serve",), (require_browser,)),
     Benchmark("meeting", ("meeting",), (require_browser, require_webcam_clip)),
+    Benchmark("lipsync", ("lipsync",), (require_browser,)),
     Benchmark("distil", ("distil",)),
     Benchmark("relight", ("relight",), (require_panoramas,)),
     Benchmark("expressions", ("expressions",)),

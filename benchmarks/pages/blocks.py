@@ -11,6 +11,7 @@ from benchmarks.frontier.charts import draw_charts
 from benchmarks.pages import capture, splats
 from benchmarks.pages.frontier import frontier
 from benchmarks.pages.gpu import gpu
+from benchmarks.pages.lipsync import lipsync
 from benchmarks.pages.numbers import SOURCES, numbers
 from benchmarks.pages.performers import expressions_found, lifelike, performers
 from benchmarks.pages.provenance import Figures
@@ -52,6 +53,7 @@ BLOCKS = (
     Block("docs/frontier.md", "foreign", ("foreign",), splats.foreign),
     Block("docs/frontier.md", "frontier", ("frontier",), frontier),
     Block("docs/gpu.md", "gpu", ("gpu",), gpu),
+    Block("docs/streaming.md", "lipsync", ("lipsync",), lipsync),
     Block("docs/room.md", "relight", ("relight",), splats.relight),
     Block("docs/real-people.md", "real", ("real",), real),
     Block(_FIGURES_PAGE, "trainings", ("expressions",), splats.trainings),
