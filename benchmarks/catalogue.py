@@ -60,6 +60,7 @@ CATALOGUE = (
     Benchmark("relight", ("relight",), (require_panoramas,)),
     Benchmark("expressions", ("expressions",)),
     Benchmark("expressions-found", ("expressions-found",), (require_human_assets,)),
+    Benchmark("covered-torso", ("covered-torso",), (require_human_assets,)),
     Benchmark("two-cameras", ("two-cameras",), (require_footage,)),
     Benchmark("real", ("real",), (require_real_footage,)),
     Benchmark("capture-robustness", ("capture", "--robustness"), (require_motion,)),

@@ -41,6 +41,8 @@ PERIOD_S = 1.037
 """From one opening to the next: every phase against pictures and packets comes by."""
 OPEN_S = 0.45
 CLICK_S, CLICK_HZ = 0.08, 1000.0
+_STANDS = 150
+"""Packets of landmarks after which a connection stands."""
 _LOUD, _QUIET = 0.6, 0.01
 """Of the click, and of the hum between clicks, so that it is never silence that is sent."""
 _PACKET_SAMPLES = 960
@@ -109,7 +111,7 @@ class TalkingPerson:
         self._talking, self._end = threading.Event(), threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._control: ClientConnection | None = None
-        self._peers: dict[str, RTCPeerConnection] = {}
+        self._picture: RTCPeerConnection | None = None
 
     @contextmanager
     def talking(self) -> Iterator[None]:
@@ -131,21 +133,25 @@ class TalkingPerson:
         sending = self._control.send(json.dumps(message))
         asyncio.run_coroutine_threadsafe(sending, self._loop).result(10.0)
 
-    def sent_bits(self) -> dict[str, float]:
-        """Bits on the wire so far, those of IP and UDP included: of the connection with landmarks
-        and viewpoint, and of the voice's."""
+    def sent_bits(self) -> float:
+        """Bits of landmarks on the wire so far, headers of every layer down to IP included."""
         assert self._loop is not None
         return asyncio.run_coroutine_threadsafe(self._sent_bits(), self._loop).result(10.0)
 
-    async def _sent_bits(self) -> dict[str, float]:
-        return {name: await _bits_of(peer) for name, peer in self._peers.items()}
+    async def _sent_bits(self) -> float:
+        assert self._picture is not None
+        told = (await self._picture.getStats()).values()
+        sent = {one.id: one for one in told if isinstance(one, RTCTransportStats)}
+        return 8.0 * sum(
+            one.bytesSent + _DATAGRAM_HEADER_BYTES * one.packetsSent for one in sent.values()
+        )
 
     async def _talk(self) -> None:
         self._loop = asyncio.get_running_loop()
         seat = await self._seat()
         address = f"ws{self._address.removeprefix('http').rstrip('/')}{seat['control_url']}"
         picture, voice = (RTCPeerConnection(RTCConfiguration(iceServers=[])) for _ in range(2))
-        self._peers = {"landmarks": picture, "voice": voice}
+        self._picture = picture
         async with open_socket(address) as control:
             self._control = control
             await control.send(
@@ -187,7 +193,8 @@ class TalkingPerson:
         sequence, due_s = 0, time.time()
         while not self._end.is_set():
             sequence += 1
-            if view.readyState == "open" and sequence % 10 == 1:
+            # once it stands, a viewpoint that stays is no news: what is sent is landmarks alone
+            if view.readyState == "open" and sequence < _STANDS:
                 view.send(view_of_one_who_draws(sequence))
             data = self._packet(sequence, due_s)
             await asyncio.sleep(max(0.0, due_s + self._found_after_s - time.time()))
@@ -210,11 +217,3 @@ class TalkingPerson:
             ObservedExpression(expression, ALL_GROUPS),
         )
         return encode_keypoints(packet)
-
-
-async def _bits_of(peer: RTCPeerConnection) -> float:
-    told = (await peer.getStats()).values()
-    sent = {one.id: one for one in told if isinstance(one, RTCTransportStats)}
-    return 8.0 * sum(
-        one.bytesSent + _DATAGRAM_HEADER_BYTES * one.packetsSent for one in sent.values()
-    )

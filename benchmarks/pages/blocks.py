@@ -13,7 +13,12 @@ from benchmarks.pages.frontier import frontier
 from benchmarks.pages.gpu import gpu
 from benchmarks.pages.lipsync import lipsync
 from benchmarks.pages.numbers import SOURCES, numbers
-from benchmarks.pages.performers import expressions_found, lifelike, performers
+from benchmarks.pages.performers import (
+    covered_torso,
+    expressions_found,
+    lifelike,
+    performers,
+)
 from benchmarks.pages.provenance import Figures
 from benchmarks.pages.real import real
 from benchmarks.reporting.markdown import replaced
@@ -48,6 +53,7 @@ BLOCKS = (
     Block("docs/capture.md", "capture", ("capture",), capture.accuracy),
     Block("docs/keypoints.md", "expressions-found", ("expressions-found",), expressions_found),
     Block("docs/data.md", "lifelike", ("lifelike",), lifelike),
+    Block("docs/data.md", "covered-torso", ("covered-torso",), covered_torso),
     Block("docs/data.md", "reading", ("reading",), splats.reading),
     Block("docs/frontier.md", "refinement", ("refinement",), splats.refinement),
     Block("docs/frontier.md", "foreign", ("foreign",), splats.foreign),

@@ -24,11 +24,9 @@ def lipsync(figures: Figures) -> str:
         f"{min(row['openings'] for row in figures['rows'])} and more openings); below 0, before it "
         "(`metanerf bench lipsync`):"
     )
-    sent = figures["sent"]
     up = (
-        "Headers of every layer included, body, face and hands of somebody go up at "
-        f"{sent['landmarks_mbit_s']:.3f} Mbit/s, the viewpoint with them, and their voice at "
-        f"{sent['voice_mbit_s']:.3f}."
+        "Body, face and hands go up at "
+        f"{figures['landmarks_mbit_s']:.3f} Mbit/s, headers of every layer down to IP included."
     )
     return "\n\n".join([sentence, markdown_table(heads, rows), up, measured_at(figures)])
 
