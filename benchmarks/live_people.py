@@ -66,7 +66,7 @@ class LivePeople:
         while not self._end.is_set():
             sequence += 1
             if view.readyState == "open" and sequence % 10 == 1:
-                view.send(view_of_one_who_draws(sequence))
+                view.send(_looking(sequence))
             for offset, channel in enumerate(channels):
                 self._send(channel, sequence, sequence + 7 * offset)
             due_s = max(due_s + 1.0 / RATE_HZ, time.monotonic())
@@ -95,8 +95,7 @@ async def connect(peer: RTCPeerConnection, url: str, token: str) -> None:
     await peer.setRemoteDescription(RTCSessionDescription(answer.text, "answer"))
 
 
-def view_of_one_who_draws(sequence: int) -> bytes:
-    """A viewpoint for which no pictures are made."""
+def _looking(sequence: int) -> bytes:
     packet = ViewPacket(
         sequence, 0.0, (0.0, 1.0, 3.0), (0.0, 1.0, 0.0, 0.0), 0.7, 128, 128, draws_itself=True
     )

@@ -29,20 +29,17 @@ from benchmarks.live_people import (
     SIZE_PX,
     connect,
     landmarks_of_one_who_turns,
-    view_of_one_who_draws,
 )
 from capture.body.expressions import ALL_GROUPS, ObservedExpression
 from scene.arrays import Array, Int
 from scene.expression import EXPRESSION_NAMES, neutral
-from services.live.packets import KeypointsPacket, encode_keypoints
+from services.live.packets import KeypointsPacket, ViewPacket, encode_keypoints, encode_view
 
 AUDIO_HZ = 48_000
 PERIOD_S = 1.037
 """From one opening to the next: every phase against pictures and packets comes by."""
 OPEN_S = 0.45
 CLICK_S, CLICK_HZ = 0.08, 1000.0
-_STANDS = 150
-"""Packets of landmarks after which a connection stands."""
 _LOUD, _QUIET = 0.6, 0.01
 """Of the click, and of the hum between clicks, so that it is never silence that is sent."""
 _PACKET_SAMPLES = 960
@@ -193,9 +190,8 @@ class TalkingPerson:
         sequence, due_s = 0, time.time()
         while not self._end.is_set():
             sequence += 1
-            # once it stands, a viewpoint that stays is no news: what is sent is landmarks alone
-            if view.readyState == "open" and sequence < _STANDS:
-                view.send(view_of_one_who_draws(sequence))
+            if view.readyState == "open" and sequence % 10 == 1:
+                view.send(_listening(sequence))
             data = self._packet(sequence, due_s)
             await asyncio.sleep(max(0.0, due_s + self._found_after_s - time.time()))
             if channel.readyState == "open":
@@ -217,3 +213,11 @@ class TalkingPerson:
             ObservedExpression(expression, ALL_GROUPS),
         )
         return encode_keypoints(packet)
+
+
+def _listening(sequence: int) -> bytes:
+    """A viewpoint to which neither pictures nor poses are sent: what answers them is no landmark."""
+    packet = ViewPacket(
+        sequence, 0.0, (0.0, 1.0, 3.0), (0.0, 1.0, 0.0, 0.0), 0.7, 128, 128, sound_only=True
+    )
+    return encode_view(packet)
