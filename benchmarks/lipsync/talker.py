@@ -216,7 +216,7 @@ class TalkingPerson:
 
 
 def _listening(sequence: int) -> bytes:
-    """A viewpoint to which neither pictures nor poses are sent: what answers them is no landmark."""
+    """A viewpoint to which no pictures and poses are sent: what answers them is no landmark."""
     packet = ViewPacket(
         sequence, 0.0, (0.0, 1.0, 3.0), (0.0, 1.0, 0.0, 0.0), 0.7, 128, 128, sound_only=True
     )
