@@ -137,6 +137,15 @@ def meeting(
     run(start("meeting", commits), clip, pose_model())
 
 
+@app.command()
+def lipsync(commits: Commits = False) -> None:
+    """How far apart lips are seen and a voice is heard: on a page, live and recorded."""
+    require_browser()
+    from benchmarks.lipsync.measure import run
+
+    run(start("lipsync", commits))
+
+
 @app.command("local-view")
 def local_view(commits: Commits = False) -> None:
     """The page's own drawing in a browser without a graphics card: processor ms a picture."""
@@ -196,6 +205,22 @@ def lifelike(
 
     writer = start("lifelike", commits, narrowed=bool(only) or clock != "processor")
     run(writer, motion, assets, backbone, clock, only)
+
+
+@app.command("covered-torso")
+def covered_torso(
+    commits: Commits = False,
+    assets: Assets = HUMAN_ASSETS,
+    backbone: LpipsBackbone = LPIPS_BACKBONE,
+    clock: ClockName = "processor",
+    only: Only = "",
+) -> None:
+    """The torso where hands were in front of it, against the rest of it: lifelike performers."""
+    require_human_assets(assets)
+    from benchmarks.covered_torso import run
+
+    writer = start("covered-torso", commits, narrowed=bool(only) or clock != "processor")
+    run(writer, assets, backbone, clock, only)
 
 
 @app.command("train")
@@ -276,6 +301,7 @@ def live_capture(
     ] = None,
 ) -> None:
     """The live pose solver: ms a frame, and joints against the clip-wide fit and the truth."""
+    require_browser()
     from benchmarks.live_capture import run
 
     run(start("live-capture", commits, narrowed=clip is not None), clip)

@@ -21,9 +21,9 @@ from scene.skeleton import Skeleton
 from services.live.packets import KeypointsPacket, ViewPacket, encode_keypoints, encode_view
 
 RATE_HZ = 30
-_SIZE = (640, 480)
+SIZE_PX = (640, 480)
 _FRAMES = 60
-_NEWEST = {"ordered": False, "maxRetransmits": 0}
+NEWEST = {"ordered": False, "maxRetransmits": 0}
 _AT_WORST_S = 60.0
 
 
@@ -37,7 +37,7 @@ class LivePeople:
         """Landmarks of all performers so far, without what carries them."""
         self.performers = tuple(performers)
         self._address, self._meeting_id, self._token = address, meeting_id, token
-        self._poses = _landmarks()
+        self._poses = landmarks_of_one_who_turns()
         self._moving, self._end = threading.Event(), threading.Event()
 
     @contextmanager
@@ -55,13 +55,13 @@ class LivePeople:
 
     async def _drive(self) -> None:
         peer = RTCPeerConnection(RTCConfiguration(iceServers=[]))
-        view = peer.createDataChannel("view", **_NEWEST)
+        view = peer.createDataChannel("view", **NEWEST)
         channels = [
-            peer.createDataChannel("keypoints", protocol=performer, **_NEWEST)
+            peer.createDataChannel("keypoints", protocol=performer, **NEWEST)
             for performer in self.performers
         ]
         peer.addTransceiver("video", direction="recvonly")
-        await self._connect(peer)
+        await connect(peer, f"{self._address}whep/{self._meeting_id}", self._token)
         sequence, due_s = 0, time.monotonic()
         while not self._end.is_set():
             sequence += 1
@@ -78,23 +78,21 @@ class LivePeople:
             return
         xy, world = self._poses[frame % _FRAMES]
         now_ms = 1e3 * time.time()  # the page that looks on reads this machine's clock, too
-        packet = KeypointsPacket(sequence, now_ms, *_SIZE, xy, world, np.ones(len(xy)))
+        packet = KeypointsPacket(sequence, now_ms, *SIZE_PX, xy, world, np.ones(len(xy)))
         data = encode_keypoints(packet)
         channel.send(data)
         self.bytes_sent += len(data)
         self._moving.set()
 
-    async def _connect(self, peer: RTCPeerConnection) -> None:
-        await peer.setLocalDescription(await peer.createOffer())
-        header = {"Authorization": f"Bearer {self._token}"}
-        async with httpx.AsyncClient(base_url=self._address, timeout=_AT_WORST_S) as caller:
-            answer = await caller.post(
-                f"/whep/{self._meeting_id}",
-                content=peer.localDescription.sdp,
-                headers=header | {"Content-Type": "application/sdp"},
-            )
-        answer.raise_for_status()
-        await peer.setRemoteDescription(RTCSessionDescription(answer.text, "answer"))
+
+async def connect(peer: RTCPeerConnection, url: str, token: str) -> None:
+    """Offer what `peer` has to a service's endpoint at `url`, and take its answer."""
+    await peer.setLocalDescription(await peer.createOffer())
+    header = {"Authorization": f"Bearer {token}", "Content-Type": "application/sdp"}
+    async with httpx.AsyncClient(timeout=_AT_WORST_S) as caller:
+        answer = await caller.post(url, content=peer.localDescription.sdp, headers=header)
+    answer.raise_for_status()
+    await peer.setRemoteDescription(RTCSessionDescription(answer.text, "answer"))
 
 
 def _looking(sequence: int) -> bytes:
@@ -104,10 +102,10 @@ def _looking(sequence: int) -> bytes:
     return encode_view(packet)
 
 
-def _landmarks() -> list[tuple[np.ndarray, np.ndarray]]:
+def landmarks_of_one_who_turns() -> list[tuple[np.ndarray, np.ndarray]]:
     """What a perfect estimator says of somebody who turns to and fro: shares of the picture, m."""
     skeleton, marks = Skeleton(load_body_model().rest_joints), load_body_landmarks()
-    camera = orbit_camera((0.0, 0.9, 0.0), 3.0, 0.0, 0.0, *_SIZE, 0.8)
+    camera = orbit_camera((0.0, 0.9, 0.0), 3.0, 0.0, 0.0, *SIZE_PX, 0.8)
     hips = [LANDMARK_NAMES.index(f"{side}_hip") for side in ("left", "right")]
     motion, found = turntable_motion(_FRAMES, float(RATE_HZ), 60.0), []
     for frame in range(_FRAMES):
@@ -117,5 +115,5 @@ def _landmarks() -> list[tuple[np.ndarray, np.ndarray]]:
         points = np.einsum("nij,nj->ni", moved[:, :3, :3], marks.rest) + moved[:, :3, 3]
         pixels, _ = camera.project(points)
         centre = points[hips].mean(axis=0)
-        found.append((pixels / _SIZE, (points - centre) @ camera.rotation.T))
+        found.append((pixels / SIZE_PX, (points - centre) @ camera.rotation.T))
     return found

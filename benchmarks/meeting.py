@@ -40,8 +40,8 @@ PERFORMERS = (1, 2, 4, 8)
 SIZE_PX = 512
 _ACCOUNT = "benchmark"
 _SETTLING_MS, _WATCHED_S = 5000, 8.0
-_AT_WORST_MS = 120_000
-_TO_POSE = "metanerf_keypoints_to_pose_seconds"
+AT_WORST_MS = 120_000
+TO_POSE = "metanerf_keypoints_to_pose_seconds"
 """The service's own metric of the time from a packet's coming to its pose."""
 _COUNTING = """
 window.peers = [];
@@ -71,11 +71,17 @@ second, and a count read at any other moment is up to 30 pictures old."""
 
 
 @dataclass(frozen=True)
-class DrivenMeeting:
-    """A meeting whose performers all move by landmarks."""
+class OpenMeeting:
+    """A meeting of a service that runs."""
 
     address: str
     meeting_id: str
+
+
+@dataclass(frozen=True)
+class DrivenMeeting(OpenMeeting):
+    """A meeting whose performers all move by landmarks."""
+
     people: LivePeople
 
 
@@ -102,8 +108,7 @@ def _measured(performers: int) -> Iterator[dict[str, Any]]:
             pages = [page, second]
             yield {"performers": performers, "drawn_by": "server", **watched(meeting, pages)}
             second.close()
-        page.get_by_test_id("render-mode").select_option("local")
-        page.wait_for_selector(".viewport > canvas.shown", timeout=_AT_WORST_MS)
+        have_the_page_draw(page)
         yield {"performers": performers, "drawn_by": "page", **watched(meeting, [page])}
 
 
@@ -111,14 +116,14 @@ def _measured(performers: int) -> Iterator[dict[str, Any]]:
 def driven(performers: int) -> Iterator[DrivenMeeting]:
     """A service of its own with one meeting, whose performers move."""
     with tempfile.TemporaryDirectory() as folder:
-        meeting_id, token, ids = _prepare(Path(folder), performers)
+        meeting_id, token, ids = prepare_meeting(Path(folder), performers)
         with running_demo(Path(folder), METANERF_STAMP_PICTURES="1") as address:
             people = LivePeople(address, meeting_id, token, ids)
             with people.moving():
                 yield DrivenMeeting(address, meeting_id, people)
 
 
-def _prepare(folder: Path, performers: int) -> tuple[str, str, list[str]]:
+def prepare_meeting(folder: Path, performers: int) -> tuple[str, str, list[str]]:
     """A meeting of the demo's person, so many times: its id, its owner's token, the performers."""
     from services.auth import ALL_SCOPES
     from services.bootstrap import DEMO_MODEL, import_model
@@ -150,10 +155,10 @@ def beside(page: Page, meeting: DrivenMeeting, size: int, *, stamped: bool = Tru
     return other
 
 
-def look(page: Page, meeting: DrivenMeeting, size: int, *, stamped: bool = True) -> None:
+def look(page: Page, meeting: OpenMeeting, size: int, *, stamped: bool = True) -> None:
     """Have `page` look on, at pictures by the server of `size` px a side, and read their codes
     where `stamped`."""
-    page.set_default_timeout(_AT_WORST_MS)
+    page.set_default_timeout(AT_WORST_MS)
     page.add_init_script(_COUNTING)
     stamp = "&stamp" if stamped else ""
     page.goto(f"{meeting.address}?meeting={meeting.meeting_id}&size={size}{stamp}")
@@ -163,6 +168,12 @@ def look(page: Page, meeting: DrivenMeeting, size: int, *, stamped: bool = True)
         "() => Number(document.querySelector('[data-testid=fps]')?.dataset.frames) > 5"
     )
     page.get_by_test_id("render-mode").select_option("server")
+
+
+def have_the_page_draw(page: Page) -> None:
+    """In place of the server; returns once its picture is the one that is seen."""
+    page.get_by_test_id("render-mode").select_option("local")
+    page.wait_for_selector(".viewport > canvas.shown", timeout=AT_WORST_MS)
 
 
 def watched(meeting: DrivenMeeting, pages: Sequence[Page]) -> dict[str, Any]:
@@ -220,8 +231,8 @@ def _state(meeting: DrivenMeeting, pages: Sequence[Page]) -> dict[str, float]:
     moved = [page.evaluate(_BYTES) for page in pages]
     return {
         "server_s": metric(meeting.address, BUSY),
-        "solved": metric(meeting.address, f"{_TO_POSE}_count"),
-        "solved_s": metric(meeting.address, f"{_TO_POSE}_sum"),
+        "solved": metric(meeting.address, f"{TO_POSE}_count"),
+        "solved_s": metric(meeting.address, f"{TO_POSE}_sum"),
         "all_s": processor_seconds(),
         "sent": float(meeting.people.bytes_sent),
         "up": float(sum(one["up"] for one in moved)),

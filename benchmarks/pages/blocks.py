@@ -11,8 +11,14 @@ from benchmarks.frontier.charts import draw_charts
 from benchmarks.pages import capture, splats
 from benchmarks.pages.frontier import frontier
 from benchmarks.pages.gpu import gpu
+from benchmarks.pages.lipsync import lipsync
 from benchmarks.pages.numbers import SOURCES, numbers
-from benchmarks.pages.performers import expressions_found, lifelike, performers
+from benchmarks.pages.performers import (
+    covered_torso,
+    expressions_found,
+    lifelike,
+    performers,
+)
 from benchmarks.pages.provenance import Figures
 from benchmarks.pages.real import real
 from benchmarks.reporting.markdown import replaced
@@ -47,11 +53,13 @@ BLOCKS = (
     Block("docs/capture.md", "capture", ("capture",), capture.accuracy),
     Block("docs/keypoints.md", "expressions-found", ("expressions-found",), expressions_found),
     Block("docs/data.md", "lifelike", ("lifelike",), lifelike),
+    Block("docs/data.md", "covered-torso", ("covered-torso",), covered_torso),
     Block("docs/data.md", "reading", ("reading",), splats.reading),
     Block("docs/frontier.md", "refinement", ("refinement",), splats.refinement),
     Block("docs/frontier.md", "foreign", ("foreign",), splats.foreign),
     Block("docs/frontier.md", "frontier", ("frontier",), frontier),
     Block("docs/gpu.md", "gpu", ("gpu",), gpu),
+    Block("docs/streaming.md", "lipsync", ("lipsync",), lipsync),
     Block("docs/room.md", "relight", ("relight",), splats.relight),
     Block("docs/real-people.md", "real", ("real",), real),
     Block(_FIGURES_PAGE, "trainings", ("expressions",), splats.trainings),

@@ -210,9 +210,12 @@ def live(figures: Figures) -> str:
     """The live solver's time and errors."""
     step, meeting = figures["step_of_processor"], figures["in_a_meeting"]
     packet = meeting["packet_to_pose_of_processor"]
+    whole = figures["with_face_and_hands"]
     late = figures["late_by_60_ms"]
     rows = [
-        ["a step, of one core's time", f"p50 {step['p50_ms']:.2f} ms, p95 {step['p95_ms']:.2f} ms"],
+        ["a step, of one core's time", _times(step)],
+        ["the same with a face and two hands", _times(whole["step_of_processor"])],
+        ["face and hands alone, on a page", _times(whole["face_and_hands_on_a_page"])],
         *([words, _distances(figures[key])] for key, words in _LIVE),
         *([words, _distances(late[key])] for key, words in _LATE),
         [
@@ -240,6 +243,10 @@ def _degrees(row: Figures) -> str:
 
 def _decibels(accuracy: Figures) -> str:
     return f"{accuracy['psnr_novel_view']:.1f} / {accuracy['psnr_unseen_pose']:.1f}"
+
+
+def _times(row: Figures) -> str:
+    return f"p50 {row['p50_ms']:.2f} ms, p95 {row['p95_ms']:.2f} ms"
 
 
 def _distances(row: Figures) -> str:

@@ -51,6 +51,7 @@ def _accuracy(figures: Figures) -> str:
         "overlap",
         "face found",
         "its points",
+        "irises",
         "flicker",
     ]
     return markdown_table(heads, rows)
@@ -58,14 +59,18 @@ def _accuracy(figures: Figures) -> str:
 
 def _cells(found: Figures) -> list[str]:
     face, flicker = found["face"], found["flicker"]
-    seen, points = face.get("found"), face.get("points_percent")
+    seen = face.get("found")
     return [
         *(_pair(found[part]) for part in ("body", "face", "hands")),
         f"{found['body']['iou']:.3f}",
         "-" if seen is None else f"{100 * seen:.0f} %",
-        "-" if points is None else f"{points:.1f} %",
+        *(_percent(face.get(name)) for name in ("points_percent", "irises_percent")),
         "-" if flicker is None else f"{flicker:.2f}",
     ]
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f} %"
 
 
 def _pair(part: Figures) -> str:

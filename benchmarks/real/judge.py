@@ -9,7 +9,13 @@ import cv2
 import numpy as np
 import torch
 
-from benchmarks.real.parts import PartFinder, Window, eye_distance, window_around
+from benchmarks.real.parts import (
+    PartFinder,
+    Window,
+    eye_distance,
+    irises_in_eyes,
+    window_around,
+)
 from renderer.evaluation.lpips import Lpips
 from renderer.evaluation.metrics import psnr, ssim
 from renderer.performer_model import PerformerModel
@@ -75,8 +81,10 @@ class Judge:
 
     def figures(self, rendered: Float[Array, "H W 4"], frame: TestFrame) -> dict[str, Figures]:
         """`body`, `face`, `hands`: PSNR (dB), SSIM, LPIPS; of the body also the silhouette's
-        intersection over union; of the face also whether a landmarker finds it (0 or 1), and how
-        far its points lie from the frame's, in per cent of the distance between the eyes."""
+        intersection over union; of the face also whether a landmarker finds it (0 or 1), how far
+        its points lie from the frame's, in per cent of the distance between the eyes, and how far
+        its irises lie from where they are between the corners of the frame's eyes, in per cent of
+        an eye's width."""
         rendered = rendered * (1.0 - frame.hidden[..., None])
         colour, truth = np.clip(rendered[..., :3], 0.0, 1.0), frame.truth
         found: dict[str, Figures] = {}
@@ -98,9 +106,14 @@ class Judge:
         picture = (255.0 * np.clip(over_grey, 0.0, 1.0) + 0.5).astype(np.uint8)
         points = self.finder.face(picture, window_around(truth, _SEARCH_GROW, _FACE_LEAST_PX))
         if points is None:
-            return {"found": 0.0, "points_percent": None}
+            return {"found": 0.0, "points_percent": None, "irises_percent": None}
         apart = np.linalg.norm(points - truth, axis=1).mean()
-        return {"found": 1.0, "points_percent": 100.0 * float(apart) / eye_distance(truth)}
+        looking = np.linalg.norm(irises_in_eyes(points) - irises_in_eyes(truth), axis=1).mean()
+        return {
+            "found": 1.0,
+            "points_percent": 100.0 * float(apart) / eye_distance(truth),
+            "irises_percent": 100.0 * float(looking),
+        }
 
     @torch.no_grad()
     def _lpips(self, rendered: Float[Array, "H W 3"], truth: Float[Array, "H W 3"]) -> float:

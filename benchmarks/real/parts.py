@@ -19,6 +19,8 @@ from scene.arrays import Array, Float, UInt8
 FACE_POINTS, HAND_POINTS = 478, 21
 LEFT_EYE, RIGHT_EYE = (362, 263), (33, 133)
 """Corners of the person's eyes among the face's points."""
+_IRISES = {LEFT_EYE: 473, RIGHT_EYE: 468}
+"""The middle of the iris in each eye."""
 _NETWORK_SIDE_PX = 512
 """A window is enlarged to this side: the detectors were made for faces that fill a picture."""
 _LEAST_CONFIDENCE = 0.5
@@ -83,6 +85,21 @@ def eye_distance(face: Float[Array, "478 2"]) -> float:
     """From the middle of one eye to that of the other, px."""
     middles = [face[list(eye)].mean(axis=0) for eye in (LEFT_EYE, RIGHT_EYE)]
     return float(np.linalg.norm(middles[0] - middles[1]))
+
+
+def irises_in_eyes(face: Float[Array, "478 2"]) -> Float[Array, "2 2"]:
+    """Where each iris lies from the middle of its eye's corners, left eye first, in widths of the
+    eye: along the line from the first corner to the second, and at right angles to it.
+
+    Wherever in the picture the head is, and however it is tilted, this is the gaze's alone."""
+    found = []
+    for corners, iris in _IRISES.items():
+        first, second = face[list(corners)]
+        across = second - first
+        along = across / np.square(across).sum()
+        off = face[iris] - 0.5 * (first + second)
+        found.append([off @ along, off @ [-along[1], along[0]]])
+    return np.array(found)
 
 
 def _enlarged(image: UInt8[Array, "H W 3"], window: Window) -> tuple[Any, float]:

@@ -32,11 +32,15 @@ from services.live.streaming.forwarding import OpusPacket
 from services.meetings import placed, position, yaw
 from services.recording import consent
 from services.recording.chunks import LONGEST_RECORD, Record, pack
+from services.recording.voice_times import VoiceTimes
 
 log = logging.getLogger(__name__)
 
 POSES_PER_SECOND = 30
 _CHUNK_MS = 5000
+_VOICE_LATER_MS = 85
+"""Motion is kept later than it was made, by what finding it in a picture, sending, solving and
+keeping it take; so is the voice that belongs to it (`metanerf bench lipsync`)."""
 Poses = Callable[[str], list[tuple[str, bytes]]]
 """Meeting -> pose packets of its performers as they stand now, by performer."""
 
@@ -146,8 +150,12 @@ class Recorders:
         active.chat = max((one.number for one in said), default=0)
         self._active[meeting_id] = active
 
+        times: dict[str, VoiceTimes] = {}
+
         def hear(participant_id: str, packet: OpusPacket) -> None:
-            self._add(active, f"voice:{participant_id}", participant_id, packet.payload)
+            said = times.setdefault(participant_id, VoiceTimes())
+            at_ms = said.at_ms(packet.timestamp, self._now_ms(active)) + _VOICE_LATER_MS
+            self._add(active, f"voice:{participant_id}", participant_id, packet.payload, at_ms)
 
         self._listeners[meeting_id] = hear
         name = f"recording {recording.id}"
@@ -181,14 +189,24 @@ class Recorders:
     def _now_ms(self, active: _ActiveRecording) -> int:
         return active.from_ms + int(1000 * (self._clock() - active.started_s))
 
-    def _add(self, active: _ActiveRecording, name: str, who: str, data: bytes) -> None:
+    def _add(
+        self,
+        active: _ActiveRecording,
+        name: str,
+        who: str,
+        data: bytes,
+        at_ms: int | None = None,
+    ) -> None:
+        """Keep `data` of a track, which happened at `at_ms` of the recording; None: now."""
         owner = active.owners.get(who)
         if owner is None:  # not yet, or no longer, in the meeting
             return
         if name not in active.tracks:
             number = active.numbers.get(name, 0)
             active.tracks[name] = _Track(owner.person_id, owner.account, number)
-        active.tracks[name].records.append(Record(self._now_ms(active), data))
+        active.tracks[name].records.append(
+            Record(self._now_ms(active) if at_ms is None else at_ms, data)
+        )
 
     def _note_room(
         self,

@@ -14,6 +14,8 @@ const WORDS: Readonly<Record<string, string>> = {
   "finding the person": "Detecting you",
   "cutting out the person": "Separating you from the background",
   "fitting the body": "Estimating your movements",
+  // said in full beside it
+  "a first likeness is ready": "Detecting you more closely",
   "writing the sequence": "Storing the frames",
   storing: "Storing the frames",
 };

@@ -72,7 +72,10 @@ export function meetingView(live: LiveView, tools: MeetingTools, headset: Headse
     element.classList.toggle("audio-only", state.kind === "audio-only");
     middle.replaceChildren(...stateNotice(state, hooks));
   };
-  live.onPerformers = (performers) => showPerformers(people, performers, live);
+  live.onPerformers = (performers) => {
+    showPerformers(people, performers, live);
+    self.update();
+  };
   live.onRenderStatus = (drawing) => {
     way.show(drawing);
     // where this device draws, a shared screen hangs in the room

@@ -1,4 +1,4 @@
-/** Motion capture on or off, a preview of the landmarks, and the state of the tracking. */
+/** Oneself, small, as the others see one; and motion capture on or off, its preview and its state. */
 
 import { MotionCapture, type Tracking } from "../landmarks/motionCapture";
 import { drawSkeleton } from "../landmarks/skeleton";
@@ -21,9 +21,19 @@ const NO_OWN_MODEL = new Problem(
   "Create a model on the start page, then come back.",
 );
 
-/** A button that switches the camera on and off, and a panel for what it shows. */
-export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonElement; camera(): MediaStream | null } {
-  const toggle = button("Track my movements", () => (element.hidden ? begin() : end()), {
+interface MotionCaptureView extends View {
+  toggle: HTMLButtonElement;
+  camera(): MediaStream | null;
+  /** Somebody has come or gone. */
+  update(): void;
+}
+
+/**
+ * A button that switches the camera on and off, and a panel for what it shows. While it is off, the
+ * panel shows one's own model where the meeting's picture is of others.
+ */
+export function motionCaptureView(live: LiveView): MotionCaptureView {
+  const toggle = button("Track my movements", () => (pressed() ? rest() : begin()), {
     look: "glass",
     icon: "camera",
     testId: "motion-capture",
@@ -33,14 +43,17 @@ export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonEl
     className: "self glass",
     hidden: true,
     testId: "self",
-    attributes: { "aria-label": "Motion capture" },
   });
+  const pressed = (): boolean => toggle.getAttribute("aria-pressed") === "true";
   let capture: MotionCapture | null = null;
   let self: ReturnType<typeof selfView> | null = null;
+  /** Of one's own performer that is shown without a camera. */
+  let restingId = "";
 
   const show = (on: boolean, ...children: Node[]): void => {
     toggle.setAttribute("aria-pressed", String(on));
-    element.hidden = !on;
+    element.setAttribute("aria-label", on ? "Motion capture" : "You");
+    element.hidden = children.length === 0;
     element.replaceChildren(...children);
   };
 
@@ -48,15 +61,35 @@ export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonEl
     capture?.close();
     self?.close();
     capture = self = null;
+    restingId = "";
+    delete element.dataset["tracking"];
     show(false);
+  };
+
+  const rest = (): void => {
+    end();
+    update();
+  };
+
+  const update = (): void => {
+    const [me, ...others] = live.meeting.performers.filter(({ owner }) => owner === "own");
+    // who is alone, or has several models, sees them all in the meeting's picture
+    const id = me && others.length === 0 && live.meeting.performers.length > 1 ? me.id : "";
+    if (pressed() || id === restingId) return;
+    end();
+    if (id === "") return;
+    restingId = id;
+    self = selfView(live, id);
+    show(false, h("div", { className: "self-picture" }, self.element), h("p", { className: "self-detail" }, "As others see you"));
   };
 
   const showProblem = (problem: Problem): void => {
     end();
-    show(true, notice(problem, button("Close", end)));
+    show(true, notice(problem, button("Close", rest)));
   };
 
   const begin = (): void => {
+    end();
     const mine = ownPerformers(live.meeting.performers);
     const [first] = mine;
     if (!first) return showProblem(NO_OWN_MODEL);
@@ -85,7 +118,8 @@ export function motionCaptureView(live: LiveView): View & { toggle: HTMLButtonEl
   };
 
   toggle.setAttribute("aria-pressed", "false");
-  return { element, toggle, close: end, camera: () => capture?.camera ?? null };
+  update();
+  return { element, toggle, update, close: end, camera: () => capture?.camera ?? null };
 }
 
 function statusLine(text: string): HTMLElement {

@@ -23,6 +23,7 @@ describe("progressText", () => {
   it.each([
     ["no steps and losses of a training", { step: "train", message: "learning the looks (step 5, loss 0.1)" }, "Training your model · 40 %"],
     ["the stages of a capture to whom they are about", { message: "finding the person" }, "Detecting you · 40 %"],
+    ["nothing of a likeness twice", { message: "a first likeness is ready", modelId: "early" }, "Detecting you more closely · 40 %"],
     ["a stage that it has no words for as it came", { message: "drying the paint" }, "Drying the paint · 40 %"],
     ["how far the sending is", { step: "upload", job: null }, "40 %"],
     ["what the sending waits for", { step: "upload", job: null, message: UPLOAD_WORDS.waiting }, "Interrupted, trying again · 40 %"],

@@ -187,7 +187,7 @@ describe("motion capture in the meeting", () => {
       made.toggle.click();
       await soon();
     };
-    return { ...made, start, getUserMedia, calls, watchPoses };
+    return { ...made, live, start, getUserMedia, calls, watchPoses };
   }
   const [demo, own] = [{ owner: "demo" }, { owner: "own" }] as const;
 
@@ -198,7 +198,7 @@ describe("motion capture in the meeting", () => {
     expect(element.textContent).toContain("Animating Ada.");
     expect(toggle.getAttribute("aria-pressed")).toBe("true");
     await start();
-    expect([element.hidden, toggle.getAttribute("aria-pressed")]).toEqual([true, "false"]);
+    expect([element.textContent, toggle.getAttribute("aria-pressed")]).toEqual(["As others see you", "false"]);
   });
 
   it("takes the demo's model for a guest who brought none", async () => {
@@ -220,7 +220,7 @@ describe("motion capture in the meeting", () => {
   });
 
   it("shows oneself as the others see one: from poses, until it is switched off", async () => {
-    const { element, start, calls, watchPoses } = view(performer("Ada", own), performer("Cy"));
+    const { element, start, calls, watchPoses, close } = view(performer("Ada", own), performer("Cy"));
     await start();
     const onPose = watchPoses.mock.lastCall?.[0] as (pose: object) => void;
     onPose({ check: performerCheck("Cy") });
@@ -231,8 +231,27 @@ describe("motion capture in the meeting", () => {
     expect(calls.map(({ path }) => path)).toEqual(["/v1/models/m-Ada/files/viewer.splats"]);
     // no graphics here: then the camera alone is shown
     expect(find<HTMLElement>(element, "self-view").hidden).toBe(true);
-    await start();
+    close();
     expect(watchPoses).toHaveBeenLastCalledWith(null);
+  });
+
+  it("shows one's model from the start, where the meeting's picture is of others", () => {
+    const { element, watchPoses, live, update } = view(performer("Ada", own));
+    expect([element.hidden, watchPoses.mock.calls]).toEqual([true, []]);
+    live.meeting.performers.push(performer("Cy"));
+    update();
+    update(); // each roster says so again
+    expect([element.hidden, element.getAttribute("aria-label"), watchPoses.mock.calls.length]).toEqual([false, "You", 1]);
+    live.meeting.performers.pop();
+    update();
+    expect([element.hidden, watchPoses.mock.lastCall]).toEqual([true, [null]]);
+  });
+
+  it.each([
+    ["none", [performer("Ada", demo), performer("Cy")]],
+    ["several models, of which none is the one", [performer("Ada", own), performer("Bo", own), performer("Cy")]],
+  ])("shows nobody who has %s", (_, performers) => {
+    expect(view(...performers).element.hidden).toBe(true);
   });
 
   it("says what to do where one has no model here", async () => {

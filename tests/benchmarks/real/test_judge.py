@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.real.judge import Judge, TestFrame, flicker
-from benchmarks.real.parts import part_finder
+from benchmarks.real.parts import LEFT_EYE, RIGHT_EYE, irises_in_eyes, part_finder
 from benchmarks.real.ruler import Ruler
 from capture.sources.video import read_video
 from renderer.evaluation.lpips import PACKAGED_BACKBONE, Lpips
@@ -66,6 +66,7 @@ def test_the_truth_is_equal_to_itself_and_its_face_is_found(frames):
     assert figures["face"]["psnr"] == 100.0
     assert figures["face"]["found"] == 1.0
     assert _known(figures["face"]["points_percent"]) < 3.0
+    assert _known(figures["face"]["irises_percent"]) < 5.0
 
 
 def test_a_face_that_moved_or_is_gone_is_told_from_one_in_its_place(frames):
@@ -82,7 +83,23 @@ def test_a_face_that_moved_or_is_gone_is_told_from_one_in_its_place(frames):
     assert _known(shifted["face"]["points_percent"]) > 8.0
     assert gone["face"]["found"] == 0.0
     assert gone["face"]["points_percent"] is None
+    assert gone["face"]["irises_percent"] is None
+    assert _known(shifted["face"]["irises_percent"]) < 5.0
     assert _known(shifted["body"]["iou"]) < 0.97
+
+
+def test_eyes_that_look_elsewhere_are_told_from_a_head_that_turned_in_the_picture(frames):
+    face = frames[0].face
+    assert face is not None
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    moved = 1.3 * (face - face.mean(axis=0)) @ turn.T + [300.0, 200.0]
+    assert irises_in_eyes(moved) == pytest.approx(irises_in_eyes(face), abs=1e-9)
+    looking = face.copy()
+    for corners, iris in ((LEFT_EYE, 473), (RIGHT_EYE, 468)):
+        looking[iris] += 0.2 * (face[corners[1]] - face[corners[0]])
+    assert irises_in_eyes(looking) - irises_in_eyes(face) == pytest.approx(
+        np.array([[0.2, 0.0], [0.2, 0.0]]), abs=1e-9
+    )
 
 
 def test_what_is_hidden_is_not_judged(frames):

@@ -32,6 +32,8 @@ def test_a_real_person_is_captured_trained_and_judged(tmp_path):
     # far below what a training of a minute reaches, far above what a wrong camera would
     assert own["body"]["psnr"] > 15.0
     assert own["body"]["iou"] > 0.85
+    # eyes that were drawn at random would be off by a third of their width
+    assert own["face"]["irises_percent"] < 15.0
     assert figures["aligned"]["later_frames"]["body"]["psnr"] >= later["body"]["psnr"] - 0.2
     drawn = cv2.imread(str(sheet))
     assert drawn is not None

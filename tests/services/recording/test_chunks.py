@@ -74,6 +74,18 @@ def test_others_read_the_ogg_and_silence_keeps_time():
     assert level(2.0) < 1e-3 < 0.05 < level(3.1)
 
 
+def test_after_a_pause_a_voice_is_in_time_within_a_packet():
+    said = [Record(1019 + 20 * at, data) for at, data in enumerate(voice(0.2))]
+    said += [Record(2505 + 20 * at, data) for at, data in enumerate(voice(0.2))]
+    begins, at, before = [], 0, None
+    for packet in with_silence(said):
+        loud = len(packet) > 3
+        if loud and not before:
+            begins.append(1000 * at / RATE)
+        at, before = at + samples_of(packet), loud
+    assert begins == pytest.approx([1019.0, 2505.0], abs=20.0)
+
+
 def test_the_ogg_has_the_packets_as_they_came_and_the_same_bytes_each_time():
     packets = [*voice(1.3), b"\xff" * 5, bytes([0xF8]) + bytes(1300), *voice(0.3)]
     pages = b"".join(ogg_opus(packets))

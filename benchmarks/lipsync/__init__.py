@@ -1,0 +1,1 @@
+"""Whether a voice is heard when lips are seen to move, by viewers and in recordings."""
