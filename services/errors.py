@@ -165,6 +165,16 @@ class MeetingOver(Gone):
     """The meeting was ended."""
 
 
+class ClipGone(Gone):
+    """A job's clip, or the frames captured from it, are no longer stored."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "the clip and the frames of a job must be stored; got a job whose are gone and cannot "
+            "come back; upload the clip again",
+        )
+
+
 class TooLarge(ServiceError):
     """More bytes, or entries, than are taken."""
 

@@ -83,7 +83,7 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
         errors.WrongOffset: "wrong-offset",
         errors.HelloRepeated: "greeted-already",
     },
-    410: {errors.Gone: "gone", errors.MeetingOver: "meeting-over"},
+    410: {errors.Gone: "gone", errors.MeetingOver: "meeting-over", errors.ClipGone: "clip-gone"},
     412: {errors.PreconditionFailed: "precondition-failed"},
     413: {errors.TooLarge: "too-large"},
     415: {errors.UnsupportedMediaType: "unsupported-media-type"},
