@@ -80,6 +80,10 @@ class AdmissionEnded(Forbidden):
     """The caller was admitted to a meeting that is over."""
 
 
+class InvitationRenewed(Forbidden):
+    """The caller came by an invitation that the host has renewed since."""
+
+
 class ViewerMayNotSpeak(Forbidden):
     """Viewers neither talk nor write nor present."""
 
@@ -167,12 +171,6 @@ class MeetingOver(Gone):
 
 class ClipGone(Gone):
     """A job's clip, or the frames captured from it, are no longer stored."""
-
-    def __init__(self) -> None:
-        super().__init__(
-            "the clip and the frames of a job must be stored; got a job whose are gone and cannot "
-            "come back; upload the clip again",
-        )
 
 
 class TooLarge(ServiceError):

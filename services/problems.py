@@ -59,6 +59,7 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
         errors.AdmissionDenied: "not-let-in",
         errors.RemovedFromMeeting: "removed",
         errors.AdmissionEnded: "meeting-over",
+        errors.InvitationRenewed: "invitation-renewed",
         errors.ViewerMayNotSpeak: "viewers-look-on",
         errors.HostCommand: "host-only",
         errors.NotHost: "not-host",

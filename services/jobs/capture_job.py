@@ -12,8 +12,8 @@ from db.objects import fetch
 from db.repositories import UnitOfWork
 from scene.sequence import Sequence
 from services.container import Services
-from services.errors import ClipGone
 from services.jobs.first_likeness import make_first_likeness
+from services.jobs.queue import clip_gone
 from services.jobs.report import JobStopped, Reporter, encode_preview
 from services.jobs.results import Results
 
@@ -37,7 +37,7 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
     try:
         fetch(services.objects, job.person_id, sequence.source_sha256, source)
     except NotFound as error:
-        raise ClipGone from error
+        raise clip_gone() from error
     out = folder / "sequence"
     try:
         capture_clip(
@@ -63,7 +63,7 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
 
 def _begin(services: Services, job: JobRow) -> tuple[SequenceRow, PersonRow]:
     if job.sequence_id is None:
-        raise ClipGone
+        raise clip_gone()
     with services.unit_of_work() as unit:
         sequence = unit.sequences.get(job.sequence_id)
         sequence.state = SequenceState.CAPTURING

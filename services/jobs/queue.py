@@ -72,8 +72,16 @@ def frames_of(unit: UnitOfWork, job: JobRow) -> str:
     """sha256 of the captured frames that a training learns from. Raises ClipGone."""
     packed = unit.sequences.get(job.sequence_id).packed_sha256 if job.sequence_id else None
     if packed is None:
-        raise ClipGone
+        raise clip_gone()
     return packed
+
+
+def clip_gone() -> ClipGone:
+    """Why a job without its clip, or the frames captured from it, can't be done."""
+    return ClipGone(
+        "the clip and the frames of a job must be stored; got a job whose are gone and cannot come "
+        "back; upload the clip again",
+    )
 
 
 def resume(unit: UnitOfWork, job: JobRow) -> None:
@@ -88,7 +96,7 @@ def resume(unit: UnitOfWork, job: JobRow) -> None:
             f"{job.kind} job that is {job.state}; start a new one",
         )
     if unit.sequences.get(job.sequence_id).state is SequenceState.FORGOTTEN:
-        raise ClipGone
+        raise clip_gone()
     job.state, job.error, job.finished_at = JobState.QUEUED, None, None
     job.cancel_requested, job.crashes = False, 0
     job.message = _WAITING

@@ -21,10 +21,9 @@ from renderer.performer_model import PerformerModel
 from renderer.training import Progress, train
 from scene.sequence import Sequence
 from services.container import Services
-from services.errors import ClipGone
 from services.jobs.events import meeting_topic
 from services.jobs.packing import unpack
-from services.jobs.queue import frames_of
+from services.jobs.queue import clip_gone, frames_of
 from services.jobs.report import JobStopped, Reporter
 from services.jobs.results import Results
 from services.meetings import measure
@@ -182,4 +181,4 @@ def _fetch_sequence(services: Services, job: JobRow, folder: Path) -> None:
     try:
         unpack(services.objects, job.person_id, packed_sha256, folder)
     except NotFound as error:
-        raise ClipGone from error
+        raise clip_gone() from error
