@@ -91,7 +91,7 @@ RECORDED = _answers(
     "   401 ok    403   403    ok      403  ok     403     403     401     403",
     "   401 403   403   403    403     403  403    403     403     401     403",
 )
-NOBODYS = _answers(
+NOT_THEIRS = _answers(
     "    401 404   404   404    404     404  404    404     404     401     403",
     "    401 404   404   403    403     403  403    403     403     401     403",
 )
@@ -183,7 +183,7 @@ ROWS = (
     Row("POST /whip/{meeting_id}", SEATED, 422, request=_OFFER),
     Row("POST /v1/meetings/{meeting_id}/voice", SEATED, 422, request=_OFFER),
     *(
-        Row(f"PATCH {path}/{{session_id}}", NOBODYS)
+        Row(f"PATCH {path}/{{session_id}}", NOT_THEIRS)
         for path in ("/whep/{meeting_id}", "/whip/{meeting_id}", "/v1/meetings/{meeting_id}/voice")
     ),
     *(
