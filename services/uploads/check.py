@@ -47,12 +47,13 @@ def check_upload(path: Path, name: str) -> Checked:
     """What `path` holds. Raises CaptureError with the rule that it breaks; `name` is for people."""
     try:
         return _checked(path, name)
-    except (ValueError, ArithmeticError, OSError) as error:
-        # a number or a name of an entry beyond what its reader foresaw; a full disk is no such
+    except (ValueError, ArithmeticError, AttributeError, OSError) as error:
+        # a number or a name of an entry beyond what its reader foresaw, or a video of no known
+        # codec, whose stream has no size in PyAV; a full disk is no such
         if isinstance(error, SceneError) or no_space(error):
             raise
         raise UnreadableClip(
-            f"{name!r} must hold numbers and names that can be read; got {error}; export it again"
+            f"{name!r} must hold what can be read; got {error}; export it again"
         ) from error
 
 
