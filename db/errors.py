@@ -7,7 +7,9 @@ SceneError
     ├── StoreFull         no space left for bytes
     ├── StoreAway         the object store doesn't answer
     ├── DatabaseAway      the database doesn't answer
-    └── MigrationFailed   the schema can't be brought to this version
+    ├── MigrationFailed   the schema can't be brought to this version
+    ├── BrokenArchive     half a backup, or a damaged one
+    └── ArchiveExpired    a backup that was to be forgotten
 """
 
 from __future__ import annotations
@@ -41,3 +43,11 @@ class DatabaseAway(DatabaseError):
 
 class MigrationFailed(DatabaseError):
     """The schema can't be brought to this version."""
+
+
+class BrokenArchive(DatabaseError):
+    """An archive is half, damaged, or none."""
+
+
+class ArchiveExpired(DatabaseError):
+    """An archive was to be forgotten before now."""

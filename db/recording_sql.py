@@ -77,9 +77,13 @@ class SqlRecordings:
         ordered = query.order_by(RecordingChunkRow.track, RecordingChunkRow.number)
         return list(self._session.scalars(ordered))
 
-    def drop_chunks(self, recording_id: str, account: str) -> list[RecordingChunkRow]:
+    def drop_chunks(
+        self, recording_id: str, account: str, participant_id: str | None = None
+    ) -> list[RecordingChunkRow]:
         """See `Recordings.drop_chunks`."""
         theirs = [one for one in self.chunks(recording_id) if one.account == account]
+        if participant_id is not None:
+            theirs = [one for one in theirs if one.track.endswith(f":{participant_id}")]
         for chunk in theirs:
             self._session.delete(chunk)
         return theirs

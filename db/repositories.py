@@ -297,8 +297,11 @@ class Recordings(Protocol):
         """The chunks of a recording, or of one of its tracks, by track and number."""
         ...
 
-    def drop_chunks(self, recording_id: str, account: str) -> list[RecordingChunkRow]:
-        """Take out what an account's owner moved and said; the rows that went."""
+    def drop_chunks(
+        self, recording_id: str, account: str, participant_id: str | None = None
+    ) -> list[RecordingChunkRow]:
+        """Take out what an account's owner moved and said, or of an account of many what one
+        participant said; the rows that went."""
         ...
 
     def add_export(self, export: RecordingExportRow) -> None:

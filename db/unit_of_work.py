@@ -6,7 +6,7 @@ from types import TracebackType
 from typing import Self
 
 from sqlalchemy import Engine, text
-from sqlalchemy.exc import DBAPIError, IntegrityError, OperationalError
+from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import Session
 
@@ -14,6 +14,7 @@ from db import repositories, sql
 from db.engine import make_engine
 from db.errors import Conflict, DatabaseAway, StoreFull
 from db.recording_sql import SqlRecordings
+from scene.errors import InvalidInput
 
 
 class Database:
@@ -28,12 +29,15 @@ class Database:
         """The engine, for tools that speak SQL themselves."""
         return self._engine
 
-    def migrate(self) -> None:
-        """Bring the schema to this version. Raises MigrationFailed or DatabaseAway."""
+    def migrate(self, revision: str = "head") -> None:
+        """Bring the schema to this version, or up to an earlier `revision`.
+
+        Raises MigrationFailed or DatabaseAway.
+        """
         from db.migrations import migrate  # here, for job processes never need it
 
         try:
-            migrate(self._url)
+            migrate(self._url, revision)
         except OperationalError as error:
             raise _domain_error(error) from error
 
@@ -87,6 +91,8 @@ class SqlUnitOfWork:
         self._session.close()  # rolls back what was not committed
         if isinstance(error, (DBAPIError, PoolTimeout)):
             raise _domain_error(error) from error
+        if isinstance(error, (UnicodeEncodeError, OverflowError)):
+            raise _unfit(str(error)) from error
 
     def flush(self) -> None:
         """See `repositories.UnitOfWork.flush`."""
@@ -101,6 +107,8 @@ def _domain_error(error: DBAPIError | PoolTimeout) -> Exception:
     """What a database error means to callers; errors that are bugs stay as they are."""
     reason = str(getattr(error, "orig", error)).strip().splitlines()
     first = reason[0] if reason else type(error).__name__
+    if isinstance(error, DataError):
+        return _unfit(first)
     if isinstance(error, IntegrityError):
         return Conflict(f"the change must fit what is stored; got: {first}; read it again")
     if "disk is full" in first or "No space left" in first:
@@ -108,3 +116,8 @@ def _domain_error(error: DBAPIError | PoolTimeout) -> Exception:
     if isinstance(error, (OperationalError, PoolTimeout)) or error.connection_invalidated:
         return DatabaseAway(f"the database must answer; got: {first}; retry in a moment")
     return error
+
+
+def _unfit(reason: str) -> InvalidInput:
+    """Half a character, a zero character, or a number beyond its column."""
+    return InvalidInput(f"text and numbers must fit the database; got: {reason}; correct them")

@@ -81,7 +81,16 @@ install_servers() {
   apt-get update -qq && apt-get install -y -qq --no-install-recommends coturn caddy prometheus >/dev/null
 }
 
+# the S3 store of the tests has an environment of its own: it takes no python-dateutil of version 4
+install_s3() {
+  command -v moto_server >/dev/null || [ -x .venv/bin/moto_server ] && return
+  echo "setup: installing the S3 store that tests run"
+  .venv/bin/python -m venv .venv/s3
+  .venv/s3/bin/pip install -q --disable-pip-version-check 'moto[server]==5.2.1'
+  ln -sf ../s3/bin/moto_server .venv/bin/moto_server
+}
+
 if [ "${1:-}" = test ]; then install_python requirements-dev.lock; else install_python requirements.lock; fi
 build_client
 compile_renderer
-if [ "${1:-}" = test ]; then install_chromium; install_servers; fi
+if [ "${1:-}" = test ]; then install_chromium; install_servers; install_s3; fi

@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
-from db.models import JobRow, MeetingRow, ModelRow, PersonRow, SequenceRow
+from db.models import (
+    JobRow,
+    MeetingRow,
+    ModelRow,
+    PersonRow,
+    RecordingMemberRow,
+    RecordingRow,
+    SequenceRow,
+)
 from db.repositories import UnitOfWork
-from services.auth import Principal
+from services.auth import INVITED, Principal
+from services.errors import NotInRecording
+from services.seats import require_not_removed
 
 
 def person_of(unit: UnitOfWork, caller: Principal, person_id: str) -> PersonRow:
@@ -39,4 +49,42 @@ def meeting_of(unit: UnitOfWork, caller: Principal, meeting_id: str) -> MeetingR
     """The meeting, locked for a change, if the caller may use it."""
     meeting = unit.meetings.get_for_change(meeting_id)
     caller.require_use(meeting.account)
+    require_not_removed(meeting, caller)
     return meeting
+
+
+def recording_of(unit: UnitOfWork, caller: Principal, recording_id: str) -> RecordingRow:
+    """The recording, if the caller asked for it or agreed to it. Raises NotFound, OtherMeeting,
+    NotInRecording."""
+    return require_part(unit.recordings.get(recording_id), caller)
+
+
+def require_part(recording: RecordingRow, caller: Principal) -> RecordingRow:
+    """The recording again, if the caller asked for it or agreed to it. Raises OtherMeeting,
+    NotInRecording."""
+    caller.require_meeting(recording.meeting_id)
+    if not has_part(recording, caller):
+        raise NotInRecording(
+            "the token must be of somebody who agreed to be recorded, or asked for it; got one of "
+            "somebody else",
+        )
+    return recording
+
+
+def has_part(recording: RecordingRow, caller: Principal) -> bool:
+    """Whether the caller asked for a recording or agreed to it.
+
+    The account of invitations is of many people, so that one of them is known by their seat.
+    """
+    if caller.meeting_id not in (None, recording.meeting_id):
+        return False
+    mine = [one for one in recording.members if one.agreed and is_mine(one, caller)]
+    asked = recording.account == caller.account and caller.account != INVITED
+    return asked or bool(mine)
+
+
+def is_mine(member: RecordingMemberRow, caller: Principal) -> bool:
+    """Whether somebody in a recording is the caller."""
+    if caller.account == INVITED:
+        return member.participant_id == caller.participant_id
+    return member.account == caller.account

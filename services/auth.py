@@ -53,6 +53,8 @@ class Principal:
     """The seat in that meeting which it was given with, if it was given with one."""
     role: Role | None = None
     """What it may be in that meeting. Its host may have changed that since: the row decides."""
+    invitation: int = 0
+    """Which of that meeting's invitations it came by; see `db.models.MeetingRow.invitation`."""
 
     def may_use(self, account: str) -> bool:
         """Whether what `account` owns may be met: one's own, and the demo's for guests."""
@@ -94,6 +96,7 @@ class Tokens:
         meeting_id: str | None = None,
         participant_id: str | None = None,
         role: Role | None = None,
+        invitation: int = 0,
     ) -> tuple[str, datetime]:
         """A token and when it ends."""
         now = self._clock()
@@ -111,6 +114,8 @@ class Tokens:
             claims["participant"] = participant_id
         if role is not None:
             claims["role"] = role.value
+        if invitation:
+            claims["invitation"] = invitation
         return jwt.encode(claims, self._key, _ALGORITHM), expires
 
     def guest_of(self, token: str) -> str | None:
@@ -150,4 +155,5 @@ class Tokens:
             claims.get("meeting"),
             claims.get("participant"),
             Role(claims["role"]) if "role" in claims else None,
+            int(claims.get("invitation", 0)),
         )

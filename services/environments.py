@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from capture.errors import UnreadableClip
 from capture.sources.archive import decode_picture
 from db.errors import NotFound
 from db.models import PanoramaRow
@@ -79,7 +80,10 @@ def brought_along(meeting_id: str, picture: bytes) -> PanoramaRow:
     Raises UnreadableClip for what is no picture or too large a one, InvalidInput for one that isn't
     twice as wide as high, or black.
     """
-    seen = decode_picture("panorama", picture)
+    try:
+        seen = decode_picture("panorama", picture)
+    except AttributeError as error:  # of no known codec: PyAV's stream has no size
+        raise UnreadableClip(f"a panorama must be a JPEG or PNG; got {error}") from error
     require_panorama(seen.astype(np.float32))
     if seen.shape[1] > _WIDEST_PX:
         seen = cv2.resize(seen, (_WIDEST_PX, _WIDEST_PX // 2), interpolation=cv2.INTER_AREA)

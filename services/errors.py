@@ -80,6 +80,10 @@ class AdmissionEnded(Forbidden):
     """The caller was admitted to a meeting that is over."""
 
 
+class InvitationRenewed(Forbidden):
+    """The caller came by an invitation that the host has renewed since."""
+
+
 class ViewerMayNotSpeak(Forbidden):
     """Viewers neither talk nor write nor present."""
 
@@ -163,6 +167,10 @@ class Gone(ServiceError):
 
 class MeetingOver(Gone):
     """The meeting was ended."""
+
+
+class ClipGone(Gone):
+    """A job's clip, or the frames captured from it, are no longer stored."""
 
 
 class TooLarge(ServiceError):

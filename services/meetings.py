@@ -133,13 +133,18 @@ def performed_motion(services: Services, unit: UnitOfWork, performer: PerformerR
 
 
 def join_url(services: Services, meeting: MeetingRow) -> str:
-    """The link to send. Where access is not open, it carries a token for this meeting."""
+    """The link to send. It carries a token for this meeting where access is not open, or where the
+    invitation was renewed."""
     settings = services.settings
     url = f"{settings.server.public_url.rstrip('/')}/?meeting={quote(meeting.id)}"
-    if settings.security.open_access:
+    if settings.security.open_access and meeting.invitation == 0:
         return url
     token, _ = services.tokens.issue(
-        INVITED, frozenset({"join"}), _LINK_LIFETIME, meeting_id=meeting.id
+        INVITED,
+        frozenset({"join"}),
+        _LINK_LIFETIME,
+        meeting_id=meeting.id,
+        invitation=meeting.invitation,
     )
     return f"{url}#token={token}"
 

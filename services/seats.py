@@ -21,8 +21,10 @@ from services.errors import (
     AdmissionDenied,
     AdmissionEnded,
     AwaitingAdmission,
+    InvitationRenewed,
     MeetingOver,
     NoSeatFree,
+    NotHost,
     RemovedFromMeeting,
     SeatReleased,
 )
@@ -51,13 +53,10 @@ def take_seat(
     """The first free seat of a meeting that is locked for it, and the token that opens its view.
 
     The same token takes the seat up again after a reload or an outage. Raises
-    RemovedFromMeeting, MeetingOver, and NoSeatFree when every seat is taken.
+    RemovedFromMeeting, InvitationRenewed, MeetingOver, and NoSeatFree when every seat is taken.
     """
     require_open(meeting)
-    if any(ban.account == caller.account for ban in meeting.bans):
-        raise RemovedFromMeeting(
-            "whoever joins must not have been sent out; got somebody who was; ask the host",
-        )
+    require_invited(meeting, caller)
     now = services.clock()
     lapsed = now - timedelta(seconds=SEAT_LAPSES_S)
     for gone in [one for one in meeting.participants if one.seen_at < lapsed]:
@@ -85,7 +84,13 @@ def take_seat(
     )
     meeting.participants.append(participant)
     token, _ = services.tokens.issue(
-        caller.account, frozenset({"join"}), TOKEN_LIFETIME, meeting.id, participant.id, role
+        caller.account,
+        frozenset({"join"}),
+        TOKEN_LIFETIME,
+        meeting.id,
+        participant.id,
+        role,
+        meeting.invitation,
     )
     return participant, token
 
@@ -125,6 +130,50 @@ def _role_for(meeting: MeetingRow, caller: Principal) -> Role:
     return Role.HOST if owns and not shared else Role.SPEAKER
 
 
+def require_invited(meeting: MeetingRow, caller: Principal) -> None:
+    """Raise RemovedFromMeeting, or InvitationRenewed, unless `caller` may come to this meeting.
+
+    Its id is its invitation until that is renewed; from then on, whoever is not in it and has not
+    opened it must have come by the newest.
+    """
+    require_not_removed(meeting, caller)
+    opened = caller.participant_id is None and caller.may_use(meeting.account)
+    inside = any(
+        one.id == caller.participant_id and one.admission is Admission.ADMITTED
+        for one in meeting.participants
+    )
+    if not (opened or inside or caller.invitation == meeting.invitation):
+        raise InvitationRenewed(
+            "whoever comes must bring the newest invitation; got an older one; ask the host",
+        )
+
+
+def require_not_removed(meeting: MeetingRow, caller: Principal) -> None:
+    """Raise RemovedFromMeeting for somebody whom the host has sent out."""
+    if any(ban.account == caller.account for ban in meeting.bans):
+        raise RemovedFromMeeting(
+            "whoever comes must not have been sent out; got somebody who was; ask the host",
+        )
+
+
+def require_host(meeting: MeetingRow, caller: Principal) -> None:
+    """Raise NotHost unless the caller sits as its host, or opened the meeting."""
+    if caller.participant_id is None:
+        caller.require_account(meeting.account)
+        may = "write" in caller.scopes
+    else:
+        may = any(
+            one.id == caller.participant_id
+            and one.role is Role.HOST
+            and one.admission is Admission.ADMITTED
+            for one in meeting.participants
+        )
+    if not may:
+        raise NotHost(
+            "the token must be of the meeting's host; got one of somebody else; ask the host",
+        )
+
+
 def require_open(meeting: MeetingRow) -> None:
     """Raise MeetingOver for a meeting that was ended."""
     if meeting.ended_at is not None:
@@ -145,11 +194,13 @@ def renew_seats(services: Services, participant_ids: set[str]) -> set[str]:
 def require_admitted(meeting: MeetingRow, caller: Principal) -> None:
     """Raise MeetingOver, or a Forbidden, unless `caller` may see and hear this meeting now.
 
-    A caller without a seat, such as a foreign viewer, is let in only where nobody has to wait.
+    A caller without a seat, such as a foreign viewer, is let in only where nobody has to wait and
+    the invitation was never renewed.
     """
     require_open(meeting)
     if caller.participant_id is None:
-        if meeting.lobby:
+        require_invited(meeting, caller)
+        if not admits_without_seat(meeting):
             raise AwaitingAdmission(
                 "the token must be of somebody whom the host has let in; got one without a seat; "
                 "join the meeting and wait",
@@ -164,6 +215,11 @@ def require_admitted(meeting: MeetingRow, caller: Principal) -> None:
     if found.admission is not Admission.ADMITTED:
         refused, got, mend = _REFUSALS[found.admission]
         raise refused(f"the token must be of somebody let in; got {got}; {mend}")
+
+
+def admits_without_seat(meeting: MeetingRow) -> bool:
+    """Whether a viewer without a seat may look on."""
+    return not meeting.lobby and meeting.invitation == 0 and meeting.ended_at is None
 
 
 def release_seats(services: Services, participant_ids: set[str]) -> None:

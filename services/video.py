@@ -16,6 +16,7 @@ from scene.errors import InvalidInput
 from scene.motion import Motion
 from services.live.room import ping_pong_pose
 from services.person_view import person_camera
+from services.synthetic import mark_picture, mark_video
 
 FRAMES_PER_SECOND = 30
 BACKDROP = (0.93, 0.93, 0.93)
@@ -66,23 +67,25 @@ def over_backdrop(
 
 
 def write_png(path: Path, picture: UInt8[Array, "H W 3"]) -> None:
-    """Write one picture."""
+    """Write one picture, marked as synthetic."""
     _, data = cv2.imencode(".png", picture[..., ::-1])
+    height, width = picture.shape[:2]
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + ".part")
     try:
-        part.write_bytes(data.tobytes())
+        part.write_bytes(mark_picture(data.tobytes(), width, height))
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
 
 
 def write_mp4(path: Path, pictures: Iterable[UInt8[Array, "H W 3"]]) -> None:
-    """Write an H.264 MP4 of 30 frames/s."""
+    """Write an H.264 MP4 of 30 frames/s, marked as synthetic."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.stem}.part.mp4")
     try:
         write_video(pictures, part, FRAMES_PER_SECOND)
+        mark_video(part)
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)

@@ -18,6 +18,7 @@ from scene.motion import Motion, Pose
 from scene.skeleton import Skeleton
 from services.api.view_shapes import NewView, Orbit, ViewCamera, ViewPose
 from services.person_view import person_camera
+from services.synthetic import mark_picture
 
 _ENCODERS = {
     "png": (".png", [cv2.IMWRITE_PNG_COMPRESSION, 4]),
@@ -84,7 +85,10 @@ def view_camera(
 def encode(
     picture: Float[Array, "H W 4"], background: tuple[float, float, float] | None, kind: str
 ) -> bytes:
-    """An encoded picture of premultiplied RGBA; a JPEG, which has no alpha, lies on white."""
+    """An encoded picture of premultiplied RGBA, marked as synthetic.
+
+    A JPEG, which has no alpha, lies on white.
+    """
     alpha = picture[..., 3:]
     if background is None and kind == "jpeg":
         background = (1.0, 1.0, 1.0)
@@ -95,8 +99,13 @@ def encode(
         straight = picture[..., :3] / np.maximum(alpha, 1e-6)
         pixels = np.concatenate([straight[..., ::-1], alpha], axis=-1)
     data = (np.clip(pixels, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    return _encode(data, kind)
+
+
+def _encode(pixels: Array, kind: str) -> bytes:
     suffix, options = _ENCODERS[kind]
-    return cv2.imencode(suffix, np.ascontiguousarray(data), options)[1].tobytes()
+    encoded = cv2.imencode(suffix, np.ascontiguousarray(pixels), options)[1].tobytes()
+    return mark_picture(encoded, pixels.shape[1], pixels.shape[0])
 
 
 def _splats(model: PerformerModel, asked: str, why: str) -> SplatModel:
@@ -120,8 +129,7 @@ def _encode_geometry(geometry: Geometry, shows: Literal["depth", "normal"]) -> b
         shown = 0.5 + 0.5 * geometry.normal / np.maximum(length, 1e-6)
         colours = np.concatenate([shown[..., ::-1], solid[..., None]], axis=2)
         pixels = (255.0 * colours * solid[..., None] + 0.5).astype(np.uint8)
-    suffix, options = _ENCODERS["png"]
-    return cv2.imencode(suffix, np.ascontiguousarray(pixels), options)[1].tobytes()
+    return _encode(pixels, "png")
 
 
 def _own_pose(asked: ViewPose) -> Pose:

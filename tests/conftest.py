@@ -21,6 +21,7 @@ from tests.servers import mortal_redis as mortal_redis
 from tests.servers import pose_model as pose_model
 from tests.servers import postgres_url as postgres_url
 from tests.servers import redis_url as redis_url
+from tests.servers import s3_endpoint as s3_endpoint
 from tests.servers import turn_server as turn_server
 
 # before anything imports triton: without a GPU its kernels run one by one on the CPU

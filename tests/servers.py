@@ -11,6 +11,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import time
 import uuid
 from collections.abc import Iterator
@@ -39,6 +40,7 @@ SERVER_FIXTURES = frozenset(
         "postgres_url",
         "redis_url",
         "mortal_redis",
+        "s3_endpoint",
         "turn_server",
         "pose_model",
         "face_model",
@@ -95,6 +97,29 @@ def redis_url() -> str:
     return _REDIS
 
 
+@pytest.fixture(scope="session")
+def s3_endpoint() -> Iterator[str]:
+    """The address of an S3 store with an empty bucket `test`."""
+    import httpx
+
+    port = free_port()
+    command = [program("moto_server"), "-H", "127.0.0.1", "-p", str(port)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    endpoint = f"http://127.0.0.1:{port}"
+    try:
+        for _ in range(600):
+            try:
+                httpx.put(f"{endpoint}/test").raise_for_status()
+                break
+            except httpx.TransportError:
+                assert process.poll() is None, "the S3 store of these tests ended"
+                time.sleep(0.1)
+        yield endpoint
+    finally:
+        process.kill()
+        process.wait()
+
+
 def free_port() -> int:
     """A TCP port on which nobody listens."""
     with socket.socket() as probe:
@@ -104,7 +129,8 @@ def free_port() -> int:
 
 def program(name: str) -> str:
     """The path of a server's program; skips where it is not installed."""
-    found = shutil.which(name) or shutil.which(name, path="/usr/sbin:/usr/local/sbin")
+    also = f"/usr/sbin:/usr/local/sbin:{Path(sys.executable).parent}"
+    found = shutil.which(name) or shutil.which(name, path=also)
     if found is None:
         _unavailable(f"{name} is not installed")
     assert found is not None

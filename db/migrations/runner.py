@@ -10,6 +10,7 @@ from pathlib import Path
 
 from alembic import command
 from alembic.config import Config
+from alembic.script import ScriptDirectory
 from alembic.util import CommandError
 from sqlalchemy import Connection, Engine, text
 
@@ -18,6 +19,13 @@ from db.errors import MigrationFailed
 
 _LOCK_KEY = 0x4D65_7461_4E65_5246
 """Key of the advisory lock on PostgreSQL: "MetaNeRF" in ASCII."""
+
+
+def head() -> str:
+    """The revision that this version of the program works with."""
+    found = ScriptDirectory(str(Path(__file__).parent)).get_current_head()
+    assert found is not None
+    return found
 
 
 def migrate(url: str, revision: str = "head") -> None:

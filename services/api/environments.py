@@ -10,7 +10,7 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel, Field
 
 from db.errors import NotFound
-from db.models import Admission, MeetingRow, PanoramaRow, Role
+from db.models import PanoramaRow
 from scene.lighting import Lighting
 from services.api.body_limit import lift_body_limit
 from services.api.dependencies import CurrentGateway, Joiner, Provided
@@ -18,11 +18,11 @@ from services.api.shapes import Body
 from services.auth import Principal
 from services.container import Services
 from services.environments import STUDIO, Theme, brought_along, find_theme, light_of, themes
-from services.errors import NotHost, TooLarge
+from services.errors import TooLarge
 from services.gateway import Gateway
 from services.jobs.events import meeting_topic
 from services.problems import PROBLEMS
-from services.seats import require_admitted
+from services.seats import require_admitted, require_host, require_invited
 
 router = APIRouter(prefix="/v1", tags=["environments"], responses=PROBLEMS)
 
@@ -109,6 +109,7 @@ def read_environment(meeting_id: str, services: Provided, caller: Joiner) -> Env
     caller.require_meeting(meeting_id)
     with services.reading() as unit:
         meeting = unit.meetings.get(meeting_id)
+        require_invited(meeting, caller)
         own = unit.meetings.panorama(meeting_id)
         if own is not None and own.name == meeting.environment:
             return _in_meeting(own)
@@ -213,7 +214,7 @@ async def _tell(gateway: Gateway, meeting_id: str) -> None:
 def _choose(services: Services, caller: Principal, meeting_id: str, name: str) -> Environment:
     with services.unit_of_work() as unit:
         meeting = unit.meetings.get_for_change(meeting_id)
-        _require_host(meeting, caller)
+        require_host(meeting, caller)
         own = unit.meetings.panorama(meeting_id)
         back = own is not None and own.name == name
         place = _in_meeting(own) if own is not None and back else Environment.of(find_theme(name))
@@ -224,31 +225,13 @@ def _choose(services: Services, caller: Principal, meeting_id: str, name: str) -
 
 def _check_host(services: Services, caller: Principal, meeting_id: str) -> None:
     with services.reading() as unit:
-        _require_host(unit.meetings.get(meeting_id), caller)
+        require_host(unit.meetings.get(meeting_id), caller)
 
 
 def _bring(services: Services, caller: Principal, own: PanoramaRow) -> None:
     with services.unit_of_work() as unit:
         meeting = unit.meetings.get_for_change(own.meeting_id)
-        _require_host(meeting, caller)
+        require_host(meeting, caller)
         meeting.environment = own.name
         unit.meetings.set_panorama(own)
         unit.commit()
-
-
-def _require_host(meeting: MeetingRow, caller: Principal) -> None:
-    """Raise NotHost unless the caller sits as its host, or opened the meeting."""
-    if caller.participant_id is None:
-        caller.require_account(meeting.account)
-        may = "write" in caller.scopes
-    else:
-        may = any(
-            one.id == caller.participant_id
-            and one.role is Role.HOST
-            and one.admission is Admission.ADMITTED
-            for one in meeting.participants
-        )
-    if not may:
-        raise NotHost(
-            "the token must be of the meeting's host; got one of somebody else; ask the host",
-        )

@@ -15,7 +15,7 @@ from services.api.dependencies import Provided, Reader, Writer
 from services.container import Services
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.queue import cancel, drop_orphans, resume
-from services.problems import PROBLEMS
+from services.problems import PROBLEMS, problems
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], responses=PROBLEMS)
 
@@ -45,12 +45,17 @@ def cancel_job(job_id: str, services: Provided, caller: Writer) -> shapes.Job:
     return shapes.Job.of(job)
 
 
-@router.post("/{job_id}/resume", status_code=status.HTTP_202_ACCEPTED, summary="Resume a job")
+@router.post(
+    "/{job_id}/resume",
+    status_code=status.HTTP_202_ACCEPTED,
+    summary="Resume a job",
+    responses=problems(409, 410),
+)
 def resume_job(job_id: str, services: Provided, caller: Writer) -> shapes.Job:
     """Queue a cancelled or failed job again. A training continues from its checkpoint."""
     with services.unit_of_work() as unit:
         job = job_of(unit, caller, job_id)
-        resume(job)
+        resume(unit, job)
         unit.commit()
     services.events.publish(QUEUE)
     services.events.publish(job_topic(job_id))

@@ -115,6 +115,12 @@ class OpenedMeeting(Meeting):
     host_token: str = Field(description="Join with it to be the host; keep it to yourself.")
 
 
+class Invitation(BaseModel):
+    """How others come to a meeting."""
+
+    join_url: str = Field(description="The link to send; it lasts for a week.")
+
+
 class Visitor(Body):
     """Somebody who wants to join."""
 

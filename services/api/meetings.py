@@ -11,6 +11,7 @@ from services.api import meeting_shapes as shapes
 from services.api.dependencies import CurrentGateway, Joiner, Provided, Writer
 from services.auth import Principal
 from services.container import Services
+from services.jobs.events import meeting_topic
 from services.live.ice_servers import ice_servers
 from services.problems import PROBLEMS
 
@@ -34,13 +35,30 @@ def open_meeting(
 
 @router.get("/meetings/{meeting_id}", summary="Read a meeting")
 def read_meeting(meeting_id: str, services: Provided, caller: Joiner) -> shapes.Meeting:
-    """The performers and their positions. Whoever knows a meeting's id is invited to it."""
+    """The performers and their positions. Whoever knows a meeting's id is invited to it, until its
+    host renews the invitation."""
     caller.require_meeting(meeting_id)
     with services.reading() as unit:
         meeting = unit.meetings.get(meeting_id)
+        seats.require_invited(meeting, caller)
         recording = unit.recordings.under_way(meeting_id) is not None
     told = shapes.Meeting.of(meeting, meetings.join_url(services, meeting), caller)
     return told.model_copy(update={"recording": recording})
+
+
+@router.post("/meetings/{meeting_id}/invitation", summary="Renew a meeting's invitation")
+async def renew_invitation(
+    meeting_id: str, gateway: CurrentGateway, services: Provided, caller: Joiner
+) -> shapes.Invitation:
+    """A new link; those of before bring nobody in any more. Only the host may.
+
+    Whoever is in the meeting stays in it; viewers without a seat have to join.
+    """
+    caller.require_meeting(meeting_id)
+    invitation = await run_in_threadpool(_renew_invitation, services, caller, meeting_id)
+    gateway.hub.notify(meeting_id)
+    await run_in_threadpool(services.events.publish, meeting_topic(meeting_id))
+    return invitation
 
 
 @router.post(
@@ -115,6 +133,15 @@ def read_demo(services: Provided) -> shapes.DemoMeeting:
         meeting = unit.meetings.with_label(meetings.DEMO)
     shown = meeting is not None and services.settings.security.open_access
     return shapes.DemoMeeting(meeting_id=meeting.id if meeting and shown else None)
+
+
+def _renew_invitation(services: Services, caller: Principal, meeting_id: str) -> shapes.Invitation:
+    with services.unit_of_work() as unit:
+        meeting = unit.meetings.get_for_change(meeting_id)
+        seats.require_host(meeting, caller)
+        meeting.invitation += 1
+        unit.commit()
+    return shapes.Invitation(join_url=meetings.join_url(services, meeting))
 
 
 def _add(

@@ -8,8 +8,8 @@ from fastapi import APIRouter, Response, status
 from fastapi.responses import StreamingResponse
 
 from db.errors import NotFound
-from db.models import JobKind, JobRow, JobState, RecordingRow, RecordingState, new_id
-from db.repositories import UnitOfWork
+from db.models import JobKind, JobRow, JobState, RecordingState, new_id
+from services.access import has_part, is_mine, recording_of, require_part
 from services.api import recording_shapes, shapes
 from services.api.dependencies import Joiner, Provided, Writer
 from services.api.environments import (
@@ -20,9 +20,9 @@ from services.api.environments import (
     picture_answer,
 )
 from services.api.gzipped import ENCODED, VARIES, AcceptEncoding, gzipped, takes_gzip
-from services.auth import Principal
+from services.auth import INVITED, Principal
 from services.container import Services
-from services.errors import NoOwnPerson, NotInRecording, StillRecording
+from services.errors import NoOwnPerson, StillRecording
 from services.jobs.events import QUEUE
 from services.person_models import VIEWER_FILE
 from services.problems import PROBLEMS
@@ -40,7 +40,11 @@ def list_recordings(services: Provided, caller: Joiner) -> recording_shapes.Reco
     with services.reading() as unit:
         found = unit.recordings.of_account(caller.account)
     return recording_shapes.Recordings(
-        items=[recording_shapes.Recording.of(one, caller.account) for one in found]
+        items=[
+            recording_shapes.Recording.of(one, caller.account)
+            for one in found
+            if has_part(one, caller)
+        ]
     )
 
 
@@ -50,7 +54,7 @@ def read_recording(
 ) -> recording_shapes.RecordingInFull:
     """Participants and tracks, for those who agreed and for whoever started the recording."""
     with services.reading() as unit:
-        recording = _shown_to(unit, caller, recording_id)
+        recording = recording_of(unit, caller, recording_id)
         chunks = unit.recordings.chunks(recording_id)
         videos = unit.recordings.exports([recording_id])
     sizes: dict[str, int] = {}
@@ -117,7 +121,7 @@ def read_model(
     """The viewer's file of a performer who moves in the recording; compressed where the caller
     takes gzip."""
     with services.reading() as unit:
-        _shown_to(unit, caller, recording_id)
+        recording_of(unit, caller, recording_id)
         row = unit.models.get(model_id)
         moves = recording_id in unit.recordings.with_person(row.person_id)
     files = [file for file in row.files if file.name == VIEWER_FILE]
@@ -135,7 +139,7 @@ def read_model(
 def read_place(recording_id: str, services: Provided, caller: Joiner) -> Environment:
     """The environment that the host uploaded; all others are in the library."""
     with services.reading() as unit:
-        own = unit.meetings.panorama(_shown_to(unit, caller, recording_id).meeting_id)
+        own = unit.meetings.panorama(recording_of(unit, caller, recording_id).meeting_id)
         if own is None:
             raise _no_place()
         return own_environment(own, f"/v1/recordings/{recording_id}/place/picture")
@@ -152,7 +156,7 @@ def read_picture(
 ) -> Response:
     """The equirectangular picture that the host uploaded."""
     with services.reading() as unit:
-        recording = _shown_to(unit, caller, recording_id)
+        recording = recording_of(unit, caller, recording_id)
         picture = unit.meetings.panorama_picture(recording.meeting_id)
     if picture is None:
         raise _no_place()
@@ -176,16 +180,18 @@ def delete_recording(recording_id: str, services: Provided, caller: Writer) -> R
 
 @router.delete("/{recording_id}/mine", summary="Remove yourself from a recording")
 def leave_recording(
-    recording_id: str, services: Provided, caller: Writer
+    recording_id: str, services: Provided, caller: Joiner
 ) -> recording_shapes.RemovedFromRecording:
-    """Delete the account's motion, voice and words; a recording that still runs ends."""
+    """Delete the account's motion, voice and words, or those of the seat of somebody who came by
+    an invitation; a recording that still runs ends."""
     with services.unit_of_work() as unit:
         recording = unit.recordings.get_for_change(recording_id)
-        _require_part(recording, caller)
+        require_part(recording, caller)
         consent.end(recording, "somebody took themselves out", services.clock())
-        chunks = unit.recordings.drop_chunks(recording_id, caller.account)
+        seat = caller.participant_id if caller.account == INVITED else None
+        chunks = unit.recordings.drop_chunks(recording_id, caller.account, seat)
         videos = unit.recordings.drop_exports([recording_id])
-        for member in [one for one in recording.members if one.account == caller.account]:
+        for member in [one for one in recording.members if is_mine(one, caller)]:
             recording.members.remove(member)
         unit.commit()
     gone = [(one.owner, one.sha256) for one in chunks]
@@ -202,7 +208,7 @@ def export_recording(
     It is kept under a person of the caller's, and goes with anybody who is seen in it.
     """
     with services.unit_of_work() as unit:
-        recording = _shown_to(unit, caller, recording_id)
+        recording = recording_of(unit, caller, recording_id)
         if recording.state is not RecordingState.ENDED:
             raise StillRecording("a recording must have ended; got one under way; end it")
         people = unit.people.of_account(caller.account)
@@ -243,7 +249,7 @@ def read_video(
 ) -> StreamingResponse:
     """The MP4 that an export has made."""
     with services.reading() as unit:
-        _shown_to(unit, caller, recording_id)
+        recording_of(unit, caller, recording_id)
         videos = unit.recordings.exports([recording_id])
     found = next((one for one in videos if one.job_id == job_id), None)
     if found is None:
@@ -254,7 +260,7 @@ def read_video(
 
 def _track(services: Services, caller: Principal, recording_id: str, track: str):
     with services.reading() as unit:
-        _shown_to(unit, caller, recording_id)
+        recording_of(unit, caller, recording_id)
         chunks = unit.recordings.chunks(recording_id, track)
     if not chunks:
         raise NotFound(f"a track must be one that the recording has; got {track!r}; read it first")
@@ -266,19 +272,3 @@ def _no_place() -> NotFound:
         "the recorded meeting must have had a place of its own; got one held in a place of the "
         "library; see /v1/environments",
     )
-
-
-def _shown_to(unit: UnitOfWork, caller: Principal, recording_id: str) -> RecordingRow:
-    """The recording, if the caller asked for it or agreed to it. Raises NotInRecording."""
-    recording = unit.recordings.get(recording_id)
-    _require_part(recording, caller)
-    return recording
-
-
-def _require_part(recording: RecordingRow, caller: Principal) -> None:
-    agreed = {one.account for one in recording.members if one.agreed}
-    if caller.account not in agreed | {recording.account}:
-        raise NotInRecording(
-            "the token must be of somebody who agreed to be recorded, or asked for it; got one of "
-            "somebody else",
-        )

@@ -103,7 +103,7 @@ def begin_upload(
     return JSONResponse(answer.model_dump(), status_code=201)
 
 
-@router.head("/uploads/{upload_id}", summary="How far an upload is")
+@router.head("/uploads/{upload_id}", summary="How far an upload is", response_class=Response)
 def upload_offset(upload_id: str, services: Provided, caller: Writer) -> Response:
     """`Upload-Offset`: the bytes that have come."""
     with services.reading() as unit:

@@ -41,6 +41,7 @@ from services.jobs.events import meeting_topic
 from services.live.sessions.view_sessions import ViewSessions
 from services.live.sessions.voice_sessions import VoiceSessions
 from services.recording.recorder import Recorders
+from services.seats import admits_without_seat
 
 log = logging.getLogger(__name__)
 
@@ -234,7 +235,7 @@ class Hub:
 
         def may_look(participant_id: str | None) -> bool:
             if participant_id is None:
-                return not meeting.lobby and meeting.ended_at is None
+                return admits_without_seat(meeting)
             return seats.get(participant_id) is Admission.ADMITTED
 
         await self._views.close_unless(meeting_id, may_look)

@@ -37,6 +37,7 @@ class Hello(_Message):
     after: int = Field(
         default=0,
         ge=0,
+        le=2**53 - 1,
         description="Number of the newest message received; newer ones are sent.",
     )
 

@@ -6,12 +6,14 @@ from pathlib import Path
 
 from capture.errors import CaptureStopped
 from capture.storage import open_sequence, read_quality
+from db.errors import NotFound
 from db.models import JobRow, MotionRow, PersonRow, SequenceKind, SequenceRow, SequenceState
 from db.objects import fetch
 from db.repositories import UnitOfWork
 from scene.sequence import Sequence
 from services.container import Services
 from services.jobs.first_likeness import make_first_likeness
+from services.jobs.queue import clip_gone
 from services.jobs.report import JobStopped, Reporter, encode_preview
 from services.jobs.results import Results
 
@@ -20,7 +22,7 @@ _SHARE_OF_CAPTURE = 0.95
 
 
 def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Path) -> None:
-    """Capture the job's sequence in `folder`. Raises CaptureError, JobStopped."""
+    """Capture the job's sequence in `folder`. Raises ClipGone, CaptureError, JobStopped."""
     from capture.pipeline import CaptureOptions, capture_clip
 
     sequence, person = _begin(services, job)
@@ -32,7 +34,10 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
         reporter.progress(done, message)
 
     source = folder / f"source{_suffix(sequence)}"
-    fetch(services.objects, job.person_id, sequence.source_sha256, source)
+    try:
+        fetch(services.objects, job.person_id, sequence.source_sha256, source)
+    except NotFound as error:
+        raise clip_gone() from error
     out = folder / "sequence"
     try:
         capture_clip(
@@ -58,7 +63,7 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
 
 def _begin(services: Services, job: JobRow) -> tuple[SequenceRow, PersonRow]:
     if job.sequence_id is None:
-        raise JobStopped
+        raise clip_gone()
     with services.unit_of_work() as unit:
         sequence = unit.sequences.get(job.sequence_id)
         sequence.state = SequenceState.CAPTURING

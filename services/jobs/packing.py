@@ -33,7 +33,7 @@ def unpack(objects: Objects, owner: str, sha256: str, folder: Path) -> None:
     path = folder.with_name(f"{folder.name}.tar")
     try:
         fetch(objects, owner, sha256, path)
-        with tarfile.open(path) as archive:
+        with tarfile.open(path, "r:") as archive:
             archive.extractall(folder, filter="data")
     except tarfile.TarError as error:
         raise InvalidInput(f"a stored sequence must be a tar archive; got {error}") from error

@@ -20,7 +20,7 @@ from db.models import JobKind, JobRow, JobState, SequenceRow, SequenceState, new
 from db.objects import no_space
 from db.repositories import UnitOfWork
 from services.container import Services
-from services.errors import JobOver, NotResumable, SequenceInUse, WorkerDied
+from services.errors import ClipGone, JobOver, NotResumable, SequenceInUse, WorkerDied
 
 Orphan = tuple[str, str]
 """Owner and sha256 of an object."""
@@ -68,16 +68,35 @@ def cancel(unit: UnitOfWork, job: JobRow, now: datetime) -> list[Orphan]:
     return []
 
 
-def resume(job: JobRow) -> None:
+def frames_of(unit: UnitOfWork, job: JobRow) -> str:
+    """sha256 of the captured frames that a training learns from. Raises ClipGone."""
+    packed = unit.sequences.get(job.sequence_id).packed_sha256 if job.sequence_id else None
+    if packed is None:
+        raise clip_gone()
+    return packed
+
+
+def clip_gone() -> ClipGone:
+    """Why a job without its clip, or the frames captured from it, can't be done."""
+    return ClipGone(
+        "the clip and the frames of a job must be stored; got a job whose are gone and cannot come "
+        "back; upload the clip again",
+    )
+
+
+def resume(unit: UnitOfWork, job: JobRow) -> None:
     """Queue a cancelled or failed job again; a training goes on from its checkpoint.
 
-    Raises NotResumable for a job that is not over, or whose sequence is gone.
+    Raises NotResumable for a job that is not over, or whose sequence is gone; ClipGone where that
+    was only for a model that is made.
     """
     if job.state not in (JobState.CANCELLED, JobState.FAILED) or job.sequence_id is None:
         raise NotResumable(
             "only a cancelled or failed job of a stored sequence can be resumed; got a "
             f"{job.kind} job that is {job.state}; start a new one",
         )
+    if unit.sequences.get(job.sequence_id).state is SequenceState.FORGOTTEN:
+        raise clip_gone()
     job.state, job.error, job.finished_at = JobState.QUEUED, None, None
     job.cancel_requested, job.crashes = False, 0
     job.message = _WAITING
@@ -122,7 +141,9 @@ def finish(
         for training in _waiting_for(unit, job):
             training.message = _WAITING
         return drop_checkpoint(job) + _forget_frames(unit, job)
-    return _discard_sequence(unit, job) if job.kind is JobKind.CAPTURE else []
+    return (
+        _discard_sequence(unit, job) if job.kind is JobKind.CAPTURE else _forget_frames(unit, job)
+    )
 
 
 def fail(
@@ -133,7 +154,7 @@ def fail(
     job.error = described = describe(error)
     job.message = described["detail"][:500]
     if job.kind is not JobKind.CAPTURE:
-        return []
+        return _forget_frames(unit, job)
     if job.sequence_id is not None and (isinstance(error, StoreFull) or no_space(error)):
         unit.sequences.get(job.sequence_id).state = SequenceState.UPLOADED
         return []
@@ -183,26 +204,24 @@ def drop_checkpoint(job: JobRow) -> list[Orphan]:
 
 
 def _forget_frames(unit: UnitOfWork, job: JobRow) -> list[Orphan]:
-    """Let go of a clip that was for one model alone, once nobody trains from it any more."""
+    """Let go of a clip that was for one model alone, once that is made and nobody trains from it
+    any more."""
     if job.kind is not JobKind.TRAIN or job.sequence_id is None:
         return []
-    sequence, latest = (
-        unit.sequences.get(job.sequence_id),
-        unit.jobs.latest(job.sequence_id, job.kind),
-    )
-    another = latest is not None and latest.id != job.id and not latest.state.final
-    if not sequence.model_only or another:
+    sequence, jobs = unit.sequences.get(job.sequence_id), unit.jobs.of_sequence(job.sequence_id)
+    made = any(one.kind is JobKind.TRAIN and one.state is JobState.SUCCEEDED for one in jobs)
+    if not (sequence.model_only and made) or any(not one.state.final for one in jobs):
         return []
     gone = (sequence.source_sha256, sequence.packed_sha256, sequence.thumbnail_sha256)
+    orphans = [(sequence.person_id, sha256) for sha256 in gone if sha256 is not None]
     # not even the clip's fingerprint stays; what takes its place names no object
     sequence.source_sha256 = hashlib.sha256(f"forgotten {sequence.id}".encode()).hexdigest()
     sequence.packed_sha256 = sequence.thumbnail_sha256 = None
     sequence.state = SequenceState.FORGOTTEN
-    for kind in (JobKind.CAPTURE, JobKind.TRAIN):
-        pictured = unit.jobs.latest(sequence.id, kind)
-        if pictured is not None:
-            pictured.preview, pictured.preview_version = None, 0
-    return [(sequence.person_id, sha256) for sha256 in gone if sha256 is not None]
+    for one in jobs:
+        orphans += drop_checkpoint(one)
+        one.preview, one.preview_version = None, 0
+    return orphans
 
 
 def _discard_sequence(unit: UnitOfWork, job: JobRow) -> list[Orphan]:

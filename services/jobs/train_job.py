@@ -8,6 +8,7 @@ place, in meetings too, where everybody sees it change.
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from capture.storage import open_sequence
@@ -22,6 +23,7 @@ from scene.sequence import Sequence
 from services.container import Services
 from services.jobs.events import meeting_topic
 from services.jobs.packing import unpack
+from services.jobs.queue import clip_gone, frames_of
 from services.jobs.report import JobStopped, Reporter
 from services.jobs.results import Results
 from services.meetings import measure
@@ -36,7 +38,7 @@ _LEAST_LAST_SHARE = 0.3
 
 
 def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path) -> None:
-    """Train as the job's parameters say. Raises TrainingError, JobStopped.
+    """Train as the job's parameters say. Raises ClipGone, TrainingError, JobStopped.
 
     An earlier attempt's last round is gone on from, by the checkpoint that it left in the store.
     """
@@ -91,7 +93,8 @@ class _Training:
         begun = ends[number - 1] if number else 0.0
         checkpoint = self._folder / f"round-{number}.checkpoint"
         if self._left is not None:
-            fetch(self._services.objects, self._job.person_id, self._left, checkpoint)
+            with suppress(NotFound):  # gone: the round begins anew
+                fetch(self._services.objects, self._job.person_id, self._left, checkpoint)
             self._left = None
         self._reporter.watch_checkpoint(checkpoint)
         length = ends[number] - begun
@@ -173,10 +176,9 @@ def _measure_performers(
 
 
 def _fetch_sequence(services: Services, job: JobRow, folder: Path) -> None:
-    if job.sequence_id is None:  # erased while the job waited
-        raise JobStopped
     with services.reading() as unit:
-        sequence = unit.sequences.get(job.sequence_id)
-    if sequence.packed_sha256 is None:
-        raise JobStopped
-    unpack(services.objects, job.person_id, sequence.packed_sha256, folder)
+        packed_sha256 = frames_of(unit, job)
+    try:
+        unpack(services.objects, job.person_id, packed_sha256, folder)
+    except NotFound as error:
+        raise clip_gone() from error

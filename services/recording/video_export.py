@@ -21,6 +21,7 @@ from scene.errors import InvalidInput
 from services.recording.chunks import Record
 from services.recording.ogg import with_silence
 from services.recording.replay import LoadedRecording
+from services.synthetic import mark_video
 
 FRAMES_PER_SECOND = 30
 AUDIO_RATE = 48_000
@@ -51,8 +52,9 @@ class CameraPath:
 def export_video(
     recorded: LoadedRecording, path: CameraPath, out: Path, on_progress: Callable[[float], None]
 ) -> None:
-    """Write an MP4 (H.264, AAC), whole or not at all. `on_progress` may raise, to stop.
+    """Write an MP4 (H.264, AAC), marked as synthetic, whole or not at all.
 
+    `on_progress` may raise, to stop.
     Raises InvalidInput for a recording that has no moment to show.
     """
     if recorded.duration_s <= 0.0:
@@ -66,6 +68,7 @@ def export_video(
             mixed = mix(recorded.voices, recorded.duration_s)
             _write_video(container, video, recorded, path, on_progress)
             _write_sound(container, sound, mixed)
+        mark_video(part)
         part.replace(out)
     finally:
         part.unlink(missing_ok=True)

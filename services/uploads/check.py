@@ -12,6 +12,8 @@ from capture.sources.archive import PICTURES, read_frames
 from capture.sources.pieces import holds_pieces, unpacked_videos
 from capture.sources.video import probe_video
 from db.models import SequenceKind
+from db.objects import no_space
+from scene.errors import SceneError
 from scene.motion import Motion
 
 _HEAD_BYTES = 4096
@@ -43,6 +45,19 @@ class Checked:
 
 def check_upload(path: Path, name: str) -> Checked:
     """What `path` holds. Raises CaptureError with the rule that it breaks; `name` is for people."""
+    try:
+        return _checked(path, name)
+    except (ValueError, ArithmeticError, AttributeError, OSError) as error:
+        # a number or a name of an entry beyond what its reader foresaw, or a video of no known
+        # codec, whose stream has no size in PyAV; a full disk is no such
+        if isinstance(error, SceneError) or no_space(error):
+            raise
+        raise UnreadableClip(
+            f"{name!r} must hold what can be read; got {error}; export it again"
+        ) from error
+
+
+def _checked(path: Path, name: str) -> Checked:
     kind = sniff(path, name)
     if kind is SequenceKind.KEYPOINTS:
         from capture.sources.keypoints import read_keypoints
@@ -101,6 +116,6 @@ def _is_json(path: Path) -> bool:
         return False
     try:
         json.loads(path.read_bytes())
-    except ValueError:
+    except (ValueError, RecursionError):  # the latter: nested deeper than Python reads
         return False
     return True

@@ -51,7 +51,7 @@ def existing_sequence(services: Services, person_id: str, sha256: str) -> Sequen
         known = unit.sequences.with_source(person_id, sha256)
         capture = known and unit.jobs.latest(known.id, JobKind.CAPTURE)
         if capture and capture.state is JobState.FAILED:
-            resume(capture)
+            resume(unit, capture)
         unit.commit()
     if capture:
         services.events.publish(QUEUE)

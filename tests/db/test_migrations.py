@@ -137,3 +137,26 @@ def test_whoever_waited_in_the_lobby_before_the_rename_still_waits(url: str):
         kept = connection.execute(text("SELECT id, standing FROM participant ORDER BY id")).all()
     engine.dispose()
     assert [tuple(row) for row in kept] == [("p", "waiting"), ("q", "admitted")]
+
+
+def test_a_meeting_from_before_invitations_keeps_who_is_in_it_both_ways(url: str):
+    migrations.migrate(url)
+    migrations.downgrade(url, "0011")
+    engine = make_engine(url)
+    with engine.begin() as connection:
+        for statement in (
+            "INSERT INTO meeting (id, account, name, created_at, lobby, environment) "
+            "VALUES ('m', 'a', 'Room', '2026-01-01', true, 'studio')",
+            "INSERT INTO participant (id, meeting_id, account, display_name, seat, joined_at, "
+            "seen_at) VALUES ('p', 'm', 'a', 'Bo', 0, '2026-01-01', '2026-01-01')",
+        ):
+            connection.execute(text(statement))
+    migrations.migrate(url)
+    migrations.check(url)
+    with engine.begin() as connection:
+        assert connection.execute(text("SELECT invitation FROM meeting")).scalar() == 0
+    migrations.downgrade(url, "0011")
+    with engine.begin() as connection:
+        kept = connection.execute(text("SELECT meeting_id FROM participant")).all()
+    engine.dispose()
+    assert [tuple(row) for row in kept] == [("m",)]

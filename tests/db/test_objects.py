@@ -26,24 +26,22 @@ def _files(folder: Path) -> list[Path]:
     return [path for path in folder.rglob("*") if path.is_file()]
 
 
-S3 = os.environ.get("METANERF_TEST_S3")
-"""Address of an S3 store with a bucket `test` for these tests, such as `moto_server` is."""
-
-
-def _open(kind: str, folder: Path) -> ObstoreObjects:
-    if kind == "s3":
+@pytest.fixture(params=["folder", "memory", pytest.param("s3", marks=pytest.mark.server)])
+def any_store(request: pytest.FixtureRequest, tmp_path: Path) -> ObstoreObjects:
+    if request.param == "s3":
         return open_objects(
-            f"s3://test/{uuid.uuid4().hex}", endpoint=S3, access_key_id="a", secret_access_key="b"
+            f"s3://test/{uuid.uuid4().hex}",
+            endpoint=request.getfixturevalue("s3_endpoint"),
+            access_key_id="a",
+            secret_access_key="b",
         )
-    return ObstoreObjects(MemoryStore()) if kind == "memory" else open_objects(f"file://{folder}")
+    if request.param == "memory":
+        return ObstoreObjects(MemoryStore())
+    return open_objects(f"file://{tmp_path}")
 
 
-_ON_S3 = [pytest.param("s3", marks=pytest.mark.server)] if S3 else []
-
-
-@pytest.mark.parametrize("kind", ["folder", "memory", *_ON_S3])
-def test_bytes_come_out_as_they_went_in(kind: str, tmp_path: Path):
-    objects = _open(kind, tmp_path)
+def test_bytes_come_out_as_they_went_in(any_store: ObstoreObjects):
+    objects = any_store
     data = os.urandom(12_345_678)
     stored = objects.put(OWNER, (data[i : i + 70_000] for i in range(0, len(data), 70_000)))
     assert (stored.sha256, stored.bytes) == (hashlib.sha256(data).hexdigest(), len(data))

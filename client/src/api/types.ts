@@ -136,6 +136,12 @@ export interface IceServer {
   credential?: string;
 }
 
+/** How others come to a meeting. */
+export interface Invitation {
+  /** The link to send; it lasts for a week. */
+  join_url: string;
+}
+
 /** A capture, training or export, and its progress. */
 export interface Job {
   id: string;
