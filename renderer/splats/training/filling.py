@@ -12,7 +12,7 @@ from renderer.splats.layout import COLOUR, POSITION
 from renderer.splats.training.evidence import Evidence
 from renderer.splats.training.neighbours import neighbours_at_rest
 from renderer.splats.training.surface_kinds import KINDS
-from scene.arrays import Array, Float, Int
+from scene.arrays import Array, Bool, Float, Int
 
 _DETERMINED_PX = 0.05
 """Evidence at which a splat's own colour weighs as much as one neighbour's, where one that lies
@@ -32,6 +32,8 @@ _RANGE = (5.0, 95.0)
 """Percentiles of those cubes' colours between which that of a splat lies which only rims show."""
 _FACED = 0.5
 """Share of its evidence from frames that a splat faces, below which only rims show it."""
+_LITTLE_PX = 0.5
+"""Evidence below which the rim shows little of a splat, where one that lies open has 1 px."""
 _ACROSS = 0.45
 """How much a distance across a limb counts, against one along it: clothes end along it."""
 _SCALP = KINDS.index("scalp")
@@ -50,8 +52,8 @@ def fill_unseen(
     fourth power of the evidence, those from the trained ones, plus those from a guess: the
     median of the nearest seen surface of the same kind (screened membrane interpolation,
     Terzopoulos 1986). What only the rim of outlines shows, a blend with splats in front and with
-    the background, first comes to the range of the seen surface near it; hair does not. Shape and
-    opacity stay: training has made obstructing splats transparent.
+    the background, first comes to the range of the seen surface near it. Shape and opacity stay:
+    training has made obstructing splats transparent.
 
     Args:
         kinds: index into `KINDS`, as of `surface_kinds`.
@@ -66,7 +68,7 @@ def fill_unseen(
     weights = np.minimum((evidence.pixels.astype(np.float64) / determined_px) ** 4, _MOST)
     trust = _lent(evidence, kinds)
     guesses, lowest, highest = _guesses(parameters[:, _PLACE], colours, trust, kinds)
-    rim = (evidence.facing < _FACED * evidence.pixels) & (kinds != _SCALP)
+    rim = _only_at_rim(evidence)
     colours[rim] = np.clip(colours[rim], lowest[rim], highest[rim])
     edges = neighbours_at_rest(parameters[:, _PLACE])
     diagonal = np.asarray(edges.sum(axis=1)).ravel() + weights + _GUESS
@@ -79,6 +81,18 @@ def fill_unseen(
     filled = parameters.copy()
     filled[:, _COLOURS] = factors.solve(weights[:, None] * colours + _GUESS * guesses)
     return filled
+
+
+def held_colours(evidence: Evidence, kinds: Int[Array, "N"]) -> Bool[Array, "N"]:
+    """Splats whose colour stays as filled while training goes on: those that no frame shows, and
+    of the scalp those of which the rim shows little. Its splats are large where hair turns away;
+    trained, they take the colour of the outline's last pixel all over."""
+    little = evidence.pixels < _LITTLE_PX * evidence.open_px
+    return ~evidence.seen | (little & _only_at_rim(evidence) & (kinds == _SCALP))
+
+
+def _only_at_rim(evidence: Evidence) -> Bool[Array, "N"]:
+    return evidence.facing < _FACED * evidence.pixels
 
 
 def _lent(evidence: Evidence, kinds: Int[Array, "N"]) -> Float[Array, "N"]:

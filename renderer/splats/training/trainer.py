@@ -35,7 +35,7 @@ from renderer.splats.training.evidence import (
     shown_pixels,
     surface_cosines,
 )
-from renderer.splats.training.filling import fill_unseen
+from renderer.splats.training.filling import fill_unseen, held_colours
 from renderer.splats.training.full_size import FullSizeWindows, whole_views
 from renderer.splats.training.initialisation import FirstSplats, first_splats, splats_of_model
 from renderer.splats.training.occlusion import hidden_by_limbs
@@ -71,6 +71,7 @@ class SplatTrainer:
         self._sequence, self._settings = sequence, settings
         self._find_light = find_light
         self._found: Evidence | None = None
+        self._held = np.zeros(0, bool)
         self._light: CapturedLight | None = None
         self._rng = np.random.default_rng(seed)
         filmed = read_views(sequence.train)
@@ -123,7 +124,8 @@ class SplatTrainer:
             self._found = self._evidence()
             filled = fill_unseen(self.splats.parameters, self._found, self.splats.kinds)
             self.splats.parameters = filled
-            self.splats.hold_colours(~self._found.seen)
+            self._held = held_colours(self._found, self.splats.kinds)
+            self.splats.hold_colours(self._held)
         if not self._find_light or self._light is not None or fraction < _LIGHT_FROM:
             return
         from renderer.relighting.light_estimation import estimate_light
@@ -166,7 +168,7 @@ class SplatTrainer:
             self._light.chain_to_albedo(splats.by_parameter, splats.parameters, shown)
         self._leave_out_hidden(view)
         if self._found is not None:
-            splats.by_parameter[~self._found.seen, COLOUR : COLOUR + 3] = 0.0
+            splats.by_parameter[self._held, COLOUR : COLOUR + 3] = 0.0
         moved = splats.update(self._rates(fraction))
         if self._estimated:
             splats.pull_to_surface(moved, 1.0 - fraction)

@@ -9,7 +9,7 @@ import numpy as np
 from renderer.splats.layout import COLOUR, PARAMETERS
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.evidence import Evidence
-from renderer.splats.training.filling import fill_unseen
+from renderer.splats.training.filling import fill_unseen, held_colours
 from renderer.splats.training.surface_kinds import KINDS
 from renderer.splats.training.trainer import SplatTrainer
 from scene.arrays import Array, Float
@@ -176,3 +176,11 @@ def test_filled_colours_hold_while_training_ends():
     assert 0 < seen.sum() < len(seen)
     assert not changed[~seen].any()
     assert changed[seen].mean() > 0.5
+
+
+def test_hair_that_only_a_rim_shows_a_little_keeps_what_it_was_filled_with():
+    pixels = np.array([0.0, 0.3, 0.3, 0.8, 0.3, 1.0])
+    facing = np.array([0.0, 0.0, 0.3, 0.0, 0.0, 1.0])
+    kinds = np.array([CLOTH, HAIR, HAIR, HAIR, CLOTH, CLOTH])
+    held = held_colours(Evidence(pixels, facing), kinds)
+    assert held.tolist() == [True, True, False, False, False, False]
