@@ -178,8 +178,8 @@ def test_the_light_that_was_found_is_read():
     assert splats.normals is not None
 
 
-@pytest.mark.parametrize("kind", ["splats", "field"])
-def test_stopped_training_goes_on(kind, sequence, expected, tmp_path):
+@pytest.mark.parametrize(("kind", "levels"), [("splats", 4.0), ("field", 2.0)])
+def test_stopped_training_goes_on(kind, levels, sequence, expected, tmp_path):
     wanted = expected[f"{kind}-stopped"]
     path = tmp_path / "run.checkpoint"
     path.write_bytes((STORED / f"{kind}-stopped.checkpoint").read_bytes())
@@ -196,10 +196,11 @@ def test_stopped_training_goes_on(kind, sequence, expected, tmp_path):
     assert wanted["step"] == 20
     assert steps == [iterations]
     assert model.metrics["steps"] == wanted["metrics"]["steps"]
-    # rounding differs between processors and grows from step to step; a run of the remaining steps
-    # alone, from scratch, differs in 6 to 8 % of the pixels
+    # rounding differs between processors and grows from step to step, and of splats a step is
+    # another one than it was; a run of the remaining steps alone, from scratch, differs in 5 to 8 %
+    # of the pixels
     assert model.metrics["loss"] == pytest.approx(wanted["metrics"]["loss"], rel=0.1)
-    assert share_alike(model, sequence, f"{kind}-stopped", 2.0) >= 0.98
+    assert share_alike(model, sequence, f"{kind}-stopped", levels) >= 0.98
 
 
 @pytest.mark.parametrize("layout", ["smpl24", "mediapipe33"])

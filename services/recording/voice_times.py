@@ -10,6 +10,8 @@ _ANEW_MS = 500.0
 _CLOCK_DRIFT = 1e-3
 """ms a ms by which what is believed of the speaker's clock gives way."""
 
+_ROUNDING_MS = 1e-6
+
 
 class VoiceTimes:
     """Follows one speaker's packets, in the order in which they come.
@@ -34,4 +36,4 @@ class VoiceTimes:
         known = self._last is not None and offset_ms < believed_ms + _ANEW_MS
         self._offset_ms = min(offset_ms, believed_ms) if known else offset_ms
         self._last, self._said_ms = timestamp, self._said_ms + step_ms
-        return int(self._said_ms + self._offset_ms)
+        return int(self._said_ms + self._offset_ms + _ROUNDING_MS)
