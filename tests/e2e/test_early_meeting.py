@@ -54,7 +54,7 @@ def test_a_meeting_begins_by_a_first_likeness_and_sees_the_model_when_it_is_made
         expect(meet).to_be_visible(timeout=MINUTES)
         expect(heading).to_have_text("Detecting you in the clip")
         expect(page.locator(".message")).to_contain_text("This is a first likeness")
-        expect(page.locator(".message")).not_to_contain_text("ready")
+        expect(page.locator(".message")).not_to_contain_text("likeness is ready")
         expect(page.get_by_test_id("preview")).to_be_visible()
         likeness_id = _jobs(gateway)[JobKind.TRAIN].model_id
         meet.click()
