@@ -32,7 +32,7 @@ _FIRST_S, _LEARNT_S = 1.0, 20.0
 def with_level_gaze(skeleton: Skeleton, motion: Motion) -> Motion:
     """`motion`, in which the head of a body of `skeleton` looks level in the mean."""
     joints = skeleton.joint_transforms(motion.joint_angles, motion.root_translation)
-    below_rad = float(np.mean([below_horizon(head) for head in joints[:, HEAD, :3, :3]]))
+    below_rad = float(below_horizon(joints[:, HEAD, :3, :3]).mean())
     angles = motion.joint_angles.copy()
     local = axis_angle_to_matrix(angles[:, _TURNED]) @ _raising(below_rad)
     angles[:, _TURNED] = matrix_to_axis_angle(local)
@@ -53,7 +53,7 @@ class LevelGaze:
         if self._known_s > 0.0:
             share = min(1.0, step_s / min(max(self._known_s, _FIRST_S), _LEARNT_S))
         self._known_s += step_s
-        self._below_rad += share * (below_horizon(head) - self._below_rad)
+        self._below_rad += share * (float(below_horizon(head)) - self._below_rad)
 
     def raised(self, local: Float[Array, "24 3 3"]) -> Float[Array, "24 3 3"]:
         """Joints' local rotations with the head raised as far as was learnt."""
@@ -62,10 +62,10 @@ class LevelGaze:
         return local
 
 
-def below_horizon(head: Float[Array, "3 3"]) -> float:
-    """How far (rad) a head of this rotation in the room looks below the horizon; above:
+def below_horizon(head: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch"]:
+    """How far (rad) heads of these rotations in the room look below the horizon; above:
     negative."""
-    return -math.asin(min(max(float(head[1, 2]), -1.0), 1.0))
+    return -np.arcsin(np.clip(head[..., 1, 2], -1.0, 1.0))
 
 
 def _raising(below_rad: float) -> Float[Array, "3 3"]:

@@ -11,7 +11,7 @@ import numpy as np
 from renderer.splats.layout import COLOUR, POSITION
 from renderer.splats.training.evidence import Evidence
 from renderer.splats.training.neighbours import neighbours_at_rest
-from renderer.splats.training.surface_kinds import KINDS
+from renderer.splats.training.surface_kinds import HEAD_KINDS, KINDS
 from scene.arrays import Array, Bool, Float, Int
 
 _DETERMINED_PX = 0.05
@@ -37,7 +37,6 @@ _LITTLE_PX = 0.5
 _ACROSS = 0.45
 """How much a distance across a limb counts, against one along it: clothes end along it."""
 _SCALP = KINDS.index("scalp")
-_HEAD = [KINDS.index(kind) for kind in ("neck", "face", "scalp")]
 _SIDEWAYS = [KINDS.index(kind) for kind in ("arms", "hands")]
 """Kinds whose bones lie along x at rest; those of others but the head lie along y."""
 _COLOURS, _PLACE = slice(COLOUR, COLOUR + 3), slice(POSITION, POSITION + 3)
@@ -134,6 +133,6 @@ def _guesses(
 def _axes(kind: int) -> Float[Array, "3"]:
     """How much a distance along each axis at rest counts."""
     axes = np.ones(3)
-    if kind not in _HEAD:
+    if kind not in HEAD_KINDS:
         axes[[1, 2] if kind in _SIDEWAYS else [0, 2]] = _ACROSS
     return axes

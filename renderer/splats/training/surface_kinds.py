@@ -13,6 +13,7 @@ from scene.arrays import Array, Bool, Float, Int
 from scene.skeleton import HEAD, JOINT_NAMES, Skeleton
 
 KINDS = ("trunk", "arms", "hands", "legs", "feet", "neck", "face", "scalp")
+HEAD_KINDS = [KINDS.index(kind) for kind in ("neck", "face", "scalp")]
 _PART_OF = {
     "pelvis": "trunk",
     "spine": "trunk",

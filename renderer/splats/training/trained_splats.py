@@ -14,7 +14,7 @@ from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import FirstSplats, moved_with_bones
 from renderer.splats.training.neighbours import neighbours_at_rest
 from renderer.splats.training.occlusion import limb_splats
-from renderer.splats.training.surface_kinds import KINDS, surface_kinds
+from renderer.splats.training.surface_kinds import HEAD_KINDS, surface_kinds
 from scene.arrays import Array, Bool, Float
 from scene.skeleton import Skeleton
 
@@ -24,9 +24,6 @@ _SHAPE, _PLACE = slice(POSITION, ROTATION + 4), slice(POSITION, POSITION + 3)
 _ROUGHNESS_M = 0.01
 """How far a splat may stand out from those beside it where depth is uncertain. If less, pictures
 from the camera are less sharp: what lies in front of what is then settled by chance."""
-_HEAD_KINDS = [KINDS.index(kind) for kind in ("neck", "face", "scalp")]
-"""Kinds that may be rougher, since long hair hangs before the chest, and are held more closely to
-the surface, which landmarks of the face have shaped."""
 _ROUGHNESS_PULL = 0.1
 """Share of what stands out farther that a step takes back."""
 _SMOOTHING_ROUNDS = 10
@@ -56,7 +53,9 @@ class TrainedSplats:
         )
         rest = first.parameters[:, _PLACE]
         self.kinds = surface_kinds(rest, self.joints, self.weights, skeleton)
-        self._on_head = np.isin(self.kinds, _HEAD_KINDS)
+        # rougher than the rest, since long hair hangs before the chest, yet held more closely to
+        # the surface, which landmarks of the face have shaped
+        self._on_head = np.isin(self.kinds, HEAD_KINDS)
         pull = np.where(self._on_head, settings.head_shape_pull, settings.shape_pull)
         self._pull = pull.astype(np.float32)[:, None]
         self.limbs = limb_splats(self.joints, self.weights)
