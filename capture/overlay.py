@@ -6,8 +6,9 @@ other where the capture went well. Left limbs are orange, right limbs blue.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import av
 import cv2
@@ -74,10 +75,17 @@ def write_overlay_video(sequence: Sequence, path: Path) -> None:
 
 
 def write_video(
-    pictures: Iterable[UInt8[Array, "H W 3"]], path: Path, frames_per_second: float
+    pictures: Iterable[UInt8[Array, "H W 3"]],
+    path: Path,
+    frames_per_second: float,
+    metadata: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
-    """Write RGB pictures of one size as H264; odd sides lose their last row or column."""
+    """Write RGB pictures of one size as H264; odd sides lose their last row or column.
+
+    `metadata` is the container's.
+    """
     with av.open(str(path), "w") as container:
+        container.metadata.update(metadata)
         stream = None
         for picture in pictures:
             even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]

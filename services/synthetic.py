@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import struct
 import zlib
-from pathlib import Path
-
-import av
 
 NOTE = "Synthetic: drawn from a learnt model of a person, not filmed"
 SOURCE_TYPE = "http://cv.iptc.org/newscodes/digitalsourcetype/trainedAlgorithmicMedia"
+VIDEO_METADATA = {"comment": NOTE, "description": SOURCE_TYPE}
+"""Of an MP4's container."""
 _XMP = (
     '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>'
     '<x:xmpmeta xmlns:x="adobe:ns:meta/">'
@@ -36,25 +35,6 @@ def mark_picture(data: bytes, width: int, height: int) -> bytes:
     if data.startswith(b"\x89PNG"):
         return _mark_png(data)
     return _mark_jpeg(data) if data.startswith(b"\xff\xd8") else _mark_webp(data, width, height)
-
-
-def mark_video(path: Path) -> None:
-    """Mark the MP4 at `path`; its streams stay as they are."""
-    marked = path.with_name(f"{path.stem}.marked.mp4")
-    try:
-        with av.open(str(path)) as source, av.open(str(marked), "w") as target:
-            target.metadata.update(comment=NOTE, description=SOURCE_TYPE)
-            streams = {
-                one.index: target.add_stream_from_template(one)
-                for one in (*source.streams.video, *source.streams.audio)
-            }
-            for packet in source.demux():
-                if packet.dts is not None:
-                    packet.stream = streams[packet.stream.index]
-                    target.mux(packet)
-        marked.replace(path)
-    finally:
-        marked.unlink(missing_ok=True)
 
 
 def _mark_png(data: bytes) -> bytes:

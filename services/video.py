@@ -16,7 +16,7 @@ from scene.errors import InvalidInput
 from scene.motion import Motion
 from services.live.room import ping_pong_pose
 from services.person_view import person_camera
-from services.synthetic import mark_picture, mark_video
+from services.synthetic import VIDEO_METADATA, mark_picture
 
 FRAMES_PER_SECOND = 30
 BACKDROP = (0.93, 0.93, 0.93)
@@ -84,8 +84,7 @@ def write_mp4(path: Path, pictures: Iterable[UInt8[Array, "H W 3"]]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.stem}.part.mp4")
     try:
-        write_video(pictures, part, FRAMES_PER_SECOND)
-        mark_video(part)
+        write_video(pictures, part, FRAMES_PER_SECOND, VIDEO_METADATA)
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)

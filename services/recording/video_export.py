@@ -21,7 +21,7 @@ from scene.errors import InvalidInput
 from services.recording.chunks import Record
 from services.recording.ogg import with_silence
 from services.recording.replay import LoadedRecording
-from services.synthetic import mark_video
+from services.synthetic import VIDEO_METADATA
 
 FRAMES_PER_SECOND = 30
 AUDIO_RATE = 48_000
@@ -62,13 +62,13 @@ def export_video(
     part = out.with_name(f"{out.stem}.part.mp4")
     try:
         with av.open(str(part), "w") as container:
+            container.metadata.update(VIDEO_METADATA)
             video = container.add_stream("libx264", rate=FRAMES_PER_SECOND)
             video.width, video.height, video.pix_fmt = path.width, path.height, "yuv420p"
             sound = container.add_stream("aac", rate=AUDIO_RATE, layout="mono")
             mixed = mix(recorded.voices, recorded.duration_s)
             _write_video(container, video, recorded, path, on_progress)
             _write_sound(container, sound, mixed)
-        mark_video(part)
         part.replace(out)
     finally:
         part.unlink(missing_ok=True)

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from services.synthetic import NOTE, SOURCE_TYPE, mark_picture, mark_video
-from services.video import write_mp4, write_png
+from capture.overlay import write_video
+from services.synthetic import NOTE, SOURCE_TYPE, mark_picture
+from services.video import FRAMES_PER_SECOND, write_mp4, write_png
 from services.views import encode
-from tests.services import seeds
 
 SIZE = (20, 30)
 
@@ -59,13 +59,15 @@ def test_files_of_the_command_line_say_it(tmp_path: Path):
 
 
 def test_a_marked_video_shows_the_same(tmp_path: Path):
-    path = tmp_path / "clip.mp4"
-    path.write_bytes(seeds.video(6, 64))
+    rng = np.random.default_rng(0)
+    pictures = [rng.integers(0, 255, (64, 64, 3), np.uint8) for _ in range(6)]
 
-    def frames() -> list[np.ndarray]:
+    def frames(path: Path) -> list[np.ndarray]:
         with av.open(str(path)) as container:
             return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
 
-    before = frames()
-    mark_video(path)
-    assert all((a == b).all() for a, b in zip(before, frames(), strict=True))
+    write_video(pictures, tmp_path / "plain.mp4", FRAMES_PER_SECOND)
+    write_mp4(tmp_path / "marked.mp4", pictures)
+    plain, marked = frames(tmp_path / "plain.mp4"), frames(tmp_path / "marked.mp4")
+    assert len(plain) == 6
+    assert all((a == b).all() for a, b in zip(plain, marked, strict=True))
