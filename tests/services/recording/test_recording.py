@@ -25,6 +25,7 @@ from services.recording.chunks import Record, records_of
 from services.recording.recorder import Recorders
 from services.recording.replay import load
 from services.recording.video_export import CameraKeyframe, CameraPath, export_video
+from services.synthetic import NOTE
 from tests.services.api.test_environments import panorama
 from tests.services.conftest import changed
 from tests.services.control.page import Page, join
@@ -150,6 +151,7 @@ async def test_nothing_is_kept_until_all_agree_and_all_of_it_after(
         camera_path = CameraPath(path, 160, 128, 0.7)
         await asyncio.to_thread(export_video, recorded, camera_path, out, lambda done: None)
         with av.open(str(out)) as video:
+            assert video.metadata["comment"] == NOTE
             pictures = [one.to_ndarray(format="rgb24") for one in video.decode(video=0)]
         assert abs(len(pictures) / 30 - recorded.duration_s) < 0.2
         assert pictures[0].shape == (128, 160, 3)
