@@ -9,12 +9,17 @@ import numpy as np
 
 from renderer.relighting.shading import Relighting, normals_of
 from renderer.splats.expressions import BlendShapes
-from renderer.splats.layout import BLUE, BOX_FILTER_PX2, RED, TILE
+from renderer.splats.layout import BLUE, BOX_FILTER_PX2, COLOUR, RED, TILE
 from renderer.splats.rasteriser.workspace import Workspace, pack_camera
 from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Bool, Float
 from scene.camera import Camera
 from scene.lighting import Lighting
+
+_COLOURS = slice(COLOUR, COLOUR + 3)
+_DARK, _MOST_GAIN = 0.02, 2.0
+"""sRGB below which a colour tells nothing about light, and by how much a room's light enlarges a
+live change at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +60,7 @@ class SplatRenderer:
         lighting: Lighting | None = None,
         placements: Many[Float[Array, "4 4"]] | None = None,
         expressions: Many[Float[Array, "E"]] | None = None,
+        changes: Many[Float[Array, "_ 3"] | None] | None = None,
     ) -> Float[Array, "H W 4"]:
         """Premultiplied sRGB and alpha.
 
@@ -66,18 +72,52 @@ class SplatRenderer:
             placements: per model, from the world of its clip to this one, as it is part of
                 `transforms`; None: they are the same. The light of a clip goes with it.
             expressions: per model, its expression (`scene.expression`); None: at rest.
+            changes: per model, what its splats' colours differ by from those captured, sRGB
+                (`renderer.live_look`); None: nothing.
         Returns:
             float32 buffer that the next call overwrites.
         """
         moved = np.concatenate(list(transforms)).astype(np.float32)
+        shown = self.shaded(camera, moved, lighting, placements, expressions)
+        if changes is not None and any(change is not None for change in changes):
+            shown = self._with_changes(shown, changes)
+        return self._rasterise(shown, moved, camera)
+
+    def shaded(
+        self,
+        camera: Camera,
+        moved: Float[Array, "K 4 4"],
+        lighting: Lighting | None = None,
+        placements: Many[Float[Array, "4 4"]] | None = None,
+        expressions: Many[Float[Array, "E"]] | None = None,
+    ) -> Float[Array, "N P"]:
+        """Every splat as it is drawn, before it is skinned: moved by expressions and lit; arguments
+        as of `render`, the transforms of all models in one array."""
         if self._blend_shapes.any:
             self._apply_expressions(expressions)
-        shown = self._parameters
         if lighting is not None:
-            shown = self._relight(moved, camera, lighting)
-        elif self._has_light:
-            shown = self._light_as_captured(moved, camera, placements)
-        return self._rasterise(shown, moved, camera)
+            return self._relight(moved, camera, lighting)
+        if self._has_light:
+            return self._light_as_captured(moved, camera, placements)
+        return self._parameters
+
+    def _with_changes(
+        self, shown: Float[Array, "N P"], changes: Many[Float[Array, "_ 3"] | None]
+    ) -> Float[Array, "N P"]:
+        """Changes come from a webcam's picture: they are as much brighter or darker as the room's
+        light makes the splat itself."""
+        changed, start = shown.copy(), 0
+        for model, change in zip(self._models, changes, strict=True):
+            rows = slice(start, start + len(model.parameters))
+            start = rows.stop
+            if change is None:
+                continue
+            captured = self._parameters[rows, _COLOURS].mean(axis=1)
+            lit = shown[rows, _COLOURS].mean(axis=1)
+            gain = np.clip(lit / np.maximum(captured, _DARK), 0.0, _MOST_GAIN)
+            colours = shown[rows, _COLOURS] + gain[:, None] * change
+            changed[rows, _COLOURS] = np.clip(colours, 0.0, 1.0)
+        return changed
 
     def _apply_expressions(self, expressions: Many[Float[Array, "E"]] | None) -> None:
         """Move the splats of face and hands; shading depends on their positions."""
