@@ -63,6 +63,7 @@ CATALOGUE = (
     Benchmark("covered-torso", ("covered-torso",), (require_human_assets,)),
     Benchmark("two-cameras", ("two-cameras",), (require_footage,)),
     Benchmark("real", ("real",), (require_real_footage,)),
+    Benchmark("live-look", ("live-look",), (require_real_footage,)),
     Benchmark("capture-robustness", ("capture", "--robustness"), (require_motion,)),
     Benchmark("field-speed", ("field",)),
     Benchmark("refinement", ("refinement",)),

@@ -21,6 +21,7 @@ from benchmarks.cli_options import (
     pose_model,
     start,
 )
+from benchmarks.cli_real import live_look, real
 from benchmarks.inputs import (
     FOOTAGE,
     HUMAN_ASSETS,
@@ -45,6 +46,10 @@ app = typer.Typer(
 )
 
 _CLIPS = 10
+
+
+app.command("real")(real)
+app.command("live-look")(live_look)
 
 
 @app.command("all")
@@ -398,21 +403,3 @@ def two_cameras_command(
     from benchmarks.two_cameras import run
 
     run(start("two-cameras", commits), footage, pose_model(), picture)
-
-
-@app.command()
-def real(
-    commits: Commits = False,
-    footage: Footage = FOOTAGE,
-    backbone: LpipsBackbone = LPIPS_BACKBONE,
-    clock: ClockName = "processor",
-    budget: Annotated[str, typer.Option(help="Training time of each model.")] = "60s",
-    only: Only = "",
-) -> None:
-    """Models of real people on frames, clips and cameras that they never saw, and how they look."""
-    require_real_footage(footage)
-    from benchmarks.real.measure import Effort, Networks, run
-
-    networks = Networks(*landmark_models(), backbone)
-    writer = start("real", commits, narrowed=bool(only) or (clock, budget) != ("processor", "60s"))
-    run(writer, footage, networks, clock, only, effort=Effort(seconds(budget)))

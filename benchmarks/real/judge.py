@@ -130,13 +130,21 @@ class Judge:
 def flicker(model: PerformerModel, before: TestFrame, after: TestFrame) -> float:
     """How much the model's picture changes from one frame to the next, mean over the person in
     either, as a multiple of how much the film does."""
-    person = (before.mask > 0.5) | (after.mask > 0.5)
-    rendered = [model.render(frame.camera, frame.pose)[..., :3] for frame in (before, after)]
-    changes = [
-        float(np.abs(late - early)[person].mean())
-        for early, late in (rendered, (before.truth, after.truth))
-    ]
-    return changes[0] / max(changes[1], 1e-6)
+    early, late = (model.render(f.camera, f.pose)[..., :3].copy() for f in (before, after))
+    return changes((early, late), (before, after))
+
+
+def changes(
+    rendered: tuple[Float[Array, "H W 3"], Float[Array, "H W 3"]],
+    frames: tuple[TestFrame, TestFrame],
+) -> float:
+    """`flicker` of two pictures that are rendered already."""
+    person = (frames[0].mask > 0.5) | (frames[1].mask > 0.5)
+    truth = (frames[0].truth, frames[1].truth)
+    changed, filmed = (
+        float(np.abs(late - early)[person].mean()) for early, late in (rendered, truth)
+    )
+    return changed / max(filmed, 1e-6)
 
 
 def mean(values: Iterable[float | None]) -> float | None:

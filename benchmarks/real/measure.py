@@ -9,18 +9,16 @@ that training saw (`own_views`, in the poses that training left), later frames o
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from benchmarks.real.calibration import CalibratedCamera, in_capture, read_calibration
+from benchmarks.real.calibration import read_calibration
 from benchmarks.real.cases import CASES, Case
 from benchmarks.real.filmed import FilmedClip, film, require_unseen
-from benchmarks.real.judge import Judge, TestFrame, flicker, mean
+from benchmarks.real.frames import OWN_VIEWS, test_frames
+from benchmarks.real.judge import Figures, Judge, TestFrame, flicker, mean
 from benchmarks.real.parts import part_finder
 from benchmarks.real.posture import head_pitch_deg, trunk_lean_deg
 from benchmarks.real.ruler import Ruler
@@ -28,22 +26,14 @@ from benchmarks.real.sheet import draw_sheet
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import Clock, clock_named
 from capture.pipeline import CaptureOptions
-from capture.sources.video import read_video
 from renderer.evaluation.lpips import Lpips
 from renderer.evaluation.pose_alignment import Aligner
 from renderer.performer_model import PerformerModel
 from renderer.training import train
-from scene.camera import Camera
 from scene.motion import Pose
 from scene.sequence import Frame
-from scene.skeleton import JOINT_NAMES, Skeleton
 
-OWN_VIEWS = "own_views"
 TRAINING_S = 60.0
-_SCALES = np.linspace(0.8, 1.25, 19)
-_TRUNK = tuple(
-    JOINT_NAMES.index(name) for name in ("pelvis", "neck", "left_shoulder", "right_shoulder")
-)
 _REPORTED = ("landmark_error_px", "landmark_error_mm", "mask_overlap", "person_px")
 
 
@@ -100,7 +90,7 @@ def measure(
                 Ruler.read(name),
                 footage,
                 Path(folder) / name,
-                _options(case, name, footage, networks),
+                capture_options(case, name, footage, networks),
             )
             for name in (case.trained, *case.other_clips)
         }
@@ -116,7 +106,7 @@ def measure(
             clock=clock.now,
         )
         training_s = clock.now() - begun
-        frames = list(_test_frames(case, clips, model, set(numbers), footage))
+        frames = list(test_frames(case, clips, model, set(numbers), footage))
         require_unseen(
             (clip.footage.images[number] for number in numbers),
             (frame.image for frame in frames if frame.group != OWN_VIEWS),
@@ -156,7 +146,7 @@ def _posture(clip: FilmedClip) -> dict[str, float]:
     return {name: round(float(values.mean()), 1) for name, values in found.items()}
 
 
-def _options(case: Case, clip: str, footage: Path, networks: Networks) -> CaptureOptions:
+def capture_options(case: Case, clip: str, footage: Path, networks: Networks) -> CaptureOptions:
     focal_px = None
     if case.calibration is not None:
         focal_px = float(read_calibration(footage / case.calibration, clip).intrinsics[0, 0])
@@ -167,119 +157,6 @@ def _options(case: Case, clip: str, footage: Path, networks: Networks) -> Captur
         hand_model=networks.hand,
         focal_px=focal_px,
     )
-
-
-def _test_frames(
-    case: Case,
-    clips: dict[str, FilmedClip],
-    model: PerformerModel,
-    trained: set[int],
-    footage: Path,
-) -> Iterator[TestFrame]:
-    clip = clips[case.trained]
-    last = case.trained_share * (len(clip.footage.images) - 1)
-
-    def pose(index: int) -> Pose:
-        if index > last:
-            return clip.pose(index)
-        return model.motion.pose_at(float(clip.footage.times_s[index]))
-
-    for index in clip.ruler.indices:
-        if index in trained:
-            yield _frame(clip, OWN_VIEWS, index, clip.camera, pose(index))
-        elif index > last:
-            yield _frame(clip, "later_frames", index, clip.camera, pose(index))
-    for name in case.other_clips:
-        other = clips[name]
-        scale = _trunk_m(model.skeleton) / _trunk_m(other.sequence.body.skeleton)
-        camera = replace(other.camera, world_to_camera=_scaled(other.camera, scale))
-        for index in other.ruler.indices:
-            given = _retargeted(other.pose(index), other.sequence.body.skeleton, model, scale)
-            yield _frame(other, "other_clips", index, camera, given)
-    if case.calibration is not None:
-        yield from _other_cameras(case, clip, model, pose, footage)
-
-
-def _other_cameras(
-    case: Case, clip: FilmedClip, model: PerformerModel, pose: Callable[[int], Pose], footage: Path
-) -> Iterator[TestFrame]:
-    """In the one scale of the clip that fits all their silhouettes best: one camera can't know."""
-    assert case.calibration is not None
-    calibration = footage / case.calibration
-    trained = read_calibration(calibration, case.trained)
-    views: list[tuple[CalibratedCamera, TestFrame]] = []
-    for name in case.other_cameras:
-        ruler, other = Ruler.read(name), read_calibration(calibration, name)
-        film_ = read_video(ruler.require_footage(footage), max_frames=100_000, max_side=4096)
-        for index in ruler.indices:
-            face, hands = ruler.face(index), ruler.hands(index)
-            frame = TestFrame(
-                "other_cameras",
-                name,
-                index,
-                other.undistorted(film_.images[index]),
-                other.undistorted(ruler.mask(index)),
-                other.undistorted(ruler.hidden(index)),
-                None if face is None else other.undistorted_points(face),
-                tuple(other.undistorted_points(hand) for hand in hands),
-                in_capture(clip.camera, trained, other, 1.0, film_.source_size),
-                pose(index),
-            )
-            views.append((other, frame))
-
-    def placed(scale: float) -> list[TestFrame]:
-        return [
-            replace(
-                frame,
-                camera=in_capture(
-                    clip.camera, trained, other, scale, (frame.camera.width, frame.camera.height)
-                ),
-            )
-            for other, frame in views
-        ]
-
-    yield from max(map(placed, _SCALES), key=lambda frames: _overlap(model, frames))
-
-
-def _overlap(model: PerformerModel, frames: list[TestFrame]) -> float:
-    overlaps = []
-    for frame in frames[::2]:
-        inside = model.render(frame.camera, frame.pose)[..., 3] > 0.5
-        person = frame.mask > 0.5
-        overlaps.append((inside & person).sum() / max((inside | person).sum(), 1))
-    return float(np.mean(overlaps))
-
-
-def _frame(clip: FilmedClip, group: str, index: int, camera: Camera, pose: Pose) -> TestFrame:
-    ruler = clip.ruler
-    return TestFrame(
-        group,
-        ruler.folder.name,
-        index,
-        clip.footage.images[index],
-        ruler.mask(index),
-        ruler.hidden(index),
-        ruler.face(index),
-        tuple(ruler.hands(index)),
-        camera,
-        pose,
-    )
-
-
-def _trunk_m(skeleton: Skeleton) -> float:
-    joints = skeleton.rest_joints[list(_TRUNK)]
-    return float(np.linalg.norm(joints - joints.mean(axis=0), axis=1).mean())
-
-
-def _scaled(camera: Camera, scale: float):
-    """A world `scale` times as large gives the same picture when the camera is as much farther."""
-    return np.concatenate([camera.rotation, scale * camera.translation[:, None]], axis=1)
-
-
-def _retargeted(pose: Pose, skeleton: Skeleton, model: PerformerModel, scale: float) -> Pose:
-    """The pose of another body, `scale` times as large, with the pelvis in the same place."""
-    pelvis = scale * (skeleton.rest_joints[0] + pose.root_translation)
-    return replace(pose, root_translation=pelvis - model.skeleton.rest_joints[0])
 
 
 def _aligned(aligner: Aligner, frame: TestFrame) -> Pose:
@@ -294,10 +171,10 @@ def _summary(judge: Judge, model: PerformerModel, frames: list[TestFrame]) -> di
         figures = [
             judge.figures(model.render(frame.camera, frame.pose), frame) for frame in members
         ]
-        summary[group] = _means(figures) | {"flicker": _flicker(model, members)}
+        summary[group] = means(figures) | {"flicker": _flicker(model, members)}
         clips = dict.fromkeys(frame.clip for frame in members)
         summary[group]["clips"] = {
-            clip: _means(
+            clip: means(
                 [f for f, frame in zip(figures, members, strict=True) if frame.clip == clip]
             )
             for clip in clips
@@ -305,7 +182,8 @@ def _summary(judge: Judge, model: PerformerModel, frames: list[TestFrame]) -> di
     return summary
 
 
-def _means(figures: list[dict[str, dict[str, float | None]]]) -> dict[str, Any]:
+def means(figures: list[dict[str, Figures]]) -> dict[str, Any]:
+    """Of each part's figures over frames; how many frames."""
     names = {part: dict.fromkeys(n for one in figures for n in one[part]) for part in figures[0]}
     return {"frames": len(figures)} | {
         part: {

@@ -32,6 +32,11 @@ def draw_sheet(
     them."""
     model = model.filmed_parts()
     rows = [_row(model, given[place], aligned[place]) for place in _chosen(given)]
+    write_sheet(path, rows)
+
+
+def write_sheet(path: Path, rows: list[UInt8[Array, "_ _ 3"]]) -> None:
+    """Rows below one another, those that are shorter filled with white, as a JPEG."""
     width = max(row.shape[1] for row in rows)
     padded = [
         np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0)), constant_values=255)
@@ -63,18 +68,18 @@ def _row(model: PerformerModel, given: TestFrame, aligned: TestFrame) -> UInt8[A
     truth = (given.truth + (1.0 - given.mask[..., None]))[crop]
     cells = [
         (f"{given.group.replace('_', ' ')}: {given.clip} {given.index}", truth),
-        ("as given", _over_white(model.render(camera, given.pose))),
-        ("aligned", _over_white(model.render(camera, aligned.pose))),
+        ("as given", over_white(model.render(camera, given.pose))),
+        ("aligned", over_white(model.render(camera, aligned.pose))),
     ]
     for degrees in _SIDES_DEG:
-        view = _turned(camera, aligned.pose, model, np.radians(degrees))
-        cells.append((f"{degrees:+.0f} degrees", _over_white(model.render(view, aligned.pose))))
+        view = turned(camera, aligned.pose, model, np.radians(degrees))
+        cells.append((f"{degrees:+.0f} degrees", over_white(model.render(view, aligned.pose))))
     scale = _CELL_PX / height
     size = (max(1, round(scale * width)), _CELL_PX)
-    return np.concatenate([_captioned(text, cell, size) for text, cell in cells], axis=1)
+    return np.concatenate([captioned(text, cell, size) for text, cell in cells], axis=1)
 
 
-def _turned(camera: Camera, pose: Pose, model: PerformerModel, angle_rad: float) -> Camera:
+def turned(camera: Camera, pose: Pose, model: PerformerModel, angle_rad: float) -> Camera:
     """`camera`, carried round the vertical through the pelvis."""
     pelvis = model.skeleton.rest_joints[0] + pose.root_translation
     turn = axis_angle_to_matrix(np.array([0.0, -angle_rad, 0.0]))
@@ -83,9 +88,10 @@ def _turned(camera: Camera, pose: Pose, model: PerformerModel, angle_rad: float)
     return replace(camera, world_to_camera=np.concatenate([rotation, translation[:, None]], axis=1))
 
 
-def _captioned(
+def captioned(
     text: str, cell: Float[Array, "H W 3"], size: tuple[int, int]
 ) -> UInt8[Array, "h w 3"]:
+    """`cell` at `size` (width, height) px below its `text`."""
     pixels = (255.0 * np.clip(cell, 0.0, 1.0) + 0.5).astype(np.uint8)
     small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
     band = np.full((_CAPTION_PX, size[0], 3), 255, np.uint8)
@@ -93,5 +99,6 @@ def _captioned(
     return np.concatenate([band, small])
 
 
-def _over_white(rgba: Float[Array, "H W 4"]) -> Float[Array, "H W 3"]:
+def over_white(rgba: Float[Array, "H W 4"]) -> Float[Array, "H W 3"]:
+    """A premultiplied picture over white."""
     return rgba[..., :3] + (1.0 - rgba[..., 3:])

@@ -1,0 +1,57 @@
+"""`metanerf bench real` and `bench live-look`: people whom nobody modelled."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from benchmarks.cli_options import (
+    ClockName,
+    Commits,
+    Footage,
+    LpipsBackbone,
+    Only,
+    landmark_models,
+    start,
+)
+from benchmarks.inputs import FOOTAGE, LPIPS_BACKBONE, require_real_footage
+from services.cli.terminal import seconds
+
+Budget = Annotated[str, typer.Option(help="Training time of each model.")]
+_USUAL = ("processor", "60s")
+
+
+def real(
+    commits: Commits = False,
+    footage: Footage = FOOTAGE,
+    backbone: LpipsBackbone = LPIPS_BACKBONE,
+    clock: ClockName = "processor",
+    budget: Budget = "60s",
+    only: Only = "",
+) -> None:
+    """Models of real people on frames, clips and cameras that they never saw, and how they look."""
+    require_real_footage(footage)
+    from benchmarks.real.measure import Effort, Networks, run
+
+    networks = Networks(*landmark_models(), backbone)
+    writer = start("real", commits, narrowed=bool(only) or (clock, budget) != _USUAL)
+    run(writer, footage, networks, clock, only, effort=Effort(seconds(budget)))
+
+
+def live_look(
+    commits: Commits = False,
+    footage: Footage = FOOTAGE,
+    backbone: LpipsBackbone = LPIPS_BACKBONE,
+    clock: ClockName = "processor",
+    budget: Budget = "60s",
+    only: Only = "",
+) -> None:
+    """Models of real people, coloured by the frames of other clips of theirs as a webcam sends."""
+    require_real_footage(footage)
+    from benchmarks.real.live_look import run
+    from benchmarks.real.measure import Effort, Networks
+
+    networks = Networks(*landmark_models(), backbone)
+    writer = start("live-look", commits, narrowed=bool(only) or (clock, budget) != _USUAL)
+    run(writer, footage, networks, clock, only, effort=Effort(seconds(budget)))
