@@ -24,16 +24,13 @@ from scene.errors import InvalidInput, SceneError
 from scene.motion import Motion
 from services.environments import brought_along
 from services.jobs.packing import pack, unpack
-from services.live.packets import (
+from services.live.keypoints_packet import (
     KEYPOINTS_BYTES,
-    VERSION,
-    VIEW_BYTES,
-    Kind,
-    PacketError,
+    KEYPOINTS_VERSION,
+    LONGEST_KEYPOINTS_BYTES,
     decode_keypoints,
-    decode_pose,
-    decode_view,
 )
+from services.live.packets import VERSION, VIEW_BYTES, Kind, PacketError, decode_pose, decode_view
 from services.motions import motion_bytes, motion_from_bytes
 from services.recording import chunks
 from services.recording.ogg import ogg_opus, samples_of, with_silence
@@ -78,16 +75,16 @@ def takes_or_refuses(read: Callable[[bytes], object], data: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    ("decode", "length", "kind"),
+    ("decode", "length", "version", "kind"),
     [
-        (decode_view, VIEW_BYTES, Kind.VIEW),
-        (decode_keypoints, KEYPOINTS_BYTES, Kind.KEYPOINTS),
-        (decode_keypoints, KEYPOINTS_BYTES + 18, Kind.KEYPOINTS),
-        (decode_pose, POSE_BYTES, Kind.POSE),
-        (decode_pose, POSE_BYTES + 18, Kind.POSE),
+        (decode_view, VIEW_BYTES, VERSION, Kind.VIEW),
+        (decode_keypoints, KEYPOINTS_BYTES, KEYPOINTS_VERSION, Kind.KEYPOINTS),
+        (decode_keypoints, LONGEST_KEYPOINTS_BYTES, KEYPOINTS_VERSION, Kind.KEYPOINTS),
+        (decode_pose, POSE_BYTES, VERSION, Kind.POSE),
+        (decode_pose, POSE_BYTES + 18, VERSION, Kind.POSE),
     ],
 )
-def test_packets(decode: Callable[[bytes], Any], length: int, kind: Kind):
+def test_packets(decode: Callable[[bytes], Any], length: int, version: int, kind: Kind):
     taken = 0
 
     @FEW
@@ -95,7 +92,7 @@ def test_packets(decode: Callable[[bytes], Any], length: int, kind: Kind):
     def attack(data: bytes) -> None:
         nonlocal taken
         # a head that is let through leads to what is behind it
-        for packet in (data, bytes([VERSION, kind]) + data[2:]):
+        for packet in (data, bytes([version, kind]) + data[2:]):
             try:
                 read = decode(packet)
             except PacketError:

@@ -29,9 +29,9 @@ from scene.errors import InvalidInput
 from scene.motion import Pose
 from scene.skeleton import Skeleton
 from services.live.eye_level import LevelGaze
+from services.live.keypoints_packet import KeypointsPacket
 from services.live.motion.expression_filter import AT_REST, ExpressionFilter, HeldExpression
 from services.live.motion.foot_locking import FootLocking, LocalPose
-from services.live.packets import KeypointsPacket
 
 EASE_S = 1.0
 """From the last prediction to rest."""
