@@ -8,6 +8,8 @@ pictures. Unknown bits are ignored.
 View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
 f32 vertical field of view (rad), u16 width, u16 height (px).
 Keypoints: `services.live.keypoints_packet`.
+Flags of a pose: how old, ms, the picture of the landmarks that it follows was when they left their
+page, at least 1; 0 where it follows none.
 Pose, 160 bytes: u8 index of the performer, u8 count of performers, u16 low bits of the
 CRC-32 of the performer's id (a viewer whose list differs reads it anew), f32 pelvis[3] (room, m),
 then 24 rotations of 6 bytes as `scene.smallest_three` packs them in 15 bits a component: of the
@@ -120,6 +122,8 @@ class PosePacket:
     """Room, m."""
     rotations: Float[Array, "24 4"]
     """Quaternions wxyz: of the pelvis in the room, of every other joint relative to its parent."""
+    landmarks_age_ms: int = 0
+    """How old the picture of the landmarks was when they left their page; 0: there are none."""
     expression: Float[Array, "E"] = field(default_factory=neutral)
     """Of `scene.expression.EXPRESSION_NAMES`, 0 to 1."""
 
@@ -188,7 +192,8 @@ def decode_view(data: bytes) -> ViewPacket:
 
 def encode_pose(packet: PosePacket) -> bytes:
     """The bytes of `packet`."""
-    header = HEADER.pack(VERSION, Kind.POSE, 0, packet.sequence, packet.capture_time_ms)
+    age_ms, time_ms = packet.landmarks_age_ms, packet.capture_time_ms
+    header = HEADER.pack(VERSION, Kind.POSE, age_ms, packet.sequence, time_ms)
     head = _POSE.pack(packet.index, packet.count, packet.check, *packet.pelvis)
     packed = pack_quaternions(packet.rotations, _ROTATION_BITS).astype("<u8").view(np.uint8)
     rotations = packed.reshape(JOINT_COUNT, 8)[:, :_ROTATION_BYTES].tobytes()
@@ -200,7 +205,7 @@ def encode_pose(packet: PosePacket) -> bytes:
 
 def decode_pose(data: bytes) -> PosePacket:
     """Read a pose packet. Raises PacketError with the rule that `data` breaks."""
-    _, sequence, capture_time_ms = header_of(data, Kind.POSE, _POSE_SIZES)
+    age_ms, sequence, capture_time_ms = header_of(data, Kind.POSE, _POSE_SIZES)
     index, count, check, *pelvis = _POSE.unpack_from(data, HEADER.size)
     if not all(math.isfinite(v) for v in (capture_time_ms, *pelvis)):
         raise PacketError(f"a pose packet must hold finite numbers; got {pelvis}")
@@ -219,6 +224,7 @@ def decode_pose(data: bytes) -> PosePacket:
         check,
         np.array(pelvis),
         rotations,
+        age_ms,
         values_of_any_version(levels) if len(levels) else neutral(),
     )
 

@@ -13,6 +13,7 @@ import { drawLatencyCode } from "../transport/latencyCode";
 import type { Meeting } from "../api/types";
 import { FOV_Y_RAD, type CameraPose } from "../viewpoint/viewpoint";
 import type { HeadsetView } from "./headsetView";
+import { LipSync } from "./lipSync";
 
 /** From then on a server that sends pictures in place of poses will not do otherwise. */
 const UNANSWERED_S = 4;
@@ -40,6 +41,13 @@ export class LocalRendering {
   /** Of the seat: authorises the files of people and environment. */
   token = "";
 
+  /** How late the voices of performers are heard that are heard now, ms. */
+  voiceDelaysMs: ReadonlyMap<string, number> = new Map();
+
+  private readonly lipSync = new LipSync(
+    (index) => this.voiceDelaysMs.get(this.meeting.performers[index]?.id ?? "") ?? null,
+    (packet) => (this.headsetView?.room ?? this.room)?.acceptPacket(packet),
+  );
   private readonly modeSelector = new RenderModeSelector();
   /** The room as this device draws it; made when a viewer takes the picture over. */
   private room: LocalRoom | null = null;
@@ -133,11 +141,17 @@ export class LocalRendering {
 
   /** A pose from the server. */
   acceptPose(packet: ArrayBuffer): void {
-    (this.headsetView?.room ?? this.room)?.acceptPacket(packet);
+    this.lipSync.accept(packet, performance.now());
+  }
+
+  /** Show the poses whose voices are heard by now. */
+  advancePoses(): void {
+    this.lipSync.advance(performance.now());
   }
 
   /** Another connection: what it sends has nothing to do with the poses of the last one. */
   forgetPoses(): void {
+    this.lipSync.forget();
     this.room?.forgetPoses();
     this.headsetView?.room.forgetPoses();
   }

@@ -190,6 +190,14 @@ def test_packets_that_tell_no_pose_are_refused_and_change_nothing(waving):
     live.update(seen(waving[7], 53), waving[7].time_s + BEHIND_S)
 
 
+def test_it_tells_how_old_the_newest_picture_was(waving):
+    live, _ = followed(waving[:2])
+    assert live.landmarks_age_ms == 1, "found at once"
+    live.update(replace(seen(waving[2], 50), age_ms=72), waving[2].time_s + BEHIND_S)
+    assert live.landmarks_age_ms == 72
+    assert LiveMotion(body().skeleton).landmarks_age_ms == 0
+
+
 @given(st.binary(min_size=KEYPOINTS_BYTES - 20, max_size=KEYPOINTS_BYTES - 20))
 @settings(max_examples=40, deadline=None)
 def test_any_landmarks_give_a_pose_or_are_refused(noise):
