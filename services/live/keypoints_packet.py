@@ -95,7 +95,7 @@ class KeypointsPacket:
 def encode_keypoints(packet: KeypointsPacket) -> bytes:
     """The bytes of `packet`; what is out of range is moved to the range's end."""
     low, high = packet.xy[BODY].min(axis=0), packet.xy[BODY].max(axis=0)
-    middle = np.clip(np.rint(0.5 * (low + high) * _STEPS), -32768, 32767).astype(int)
+    middle = np.clip(_rounded(0.5 * (low + high) * _STEPS), -32768, 32767)
     offsets = (
         packet.xy[BODY] - middle / _STEPS,
         packet.world[BODY],
@@ -156,7 +156,7 @@ def _most(bits: int) -> int:
 def _signed(values: Float[Array, "N"], scale: float, bits: int) -> Int[Array, "N"]:
     limit = _most(bits - 1)
     shares = values / scale if scale else np.zeros(len(values))
-    return np.rint(limit * np.clip(shares, -1.0, 1.0)).astype(int) + limit
+    return _rounded(limit * np.clip(shares, -1.0, 1.0)) + limit
 
 
 def _from_signed(numbers: Int[Array, "N"], scale: float, bits: int) -> Float[Array, "N"]:
@@ -165,7 +165,12 @@ def _from_signed(numbers: Int[Array, "N"], scale: float, bits: int) -> Float[Arr
 
 
 def _unsigned(shares: Float[Array, "N"], bits: int) -> Int[Array, "N"]:
-    return np.rint(_most(bits) * np.clip(shares, 0.0, 1.0)).astype(int)
+    return _rounded(_most(bits) * np.clip(shares, 0.0, 1.0))
+
+
+def _rounded(values: Float[Array, "N"]) -> Int[Array, "N"]:
+    """Halves up, as a page rounds."""
+    return np.floor(values + 0.5).astype(int)
 
 
 def _pack(numbers: list[Int[Array, "N"]], fields: tuple[tuple[int, int], ...]) -> bytes:

@@ -4,8 +4,8 @@ import { KEYPOINTS_BYTES, LANDMARK_COUNT, LONGEST_KEYPOINTS_BYTES, encodeKeypoin
 
 /** What the server's own encoder writes of `somebody` (tests/services/live/test_keypoints_packet.py). */
 const GOLDEN =
-  "020148000700000000000000007097408002e001000c0018001800180030001829abfcfdf307c01f007f00fc01f007c0" +
-  "1f007f00fc01f007c01f00d5fca7ac42f5dfbf7ffffefdfbf7efdfbf7ffffefdfb0780aaba7ffffefdfbf7efdfbf7fff" +
+  "020148000700000000000000007097408002e001000c001800180018003000182aabfc05040800200080000002000800" +
+  "2000800000020008002000d5fcabac42f5dfbf7ffffefdfbf7efdfbf7ffffefdfb0780aaba7ffffefdfbf7efdfbf7fff" +
   "fefdfbf7efdfbf7fff2aadd22aadd22aadd22aadd22aadd2beeffbbeeffbbeeffbbe4fcc35400334bad2e84aa32b8dae" +
   "34bad2e84aa32b8dae34bad2e8eafbbeeffbbeeff32b91fb44bf12bfeffbbeeffbbeeffb0e0000000000000000000000" +
   "04";

@@ -41,7 +41,7 @@ GOLDEN = (
     "000c0018"  # the middle, 0.375 and 0.75
     "00180018"
     "00300018"  # scales
-    "29abfcfdf307c01f007f00fc01f007c01f007f00fc01f007c01f00d5fca7ac42f5dfbf7ffffefdfb"
+    "2aabfc050408002000800000020008002000800000020008002000d5fcabac42f5dfbf7ffffefdfb"
     "f7efdfbf7ffffefdfb0780aaba7ffffefdfbf7efdfbf7ffffefdfbf7efdfbf7fff2aadd22aadd22a"
     "add22aadd22aadd2beeffbbeeffbbeeffbbe4fcc35400334bad2e84aa32b8dae34bad2e84aa32b8d"
     "ae34bad2e8eafbbeeffbbeeff32b91fb44bf12bfeffbbeeffbbeeffb0e0000000000000000000000"
