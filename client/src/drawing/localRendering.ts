@@ -71,7 +71,7 @@ export class LocalRendering {
   begin(): void {
     if (this.room) return;
     const room = this.makeRoom(this.canvas);
-    const pacedRoom = new PacedRoom(room);
+    const pacedRoom = new PacedRoom(room, () => this.lipSync.finished(performance.now()));
     room.onLoaded = () => {
       const { camera, size } = this.hooks.trialView();
       this.modeSelector.setTrialFps(pacedRoom.trial(camera, FOV_Y_RAD, size));
@@ -168,7 +168,9 @@ export class LocalRendering {
 
   /** Draw what has changed, where this device is to; says whether a picture was drawn. */
   draw(camera: CameraPose, size: Size, hideUnseen: boolean): boolean {
-    return this.ready && this.pacedRoom?.draw(camera, FOV_Y_RAD, size, hideUnseen) === true;
+    const drawn = this.ready && this.pacedRoom?.draw(camera, FOV_Y_RAD, size, hideUnseen) === true;
+    if (drawn) this.lipSync.submitted();
+    return drawn;
   }
 
   /** Stamp the picture drawn just now with when it was captured; false: nobody knows when. */
