@@ -97,7 +97,7 @@ def test_groups_that_nobody_knows_of_are_left_alone():
 )
 def test_what_comes_back_is_as_near_as_its_bits_allow(sequence, size, places, visibility):
     xy, world = places[:, :2], places[:, 2:]
-    one = KeypointsPacket(sequence, 12.5, *size, xy, world, visibility, age_ms=7)
+    one = KeypointsPacket(sequence, 12.5, size[0], size[1], xy, world, visibility, age_ms=7)
     back = decode_keypoints(encode_keypoints(one))
     told = back.sequence, back.capture_time_ms, back.width, back.height, back.age_ms
     assert told == (sequence, 12.5, *size, 7)
