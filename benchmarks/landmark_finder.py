@@ -36,10 +36,12 @@ _STARTED_MS = 8000.0
 _TIME_ITSELF = """() => {
   const look = self.onmessage;
   self.times = [];
+  self.faces = 0;
   self.onmessage = async (event) => {
     const startMs = performance.now();
     await look(event);
     self.times.push(performance.now() - startMs);
+    if (event.data.part === 'face') self.faces += 1;
   };
 }"""
 
@@ -70,11 +72,16 @@ def measured(clip: Path, pose_model: Path, watched_s: float = _WATCHED_S) -> dic
             page.wait_for_timeout(_STARTED_MS)
             beside = [one for one in page.workers if _EXPRESSION_WORKER in one.url]
             times, *looks = worker_times([worker, *beside], page, watched_s)
+            faces = [one.evaluate("() => self.faces") for one in beside]
     if not times:
         raise RuntimeError(f"landmarks must be found within {watched_s} s; got none")
     looked = [
-        {**_milliseconds(one), "looks_per_second": round(len(one) / watched_s, 1)}
-        for one in looks
+        {
+            **_milliseconds(one),
+            "looks_per_second": round(len(one) / watched_s, 1),
+            "faces_per_second": round(count / watched_s, 1),
+        }
+        for one, count in zip(looks, faces, strict=True)
         if one
     ]
     figures = {

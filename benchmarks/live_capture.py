@@ -9,7 +9,7 @@ from __future__ import annotations
 import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +35,17 @@ from scene.arrays import Array, Float
 from scene.body import Body
 from scene.camera import Camera
 from scene.motion import Motion, Pose
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import JOINT_NAMES
+from services.live.keypoints_packet import (
+    KEYPOINTS_BYTES,
+    LONGEST_KEYPOINTS_BYTES,
+    KeypointsPacket,
+    decode_keypoints,
+    encode_keypoints,
+)
 from services.live.motion.keypoint_channels import KeypointReceiver
 from services.live.motion.live_motion import LiveMotion
-from services.live.packets import KEYPOINTS_BYTES, KeypointsPacket, encode_keypoints
 from services.settings import load_settings
 
 FRAMES, RATE, SIZE, TURN_DEG = 90, 30.0, 512, 120.0
@@ -115,6 +122,7 @@ def _measure(clip: Clip, truth: _Known | None) -> dict[str, Any]:
         "live_to_clip_fit": _apart(fitted, poses, fitted, ours["clip_fit"]),
         "live_unsmoothed_to_clip_fit": _apart(fitted, raw, fitted, ours["clip_fit"]),
         "in_a_meeting": _in_a_meeting(fitted, found, times),
+        "packed_to_whole_numbers": _packed(fitted, found, times, poses),
     }
     if truth is None:
         return figures
@@ -162,22 +170,11 @@ def _in_a_meeting(
     known: _Known, found: list[tuple[int, Landmarks]], times_s: Array
 ) -> dict[str, Any]:
     """What keypoints cost on their way: bytes, and time from a packet's coming to its pose."""
-    width, height = known.camera.width, known.camera.height
     motion, seconds, busy, reading = LiveMotion(known.body.skeleton), [], [], []
     with ThreadPoolExecutor(1) as executor:
         receiver = KeypointReceiver(motion, executor, time.perf_counter)
         for number, (index, seen) in enumerate(found):
-            data = encode_keypoints(
-                KeypointsPacket(
-                    number,
-                    1e3 * float(times_s[index]),
-                    width,
-                    height,
-                    seen.pixels / [width, height],
-                    seen.world,
-                    seen.visibility,
-                )
-            )
+            data = encode_keypoints(_packet(number, seen, known.camera, float(times_s[index])))
             worked = executor.submit(time.thread_time).result()
             started = time.perf_counter()
             receiver.receive(data)
@@ -186,12 +183,44 @@ def _in_a_meeting(
             started = time.perf_counter()
             motion.pose_at(started)
             reading.append(time.perf_counter() - started)
+    sizes = {"body": KEYPOINTS_BYTES, "with_face_and_hands": LONGEST_KEYPOINTS_BYTES}
     return {
-        "packet_bytes": KEYPOINTS_BYTES,
-        "kbit_s": round(8e-3 * KEYPOINTS_BYTES * RATE, 1),
+        "packet_bytes": sizes,
+        "kbit_s": {name: round(8e-3 * size * RATE, 1) for name, size in sizes.items()},
         "packet_to_pose": milliseconds(seconds[_SETTLED:]),
         "packet_to_pose_of_processor": milliseconds(busy[_SETTLED:]),
         "reading_a_pose": milliseconds(reading[_SETTLED:]),
+    }
+
+
+def _packet(number: int, seen: Landmarks, camera: Camera, time_s: float) -> KeypointsPacket:
+    width, height = camera.width, camera.height
+    xy = seen.pixels / [width, height]
+    return KeypointsPacket(number, 1e3 * time_s, width, height, xy, seen.world, seen.visibility)
+
+
+def _packed(
+    known: _Known, found: list[tuple[int, Landmarks]], times_s: Array, whole: list[Pose]
+) -> dict[str, float]:
+    """What is lost by few bits: poses from landmarks that were packed, against `whole`."""
+    read = []
+    for index, seen in found:
+        packet = decode_keypoints(encode_keypoints(_packet(0, seen, known.camera, 0.0)))
+        pixels = packet.xy * [packet.width, packet.height]
+        read.append(
+            (index, replace(seen, pixels=pixels, world=packet.world, visibility=packet.visibility))
+        )
+    poses, *_ = _followed(LiveSolver(known.body, known.camera, lifter=lift), read, times_s)
+    ours, theirs = (
+        axis_angle_to_matrix(np.stack([pose.joint_angles for pose in some]))[_SETTLED:]
+        for some in (poses, whole)
+    )
+    turned = np.linalg.norm(matrix_to_axis_angle(np.swapaxes(ours, -1, -2) @ theirs), axis=-1)
+    shown = np.degrees(np.delete(turned, _ENDS, axis=1))
+    return {
+        **_apart(known, poses, known, whole),
+        "mean_deg": round(float(shown.mean()), 2),
+        "p95_deg": round(float(np.percentile(shown, 95)), 2),
     }
 
 

@@ -18,7 +18,8 @@ from capture.body.model import load_body_model
 from capture.studio.motions import turntable_motion
 from scene.camera import orbit_camera
 from scene.skeleton import Skeleton
-from services.live.packets import KeypointsPacket, ViewPacket, encode_keypoints, encode_view
+from services.live.keypoints_packet import KeypointsPacket, encode_keypoints
+from services.live.packets import ViewPacket, encode_view
 
 RATE_HZ = 30
 SIZE_PX = (640, 480)

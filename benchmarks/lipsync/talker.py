@@ -33,7 +33,8 @@ from benchmarks.live_people import (
 from capture.body.expressions import ALL_GROUPS, ObservedExpression
 from scene.arrays import Array, Int
 from scene.expression import EXPRESSION_NAMES, neutral
-from services.live.packets import KeypointsPacket, ViewPacket, encode_keypoints, encode_view
+from services.live.keypoints_packet import KeypointsPacket, encode_keypoints
+from services.live.packets import ViewPacket, encode_view
 
 AUDIO_HZ = 48_000
 PERIOD_S = 1.037
@@ -211,6 +212,7 @@ class TalkingPerson:
             world,
             np.ones(len(xy)),
             ObservedExpression(expression, ALL_GROUPS),
+            round(1e3 * self._found_after_s),
         )
         return encode_keypoints(packet)
 

@@ -211,7 +211,7 @@ def live(figures: Figures) -> str:
     step, meeting = figures["step_of_processor"], figures["in_a_meeting"]
     packet = meeting["packet_to_pose_of_processor"]
     whole = figures["with_face_and_hands"]
-    late = figures["late_by_60_ms"]
+    late, packed = figures["late_by_60_ms"], figures["packed_to_whole_numbers"]
     rows = [
         ["a step, of one core's time", _times(step)],
         ["the same with a face and two hands", _times(whole["step_of_processor"])],
@@ -221,6 +221,14 @@ def live(figures: Figures) -> str:
         [
             "in a meeting, a packet to a pose with feet that stand",
             f"p50 {packet['p50_ms']:.2f} ms of processor, p95 {packet['p95_ms']:.2f}",
+        ],
+        [
+            "landmarks as they are sent, against whole numbers",
+            f"{_distances(packed)}; {packed['mean_deg']:.1f}° (p95 {packed['p95_deg']:.1f}°)",
+        ],
+        [
+            "a webcam's landmarks; with face and hands",
+            " and ".join(f"{rate:.1f} kbit/s" for rate in meeting["kbit_s"].values()),
         ],
     ]
     return "\n\n".join([markdown_table(["", ""], rows), measured_at(figures)])

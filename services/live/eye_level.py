@@ -18,6 +18,7 @@ from scene.arrays import Array, Float
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import HEAD, JOINT_NAMES, Skeleton
+from services.live.settling_mean import SettlingMean
 
 _FROM_PELVIS = [
     JOINT_NAMES.index(name) for name in ("pelvis", "spine1", "spine2", "spine3", "neck", "head")
@@ -25,8 +26,6 @@ _FROM_PELVIS = [
 _TURNED = _FROM_PELVIS[-2:]
 _FARTHEST_RAD = math.radians(25.0)
 """No webcam is further from the eyes' height; a head that is bowed by more is meant to be."""
-_FIRST_S, _LEARNT_S = 1.0, 20.0
-"""Where somebody looks is learnt at once, then slowly: people nod and read, cameras stand."""
 
 
 def with_level_gaze(skeleton: Skeleton, motion: Motion) -> Motion:
@@ -43,22 +42,17 @@ class LevelGaze:
     """How far below the horizon somebody looks who is seen live; belongs to one thread."""
 
     def __init__(self) -> None:
-        self._known_s = 0.0
-        self._below_rad = 0.0
+        self._below_rad = SettlingMean(0.0)
 
     def learn(self, local: Float[Array, "24 3 3"], step_s: float) -> None:
         """Note where the head looks by joints' local rotations, `step_s` after the last time."""
         head = reduce(np.matmul, local[_FROM_PELVIS])
-        share = 1.0
-        if self._known_s > 0.0:
-            share = min(1.0, step_s / min(max(self._known_s, _FIRST_S), _LEARNT_S))
-        self._known_s += step_s
-        self._below_rad += share * (float(below_horizon(head)) - self._below_rad)
+        self._below_rad.add(float(below_horizon(head)), step_s)
 
     def raised(self, local: Float[Array, "24 3 3"]) -> Float[Array, "24 3 3"]:
         """Joints' local rotations with the head raised as far as was learnt."""
         local = local.copy()
-        local[_TURNED] = local[_TURNED] @ _raising(self._below_rad)
+        local[_TURNED] = local[_TURNED] @ _raising(self._below_rad.value)
         return local
 
 

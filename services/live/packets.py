@@ -7,18 +7,17 @@ key frame; bit 3: sound alone, so send neither pictures nor poses; bit 4: send p
 pictures. Unknown bits are ignored.
 View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
 f32 vertical field of view (rad), u16 width, u16 height (px).
-Keypoints, 367 bytes: u16 width, u16 height (px of the picture), then of MediaPipe's 33 landmarks
-i16 xy (1/8192 of the picture's sides), i16 xyz (1/8192 m, as `Landmarks.world` of
-`capture.detection.landmarks`) and u8 visibility (1/255).
+Keypoints: `services.live.keypoints_packet`.
+Flags of a pose: how old, ms, the picture of the landmarks that it follows was when they left their
+page, at least 1; 0 where it follows none.
 Pose, 160 bytes: u8 index of the performer, u8 count of performers, u16 low bits of the
 CRC-32 of the performer's id (a viewer whose list differs reads it anew), f32 pelvis[3] (room, m),
 then 24 rotations of 6 bytes as `scene.smallest_three` packs them in 15 bits a component: of the
 pelvis in the room, of every other joint relative to its parent.
-Expression, 18 bytes, may follow the payload of keypoints and of a pose: u8 values[17] (1/255) in
-the order of `scene.expression`, u8 bits of what is known (`capture.body.expressions`). Where it is
-left out of keypoints nothing is known, where it is left out of a pose all is at rest. Earlier pages
-and recordings have 16 bytes, without where the eyes look, or 8: a hand's one curl is then that of
-each of its fingers.
+Expression, 18 bytes, may follow a pose: u8 values[17] (1/255) in the order of `scene.expression`,
+u8 bits of what is known (`capture.body.expressions`). Where it is left out all is at rest. Earlier
+recordings have 16 bytes, without where the eyes look, or 8: a hand's one curl is then that of each
+of its fingers.
 
 Channels are unordered and unreliable, so the newest sequence wins and late packets are dropped;
 sequences wrap and are compared as serial numbers (RFC 1982).
@@ -29,12 +28,13 @@ from __future__ import annotations
 import math
 import struct
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
 
-from capture.body.expressions import ALL_GROUPS, ObservedExpression
+from capture.body.expressions import ALL_GROUPS
 from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -44,28 +44,18 @@ from scene.skeleton import JOINT_COUNT
 from scene.smallest_three import pack_quaternions, unpack_quaternions
 
 VERSION = 1
-_HEADER = struct.Struct("<BBHId")
+HEADER = struct.Struct("<BBHId")
 _VIEW = struct.Struct("<3f4ffHH")
-VIEW_BYTES = _HEADER.size + _VIEW.size
-_SIZE = struct.Struct("<HH")
-LANDMARK_COUNT = 33
-_KEYPOINTS = np.dtype(
-    [
-        ("xy", "<i2", (LANDMARK_COUNT, 2)),
-        ("world", "<i2", (LANDMARK_COUNT, 3)),
-        ("visibility", "u1", LANDMARK_COUNT),
-    ]
-)
-KEYPOINTS_BYTES = _HEADER.size + _SIZE.size + _KEYPOINTS.itemsize
-_KEYPOINT_STEPS = 8192
-"""To a metre, or to a side of the picture: a range of four either way."""
+VIEW_BYTES = HEADER.size + _VIEW.size
 _HALF_RANGE = 1 << 31
 _HIDE_UNSEEN, _DRAWS_ITSELF, _STALLED, _SOUND_ONLY, _POSES_TOO = 1, 2, 4, 8, 16
 _POSE = struct.Struct("<BBH3f")
 _ROTATION_BITS, _ROTATION_BYTES = 15, 6
-POSE_BYTES = _HEADER.size + _POSE.size + JOINT_COUNT * _ROTATION_BYTES
+POSE_BYTES = HEADER.size + _POSE.size + JOINT_COUNT * _ROTATION_BYTES
 EXPRESSION_BYTES = EXPRESSION_COUNT + 1
-_EARLIER_BYTES = tuple(count + 1 for count in EARLIER_COUNTS)
+_POSE_SIZES = tuple(
+    POSE_BYTES + more for more in (0, *(n + 1 for n in EARLIER_COUNTS), EXPRESSION_BYTES)
+)
 
 
 class Kind(IntEnum):
@@ -78,25 +68,6 @@ class Kind(IntEnum):
 
 class PacketError(SceneError):
     """Bytes that are not a packet of ours."""
-
-
-@dataclass(frozen=True, eq=False)
-class KeypointsPacket:
-    """What a webcam shows of one person: landmarks, and no picture."""
-
-    sequence: int
-    capture_time_ms: float
-    width: int
-    height: int
-    """px, of the picture."""
-    xy: Float[Array, "33 2"]
-    """Position of each landmark, as shares of width and height; outside 0 to 1 it is a guess."""
-    world: Float[Array, "33 3"]
-    """m, origin between the hips, axes of the camera: x right, y down, z away from it."""
-    visibility: Float[Array, "33"]
-    """0 (hidden or outside) to 1 (seen)."""
-    expression: ObservedExpression | None = None
-    """Of face and fingers, where they were detected."""
 
 
 @dataclass(frozen=True)
@@ -151,6 +122,8 @@ class PosePacket:
     """Room, m."""
     rotations: Float[Array, "24 4"]
     """Quaternions wxyz: of the pelvis in the room, of every other joint relative to its parent."""
+    landmarks_age_ms: int = 0
+    """How old the picture of the landmarks was when they left their page; 0: there are none."""
     expression: Float[Array, "E"] = field(default_factory=neutral)
     """Of `scene.expression.EXPRESSION_NAMES`, 0 to 1."""
 
@@ -160,25 +133,22 @@ def performer_check(performer_id: str) -> int:
     return zlib.crc32(performer_id.encode()) & 0xFFFF
 
 
-def _header_of(
-    data: bytes, wanted: Kind, size: int, *, expression: bool = False
+def header_of(
+    data: bytes, wanted: Kind, sizes: Sequence[int], version: int = VERSION
 ) -> tuple[int, int, float]:
-    """Flags, sequence and capture time (ms) of a packet of `size` bytes and the kind `wanted`,
-    which an `expression` may follow.
+    """Flags, sequence and capture time (ms) of a packet of the kind `wanted`, of one of `sizes`.
 
     Raises PacketError where it is another.
     """
-    told = (*_EARLIER_BYTES, EXPRESSION_BYTES) if expression else ()
-    sizes = (size, *(size + more for more in told))
     name = f"a {wanted.name.lower()} packet"
     if len(data) not in sizes:
         allowed = " or ".join(str(one) for one in sizes)
         raise PacketError(f"{name} must be {allowed} bytes long; got {len(data)}")
-    version, kind, flags, sequence, capture_time_ms = _HEADER.unpack_from(data)
-    if version != VERSION or kind != wanted:
+    got_version, kind, flags, sequence, capture_time_ms = HEADER.unpack_from(data)
+    if got_version != version or kind != wanted:
         raise PacketError(
-            f"{name} must be version {VERSION}, kind {int(wanted)}; "
-            f"got version {version}, kind {kind}"
+            f"{name} must be version {version}, kind {int(wanted)}; "
+            f"got version {got_version}, kind {kind}"
         )
     return flags, sequence, capture_time_ms
 
@@ -188,7 +158,7 @@ def encode_view(packet: ViewPacket) -> bytes:
     flags = _HIDE_UNSEEN * packet.hide_unseen | _DRAWS_ITSELF * packet.draws_itself
     flags |= _STALLED * packet.stalled | _SOUND_ONLY * packet.sound_only
     flags |= _POSES_TOO * packet.poses_too
-    header = _HEADER.pack(VERSION, Kind.VIEW, flags, packet.sequence, packet.capture_time_ms)
+    header = HEADER.pack(VERSION, Kind.VIEW, flags, packet.sequence, packet.capture_time_ms)
     payload = _VIEW.pack(
         *packet.position, *packet.wxyz, packet.fov_y_rad, packet.width, packet.height
     )
@@ -197,8 +167,8 @@ def encode_view(packet: ViewPacket) -> bytes:
 
 def decode_view(data: bytes) -> ViewPacket:
     """Read a view packet. Raises PacketError with the rule that `data` breaks."""
-    flags, sequence, capture_time_ms = _header_of(data, Kind.VIEW, VIEW_BYTES)
-    x, y, z, *wxyz, fov_y_rad, width, height = _VIEW.unpack_from(data, _HEADER.size)
+    flags, sequence, capture_time_ms = header_of(data, Kind.VIEW, (VIEW_BYTES,))
+    x, y, z, *wxyz, fov_y_rad, width, height = _VIEW.unpack_from(data, HEADER.size)
     if not all(math.isfinite(v) for v in (x, y, z, *wxyz, fov_y_rad, capture_time_ms)):
         raise PacketError(f"a view packet must hold finite numbers; got {(x, y, z, *wxyz)}")
     length = math.sqrt(sum(v * v for v in wxyz))
@@ -220,64 +190,32 @@ def decode_view(data: bytes) -> ViewPacket:
     )
 
 
-def encode_keypoints(packet: KeypointsPacket) -> bytes:
-    """The bytes of `packet`; what is out of range is moved to the range's end."""
-    header = _HEADER.pack(VERSION, Kind.KEYPOINTS, 0, packet.sequence, packet.capture_time_ms)
-    payload = np.zeros((), _KEYPOINTS)
-    for name, values in (("xy", packet.xy), ("world", packet.world)):
-        payload[name] = np.clip(np.rint(values * _KEYPOINT_STEPS), -32768, 32767)
-    payload["visibility"] = np.rint(255.0 * np.clip(packet.visibility, 0.0, 1.0))
-    size = _SIZE.pack(packet.width, packet.height)
-    return header + size + payload.tobytes() + _expression_bytes(packet.expression)
-
-
-def decode_keypoints(data: bytes) -> KeypointsPacket:
-    """Read a keypoints packet. Raises PacketError with the rule that `data` breaks."""
-    _, sequence, capture_time_ms = _header_of(
-        data, Kind.KEYPOINTS, KEYPOINTS_BYTES, expression=True
-    )
-    width, height = _SIZE.unpack_from(data, _HEADER.size)
-    if not math.isfinite(capture_time_ms) or not (width and height):
-        raise PacketError(
-            "a keypoints packet must have a finite capture time and a picture of some size; "
-            f"got {capture_time_ms}, {width} x {height}"
-        )
-    payload = np.frombuffer(data, _KEYPOINTS, 1, _HEADER.size + _SIZE.size)[0]
-    return KeypointsPacket(
-        sequence,
-        capture_time_ms,
-        width,
-        height,
-        payload["xy"] / _KEYPOINT_STEPS,
-        payload["world"] / _KEYPOINT_STEPS,
-        payload["visibility"] / 255.0,
-        _expression_in(data, KEYPOINTS_BYTES),
-    )
-
-
 def encode_pose(packet: PosePacket) -> bytes:
     """The bytes of `packet`."""
-    header = _HEADER.pack(VERSION, Kind.POSE, 0, packet.sequence, packet.capture_time_ms)
+    age_ms, time_ms = packet.landmarks_age_ms, packet.capture_time_ms
+    header = HEADER.pack(VERSION, Kind.POSE, age_ms, packet.sequence, time_ms)
     head = _POSE.pack(packet.index, packet.count, packet.check, *packet.pelvis)
     packed = pack_quaternions(packet.rotations, _ROTATION_BITS).astype("<u8").view(np.uint8)
     rotations = packed.reshape(JOINT_COUNT, 8)[:, :_ROTATION_BYTES].tobytes()
-    moved = ObservedExpression(packet.expression, ALL_GROUPS) if packet.expression.any() else None
-    return header + head + rotations + _expression_bytes(moved)
+    if not packet.expression.any():
+        return header + head + rotations
+    levels = np.rint(255.0 * np.clip(packet.expression, 0.0, 1.0)).astype(np.uint8)
+    return header + head + rotations + levels.tobytes() + bytes([ALL_GROUPS])
 
 
 def decode_pose(data: bytes) -> PosePacket:
     """Read a pose packet. Raises PacketError with the rule that `data` breaks."""
-    _, sequence, capture_time_ms = _header_of(data, Kind.POSE, POSE_BYTES, expression=True)
-    index, count, check, *pelvis = _POSE.unpack_from(data, _HEADER.size)
+    age_ms, sequence, capture_time_ms = header_of(data, Kind.POSE, _POSE_SIZES)
+    index, count, check, *pelvis = _POSE.unpack_from(data, HEADER.size)
     if not all(math.isfinite(v) for v in (capture_time_ms, *pelvis)):
         raise PacketError(f"a pose packet must hold finite numbers; got {pelvis}")
     packed = np.zeros((JOINT_COUNT, 8), np.uint8)
-    offset = _HEADER.size + _POSE.size
+    offset = HEADER.size + _POSE.size
     packed[:, :_ROTATION_BYTES] = np.frombuffer(
         data, np.uint8, JOINT_COUNT * _ROTATION_BYTES, offset
     ).reshape(JOINT_COUNT, _ROTATION_BYTES)
     rotations = unpack_quaternions(packed.view("<u8")[:, 0].astype(np.int64), _ROTATION_BITS)
-    moved = _expression_in(data, POSE_BYTES)
+    levels = np.frombuffer(data[POSE_BYTES:-1], np.uint8) / 255.0
     return PosePacket(
         sequence,
         capture_time_ms,
@@ -286,23 +224,9 @@ def decode_pose(data: bytes) -> PosePacket:
         check,
         np.array(pelvis),
         rotations,
-        neutral() if moved is None else moved.values,
+        age_ms,
+        values_of_any_version(levels) if len(levels) else neutral(),
     )
-
-
-def _expression_bytes(seen: ObservedExpression | None) -> bytes:
-    if seen is None:
-        return b""
-    levels = np.rint(255.0 * np.clip(seen.values, 0.0, 1.0)).astype(np.uint8)
-    return levels.tobytes() + bytes([seen.known])
-
-
-def _expression_in(data: bytes, offset: int) -> ObservedExpression | None:
-    """The expression that follows the first `offset` bytes, if one does."""
-    if len(data) == offset:
-        return None
-    levels = np.frombuffer(data[offset:-1], np.uint8)
-    return ObservedExpression(values_of_any_version(levels / 255.0), data[-1] & ALL_GROUPS)
 
 
 def is_newer(sequence: int, than: int) -> bool:

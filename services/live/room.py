@@ -65,6 +65,11 @@ class MotionSource(Protocol):
         """Capture time of the newest keypoints, by the camera's clock; None until some came."""
         ...
 
+    @property
+    def landmarks_age_ms(self) -> int:
+        """How old their picture was when they left their page, at least 1; 0 until some came."""
+        ...
+
 
 @dataclass(eq=False)
 class Room:

@@ -24,7 +24,8 @@ from db.models import ModelRow
 from services.auth import ALL_SCOPES
 from services.bootstrap import DEMO_MODEL, import_model
 from services.container import Services
-from services.live.packets import decode_view, encode_keypoints
+from services.live.keypoints_packet import encode_keypoints
+from services.live.packets import decode_view
 from services.meetings import create_meeting
 from tests.e2e.serving import WATCH
 from tests.e2e.test_control import HUM, LOUDNESS, beside

@@ -25,8 +25,8 @@ from services.auth import GUEST
 from services.bootstrap import DEMO_MODEL, import_model
 from services.composition import build_services
 from services.gateway import gateway_of
+from services.live.keypoints_packet import KEYPOINTS_BYTES, LONGEST_KEYPOINTS_BYTES
 from services.live.motion.live_motion import LiveMotion
-from services.live.packets import EXPRESSION_BYTES, KEYPOINTS_BYTES
 from services.live.room import Room
 from services.meetings import create_meeting
 from services.settings import load_settings
@@ -135,7 +135,7 @@ class Wire:
         assert all(len(frame) <= LARGEST_FRAME for frame in self.frames)
         assert "video" not in page.evaluate(OUTGOING)
         sizes = page.evaluate(SENT)
-        longer = KEYPOINTS_BYTES + EXPRESSION_BYTES
+        longer = LONGEST_KEYPOINTS_BYTES
         assert {longer} <= set(sizes["keypoints"]) <= {KEYPOINTS_BYTES, longer}
         assert max(max(one) for one in sizes.values()) <= 1100
         # what the worker asks for is heard here too

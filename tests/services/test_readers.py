@@ -9,6 +9,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,20 +20,26 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from obstore.store import MemoryStore
 
+from capture.body.expressions import ALL_GROUPS, ObservedExpression
 from db.objects import ObstoreObjects
 from scene.errors import InvalidInput, SceneError
+from scene.expression import EXPRESSION_COUNT
 from scene.motion import Motion
 from services.environments import brought_along
 from services.jobs.packing import pack, unpack
-from services.live.packets import (
-    KEYPOINTS_BYTES,
-    VERSION,
-    VIEW_BYTES,
-    Kind,
-    PacketError,
+from services.live.keypoints_packet import (
+    KeypointsPacket,
     decode_keypoints,
+    encode_keypoints,
+)
+from services.live.packets import (
+    PacketError,
+    PosePacket,
+    ViewPacket,
     decode_pose,
     decode_view,
+    encode_pose,
+    encode_view,
 )
 from services.motions import motion_bytes, motion_from_bytes
 from services.recording import chunks
@@ -48,7 +55,6 @@ FEW = settings(
     phases=[Phase.explicit, Phase.generate],
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )
-POSE_BYTES = 176
 
 
 def damaged(whole: bytes) -> st.SearchStrategy[bytes]:
@@ -77,25 +83,37 @@ def takes_or_refuses(read: Callable[[bytes], object], data: bytes) -> None:
         read(data)
 
 
+_VIEW = encode_view(ViewPacket(1, 5.0, (0.0, 1.0, 3.0), (0.0, 1.0, 0.0, 0.0), 0.7, 128, 128))
+_KEYPOINTS = KeypointsPacket(
+    1, 5.0, 640, 480, np.full((33, 2), 0.5), np.full((33, 3), 0.1), np.ones(33)
+)
+_EXPRESSION = ObservedExpression(np.full(EXPRESSION_COUNT, 0.5), ALL_GROUPS)
+_POSE = PosePacket(1, 5.0, 0, 1, 0, np.zeros(3), np.tile([1.0, 0.0, 0.0, 0.0], (24, 1)))
+
+
 @pytest.mark.parametrize(
-    ("decode", "length", "kind"),
+    ("decode", "whole"),
     [
-        (decode_view, VIEW_BYTES, Kind.VIEW),
-        (decode_keypoints, KEYPOINTS_BYTES, Kind.KEYPOINTS),
-        (decode_keypoints, KEYPOINTS_BYTES + 18, Kind.KEYPOINTS),
-        (decode_pose, POSE_BYTES, Kind.POSE),
-        (decode_pose, POSE_BYTES + 18, Kind.POSE),
+        (decode_view, _VIEW),
+        (decode_keypoints, encode_keypoints(_KEYPOINTS)),
+        (decode_keypoints, encode_keypoints(replace(_KEYPOINTS, expression=_EXPRESSION))),
+        (decode_pose, encode_pose(_POSE)),
+        (decode_pose, encode_pose(replace(_POSE, expression=_EXPRESSION.values))),
     ],
 )
-def test_packets(decode: Callable[[bytes], Any], length: int, kind: Kind):
-    taken = 0
+def test_packets(decode: Callable[[bytes], Any], whole: bytes):
+    taken, length = 0, len(whole)
 
     @FEW
-    @given(data=st.one_of(st.binary(max_size=450), st.binary(min_size=length, max_size=length)))
+    @given(
+        data=st.one_of(
+            damaged(whole), st.binary(max_size=450), st.binary(min_size=length, max_size=length)
+        )
+    )
     def attack(data: bytes) -> None:
         nonlocal taken
         # a head that is let through leads to what is behind it
-        for packet in (data, bytes([VERSION, kind]) + data[2:]):
+        for packet in (data, whole[:2] + data[2:]):
             try:
                 read = decode(packet)
             except PacketError:

@@ -174,6 +174,7 @@ export class LiveView {
   /** The headset drew a picture from where its visit says, with people in it or not yet. */
   headsetFrameDrawn(withPeople: boolean): void {
     this.send(true);
+    this.localRendering.advancePoses();
     if (!withPeople) return;
     this.framesDrawn += 1;
     this.framesThisSecond += 1;
@@ -199,6 +200,11 @@ export class LiveView {
     const pelvis = this.localRendering.pelvisOf(index);
     const [x, y, z] = pelvis ?? [performer.position[0], performer.position[1] + PELVIS_M, performer.position[2]];
     return [x, y + HEAD_ABOVE_PELVIS_M, z];
+  }
+
+  /** How late the voices are heard of the performers who are heard now, ms: their lips wait as long. */
+  setVoiceDelays(delaysMs: ReadonlyMap<string, number>): void {
+    this.localRendering.voiceDelaysMs = delaysMs;
   }
 
   /** Have poses come, whoever draws, for a picture of one's own; null: no longer. */
@@ -274,6 +280,7 @@ export class LiveView {
     const moved = this.viewpoint.step(seconds);
     if (this.localRendering.headsetView) return;
     this.send(moved);
+    this.localRendering.advancePoses();
     if (this.localRendering.draw(this.viewpoint.camera, this.size.requested, this.hideUnseen)) {
       this.framesDrawn += 1;
       this.framesThisSecond += 1;

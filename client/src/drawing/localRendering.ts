@@ -13,6 +13,7 @@ import { drawLatencyCode } from "../transport/latencyCode";
 import type { Meeting } from "../api/types";
 import { FOV_Y_RAD, type CameraPose } from "../viewpoint/viewpoint";
 import type { HeadsetView } from "./headsetView";
+import { LipSync } from "./lipSync";
 
 /** From then on a server that sends pictures in place of poses will not do otherwise. */
 const UNANSWERED_S = 4;
@@ -40,6 +41,13 @@ export class LocalRendering {
   /** Of the seat: authorises the files of people and environment. */
   token = "";
 
+  /** How late the voices of performers are heard that are heard now, ms. */
+  voiceDelaysMs: ReadonlyMap<string, number> = new Map();
+
+  private readonly lipSync = new LipSync(
+    (index) => this.voiceDelaysMs.get(this.meeting.performers[index]?.id ?? "") ?? null,
+    (packet) => (this.headsetView?.room ?? this.room)?.acceptPacket(packet),
+  );
   private readonly modeSelector = new RenderModeSelector();
   /** The room as this device draws it; made when a viewer takes the picture over. */
   private room: LocalRoom | null = null;
@@ -63,7 +71,7 @@ export class LocalRendering {
   begin(): void {
     if (this.room) return;
     const room = this.makeRoom(this.canvas);
-    const pacedRoom = new PacedRoom(room);
+    const pacedRoom = new PacedRoom(room, () => this.lipSync.finished(performance.now()));
     room.onLoaded = () => {
       const { camera, size } = this.hooks.trialView();
       this.modeSelector.setTrialFps(pacedRoom.trial(camera, FOV_Y_RAD, size));
@@ -133,11 +141,17 @@ export class LocalRendering {
 
   /** A pose from the server. */
   acceptPose(packet: ArrayBuffer): void {
-    (this.headsetView?.room ?? this.room)?.acceptPacket(packet);
+    this.lipSync.accept(packet, performance.now());
+  }
+
+  /** Show the poses whose voices are heard by now. */
+  advancePoses(): void {
+    this.lipSync.advance(performance.now());
   }
 
   /** Another connection: what it sends has nothing to do with the poses of the last one. */
   forgetPoses(): void {
+    this.lipSync.forget();
     this.room?.forgetPoses();
     this.headsetView?.room.forgetPoses();
   }
@@ -154,7 +168,9 @@ export class LocalRendering {
 
   /** Draw what has changed, where this device is to; says whether a picture was drawn. */
   draw(camera: CameraPose, size: Size, hideUnseen: boolean): boolean {
-    return this.ready && this.pacedRoom?.draw(camera, FOV_Y_RAD, size, hideUnseen) === true;
+    const drawn = this.ready && this.pacedRoom?.draw(camera, FOV_Y_RAD, size, hideUnseen) === true;
+    if (drawn) this.lipSync.submitted();
+    return drawn;
   }
 
   /** Stamp the picture drawn just now with when it was captured; false: nobody knows when. */

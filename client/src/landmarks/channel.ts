@@ -2,7 +2,7 @@
 
 import { Problem, problemOf } from "../api/problem";
 import type { ObservedExpression } from "./expression";
-import { KEYPOINTS_BYTES, encodeKeypoints, type Landmarks } from "./packet";
+import { LONGEST_KEYPOINTS_BYTES, encodeKeypoints, type Landmarks } from "./packet";
 
 /** As much of a data channel as is needed. */
 export interface Channel {
@@ -13,7 +13,7 @@ export interface Channel {
   close(): void;
 }
 
-const MAX_BUFFERED_BYTES = 2 * KEYPOINTS_BYTES;
+const MAX_BUFFERED_BYTES = 2 * LONGEST_KEYPOINTS_BYTES;
 
 export class KeypointsChannel {
   private channel: Channel | null = null;
@@ -32,7 +32,8 @@ export class KeypointsChannel {
     const channel = this.usableChannel();
     if (channel?.readyState !== "open" || channel.bufferedAmount > MAX_BUFFERED_BYTES) return false;
     this.sequence = (this.sequence + 1) >>> 0;
-    channel.send(encodeKeypoints(this.sequence, timeMs, seen, expression));
+    const ageMs = performance.timeOrigin + performance.now() - timeMs;
+    channel.send(encodeKeypoints(this.sequence, timeMs, ageMs, seen, expression));
     return true;
   }
 

@@ -71,6 +71,11 @@ export class SpatialAudio {
     }
   }
 
+  /** What loudspeakers or headphones take, ms, as far as the browser knows. */
+  get outputLatencyMs(): number {
+    return 1000 * (this.context.outputLatency || 0);
+  }
+
   /** Browsers start sound only after a touch. */
   async resume(): Promise<void> {
     if (this.context.state === "suspended") await this.context.resume();

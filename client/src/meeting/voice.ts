@@ -34,6 +34,8 @@ export class VoiceConnection {
   /** The screen that somebody shares, if one comes; null without a connection. */
   screen: MediaStream | null = null;
   private streams: MediaStream[] = [];
+  /** By track: s that all samples so far waited, and how many they were. */
+  private buffered: Map<string, readonly [number, number]> = new Map();
   private slotHolders: readonly (string | null)[] = [];
   private readonly closing = new AbortController();
   private peer: RTCPeerConnection | null = null;
@@ -100,6 +102,25 @@ export class VoiceConnection {
     if (ended) this.resource = null;
     this.disconnect();
     this.microphone?.stop();
+  }
+
+  /** How long a voice has waited in this browser until it is played, ms, by who is heard; since the last call. */
+  async bufferDelaysMs(): Promise<ReadonlyMap<string, number>> {
+    const found = new Map<string, number>();
+    const before = this.buffered;
+    this.buffered = new Map();
+    const report = await this.peer?.getStats().catch(() => null);
+    report?.forEach((entry: Record<string, unknown>) => {
+      if (entry["type"] !== "inbound-rtp" || entry["kind"] !== "audio") return;
+      const track = String(entry["trackIdentifier"]);
+      const [waitedS, samples] = [Number(entry["jitterBufferDelay"]), Number(entry["jitterBufferEmittedCount"])];
+      this.buffered.set(track, [waitedS, samples]);
+      const [waitedBeforeS, samplesBefore] = before.get(track) ?? [waitedS, samples];
+      const memberId = [...this.slots.values()].find(({ stream }) => stream.getAudioTracks()[0]?.id === track)?.memberId;
+      if (!memberId || samples <= samplesBefore) return;
+      found.set(memberId, (1000 * (waitedS - waitedBeforeS)) / (samples - samplesBefore));
+    });
+    return found;
   }
 
   private async connect(): Promise<void> {

@@ -24,8 +24,15 @@ export class PacedRoom {
   private budget: SplatBudget<Step> | null = null;
   private shares = new SplatShares();
 
-  constructor(private readonly room: LocalRoom) {
-    room.onFinished = (tookMs) => void this.budget?.observe(tookMs);
+  /** `onFinished`: a picture is finished. */
+  constructor(
+    private readonly room: LocalRoom,
+    onFinished: () => void = () => undefined,
+  ) {
+    room.onFinished = (tookMs) => {
+      this.budget?.observe(tookMs);
+      onFinished();
+    };
   }
 
   /** Fewer splats than these would not be drawn. */

@@ -8,6 +8,8 @@
  * before it is; bit 3: neither pictures nor poses are wanted, audio only; bit 4: poses are wanted beside pictures.
  * A view's payload: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV camera axes),
  * f32 vertical field of view (rad), u16 width, u16 height (px).
+ * Flags of a pose: how old, ms, the picture of the landmarks that it follows was when they left their page; 0: it
+ * follows none.
  * A pose's payload: u8 index of the performer, u8 how many there are, u16 check of the performer's id,
  * f32 pelvis[3] (room, m), then 24 turns of 6 bytes: three components of 15 bits, two bits that say
  * which one was left out. Expression: u8 of seventeen numbers (1/255), u8 bits of what is known.
@@ -88,10 +90,21 @@ export function encodeView(packet: ViewPacket): ArrayBuffer {
   return bytes;
 }
 
+/** Whose pose is in `bytes`, and how old its picture was when it left; null for what is no pose packet. */
+export function poseHead(bytes: ArrayBuffer): { index: number; ageMs: number | null } | null {
+  const data = new DataView(bytes);
+  if (!isPose(data)) return null;
+  return { index: data.getUint8(16), ageMs: data.getUint16(2, true) || null };
+}
+
+function isPose(data: DataView): boolean {
+  return POSE_LENGTHS.includes(data.byteLength) && data.getUint8(0) === VERSION && data.getUint8(1) === KIND_POSE;
+}
+
 /** The pose in `bytes`, or null for what is no pose packet of this version. */
 export function decodePose(bytes: ArrayBuffer): PosePacket | null {
   const data = new DataView(bytes);
-  if (!POSE_LENGTHS.includes(bytes.byteLength) || data.getUint8(0) !== VERSION || data.getUint8(1) !== KIND_POSE) return null;
+  if (!isPose(data)) return null;
   const turns = new Float32Array(4 * JOINTS);
   for (let joint = 0; joint < JOINTS; joint++) {
     const low = data.getUint32(ROTATIONS_AT + 6 * joint, true);

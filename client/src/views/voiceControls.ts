@@ -16,6 +16,8 @@ export interface AudioScene {
   readonly listener: ListenerPose;
   /** The head of a performer, m; null for one who is not there. */
   headPosition(performerId: string): Vec3 | null;
+  /** How late the voices are heard of performers who are heard now, ms. */
+  setVoiceDelays(delaysMs: ReadonlyMap<string, number>): void;
 }
 
 export interface VoiceControls {
@@ -29,6 +31,7 @@ export interface VoiceControls {
 }
 
 const POSITION_MS = 50;
+const DELAYS_MS = 1000;
 /** Space, held down, opens the microphone for so long. */
 const TALK_KEY = "Space";
 
@@ -49,7 +52,7 @@ export function voiceControls(
   let wasOpen = false;
   let connection: VoiceConnection | null = null;
   const spatialAudio = new SpatialAudio();
-  let positioning: ReturnType<typeof setInterval> | undefined;
+  let timers: ReturnType<typeof setInterval>[] = [];
   player.srcObject = spatialAudio.output;
 
   const play = (): void => {
@@ -93,6 +96,8 @@ export function voiceControls(
     session.send({ type: "microphone", on });
   };
   const toggle = (): Promise<void> => set(!serverOn);
+  const performerOf = (memberId: string): string | null | undefined =>
+    session.state.members.find(({ id }) => id === memberId)?.performer_id;
 
   const isTalkKey = ({ target, code }: KeyboardEvent): boolean =>
     code === TALK_KEY && !(target as Element).closest("input, textarea, button, a");
@@ -112,11 +117,16 @@ export function voiceControls(
     spatialiseIn: (room) => {
       const place = (): void =>
         spatialAudio.setPositions(room.listener, (memberId) => {
-          const performerId = session.state.members.find(({ id }) => id === memberId)?.performer_id;
+          const performerId = performerOf(memberId);
           return performerId ? room.headPosition(performerId) : null;
         });
-      clearInterval(positioning);
-      positioning = setInterval(place, POSITION_MS);
+      const tellDelays = async (): Promise<void> => {
+        const delaysMs = (await connection?.bufferDelaysMs()) ?? new Map<string, number>();
+        const heard = [...delaysMs].map(([memberId, ms]) => [performerOf(memberId) ?? "", ms + spatialAudio.outputLatencyMs] as const);
+        room.setVoiceDelays(new Map(heard));
+      };
+      timers.forEach(clearInterval);
+      timers = [setInterval(place, POSITION_MS), setInterval(() => void tellDelays(), DELAYS_MS)];
     },
     update: () => {
       connection?.assignSlots(session.state.slots);
@@ -142,7 +152,7 @@ export function voiceControls(
     },
     close: () => {
       closing.abort();
-      clearInterval(positioning);
+      timers.forEach(clearInterval);
       connection?.close(session.left);
       spatialAudio.close();
       player.srcObject = null;

@@ -22,7 +22,7 @@ class FakePeer extends EventTarget {
     this.asked.push(`${kind} ${direction}`);
     return {
       sender: { replaceTrack: async (track: FakeTrack) => void (this.sent = track) },
-      receiver: { track: new FakeTrack() },
+      receiver: { track: Object.assign(new FakeTrack(), { id: `track ${this.asked.length - 2}` }) },
     };
   }
   async createOffer(): Promise<object> {
@@ -36,6 +36,8 @@ class FakePeer extends EventTarget {
     this.connectionState = state;
     this.dispatchEvent(new Event("connectionstatechange"));
   }
+  stats: object[] = [];
+  getStats = async (): Promise<Map<number, object>> => new Map(this.stats.entries());
   close(): void {
     this.closed = true;
   }
@@ -67,6 +69,7 @@ describe("the voice connection", () => {
     track = new FakeTrack();
     vi.stubGlobal("MediaStream", class {
       constructor(readonly tracks: unknown[]) {}
+      getAudioTracks = (): unknown[] => this.tracks;
     });
     vi.stubGlobal("navigator", {
       mediaDevices: { getUserMedia: async () => ({ getAudioTracks: () => [track] }) },
@@ -121,6 +124,23 @@ describe("the voice connection", () => {
     await vi.advanceTimersByTimeAsync(1000);
     expect(heard.at(-1)).toBe("0 cy,1 bo");
     link.close();
+  });
+
+  it("tells how long each voice waited since the last time, of those that are heard", async () => {
+    const { link, peers } = setUp();
+    link.assignSlots([null, "bo", "cy"]);
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    const voice = (slot: number, jitterBufferDelay: number, jitterBufferEmittedCount: number): object =>
+      ({ type: "inbound-rtp", kind: "audio", trackIdentifier: `track ${slot}`, jitterBufferDelay, jitterBufferEmittedCount }); // prettier-ignore
+    const tell = (...stats: object[]): void => void (peers[0] && (peers[0].stats = stats));
+    tell(voice(1, 4800, 48_000), voice(2, 10, 480), voice(3, 0, 0), { type: "inbound-rtp", kind: "video" });
+    expect([...(await link.bufferDelaysMs())]).toEqual([]);
+    // half a second later: 80 ms each; cy is silent, and nobody has the track of number 3
+    tell(voice(1, 4800 + 0.08 * 24_000, 72_000), voice(2, 10, 480), voice(3, 50, 960));
+    expect([...(await link.bufferDelaysMs())]).toEqual([["bo", expect.closeTo(80, 6)]]);
+    link.close();
+    expect([...(await link.bufferDelaysMs())]).toEqual([]);
   });
 
   it("hangs up when closed", async () => {

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { Pacer, StallDetector, VIEW_BYTES, decodePose, encodeView, isNewer, performerCheck } from "../../src/transport/packets";
+import { Pacer, StallDetector, VIEW_BYTES, decodePose, encodeView, isNewer, performerCheck, poseHead } from "../../src/transport/packets";
 
 describe("encodeView", () => {
   it("writes the very bytes that the server's own encoder writes", () => {
@@ -85,6 +85,13 @@ describe("decodePose", () => {
     "b6b6ed6d5b6b" + "004000200010".repeat(23);
   const bytes = (hex: string): ArrayBuffer =>
     Uint8Array.from(hex.match(/../g) ?? [], (pair) => parseInt(pair, 16)).buffer;
+
+  it("tells whose pose it is, and how old its landmarks were", () => {
+    expect(poseHead(bytes(golden))).toEqual({ index: 1, ageMs: null });
+    expect(poseHead(bytes("01024800" + golden.slice(8)))).toEqual({ index: 1, ageMs: 72 });
+    expect(poseHead(bytes("0103" + golden.slice(4)))).toBeNull();
+    expect(poseHead(bytes(golden).slice(1))).toBeNull();
+  });
 
   it("reads the very bytes that the server writes", () => {
     const pose = decodePose(bytes(golden));

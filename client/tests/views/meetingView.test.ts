@@ -35,6 +35,7 @@ function fakeLive() {
     showScreen: vi.fn(),
     listener: { position: [0, 0, 0], wxyz: [1, 0, 0, 0] },
     headPosition: () => null,
+    setVoiceDelays: () => undefined,
   };
 }
 

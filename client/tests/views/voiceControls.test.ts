@@ -24,6 +24,12 @@ class FakePeer extends EventTarget {
     this.dispatchEvent(new Event("connectionstatechange"));
   }
   close = (): void => undefined;
+  waitedS = 0;
+  getStats = async (): Promise<Map<string, object>> => {
+    this.waitedS += 0.12 * 48_000;
+    const told = { type: "inbound-rtp", kind: "audio", trackIdentifier: "0" };
+    return new Map([["", { ...told, jitterBufferDelay: this.waitedS, jitterBufferEmittedCount: this.waitedS / 0.12 }]]);
+  };
 }
 
 const OFF = { ...HOST, microphone: false };
@@ -75,6 +81,39 @@ afterEach(() => {
   close();
   vi.useRealTimers();
   vi.unstubAllGlobals();
+});
+
+describe("the others' voices", () => {
+  it("tell how late each performer is heard, with what the loudspeaker takes", async () => {
+    const param = { setTargetAtTime: () => undefined };
+    const node = Object.fromEntries(["position", "forward", "up"].flatMap((name) => ["X", "Y", "Z"].map((axis) => [name + axis, param])));
+    const place = { ...node, connect: (to: object) => to, disconnect: () => undefined };
+    vi.stubGlobal("AudioContext", class {
+      state = "running";
+      outputLatency = 0.025;
+      listener = place;
+      createMediaStreamDestination = (): object => ({ stream: {} });
+      createMediaStreamSource = (): object => place;
+      createPanner = (): object => ({ ...place });
+      close = async (): Promise<void> => undefined;
+    });
+    vi.stubGlobal("MediaStream", class {
+      getAudioTracks = (): object[] => [{ id: "0" }];
+    });
+    const { spatialiseIn, roster, hear, settle } = await setUp();
+    roster({ members: [OFF, { ...BO, performer_id: "bo's model" }] });
+    hear({ type: "speaking", participant_ids: [], slots: [BO.id] });
+    const told: [string, number][][] = [];
+    const room = {
+      listener: { position: [0, 0, 0], wxyz: [1, 0, 0, 0] } as const,
+      headPosition: () => null,
+      setVoiceDelays: (delaysMs: ReadonlyMap<string, number>) => void told.push([...delaysMs]),
+    };
+    spatialiseIn(room);
+    await vi.advanceTimersByTimeAsync(2100);
+    await settle();
+    expect(told.at(-1)).toEqual([["bo's model", expect.closeTo(120 + 25, 6)]]);
+  });
 });
 
 describe("the microphone's button", () => {

@@ -20,6 +20,7 @@ from scene.limits import ELBOW_HINGE
 from scene.motion import Pose
 from scene.rotations import axis_angle_to_matrix
 from scene.skeleton import JOINT_NAMES, PARENTS, Skeleton
+from services.live.settling_mean import SettlingMean
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
 _LEGS = np.array(
@@ -27,8 +28,7 @@ _LEGS = np.array(
 )
 _FEET = _LEGS[:, 2:].ravel()
 _PARENTS = np.array(PARENTS)
-_FIRST_S, _UPRIGHT_S = 1.0, 20.0
-"""Which way is up is learnt at once, then slowly: people lean, cameras stand."""
+_UP = np.array([0.0, 1.0, 0.0])
 _HOME_S = 10.0
 """Whoever stays somewhere else ends up in the middle of their place."""
 _FARTHEST_M = 0.75
@@ -112,8 +112,7 @@ class FootLocking:
 
     def __init__(self, skeleton: Skeleton, yaw_rad: float = 0.0) -> None:
         self._rest = np.array(skeleton.rest_joints)
-        self._up = np.array([0.0, 1.0, 0.0])
-        self._known_s = 0.0
+        self._up = SettlingMean(_UP)
         self._home: Array | None = None
         self._legs = 0.0
         """How far legs count as seen, 0 to 1."""
@@ -186,16 +185,13 @@ class FootLocking:
     def _learn_up(self, local: Array, pelvis: Array, legs_seen: bool, step_s: float) -> None:
         from scene.kinematics_kernels import rotation_between
 
-        self._known_s += step_s
         _, positions = self._joints(local, pelvis)
-        learnt_s = min(max(self._known_s, _FIRST_S), _UPRIGHT_S)
-        share = 1.0 if self._home is None else min(1.0, step_s / learnt_s)
         # in the mean whoever stands is upright from ankles to neck; whoever shows no legs may
         # sit, with an upright trunk
         below = 0.5 * positions[_LEGS[:, 2]].sum(axis=0) if legs_seen else positions[0]
         up = positions[_J["neck"]] - below
-        self._up = self._up + share * (up / math.sqrt(float(up @ up)) - self._up)
-        self._upright_rotation = self._yaw @ rotation_between(self._up, np.array([0.0, 1.0, 0.0]))
+        self._up.add(up / math.sqrt(float(up @ up)), step_s)
+        self._upright_rotation = self._yaw @ rotation_between(self._up.value, _UP)
 
     def _upright(self, local: Array, pelvis: Array) -> tuple[Array, Array]:
         """The same with the vertical where it is."""

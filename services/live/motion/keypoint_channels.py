@@ -21,8 +21,9 @@ from db.errors import NotFound
 from scene.errors import InvalidInput
 from services.auth import GUEST, is_guest
 from services.errors import DrivenElsewhere, NotOwner
+from services.live.keypoints_packet import KeypointsPacket, decode_keypoints
 from services.live.motion.live_motion import LiveMotion, warm_up
-from services.live.packets import KeypointsPacket, PacketError, decode_keypoints, is_newer
+from services.live.packets import PacketError, is_newer
 from services.live.room import MeetingPerformer, Room, facing_yaw
 
 log = logging.getLogger(__name__)

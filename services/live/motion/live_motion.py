@@ -29,9 +29,9 @@ from scene.errors import InvalidInput
 from scene.motion import Pose
 from scene.skeleton import Skeleton
 from services.live.eye_level import LevelGaze
+from services.live.keypoints_packet import KeypointsPacket
 from services.live.motion.expression_filter import AT_REST, ExpressionFilter, HeldExpression
 from services.live.motion.foot_locking import FootLocking, LocalPose
-from services.live.packets import KeypointsPacket
 
 EASE_S = 1.0
 """From the last prediction to rest."""
@@ -68,6 +68,8 @@ class _MotionState:
     back_share: float
     """How far from rest they were shown then."""
     expression: HeldExpression = AT_REST
+    age_ms: int = 0
+    """How old the picture was when its landmarks left their page."""
 
     @cached_property
     def rest(self) -> LocalPose:
@@ -124,6 +126,13 @@ class LiveMotion:
         return None if state is None else 1e3 * state.time_s
 
     @property
+    def landmarks_age_ms(self) -> int:
+        """How old the newest picture was when its landmarks left their page, at least 1; 0 until
+        some came."""
+        state = self._state
+        return 0 if state is None else max(1, state.age_ms)
+
+    @property
     def clock_offset_s(self) -> float | None:
         """Our clock less the camera's, as estimated; None until keypoints came."""
         state = self._state
@@ -149,7 +158,7 @@ class LiveMotion:
         legs = float(np.median(solver.landmark_weights[_LEGS]))
         expression = self._expression.update(packet.expression, time_s)
         state = self._next_state(now, ahead, arrived_s, legs_seen=legs > _LEGS_SEEN)
-        self._state = replace(state, expression=expression)
+        self._state = replace(state, expression=expression, age_ms=packet.age_ms)
 
     def _next_state(
         self, now: Pose, ahead: Pose, arrived_s: float, *, legs_seen: bool

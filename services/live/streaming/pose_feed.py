@@ -110,6 +110,7 @@ def pose_packets(
     for index, (member, performer) in enumerate(zip(members, performers, strict=True)):
         pelvis, rotations = room_pose(performer)
         check = performer_check(member.performer_id)
+        live = room.live_motions.get(member.performer_id)
         packets.append(
             PosePacket(
                 sequence,
@@ -119,6 +120,7 @@ def pose_packets(
                 check,
                 pelvis,
                 rotations,
+                0 if live is None else live.landmarks_age_ms,
                 performer.pose.expression,
             )
         )

@@ -7,7 +7,7 @@ import numpy as np
 from capture.body.landmark_names import LANDMARK_NAMES
 from scene.camera import Camera, orbit_camera
 from scene.motion import Pose
-from services.live.packets import KeypointsPacket
+from services.live.keypoints_packet import KeypointsPacket
 from tests.capture.people import body, landmark_positions
 
 WIDTH, HEIGHT = 640, 480

@@ -19,9 +19,9 @@ from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
+from services.live.keypoints_packet import KeypointsPacket, encode_keypoints
 from services.live.motion.keypoint_channels import KeypointReceiver
 from services.live.motion.live_motion import LiveMotion
-from services.live.packets import KeypointsPacket, encode_keypoints
 from services.live.room import Room
 from services.live.sessions.view_sessions import ViewSessions
 from services.meetings import create_meeting

@@ -13,9 +13,9 @@ from capture.live.filter import AT_MOST_S
 from scene.errors import InvalidInput
 from scene.motion import Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
+from services.live.keypoints_packet import KEYPOINTS_BYTES, decode_keypoints, encode_keypoints
 from services.live.motion.foot_locking_kernels import bend, level, reach_with
 from services.live.motion.live_motion import EASE_S, LiveMotion
-from services.live.packets import decode_keypoints, encode_keypoints
 from tests.capture.people import JOINT, body, standing
 from tests.services.live.people import joints, seen
 
@@ -190,7 +190,15 @@ def test_packets_that_tell_no_pose_are_refused_and_change_nothing(waving):
     live.update(seen(waving[7], 53), waving[7].time_s + BEHIND_S)
 
 
-@given(st.binary(min_size=363, max_size=363))
+def test_it_tells_how_old_the_newest_picture_was(waving):
+    live, _ = followed(waving[:2])
+    assert live.landmarks_age_ms == 1, "found at once"
+    live.update(replace(seen(waving[2], 50), age_ms=72), waving[2].time_s + BEHIND_S)
+    assert live.landmarks_age_ms == 72
+    assert LiveMotion(body().skeleton).landmarks_age_ms == 0
+
+
+@given(st.binary(min_size=KEYPOINTS_BYTES - 20, max_size=KEYPOINTS_BYTES - 20))
 @settings(max_examples=40, deadline=None)
 def test_any_landmarks_give_a_pose_or_are_refused(noise):
     live = LiveMotion(body().skeleton)

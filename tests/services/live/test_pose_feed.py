@@ -75,6 +75,13 @@ turns = (
 places = st.tuples(*[st.floats(-20, 20, width=32)] * 3).map(np.array)
 
 
+def test_a_pose_tells_how_old_its_landmarks_were():
+    data = encode_pose(replace(golden_packet(), landmarks_age_ms=72))
+    assert data.hex() == GOLDEN[:4] + "4800" + GOLDEN[8:]
+    assert decode_pose(data).landmarks_age_ms == 72
+    assert decode_pose(bytes.fromhex(GOLDEN)).landmarks_age_ms == 0
+
+
 @given(turns, places, st.integers(0, 2**32 - 1))
 def test_every_turn_survives_within_a_hundredth_of_a_degree(turns, place, sequence):
     data = encode_pose(PosePacket(sequence, 12.5, 4, 9, 0xABCD, place, turns))
