@@ -20,8 +20,8 @@ from renderer.pose_refinement.photometry import (
 )
 from renderer.splats.layout import POSITION, VISIBILITY_DILATION_PX2
 from renderer.splats.model import SplatModel
-from renderer.splats.rasteriser.workspace import Workspace
-from scene.arrays import Array, Float
+from renderer.splats.rasteriser.workspace import Workspace, pack_camera
+from scene.arrays import Array, Float, Int
 from scene.camera import Camera
 from scene.motion import Pose
 
@@ -78,32 +78,43 @@ class FlowAligner:
         transforms = self._model.skeleton.skinning_transforms(
             pose.joint_angles, pose.root_translation
         )
-        front = work.front(
+        work.arrange(
             shown,
             self._joints,
             self._weights,
             transforms.astype(np.float32),
-            camera,
+            pack_camera(camera),
+            camera.width,
+            camera.height,
             VISIBILITY_DILATION_PX2,
         )
         drawn = np.empty((camera.height, camera.width, 4), np.float32)
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), drawn)
         flow = np.zeros((camera.height, camera.width, 2), np.float32)
         flow = self._flow.calc(_luma(drawn[..., :3]), _cut_out_luma(picture), flow)
-        return self._pose_step(front, flow, camera, pose)
+        return self._pose_step(*self._sampled(drawn[..., 3], flow), camera, pose)
+
+    def _sampled(
+        self, alpha: Float[Array, "H W"], flow: Float[Array, "H W 2"]
+    ) -> tuple[Int[Array, "M"], Float[Array, "M 2"]]:
+        """Splats that some of the person's pixels show, and how far those pixels are to move."""
+        from renderer.splats.rasteriser.visibility_kernels import front_of_pixels
+
+        rows, columns = np.nonzero(alpha > 0.5)
+        every = max(1, len(rows) // _PIXELS)
+        rows, columns = rows[::every].astype(np.int32), columns[::every].astype(np.int32)
+        work, front = self._work, np.empty(len(rows), np.int32)
+        width = alpha.shape[1]
+        front_of_pixels(work.projected, work.starts, work.entries, width, rows, columns, front)
+        known = front >= 0
+        return front[known], flow[rows[known], columns[known]].astype(np.float64)
 
     def _pose_step(
-        self, front: Array, flow: Float[Array, "H W 2"], camera: Camera, pose: Pose
+        self, front: Int[Array, "M"], moved: Float[Array, "M 2"], camera: Camera, pose: Pose
     ) -> Float[Array, "75"]:
-        rows, columns = np.nonzero(front >= 0)
-        if not len(rows):
+        if not len(front):
             return np.zeros(POSE_PARAMETERS)
-        every = max(1, len(rows) // _PIXELS)
-        rows, columns = rows[::every], columns[::every]
-        jacobian = pixel_jacobian(
-            self._points, front[rows, columns], self._model.skeleton, camera, pose
-        )
-        moved = flow[rows, columns].astype(np.float64)
+        jacobian = pixel_jacobian(self._points, front, self._model.skeleton, camera, pose)
         weight = 1.0 / (1.0 + (moved**2).sum(axis=1) / _FAR_PX**2)
         flat = jacobian.reshape(-1, POSE_PARAMETERS).astype(np.float64)
         weighted = flat * np.repeat(weight, 2)[:, None]
