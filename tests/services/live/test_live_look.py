@@ -139,7 +139,7 @@ async def test_ones_own_pictures_arrive_until_live_look_goes_off(views, room, si
     assert kept.stops > stops
 
 
-@pytest.mark.parametrize("account", [new_guest(), GUEST])
+@pytest.mark.parametrize("account", [new_guest(), GUEST], ids=["guest", "shared"])
 async def test_the_demos_performer_shows_nobodys_pictures(views, room, sinks, account):
     sender, before = Sender(room, "Di"), count("refused")
     await sender.connect(views, room, account)

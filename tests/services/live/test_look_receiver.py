@@ -154,9 +154,9 @@ async def test_other_sizes_are_not_decoded_and_another_key_frame_is_asked_for(en
     ends.receiver.announce(True)
     before = count("unreadable")
     large = Encoder((640, 480))
-    for number in range(3):
-        frame = frame_of(code(number)).reformat(640, 480)
-        ends.receiver.on_frame(large.encode(frame))
+    frames = [large.encode(frame_of(code(number)).reformat(640, 480)) for number in range(3)]
+    for data in frames:
+        ends.receiver.on_frame(data)
     await asyncio.sleep(0)
     assert count("unreadable") == before + 3
     assert ends.asked.times == 1
