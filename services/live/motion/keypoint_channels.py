@@ -108,7 +108,7 @@ class KeypointChannels:
         motion = LiveMotion(performer.model.skeleton, -facing_yaw(performer.motion))
         receiver = KeypointReceiver(motion, self._executor, self._clock)
         sink = None
-        if look is not None and _owns(account, performer):
+        if look is not None and owns_alone(account, performer):
             sink = room.looks[performer.performer_id] = self.make_look_sink(performer, motion)
             look.attach(sink)
             receiver.on_live_look = look.announce
@@ -205,8 +205,8 @@ _TAKEN_OVER = (
 )
 
 
-def _owns(account: str | None, performer: MeetingPerformer) -> bool:
-    """Whether a performer is of this account, and of no other: those that many share lend only."""
+def owns_alone(account: str | None, performer: MeetingPerformer) -> bool:
+    """Whether a performer is of this account, and it of one person: many come as `INVITED`."""
     return performer.account == account and account not in (None, "", GUEST, INVITED)
 
 
