@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -14,6 +13,7 @@ from capture.detection.network_files import FACE_MODEL, HAND_MODEL, POSE_MODEL
 from services.bootstrap import DEMO_MODEL, import_model
 from services.gateway import gateway_of
 from services.live.look.picture import LookPicture, LookSink
+from services.live.look.receiver import SILENCE_S
 from services.meetings import create_meeting
 from tests.e2e.serving import WATCH, Gateway, serving
 from tests.e2e.test_motion_capture import webcam
@@ -40,7 +40,7 @@ RTCDataChannel.prototype.send = function (data) {
 const nowMs = () => performance.timeOrigin + performance.now();
 document.addEventListener("change", () => (window.changedMs = nowMs()), true);
 """
-"""`captured` are the capture times of the landmarks sent, `changedMs` when a switch was last used."""
+"""`captured`: capture times of the landmarks sent; `changedMs`: when a switch was last used."""
 
 
 class Kept(LookSink):
@@ -98,11 +98,10 @@ def test_a_cut_out_leaves_while_the_switch_is_on_and_not_a_moment_longer(tmp_pat
             return len(kept.pictures) >= 20
 
         until(came, "pictures")
-        page.screenshot(path=str(tmp_path / "on.png"))
         switch.click()
         until(lambda: bool(kept.stopped_s), "stopping")
-        late_ms = 1e3 * kept.stopped_s[0] - page.evaluate("changedMs")
-        assert late_ms < 200.0
+        # long before silence would tell
+        assert kept.stopped_s[0] - page.evaluate("changedMs") / 1e3 < 0.5 * SILENCE_S
         expect(preview).to_be_hidden()
         shown, sent = len(kept.pictures), page.evaluate(OUTGOING_VIDEO)
         page.wait_for_timeout(1500)
@@ -119,5 +118,3 @@ def test_a_cut_out_leaves_while_the_switch_is_on_and_not_a_moment_longer(tmp_pat
     x, y, side = last.window
     assert side >= 240
     assert -side < min(x, y)
-    np.savez(tmp_path / "last.npz", rgb=last.rgb, matte=last.matte, window=last.window)
-    print("LATE", late_ms, "n", len(kept.pictures), last.window, tmp_path)
