@@ -68,8 +68,9 @@ class LookReceiver:
         self._silence: asyncio.TimerHandle | None = None
 
     def attach(self, sink: LookSink) -> None:
-        """Pictures are of whom `sink` shows, once they are announced."""
-        self._sink, self._announced = sink, False
+        """Pictures are of whom `sink` shows, once they are announced, and of nobody else."""
+        self.announce(False)
+        self._sink = sink
 
     def detach(self, sink: LookSink) -> None:
         """They no longer are; `sink` is stopped."""
@@ -122,6 +123,9 @@ class LookReceiver:
             PICTURES.labels("unreadable").inc()
             log.debug("a picture could not be decoded: %s", error)
             self._drop_waiting()
+        except Exception:
+            # an error in a sink must not end the pictures
+            log.exception("a picture could not be shown")
         finally:
             self._decoding = None
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from prometheus_client import REGISTRY
 
+from services.live.look.picture import LookPicture
 from services.live.look.picture_code import PictureCode
 from services.live.look.receiver import SILENCE_S, LookReceiver, key_frame_size, offers_pictures
 from tests.services.live.look_pictures import Encoder, KeptPictures, frame_of
@@ -131,6 +132,43 @@ async def test_switched_off_it_stops_at_once_and_for_good(ends):
     assert len(ends.sink.pictures) == 1
     ends.receiver.announce(True)
     ends.send(0)
+    await ends.shown(2)
+
+
+async def test_whose_pictures_they_no_longer_are_is_shown_none(ends):
+    ends.receiver.attach(ends.sink)
+    ends.receiver.announce(True)
+    ends.send(0)
+    await ends.shown(1)
+    other = KeptPictures()
+    ends.receiver.attach(other)
+    assert (ends.sink.stops, other.stops) == (1, 0)
+    ends.receiver.announce(True)
+    ends.send(0, 1)
+    for _ in range(200):
+        await asyncio.sleep(0.01)
+        if other.pictures:
+            break
+    assert (len(ends.sink.pictures), len(other.pictures)) == (1, 1)
+    ends.receiver.detach(other)
+    assert other.stops == 1
+
+
+async def test_an_error_of_a_sink_does_not_end_the_pictures(ends, caplog):
+    class Broken(KeptPictures):
+        def receive(self, picture: LookPicture) -> None:
+            super().receive(picture)
+            if len(self.pictures) == 1:
+                raise ValueError("no place for a picture")
+
+    ends.sink = Broken()
+    ends.receiver.attach(ends.sink)
+    ends.receiver.announce(True)
+    ends.send(0)
+    await ends.shown(1)
+    await asyncio.sleep(0.05)
+    assert "no place for a picture" in caplog.text
+    ends.send(1)
     await ends.shown(2)
 
 
