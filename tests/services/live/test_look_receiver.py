@@ -151,7 +151,7 @@ async def test_whose_pictures_they_no_longer_are_is_shown_none(ends):
             break
     assert (len(ends.sink.pictures), len(other.pictures)) == (1, 1)
     ends.receiver.detach(other)
-    assert other.stops == 1
+    assert other.stops > 0
 
 
 async def test_an_error_of_a_sink_does_not_end_the_pictures(ends, caplog):
