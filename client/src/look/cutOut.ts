@@ -9,15 +9,24 @@ const HALF_PX = CELLS * CELL_PX;
 export const LOOK_WIDTH = PICTURE_PX;
 export const LOOK_HEIGHT = PICTURE_PX + HALF_PX;
 
+/** Between pictures: fifteen a second are sent, of a camera's thirty every other. */
+const LEAST_MS = 60;
+
 export class CutOut {
   private readonly page = penOf(LOOK_WIDTH, LOOK_HEIGHT);
   private readonly matte = penOf(HALF_PX, HALF_PX);
   private readonly window = new LookWindow();
+  private drawnMs = -Infinity;
 
-  /** The picture of `timeMs`, of which `mask` and `seen` tell where the person is; null where they hardly are. */
+  /**
+   * The picture of `timeMs`, of which `mask` and `seen` tell where the person is; null where they hardly are, and
+   * where the last one was drawn a moment ago.
+   */
   draw(picture: ImageBitmap, mask: Mask, seen: SeenPoints, timeMs: number): ImageBitmap | null {
+    if (timeMs - this.drawnMs < LEAST_MS) return null;
     const square = this.window.follow(seen, timeMs);
     if (!square) return null;
+    this.drawnMs = timeMs;
     const { page, matte } = this;
     const { x, y, side } = square;
     const { grey, kept } = mattePixels(matteOf(mask, square, HALF_PX));
