@@ -5,6 +5,7 @@ const FLOORS = [
   "api",
   "viewpoint",
   "capture",
+  "look",
   "landmarks",
   "transport",
   "splats",

@@ -1,10 +1,10 @@
 """The packet of the channel `keypoints`: one person in one picture of a webcam, packed in bits.
 
-Header as in `services.live.packets`, 16 bytes, of version 2; its u16 holds how old the picture was
-when the packet left, ms. Then u16 width, u16 height (px of the picture), i16 xy of the body's
-middle (1/8192 of the picture's sides), u16 scales of the body's xy, the body's world, the details'
-xy and the details' world (1/8192 of a side, or of a metre); then numbers of a few bits, least
-significant first, without gaps:
+Header as in `services.live.packets`, 16 bytes, of version 2; its u16 holds in 15 bits how old the
+picture was when the packet left, ms, and in the highest whether live look is on. Then u16 width,
+u16 height (px of the picture), i16 xy of the body's middle (1/8192 of the picture's sides), u16
+scales of the body's xy, the body's world, the details' xy and the details' world (1/8192 of a side,
+or of a metre); then numbers of a few bits, least significant first, without gaps:
 
 - of the thirteen landmarks of the body (`BODY`), 9 bits each: xy from the body's middle, then xyz
   of the world,
@@ -36,7 +36,8 @@ _HEAD = struct.Struct("<HH2h4H")
 _STEPS = 8192
 """To a metre, or to a side of the picture."""
 _BODY_BITS, _DETAIL_BITS, _VISIBILITY_BITS, _EXPRESSION_BITS, _KNOWN_BITS = 9, 6, 3, 6, 3
-_OLDEST_MS = 0xFFFF
+_OLDEST_MS = 0x7FFF
+_LIVE_LOOK = 0x8000
 _DETAILS = (
     ("nose", LANDMARK_NAMES[1:11]),
     *((f"{s}_wrist", [f"{s}_{f}" for f in ("pinky", "index", "thumb")]) for s in ("left", "right")),
@@ -90,6 +91,8 @@ class KeypointsPacket:
     """Of face and fingers, where they were detected."""
     age_ms: int = 0
     """Time from the picture's capture to the packet's leaving: what finding landmarks took."""
+    live_look: bool = False
+    """Whether pictures of the person travel with the landmarks (`services.live.look`)."""
 
 
 def encode_keypoints(packet: KeypointsPacket) -> bytes:
@@ -114,7 +117,8 @@ def encode_keypoints(packet: KeypointsPacket) -> bytes:
         numbers += [_unsigned(seen.values, _EXPRESSION_BITS), np.array([seen.known & ALL_GROUPS])]
     age_ms = min(max(packet.age_ms, 0), _OLDEST_MS)
     version = KEYPOINTS_VERSION
-    header = HEADER.pack(version, Kind.KEYPOINTS, age_ms, packet.sequence, packet.capture_time_ms)
+    told = age_ms | _LIVE_LOOK * packet.live_look
+    header = HEADER.pack(version, Kind.KEYPOINTS, told, packet.sequence, packet.capture_time_ms)
     return (
         header + _HEAD.pack(packet.width, packet.height, *middle, *scales) + _pack(numbers, fields)
     )
@@ -123,7 +127,7 @@ def encode_keypoints(packet: KeypointsPacket) -> bytes:
 def decode_keypoints(data: bytes) -> KeypointsPacket:
     """Read a keypoints packet. Raises PacketError with the rule that `data` breaks."""
     sizes = (KEYPOINTS_BYTES, LONGEST_KEYPOINTS_BYTES)
-    age_ms, sequence, capture_time_ms = header_of(data, Kind.KEYPOINTS, sizes, KEYPOINTS_VERSION)
+    flags, sequence, capture_time_ms = header_of(data, Kind.KEYPOINTS, sizes, KEYPOINTS_VERSION)
     width, height, x, y, *scales = _HEAD.unpack_from(data, HEADER.size)
     if not math.isfinite(capture_time_ms) or not (width and height):
         raise PacketError(
@@ -145,7 +149,16 @@ def decode_keypoints(data: bytes) -> KeypointsPacket:
         values = numbers[5] / _most(_EXPRESSION_BITS)
         expression = ObservedExpression(values, int(numbers[6][0]) & ALL_GROUPS)
     return KeypointsPacket(
-        sequence, capture_time_ms, width, height, xy, world, visibility, expression, age_ms
+        sequence,
+        capture_time_ms,
+        width,
+        height,
+        xy,
+        world,
+        visibility,
+        expression,
+        flags & _OLDEST_MS,
+        bool(flags & _LIVE_LOOK),
     )
 
 

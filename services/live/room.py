@@ -15,6 +15,7 @@ from scene.motion import Motion, Pose
 from scene.rotations import axis_angle_to_matrix
 from scene.skeleton import HEAD, Skeleton
 from services.arrangement import Placed, place, view_from_the_front
+from services.live.look.picture import LookSink
 
 _FIRST_FOV_Y_RAD = 0.6
 """Of pictures before a viewer has told how they look."""
@@ -80,6 +81,8 @@ class Room:
     environment: Environment = field(default_factory=Environment)
     live_motions: dict[str, MotionSource] = field(default_factory=dict)
     """By performer id, of those who are driven live now."""
+    looks: dict[str, LookSink] = field(default_factory=dict)
+    """By performer id, of those whose page may send pictures of them now."""
 
     def scene_at(self, now_s: float, *, hide_unseen: bool = False) -> Scene[PerformerModel]:
         """The scene at `now_s`: performers driven live, or playing their motion back and forth.

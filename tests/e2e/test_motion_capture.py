@@ -60,7 +60,10 @@ OUTGOING = """async () => {
   for (const peer of peers) {
     for (const { track } of peer.getSenders()) if (track) kinds.push(track.kind);
     const report = await peer.getStats();
-    report.forEach(({ type, kind }) => type === "outbound-rtp" && kinds.push(kind));
+    // the place that live look has in the offer stays empty
+    report.forEach(({ type, kind, bytesSent }) => {
+      if (type === "outbound-rtp" && bytesSent > 0) kinds.push(kind);
+    });
   }
   return kinds;
 }"""

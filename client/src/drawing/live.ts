@@ -218,6 +218,11 @@ export class LiveView {
     return this.connection.openKeypointsChannel(performerId);
   }
 
+  /** Send pictures of oneself; null: none. */
+  setLookTrack(track: MediaStreamTrack | null): void {
+    this.connection.setLookTrack(track);
+  }
+
   close(): void {
     removeEventListener("pagehide", this.onPageHide);
     this.connection.close();

@@ -1,10 +1,11 @@
 /** Looks at a camera's pictures: where somebody is in them, and how bright and sharp they are there. */
 
 import { SAMPLE_PX, pictureQuality, type PictureQuality } from "../capture/pictureQuality";
-import { cropOf, upperBodySquare, type SquareCrop } from "../landmarks/crops";
+import { cropOf, upperBodySquare } from "../landmarks/crops";
 import { LandmarkDetector } from "../landmarks/detector";
 import { eachFrame } from "../landmarks/frames";
 import type { Landmarks } from "../landmarks/packet";
+import type { Square } from "../look/pictureCode";
 import { isNearFace, type Observation } from "./steps";
 
 export interface WatchHooks {
@@ -42,6 +43,6 @@ export function watch(video: HTMLVideoElement, { onObservation, onFailed }: Watc
 }
 
 /** Of a face nearby the face; of whoever is farther away, or turned away, more, for a few pixels of hair are never sharp. */
-function squareOf(seen: Landmarks): SquareCrop | null {
+function squareOf(seen: Landmarks): Square | null {
   return isNearFace(seen) ? cropOf("face", seen) : upperBodySquare(seen);
 }

@@ -26,14 +26,17 @@ export class KeypointsChannel {
     private readonly onRefused: (problem: Problem) => void,
   ) {}
 
-  /** Send what the camera saw at `timeMs`, if it can go out at once; says whether it did. */
-  send(seen: Landmarks, timeMs: number, expression: ObservedExpression | null = null): boolean {
+  /**
+   * Send what the camera saw at `timeMs`, if it can go out at once; says whether it did. `liveLook`: whether
+   * pictures travel with it; the server shows none any more from the first packet that comes without.
+   */
+  send(seen: Landmarks, timeMs: number, expression: ObservedExpression | null = null, liveLook = false): boolean {
     if (this.closed) return false;
     const channel = this.usableChannel();
     if (channel?.readyState !== "open" || channel.bufferedAmount > MAX_BUFFERED_BYTES) return false;
     this.sequence = (this.sequence + 1) >>> 0;
     const ageMs = performance.timeOrigin + performance.now() - timeMs;
-    channel.send(encodeKeypoints(this.sequence, timeMs, ageMs, seen, expression));
+    channel.send(encodeKeypoints(this.sequence, timeMs, ageMs, seen, expression, liveLook));
     return true;
   }
 

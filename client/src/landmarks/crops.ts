@@ -1,13 +1,7 @@
 /** Where in a camera's picture a body's landmarks say that face and hands are. */
 
+import type { Square } from "../look/pictureCode";
 import type { Landmarks } from "./packet";
-
-/** px of the picture; it may reach beyond. */
-export interface SquareCrop {
-  x: number;
-  y: number;
-  side: number;
-}
 
 export type Part = "face" | "left_hand" | "right_hand";
 
@@ -25,7 +19,7 @@ const AROUND_HAND = 2.2;
 const AROUND_UPPER_BODY = 0.6;
 
 /** A square about the part; null where it is hidden or outside of the picture. */
-export function cropOf(part: Part, seen: Landmarks): SquareCrop | null {
+export function cropOf(part: Part, seen: Landmarks): Square | null {
   const head = extent(seen, HEAD);
   const size = Math.max(head.right - head.left, head.bottom - head.top);
   if (part === "face") return square(head, AROUND_HEAD * size);
@@ -38,7 +32,7 @@ export function cropOf(part: Part, seen: Landmarks): SquareCrop | null {
 }
 
 /** A square about the head and the trunk. */
-export function upperBodySquare(seen: Landmarks): SquareCrop | null {
+export function upperBodySquare(seen: Landmarks): Square | null {
   const body = extent(seen, UPPER_BODY);
   return square(body, AROUND_UPPER_BODY * Math.max(body.right - body.left, body.bottom - body.top));
 }
@@ -69,7 +63,7 @@ function extent({ xy, width, height }: Landmarks, points: readonly number[]): Ex
   return { left: Math.min(...x), top: Math.min(...y), right: Math.max(...x), bottom: Math.max(...y) };
 }
 
-function square({ left, top, right, bottom }: Extent, half: number): SquareCrop | null {
+function square({ left, top, right, bottom }: Extent, half: number): Square | null {
   const side = Math.round(2 * half);
   if (side < 2) return null;
   return { x: Math.round((left + right) / 2 - half), y: Math.round((top + bottom) / 2 - half), side };

@@ -6,16 +6,18 @@ export interface Picture {
   bitmap: ImageBitmap;
   /** When the camera took it, ms; rises from picture to picture. */
   timeMs: number;
+  /** Whether the person is to be cut out of it, for live look. */
+  look: boolean;
 }
 
 export type DetectorMessage =
   | { kind: "ready" }
-  | { kind: "found"; timeMs: number; seen: Landmarks | null }
+  | { kind: "found"; timeMs: number; seen: Landmarks | null; look: ImageBitmap | null }
   | { kind: "failed"; reason: string };
 
 export interface DetectorHooks {
-  /** Landmarks of the picture of `timeMs`; null where nobody is in it. */
-  onFound(seen: Landmarks | null, timeMs: number): void;
+  /** Landmarks of the picture of `timeMs`, null where nobody is in it; and what live look is to send of it. */
+  onFound(seen: Landmarks | null, timeMs: number, look: ImageBitmap | null): void;
   onFailed(reason: string): void;
 }
 
@@ -32,6 +34,8 @@ export class LandmarkDetector {
   private busy = true;
   /** A picture came meanwhile. */
   private pendingMs: number | null = null;
+  /** Whether people are to be cut out of the next pictures. */
+  look = false;
 
   constructor(
     private readonly grab: () => Promise<ImageBitmap>,
@@ -59,7 +63,7 @@ export class LandmarkDetector {
   private onMessage(answer: DetectorMessage): void {
     if (answer.kind === "failed") return this.hooks.onFailed(answer.reason);
     this.busy = false;
-    if (answer.kind === "found") this.hooks.onFound(answer.seen, answer.timeMs);
+    if (answer.kind === "found") this.hooks.onFound(answer.seen, answer.timeMs, answer.look);
     const { pendingMs } = this;
     // what the camera shows now is the newest, whichever picture was announced
     if (pendingMs !== null) void this.detect(pendingMs);
@@ -70,7 +74,7 @@ export class LandmarkDetector {
     this.pendingMs = null;
     try {
       const bitmap = await this.grab();
-      this.worker.postMessage({ bitmap, timeMs }, [bitmap]);
+      this.worker.postMessage({ bitmap, timeMs, look: this.look }, [bitmap]);
     } catch {
       // the camera has no picture just now: the next one will do
       this.busy = false;

@@ -3,7 +3,8 @@
  * time, never in a queue, half of its time at most, and not at all where the body detector is slow.
  */
 
-import { cropOf, type Part, type SquareCrop } from "./crops";
+import type { Square } from "../look/pictureCode";
+import { cropOf, type Part } from "./crops";
 import { EXPRESSION_COUNT, FACE, FACE_NUMBERS, FINGER_COUNT, LEFT_HAND, RIGHT_HAND, type ObservedExpression } from "./expression";
 import type { Landmarks } from "./packet";
 
@@ -54,7 +55,7 @@ export class ExpressionDetector {
   private readonly heldMs: Record<Part, number> = { face: 0, left_hand: 0, right_hand: 0 };
 
   constructor(
-    private readonly grab: (square: SquareCrop) => Promise<ImageBitmap>,
+    private readonly grab: (square: Square) => Promise<ImageBitmap>,
     private readonly now: () => number = () => performance.now(),
     private readonly worker: ExpressionWorker = new Worker(new URL("./expressionWorker.ts", import.meta.url), {
       type: "module",
@@ -88,7 +89,7 @@ export class ExpressionDetector {
     this.worker.terminate();
   }
 
-  private async detect(part: Part, square: SquareCrop, timeMs: number): Promise<void> {
+  private async detect(part: Part, square: Square, timeMs: number): Promise<void> {
     this.busy = true;
     this.startedMs = this.now();
     try {

@@ -1,4 +1,4 @@
-/** From the camera to the meeting: pictures stay here, landmarks go out. */
+/** From the camera to the meeting: landmarks go out; pictures stay here, but for live look's while it is on. */
 
 import { Problem } from "../api/problem";
 import { CAMERA_GONE, closeCamera, openCamera } from "../capture/record";
@@ -38,6 +38,8 @@ export class MotionCapture {
   private closed = false;
   private endFrames: () => void = () => undefined;
   private foundMs = 0;
+  private lastSeen: { seen: Landmarks; timeMs: number } | null = null;
+  private onLook: ((picture: ImageBitmap) => void) | null = null;
 
   /** `open` gives a channel that drives our performer. */
   constructor(
@@ -61,7 +63,7 @@ export class MotionCapture {
       return this.fail(error instanceof Problem ? error : CAMERA_GONE);
     }
     this.detector = new LandmarkDetector(() => createImageBitmap(this.video), {
-      onFound: (seen, timeMs) => this.onFound(seen, timeMs),
+      onFound: (seen, timeMs, look) => this.onFound(seen, timeMs, look),
       onFailed: (reason) => this.fail(new Problem("Motion capture failed", reason)),
     });
     this.endFrames = eachFrame(this.video, (timeMs) => this.detector?.offer(timeMs));
@@ -70,6 +72,14 @@ export class MotionCapture {
   /** What the camera sees, while it is on. */
   get camera(): MediaStream | null {
     return this.stream?.active ? this.stream : null;
+  }
+
+  /** Have whoever is in view cut out of each picture for `onLook`, after its landmarks went out; null: no longer. */
+  setLook(onLook: ((picture: ImageBitmap) => void) | null): void {
+    this.onLook = onLook;
+    if (this.detector) this.detector.look = onLook !== null;
+    // the server hears of the end at once, whether or not anybody is in view
+    if (!onLook && this.lastSeen) this.channel.send(this.lastSeen.seen, this.lastSeen.timeMs);
   }
 
   /** The camera goes off, and the performer is left to their recorded motion. */
@@ -83,11 +93,15 @@ export class MotionCapture {
     this.video.srcObject = null;
   }
 
-  private onFound(seen: Landmarks | null, timeMs: number): void {
+  private onFound(seen: Landmarks | null, timeMs: number, look: ImageBitmap | null): void {
     this.hooks.onLandmarks(seen);
-    if (seen) this.foundMs = timeMs;
+    if (seen) {
+      this.foundMs = timeMs;
+      this.lastSeen = { seen, timeMs };
+    }
     const expression = this.expressions?.at(timeMs) ?? null;
-    const sent = seen !== null && this.channel.send(seen, timeMs, expression);
+    const sent = seen !== null && this.channel.send(seen, timeMs, expression, this.onLook !== null);
+    if (look) (this.onLook ?? closePicture)(look);
     if (seen) this.offerExpressions(seen, timeMs);
     if (this.closed) return;
     if (sent) this.setTracking("tracking");
@@ -112,4 +126,9 @@ export class MotionCapture {
     this.close();
     this.hooks.onProblem(problem);
   }
+}
+
+/** Live look went off while it was drawn. */
+function closePicture(picture: ImageBitmap): void {
+  picture.close();
 }

@@ -11,6 +11,8 @@ export const LONGEST_KEYPOINTS_BYTES = 206;
 export const LANDMARK_COUNT = 33;
 const VERSION = 2;
 const KIND_KEYPOINTS = 1;
+/** The highest bit of the header's u16; the others hold the picture's age. */
+const LIVE_LOOK = 0x8000;
 /** To a metre, or to a side of the picture. */
 const STEPS = 8192;
 const BODY_BITS = 9;
@@ -42,19 +44,20 @@ export interface Landmarks {
   visibility: Float32Array;
 }
 
-/** `ageMs`: how long ago the picture was taken. */
+/** `ageMs`: how long ago the picture was taken; `liveLook`: whether pictures travel with the landmarks. */
 export function encodeKeypoints(
   sequence: number,
   captureTimeMs: number,
   ageMs: number,
   seen: Landmarks,
   expression: ObservedExpression | null = null,
+  liveLook = false,
 ): ArrayBuffer {
   const bytes = new ArrayBuffer(expression ? LONGEST_KEYPOINTS_BYTES : KEYPOINTS_BYTES);
   const data = new DataView(bytes);
   data.setUint8(0, VERSION);
   data.setUint8(1, KIND_KEYPOINTS);
-  data.setUint16(2, clamped(Math.round(ageMs), 0, 0xffff), true);
+  data.setUint16(2, clamped(Math.round(ageMs), 0, LIVE_LOOK - 1) | (liveLook ? LIVE_LOOK : 0), true);
   data.setUint32(4, sequence, true);
   data.setFloat64(8, captureTimeMs, true);
   data.setUint16(16, seen.width, true);

@@ -1,7 +1,7 @@
 /**
  * Finds landmarks in pictures, off the page's own thread: MediaPipe's Pose Landmarker.
  *
- * Pictures come in and go no further; landmarks go out. The processor is enough (`metanerf
+ * Pictures come in and go no further; landmarks go out, and for live look the person cut out. The processor is enough (`metanerf
  * bench meeting` tells its time), and leaves the graphics card to whoever draws the room.
  */
 
@@ -9,6 +9,7 @@ import { PoseLandmarker, type PoseLandmarkerResult } from "@mediapipe/tasks-visi
 import wasmLoaderPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.js?url";
 import wasmBinaryPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.wasm?url";
 import { asProblem, problemOf } from "../api/problem";
+import { CutOut } from "../look/cutOut";
 import type { DetectorMessage, Picture } from "./detector";
 import { LANDMARK_COUNT, type Landmarks } from "./packet";
 
@@ -35,14 +36,22 @@ landmarker.then(
 );
 
 let startMs: number | null = null;
+let cutOut: CutOut | null = null;
 
 page.onmessage = async ({ data }: MessageEvent<Picture>): Promise<void> => {
-  const { bitmap, timeMs } = data;
+  const { bitmap, timeMs, look } = data;
   const { width, height } = bitmap;
   try {
     startMs ??= timeMs;
-    const found = (await landmarker).detectForVideo(bitmap, timeMs - startMs);
-    tell({ kind: "found", timeMs, seen: person(found, width, height) });
+    const finder = await landmarker;
+    if (look !== (cutOut !== null)) {
+      await finder.setOptions({ outputSegmentationMasks: look });
+      cutOut = look ? new CutOut() : null;
+    }
+    const found = finder.detectForVideo(bitmap, timeMs - startMs);
+    const seen = person(found, width, height);
+    tell({ kind: "found", timeMs, seen, look: seen && cutOutOf(found, bitmap, seen, timeMs) });
+    found.close();
   } catch (error) {
     tell({ kind: "failed", reason: asProblem(error).detail });
   } finally {
@@ -51,7 +60,15 @@ page.onmessage = async ({ data }: MessageEvent<Picture>): Promise<void> => {
 };
 
 function tell(answer: DetectorMessage): void {
-  page.postMessage(answer);
+  const moved = answer.kind === "found" && answer.look ? [answer.look] : [];
+  page.postMessage(answer, moved);
+}
+
+function cutOutOf(found: PoseLandmarkerResult, bitmap: ImageBitmap, seen: Landmarks, timeMs: number): ImageBitmap | null {
+  const mask = found.segmentationMasks?.[0];
+  if (!cutOut || !mask) return null;
+  const { width, height } = mask;
+  return cutOut.draw(bitmap, { width, height, values: mask.getAsFloat32Array() }, seen, timeMs);
 }
 
 function person(found: PoseLandmarkerResult, width: number, height: number): Landmarks | null {

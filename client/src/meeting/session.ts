@@ -1,7 +1,7 @@
 /** The local participant's session in a meeting: seat, name, control connection and state. */
 
 import type { Api } from "../api/api";
-import type { FromServer, Meeting, Reacted, Refusal, Seat, ToServer } from "../api/types";
+import type { Connection, FromServer, Meeting, Reacted, Refusal, Seat, ToServer } from "../api/types";
 import { NetworkQualityMeter } from "./networkQuality";
 import { ControlConnection, type ControlState } from "./controlConnection";
 import { INITIAL_STATE, applyMessage, localParticipant, announcementsOf, type MeetingState } from "./state";
@@ -29,6 +29,8 @@ export class MeetingSession {
   connectionState: ControlState = { kind: "connecting" };
   /** The server was told that we leave, and ends by itself what came with the seat. */
   left = false;
+  /** How well the network carries the meeting, as far as is known. */
+  network: Connection = "good";
   /** Number of the newest message that was read, before a reload too. */
   lastRead = 0;
   onAnnouncement: (words: string) => void = () => undefined;
@@ -76,8 +78,11 @@ export class MeetingSession {
       },
       onRoundTrip: (milliseconds) => {
         const connection = this.meter.observe(milliseconds);
-        if (connection && this.admitted) this.send({ type: "network", connection });
-        else if (connection) this.meter.reset();
+        if (!connection) return;
+        this.network = connection;
+        if (this.admitted) this.send({ type: "network", connection });
+        else this.meter.reset();
+        this.notify();
       },
       onMessage: (message) => this.handle(message),
       onState: (state) => {

@@ -1,6 +1,7 @@
 /**
  * One rendered view by WebRTC: video down, viewpoints up (WHEP with a data channel `view`), and poses
- * down (`pose`) in place of the video while the page draws by itself.
+ * down (`pose`) in place of the video while the page draws by itself. A second video section, empty until
+ * `setLookTrack`, has a place for small pictures of oneself.
  *
  * A connection that fails is replaced by a new one, after a growing pause, until `close`.
  */
@@ -36,6 +37,14 @@ const GATHERING_MS = 1500;
 const CONNECTING_MS = 12_000;
 const DISCONNECTED_MS = 2500;
 
+/** Pictures of oneself leave as few bits as they can, and give way to all else. */
+const LOOK_ENCODING: RTCRtpEncodingParameters = {
+  maxBitrate: 250_000,
+  maxFramerate: 15,
+  priority: "very-low",
+  networkPriority: "very-low",
+};
+
 /** The pause before attempt `attempt` (from 0): doubling, at most 8 s, spread so that not all come at once. */
 export function backoffMs(attempt: number, random: number): number {
   return Math.min(8000, 500 * 2 ** attempt) * (0.75 + 0.5 * random);
@@ -47,6 +56,8 @@ export class WhepConnection {
   private stale = false;
   private peer: RTCPeerConnection | null = null;
   private channel: RTCDataChannel | null = null;
+  private lookSender: RTCRtpSender | null = null;
+  private lookTrack: MediaStreamTrack | null = null;
   private resource: string | null = null;
   private endConnection: (() => void) | null = null;
   private skipDelay: () => void = () => undefined;
@@ -107,6 +118,13 @@ export class WhepConnection {
     return this.peer.createDataChannel("keypoints", newest);
   }
 
+  /** Send pictures of oneself, over each connection from now on; null: none. */
+  setLookTrack(track: MediaStreamTrack | null): void {
+    this.lookTrack = track;
+    // a connection that has ended takes none; the next one will
+    this.lookSender?.replaceTrack(track).catch(() => undefined);
+  }
+
   /** The server is there again: the next attempt need not wait, unless the server asked for that. */
   retryNow(): void {
     this.skipDelay();
@@ -156,6 +174,7 @@ export class WhepConnection {
     const { receiver } = peer.addTransceiver("video", { direction: "recvonly" });
     // show each picture as it comes: nobody is talking in it that it would have to wait for
     if ("jitterBufferTarget" in receiver) receiver.jitterBufferTarget = 0;
+    await this.reserveLook(peer);
     peer.addEventListener("track", (event) => {
       this.hooks.onStream(event.streams[0] ?? new MediaStream([event.track]));
     });
@@ -167,6 +186,14 @@ export class WhepConnection {
     const sdp = await this.exchange(seat, peer.localDescription?.sdp ?? "");
     await peer.setRemoteDescription({ type: "answer", sdp });
     await connected;
+  }
+
+  private async reserveLook(peer: RTCPeerConnection): Promise<void> {
+    const { sender } = peer.addTransceiver("video", { direction: "sendonly", sendEncodings: [LOOK_ENCODING] });
+    this.lookSender = sender;
+    // the code in the picture is legible at its full size only
+    await sender.setParameters({ ...sender.getParameters(), degradationPreference: "maintain-resolution" });
+    await sender.replaceTrack(this.lookTrack);
   }
 
   private async exchange(seat: Seat, offer: string): Promise<string> {
@@ -222,7 +249,7 @@ export class WhepConnection {
       this.seat = null;
     }
     this.peer?.close();
-    this.peer = this.channel = this.resource = this.endConnection = null;
+    this.peer = this.channel = this.lookSender = this.resource = this.endConnection = null;
     return released;
   }
 }

@@ -64,7 +64,7 @@ function pointers(viewport: HTMLElement, view: Viewpoint, onUse: () => void, sig
   viewport.addEventListener(
     "pointerdown",
     (event) => {
-      if ((event.target as Element).closest("button, a, label")) return;
+      if ((event.target as Element).closest("button, a, label, input")) return;
       viewport.setPointerCapture(event.pointerId);
       pointersDown.set(event.pointerId, { x: event.clientX, y: event.clientY });
       speed = { x: 0, y: 0, atMs: 0 };

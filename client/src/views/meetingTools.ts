@@ -29,6 +29,8 @@ export interface MeetingTools {
   captions: HTMLElement;
   /** Have voices come from where their speakers stand, and a shared screen hang in the room. */
   connectTo(room: AudioScene & { showScreen(video: HTMLVideoElement | null): void }): void;
+  /** Hear now and at each change whether the network is poor, until the returned function is called. */
+  watchNetwork(listener: (poor: boolean) => void): () => void;
   /** As the microphone's button does. */
   toggleMicrophone(): void;
   close(): void;
@@ -86,6 +88,7 @@ export function meetingTools(api: Api, session: MeetingSession): MeetingTools {
       screen.onShown = (video) => room.showScreen(video);
       screen.update();
     },
+    watchNetwork: (listener) => session.subscribe(() => listener(session.network === "poor")),
     toggleMicrophone: () => voice.element.click(),
     close,
   };

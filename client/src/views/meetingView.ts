@@ -61,7 +61,14 @@ export function meetingView(live: LiveView, tools: MeetingTools, headset: Headse
     tools.panel,
   );
   element.addEventListener("dragstart", (event) => event.preventDefault());
+  let poorNetwork = false;
+  // pictures of oneself are the first to give way
+  const makeRoom = (): void => self.setPoorNetwork(poorNetwork || live.state.kind === "audio-only");
   const ends = [
+    tools.watchNetwork((poor) => {
+      poorNetwork = poor;
+      makeRoom();
+    }),
     attachControls(element, live.viewpoint, hint.used),
     moveFocusByArrows(element, () => tools.dock.querySelector("button") ?? element),
   ];
@@ -71,6 +78,7 @@ export function meetingView(live: LiveView, tools: MeetingTools, headset: Headse
     if (state.kind === "live") announce(element.classList.contains("audio-only") ? "Video is back" : "Connected");
     element.classList.toggle("audio-only", state.kind === "audio-only");
     middle.replaceChildren(...stateNotice(state, hooks));
+    makeRoom();
   };
   live.onPerformers = (performers) => {
     showPerformers(people, performers, live);

@@ -6,6 +6,7 @@ import type { LiveView } from "../drawing/live";
 import { Problem } from "../api/problem";
 import type { Performer } from "../api/types";
 import { announce, h } from "./dom";
+import { liveLookControl, type LiveLookControl } from "./liveLook";
 import { modelButtons, ownPerformers } from "./ownModels";
 import { selfView } from "./selfView";
 import { button, notice, type View } from "./shell";
@@ -16,6 +17,7 @@ const WORDS: Record<Tracking, string> = {
   disconnected: "Connecting to the meeting…",
   tracking: "Your movements are shown in the meeting",
 };
+const ONLY_MOVEMENTS = "Only your movements leave this device.";
 const NO_OWN_MODEL = new Problem(
   "You have no model in this meeting",
   "Create a model on the start page, then come back.",
@@ -26,6 +28,8 @@ interface MotionCaptureView extends View {
   camera(): MediaStream | null;
   /** Somebody has come or gone. */
   update(): void;
+  /** The network has no room for pictures of oneself, or has it again. */
+  setPoorNetwork(poor: boolean): void;
 }
 
 /**
@@ -47,6 +51,8 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
   const pressed = (): boolean => toggle.getAttribute("aria-pressed") === "true";
   let capture: MotionCapture | null = null;
   let self: ReturnType<typeof selfView> | null = null;
+  let look: LiveLookControl | null = null;
+  let poorNetwork = false;
   /** Of one's own performer that is shown without a camera. */
   let restingId = "";
 
@@ -58,9 +64,10 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
   };
 
   const end = (): void => {
+    look?.close();
     capture?.close();
     self?.close();
-    capture = self = null;
+    look = capture = self = null;
     restingId = "";
     delete element.dataset["tracking"];
     show(false);
@@ -98,14 +105,16 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
     show(true, statusLine("Which model is yours?"), modelButtons(live.api, models, captureAs));
   };
 
-  const captureAs = ({ id, name }: Pick<Performer, "id" | "name">): void => {
+  const captureAs = ({ id, name, owner }: Pick<Performer, "id" | "name" | "owner">): void => {
     const status = statusLine(WORDS.starting);
     const canvas = h("canvas", { attributes: { "aria-hidden": "true" } });
     self = selfView(live, id);
-    const line = h("p", { className: "self-detail" }, `Animating ${name}. Only your movements leave this device.`);
+    const animating = `Animating ${name}.`;
+    const line = h("p", { className: "self-detail" }, `${animating} ${ONLY_MOVEMENTS}`);
     capture = new MotionCapture(() => live.openKeypointsChannel(id), {
       onTracking: (tracking) => {
         element.dataset["tracking"] = tracking;
+        if (look) look.element.hidden = tracking === "starting";
         status.textContent = WORDS[tracking];
         announce(WORDS[tracking]);
       },
@@ -113,13 +122,24 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
       onProblem: showProblem,
     });
     const camera = h("div", { className: "self-camera" }, capture.video, canvas);
-    show(true, h("div", { className: "self-picture" }, self.element, camera), status, line);
+    // a lent model is nobody's likeness
+    if (owner === "own") {
+      look = liveLookControl(live, capture, (on) => (line.textContent = on ? animating : `${animating} ${ONLY_MOVEMENTS}`));
+      look.element.hidden = true;
+      look.setPoorNetwork(poorNetwork);
+    }
+    const parts = look ? [look.element] : [];
+    show(true, h("div", { className: "self-picture" }, self.element, camera), status, line, ...parts);
     void capture.start();
   };
 
   toggle.setAttribute("aria-pressed", "false");
   update();
-  return { element, toggle, update, close: end, camera: () => capture?.camera ?? null };
+  const setPoorNetwork = (poor: boolean): void => {
+    poorNetwork = poor;
+    look?.setPoorNetwork(poor);
+  };
+  return { element, toggle, update, setPoorNetwork, close: end, camera: () => capture?.camera ?? null };
 }
 
 function statusLine(text: string): HTMLElement {

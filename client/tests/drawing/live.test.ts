@@ -39,7 +39,10 @@ class FakePeer extends EventTarget {
     this.channels.set(label, channel);
     return channel;
   }
-  addTransceiver = (): object => ({ receiver: {} });
+  addTransceiver = (): object => ({
+    receiver: {},
+    sender: { getParameters: () => ({}), setParameters: async () => undefined, replaceTrack: async () => undefined },
+  });
   createOffer = async (): Promise<object> => ({});
   setLocalDescription = async (): Promise<void> => undefined;
   async setRemoteDescription(): Promise<void> {

@@ -49,12 +49,17 @@ describe("encodeKeypoints", () => {
     expect(hex(bytes)).toBe(GOLDEN.slice(0, -2) + GOLDEN_EXPRESSION);
   });
 
+  it("marks in the highest bit of the age that live look is on", () => {
+    const marked = encodeKeypoints(7, 1500, 72, somebody(), null, true);
+    expect(hex(marked)).toBe(GOLDEN.slice(0, 4) + "4880" + GOLDEN.slice(8));
+  });
+
   it("moves what is out of range to the range's end", () => {
     const seen = nobody();
     seen.xy.set([90, -90], 22);
     seen.world.set([90], 33);
     const data = new DataView(encodeKeypoints(1, 0, 1e9, seen));
-    expect(data.getUint16(2, true)).toBe(65535);
+    expect(data.getUint16(2, true)).toBe(32767);
     expect([data.getInt16(20, true), data.getInt16(22, true)]).toEqual([32767, -32768]);
     expect([data.getUint16(24, true), data.getUint16(26, true)]).toEqual([65535, 65535]);
   });

@@ -47,10 +47,24 @@ describe("LandmarkDetector", () => {
     await settled();
     for (const time of [2, 3, 4]) finder.offer(time);
     expect(worker.pictures.map(({ timeMs }) => timeMs)).toEqual([1]);
-    worker.say({ kind: "found", timeMs: 1, seen: null });
+    worker.say({ kind: "found", timeMs: 1, seen: null, look: null });
     await settled();
     expect(worker.pictures.map(({ timeMs }) => timeMs)).toEqual([1, 4]);
-    expect(found).toEqual([[null, 1]]);
+    expect(found).toEqual([[null, 1, null]]);
+  });
+
+  it("says with each picture whether the person is to be cut out, and hands on what was", async () => {
+    const { worker, found, finder } = setUp();
+    worker.say({ kind: "ready" });
+    finder.offer(1);
+    await settled();
+    finder.look = true;
+    const look = {} as ImageBitmap;
+    worker.say({ kind: "found", timeMs: 1, seen: null, look });
+    finder.offer(2);
+    await settled();
+    expect(worker.pictures.map((one) => one.look)).toEqual([false, true]);
+    expect(found).toEqual([[null, 1, look]]);
   });
 
   it("waits for the next picture where the camera has none", async () => {
@@ -73,7 +87,7 @@ describe("LandmarkDetector", () => {
     worker.say({ kind: "failed", reason: "no model" });
     expect(found).toEqual(["no model"]);
     finder.close();
-    worker.say({ kind: "found", timeMs: 1, seen: null });
+    worker.say({ kind: "found", timeMs: 1, seen: null, look: null });
     expect(found).toHaveLength(1);
     expect(worker.ended).toBe(true);
   });

@@ -24,12 +24,12 @@ class FakeWorker {
   static made: FakeWorker[] = [];
   onmessage: ((event: { data: DetectorMessage }) => void) | null = null;
   onerror: ((event: { message: string }) => void) | null = null;
-  given: { timeMs: number }[] = [];
+  given: { timeMs: number; look: boolean }[] = [];
   terminated = false;
   constructor(readonly address: URL) {
     FakeWorker.made.push(this);
   }
-  postMessage(picture: { timeMs: number }): void {
+  postMessage(picture: { timeMs: number; look: boolean }): void {
     this.given.push(picture);
   }
   terminate(): void {
@@ -67,12 +67,12 @@ async function setUp(connected = true) {
     return FakeWorker.made[0] as FakeWorker;
   };
   /** The camera takes a picture at `nowMs`, and the detector finds what is `seen` in it. */
-  const picture = async (worker: FakeWorker, nowMs: number, seen: Landmarks | null): Promise<void> => {
+  const picture = async (worker: FakeWorker, nowMs: number, seen: Landmarks | null, look: ImageBitmap | null = null): Promise<void> => {
     nextFrame(nowMs);
     await bitmaps;
     await Promise.resolve();
     const timeMs = worker.given.at(-1)?.timeMs ?? 0;
-    worker.onmessage?.({ data: { kind: "found", timeMs, seen } });
+    worker.onmessage?.({ data: { kind: "found", timeMs, seen, look } });
   };
   return { capture, start, picture, track, channel, link, sent, told, problems, landmarks, getUserMedia };
 }
@@ -101,6 +101,27 @@ describe("MotionCapture", () => {
     expect(sent.map(({ byteLength }) => byteLength)).toEqual([KEYPOINTS_BYTES]);
     expect(told).toEqual(["starting", "tracking"]);
     expect(landmarks).toEqual([SEEN]);
+    capture.close();
+  });
+
+  it("marks packets while live look is on, hands its pictures on after them, and tells of its end at once", async () => {
+    const { capture, start, picture, sent } = await setUp();
+    const worker = await start();
+    worker.onmessage?.({ data: { kind: "ready" } });
+    await picture(worker, 100, SEEN);
+    const look = { close: vi.fn() } as unknown as ImageBitmap;
+    const packetsBefore: number[] = [];
+    capture.setLook((shown) => shown === look && packetsBefore.push(sent.length));
+    await picture(worker, 140, SEEN, look);
+    expect(packetsBefore).toEqual([2]);
+    await picture(worker, 180, null);
+    capture.setLook(null);
+    const marked = sent.map((packet) => new DataView(packet).getUint16(2, true) >= 0x8000);
+    expect(marked).toEqual([false, true, false]);
+    // one that was drawn meanwhile goes nowhere
+    await picture(worker, 220, SEEN, look);
+    expect([packetsBefore.length, vi.mocked(look.close).mock.calls.length]).toEqual([1, 1]);
+    expect(worker.given.map((one) => one.look)).toEqual([false, true, true, false]);
     capture.close();
   });
 

@@ -94,6 +94,22 @@ describe("MeetingSession", () => {
     release();
   });
 
+  it("knows how well the network carries it, and tells the server and who listens", async () => {
+    const { session, hooks, sent } = setUp();
+    session.join("Ada");
+    hooks().onMessage({ type: "welcome", participant_id: "me", seat: 1, silence_s: 5 });
+    hooks().onMessage({ type: "roster", lobby: false, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me" })] });
+    const heard: string[] = [];
+    session.subscribe(() => heard.push(session.network));
+    for (let beat = 0; beat < 5; beat++) hooks().onRoundTrip(500);
+    for (let beat = 0; beat < 5; beat++) hooks().onRoundTrip(20);
+    expect(heard).toEqual(["good", "poor", "good"]);
+    expect(sent).toEqual([
+      { type: "network", connection: "poor" },
+      { type: "network", connection: "good" },
+    ]);
+  });
+
   it("gives the seat and the ticket back when leaving", async () => {
     const { session, hooks, ticket, sent } = setUp();
     session.join("Ada");

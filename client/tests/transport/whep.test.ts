@@ -19,7 +19,23 @@ class FakeChannel extends EventTarget {
   }
 }
 
+class FakeSender {
+  track: object | null = null;
+  parameters: object = {};
+  getParameters(): object {
+    return { transactionId: "1" };
+  }
+  async setParameters(parameters: object): Promise<void> {
+    this.parameters = parameters;
+  }
+  async replaceTrack(track: object | null): Promise<void> {
+    this.track = track;
+  }
+}
+
 class FakePeer extends EventTarget {
+  look = new FakeSender();
+  lookEncodings: RTCRtpEncodingParameters[] = [];
   connectionState = "new";
   iceGatheringState = "complete";
   localDescription = { sdp: "offer" };
@@ -34,9 +50,10 @@ class FakePeer extends EventTarget {
     else this.poses = made;
     return made;
   }
-  addTransceiver(kind: string, { direction }: RTCRtpTransceiverInit): object {
+  addTransceiver(kind: string, { direction, sendEncodings = [] }: RTCRtpTransceiverInit): object {
     this.steps.push(`${kind} ${direction}`);
-    return { receiver: {} };
+    if (direction === "sendonly") this.lookEncodings = sendEncodings;
+    return { receiver: {}, sender: this.look };
   }
   async createOffer(): Promise<object> {
     this.steps.push("offer");
@@ -114,18 +131,35 @@ afterEach(() => {
 });
 
 describe("WhepConnection", () => {
-  it("offers one video to receive, and channels for viewpoints and poses", async () => {
+  it("offers one video to receive, a place for pictures of oneself, and channels for viewpoints and poses", async () => {
     const { link, calls, peers, kinds, configurations } = setUp(accepted);
     void link.run();
     await vi.advanceTimersByTimeAsync(10);
     const peer = peers[0];
     expect(configurations[0]?.iceServers).toEqual(SEAT.ice_servers);
-    expect(peer?.steps).toEqual(["view", "pose", "video recvonly", "offer", "answer"]);
+    expect(peer?.steps).toEqual(["view", "pose", "video recvonly", "video sendonly", "offer", "answer"]);
     expect(peer?.channel?.label).toBe("view");
     expect(peer?.channel?.options).toEqual({ ordered: false, maxRetransmits: 0 });
     expect(calls[0]).toMatchObject({ method: "POST", path: "/whep/m", token: "Bearer seat1" });
     expect(calls[0]?.body).toBe("offer");
     expect(kinds()).toEqual(["connecting", "live"]);
+    link.close();
+  });
+
+  it("sends pictures of oneself once there are any, over each connection, until there are none", async () => {
+    const { link, peers } = setUp(accepted);
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    expect(peers[0]?.look).toMatchObject({ track: null, parameters: { degradationPreference: "maintain-resolution" } });
+    expect(peers[0]?.lookEncodings).toMatchObject([{ maxBitrate: 250_000, maxFramerate: 15, priority: "very-low" }]);
+    const track = {} as MediaStreamTrack;
+    link.setLookTrack(track);
+    expect(peers[0]?.look.track).toBe(track);
+    peers[0]?.become("failed");
+    await vi.advanceTimersByTimeAsync(5000);
+    expect(peers[1]?.look.track).toBe(track);
+    link.setLookTrack(null);
+    expect(peers[1]?.look.track).toBeNull();
     link.close();
   });
 

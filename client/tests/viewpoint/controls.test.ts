@@ -93,10 +93,10 @@ describe("pointers", () => {
     expect(moved(10)).toBeLessThan(-40 * 0.0065 - 0.1);
   });
 
-  it("that press a button leave the view alone", () => {
+  it.each(["button", "input"])("that press a %s leave the view alone", (tag) => {
     const { viewport, viewpoint, pointer, onUse } = setUp();
-    const button = viewport.appendChild(document.createElement("button"));
-    pointer("pointerdown", { clientX: 100, on: button });
+    const pressed = viewport.appendChild(document.createElement(tag));
+    pointer("pointerdown", { clientX: 100, on: pressed });
     pointer("pointermove", { clientX: 300 });
     viewpoint.step(0.016);
     expect(viewpoint.orbit).toBe(HOME);

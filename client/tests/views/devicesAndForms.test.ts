@@ -196,15 +196,18 @@ describe("motion capture in the meeting", () => {
     await start();
     expect(getUserMedia).toHaveBeenCalledTimes(1);
     expect(element.textContent).toContain("Animating Ada.");
+    // there is nothing to send before the camera is on
+    expect(find(element, "live-look").closest<HTMLElement>(".live-look")?.hidden).toBe(true);
     expect(toggle.getAttribute("aria-pressed")).toBe("true");
     await start();
     expect([element.textContent, toggle.getAttribute("aria-pressed")]).toEqual(["As others see you", "false"]);
   });
 
-  it("takes the demo's model for a guest who brought none", async () => {
+  it("takes the demo's model for a guest who brought none, which has no live look", async () => {
     const { element, start } = view(performer("Ada", demo), performer("Cy"));
     await start();
     expect(element.textContent).toContain("Animating Ada.");
+    expect(element.querySelector("[data-testid=live-look]")).toBeNull();
   });
 
   it("asks which model is one's own where there are several, and shows a picture of each", async () => {

@@ -4,7 +4,8 @@ A page opens the data channel `keypoints` with the performer's id as its protoco
 of the caller's own account may be driven, by one channel at a time: a newer one takes over, so that
 a page may be reloaded. A channel that is refused is sent a problem (RFC 9457) before it closes.
 Packets are read on the event loop and solved on a thread of their own; of each performer only the
-newest waits.
+newest waits. Where the connection also brings pictures for live look, they are of the performer,
+if the performer is the caller's own.
 """
 
 from __future__ import annotations
@@ -13,15 +14,18 @@ import logging
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
 
 from aiortc import RTCDataChannel
 from prometheus_client import Counter, Gauge, Histogram
 
 from db.errors import NotFound
 from scene.errors import InvalidInput
-from services.auth import GUEST, is_guest
+from services.auth import GUEST, INVITED, is_guest
 from services.errors import DrivenElsewhere, NotOwner
 from services.live.keypoints_packet import KeypointsPacket, decode_keypoints
+from services.live.look.picture import DroppedPictures, LookSink
+from services.live.look.receiver import LookReceiver
 from services.live.motion.live_motion import LiveMotion, warm_up
 from services.live.packets import PacketError, is_newer
 from services.live.room import MeetingPerformer, Room, facing_yaw
@@ -43,34 +47,76 @@ DRIVEN = Gauge("metanerf_driven_performers", "Performers driven live now.")
 Clock = Callable[[], float]
 DescribeError = Callable[[Exception], str]
 """An error as the JSON text of a problem (RFC 9457)."""
+MakeLookSink = Callable[[MeetingPerformer, LiveMotion], LookSink]
+"""What shows a performer, who moves so, as they look now."""
+
+
+def drop_pictures(performer: MeetingPerformer, motion: LiveMotion) -> LookSink:
+    """A sink for a renderer that has no use for pictures."""
+    return DroppedPictures()
+
+
+@dataclass(frozen=True, eq=False)
+class _Driver:
+    """What drives one performer."""
+
+    channel: RTCDataChannel
+    look: LookReceiver | None
+    sink: LookSink | None
+
+    def stop(self) -> None:
+        """No picture of this connection is shown any more."""
+        if self.look is not None and self.sink is not None:
+            self.look.detach(self.sink)
 
 
 class KeypointChannels:
     """All keypoint channels of this process. Every method runs on its event loop."""
 
-    def __init__(self, clock: Clock, describe_error: DescribeError) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        describe_error: DescribeError,
+        make_look_sink: MakeLookSink = drop_pictures,
+    ) -> None:
         self._clock, self._describe_error = clock, describe_error
+        self.make_look_sink = make_look_sink
         # one thread for all: a pose takes milliseconds, and a packet that waits is replaced
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="solve")
-        self._channels: dict[tuple[Room, str], RTCDataChannel] = {}
+        self._drivers: dict[tuple[Room, str], _Driver] = {}
 
-    def add(self, room: Room, account: str | None, channel: RTCDataChannel) -> None:
-        """Have `channel` drive the performer of `room` that it names, if `account` may."""
+    def add(
+        self,
+        room: Room,
+        account: str | None,
+        channel: RTCDataChannel,
+        look: LookReceiver | None = None,
+    ) -> None:
+        """Have `channel` drive the performer of `room` that it names, if `account` may.
+
+        Pictures that come by `look` are of that performer, if `account` owns them.
+        """
         try:
             performer = drivable_performer(room, account, channel.protocol)
         except (NotFound, NotOwner) as refusal:
             self._reject(channel, refusal)
             return
         key = (room, performer.performer_id)
-        if (before := self._channels.get(key)) is not None:
-            self._reject(before, DrivenElsewhere(_TAKEN_OVER))
+        if (before := self._drivers.get(key)) is not None:
+            before.stop()
+            self._reject(before.channel, DrivenElsewhere(_TAKEN_OVER))
         motion = LiveMotion(performer.model.skeleton, -facing_yaw(performer.motion))
         receiver = KeypointReceiver(motion, self._executor, self._clock)
-        self._channels[key] = channel
+        sink = None
+        if look is not None and owns_alone(account, performer):
+            sink = room.looks[performer.performer_id] = self.make_look_sink(performer, motion)
+            look.attach(sink)
+            receiver.on_live_look = look.announce
+        driver = self._drivers[key] = _Driver(channel, look, sink)
         room.live_motions[performer.performer_id] = motion
-        DRIVEN.set(len(self._channels))
+        DRIVEN.set(len(self._drivers))
         channel.on("message", receiver.receive)
-        channel.on("close", lambda: self._remove(key, channel))
+        channel.on("close", lambda: self._remove(key, driver))
 
     def warm_up(self) -> None:
         """Prepare the solver before the first packet comes; returns at once."""
@@ -85,12 +131,14 @@ class KeypointChannels:
             channel.send(self._describe_error(refusal))
             channel.close()
 
-    def _remove(self, key: tuple[Room, str], channel: RTCDataChannel) -> None:
+    def _remove(self, key: tuple[Room, str], driver: _Driver) -> None:
         room, performer_id = key
-        if self._channels.get(key) is channel:
-            del self._channels[key]
+        if self._drivers.get(key) is driver:
+            driver.stop()
+            del self._drivers[key]
             room.live_motions.pop(performer_id, None)
-        DRIVEN.set(len(self._channels))
+            room.looks.pop(performer_id, None)
+        DRIVEN.set(len(self._drivers))
 
 
 class KeypointReceiver:
@@ -98,6 +146,8 @@ class KeypointReceiver:
 
     def __init__(self, motion: LiveMotion, executor: Executor, clock: Clock) -> None:
         self._motion, self._executor, self._clock = motion, executor, clock
+        self.on_live_look: Callable[[bool], None] = lambda _: None
+        """Told of each packet, in order, whether it says that live look is on."""
         self._newest: int | None = None
         self._lock = threading.Lock()
         self._waiting: tuple[KeypointsPacket, float] | None = None
@@ -115,6 +165,7 @@ class KeypointReceiver:
             PACKETS.labels("late").inc()
             return
         self._newest = packet.sequence
+        self.on_live_look(packet.live_look)
         with self._lock:
             if self._waiting is not None:
                 PACKETS.labels("replaced").inc()
@@ -152,6 +203,11 @@ _TAKEN_OVER = (
     "a performer must be driven from one place at a time; got a newer one; close the other page "
     "or switch the camera on here again",
 )
+
+
+def owns_alone(account: str | None, performer: MeetingPerformer) -> bool:
+    """Whether a performer is of this account, and it of one person: many come as `INVITED`."""
+    return performer.account == account and account not in (None, "", GUEST, INVITED)
 
 
 def drivable_performer(room: Room, account: str | None, performer_id: str) -> MeetingPerformer:

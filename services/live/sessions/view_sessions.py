@@ -16,17 +16,24 @@ from aiortc import (
     RTCIceServer,
     RTCPeerConnection,
     RTCRtpSender,
+    RTCRtpTransceiver,
     RTCSessionDescription,
 )
 
 from renderer.scene_renderer import warm_up
 from scene.environment import Environment
 from services.errors import OfferRefused, ServerFull
-from services.live.aiortc_compat import on_rtcp_packet
-from services.live.motion.keypoint_channels import DescribeError, KeypointChannels
+from services.live.aiortc_compat import on_encoded_frame, on_rtcp_packet, request_key_frame
+from services.live.look.receiver import LookReceiver, offers_pictures
+from services.live.motion.keypoint_channels import (
+    DescribeError,
+    KeypointChannels,
+    MakeLookSink,
+    drop_pictures,
+)
 from services.live.packets import NewestView, PacketError, decode_view
 from services.live.room import MeetingPerformer, Room
-from services.live.streaming.encoding import PictureEncoder, negotiated_codec
+from services.live.streaming.encoding import Codec, PictureEncoder, negotiated_codec
 from services.live.streaming.instrumentation import Instrumentation
 from services.live.streaming.pose_feed import PoseFeed, pose_packets
 from services.live.streaming.rtcp_feedback import apply_feedback
@@ -77,6 +84,8 @@ class ViewSession:
     """Whose performers may be driven over this connection."""
     last_message_s: float | None = None
     """When the last viewpoint came."""
+    look: LookReceiver | None = None
+    """Of the viewer's pictures of themselves; None where their offer has no place for any."""
 
     def has_left(self, now_s: float) -> bool:
         """Whether the viewer has probably left."""
@@ -97,9 +106,10 @@ class ViewSessions:
         max_viewers: int,
         describe_error: DescribeError,
         instrumentation: Instrumentation | None = None,
+        make_look_sink: MakeLookSink = drop_pictures,
     ) -> None:
         """`describe_error` words why a keypoint channel is closed; `instrumentation` is called for
-        all that is sent to viewers."""
+        all that is sent to viewers; `make_look_sink` gives what takes pictures of a performer."""
         self._meetings, self._clock = meetings, clock
         self._ice_servers = [RTCIceServer(urls=url) for url in ice_servers]
         self._max_viewers = max_viewers
@@ -108,9 +118,10 @@ class ViewSessions:
         self._pictures: dict[Room, SharedPictures] = {}
         self._sessions: dict[str, ViewSession] = {}
         self._pose_feed = PoseFeed(clock, self._instrumentation)
-        self._keypoint_channels = KeypointChannels(clock, describe_error)
+        self.keypoint_channels = KeypointChannels(clock, describe_error, make_look_sink)
         # one thread renders for all: a picture already uses every core
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="render")
+        self._look_executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="look")
         self._warming_up: Future[None] | None = None
         self._monitoring: asyncio.Task[None] | None = None
 
@@ -121,7 +132,7 @@ class ViewSessions:
         """Prepare the renderer before the first viewer comes; returns at once."""
         self._warming_up = self._executor.submit(warm_up)
         self._warming_up.add_done_callback(_log_failure)
-        self._keypoint_channels.warm_up()
+        self.keypoint_channels.warm_up()
 
     @property
     def ready(self) -> bool:
@@ -160,7 +171,8 @@ class ViewSessions:
         self._sessions[session_id] = session
         self._listen(session_id, session, room, view)
         try:
-            answer = await _answer(connection, track, sdp_offer)
+            self._add_transceivers(session, sdp_offer)
+            answer = await _answer(connection, sdp_offer)
         except Exception as error:
             await self.close(session_id)
             reason = str(error) or type(error).__name__
@@ -242,7 +254,8 @@ class ViewSessions:
         await asyncio.gather(*(self.close(session_id) for session_id in list(self._sessions)))
         await self._pose_feed.close()
         self._executor.shutdown(wait=False)
-        self._keypoint_channels.close()
+        self._look_executor.shutdown(wait=False)
+        self.keypoint_channels.close()
 
     def _require_capacity(self) -> None:
         if len(self._sessions) >= self._max_viewers:
@@ -262,7 +275,7 @@ class ViewSessions:
             if channel.label == "pose":
                 self._pose_feed.add(room, view, channel)
             if channel.label == "keypoints":
-                self._keypoint_channels.add(room, session.account, channel)
+                self.keypoint_channels.add(room, session.account, channel, session.look)
             if channel.label != "view":
                 return
 
@@ -278,6 +291,21 @@ class ViewSessions:
         async def on_state() -> None:
             if connection.connectionState in ("failed", "closed"):
                 await self.close(session_id)
+
+    def _add_transceivers(self, session: ViewSession, sdp_offer: str) -> None:
+        """The server's side of the offer's video sections, in their order."""
+        connection, track = session.connection, session.track
+        sending = connection.addTransceiver(track, direction="sendonly")
+        _prefer(sending, negotiated_codec(sdp_offer))
+        # packets come from the track, so feedback has to reach it and not aiortc's own encoder
+        on_rtcp_packet(sending.sender, lambda packet, ssrc: apply_feedback(packet, track, ssrc))
+        if not offers_pictures(sdp_offer):
+            return
+        receiving = connection.addTransceiver("video", direction="recvonly")
+        _prefer(receiving, Codec.VP8)
+        receiver = receiving.receiver
+        look = session.look = LookReceiver(self._look_executor, lambda: request_key_frame(receiver))
+        on_encoded_frame(receiver, lambda data, _: look.on_frame(data))
 
     async def _monitor(self) -> None:
         """Once a second end the sessions of viewers who have left; now and then renew seats."""
@@ -298,15 +326,14 @@ def _log_failure(warming_up: Future[None]) -> None:
         log.error("the renderer could not be prepared", exc_info=error)
 
 
-async def _answer(connection: RTCPeerConnection, track: ViewTrack, sdp_offer: str) -> str:
-    transceiver = connection.addTransceiver(track, direction="sendonly")
-    codec = negotiated_codec(sdp_offer)
+def _prefer(transceiver: RTCRtpTransceiver, codec: Codec) -> None:
+    """Have `codec` negotiated; counts only before the remote description is set."""
     codecs = RTCRtpSender.getCapabilities("video").codecs
-    # preferences count only before the remote description is set
     wanted = (f"video/{codec}", "video/rtx")
     transceiver.setCodecPreferences([c for c in codecs if c.mimeType in wanted])
-    # packets come from the track, so feedback has to reach it and not aiortc's own encoder
-    on_rtcp_packet(transceiver.sender, lambda packet, ssrc: apply_feedback(packet, track, ssrc))
+
+
+async def _answer(connection: RTCPeerConnection, sdp_offer: str) -> str:
     await connection.setRemoteDescription(RTCSessionDescription(sdp_offer, "offer"))
     await connection.setLocalDescription(await connection.createAnswer())
     return connection.localDescription.sdp

@@ -6,9 +6,8 @@ pages that draw the room themselves write the same code (client/src/transport/la
 back from the pixels that are shown, against the clock of the machine that captured, it gives the
 latency from a webcam's landmarks to the picture: channel, solver, drawing, encoding, decoding.
 
-The code is 20 cells in two rows of ten, each 16 x 16 px, black or white: 16 bits of the capture
-time in ms, modulo 65,536, then 4 check bits; highest first. A cell is a macroblock of its own, so
-that neither VP8 nor H.264 smears one into the next, and reading averages the middle of each.
+The code is 20 cells (`services.live.cell_code`) in two rows of ten: 16 bits of the capture time in
+ms, modulo 65,536, then 4 check bits; highest first.
 """
 
 from __future__ import annotations
@@ -17,13 +16,14 @@ import numpy as np
 from av import VideoFrame
 
 from scene.arrays import Array, Bool, UInt8
+from services.live.cell_code import CELL_PX, draw_cells, read_cells
 from services.live.room import Room
 from services.live.streaming.instrumentation import Instrumentation
 from services.live.streaming.yuv_planes import plane_rows
 
-CELL_PX, COLUMNS, ROWS = 16, 10, 2
+COLUMNS, ROWS = 10, 2
 _BITS = np.arange(15, -1, -1)
-_BLACK, _WHITE, _GREY = 16, 235, 128
+_GREY = 128
 
 
 class LatencyCode(Instrumentation):
@@ -58,16 +58,13 @@ def cells(captured_ms: float) -> Bool[Array, "2 10"]:
 def write(frame: VideoFrame, captured_ms: float) -> None:
     """Write the code into a yuv420p frame of at least 160 x 32 px."""
     luma, blue, red = (plane_rows(plane) for plane in frame.planes)
-    shades = np.where(cells(captured_ms), _WHITE, _BLACK).astype(np.uint8)
     height, width = ROWS * CELL_PX, COLUMNS * CELL_PX
-    luma[:height, :width] = np.kron(shades, np.ones((CELL_PX, CELL_PX), np.uint8))
+    luma[:height, :width] = draw_cells(cells(captured_ms))
     blue[: height // 2, : width // 2] = red[: height // 2, : width // 2] = _GREY
 
 
 def read(luma: UInt8[Array, "H W"]) -> int | None:
     """The capture time in ms, modulo 65,536, that a picture shows; None where there is no code."""
-    corner = luma[: ROWS * CELL_PX, : COLUMNS * CELL_PX].astype(np.float64)
-    middles = corner.reshape(ROWS, CELL_PX, COLUMNS, CELL_PX)[:, 4:12, :, 4:12].mean(axis=(1, 3))
-    bits = (middles > 128.0).astype(int).ravel()
-    value = int((bits[:16] << _BITS).sum())
-    return value if (cells(value).ravel() == bits.astype(bool)).all() else None
+    shown = read_cells(luma, ROWS, COLUMNS)
+    value = int((shown.ravel()[:16].astype(int) << _BITS).sum())
+    return value if (cells(value) == shown).all() else None

@@ -204,5 +204,5 @@ DRIVING = _answers(
     "                   403 ok    403   403    403     403  ok     403     403     ok      403",
     "                   403 403   403   403    403     403  403    403     403     403     403",
 )
-"""Of the data channel `keypoints`, by the account of the connection that it belongs to: whether the
-connection may be is `POST /whep`'s to say."""
+"""Of the data channel `keypoints`, and of pictures beside it, by the account of the connection that
+they belong to: whether the connection may be is `POST /whep`'s to say."""

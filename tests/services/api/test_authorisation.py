@@ -16,7 +16,7 @@ from services.app import ROUTERS, create_app
 from services.container import Services
 from services.errors import NotOwner
 from services.gateway import gateway_of
-from services.live.motion.keypoint_channels import drivable_performer
+from services.live.motion.keypoint_channels import drivable_performer, owns_alone
 from tests.services.api.authorisation_matrix import (
     CONTROL,
     CONTROL_ANSWERS,
@@ -153,10 +153,10 @@ async def test_who_was_sent_out_hears_so_on_the_channel_and_nothing_else(
             assert [message["type"] for message in page.heard] == ["welcome", "goodbye"]
 
 
-async def test_the_data_channel_of_keypoints_drives_ones_own(
+async def test_the_data_channel_of_keypoints_drives_ones_own_and_pictures_show_it(
     app: FastAPI, services: Services, world: World
 ):
-    views, told, expected = gateway_of(app).views, {}, {}
+    views, told, shown, expected = gateway_of(app).views, {}, {}, {}
     for name, owner, answers in (
         ("own", world.ada, DRIVING.own),
         ("foreign", world.cy, DRIVING.foreign),
@@ -171,8 +171,15 @@ async def test_the_data_channel_of_keypoints_drives_ones_own(
                 told[who, name] = 403
             with pytest.raises(NotFound):
                 drivable_performer(room, account, "nobody")
+            mine = any(
+                owns_alone(account, one)
+                for one in room.performers
+                if one.performer_id == owner.params["performer_id"]
+            )
+            shown[who, name] = OK if mine else 403
             expected[who, name] = wanted
     assert told == expected
+    assert shown == expected
 
 
 def _account(services: Services, token: str) -> str | None:

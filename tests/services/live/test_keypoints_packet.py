@@ -94,13 +94,17 @@ def test_groups_that_nobody_knows_of_are_left_alone():
     st.tuples(st.integers(1, 65535), st.integers(1, 65535)),
     arrays(np.float64, (33, 5), elements=st.floats(-3.0, 3.0)),
     arrays(np.float64, 33, elements=st.floats(0.0, 1.0)),
+    st.booleans(),
 )
-def test_what_comes_back_is_as_near_as_its_bits_allow(sequence, size, places, visibility):
+def test_what_comes_back_is_as_near_as_its_bits_allow(sequence, size, places, visibility, look):
     xy, world = places[:, :2], places[:, 2:]
-    one = KeypointsPacket(sequence, 12.5, size[0], size[1], xy, world, visibility, age_ms=7)
+    one = KeypointsPacket(
+        sequence, 12.5, size[0], size[1], xy, world, visibility, age_ms=7, live_look=look
+    )
     back = decode_keypoints(encode_keypoints(one))
     told = back.sequence, back.capture_time_ms, back.width, back.height, back.age_ms
     assert told == (sequence, 12.5, *size, 7)
+    assert back.live_look is look
     np.testing.assert_allclose(back.visibility, visibility, atol=0.5 / 7 + 1e-9)
     for sent, read in ((xy, back.xy), (world, back.world)):
         step = 2.0 / 8192
@@ -129,7 +133,8 @@ def test_what_is_out_of_range_is_moved_to_its_end():
     np.testing.assert_allclose(back.xy[11], 32767 / 8192 + 65535 / 8192)
     np.testing.assert_allclose(back.world[11], -65535 / 8192)
     assert back.visibility[5] == 1.0
-    assert back.age_ms == 65535
+    assert back.age_ms == 32767
+    assert not back.live_look
 
 
 def test_every_truncation_is_refused():

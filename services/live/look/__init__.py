@@ -1,0 +1,1 @@
+"""Live look: pictures of themselves that people send with their motion."""

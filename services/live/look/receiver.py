@@ -1,0 +1,193 @@
+"""The pictures of themselves that somebody sends over their WHEP connection.
+
+A frame is 288 x 432 px: the person cut out, 288 x 288; below it their matte, 144 x 144, and to the
+right of that the code of `services.live.look.picture_code`. Frames are decoded only while they are
+somebody's whom this connection drives by keypoints, and only while the newest keypoints say that
+live look is on: nobody's pictures are looked at against their will. Encoded frames wait on the
+event loop and are decoded on a thread, all of them, since each builds on the last; only the newest
+becomes a picture.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import re
+from collections.abc import Awaitable, Callable
+from concurrent.futures import Executor
+
+import cv2
+import numpy as np
+from av import CodecContext, Packet, VideoFrame
+from av.error import FFmpegError
+from av.video.codeccontext import VideoCodecContext
+from prometheus_client import Counter
+
+from services.live.look import picture_code
+from services.live.look.picture import LookPicture, LookSink
+
+log = logging.getLogger(__name__)
+
+PICTURES = Counter(
+    "metanerf_look_pictures_total", "Pictures for live look, by what became of them.", ["outcome"]
+)
+"""shown; refused (of nobody who may be shown, or not announced); replaced (by a newer one, while it
+waited); unreadable (of another size, damaged, or without a code)."""
+PICTURE_PX = 288
+FRAME_SIZE = (PICTURE_PX, PICTURE_PX + picture_code.SIDE_PX)
+"""Width and height, px."""
+SILENCE_S = 1.0
+"""After the last picture it is no longer how they look now."""
+_MOST_WAITING = 15
+"""Frames, a second's: a decoder that is so far behind starts anew from a key frame."""
+_KEY_FRAME_INTERVAL_S = 0.5
+_VP8_START_CODE = b"\x9d\x01\x2a"
+_SIZE_BITS = 0x3FFF
+"""The two above tell how to scale."""
+
+
+class LookReceiver:
+    """The pictures that come over one connection. Every method runs on its event loop."""
+
+    def __init__(
+        self, executor: Executor, request_key_frame: Callable[[], Awaitable[None]]
+    ) -> None:
+        """Frames are decoded on `executor`; `request_key_frame` asks their sender for one that
+        needs none before it."""
+        self._executor, self._request_key_frame = executor, request_key_frame
+        self._decoder: VideoCodecContext = CodecContext.create("libvpx", "r")
+        self._decoder.thread_count = 1
+        self._sink: LookSink | None = None
+        self._announced = False
+        self._continuous = False
+        """Whether the decoder has had every frame since a key frame of the right size."""
+        self._waiting: list[bytes] = []
+        self._decoding: asyncio.Task[None] | None = None
+        self._asking: asyncio.Future[None] | None = None
+        self._asked_s = -_KEY_FRAME_INTERVAL_S
+        self._silence: asyncio.TimerHandle | None = None
+
+    def attach(self, sink: LookSink) -> None:
+        """Pictures are of whom `sink` shows, once they are announced, and of nobody else."""
+        self.announce(False)
+        self._sink = sink
+
+    def detach(self, sink: LookSink) -> None:
+        """They no longer are; `sink` is stopped."""
+        if self._sink is sink:
+            self.announce(False)
+            self._sink = None
+        sink.stop()
+
+    def announce(self, on: bool) -> None:
+        """Say whether the newest keypoints come with live look on; without it pictures end."""
+        if on == self._announced:
+            return
+        self._announced = on
+        if not on:
+            self._stop()
+
+    def on_frame(self, data: bytes) -> None:
+        """Take an encoded frame (VP8) of the connection; returns at once."""
+        if self._sink is None or not self._announced:
+            self._continuous = False
+            PICTURES.labels("refused").inc()
+            return
+        if len(self._waiting) >= _MOST_WAITING:
+            self._drop_waiting()
+        size = key_frame_size(data)
+        if size is not None:
+            self._continuous = size == FRAME_SIZE
+        if not self._continuous:
+            PICTURES.labels("unreadable").inc()
+            self._ask_for_key_frame()
+            return
+        self._waiting.append(data)
+        if self._decoding is None:
+            self._decoding = asyncio.create_task(self._decode())
+
+    async def _decode(self) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            while self._waiting:
+                frames, self._waiting = self._waiting, []
+                picture = await loop.run_in_executor(self._executor, self._newest, frames)
+                PICTURES.labels("replaced").inc(len(frames) - 1)
+                if picture is None:
+                    PICTURES.labels("unreadable").inc()
+                elif self._sink is not None and self._announced:
+                    self._show(self._sink, picture)
+                else:  # switched off meanwhile
+                    PICTURES.labels("refused").inc()
+        except FFmpegError as error:
+            PICTURES.labels("unreadable").inc()
+            log.debug("a picture could not be decoded: %s", error)
+            self._drop_waiting()
+        except Exception:
+            # an error in a sink must not end the pictures
+            log.exception("a picture could not be shown")
+        finally:
+            self._decoding = None
+
+    def _newest(self, frames: list[bytes]) -> LookPicture | None:
+        """On the decoder's thread: the last frame's picture. Raises FFmpegError."""
+        shown = [frame for data in frames for frame in self._decoder.decode(Packet(data))]
+        return picture_of(shown[-1]) if shown else None
+
+    def _show(self, sink: LookSink, picture: LookPicture) -> None:
+        PICTURES.labels("shown").inc()
+        self._forget_silence()
+        self._silence = asyncio.get_running_loop().call_later(SILENCE_S, self._stop)
+        sink.receive(picture)
+
+    def _stop(self) -> None:
+        self._drop_waiting()
+        self._forget_silence()
+        if self._sink is not None:
+            self._sink.stop()
+
+    def _forget_silence(self) -> None:
+        if self._silence is not None:
+            self._silence.cancel()
+            self._silence = None
+
+    def _drop_waiting(self) -> None:
+        PICTURES.labels("replaced").inc(len(self._waiting))
+        self._waiting = []
+        self._continuous = False
+
+    def _ask_for_key_frame(self) -> None:
+        now_s = asyncio.get_running_loop().time()
+        if now_s - self._asked_s < _KEY_FRAME_INTERVAL_S:
+            return
+        self._asked_s = now_s
+        self._asking = asyncio.ensure_future(self._request_key_frame())
+
+
+def key_frame_size(data: bytes) -> tuple[int, int] | None:
+    """Width and height (px) that a VP8 key frame tells (RFC 6386, section 9.1); None of others."""
+    if len(data) < 10 or data[0] & 1 or data[3:6] != _VP8_START_CODE:
+        return None
+    width, height = int.from_bytes(data[6:8], "little"), int.from_bytes(data[8:10], "little")
+    return width & _SIZE_BITS, height & _SIZE_BITS
+
+
+def offers_pictures(sdp_offer: str) -> bool:
+    """Whether the second video section of a viewer's offer sends."""
+    sections = [one for one in re.split(r"(?m)^m=", sdp_offer) if one.startswith("video")]
+    return len(sections) > 1 and "a=sendonly" in sections[1].splitlines()
+
+
+def picture_of(frame: VideoFrame) -> LookPicture | None:
+    """What a decoded frame of 288 x 432 px shows; None where there is no code in it."""
+    if (frame.width, frame.height) != FRAME_SIZE:
+        return None
+    rgb, half = frame.to_ndarray(format="rgb24"), picture_code.SIDE_PX
+    grey = rgb[PICTURE_PX:, :, 1]
+    code = picture_code.read(grey[:, half:])
+    if code is None:
+        return None
+    size = (PICTURE_PX, PICTURE_PX)
+    matte = np.asarray(cv2.resize(grey[:, :half], size, interpolation=cv2.INTER_LINEAR))
+    window = code.x, code.y, code.side
+    return LookPicture(code.captured_ms, window, rgb[:PICTURE_PX], matte)

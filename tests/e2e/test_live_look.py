@@ -1,0 +1,120 @@
+"""Live look in a real browser: what leaves, of which moment it is, and when it ends."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from benchmarks.browser import open_page
+from capture.detection.network_files import FACE_MODEL, HAND_MODEL, POSE_MODEL
+from services.bootstrap import DEMO_MODEL, import_model
+from services.gateway import gateway_of
+from services.live.look.picture import LookPicture, LookSink
+from services.live.look.receiver import SILENCE_S
+from services.meetings import create_meeting
+from tests.e2e.serving import WATCH, Gateway, serving
+from tests.e2e.test_motion_capture import webcam
+from tests.landmark_models import landmark_model
+from tests.services.jobs.waiting import until
+from tests.shared_data import shared_data
+
+pytestmark = pytest.mark.e2e
+MINUTES = 60_000
+OUTGOING_VIDEO = """async () => {
+  let bytes = 0;
+  (await viewPeer.getStats()).forEach((one) => {
+    if (one.type === "outbound-rtp" && one.kind === "video") bytes += one.bytesSent;
+  });
+  return bytes;
+}"""
+WATCH_KEYPOINTS = """
+window.captured = [];
+const sendAny = RTCDataChannel.prototype.send;
+RTCDataChannel.prototype.send = function (data) {
+  if (this.label === "keypoints") captured.push(new DataView(data).getFloat64(8, true));
+  return sendAny.call(this, data);
+};
+const nowMs = () => performance.timeOrigin + performance.now();
+document.addEventListener("change", () => (window.changedMs = nowMs()), true);
+"""
+"""`captured`: capture times of the landmarks sent; `changedMs`: when a switch was last used."""
+
+
+class Kept(LookSink):
+    """What the server shows, and when it stopped (s since 1970)."""
+
+    def __init__(self) -> None:
+        self.pictures: list[LookPicture] = []
+        self.stopped_s: list[float] = []
+
+    def receive(self, picture: LookPicture) -> None:
+        self.pictures.append(picture)
+
+    def stop(self) -> None:
+        self.stopped_s.append(time.time())
+
+
+def enter(page: Page, gateway: Gateway) -> Kept:
+    """Into a meeting in which one's own model moves by the webcam; what the server will show."""
+    kept, services = Kept(), gateway.services
+    gateway_of(gateway.app).views.keypoint_channels.make_look_sink = lambda *_: kept
+    ada = import_model(services, DEMO_MODEL, "ada", "Ada")
+    with services.unit_of_work() as unit:
+        meeting = create_meeting(services, unit, "ada", "Monday", [ada])
+        unit.commit()
+    page.add_init_script(WATCH + WATCH_KEYPOINTS)
+    page.goto(f"{gateway.address}?meeting={meeting.id}&size=128#token={gateway.token('ada')}")
+    page.get_by_test_id("start-join").click()
+    page.get_by_test_id("motion-capture").click()
+    self = page.get_by_test_id("self")
+    expect(self).to_have_attribute("data-tracking", "tracking", timeout=5 * MINUTES)
+    return kept
+
+
+def test_a_cut_out_leaves_while_the_switch_is_on_and_not_a_moment_longer(tmp_path: Path):
+    clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
+    camera = webcam(clip, tmp_path / "webcam.mjpeg")
+    networks = {
+        "pose_model": landmark_model(POSE_MODEL),
+        "face_model": landmark_model(FACE_MODEL),
+        "hand_model": landmark_model(HAND_MODEL),
+    }
+    with serving(tmp_path / "data", **networks) as gateway, open_page(webcam=camera) as page:
+        kept = enter(page, gateway)
+        switch, preview = page.get_by_test_id("live-look"), page.get_by_test_id("live-look-preview")
+        expect(switch).not_to_be_checked()
+        expect(preview).to_be_hidden()
+        page.wait_for_timeout(1000)
+        assert page.evaluate(OUTGOING_VIDEO) == 0
+        switch.click()
+        expect(preview).to_be_visible()
+        expect(page.get_by_test_id("self")).to_contain_text("This picture of you leaves")
+
+        def came() -> bool:
+            page.wait_for_timeout(200)
+            return len(kept.pictures) >= 20
+
+        until(came, "pictures")
+        switch.click()
+        until(lambda: bool(kept.stopped_s), "stopping")
+        # long before silence would tell
+        assert kept.stopped_s[0] - page.evaluate("changedMs") / 1e3 < 0.5 * SILENCE_S
+        expect(preview).to_be_hidden()
+        shown, sent = len(kept.pictures), page.evaluate(OUTGOING_VIDEO)
+        page.wait_for_timeout(1500)
+        assert len(kept.pictures) == shown
+        assert page.evaluate(OUTGOING_VIDEO) == sent
+        told = {int(one) % 65536 for one in page.evaluate("captured")}
+    assert {one.captured_ms for one in kept.pictures} <= told
+    last = kept.pictures[-1]
+    outside = last.matte == 0
+    assert 0.1 < outside.mean() < 0.9
+    # the room is black, however the coder smears
+    assert last.rgb[outside].mean() < 8.0
+    assert last.rgb[last.matte > 250].mean() > 40.0
+    x, y, side = last.window
+    assert side >= 240
+    assert -side < min(x, y)

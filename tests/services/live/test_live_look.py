@@ -1,0 +1,165 @@
+"""Pictures over a real WebRTC connection: whose they are, and when they end."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from aiortc import RTCDataChannel
+from fastapi import FastAPI
+
+from services.app import create_app
+from services.auth import GUEST, new_guest
+from services.bootstrap import import_model
+from services.container import Services
+from services.gateway import gateway_of
+from services.live.keypoints_packet import KeypointsPacket, encode_keypoints
+from services.live.look.receiver import SILENCE_S
+from services.live.room import Room
+from services.live.sessions.view_sessions import ViewSessions
+from services.meetings import create_meeting
+from tests.capture.people import standing
+from tests.services.live.look_pictures import CodedPictures, KeptPictures
+from tests.services.live.people import seen
+from tests.services.live.test_look_receiver import count
+from tests.services.live.viewer import Viewer
+
+FIRST_MS = 65_000
+
+
+@pytest.fixture
+async def app(services: Services) -> AsyncIterator[FastAPI]:
+    made = create_app(services)
+    yield made
+    await gateway_of(made).close()
+
+
+@pytest.fixture
+def views(app: FastAPI) -> ViewSessions:
+    return gateway_of(app).views
+
+
+@pytest.fixture
+def sinks(views: ViewSessions) -> dict[str, KeptPictures]:
+    """What takes pictures, by the performer's name."""
+    made: dict[str, KeptPictures] = {}
+    views.keypoint_channels.make_look_sink = lambda performer, _: made.setdefault(
+        performer.name, KeptPictures()
+    )
+    return made
+
+
+@pytest.fixture
+async def room(services: Services, views: ViewSessions, model_file: Path) -> Room:
+    """Ada of account `house`, and Di, whom the demo lends."""
+    ada = import_model(services, model_file, "house", "Ada")
+    di = import_model(services, model_file, GUEST, "Di")
+    with services.unit_of_work() as unit:
+        meeting = create_meeting(services, unit, "house", "Monday", [ada, di])
+        unit.commit()
+    return await views.room(meeting.id)
+
+
+def packet(number: int, *, live_look: bool) -> KeypointsPacket:
+    one = seen(standing(1).pose(0), number)
+    return replace(one, capture_time_ms=33.0 * number, live_look=live_look)
+
+
+class Sender:
+    """A page with a webcam, which drives a performer and sends pictures."""
+
+    def __init__(self, room: Room, name: str) -> None:
+        (performer_id,) = [one.performer_id for one in room.performers if one.name == name]
+        self.viewer, self.number = Viewer(), 0
+        self.channel: RTCDataChannel = self.viewer.peer.createDataChannel(
+            "keypoints", ordered=False, maxRetransmits=0, protocol=performer_id
+        )
+
+    async def connect(self, views: ViewSessions, room: Room, account: str) -> str:
+        """The server's answer."""
+        self.viewer.peer.addTransceiver(CodedPictures(FIRST_MS), direction="sendonly")
+        offer = await self.viewer.offer()
+        _, answer = await views.open(room.meeting_id, offer, None, account)
+        await self.viewer.accept(answer)
+        for _ in range(200):
+            if self.channel.readyState == "open":
+                return answer
+            await asyncio.sleep(0.05)
+        raise AssertionError("the channel did not open")
+
+    async def drive(self, seconds: float, *, live_look: bool) -> None:
+        """Send keypoints 30 times a second."""
+        for _ in range(max(1, round(30 * seconds))):
+            self.number += 1
+            self.channel.send(encode_keypoints(packet(self.number, live_look=live_look)))
+            await asyncio.sleep(1 / 30)
+
+
+async def test_ones_own_pictures_arrive_until_live_look_goes_off(views, room, sinks):
+    sender = Sender(room, "Ada")
+    answer = await sender.connect(views, room, "house")
+    sections = [one for one in answer.split("m=") if one.startswith("video")]
+    assert ["a=recvonly" in one for one in sections] == [False, True]
+    assert "VP8/90000" in sections[1]
+    assert "H264" not in sections[1]
+    await sender.drive(0.3, live_look=False)
+    kept = sinks["Ada"]
+    assert room.looks == {room.performers[0].performer_id: kept}
+    assert kept.pictures == []
+    for _ in range(50):
+        await sender.drive(0.2, live_look=True)
+        if len(kept.pictures) > 10:
+            break
+    times = [(one.captured_ms - FIRST_MS) % 65536 for one in kept.pictures]
+    assert len(times) > 10
+    assert times == sorted(set(times))
+    assert all(time_ms % 40 == 0 for time_ms in times)
+    assert {one.window for one in kept.pictures} == {(-20, 30, 360)}
+    assert kept.stops == 0
+    off_s = time.monotonic()
+    await sender.drive(0.0, live_look=False)
+    while kept.stops == 0 and time.monotonic() - off_s < 1.0:
+        await asyncio.sleep(0.005)
+    assert time.monotonic() - off_s < 0.5 * SILENCE_S, "long before silence would tell"
+    shown = len(kept.pictures)
+    await sender.drive(0.3, live_look=False)
+    assert len(kept.pictures) == shown
+    await sender.drive(1.0, live_look=True)
+    assert len(kept.pictures) > shown, "it goes on again, from a key frame"
+    stops = kept.stops
+    await sender.viewer.peer.close()
+    for _ in range(100):
+        await asyncio.sleep(0.02)
+        if not room.looks:
+            break
+    assert room.looks == {}
+    assert kept.stops > stops
+
+
+@pytest.mark.parametrize("account", [new_guest(), GUEST], ids=["guest", "shared"])
+async def test_the_demos_performer_shows_nobodys_pictures(views, room, sinks, account):
+    sender, before = Sender(room, "Di"), count("refused")
+    await sender.connect(views, room, account)
+    await sender.drive(1.0, live_look=True)
+    assert room.live_motions, "any guest may drive the demo's performer"
+    assert (sinks, room.looks) == ({}, {})
+    assert count("refused") > before
+    await sender.viewer.peer.close()
+
+
+async def test_a_newer_page_takes_the_pictures_over(views, room, sinks):
+    first, second = Sender(room, "Ada"), Sender(room, "Ada")
+    await first.connect(views, room, "house")
+    await first.drive(0.1, live_look=True)
+    before = sinks.pop("Ada")
+    await second.connect(views, room, "house")
+    await second.drive(0.1, live_look=True)
+    assert before.stops > 0
+    assert list(room.looks.values()) == [sinks["Ada"]]
+    assert before is not sinks["Ada"]
+    for sender in (first, second):
+        await sender.viewer.peer.close()
