@@ -148,7 +148,8 @@ class SceneRenderer:
             [p.placement for p in performers],
         )
         shown = [p.pose.expression for p in performers]
-        return self._splats.render(camera, transforms, lighting, placements, shown)
+        changes = [p.colour_change for p in performers]
+        return self._splats.render(camera, transforms, lighting, placements, shown, changes)
 
 
 def warm_up() -> None:
@@ -160,12 +161,14 @@ def warm_up() -> None:
     import torch
 
     from renderer.compositing.yuv_kernels import to_yuv420
+    from renderer.live_look.live_look import LiveLook
+    from renderer.live_look.picture import WebcamPicture
 
     torch.set_num_threads(1)
     row = np.zeros((1, PARAMETERS), np.float32)
     row[0, ROTATION] = 1.0
     rest = Pose.rest()
-    model: PerformerModel = SplatModel(
+    model = SplatModel(
         row,
         np.zeros((1, 4), np.uint8),
         np.array([[1.0, 0.0, 0.0, 0.0]], np.float32),
@@ -174,7 +177,7 @@ def warm_up() -> None:
         Motion.from_poses([rest]),
         data_hash="",
     )
-    performer = Performer("", model, np.zeros(3), 0.0, rest)
+    performer: Performer[PerformerModel] = Performer("", model, np.zeros(3), 0.0, rest)
     camera = orbit_camera((0.0, 0.0, 0.0), 2.0, 0.0, 0.1, 32, 32)
     dark = Lighting(np.zeros((HARMONICS, 3)), np.array([0.0, 1.0, 0.0]), np.zeros(3))
     place = Environment(panorama=np.zeros((8, 16, 3), np.float32), lighting=dark)
@@ -183,6 +186,9 @@ def warm_up() -> None:
     picture = stage.render(Scene(Environment(), (performer,)), camera)
     luma, chroma = np.zeros((32, 32), np.uint8), np.zeros((2, 16, 16), np.uint8)
     to_yuv420(picture, stage.changed, luma, *chroma)
+    look = LiveLook(model)
+    look.see(WebcamPicture(picture, luma, camera, rest))
+    look.change_at(0.0)
 
 
 def _composite_background(

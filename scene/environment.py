@@ -66,6 +66,9 @@ class Performer(Generic[Model]):
     yaw_rad: float
     """Turn about +y; 0 leaves the model facing the way it was captured."""
     pose: Pose
+    colour_change: Float[Array, "N 3"] | None = None
+    """What is added to the colours (sRGB) of a model of N splats, as its person looks now; None:
+    nothing."""
 
     @property
     def placement(self) -> Float[Array, "4 4"]:

@@ -10,6 +10,7 @@ from fastapi import FastAPI
 from services.container import Services
 from services.control.hub import Hub
 from services.limits import RateLimit
+from services.live.motion.live_looks import LiveLooks
 from services.live.sessions.stored_meetings import StoredMeetings
 from services.live.sessions.view_sessions import ViewSessions
 from services.live.sessions.voice_sessions import VoiceSessions
@@ -28,6 +29,7 @@ class Gateway:
     services: Services
     views: ViewSessions
     voices: VoiceSessions
+    looks: LiveLooks
     hub: Hub
     command_limit: RateLimit
 
@@ -36,11 +38,12 @@ class Gateway:
         await self.hub.close()
         await self.voices.close_all()
         await self.views.close_all()
+        self.looks.close()
 
 
 def build_gateway(services: Services) -> Gateway:
     """A gateway that serves nobody yet."""
-    settings = services.settings
+    settings, looks = services.settings, LiveLooks(time.monotonic)
     views = ViewSessions(
         StoredMeetings(services),
         time.monotonic,
@@ -48,6 +51,7 @@ def build_gateway(services: Services) -> Gateway:
         max_viewers=settings.live.max_viewers,
         describe_error=lambda error: problem_of(error).model_dump_json(),
         instrumentation=LatencyCode() if settings.live.stamp_pictures else None,
+        make_look_sink=looks.sink,
     )
     voices = VoiceSessions(
         lambda meeting_id: hub.send_speaking(meeting_id),
@@ -57,7 +61,7 @@ def build_gateway(services: Services) -> Gateway:
     recorders = Recorders(services, views.pose_packets, voices.packet_listeners, time.monotonic)
     hub = Hub(services, views, voices, recorders)
     command_limit = RateLimit("messages of one person", COMMANDS_PER_MINUTE, services.clock)
-    return Gateway(services, views, voices, hub, command_limit)
+    return Gateway(services, views, voices, looks, hub, command_limit)
 
 
 def gateway_of(app: FastAPI) -> Gateway:

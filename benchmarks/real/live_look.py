@@ -48,7 +48,7 @@ MUST_BESIDE, AIM_BESIDE = 0.75, 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ColouredFrame:
     """What live look makes of one judged frame."""
 
     frame: TestFrame
@@ -114,8 +114,8 @@ def measure(
         )
         assert isinstance(model, SplatModel)
         milliseconds: list[float] = []
-        webcam: list[Shown] = []
-        beside: list[Shown] = []
+        webcam: list[ColouredFrame] = []
+        beside: list[ColouredFrame] = []
         for name in case.other_clips:
             webcam += _driven_by(clips[name], model, milliseconds)
         if case.other_cameras:
@@ -130,7 +130,9 @@ def measure(
         }
 
 
-def _driven_by(clip: FilmedClip, model: SplatModel, milliseconds: list[float]) -> Iterator[Shown]:
+def _driven_by(
+    clip: FilmedClip, model: SplatModel, milliseconds: list[float]
+) -> Iterator[ColouredFrame]:
     """The judged frames of another clip, as it plays."""
     retarget, look = Retarget.between(clip, model), LiveLook(model)
     camera = retarget.camera(clip.camera)
@@ -141,7 +143,7 @@ def _driven_by(clip: FilmedClip, model: SplatModel, milliseconds: list[float]) -
         milliseconds.append(1e3 * (time.perf_counter() - begun))
         if index in clip.ruler.indices:
             frame = test_frame(clip, "webcam", index, camera, pose)
-            yield Shown(frame, look.change_at(pose.time_s))
+            yield ColouredFrame(frame, look.change_at(pose.time_s))
 
 
 def _beside(
@@ -150,7 +152,7 @@ def _beside(
     last: int,
     model: SplatModel,
     milliseconds: list[float],
-) -> Iterator[Shown]:
+) -> Iterator[ColouredFrame]:
     """What other cameras filmed while the rest of the clip plays."""
     retarget, look = Retarget.between(clip, model), LiveLook(model)
     for number, index in _played(clip, last + 1):
@@ -160,7 +162,7 @@ def _beside(
         milliseconds.append(1e3 * (time.perf_counter() - begun))
         for frame in frames:
             if frame.group == "other_cameras" and frame.index == index:
-                yield Shown(frame, look.change_at(pose.time_s))
+                yield ColouredFrame(frame, look.change_at(pose.time_s))
 
 
 def _played(clip: FilmedClip, first: int) -> Iterator[tuple[int, int]]:
@@ -190,7 +192,7 @@ def webcam_picture(clip: FilmedClip, number: int, retarget: Retarget) -> WebcamP
     return picture.resized(min(1.0, PICTURE_PX / max(width, height)))
 
 
-def _summary(judge: Judge, model: SplatModel, shown: list[Shown]) -> dict[str, Any]:
+def _summary(judge: Judge, model: SplatModel, shown: list[ColouredFrame]) -> dict[str, Any]:
     """Means over the frames: of the model alone, and with live look."""
     renderer = SplatRenderer((model,))
     figures: dict[str, list[dict[str, Figures]]] = {"model": [], "live": []}
@@ -221,7 +223,7 @@ def rendered(
     return picture.copy()
 
 
-def _flicker(shown: list[Shown], pictures: list[Array]) -> float | None:
+def _flicker(shown: list[ColouredFrame], pictures: list[Array]) -> float | None:
     """As `benchmarks.real.judge.flicker`, over the pairs of successive frames."""
     ratios = [
         changes((pictures[a], pictures[b]), (shown[a].frame, shown[b].frame))

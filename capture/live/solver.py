@@ -95,7 +95,7 @@ class LiveSolver:
         if not 0.0 <= latency_s < 10.0:
             raise InvalidInput(f"latency_s must be between 0 and 10; got {latency_s!r}")
         self.latency_s, self._lifter = latency_s, lifter
-        self._camera, self._rest = camera, body.skeleton.rest_joints
+        self.camera, self._rest = camera, body.skeleton.rest_joints
         self._to_world = camera.rotation.T @ np.diag(OPENCV_TO_OPENGL)
         self._model = solver_model(body, camera)
         self._filter = None if smoothing is None else PoseFilter(smoothing)
@@ -112,7 +112,7 @@ class LiveSolver:
         """
         if not time_s > self._time_s:
             raise InvalidInput(f"time_s must be later than {self._time_s}; got {time_s!r}")
-        observation = frame_observation(landmarks, self._camera)
+        observation = frame_observation(landmarks, self.camera)
         state = self._solve_frame(landmarks, observation, time_s - self._time_s)
         self._last, self._time_s, self.landmark_weights = state, time_s, observation.weights
         root = state.pelvis - self._rest[0]
@@ -162,16 +162,16 @@ class LiveSolver:
         """Local rotations by the lifter, and the pelvis' position from the landmarks."""
         from capture.live.gauss_newton_kernels import body_landmarks
 
-        k, world, visibility = self._camera.intrinsics, landmarks.world, landmarks.visibility
+        k, world, visibility = self.camera.intrinsics, landmarks.world, landmarks.visibility
         local = self._lifter(
-            observation.pixels[None], world[None], visibility[None], self._camera.focal_px, k[:2, 2]
+            observation.pixels[None], world[None], visibility[None], self.camera.focal_px, k[:2, 2]
         ).rotations[0]
         local[0] = self._to_world @ local[0]
-        points = body_landmarks(local, self._model) @ self._camera.rotation.T
+        points = body_landmarks(local, self._model) @ self.camera.rotation.T
         shift = solve_translation(
             points[None], observation.pixels[None], observation.weights[None], k
         )[0]
-        return local, (shift - self._camera.translation) @ self._camera.rotation
+        return local, (shift - self.camera.translation) @ self.camera.rotation
 
     def _refine(
         self,

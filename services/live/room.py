@@ -84,22 +84,33 @@ class Room:
     looks: dict[str, LookSink] = field(default_factory=dict)
     """By performer id, of those whose page may send pictures of them now."""
 
-    def scene_at(self, now_s: float, *, hide_unseen: bool = False) -> Scene[PerformerModel]:
+    def scene_at(
+        self, now_s: float, *, hide_unseen: bool = False, live_look: bool = False
+    ) -> Scene[PerformerModel]:
         """The scene at `now_s`: performers driven live, or playing their motion back and forth.
 
-        With `hide_unseen`, parts of them that were never filmed fade out.
+        With `hide_unseen`, parts of them that were never filmed fade out. With `live_look`, those
+        who send pictures look as in the newest, and move as they did then.
         """
-        performers = tuple(
-            Performer(
-                performer.name,
-                performer.model.filmed_parts() if hide_unseen else performer.model,
-                np.array(performer.position, dtype=np.float64),
-                performer.yaw_rad,
-                self._pose(performer, now_s),
-            )
-            for performer in self.performers
+        performers = (
+            self._performer(one, now_s, hide_unseen, live_look) for one in self.performers
         )
-        return Scene(self.environment, performers)
+        return Scene(self.environment, tuple(performers))
+
+    def _performer(
+        self, performer: MeetingPerformer, now_s: float, hide_unseen: bool, live_look: bool
+    ) -> Performer[PerformerModel]:
+        look = self.looks.get(performer.performer_id) if live_look else None
+        shown = None if look is None else look.shown_of(performer.model)
+        behind_s = 0.0 if shown is None else shown.behind_s
+        return Performer(
+            performer.name,
+            performer.model.filmed_parts() if hide_unseen else performer.model,
+            np.array(performer.position, dtype=np.float64),
+            performer.yaw_rad,
+            self._pose(performer, now_s - behind_s),
+            None if shown is None else shown.change,
+        )
 
     def _pose(self, performer: MeetingPerformer, now_s: float) -> Pose:
         live = self.live_motions.get(performer.performer_id)

@@ -12,7 +12,7 @@ from benchmarks.browser import open_page
 from capture.detection.network_files import FACE_MODEL, HAND_MODEL, POSE_MODEL
 from services.bootstrap import DEMO_MODEL, import_model
 from services.gateway import gateway_of
-from services.live.look.picture import LookPicture, LookSink
+from services.live.look.picture import DroppedPictures, LookPicture
 from services.live.look.receiver import SILENCE_S
 from services.meetings import create_meeting
 from tests.e2e.serving import WATCH, Gateway, serving
@@ -43,7 +43,7 @@ document.addEventListener("change", () => (window.changedMs = nowMs()), true);
 """`captured`: capture times of the landmarks sent; `changedMs`: when a switch was last used."""
 
 
-class Kept(LookSink):
+class Kept(DroppedPictures):
     """What the server shows, and when it stopped (s since 1970)."""
 
     def __init__(self) -> None:

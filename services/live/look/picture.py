@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from scene.arrays import Array, UInt8
+from renderer.performer_model import PerformerModel
+from scene.arrays import Array, Float, UInt8
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,15 +24,30 @@ class LookPicture:
 
 
 class LookSink(Protocol):
-    """Shows one performer as they look now. Both methods are called on the event loop."""
+    """Shows one performer as they look now."""
 
     def receive(self, picture: LookPicture) -> None:
-        """Take the newest picture; returns at once."""
+        """Take the newest picture; returns at once. On the event loop."""
         ...
 
     def stop(self) -> None:
-        """Show none any more, at once; the next may come later. May be called repeatedly."""
+        """Show none any more, at once; the next may come later. May be called repeatedly. On the
+        event loop."""
         ...
+
+    def shown_of(self, model: PerformerModel) -> ShownLook | None:
+        """How `model`, which is drawn now, looks now; None without a picture. On any thread."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class ShownLook:
+    """What a picture makes of a performer."""
+
+    change: Float[Array, "N 3"]
+    """Of their splats' colours (`scene.environment.Performer`)."""
+    behind_s: float
+    """How much later than its moment the picture is shown: their motion waits for it."""
 
 
 class DroppedPictures(LookSink):
@@ -42,3 +58,7 @@ class DroppedPictures(LookSink):
 
     def stop(self) -> None:
         """Nothing."""
+
+    def shown_of(self, model: PerformerModel) -> ShownLook | None:
+        """None."""
+        return None

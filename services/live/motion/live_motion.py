@@ -9,6 +9,7 @@ clock, which is told from ours by the packets that came quickest.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -46,7 +47,21 @@ _CLOCK_DRIFT = 1e-3
 """s a second by which what is believed of the camera's clock gives way."""
 _SMALLEST_PX = 40.0
 """A smaller person tells no pose."""
+_REMEMBERED = 32
+"""Packets of which it is known what they came to: a second's."""
+CAPTURE_TIMES = 1 << 16
+"""Capture times in whole ms that are told apart."""
 _SEEN_TO_CAMERA = np.diag([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedPose:
+    """What one packet came to."""
+
+    pose: Pose
+    """Before the camera, at the moment of capture; neither on the floor nor with a level gaze."""
+    camera: Camera
+    """Of the webcam's whole picture, in the world of the pose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +126,32 @@ class LiveMotion:
         self._foot_locking: FootLocking | None = None
         self._gaze = LevelGaze()
         self._solver: tuple[tuple[int, int], LiveSolver] | None = None
-        self._state: _MotionState | None = None
+        self._states: deque[_MotionState] = deque(maxlen=_REMEMBERED)
+        self._solved: deque[SolvedPose] = deque(maxlen=_REMEMBERED)
         self._expression = ExpressionFilter()
 
     def pose_at(self, now_s: float) -> Pose | None:
-        """The pose at `now_s`; None until somebody has been seen. Reading changes nothing."""
-        state = self._state
-        return None if state is None else state.pose(now_s)
+        """The pose at `now_s`, of late or to come; None until somebody has been seen. Reading
+        changes nothing."""
+        states = tuple(self._states)
+        for state in reversed(states):
+            if now_s >= state.time_s + state.clock_offset_s:
+                return state.pose(now_s)
+        return states[0].pose(now_s) if states else None
+
+    def solved(self, captured_ms: float) -> SolvedPose | None:
+        """What the keypoints captured then (whole ms, modulo 65,536) came to; None where none of
+        the last second's were."""
+        asked = int(captured_ms) % CAPTURE_TIMES
+        for one in reversed(tuple(self._solved)):
+            if int(1e3 * one.pose.time_s) % CAPTURE_TIMES == asked:
+                return one
+        return None
+
+    @property
+    def _state(self) -> _MotionState | None:
+        """The newest."""
+        return self._states[-1] if self._states else None
 
     @property
     def captured_ms(self) -> float | None:
@@ -157,8 +191,10 @@ class LiveMotion:
             raise InvalidInput(f"landmarks must be of a person; got none: {error}") from error
         legs = float(np.median(solver.landmark_weights[_LEGS]))
         expression = self._expression.update(packet.expression, time_s)
+        seen = replace(now, expression=expression.at(time_s))
+        self._solved.append(SolvedPose(seen, solver.camera))
         state = self._next_state(now, ahead, arrived_s, legs_seen=legs > _LEGS_SEEN)
-        self._state = replace(state, expression=expression, age_ms=packet.age_ms)
+        self._states.append(replace(state, expression=expression, age_ms=packet.age_ms))
 
     def _next_state(
         self, now: Pose, ahead: Pose, arrived_s: float, *, legs_seen: bool

@@ -78,7 +78,9 @@ class SharedPictures:
             self._scenes.clear()
             self._frames.clear()
         if hide_unseen not in self._scenes:
-            self._scenes[hide_unseen] = self.room.scene_at(now_s, hide_unseen=hide_unseen)
+            self._scenes[hide_unseen] = self.room.scene_at(
+                now_s, hide_unseen=hide_unseen, live_look=True
+            )
         view = camera.world_to_camera.tobytes() + camera.intrinsics.tobytes()
         key = (hide_unseen, camera.width, camera.height, view)
         if key not in self._frames:

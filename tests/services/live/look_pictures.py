@@ -11,7 +11,7 @@ from av.video.codeccontext import VideoCodecContext
 
 from scene.arrays import Array, UInt8
 from services.live.cell_code import draw_cells
-from services.live.look.picture import LookPicture, LookSink
+from services.live.look.picture import DroppedPictures, LookPicture
 from services.live.look.picture_code import SIDE_PX, PictureCode, cells_of
 from services.live.look.receiver import FRAME_SIZE, PICTURE_PX
 
@@ -69,7 +69,7 @@ class CodedPictures(VideoStreamTrack):
         return frame
 
 
-class KeptPictures(LookSink):
+class KeptPictures(DroppedPictures):
     """Keeps what it is given, in order."""
 
     def __init__(self) -> None:

@@ -1,0 +1,144 @@
+"""Live look on the server: the newest picture of each performer colours their splats.
+
+A picture waits for a thread that works out what it changes; of each performer only the newest
+waits. Nothing is worked out for performers whom the server does not draw. What is shown belongs to
+the moment of the picture, so a performer's motion is shown as much later.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+
+from prometheus_client import Histogram
+
+from renderer.live_look.live_look import LiveLook
+from renderer.live_look.picture import WebcamPicture
+from renderer.performer_model import PerformerModel
+from renderer.splats.model import SplatModel
+from scene.camera import Camera
+from services.live.look.picture import LookPicture, LookSink, ShownLook
+from services.live.motion.live_motion import LiveMotion
+from services.live.room import MeetingPerformer
+from services.live.settling_mean import SettlingMean
+
+log = logging.getLogger(__name__)
+
+LOOK_SECONDS = Histogram(
+    "metanerf_look_seconds",
+    "Time in which a picture for live look is worked out, s.",
+    buckets=(0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5),
+)
+_DRAWN_S = 1.0
+"""Whom nobody has drawn for so long is drawn by no server."""
+_STEP_S = 1.0 / 15.0
+"""Between pictures, about."""
+_MOST_BEHIND_S = 0.3
+"""Later pictures are shown with motion that is ahead of them."""
+
+Clock = Callable[[], float]
+
+
+class LiveLooks:
+    """Live look of all performers of this process."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        # one thread for all: what waits is replaced by newer pictures
+        self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="live-look")
+
+    def sink(self, performer: MeetingPerformer, motion: LiveMotion) -> LookSink:
+        """What shows `performer`, who moves by `motion`."""
+        return PerformerLook(motion, self._executor, self._clock)
+
+    def close(self) -> None:
+        """Stop the thread."""
+        self._executor.shutdown(wait=False, cancel_futures=True)
+
+
+class PerformerLook(LookSink):
+    """One performer as they look now."""
+
+    def __init__(self, motion: LiveMotion, executor: Executor, clock: Clock) -> None:
+        self._motion, self._executor, self._clock = motion, executor, clock
+        self._lock = threading.Lock()
+        self._waiting: LookPicture | None = None
+        self._working = False
+        self._drawn: tuple[PerformerModel, float] | None = None
+        """The model that is drawn, and when it was last."""
+        self._look: tuple[PerformerModel, LiveLook] | None = None
+        self._shown: tuple[PerformerModel, ShownLook] | None = None
+        self._times_stopped = 0
+        self._behind = SettlingMean(0.0)
+
+    def receive(self, picture: LookPicture) -> None:
+        """Take the newest picture; returns at once."""
+        with self._lock:
+            self._waiting = picture
+            idle, self._working = not self._working, True
+        if idle:
+            self._executor.submit(self._work)
+
+    def stop(self) -> None:
+        """Show none any more, at once."""
+        with self._lock:
+            self._times_stopped += 1
+            self._waiting = self._shown = self._look = None
+
+    def shown_of(self, model: PerformerModel) -> ShownLook | None:
+        """How `model` looks now; asking tells that it is drawn."""
+        self._drawn = model, self._clock()
+        shown = self._shown
+        return shown[1] if shown is not None and shown[0] is model else None
+
+    def _work(self) -> None:
+        """On the thread: the newest picture, then those of other performers."""
+        with self._lock:
+            picture, self._waiting = self._waiting, None
+            stopped = self._times_stopped
+        try:
+            if picture is not None:
+                self._show(picture, stopped)
+        except Exception:
+            # an error in one picture must not end live look
+            log.exception("a picture could not be shown")
+        with self._lock:
+            self._working = again = self._waiting is not None
+        if again:
+            self._executor.submit(self._work)
+
+    def _show(self, picture: LookPicture, stopped: int) -> None:
+        begun_s, drawn = self._clock(), self._drawn
+        solved = self._motion.solved(picture.captured_ms)
+        if drawn is None or begun_s - drawn[1] > _DRAWN_S or solved is None:
+            return
+        model = drawn[0]
+        splats = model.splats
+        if splats is None:
+            return
+        look = self._look_of(model, splats)
+        camera = cropped(solved.camera, picture)
+        look.see(WebcamPicture(picture.rgb, picture.matte, camera, solved.pose))
+        change = look.change_at(solved.pose.time_s)
+        done_s = self._clock()
+        LOOK_SECONDS.observe(done_s - begun_s)
+        behind_s = done_s - solved.pose.time_s - (self._motion.clock_offset_s or 0.0)
+        self._behind.add(min(max(behind_s, 0.0), _MOST_BEHIND_S), _STEP_S)
+        with self._lock:
+            if self._times_stopped == stopped:
+                self._look = model, look
+                self._shown = model, ShownLook(change, self._behind.value)
+
+    def _look_of(self, model: PerformerModel, splats: SplatModel) -> LiveLook:
+        look = self._look
+        # a better model of them may have come meanwhile
+        return look[1] if look is not None and look[0] is model else LiveLook(splats)
+
+
+def cropped(camera: Camera, picture: LookPicture) -> Camera:
+    """The camera of a sent picture, of whose whole picture `camera` is."""
+    x, y, side = picture.window
+    height, width = picture.matte.shape
+    return camera.cropped(x, y, side, side).resized(width, height)

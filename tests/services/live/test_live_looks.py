@@ -1,0 +1,159 @@
+"""A sent picture colours the performer who is drawn, until it is stopped, with motion in step."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor, Future
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, ROTATION
+from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import SplatRenderer
+from scene.motion import Motion, Pose
+from services.live.keypoints_packet import KeypointsPacket
+from services.live.look.picture import LookPicture
+from services.live.motion.live_looks import PerformerLook, cropped
+from services.live.motion.live_motion import LiveMotion
+from services.live.room import MeetingPerformer, Room
+from tests.capture.people import body
+from tests.services.live.people import seen
+
+COLOURS = slice(COLOUR, COLOUR + 3)
+WINDOW = (120, 20, 440)
+SIDE = 288
+
+
+class AtOnce(Executor):
+    """Does what it is given before it returns."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        done: Future = Future()
+        done.set_result(fn(*args, **kwargs))
+        return done
+
+
+def model_of(colour: tuple[float, float, float]) -> SplatModel:
+    """A person all in one colour."""
+    whole = body()
+    assert whole.rest_vertices is not None
+    assert whole.blend_weights is not None
+    rest, weights = whole.rest_vertices[::4], whole.blend_weights[::4]
+    parameters = np.zeros((len(rest), PARAMETERS), np.float32)
+    parameters[:, :3] = rest
+    parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(0.012)
+    parameters[:, ROTATION] = 1.0
+    parameters[:, COLOURS] = colour
+    parameters[:, OPACITY] = 3.0
+    joints = np.argsort(-weights, axis=1)[:, :4]
+    most = np.take_along_axis(weights, joints, axis=1).astype(np.float32)
+    return SplatModel(
+        parameters,
+        joints.astype(np.uint8),
+        most / most.sum(axis=1, keepdims=True),
+        np.ones(len(rest), bool),
+        whole.skeleton,
+        Motion.from_poses([Pose.rest()]),
+        data_hash="",
+    )
+
+
+class Sent:
+    """Somebody in green, whose webcam sees them in red."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        self.model = model_of((0.2, 0.5, 0.2))
+        self.motion = LiveMotion(self.model.skeleton)
+        self.look = PerformerLook(self.motion, AtOnce(), lambda: self.now_s)
+        self.packets = 0
+
+    def keypoints(self, count: int = 1, lifted_rad: float = 0.0) -> KeypointsPacket:
+        """The newest of so many, 30 a second, each with an arm further up."""
+        for _ in range(count):
+            angles = Pose.rest().joint_angles.copy()
+            angles[16, 2] = -1.2 + lifted_rad * self.packets
+            angles[17, 2] = 1.2
+            time_s = 5.0 + self.packets / 30.0
+            packet = seen(Pose(angles, np.zeros(3), time_s), self.packets)
+            self.packets, self.now_s = self.packets + 1, 100.0 + self.packets / 30.0
+            self.motion.update(packet, self.now_s)
+        return packet
+
+    def picture(self, packet: KeypointsPacket, late_s: float = 0.1) -> None:
+        """What the webcam saw then, `late_s` after it was known how they moved."""
+        solved = self.motion.solved(packet.capture_time_ms)
+        assert solved is not None
+        empty = np.zeros((SIDE, SIDE), np.uint8)
+        captured_ms = int(packet.capture_time_ms) % 65536
+        sent = LookPicture(captured_ms, WINDOW, np.zeros((SIDE, SIDE, 3), np.uint8), empty)
+        camera, pose = cropped(solved.camera, sent), solved.pose
+        skeleton = self.model.skeleton
+        transforms = skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
+        drawn = SplatRenderer((model_of((0.7, 0.2, 0.2)),)).render(camera, [transforms])
+        rgb, matte = ((255.0 * of + 0.5).astype(np.uint8) for of in (drawn[..., :3], drawn[..., 3]))
+        self.now_s += late_s
+        self.look.receive(replace(sent, rgb=rgb, matte=matte))
+
+
+@pytest.fixture(scope="module")
+def sent() -> Sent:
+    return Sent()
+
+
+def test_the_performer_takes_the_colours_of_the_picture(sent):
+    packet = sent.keypoints(3)
+    sent.picture(packet)
+    assert sent.look.shown_of(sent.model) is None, "nobody had drawn them"
+    sent.picture(sent.keypoints())
+    shown = sent.look.shown_of(sent.model)
+    assert shown is not None
+    redder = shown.change[:, 0] > 0.3
+    # those that face the webcam; the others take the exposure alone
+    assert 0.2 < redder.mean() < 0.8
+    assert shown.change[redder, 1].mean() < -0.15
+
+
+def test_it_is_gone_at_once_when_stopped_and_comes_back(sent):
+    sent.look.shown_of(sent.model)
+    sent.picture(sent.keypoints())
+    assert sent.look.shown_of(sent.model) is not None
+    sent.look.stop()
+    assert sent.look.shown_of(sent.model) is None
+    sent.picture(sent.keypoints())
+    assert sent.look.shown_of(sent.model) is not None
+
+
+def test_a_better_model_takes_its_own_colours(sent):
+    better = model_of((0.2, 0.5, 0.2))
+    assert sent.look.shown_of(better) is None
+    sent.picture(sent.keypoints())
+    assert sent.look.shown_of(better) is not None
+    assert sent.look.shown_of(sent.model) is None
+
+
+def test_a_picture_of_no_known_moment_is_not_shown(sent):
+    sent.look.stop()
+    sent.look.shown_of(sent.model)
+    black = np.zeros((SIDE, SIDE, 3), np.uint8)
+    sent.look.receive(LookPicture(12_345, WINDOW, black, black[..., 0]))
+    assert sent.look.shown_of(sent.model) is None
+
+
+def test_motion_waits_for_the_picture():
+    sent = Sent()
+    performer = MeetingPerformer("a", "Ada", sent.model, sent.model.motion, (0.0, 0.0, 0.0), 0.0)
+    room = Room("m", (performer,), live_motions={"a": sent.motion}, looks={"a": sent.look})
+    sent.look.shown_of(sent.model)
+    packet = sent.keypoints(20, lifted_rad=0.03)
+    then = sent.motion.pose_at(sent.now_s)
+    assert then is not None
+    sent.keypoints(4, lifted_rad=0.03)
+    sent.picture(packet, late_s=0.0)
+    shown, ahead = (
+        room.scene_at(sent.now_s, live_look=on).performers[0].pose.joint_angles[16]
+        for on in (True, False)
+    )
+    np.testing.assert_allclose(shown, then.joint_angles[16], atol=0.02)
+    assert np.abs(ahead - then.joint_angles[16]).max() > 0.08
