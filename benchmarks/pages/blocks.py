@@ -12,6 +12,7 @@ from benchmarks.pages import capture, splats
 from benchmarks.pages.frontier import frontier
 from benchmarks.pages.gpu import gpu
 from benchmarks.pages.lipsync import lipsync
+from benchmarks.pages.live_look import live_look
 from benchmarks.pages.numbers import SOURCES, numbers
 from benchmarks.pages.performers import (
     covered_torso,
@@ -62,6 +63,7 @@ BLOCKS = (
     Block("docs/streaming.md", "lipsync", ("lipsync",), lipsync),
     Block("docs/room.md", "relight", ("relight",), splats.relight),
     Block("docs/real-people.md", "real", ("real",), real),
+    Block("docs/live-look.md", "live-look", ("live-look",), live_look),
     Block(_FIGURES_PAGE, "trainings", ("expressions",), splats.trainings),
     Block(_FIGURES_PAGE, "expressions", ("expressions",), splats.expressions),
     Block(_FIGURES_PAGE, "local-view", ("local-view",), splats.local_view),
