@@ -5,8 +5,8 @@ import { attachControls } from "../viewpoint/controls";
 import { Problem, asProblem, sentence } from "../api/problem";
 import { isFinal } from "../api/api";
 import { h, prefersReducedMotion } from "../views/dom";
-import { icon, mark } from "../views/icons";
-import { button, notice, type View } from "../views/shell";
+import { icon } from "../views/icons";
+import { button, notice, viewportTitle, type View } from "../views/shell";
 import type { LoadedRecording } from "./load";
 import { Player, SPEEDS, clockText } from "./player";
 import { ReplayRenderer } from "./renderer";
@@ -40,7 +40,7 @@ export function replayView(api: Api, loaded: LoadedRecording, hooks: ReplayHooks
     h(
       "div",
       { className: "viewport-top" },
-      h("p", { className: "viewport-title glass" }, mark(), h("span", {}, recording.name)),
+      viewportTitle(recording.name),
       h("div", { className: "viewport-actions" }, ...actions(api, loaded, words, hooks)),
     ),
     h("div", { className: "notifications" }, chat),

@@ -8,10 +8,10 @@ import type { Performer } from "../api/types";
 import { moveFocusByArrows } from "./arrowFocus";
 import { motionCaptureView } from "./motionCapture";
 import { announce, h, isNarrow, usesTouch } from "./dom";
-import { icon, mark } from "./icons";
+import { icon } from "./icons";
 import { improveModelView } from "./improveModel";
 import type { MeetingTools } from "./meetingTools";
-import { button, notice, type View } from "./shell";
+import { button, notice, viewportTitle, type View } from "./shell";
 import { waitingNote } from "./waitingNote";
 
 interface MeetingViewHooks {
@@ -105,7 +105,7 @@ function topBar(live: LiveView, people: HTMLElement, hooks: MeetingViewHooks): H
   return h(
     "div",
     { className: "viewport-top" },
-    h("p", { className: "viewport-title glass" }, mark(), h("span", {}, live.meeting.name || "Meeting")),
+    viewportTitle(live.meeting.name || "Meeting"),
     people,
     h(
       "div",

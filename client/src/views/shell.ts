@@ -16,6 +16,11 @@ export function header(onHome: () => void): HTMLElement {
   return h("header", { className: "page-header" }, home);
 }
 
+/** Over a picture of people: what it shows, and that a machine made it, as whoever sees it must know (EU AI Act, article 50). */
+export function viewportTitle(name: string): HTMLElement {
+  return h("p", { className: "viewport-title glass" }, mark(), h("span", {}, name), h("small", {}, "Computer-generated"));
+}
+
 interface ButtonOptions {
   look?: "primary" | "quiet" | "glass" | "danger";
   large?: boolean;

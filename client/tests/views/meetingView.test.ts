@@ -75,6 +75,11 @@ afterEach(() => {
 });
 
 describe("the meeting", () => {
+  it("says that a machine made what is seen", () => {
+    const { element } = setUp();
+    expect(element.querySelector(".viewport-title")?.textContent).toBe("MondayComputer-generated");
+  });
+
   it("tells what one waits for, until there is a picture", () => {
     const { element, live } = setUp();
     expect(find(element, "waiting").textContent).toContain("Connecting");
