@@ -21,8 +21,13 @@ _LEGS = tuple(
     for side in ("left", "right")
     for part in ("knee", "ankle", "heel", "foot_index")
 )
-MISSING = ("nothing", "the face", "an arm", "the legs")
-_GONE = dict(zip(MISSING, ((), _FACE, _LEFT_ARM, _LEGS), strict=True))
+_GONE: dict[str, tuple[str, ...]] = {
+    "nothing": (),
+    "the face": _FACE,
+    "an arm": _LEFT_ARM,
+    "the legs": _LEGS,
+}
+MISSING = tuple(_GONE)
 
 
 @dataclass(frozen=True)

@@ -126,6 +126,7 @@ def compression(subject: Subject, quality: float, rng: np.random.Generator) -> M
     def compressed(seen: Array, *_: int) -> Array:
         pixels = np.ascontiguousarray((255.0 * seen + 0.5).astype(np.uint8)[..., ::-1])
         read = cv2.imdecode(cv2.imencode(".jpg", pixels, options)[1], cv2.IMREAD_COLOR)
+        assert read is not None
         return read[..., ::-1].astype(np.float32) / np.float32(255.0)
 
     return _filmed(subject, compressed)

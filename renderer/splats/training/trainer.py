@@ -70,7 +70,7 @@ class SplatTrainer:
         import numba
 
         filmed = read_views(sequence.train)
-        shown = frames_with_person(view.rgba[..., 3].any() for view in filmed)
+        shown = frames_with_person(bool(view.rgba[..., 3].any()) for view in filmed)
         sequence, filmed = sequence.part(shown), [filmed[frame] for frame in shown]
         self._sequence, self._settings = sequence, settings
         self._find_light = find_light
