@@ -8,6 +8,7 @@ import numpy as np
 
 from benchmarks.pages.provenance import Figures, measured_at
 from benchmarks.reporting.markdown import markdown_table
+from benchmarks.stability.breaking import BreakingPoint, breaking_points
 from benchmarks.stability.charts import columns
 from benchmarks.stability.judge import MEASURED
 from benchmarks.stability.measure import AXES
@@ -21,6 +22,7 @@ def stability(figures: Figures) -> str:
         [
             _outcomes(figures),
             "### Breaking points",
+            "The first step that was measured and is broken, and the first that is no use at all:",
             _breaking_points(figures),
             "### Every step",
             _legend(figures),
@@ -31,31 +33,40 @@ def stability(figures: Figures) -> str:
 
 
 def finding(figures: Figures) -> str:
-    """What breaks soonest in the mean over performers, and what it does."""
-    held: dict[str, list[float]] = {}
-    for point in figures["breaking_points"]:
-        if point["method"] == _SPLATS:
-            held.setdefault(point["axis"], []).append(point["held"])
-    share = {name: float(np.mean(values)) for name, values in held.items()}
-    whole = sum(value == 1.0 for value in share.values())
-    soonest = sorted(share, key=lambda name: share[name])[:5]
-    named = "; ".join(f"{AXES[name].words} ({_loss(figures, name)})" for name in soonest)
+    """What holds throughout, and what is no use at the first step that was measured."""
+    points = [p for p in breaking_points(AXES, figures["rows"]) if p.method == _SPLATS]
+    names = list(dict.fromkeys(point.axis for point in points))
+    whole = [
+        AXES[name].words
+        for name in names
+        if all(point.broken.at is None for point in points if point.axis == name)
+    ]
+    useless = [
+        f"{AXES[name].words} ({_loss(figures, name)})"
+        for name in names
+        if any(p.unusable.share == 0.0 and p.unusable.last for p in points if p.axis == name)
+    ]
     return (
-        f"Of {len(share)} axes {whole} hold to their last step with everybody. Soonest broken are, "
-        f"with what their first measured step costs in the mean: {named}."
+        f"Of {len(names)} axes {len(whole)} hold to their last step: {_listed(whole)}. At the "
+        f"first step that was measured somebody is no use any more for: {_listed(useless)}."
     )
+
+
+def _listed(words: list[str]) -> str:
+    return "; ".join(words) or "none"
 
 
 def _loss(figures: Figures, name: str) -> str:
     """dB from undisturbed to the first step, over the subjects that have both."""
-    axis, pairs = AXES[name], {}
+    axis, by_step = AXES[name], {}
     for row in figures["rows"]:
-        if row["axis"] == name and row["method"] == _SPLATS and row["outcome"] == MEASURED:
-            pairs.setdefault(row["step"], []).append(row["psnr"])
-    steps = sorted(pairs, key=axis.steps.index)[:2]
-    if len(steps) < 2:
+        if (row["axis"], row["method"], row["outcome"]) == (name, _SPLATS, MEASURED):
+            by_step.setdefault(row["step"], {})[row["subject"]] = row["psnr"]
+    steps = sorted(by_step, key=axis.steps.index)[:2]
+    both = set.intersection(*(set(by_step[step]) for step in steps)) if len(steps) == 2 else set()
+    if not both:
         return "no picture"
-    before, after = (float(np.mean(pairs[step])) for step in steps)
+    before, after = (float(np.mean([by_step[step][who] for who in both])) for step in steps)
     return f"{axis.label(steps[1])}: {before:.1f} to {after:.1f} dB"
 
 
@@ -71,11 +82,9 @@ def _outcomes(figures: Figures) -> str:
 
 
 def _breaking_points(figures: Figures) -> str:
-    heads = columns(figures)
-    points = {
-        (point["axis"], (point["subject"], point["method"])): point
-        for point in figures["breaking_points"]
-    }
+    found = breaking_points(AXES, figures["rows"])
+    heads = columns(found)
+    points = {(point.axis, (point.subject, point.method)): point for point in found}
     rows = [
         [axis.words, *(_point(points.get((name, head))) for head in heads)]
         for name, axis in AXES.items()
@@ -84,15 +93,13 @@ def _breaking_points(figures: Figures) -> str:
     return markdown_table(["what", *(", ".join(head) for head in heads)], rows)
 
 
-def _point(point: dict[str, Any] | None) -> str:
+def _point(point: BreakingPoint | None) -> str:
     if point is None:
         return ""
-    if point["breaks_at"] is None:
-        return f"{point['holds_to']}, the last"
-    if point["holds_to"] is None:
-        return "undisturbed already"
-    useless = "; no use" if point["unusable_at"] == point["breaks_at"] else ""
-    return f"{point['holds_to']} → {point['breaks_at']}{useless}"
+    if point.broken.at is None:
+        return f"holds to {point.broken.last}"
+    useless = f"; no use: {point.unusable.at}" if point.unusable.at is not None else ""
+    return f"{point.broken.at}{useless}"
 
 
 def _legend(figures: Figures) -> str:

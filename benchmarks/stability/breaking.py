@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.stability.axis import Axis
@@ -34,34 +36,55 @@ def is_broken(axis: Axis, row: Row, undisturbed: Row) -> bool:
     return row["lpips"] > (1.0 + LOST_LPIPS) * undisturbed["lpips"]
 
 
-def breaking_point(axis: Axis, rows: list[Row]) -> dict[str, Any]:
-    """Of one axis, subject and method, whose `rows` are by rising disturbance.
+@dataclass(frozen=True)
+class Reach:
+    """How far along its way an axis goes before something happens."""
 
-    `holds_to` is the last step before the first broken one (None where the undisturbed one is),
-    `breaks_at` that one (None where none is), `unusable_at` the first that is no use; `held` is how
-    far the axis holds as a share of its way.
-    """
-    broken = [is_broken(axis, row, rows[0]) for row in rows]
-    first = broken.index(True) if any(broken) else len(rows)
-    useless = next((row["label"] for row in rows if is_unusable(axis, row)), None)
-    reached = axis.steps.index(rows[first - 1]["step"]) if first else 0
-    return {
-        "holds_to": rows[first - 1]["label"] if first else None,
-        "breaks_at": rows[first]["label"] if first < len(rows) else None,
-        "unusable_at": useless,
-        "held": round(reached / (len(axis.steps) - 1), 3),
-    }
+    last: str | None
+    """The step before it; None where it happens undisturbed already."""
+    at: str | None
+    """The step of it; None where it never happens."""
+    share: float
+    """Of the axis' way."""
+
+    @classmethod
+    def of(cls, axis: Axis, rows: list[Row], happened: Callable[[Row], bool]) -> Reach:
+        """Of `rows` by rising disturbance."""
+        first = next((n for n, row in enumerate(rows) if happened(row)), len(rows))
+        way = axis.steps.index(rows[first - 1]["step"]) if first else 0
+        return cls(
+            rows[first - 1]["label"] if first else None,
+            rows[first]["label"] if first < len(rows) else None,
+            way / (len(axis.steps) - 1),
+        )
 
 
-def breaking_points(axes: dict[str, Axis], rows: list[Row]) -> list[dict[str, Any]]:
-    """Of every axis, subject and method in `rows`."""
+@dataclass(frozen=True)
+class BreakingPoint:
+    """Of one axis, subject and method."""
+
+    axis: str
+    subject: str
+    method: str
+    broken: Reach
+    unusable: Reach
+
+
+def breaking_points(axes: Mapping[str, Axis], rows: Iterable[Row]) -> list[BreakingPoint]:
+    """Of every axis, subject and method that was measured undisturbed and at another step."""
     groups: dict[tuple[str, str, str], list[Row]] = {}
     for row in rows:
-        groups.setdefault((row["axis"], row["subject"], row["method"]), []).append(row)
+        if row["axis"] in axes:
+            groups.setdefault((row["axis"], row["subject"], row["method"]), []).append(row)
     points = []
     for (name, subject, method), mine in groups.items():
-        ordered = sorted(mine, key=lambda row, axis=axes[name]: axis.steps.index(row["step"]))
-        if ordered[0]["step"] == axes[name].steps[0]:
-            about = {"axis": name, "subject": subject, "method": method}
-            points.append({**about, **breaking_point(axes[name], ordered)})
+        axis = axes[name]
+        ordered = sorted(mine, key=lambda row, axis=axis: axis.steps.index(row["step"]))
+        if len(ordered) < 2 or ordered[0]["step"] != axis.steps[0]:
+            continue
+        broken = Reach.of(
+            axis, ordered, lambda row, axis=axis, first=ordered[0]: is_broken(axis, row, first)
+        )
+        unusable = Reach.of(axis, ordered, lambda row, axis=axis: is_unusable(axis, row))
+        points.append(BreakingPoint(name, subject, method, broken, unusable))
     return points

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.stability.breaking import Row, is_broken
+from benchmarks.stability.breaking import BreakingPoint, Row, breaking_points, is_broken
 from benchmarks.stability.judge import MEASURED
 from benchmarks.stability.measure import AXES
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555")
 """Okabe and Ito's, told apart by the colour-blind too."""
 _COLUMNS = 6
-_SHORT = {"splats, poses believed": "poses believed", "splats": "splats"}
+_SHORT = {"splats, poses believed": "poses believed"}
 
 
 def draw_charts(figures: dict[str, Any], folder: Path) -> None:
@@ -41,48 +41,49 @@ def draw_charts(figures: dict[str, Any], folder: Path) -> None:
         pyplot.close(chart)
 
 
-def columns(figures: dict[str, Any]) -> list[tuple[str, str]]:
-    """Subject and method of each column, as they were measured."""
-    found = ((point["subject"], point["method"]) for point in figures["breaking_points"])
-    return sorted(dict.fromkeys(found), key=lambda one: (one[1] != "splats", one[1]))
+def columns(points: list[BreakingPoint]) -> list[tuple[str, str]]:
+    """Subject and method of each column, as they were measured, splats first."""
+    found = dict.fromkeys((point.subject, point.method) for point in points)
+    return sorted(found, key=lambda one: (one[1] != "splats", one[1]))
 
 
 def _heat_map(figures: dict[str, Any]) -> Figure:
     import numpy as np
     from matplotlib import pyplot
 
-    points = {
-        (point["axis"], (point["subject"], point["method"])): point
-        for point in figures["breaking_points"]
-    }
+    found = breaking_points(AXES, figures["rows"])
+    points = {(point.axis, (point.subject, point.method)): point for point in found}
     names = [name for name in AXES if any(axis == name for axis, _ in points)]
-    heads = columns(figures)
-    held = np.full((len(names), len(heads)), np.nan)
-    size = (2.6 + 1.05 * len(heads), 1.2 + 0.235 * len(names))
+    heads = columns(found)
+    shares = np.full((len(names), 2 * len(heads)), np.nan)
+    size = (3.2 + 1.7 * len(heads), 1.5 + 0.24 * len(names))
     chart, axes = pyplot.subplots(figsize=size, layout="constrained")
     for row, name in enumerate(names):
         for column, head in enumerate(heads):
             point = points.get((name, head))
-            if point is None:
-                continue
-            held[row, column] = point["held"]
-            words = "never" if point["holds_to"] is None else point["holds_to"]
-            middle = 0.25 < point["held"] < 0.75
-            axes.text(column, row, words, ha="center", va="center", fontsize=6.5,
-                      color="black" if middle else "white")  # fmt: skip
-    axes.imshow(held, cmap="RdYlBu", vmin=0.0, vmax=1.0, aspect="auto")
+            for half, reach in enumerate((point.broken, point.unusable) if point else ()):
+                shares[row, 2 * column + half] = reach.share
+                colour = "black" if 0.25 < reach.share < 0.75 else "white"
+                axes.text(2 * column + half, row, _tick(reach.last or "never"), ha="center",
+                          va="center", fontsize=6.5, color=colour)  # fmt: skip
+    axes.imshow(shares, cmap="RdYlBu", vmin=0.0, vmax=1.0, aspect="auto")
     axes.set_yticks(range(len(names)), [AXES[name].words for name in names])
     axes.set_xticks(
-        range(len(heads)),
-        [f"{subject}\n{_SHORT.get(method, method)}" for subject, method in heads],
+        [2 * column + half for column in range(len(heads)) for half in (0, 1)],
+        [
+            f"{', '.join(_SHORT.get(word, word) for word in head)}\n{half}"
+            for head in heads
+            for half in ("without loss", "of some use")
+        ],
+        fontsize=6.5,
     )
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
     _lines_between_groups(axes, [AXES[name].group for name in names])
-    axes.set_xlabel(
-        "the last step that holds; blue: the axis' whole way, red: not even a little", fontsize=7
-    )
+    for column in range(1, len(heads)):
+        axes.axvline(2 * column - 0.5, color="white", linewidth=3.0)
+    chart.suptitle("The last step that holds; blue: to the end, red: not even a little", fontsize=8)
     return chart
 
 
@@ -97,7 +98,7 @@ def _curves(figures: dict[str, Any]) -> Figure:
 
     rows: list[Row] = figures["rows"]
     names = [name for name in AXES if any(row["axis"] == name for row in rows)]
-    heads = columns(figures)
+    heads = columns(breaking_points(AXES, rows))
     count = -(-max(len(names), 1) // _COLUMNS)
     chart, panels = pyplot.subplots(
         count, _COLUMNS, figsize=(13.0, 0.6 + 1.75 * count), layout="constrained", squeeze=False

@@ -22,7 +22,6 @@ from benchmarks.stability.breaking import (
     LOST_LPIPS,
     MOST_LPIPS,
     Row,
-    breaking_points,
 )
 from benchmarks.stability.captures import CAPTURE_AXES, CaptureAxis, CaptureBench
 from benchmarks.stability.judge import MEASURED
@@ -257,7 +256,6 @@ class Bench:
             },
             **self.clock.about(),
             "outcomes": dict(Counter(row["outcome"] for row in self.rows)),
-            "breaking_points": breaking_points(AXES, self.rows),
             "rows": self.rows,
         }
 
@@ -266,7 +264,9 @@ class Bench:
         judged = [
             (row, strip)
             for row, strip in zip(self.rows, self.strips, strict=True)
-            if row["outcome"] == MEASURED and row["lpips"] is not None
+            if row["outcome"] == MEASURED
+            and row["lpips"] is not None
+            and row["step"] != AXES[row["axis"]].steps[0]
         ]
         shown: set[tuple[str, str]] = set()
         for row, strip in sorted(judged, key=lambda one: -one[0]["lpips"]):

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from benchmarks.stability.breaking import (
-    breaking_point,
+    Reach,
     breaking_points,
     is_broken,
     is_unusable,
@@ -51,18 +51,24 @@ def test_motion_has_no_floor():
     assert is_broken(AXES["silence"], late, row(0.0, 24.0))
 
 
+def reaches(*rows: dict[str, Any]) -> tuple[Reach, Reach]:
+    (point,) = breaking_points(AXES, rows)
+    return point.broken, point.unusable
+
+
 def test_an_axis_holds_to_the_step_before_the_first_broken_one():
-    found = breaking_point(NOISE, [row(0.0, 33.0), row(8.0, 31.0), row(64.0, 20.0)])
-    assert found == {"holds_to": "8", "breaks_at": "64", "unusable_at": "64", "held": 0.4}
+    found = reaches(row(0.0, 33.0), row(8.0, 29.0), row(64.0, 20.0))
+    assert found == (Reach("0", "8", 0.0), Reach("8", "64", 0.4))
 
 
 def test_an_axis_may_hold_throughout_or_not_at_all():
-    whole = breaking_point(NOISE, [row(0.0, 33.0), row(64.0, 31.0)])
-    assert whole == {"holds_to": "64", "breaks_at": None, "unusable_at": None, "held": 1.0}
-    never = breaking_point(NOISE, [row(0.0, 20.0), row(64.0, 20.0)])
-    assert never == {"holds_to": None, "breaks_at": "0", "unusable_at": "0", "held": 0.0}
+    assert reaches(row(0.0, 33.0), row(64.0, 31.0)) == (Reach("64", None, 1.0),) * 2
+    assert reaches(row(0.0, 20.0), row(64.0, 20.0)) == (Reach(None, "0", 0.0),) * 2
 
 
 def test_rows_are_grouped_and_put_in_order():
     mixed = [row(64.0, 20.0), row(0.0, 33.0), {**row(64.0, 33.0), "subject": "no start"}]
-    assert [point["breaks_at"] for point in breaking_points(AXES, mixed)] == ["64"]
+    alone = {**row(0.0, 33.0), "subject": "undisturbed alone"}
+    unknown = {**row(0.0, 33.0), "axis": "of another day"}
+    (point,) = breaking_points(AXES, [*mixed, alone, unknown])
+    assert (point.subject, point.broken.at) == ("somebody", "64")

@@ -42,7 +42,7 @@ def test_more_disturbance_is_a_worse_picture(figures, axis: str):
     undisturbed, middle, worst = curve(figures, axis)
     assert undisturbed >= middle - 0.3
     assert middle > worst
-    assert undisturbed > worst + 2.0
+    assert undisturbed > worst + 1.0
 
 
 def test_refined_poses_are_worth_more_than_believed_ones(figures):
@@ -63,7 +63,13 @@ def test_frames_without_anybody_are_told_apart_from_failures(figures):
 
 
 def test_page_and_charts_show_what_was_measured(figures, tmp_path: Path):
-    text = stability({**figures, "commit": "abcdef0"})
+    origin = {
+        "commit": "abcdef0",
+        "date": "2026-05-01T12:00:00+00:00",
+        "uncommitted_changes": False,
+        "machine": {"processor": "a processor"},
+    }
+    text = stability({**figures, **origin})
     assert "0 failures" in text
     assert all(AXES[name].words in text for name in QUICK_AXES)
     assert "dB" in finding(figures)
