@@ -42,23 +42,23 @@ def stability(
     ] = "",
 ) -> None:
     """Where methods fail: one thing of capture, training or a meeting is disturbed at a time."""
-    from benchmarks.stability.measure import QUICK, Effort, run
-    from benchmarks.stability.subjects import Inputs
+    from benchmarks.stability.measure import QUICK, StabilityEffort, run
+    from benchmarks.stability.subjects import SubjectSources
 
     writer = start("stability", commits, narrowed=quick or bool(only) or steps != _STEPS)
     if quick:
         with tempfile.TemporaryDirectory() as folder:
-            run(writer, Inputs(Path(folder), size_px=128, frames=24), QUICK, only)
+            run(writer, SubjectSources(Path(folder), size_px=128, frames=24), QUICK, only)
         return
     require_motion(motion)
-    inputs = Inputs(
+    inputs = SubjectSources(
         writer.measurements / "material",
         motion,
         assets if _at_hand(require_human_assets, assets) else None,
         footage if _at_hand(require_real_footage, footage) else None,
         landmark_models(),
     )
-    run(writer, inputs, Effort(steps=steps), only, seconds(within) if within else math.inf)
+    run(writer, inputs, StabilityEffort(steps=steps), only, seconds(within) if within else math.inf)
 
 
 def _at_hand(require: Callable[[Path], None], folder: Path) -> bool:

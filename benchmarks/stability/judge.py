@@ -33,7 +33,7 @@ class NoPicture(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class JudgedPicture:
     """A picture and its truth, cut to the person, over black."""
 
     truth: Float[Array, "h w 3"]
@@ -55,7 +55,7 @@ def guarded(measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         return {"outcome": outcome, "why": f"{type(error).__name__}: {error}"}
 
 
-def shown(model: PerformerModel, frame: Frame, pose: Pose) -> Shown:
+def shown(model: PerformerModel, frame: Frame, pose: Pose) -> JudgedPicture:
     """`model` in `pose` beside `frame`. Raises NoPicture."""
     rendered = model.render(frame.camera, pose)
     if not np.isfinite(rendered).all():
@@ -63,12 +63,12 @@ def shown(model: PerformerModel, frame: Frame, pose: Pose) -> Shown:
     if rendered[..., 3].sum() < _EMPTY * frame.mask.sum():
         raise NoPicture("a rendered picture must show the person; got an empty one")
     crop = body_crop(frame.mask) or (slice(None), slice(None))
-    return Shown(frame.image[crop], np.clip(rendered[..., :3], 0.0, 1.0)[crop])
+    return JudgedPicture(frame.image[crop], np.clip(rendered[..., :3], 0.0, 1.0)[crop])
 
 
 def figures(
     model: PerformerModel, material: Material, lpips: Lpips, *, aligned: bool
-) -> tuple[dict[str, Any], Shown]:
+) -> tuple[dict[str, Any], JudgedPicture]:
     """Means over the judged frames, and the worst of them.
 
     Args:
@@ -101,7 +101,7 @@ def figures(
 
 
 @torch.no_grad()
-def distance(lpips: Lpips, one: Shown) -> float | None:
+def distance(lpips: Lpips, one: JudgedPicture) -> float | None:
     """LPIPS of a picture; None where it is too small."""
     if min(one.truth.shape[:2]) < _LPIPS_LEAST_PX:
         return None

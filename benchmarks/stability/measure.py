@@ -28,7 +28,7 @@ from benchmarks.stability.judge import MEASURED
 from benchmarks.stability.live import LIVE_AXES, LiveAxis
 from benchmarks.stability.material import Material, Subject
 from benchmarks.stability.sheet import WorstPicture, draw_sheet
-from benchmarks.stability.subjects import PAINTED, Inputs, filmed_subjects, studio_subjects
+from benchmarks.stability.subjects import PAINTED, SubjectSources, filmed_subjects, studio_subjects
 from benchmarks.stability.trainings import Method, measure_training
 from capture.detection.landmarks import MediaPipeEstimator
 from renderer.evaluation.lpips import PACKAGED_BACKBONE, Lpips
@@ -50,7 +50,7 @@ _A = TypeVar("_A", bound=Axis)
 
 
 @dataclass(frozen=True)
-class Effort:
+class StabilityEffort:
     """How much is measured."""
 
     steps: int = 3
@@ -83,7 +83,7 @@ class Effort:
         return Method(FIELD, FIELD, self.field_iterations, believes_poses=False, aligned=True)
 
 
-QUICK = Effort(iterations=120, refining_iterations=320, axes=QUICK_AXES)
+QUICK = StabilityEffort(iterations=120, refining_iterations=320, axes=QUICK_AXES)
 
 
 @dataclass(eq=False)
@@ -91,8 +91,8 @@ class Bench:
     """One run: what it measures with, and what it has measured."""
 
     writer: FigureWriter
-    inputs: Inputs
-    effort: Effort
+    inputs: SubjectSources
+    effort: StabilityEffort
     only: str
     until_s: float
     """Of the monotonic clock: when no other measurement is begun."""
@@ -283,8 +283,8 @@ class Bench:
 
 def run(
     writer: FigureWriter,
-    inputs: Inputs,
-    effort: Effort,
+    inputs: SubjectSources,
+    effort: StabilityEffort,
     only: str = "",
     within_s: float = math.inf,
 ) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from benchmarks.reporting.cells import in_a_cell
-from benchmarks.stability.judge import Shown
+from benchmarks.stability.judge import JudgedPicture
 from scene.arrays import Array, UInt8
 from scene.sequence import Frame, body_crop
 
@@ -29,7 +29,7 @@ class WorstPicture:
     lpips: float
 
 
-def write_strip(path: Path, trained: Frame, worst: Shown) -> None:
+def write_strip(path: Path, trained: Frame, worst: JudgedPicture) -> None:
     """One frame that training saw, the truth of the worst view, and the model there."""
     crop = body_crop(trained.mask) or (slice(None), slice(None))
     cells = [in_a_cell(picture, _CELL_PX) for picture in

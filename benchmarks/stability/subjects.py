@@ -24,7 +24,7 @@ _JUDGED, _PAIRS = 8, 6
 
 
 @dataclass(frozen=True)
-class Inputs:
+class SubjectSources:
     """What is at hand; who needs more is left out."""
 
     folder: Path
@@ -39,7 +39,7 @@ class Inputs:
     frames: int = 60
 
 
-def studio_subjects(inputs: Inputs, may_begin: Callable[[], bool]) -> Iterator[Subject]:
+def studio_subjects(inputs: SubjectSources, may_begin: Callable[[], bool]) -> Iterator[Subject]:
     """Performers whom the studio films, the one with most axes first.
 
     `may_begin`: whether there is time to film somebody; whoever was filmed before is there anyway.
@@ -51,7 +51,7 @@ def studio_subjects(inputs: Inputs, may_begin: Callable[[], bool]) -> Iterator[S
             yield _studio_subject(inputs, name)
 
 
-def filmed_subjects(inputs: Inputs, may_begin: Callable[[], bool]) -> Iterator[Subject]:
+def filmed_subjects(inputs: SubjectSources, may_begin: Callable[[], bool]) -> Iterator[Subject]:
     """Real people, captured; judged on their own clean frames, which stand in for a truth."""
     if inputs.footage is None or inputs.networks is None:
         return
@@ -93,7 +93,7 @@ def material_of(clip: Sequence, judged: FrameSource) -> Material:
     )
 
 
-def _studio_subject(inputs: Inputs, name: str) -> Subject:
+def _studio_subject(inputs: SubjectSources, name: str) -> Subject:
     performer, folder = _PERFORMERS[name], _folder(inputs, name)
     look = "loose" if name == LOOSE else "plain"
     assets = inputs.assets if name == LIFELIKE else None
@@ -112,7 +112,7 @@ def _studio_subject(inputs: Inputs, name: str) -> Subject:
     return Subject(name, material_of(clip, clip.test[NOVEL_VIEW]), stage)
 
 
-def _folder(inputs: Inputs, name: str) -> Path:
+def _folder(inputs: SubjectSources, name: str) -> Path:
     return inputs.folder / f"{_PERFORMERS[name]}-{inputs.size_px}"
 
 

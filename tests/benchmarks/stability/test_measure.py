@@ -12,7 +12,7 @@ from benchmarks.reporting.checkout import Checkout
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.stability.charts import draw_charts
 from benchmarks.stability.measure import AXES, QUICK, QUICK_AXES, run
-from benchmarks.stability.subjects import Inputs
+from benchmarks.stability.subjects import SubjectSources
 from tests.benchmarks.conftest import checkout as checkout
 
 
@@ -24,7 +24,7 @@ def figures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 def measured(root: Path, material: Path) -> dict[str, Any]:
     writer = FigureWriter.start("stability", checkout=Checkout(root), words=["bench"])
-    return run(writer, Inputs(material, size_px=128, frames=24), QUICK, "")
+    return run(writer, SubjectSources(material, size_px=128, frames=24), QUICK, "")
 
 
 def curve(figures: dict[str, Any], axis: str) -> list[float]:
