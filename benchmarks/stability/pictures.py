@@ -119,8 +119,10 @@ def dark_scene(subject: Subject, stops: float, rng: np.random.Generator) -> Mate
 
 
 def compression(subject: Subject, quality: float, rng: np.random.Generator) -> Material:
-    """JPEG of that quality."""
+    """JPEG of that quality; 100 stands for none."""
     del rng
+    if quality == 100.0:
+        return subject.material
     options = [cv2.IMWRITE_JPEG_QUALITY, int(quality)]
 
     def compressed(seen: Array, *_: int) -> Array:
@@ -199,7 +201,8 @@ def _each(subject: Subject, change: Callable[[Frame], Frame]) -> Material:
 
 
 def _filmed(subject: Subject, camera: Camera01) -> Material:
-    """Every picture in a room, by `camera`, cut out again."""
+    """Every picture in a room, by `camera`, cut out again: what shines through the soft rim of a
+    mask stays in it."""
     frames, room = subject.material.train, _room(subject)
 
     def seen(index: int, frame: Frame) -> Frame:

@@ -41,7 +41,8 @@ def test_the_first_step_disturbs_nothing(axis: TrainingAxis):
     assert len(after.train) == len(before.train)
     for one, other in zip(before.train, after.train, strict=True):
         np.testing.assert_allclose(other.mask, one.mask, atol=1e-6)
-        np.testing.assert_allclose(other.image, one.image, atol=0.02)
+        solid = (one.mask < 0.01) | (one.mask > 0.99)  # the room shines through a soft rim
+        np.testing.assert_allclose(other.image[solid], one.image[solid], atol=0.02)
         turned = [axis_angle_to_matrix(pose.joint_angles) for pose in (one.pose, other.pose)]
         np.testing.assert_allclose(turned[1], turned[0], atol=1e-6)
         roots = [pose.root_translation for pose in (one.pose, other.pose)]

@@ -87,8 +87,8 @@ def test_noise_has_its_strength_inside_the_person_alone():
     before, after = somebody.material.train[0], sensor_noise(somebody, 8.0, RNG(0)).train[0]
     inside = (before.mask > 0.99)[..., None] & (before.image > 0.15) & (before.image < 0.85)
     off = 255.0 * (after.image - before.image)
-    assert inside.sum() > 50
-    assert off[inside].std() == pytest.approx(8.0, rel=0.25)
+    assert inside.sum() > 30
+    assert off[inside].std() == pytest.approx(8.0, rel=0.35)
     assert not off[before.mask == 0.0].any()
 
 
