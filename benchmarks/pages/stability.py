@@ -22,7 +22,8 @@ def stability(figures: Figures) -> str:
         [
             _outcomes(figures),
             "### Breaking points",
-            "The first step that was measured and is broken, and the first that is no use at all:",
+            "The first step that was measured and is broken, and the first that is no use at all "
+            "(*undisturbed*: no use with nothing wrong at all):",
             _breaking_points(figures),
             "### Every step",
             _legend(figures),
@@ -77,8 +78,12 @@ def _outcomes(figures: Figures) -> str:
         f"{sum(told.values()):,} measurements: {failed} failures (an exception, a NaN, an empty "
         f"picture; 0 are allowed), {refused} clear refusals, {figures['missing']} still missing."
     ]
-    whys = {row["why"] for row in figures["rows"] if row["outcome"] != MEASURED}
-    return "\n".join([*lines, *(f"- {why}" for why in sorted(whys))])
+    whys: dict[str, list[str]] = {}
+    for row in figures["rows"]:
+        if row["outcome"] != MEASURED and row["axis"] in AXES:
+            what = f"{AXES[row['axis']].words}, {row['label']} ({row['subject']})"
+            whys.setdefault(row["why"], []).append(what)
+    return "\n".join([*lines, *(f"- {'; '.join(what)}: *{why}*" for why, what in whys.items())])
 
 
 def _breaking_points(figures: Figures) -> str:
@@ -98,6 +103,8 @@ def _point(point: BreakingPoint | None) -> str:
         return ""
     if point.broken.at is None:
         return f"holds to {point.broken.last}"
+    if point.broken.last is None:
+        return "undisturbed"
     useless = f"; no use: {point.unusable.at}" if point.unusable.at is not None else ""
     return f"{point.broken.at}{useless}"
 

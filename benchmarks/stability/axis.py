@@ -59,6 +59,8 @@ class TrainingAxis(Axis):
     spoil: Spoil = field(kw_only=True)
     filmed_anew: bool = field(default=False, kw_only=True)
     """Needs a performer who can be filmed again."""
+    in_loose_clothes: bool = field(default=False, kw_only=True)
+    """Needs a performer whom the studio has loose clothes for."""
     of_pictures: bool = field(default=False, kw_only=True)
     """Also measured with real people."""
     poses_off: bool = field(default=False, kw_only=True)

@@ -71,7 +71,7 @@ def _heat_map(figures: dict[str, Any]) -> Figure:
     axes.set_xticks(
         [2 * column + half for column in range(len(heads)) for half in (0, 1)],
         [
-            f"{', '.join(_SHORT.get(word, word) for word in head)}\n{half}"
+            "\n".join((*(_SHORT.get(word, word) for word in head), half))
             for head in heads
             for half in ("without loss", "of some use")
         ],

@@ -133,10 +133,17 @@ class Bench:
 
     def _trainings(self, subject: Subject, axes: list[TrainingAxis]) -> None:
         for axis in axes:
-            others = axis.every_step and subject.name != PAINTED
-            if not others and (subject.stage is not None or not axis.filmed_anew):
+            if self._suits(axis, subject):
                 for method in self._methods(axis, subject):
                     self._training(axis, subject, method)
+
+    def _suits(self, axis: TrainingAxis, subject: Subject) -> bool:
+        stage = subject.stage
+        if axis.in_loose_clothes:
+            return stage is not None and bool(stage.performer.garments)
+        if axis.every_step:
+            return subject.name == PAINTED
+        return stage is not None or not axis.filmed_anew
 
     def _training(self, axis: TrainingAxis, subject: Subject, method: Method) -> None:
         def measured(step: float, strip: Path) -> dict[str, Any]:
