@@ -35,8 +35,8 @@ from scene.errors import InvalidInput
 from scene.motion import Motion, Pose
 from scene.sequence import Frame
 from scene.skeleton import Skeleton
-from services.live.motion.live_motion import LiveMotion
 from services.live.keypoints_packet import KeypointsPacket, decode_keypoints, encode_keypoints
+from services.live.motion.live_motion import LiveMotion
 from services.live.packets import is_newer
 
 MEETING = "live meeting"
