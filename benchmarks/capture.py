@@ -18,16 +18,16 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.pose_errors import (
+from benchmarks.reporting.figures import FigureWriter
+from benchmarks.reporting.origin import ORIGIN
+from benchmarks.reporting.timing import Clock, clock_named
+from benchmarks.stability.pose_errors import (
     Joints,
     gauge_scale,
     joint_rotation_errors,
     pose_errors,
     seen_joints,
 )
-from benchmarks.reporting.figures import FigureWriter
-from benchmarks.reporting.origin import ORIGIN
-from benchmarks.reporting.timing import Clock, clock_named
 from capture.fitting.fit import STAGES
 from capture.fitting.result import Fit
 from capture.fitting.world import OPENGL_TO_OPENCV

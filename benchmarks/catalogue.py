@@ -64,9 +64,7 @@ CATALOGUE = (
     Benchmark("two-cameras", ("two-cameras",), (require_footage,)),
     Benchmark("real", ("real",), (require_real_footage,)),
     Benchmark("live-look", ("live-look",), (require_real_footage,)),
-    Benchmark("capture-robustness", ("capture", "--robustness"), (require_motion,)),
     Benchmark("field-speed", ("field",)),
-    Benchmark("refinement", ("refinement",)),
     Benchmark("foreign", ("foreign",), takes_backbone=True),
     Benchmark("kernels", ("kernels",), (require_cuda,)),
     Benchmark("gpu", ("gpu",), (require_cuda,)),
@@ -74,6 +72,7 @@ CATALOGUE = (
     Benchmark("performers", ("performers",), (require_motion,), takes_backbone=True),
     Benchmark("train", ("train",), (require_motion,), takes_backbone=True),
     Benchmark("capture", ("capture",), (require_motion,), takes_backbone=True),
+    Benchmark("stability", ("stability",), (require_motion,)),
     Benchmark("frontier", ("frontier",), takes_backbone=True),
 )
 """Short ones first."""

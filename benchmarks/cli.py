@@ -22,6 +22,7 @@ from benchmarks.cli_options import (
     start,
 )
 from benchmarks.cli_real import live_look, real
+from benchmarks.cli_stability import stability
 from benchmarks.inputs import (
     FOOTAGE,
     HUMAN_ASSETS,
@@ -44,6 +45,8 @@ app = typer.Typer(
     help="Measure what is claimed, on this machine. Figures go to build/figures.",
     no_args_is_help=True,
 )
+
+app.command()(stability)
 
 _CLIPS = 10
 
@@ -280,22 +283,16 @@ def capture_command(
     motion: Motion = MOTION,
     backbone: Backbone = None,
     clips: Annotated[int, typer.Option(help="How many of them, by name.", min=1)] = _CLIPS,
-    robustness: Annotated[
-        bool, typer.Option("--robustness", help="One clip, spoilt in many ways, instead.")
-    ] = False,
     clock: ClockName = "processor",
     only: Only = "",
 ) -> None:
     """Captures of studio performers from pixels alone against the truth, stage by stage."""
     require_motion(motion)
-    from benchmarks import capture, capture_robustness
+    from benchmarks.capture import run
 
     narrowed = bool(only) or clips != _CLIPS or clock != "processor"
-    writer = start("capture-robustness" if robustness else "capture", commits, narrowed=narrowed)
-    if robustness:
-        capture_robustness.run(writer, motion, pose_model())
-    else:
-        capture.run(writer, motion, pose_model(), backbone, clips, clock, only)
+    writer = start("capture", commits, narrowed=narrowed)
+    run(writer, motion, pose_model(), backbone, clips, clock, only)
 
 
 @app.command("live-capture")
@@ -318,14 +315,6 @@ def expressions(commits: Commits = False, picture: Picture = None) -> None:
     from benchmarks.expressions import run
 
     run(start("expressions", commits), picture)
-
-
-@app.command()
-def refinement(commits: Commits = False, clock: ClockName = "processor") -> None:
-    """Noise on every joint, and what refining poses wins back: splats, and the paper's MLP."""
-    from benchmarks.refinement import run
-
-    run(start("refinement", commits, narrowed=clock != "processor"), clock)
 
 
 @app.command()

@@ -105,6 +105,17 @@ class Motion:
             self.expressions[index],
         )
 
+    def part(self, indices: Sequence[int]) -> Motion:
+        """Some of the poses, in increasing order."""
+        kept = list(indices)
+        return Motion(
+            self.times_s[kept],
+            self.joint_angles[kept],
+            self.root_translation[kept],
+            self.confidence[kept],
+            self.expressions[kept],
+        )
+
     def pose_at(self, time_s: float) -> Pose:
         """The pose at `time_s`: slerp between neighbours, the first or last pose outside."""
         after = int(np.searchsorted(self.times_s, time_s))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Sequence as Many
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
@@ -114,6 +115,36 @@ class Sequence:
     def frame(self, index: int) -> Frame:
         """Training frame `index`, read now."""
         return read_frame(self.train, index)
+
+    def part(self, indices: Many[int]) -> Sequence:
+        """The same with some of its training frames, in increasing order; itself with all."""
+        if len(indices) == len(self.train):
+            return self
+        train = _SomeFrames(self.train, tuple(indices))
+        return replace(self, train=train, motion=self.motion.part(indices))
+
+
+@dataclass(frozen=True, eq=False)
+class _SomeFrames:
+    """Some frames of a source (a `FrameSource`)."""
+
+    source: FrameSource
+    indices: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    def camera(self, index: int) -> Camera:
+        return self.source.camera(self.indices[index])
+
+    def pose(self, index: int) -> Pose:
+        return self.source.pose(self.indices[index])
+
+    def image(self, index: int) -> Float[Array, "H W 3"]:
+        return self.source.image(self.indices[index])
+
+    def mask(self, index: int) -> Float[Array, "H W"]:
+        return self.source.mask(self.indices[index])
 
 
 def read_frame(source: FrameSource, index: int) -> Frame:

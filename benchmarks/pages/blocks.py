@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.frontier.charts import draw_charts
-from benchmarks.pages import capture, splats
+from benchmarks.pages import capture, splats, stability
 from benchmarks.pages.frontier import frontier
 from benchmarks.pages.gpu import gpu
 from benchmarks.pages.lipsync import lipsync
@@ -23,10 +23,12 @@ from benchmarks.pages.performers import (
 from benchmarks.pages.provenance import Figures
 from benchmarks.pages.real import real
 from benchmarks.reporting.markdown import replaced
+from benchmarks.stability import charts as stability_charts
 from benchmarks.training_time import draw_chart
 
 FIGURES = Path("docs/figures")
 _FIGURES_PAGE = "docs/figures/README.md"
+_STABILITY_PAGE = "docs/stability.md"
 
 
 @dataclass(frozen=True)
@@ -49,16 +51,16 @@ BLOCKS = (
     Block(_FIGURES_PAGE, "masks", ("masks",), capture.masks),
     Block(_FIGURES_PAGE, "stages", ("capture",), capture.stages),
     Block(_FIGURES_PAGE, "clips", ("capture",), capture.clips),
-    Block(_FIGURES_PAGE, "robustness", ("capture-robustness",), capture.robustness),
     Block(_FIGURES_PAGE, "live", ("live-capture",), capture.live),
     Block("docs/capture.md", "capture", ("capture",), capture.accuracy),
     Block("docs/keypoints.md", "expressions-found", ("expressions-found",), expressions_found),
     Block("docs/data.md", "lifelike", ("lifelike",), lifelike),
     Block("docs/data.md", "covered-torso", ("covered-torso",), covered_torso),
     Block("docs/data.md", "reading", ("reading",), splats.reading),
-    Block("docs/frontier.md", "refinement", ("refinement",), splats.refinement),
     Block("docs/frontier.md", "foreign", ("foreign",), splats.foreign),
     Block("docs/frontier.md", "frontier", ("frontier",), frontier),
+    Block(_STABILITY_PAGE, "finding", ("stability",), stability.finding),
+    Block(_STABILITY_PAGE, "stability", ("stability",), stability.stability),
     Block("docs/gpu.md", "gpu", ("gpu",), gpu),
     Block("docs/streaming.md", "lipsync", ("lipsync",), lipsync),
     Block("docs/room.md", "relight", ("relight",), splats.relight),
@@ -92,6 +94,7 @@ def write_pages(root: Path) -> list[Path]:
     draw_chart(_figures(root, "train"), root / FIGURES / "train.png")
     frontier_figures = _figures(root, "frontier")
     draw_charts(frontier_figures, frontier_figures["points"], root / FIGURES / "frontier.json")
+    stability_charts.draw_charts(_figures(root, "stability"), root / FIGURES)
     return [path for path, _ in changed]
 
 

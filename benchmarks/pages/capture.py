@@ -23,18 +23,6 @@ _MASK_COLUMNS = (
     ("work_ms", 1, "ms a frame"),
 )
 """Figure, decimals, words."""
-_SPOILT = {
-    "usual": "as it is, 15 frames/s",
-    "30_frames_a_second": "30 frames a second",
-    "60_frames_a_second": "60 frames a second",
-    "10_percent_of_landmarks_dropped": "10 % of landmarks dropped",
-    "30_percent_of_landmarks_dropped": "30 % of landmarks dropped",
-    "50_percent_of_landmarks_dropped": "50 % of landmarks dropped",
-    "holes_in_masks": "holes in masks",
-    "focal_length_unknown": "focal length unknown",
-    "half_resolution": "half resolution",
-    "somebody_passes_behind": "somebody passes behind",
-}
 _LIVE = (
     ("live_to_clip_fit", "live to the clip-wide fit"),
     ("live_unsmoothed_to_clip_fit", "the same, not smoothed"),
@@ -179,31 +167,6 @@ def summary(figures: Figures) -> str:
         f"{exact:.1f} dB, from captured ones {aligned:.1f} dB once each test pose is aligned with "
         f"its own picture, {captured:.1f} dB as the poses are. {measured_at(figures)}"
     )
-
-
-def robustness(figures: Figures) -> str:
-    """One performance, spoilt in one way each."""
-    rows = [
-        [
-            words,
-            f"{row['joint_one_scale_mm']:.0f}",
-            f"{row['joint_procrustes_mm']:.0f}",
-            _degrees(row),
-            f"{row['root_one_scale_mm']:.0f}",
-            f"{row['swapped_frames']:.0f}",
-        ]
-        for key, words in _SPOILT.items()
-        for row in [figures["rows"][key]]
-    ]
-    head = [
-        "what",
-        "joints, one scale, mm",
-        "Procrustes",
-        "rotations",
-        "root, mm",
-        "sides exchanged",
-    ]
-    return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
 
 
 def live(figures: Figures) -> str:

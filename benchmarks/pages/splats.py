@@ -112,26 +112,6 @@ def relight(figures: Figures) -> str:
     return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
 
 
-def refinement(figures: Figures) -> str:
-    """What refining poses wins back, by preset and kind of noise."""
-    how = {
-        ("splats", True): "whole clip at once, smooth in time",
-        ("fast", True): "the paper's MLP",
-    }
-    rows = [
-        [
-            f"{row['noise_deg']:g}°, {'lasting' if row['lasting'] else 'each frame its own'}",
-            f"`{row['preset']}`, {how.get((row['preset'], row['refined']), 'poses believed')}",
-            f"{row['psnr_novel_view']:.1f}",
-            f"{row['psnr_novel_view_aligned']:.1f}",
-            f"{row['joint_mm_before']:.0f} -> {row['joint_mm']:.0f}",
-        ]
-        for row in figures["rows"]
-    ]
-    head = ["noise", "model", "PSNR, dB", "test poses aligned", "joints, mm"]
-    return "\n\n".join([markdown_table(head, rows), measured_at(figures)])
-
-
 def foreign(figures: Figures) -> str:
     """Another program's test set: what estimating poses and surface costs."""
     rows = [

@@ -18,8 +18,8 @@ from capture.storage import open_sequence
 from scene.arrays import Array
 from scene.camera import Camera
 from scene.errors import InvalidInput
-from scene.motion import Motion, Pose
-from scene.sequence import FrameSource, Sequence
+from scene.motion import Pose
+from scene.sequence import Sequence
 
 _WHOLE_PX = 4096
 _ALL_FRAMES = 100_000
@@ -105,42 +105,8 @@ def _digest(image: Array) -> bytes:
     return hashlib.sha256(np.ascontiguousarray(image).tobytes()).digest()
 
 
-@dataclass(frozen=True, eq=False)
-class _SomeFrames:
-    """Some frames of a source (a `FrameSource`)."""
-
-    source: FrameSource
-    indices: tuple[int, ...]
-
-    def __len__(self) -> int:
-        return len(self.indices)
-
-    def camera(self, index: int) -> Camera:
-        return self.source.camera(self.indices[index])
-
-    def pose(self, index: int) -> Pose:
-        return self.source.pose(self.indices[index])
-
-    def image(self, index: int) -> Array:
-        return self.source.image(self.indices[index])
-
-    def mask(self, index: int) -> Array:
-        return self.source.mask(self.indices[index])
-
-
 def _part(sequence: Sequence, kept: list[int]) -> Sequence:
     if len(kept) == len(sequence.train):
         return sequence
-    motion = sequence.motion
-    return replace(
-        sequence,
-        train=_SomeFrames(sequence.train, tuple(kept)),
-        motion=Motion(
-            motion.times_s[kept],
-            motion.joint_angles[kept],
-            motion.root_translation[kept],
-            motion.confidence[kept],
-            motion.expressions[kept],
-        ),
-        data_hash=hashlib.sha256(f"{sequence.data_hash} {kept}".encode()).hexdigest(),
-    )
+    digest = hashlib.sha256(f"{sequence.data_hash} {kept}".encode()).hexdigest()
+    return replace(sequence.part(kept), data_hash=digest)

@@ -46,7 +46,9 @@ class PoseRefinement:
         self._operator = Accelerations.of(self._estimate.times_s)
         self._foot_contacts = FootContacts.of(self.skeleton, self._estimate)
         self._shared = np.zeros(SHARED_PARAMETERS)
-        if start is not None and start.data_hash == sequence.data_hash:
+        same_clip = start is not None and start.data_hash == sequence.data_hash
+        # models from before frames without anybody were left out have poses of those too
+        if start is not None and same_clip and len(start.motion) == len(current):
             current = start.motion
             if not self._given:
                 self.skeleton = start.skeleton

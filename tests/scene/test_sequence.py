@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from scene import Body, InvalidInput, Motion, Pose, Sequence, Skeleton, body_crop, placement
+from tests.renderer.studio import make_sequence
 
 
 class NoFrames:
@@ -38,3 +39,13 @@ def test_a_sequence_needs_a_pose_a_frame():
 def test_placement_turns_then_moves():
     matrix = placement(np.array([1.0, 0.0, 2.0]), np.pi / 2)
     np.testing.assert_allclose(matrix @ [0.0, 1.0, 1.0, 1.0], [2.0, 1.0, 2.0, 1.0], atol=1e-12)
+
+
+def test_a_part_has_the_frames_and_poses_that_were_asked_for():
+    clip = make_sequence(frames=5)
+    part = clip.part([1, 4])
+    assert len(part.train) == len(part.motion) == 2
+    assert part.train.pose(1).time_s == part.motion.times_s[1] == clip.motion.times_s[4]
+    np.testing.assert_array_equal(part.frame(0).image, clip.frame(1).image)
+    assert part.data_hash == clip.data_hash
+    assert clip.part(range(5)) is clip

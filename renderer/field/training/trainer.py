@@ -30,6 +30,7 @@ from renderer.field.skinning.posed_body import LEAST_LIKELIHOOD, Support, direct
 from renderer.field.skinning.posed_grid import PosedGrid
 from renderer.field.training.pruning import occupied_cells, prune_grid
 from renderer.field.training.views import TrainingView, read_views
+from renderer.person_frames import frames_with_person
 from scene.arrays import Array, Float, Int, Tensor
 from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
@@ -80,9 +81,11 @@ class FieldTrainer:
         self._volume = self.field.weight_volume()
         with torch.no_grad():
             self._support = Support.of(self._volume)
-        self._views = read_views(
+        views = read_views(
             sequence.train, self.device, least_px=settings.patch_px, most_px=settings.most_px
         )
+        shown = frames_with_person(view.shows_person for view in views)
+        self._views = [views[frame] for frame in shown]
         self._adam = torch.optim.Adam(self._groups(), betas=_BETAS, fused=True)
         self._base_rates = [float(group["lr"]) for group in self._adam.param_groups]
         self._lpips = None

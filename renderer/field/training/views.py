@@ -48,6 +48,11 @@ class TrainingView:
         self._on_body = self._beside = torch.arange(len(self._rgba), device=device)
         self._near = self._far = self._furthest = torch.zeros(len(self._rgba), device=device)
 
+    @property
+    def shows_person(self) -> bool:
+        """Whether the mask has anything in it."""
+        return bool(self._rgba[:, 3].any())
+
     def prepare(
         self,
         field: PersonField,

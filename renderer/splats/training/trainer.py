@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from renderer.person_frames import frames_with_person
 from renderer.pose_refinement.clip_poses import PoseRefinement
 from renderer.pose_refinement.drift_guard import DriftGuard
 from renderer.pose_refinement.passes import RefinementPasses
@@ -68,13 +69,15 @@ class SplatTrainer:
     ) -> None:
         import numba
 
+        filmed = read_views(sequence.train)
+        shown = frames_with_person(bool(view.rgba[..., 3].any()) for view in filmed)
+        sequence, filmed = sequence.part(shown), [filmed[frame] for frame in shown]
         self._sequence, self._settings = sequence, settings
         self._find_light = find_light
         self._found: Evidence | None = None
         self._held = np.zeros(0, bool)
         self._light: CapturedLight | None = None
         self._rng = np.random.default_rng(seed)
-        filmed = read_views(sequence.train)
         self._views = whole_views(filmed, settings.whole_px)
         first = first_splats(sequence, settings, self._rng)
         self._poses = PoseRefinement(sequence, start)

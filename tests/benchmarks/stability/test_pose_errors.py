@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.pose_errors import (
+from benchmarks.stability.pose_errors import (
     JUDGED_JOINTS,
     Joints,
     gauge_scale,

@@ -1,0 +1,171 @@
+"""Where methods fail, as docs/stability.md shows it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from benchmarks.pages.provenance import Figures, measured_at
+from benchmarks.reporting.markdown import markdown_table
+from benchmarks.stability.breaking import BreakingPoint, breaking_points
+from benchmarks.stability.charts import columns
+from benchmarks.stability.judge import MEASURED
+from benchmarks.stability.measure import AXES
+
+_SPLATS = "splats"
+
+
+def stability(figures: Figures) -> str:
+    """How often nothing came of it, the breaking points, every step, and where it was measured."""
+    return "\n\n".join(
+        [
+            _outcomes(figures),
+            "### Breaking points",
+            "The first step that was measured and is broken, and the first that is no use at all "
+            "(*undisturbed*: no use with nothing wrong at all):",
+            _breaking_points(figures),
+            "### Every step",
+            _legend(figures),
+            _steps(figures),
+            measured_at(figures),
+        ]
+    )
+
+
+def finding(figures: Figures) -> str:
+    """What holds throughout, and what is no use at the first step that was measured."""
+    points = [p for p in breaking_points(AXES, figures["rows"]) if p.method == _SPLATS]
+    names = list(dict.fromkeys(point.axis for point in points))
+    whole = [
+        AXES[name].words
+        for name in names
+        if all(point.broken.at is None for point in points if point.axis == name)
+    ]
+    useless = [
+        f"{AXES[name].words} ({_loss(figures, name)})"
+        for name in names
+        if any(p.unusable.share == 0.0 and p.unusable.last for p in points if p.axis == name)
+    ]
+    return (
+        f"Of {len(names)} axes {len(whole)} hold to their last step: {_listed(whole)}. At the "
+        f"first step that was measured somebody is no use any more for: {_listed(useless)}."
+    )
+
+
+def _listed(words: list[str]) -> str:
+    return "; ".join(words) or "none"
+
+
+def _loss(figures: Figures, name: str) -> str:
+    """dB from undisturbed to the first step, over the subjects that have both."""
+    axis, by_step = AXES[name], {}
+    for row in figures["rows"]:
+        if (row["axis"], row["method"], row["outcome"]) == (name, _SPLATS, MEASURED):
+            by_step.setdefault(row["step"], {})[row["subject"]] = row["psnr"]
+    steps = sorted(by_step, key=axis.steps.index)[:2]
+    both = set.intersection(*(set(by_step[step]) for step in steps)) if len(steps) == 2 else set()
+    if not both:
+        return "no picture"
+    before, after = (float(np.mean([by_step[step][who] for who in both])) for step in steps)
+    return f"{axis.label(steps[1])}: {before:.1f} to {after:.1f} dB"
+
+
+def _outcomes(figures: Figures) -> str:
+    told = figures["outcomes"]
+    failed, refused = told.get("failed", 0), told.get("refused", 0)
+    lines = [
+        f"{sum(told.values()):,} measurements: {failed} failures (an exception, a NaN, an empty "
+        f"picture; 0 are allowed), {refused} clear refusals, {figures['missing']} still missing."
+    ]
+    whys: dict[str, list[str]] = {}
+    for row in figures["rows"]:
+        if row["outcome"] != MEASURED and row["axis"] in AXES:
+            what = f"{AXES[row['axis']].words}, {row['label']} ({row['subject']})"
+            whys.setdefault(row["why"], []).append(what)
+    return "\n".join([*lines, *(f"- {'; '.join(what)}: *{why}*" for why, what in whys.items())])
+
+
+def _breaking_points(figures: Figures) -> str:
+    found = breaking_points(AXES, figures["rows"])
+    heads = columns(found)
+    points = {(point.axis, (point.subject, point.method)): point for point in found}
+    rows = [
+        [axis.words, *(_point(points.get((name, head))) for head in heads)]
+        for name, axis in AXES.items()
+        if any(of == name for of, _ in points)
+    ]
+    return markdown_table(["what", *(", ".join(head) for head in heads)], rows)
+
+
+def _point(point: BreakingPoint | None) -> str:
+    if point is None:
+        return ""
+    if point.broken.at is None:
+        return f"holds to {point.broken.last}"
+    if point.broken.last is None:
+        return "undisturbed"
+    useless = f"; no use: {point.unusable.at}" if point.unusable.at is not None else ""
+    return f"{point.broken.at}{useless}"
+
+
+def _legend(figures: Figures) -> str:
+    steps = figures["iterations"]
+    return (
+        f"`splats`, {figures['frames']} frames of {figures['size']} px, {steps['exact']:,} steps "
+        f"of training with exact poses, {steps['refining']:,} with poses that are off; PSNR in dB "
+        f"(± standard deviation over performers) and LPIPS x1000 on `{figures['lpips']}` in the "
+        f"{figures['region']}; as given: PSNR where test poses are not aligned; flicker as a "
+        "multiple of the truth's own; joints in mm, as given and as training left them."
+    )
+
+
+def _steps(figures: Figures) -> str:
+    rows = []
+    for name, axis in AXES.items():
+        for step in axis.steps:
+            mine = [
+                row
+                for row in figures["rows"]
+                if (row["axis"], row["step"], row["method"]) == (name, step, _SPLATS)
+            ]
+            good = [row for row in mine if row["outcome"] == MEASURED]
+            if mine:
+                first = step == axis.steps[0]
+                rows.append([axis.words if first else "", axis.label(step), *_cells(good, mine)])
+    return markdown_table(
+        ["what", "step", "PSNR", "LPIPS", "as given", "flicker", "joints", "no picture"], rows
+    )
+
+
+def _cells(good: list[dict[str, Any]], rows: list[dict[str, Any]]) -> list[str]:
+    none = f"{len(rows) - len(good)} of {len(rows)}" if len(good) < len(rows) else ""
+    if not good:
+        return ["", "", "", "", "", none]
+    psnr = [row["psnr"] for row in good]
+    spread = f" ± {np.std(psnr):.1f}" if len(psnr) > 1 else ""
+    given, after = _mean(good, "joint_mm_given"), _mean(good, "joint_mm")
+    captured = _mean(good, "joint_one_scale_mm")
+    joints = "" if after is None else f"{after:.0f}"
+    if captured is not None:
+        joints = f"{captured:.0f}"
+    if given is not None:
+        joints = f"{given:.0f} → {joints}"
+    return [
+        f"{np.mean(psnr):.1f}{spread}",
+        _number(good, "lpips", 1e3, 0),
+        _number(good, "psnr_as_given", 1.0, 1),
+        _number(good, "flicker", 1.0, 2),
+        joints,
+        none,
+    ]
+
+
+def _number(rows: list[dict[str, Any]], name: str, factor: float, digits: int) -> str:
+    value = _mean(rows, name)
+    return "" if value is None else f"{factor * value:.{digits}f}"
+
+
+def _mean(rows: list[dict[str, Any]], name: str) -> float | None:
+    known = [row[name] for row in rows if row.get(name) is not None]
+    return float(np.mean(known)) if known else None

@@ -1,0 +1,118 @@
+"""Masks and pictures lose what they are said to lose, and nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.stability.pictures import (
+    CROPS,
+    arc_seen,
+    cropped_person,
+    dark_scene,
+    dilated_mask,
+    eroded_mask,
+    frame_count,
+    holed_mask,
+    lost_masks,
+    object_in_front,
+    resolution,
+    sensor_noise,
+)
+from renderer.evaluation.evaluate import side_of_body
+from tests.benchmarks.stability.people import subject
+
+RNG = np.random.default_rng
+
+
+def area(material) -> float:
+    return float(sum(frame.mask.sum() for frame in material.train))
+
+
+def test_masks_grow_and_shrink_with_what_is_cut_out():
+    somebody = subject()
+    wide, narrow = (change(somebody, 16.0, RNG(0)) for change in (dilated_mask, eroded_mask))
+    assert area(narrow) < 0.9 * area(somebody.material) < 0.8 * area(wide)
+    for frame in narrow.train:
+        assert not frame.image[frame.mask == 0.0].any()
+    before, after = somebody.material.train[0], wide.train[0]
+    np.testing.assert_allclose(after.image[before.mask == 1.0], before.image[before.mask == 1.0])
+    assert after.image[(before.mask == 0.0) & (after.mask > 0.9)].mean() > 0.1  # the room
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4])
+def test_holes_take_as_much_as_they_are_said_to(share: float):
+    somebody = subject()
+    left = area(holed_mask(somebody, share, RNG(0))) / area(somebody.material)
+    assert 1.0 - share - 0.12 < left <= 1.0 - share
+
+
+def test_nobody_is_found_in_a_share_of_the_frames():
+    lost = lost_masks(subject(), 0.5, RNG(0))
+    assert sum(not frame.mask.any() for frame in lost.train) == 6
+    assert not any(frame.image.any() for frame in lost.train if not frame.mask.any())
+
+
+def test_fewer_frames_are_spread_over_the_clip():
+    times = [frame.pose.time_s for frame in frame_count(subject(), 4.0, RNG(0)).train]
+    np.testing.assert_allclose(times, [0.0, 0.3, 0.6, 0.9])
+    assert len(frame_count(subject(), 60.0, RNG(0)).train) == 12
+
+
+def test_an_arc_has_only_frames_that_face_the_camera():
+    somebody = subject()
+    half = arc_seen(somebody, 180.0, RNG(0)).train
+    skeleton = somebody.material.body.skeleton
+    sides = [side_of_body(frame.camera, frame.pose, skeleton) for frame in half]
+    assert 5 <= len(half) <= 7
+    assert np.abs(sides).max() <= np.pi / 2.0 + 1e-9
+    assert len(arc_seen(somebody, 0.0, RNG(0)).train) == 1
+
+
+def test_what_is_judged_ends_where_the_picture_does():
+    somebody = subject()
+    heights = []
+    for step in range(len(CROPS)):
+        material = cropped_person(somebody, step, RNG(0))
+        for frame in (*material.train, *material.judged):
+            assert frame.image.shape[:2] == frame.mask.shape
+            assert frame.mask.shape == (frame.camera.height, frame.camera.width)
+        heights.append(material.judged[0].camera.height)
+    assert heights[0] == 48
+    assert max(heights[1:]) < 36
+
+
+def test_noise_has_its_strength_inside_the_person_alone():
+    somebody = subject()
+    before, after = somebody.material.train[0], sensor_noise(somebody, 8.0, RNG(0)).train[0]
+    inside = (before.mask > 0.99)[..., None] & (before.image > 0.15) & (before.image < 0.85)
+    off = 255.0 * (after.image - before.image)
+    assert inside.sum() > 30
+    assert off[inside].std() == pytest.approx(8.0, rel=0.35)
+    assert not off[before.mask == 0.0].any()
+
+
+def test_less_light_is_more_noise():
+    somebody = subject()
+    clean = somebody.material.train[0]
+    errors = [
+        float(np.abs(dark_scene(somebody, stops, RNG(0)).train[0].image - clean.image).mean())
+        for stops in (2.0, 6.0)
+    ]
+    assert errors[0] < 0.5 * errors[1]
+
+
+def test_a_smaller_picture_sees_the_same():
+    somebody = subject()
+    small = resolution(somebody, 0.5, RNG(0)).train[0]
+    whole = somebody.material.train[0]
+    assert small.mask.shape == (24, 24)
+    assert 4.0 * small.mask.sum() == pytest.approx(whole.mask.sum(), rel=0.02)
+    point = np.array([0.1, 0.9, 0.0])
+    np.testing.assert_allclose(2.0 * small.camera.project(point)[0], whole.camera.project(point)[0])
+
+
+def test_what_a_pole_hides_is_gone():
+    somebody = subject()
+    share = area(object_in_front(somebody, 0.4, RNG(0))) / area(somebody.material)
+    assert 0.2 < share < 0.75
