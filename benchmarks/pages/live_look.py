@@ -30,7 +30,9 @@ def live_look(figures: Figures) -> str:
             flicker = (
                 "-" if live["flicker"] is None else f"{live['flicker'] / model['flicker']:.2f}"
             )
-            rows.append([name, f"{title} ({live['frames']})", *parts, flicker, case["picture_ms"]])
+            rows.append(
+                [name, f"{title} ({live['frames']})", *parts, flicker, f"{case['picture_ms']:.0f}"]
+            )
     heads = ["person", "seen from (frames)", *_PARTS, "flicker, of the model's", "ms a picture"]
     return "\n\n".join([description, markdown_table(heads, rows), measured_at(figures)])
 
