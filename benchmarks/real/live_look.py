@@ -111,8 +111,8 @@ def measure(
             iterations=effort.iterations,
             find_light=True,
             clock=clock.now,
-        )
-        assert isinstance(model, SplatModel)
+        ).splats
+        assert model is not None
         milliseconds: list[float] = []
         webcam: list[ColouredFrame] = []
         beside: list[ColouredFrame] = []

@@ -8,7 +8,6 @@ in which somebody is a little further on, and wrong in much the same way.
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from renderer.live_look.picture import WebcamPicture
@@ -52,6 +51,8 @@ class FlowAligner:
         )
         self._joints = model.joints.astype(np.uint16)
         self._weights = model.weights.astype(np.float32)
+        import cv2
+
         self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         self._correction: Float[Array, "75"] | None = None
 
@@ -128,10 +129,14 @@ class FlowAligner:
 
 def _luma(rgb: Float[Array, "H W 3"]) -> Array:
     """8 bits, of a premultiplied picture over black."""
+    import cv2
+
     picture = (255.0 * np.clip(rgb, 0.0, 1.0)).astype(np.uint8)
     return cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
 
 
 def _cut_out_luma(picture: WebcamPicture) -> Array:
+    import cv2
+
     luma = cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2GRAY)
     return cv2.multiply(luma, picture.matte, scale=1.0 / 255.0)

@@ -12,16 +12,18 @@ import numpy as np
 
 from renderer.live_look.alignment import FlowAligner
 from renderer.live_look.picture import WebcamPicture
-from renderer.live_look.spreading_kernels import spread
-from renderer.splats.layout import BLUE, BOX_FILTER_PX2, COLOUR, POSITION, RED
-from renderer.splats.model import SplatModel
-from renderer.splats.rasteriser.backprojection_kernels import (
+from renderer.splats.layout import (
+    BLUE,
+    BOX_FILTER_PX2,
+    COLOUR,
     DIFFERENCE,
     GATHERED,
     KNOWN,
+    POSITION,
+    RED,
     SHOWN,
-    gather_differences,
 )
+from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.rasteriser.workspace import Workspace, pack_camera
 from renderer.splats.training.evidence import shown_pixels
@@ -96,6 +98,8 @@ class LiveLook:
     def change_at(self, time_s: float) -> Float[Array, "N 3"]:
         """What is added to the splats' colours as they were captured, sRGB, at `time_s` of the
         webcam's clock."""
+        from renderer.live_look.spreading_kernels import spread
+
         share = self._share * _held(time_s - self._seen_s)
         base = self._model.parameters[:, _COLOURS]
         exposed = (self._exposure - 1.0) * base
@@ -121,6 +125,8 @@ class LiveLook:
 
     def _find_colours(self, picture: WebcamPicture, base: Float[Array, "N 3"]) -> None:
         """Steps towards the colours with which the picture is nearest."""
+        from renderer.splats.rasteriser.backprojection_kernels import gather_differences
+
         work = self._work
         wanted = np.empty((*picture.matte.shape, 4), np.float32)
         wanted[..., :3] = picture.rgb

@@ -37,3 +37,7 @@ TILE = 16
 """Pixels a side of a tile."""
 EMPTY_BOX = -1
 """First column of the tile box of a splat that is not drawn."""
+DIFFERENCE, KNOWN, SHOWN = 0, 3, 4
+"""Columns of what is gathered from pixels: the weighted differences' sum (3), the sums of weights
+in pixels whose colour is known, and in all."""
+GATHERED = 5

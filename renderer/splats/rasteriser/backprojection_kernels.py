@@ -16,6 +16,7 @@ from renderer.splats.layout import (
     CONIC_A,
     CONIC_B,
     CONIC_C,
+    GATHERED,
     MEAN_X,
     MEAN_Y,
     MOST_OPAQUE,
@@ -27,10 +28,6 @@ from scene.arrays import Array
 _F = np.float32
 _U = np.uint64
 _FARTHEST = -40.0
-DIFFERENCE, KNOWN, SHOWN = 0, 3, 4
-"""Columns of what is gathered: the weighted differences' sum (3), the sums of weights in pixels
-whose colour is known, and in all."""
-GATHERED = 5
 
 
 @numba.njit(parallel=True, fastmath=True, nogil=True, cache=True)

@@ -11,10 +11,10 @@ import logging
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
+from typing import TYPE_CHECKING
 
 from prometheus_client import Histogram
 
-from renderer.live_look.live_look import LiveLook
 from renderer.live_look.picture import WebcamPicture
 from renderer.performer_model import PerformerModel
 from renderer.splats.model import SplatModel
@@ -23,6 +23,9 @@ from services.live.look.picture import LookPicture, LookSink, ShownLook
 from services.live.motion.live_motion import LiveMotion
 from services.live.room import MeetingPerformer
 from services.live.settling_mean import SettlingMean
+
+if TYPE_CHECKING:
+    from renderer.live_look.live_look import LiveLook
 
 log = logging.getLogger(__name__)
 
@@ -132,6 +135,8 @@ class PerformerLook(LookSink):
                 self._shown = model, ShownLook(change, self._behind.value)
 
     def _look_of(self, model: PerformerModel, splats: SplatModel) -> LiveLook:
+        from renderer.live_look.live_look import LiveLook
+
         look = self._look
         # a better model of them may have come meanwhile
         return look[1] if look is not None and look[0] is model else LiveLook(splats)

@@ -34,8 +34,8 @@ def filmed(tmp_path_factory) -> Sequence:
 
 @pytest.fixture(scope="module")
 def model(filmed) -> SplatModel:
-    model = train(filmed, iterations=250, clock=lambda: 0.0)
-    assert isinstance(model, SplatModel)
+    model = train(filmed, iterations=250, clock=lambda: 0.0).splats
+    assert model is not None
     return model
 
 

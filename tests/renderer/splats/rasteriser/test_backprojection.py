@@ -7,14 +7,8 @@ import pytest
 import torch
 
 from renderer.reference import splats as twin
-from renderer.splats.layout import BLUE, COLOUR, RED
-from renderer.splats.rasteriser.backprojection_kernels import (
-    DIFFERENCE,
-    GATHERED,
-    KNOWN,
-    SHOWN,
-    gather_differences,
-)
+from renderer.splats.layout import BLUE, COLOUR, DIFFERENCE, GATHERED, KNOWN, RED, SHOWN
+from renderer.splats.rasteriser.backprojection_kernels import gather_differences
 from renderer.splats.rasteriser.workspace import Workspace, pack_camera
 from tests.renderer.splats.rasteriser.test_rasteriser import (
     DILATION,
