@@ -64,6 +64,11 @@ CATALOGUE = (
     Benchmark("two-cameras", ("two-cameras",), (require_footage,)),
     Benchmark("real", ("real",), (require_real_footage,)),
     Benchmark("live-look", ("live-look",), (require_real_footage,)),
+    Benchmark(
+        "parsimony",
+        ("parsimony",),
+        (require_motion, require_human_assets, require_real_footage),
+    ),
     Benchmark("field-speed", ("field",)),
     Benchmark("foreign", ("foreign",), takes_backbone=True),
     Benchmark("kernels", ("kernels",), (require_cuda,)),

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from benchmarks import cli_parsimony
 from benchmarks.cli_options import (
     Assets,
     Backbone,
@@ -45,6 +46,7 @@ app = typer.Typer(
     help="Measure what is claimed, on this machine. Figures go to build/figures.",
     no_args_is_help=True,
 )
+app.registered_commands += cli_parsimony.app.registered_commands
 
 app.command()(stability)
 

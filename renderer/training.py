@@ -20,6 +20,7 @@ from renderer.errors import TrainingError, TrainingStopped
 from renderer.field.settings import FieldSettings
 from renderer.performer_model import PerformerModel
 from renderer.presets import Preset, find_preset
+from renderer.splats.settings import Size
 from scene.arrays import Array, Float
 from scene.sequence import Sequence
 
@@ -105,6 +106,7 @@ def train(
     lpips_backbone: Path | None = None,
     start: PerformerModel | None = None,
     find_light: bool = False,
+    size: Size = "full",
     on_progress: Callable[[Progress], None] = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
     checkpoint: Path | None = None,
@@ -119,7 +121,8 @@ def train(
         iterations: a number of steps in its place: repeatable to the bit for one seed.
         lpips_backbone: weights for a perceptual loss, where the preset trains on patches. start: an
         earlier model of the person, of this clip or another, to go on from (splats). find_light:
-        learn albedos, by the light that the clip was captured in (splats); seconds more.
+        learn albedos, by the light that the clip was captured in (splats); seconds more. size: how
+        many splats are kept; `auto`, as few as the clip shows a need for; a field has none.
         checkpoint: where a stopped run is kept, and where this one goes on from if it is there.
         clock: monotonic seconds.
     Raises:
@@ -130,7 +133,9 @@ def train(
             f"either budget_s or iterations must be given; got {budget_s} and {iterations}"
         )
     chosen = find_preset(preset) if isinstance(preset, str) else preset
-    trainer = _make_trainer(chosen, sequence, seed, lpips_backbone, start, find_light=find_light)
+    trainer = _make_trainer(
+        chosen, sequence, seed, lpips_backbone, start, find_light=find_light, size=size
+    )
     run = _Run(trainer, chosen.name, sequence.data_hash, seed)
     run.resume(checkpoint)
     run.trainer.warm_up()
@@ -154,6 +159,7 @@ def _make_trainer(
     start: PerformerModel | None,
     *,
     find_light: bool,
+    size: Size,
 ) -> Trainer:
     if lpips_backbone is not None and not preset.trains_on_patches:
         raise TrainingError(
@@ -173,7 +179,12 @@ def _make_trainer(
         return FieldTrainer(sequence, preset.name, settings, seed)
     from renderer.splats.training.trainer import SplatTrainer
 
-    return SplatTrainer(sequence, preset.settings, seed, splats, find_light=find_light)
+    splat_trainer = SplatTrainer(sequence, preset.settings, seed, splats, find_light=find_light)
+    if size == "full":
+        return splat_trainer
+    from renderer.splats.training.sized_trainer import SizedTrainer
+
+    return SizedTrainer(splat_trainer, size)
 
 
 class _Run:

@@ -36,6 +36,19 @@ def print_figures(figures: dict[str, Any]) -> None:
         console.print(line, highlight=False, soft_wrap=True)
 
 
+def size_words(report: dict[str, Any] | None) -> list[str]:
+    """What a training's metrics tell under `size`, for people; nothing of a model in full."""
+    if not report:
+        return []
+    lines = [f"{report['kept']:,} of {report['of']:,} splats kept"]
+    for rung in report.get("tried", ()):
+        worse = ", ".join(f"{name} {db:+.2f} dB" for name, db in rung["lost_db"].items())
+        verdict = "kept" if rung["splats"] == report["kept"] else "too few"
+        verdict = verdict if not rung["good"] or verdict == "kept" else "more than needed"
+        lines.append(f"  {rung['splats']:,}: worse by {worse}; {verdict}")
+    return lines
+
+
 def _with_spread(figures: dict[str, Any], measure: str, split: str, region: str) -> str:
     mean, spread = figures[measure][split][region], figures["spread"][measure][split][region]
     _, factor, digits = _SHOWN[measure]
@@ -59,7 +72,7 @@ def _conditions(about: dict[str, Any]) -> list[str]:
     steps = f"{model['preset']}: {model.get('steps', '?')} steps"
     if "published_iterations" in model:
         steps += f" of the {model['published_iterations']} published, all schedules scaled alike"
-    return [*lines, steps]
+    return [*lines, steps, *size_words(model.get("size"))]
 
 
 def write_sheet(path: Path, views: list[EvaluatedView]) -> None:

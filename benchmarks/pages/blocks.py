@@ -14,6 +14,7 @@ from benchmarks.pages.gpu import gpu
 from benchmarks.pages.lipsync import lipsync
 from benchmarks.pages.live_look import live_look
 from benchmarks.pages.numbers import SOURCES, numbers
+from benchmarks.pages.parsimony import parsimony
 from benchmarks.pages.performers import (
     covered_torso,
     expressions_found,
@@ -22,6 +23,7 @@ from benchmarks.pages.performers import (
 )
 from benchmarks.pages.provenance import Figures
 from benchmarks.pages.real import real
+from benchmarks.parsimony.charts import draw_parsimony
 from benchmarks.reporting.markdown import replaced
 from benchmarks.stability import charts as stability_charts
 from benchmarks.training_time import draw_chart
@@ -66,6 +68,7 @@ BLOCKS = (
     Block("docs/room.md", "relight", ("relight",), splats.relight),
     Block("docs/real-people.md", "real", ("real",), real),
     Block("docs/live-look.md", "live-look", ("live-look",), live_look),
+    Block("docs/parsimony.md", "parsimony", ("parsimony",), parsimony),
     Block(_FIGURES_PAGE, "trainings", ("expressions",), splats.trainings),
     Block(_FIGURES_PAGE, "expressions", ("expressions",), splats.expressions),
     Block(_FIGURES_PAGE, "local-view", ("local-view",), splats.local_view),
@@ -80,6 +83,8 @@ def made_anew(root: Path) -> dict[Path, str]:
     """
     pages: dict[Path, str] = {}
     for block in BLOCKS:
+        if not all(_path(root, name).exists() for name in block.sources):
+            continue  # a new benchmark, of which nothing has been committed
         path = root / block.page
         text = block.text(*(_figures(root, name) for name in block.sources))
         pages[path] = replaced(pages.get(path) or path.read_text(), block.name, text)
@@ -95,8 +100,14 @@ def write_pages(root: Path) -> list[Path]:
     frontier_figures = _figures(root, "frontier")
     draw_charts(frontier_figures, frontier_figures["points"], root / FIGURES / "frontier.json")
     stability_charts.draw_charts(_figures(root, "stability"), root / FIGURES)
+    if _path(root, "parsimony").exists():
+        draw_parsimony(_figures(root, "parsimony"), root / FIGURES / "parsimony.png")
     return [path for path, _ in changed]
 
 
 def _figures(root: Path, name: str) -> Figures:
-    return json.loads((root / FIGURES / f"{name}.json").read_text())
+    return json.loads(_path(root, name).read_text())
+
+
+def _path(root: Path, name: str) -> Path:
+    return root / FIGURES / f"{name}.json"

@@ -36,6 +36,8 @@ class FilmedClip:
     """Of the whole picture, in the capture's world."""
     report: dict[str, Any]
     capture_s: float
+    focal_px: float
+    """Of the pictures that the capture worked with."""
 
     def index_of(self, time_s: float) -> int:
         """The number of the frame that was filmed at `time_s`."""
@@ -51,22 +53,36 @@ class FilmedClip:
         times = self.sequence.motion.times_s
         kept = [i for i, time_s in enumerate(times) if self.index_of(float(time_s)) <= last]
         numbers = [self.index_of(float(times[i])) for i in kept]
-        return _part(self.sequence, kept), numbers
+        return part_of(self.sequence, kept), numbers
 
 
-def film(ruler: Ruler, footage: Path, folder: Path, options: CaptureOptions) -> FilmedClip:
-    """Read and capture the clip of `ruler` into `folder`, with its given focal length, if any."""
+def film(
+    ruler: Ruler,
+    footage: Path,
+    folder: Path,
+    options: CaptureOptions,
+    captured_focal_px: float | None = None,
+) -> FilmedClip:
+    """Read and capture the clip of `ruler` into `folder`, with its given focal length, if any.
+
+    Args:
+        captured_focal_px: what an earlier capture into `folder` found: it is taken from there.
+    """
     path = ruler.require_footage(footage)
-    focals: list[float] = []
-    begun = time.perf_counter()
-    quality = capture_clip(path, folder, options, on_fit=lambda _, fit: focals.append(fit.focal_px))
+    focals = [] if captured_focal_px is None else [captured_focal_px]
+    report, begun = dict[str, Any](), time.perf_counter()
+    if not focals:
+        quality = capture_clip(
+            path, folder, options, on_fit=lambda _, fit: focals.append(fit.focal_px)
+        )
+        report = quality.as_json()
     capture_s = time.perf_counter() - begun
     whole = read_video(path, max_frames=_ALL_FRAMES, max_side=_WHOLE_PX)
     sequence = open_sequence(folder)
     filmed_width, _ = whole.source_size
     focal_px = focals[-1] * filmed_width / read_width(path)
     camera = whole_camera(sequence.train.camera(0), focal_px, whole.source_size)
-    return FilmedClip(ruler, whole, sequence, camera, quality.as_json(), capture_s)
+    return FilmedClip(ruler, whole, sequence, camera, report, capture_s, focals[-1])
 
 
 def read_width(path: Path) -> int:
@@ -105,7 +121,8 @@ def _digest(image: Array) -> bytes:
     return hashlib.sha256(np.ascontiguousarray(image).tobytes()).digest()
 
 
-def _part(sequence: Sequence, kept: list[int]) -> Sequence:
+def part_of(sequence: Sequence, kept: list[int]) -> Sequence:
+    """Those of its training frames that are `kept`."""
     if len(kept) == len(sequence.train):
         return sequence
     digest = hashlib.sha256(f"{sequence.data_hash} {kept}".encode()).hexdigest()

@@ -103,6 +103,7 @@ def measure(
             budget_s=effort.budget_s,
             iterations=effort.iterations,
             find_light=True,
+            size="auto",
             clock=clock.now,
         )
         training_s = clock.now() - begun

@@ -38,6 +38,8 @@ class Outfit:
     """The chest print, True where it is printed."""
     hair_drop_m: float
     """How far the hair hangs below a short cut at the sides and the nape."""
+    uniform: bool = False
+    """Shirt, trousers and shoes have one colour each."""
 
 
 def make_outfit(rng: np.random.Generator) -> Outfit:
@@ -86,15 +88,13 @@ def albedo(
     is_trousers = (height <= waist) & (height > at["left_ankle"][1] + 0.05)
     is_shoe = height <= at["left_ankle"][1] + 0.05
     colour = np.tile(outfit.skin, (len(rest), 1))
-    _paint_shirt(colour, is_shirt, outfit, rest, normal, arms, at)
-    colour[is_shirt & (collar < 0.012)] = 0.7 * outfit.shirt[1]
-    _paint_trousers(colour, is_trousers, outfit, rest, waist, at["left_knee"])
+    colour[is_shirt], colour[is_trousers] = outfit.shirt[0], outfit.trousers
     colour[is_shoe] = outfit.shoes
-    toe_cap = rest[:, 2] > at["left_foot"][2] + 0.005
-    colour[is_shoe & ((height < 0.025) | toe_cap)] = [0.92, 0.92, 0.9]
-    instep = (np.abs(np.abs(rest[:, 0]) - at["left_foot"][0]) < 0.025) & (normal[:, 1] > 0.3)
-    laces = is_shoe & instep & ~toe_cap & (np.mod(height, 0.02) < 0.007)
-    colour[laces] = [0.95, 0.95, 0.95]
+    if not outfit.uniform:
+        _paint_shirt(colour, is_shirt, outfit, rest, normal, arms, at)
+        colour[is_shirt & (collar < 0.012)] = 0.7 * outfit.shirt[1]
+        _paint_trousers(colour, is_trousers, outfit, rest, waist, at["left_knee"])
+        _paint_shoes(colour, is_shoe, rest, normal, at["left_foot"])
     _paint_head(colour, head & ~is_shirt, outfit, rest, at, eyes)
     # ambient occlusion of downward normals, which shapes chin, nose and fingers
     bare = ~(is_shirt | is_trousers | is_shoe)
@@ -188,6 +188,14 @@ def _paint_trousers(
     belt = height > waist - 0.035
     colour[where & belt] = [0.22, 0.14, 0.09]
     colour[where & belt & (np.abs(rest[:, 0]) < 0.025) & (rest[:, 2] > 0)] = [0.85, 0.78, 0.5]
+
+
+def _paint_shoes(colour: Array, where: Array, rest: Array, normal: Array, foot: Array) -> None:
+    height = rest[:, 1]
+    toe_cap = rest[:, 2] > foot[2] + 0.005
+    colour[where & ((height < 0.025) | toe_cap)] = [0.92, 0.92, 0.9]
+    instep = (np.abs(np.abs(rest[:, 0]) - foot[0]) < 0.025) & (normal[:, 1] > 0.3)
+    colour[where & instep & ~toe_cap & (np.mod(height, 0.02) < 0.007)] = [0.95, 0.95, 0.95]
 
 
 def _paint_head(

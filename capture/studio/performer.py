@@ -84,8 +84,11 @@ class StudioPerformer:
         return render_performer(self, pose, camera, look, cloth, light=light)
 
 
-def make_performer(seed: int, *, expressive: bool = False) -> StudioPerformer:
-    """The performer of `seed`: shape and clothes; `expressive`, with a face and hands that move."""
+def make_performer(
+    seed: int, *, expressive: bool = False, uniform: bool = False
+) -> StudioPerformer:
+    """The performer of `seed`: shape and clothes; `expressive`, with a face and hands that move;
+    `uniform`, in clothes of one colour each."""
     rng = np.random.default_rng(seed)
     shape = rng.uniform([-0.12, -0.2, -0.4, -0.2, -0.2], [0.12, 0.25, 0.4, 0.3, 0.2])
     model = load_body_model()
@@ -102,7 +105,7 @@ def make_performer(seed: int, *, expressive: bool = False) -> StudioPerformer:
     assert body.faces is not None
     normals = vertex_normals(body.rest_vertices, body.faces)
     joint = body.blend_weights.argmax(axis=1)
-    outfit = make_outfit(rng)
+    outfit = replace(make_outfit(rng), uniform=uniform)
     if known.expression_directions is not None:
         own = own_strength(rng)[:, None, None] * known.expression_directions
         body = replace(known, expression_directions=own)

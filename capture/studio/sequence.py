@@ -107,6 +107,7 @@ def make_sequence(
     environment: Environment | None = None,
     expressions: bool = False,
     framing: str = "body",
+    uniform: bool = False,
     on_progress: Callable[[float, str], None] | None = None,
 ) -> None:
     """Write a sequence of the performer `seed`, or of the named `performer`, to `out`.
@@ -127,7 +128,8 @@ def make_sequence(
         )
 
     With `expressions` they talk, blink, smile and close their hands, as the sequence's motion
-    records; `framing` is of the whole `body`, or of head and shoulders (`head`).
+    records; `framing` is of the whole `body`, or of head and shoulders (`head`). `uniform` clothes
+    have one colour each; the lifelike performers have their own.
 
     In the look `lit`, an `environment` with a panorama lights the performer; none: the studio's own
     light, sRGB values dimmed by a key light and a sky.
@@ -139,7 +141,7 @@ def make_sequence(
     light = _environment_light(look, environment)
     seed = seed if performer is None else seed_of_performer(performer)
     motion = None if motion is None else motion_file_of(motion, performer)
-    subject = _subject(performer, assets, seed, look, expressions)
+    subject = _subject(performer, assets, seed, look, expressions, uniform)
     skeleton = subject.body.skeleton
     train_motion, unseen_motion = _motions(motion, skeleton, frames, turn_deg, frames_per_second)
     if expressions:
@@ -214,7 +216,8 @@ def make_sequence(
             source=f"studio look={look} seed={seed} turn={turn_deg:g}"
             + (f" environment={environment.name}" if environment else "")
             + (" expressions" if expressions else "")
-            + (f" framing={framing}" if framing != "body" else ""),
+            + (f" framing={framing}" if framing != "body" else "")
+            + (" uniform" if uniform else ""),
             pose_trust=PoseTrust.EXACT,
         )
 
@@ -239,7 +242,12 @@ def _check(
 
 
 def _subject(
-    performer: str | None, assets: Path | None, seed: int, look: str, expressive: bool
+    performer: str | None,
+    assets: Path | None,
+    seed: int,
+    look: str,
+    expressive: bool,
+    uniform: bool,
 ) -> FilmedPerformer:
     row = None if performer is None else LIFELIKE_PERFORMERS.get(performer)
     if row is None:
@@ -248,7 +256,7 @@ def _subject(
                 "assets must go with a lifelike performer of "
                 f"{', '.join(LIFELIKE_PERFORMERS)}; got performer {performer!r}"
             )
-        return make_performer(seed, expressive=expressive)
+        return make_performer(seed, expressive=expressive, uniform=uniform)
     if look == "loose":
         raise CaptureError(
             f"look must be plain or lit for the lifelike {performer}; got 'loose', which the "

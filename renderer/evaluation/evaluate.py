@@ -58,6 +58,7 @@ _MODEL_METRICS = (
     "samples_a_ray",
     "perceptual_loss",
     "scaled",
+    "size",
 )
 """What a model's training tells that its figures can't be read without."""
 

@@ -7,6 +7,7 @@ sRGB is nearly straight, and each frame is drawn as the light falls on the body 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,6 +85,14 @@ class CapturedLight:
         """Turn the gradient by the colours `shown` into that by the roots, in place."""
         roots = np.maximum(parameters[:, _COLOURS], _DARKEST)
         gradient[:, _COLOURS] *= shown[:, _COLOURS] / roots
+
+    def merged(self, mean: Callable[[Array], Array]) -> CapturedLight:
+        """The same light on splats of which each is a `mean` of some of these."""
+        normals = mean(self.normals)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+        return CapturedLight(
+            self.harmonics, normals.astype(np.float32), mean(self.mean).astype(np.float32)
+        )
 
     def state(self) -> dict[str, Array]:
         """What `restored` needs."""

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
+
+Size = Literal["auto", "full"] | int
+"""How many splats are kept: as few as a clip shows a need for, all, or at most so many."""
 
 
 @dataclass(frozen=True)
@@ -74,3 +78,11 @@ class SplatSettings:
     """The same on head and neck, whose surface landmarks of the face have shaped: with less, a
     profile frays; with as much everywhere, hands and cloth that the body model lacks are blurred.
     """
+    roughness_m: float = 0.01
+    """How far a splat may stand out from those beside it where depth is uncertain. If less,
+    pictures from the camera are less sharp: what lies in front of what is then settled by chance.
+    """
+    filled_from: float = 0.8
+    """Share of the training after which sides that no frame shows are filled in and keep their
+    colour: what shines through from behind is then right, and what lies in front is trained before
+    it."""

@@ -19,6 +19,7 @@ from services.cli.terminal import (
     progress_bar,
     require_writable,
     seconds,
+    splats_kept,
     stop_on_interrupt,
 )
 
@@ -45,6 +46,13 @@ def train(
     iterations: Annotated[
         int | None, typer.Option(help="Number of steps, instead of a time; repeatable to the bit.")
     ] = None,
+    size: Annotated[
+        str,
+        typer.Option(
+            help="Splats that are kept: `auto`, as few as the clip shows a need for; `full`, all; "
+            "or at most so many."
+        ),
+    ] = "auto",
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     lpips_backbone: Annotated[
         Path | None,
@@ -71,9 +79,10 @@ def train(
     from renderer.presets import find_preset
     from renderer.training import Progress, TrainingStopped
     from renderer.training import train as train_model
+    from services.figures import size_words
 
     require_writable(out)
-    budget_s = None if iterations else seconds(budget)
+    budget_s, kept = None if iterations else seconds(budget), splats_kept(size)
     clip = open_folder(sequence)
     if pose_trust is not None:
         clip = replace(clip, pose_trust=pose_trust)
@@ -97,6 +106,7 @@ def train(
                 seed=seed,
                 lpips_backbone=lpips_backbone,
                 find_light=True,
+                size=kept,
                 on_progress=on_progress,
                 should_stop=should_stop,
                 checkpoint=checkpoint,
@@ -108,6 +118,8 @@ def train(
     save_model(model, out)
     checkpoint.unlink(missing_ok=True)
     typer.echo(f"{out}  {out.stat().st_size / 1e6:.2f} MB")
+    for line in size_words(model.metrics.get("size")):
+        typer.echo(line)
 
 
 @app.command()

@@ -15,12 +15,14 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
 from rich.text import Text
 
+from renderer.splats.settings import Size
 from scene.errors import InvalidInput
 
 Report = Callable[[float, str], None]
 """Told the share that is done, and what is being done."""
 
 _BAR_COLUMNS = 18
+_LEAST_SPLATS = 100
 _SECONDS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
 
 
@@ -30,6 +32,17 @@ def seconds(text: str) -> float:
     if match is None or float(match[1]) <= 0.0:
         raise typer.BadParameter(f"a duration must look like 20s, 1.5m or 2h; got {text!r}")
     return float(match[1]) * _SECONDS[match[2] or ""]
+
+
+def splats_kept(text: str) -> Size:
+    """The size of a model as people write it: `auto`, `full`, or a number of splats."""
+    if text == "auto" or text == "full":
+        return text
+    if not text.isdigit() or int(text) < _LEAST_SPLATS:
+        raise typer.BadParameter(
+            f"a size must be auto, full or a number from {_LEAST_SPLATS}; got {text!r}"
+        )
+    return int(text)
 
 
 def require_writable(out: Path) -> None:

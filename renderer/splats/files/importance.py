@@ -27,13 +27,14 @@ _LEAST = 1e-3
 
 def importance_order(model: SplatModel) -> Int[Array, "N"]:
     """Rows of `model`, the most important first; the same for the same model."""
-    light = _light(model)
+    light = light_all_round(model)
     chance = np.random.default_rng(0).gumbel(size=len(model))
     return np.argsort(-(np.log(light + _LEAST) + chance), kind="stable")
 
 
-def _light(model: SplatModel) -> Float[Array, "N"]:
-    """Blending weight of each splat, in pixels, summed over views all round in poses of its own."""
+def light_all_round(model: SplatModel, views: int = _VIEWS) -> Float[Array, "N"]:
+    """Blending weight of each splat, px, summed over `views` of 256 px all round in poses of its
+    own."""
     import numba
 
     from renderer.splats.rasteriser.tile_kernels import draw_and_differentiate
@@ -43,8 +44,8 @@ def _light(model: SplatModel) -> Float[Array, "N"]:
     nothing = np.zeros((*size, 4), np.uint8)
     summed = np.zeros((threads, len(model), PROJECTED), np.float32)
     height_m = model.skeleton.height_m
-    for view in range(_VIEWS):
-        pose = model.motion.pose(view * len(model.motion) // _VIEWS)
+    for view in range(views):
+        pose = model.motion.pose(view * len(model.motion) // views)
         upright = np.array([0.0, pose.root_translation[1], 0.0])
         camera = orbit_camera(
             (0.0, 0.55 * height_m, 0.0),

@@ -8,7 +8,16 @@ import numpy as np
 
 from renderer.errors import TrainingError
 from renderer.splats.expressions import ClipBlendShapes
-from renderer.splats.layout import COLOUR, CONTRIBUTION, PARAMETERS, POSITION, PROJECTED, ROTATION
+from renderer.splats.layout import (
+    COLOUR,
+    CONTRIBUTION,
+    LOG_SCALE,
+    OPACITY,
+    PARAMETERS,
+    POSITION,
+    PROJECTED,
+    ROTATION,
+)
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import FirstSplats, moved_with_bones
@@ -21,12 +30,20 @@ from scene.skeleton import Skeleton
 _MIN_CONTRIBUTION = 0.02
 """Summed blending weight, in pixels, from which a step moves a splat."""
 _SHAPE, _PLACE = slice(POSITION, ROTATION + 4), slice(POSITION, POSITION + 3)
-_ROUGHNESS_M = 0.01
-"""How far a splat may stand out from those beside it where depth is uncertain. If less, pictures
-from the camera are less sharp: what lies in front of what is then settled by chance."""
 _ROUGHNESS_PULL = 0.1
 """Share of what stands out farther that a step takes back."""
 _SMOOTHING_ROUNDS = 10
+
+
+def adam_rates(settings: SplatSettings, *, exact: bool) -> Float[Array, "P"]:
+    """Rates of a splat's parameters at the start; `exact`, where poses are."""
+    rates = np.empty(PARAMETERS, np.float32)
+    rates[_PLACE] = settings.position_rate if exact else settings.uncertain_position_rate
+    rates[LOG_SCALE : LOG_SCALE + 3] = settings.log_scale_rate
+    rates[ROTATION : ROTATION + 4] = settings.rotation_rate
+    rates[COLOUR : COLOUR + 3] = settings.colour_rate
+    rates[OPACITY] = settings.opacity_rate
+    return rates
 
 
 class TrainedSplats:
@@ -116,7 +133,7 @@ class TrainedSplats:
         if not len(self._displacement):
             return
         gap = self._displacement[moved] - self._off_surface(moved)
-        gap -= np.clip(gap, -_ROUGHNESS_M, _ROUGHNESS_M)
+        gap -= np.clip(gap, -self._settings.roughness_m, self._settings.roughness_m)
         gap[self._on_head[moved]] = 0.0
         back = np.float32(_ROUGHNESS_PULL) * gap[:, None]
         self.parameters[moved, _PLACE] += back * self.first.normals[moved]

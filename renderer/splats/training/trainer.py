@@ -7,6 +7,7 @@ the frames for as long; from both, 0.7 dB below (`metanerf bench distil`).
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,15 +18,7 @@ from renderer.pose_refinement.drift_guard import DriftGuard
 from renderer.pose_refinement.passes import RefinementPasses
 from renderer.pose_refinement.photometry import SkinnedPoints
 from renderer.relighting.captured_light import CapturedLight
-from renderer.splats.layout import (
-    BOX_FILTER_PX2,
-    COLOUR,
-    LOG_SCALE,
-    OPACITY,
-    PARAMETERS,
-    POSITION,
-    ROTATION,
-)
+from renderer.splats.layout import BOX_FILTER_PX2, COLOUR, POSITION, ROTATION
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.settings import SplatSettings
@@ -38,20 +31,19 @@ from renderer.splats.training.evidence import (
 )
 from renderer.splats.training.filling import fill_unseen, held_colours
 from renderer.splats.training.full_size import FullSizeWindows, whole_views
-from renderer.splats.training.initialisation import FirstSplats, first_splats, splats_of_model
+from renderer.splats.training.initialisation import first_splats, splats_of_model
+from renderer.splats.training.merging import Grouping
 from renderer.splats.training.occlusion import hidden_by_limbs
-from renderer.splats.training.trained_splats import TrainedSplats
+from renderer.splats.training.resizing import Resizing
+from renderer.splats.training.trained_splats import TrainedSplats, adam_rates
 from renderer.splats.training.views import View, read_views
-from scene.arrays import Array, Bool, Float
+from scene.arrays import Array, Bool, Float, Int
 from scene.sequence import PoseTrust, Sequence
 
 _DENSIFIED_FROM = 0.25
 """Share of the training after which coarse splats give way to finer ones."""
 _LIGHT_FROM = 0.3
 """Share of the training after which the light is estimated."""
-_FILLED_FROM = 0.8
-"""Share of the training after which sides that no frame shows are filled in and keep their colour:
-what shines through from behind is then right, and what lies in front is trained before it."""
 _PREVIEW_PX = 384
 
 
@@ -83,15 +75,13 @@ class SplatTrainer:
         self._poses = PoseRefinement(sequence, start)
         self._first_skeleton = self._poses.skeleton
         earlier = None if start is None else splats_of_model(start, first, self._first_skeleton)
-        self._densification = Densification.planned(first, earlier, settings)
-        if self._densification is not None:
-            first = self._densification.coarse
-        elif earlier is not None:
-            first = earlier
-        self._split: Bool[Array, "N"] | None = None
+        planned = Densification.planned(first, earlier, settings)
+        self._resizing = Resizing(first if earlier is None else earlier, planned)
+        self.held_out: tuple[int, ...] = ()
+        """Frames that steps do not look at; may be set."""
         larger = self._views[0] is not filmed[0]
         self._windows = FullSizeWindows(filmed, settings) if larger else None
-        self.splats = self._splats_begun(first)
+        self.splats = self._splats_begun()
         self._passes = (
             RefinementPasses(self._views, colours_known=start is not None)
             if self._poses.active
@@ -99,6 +89,7 @@ class SplatTrainer:
         )
         given = sequence.pose_trust is PoseTrust.GIVEN
         self._guard = DriftGuard(len(self._views), active=given)
+        self._rates = adam_rates(settings, exact=sequence.pose_trust is PoseTrust.EXACT)
         self._rate_factor = np.ones(1, np.float32)
         self._queue: list[int] = []
         self._losses = np.zeros(numba.get_num_threads())
@@ -107,9 +98,14 @@ class SplatTrainer:
             settings.uncertain_linear_from if self._estimated else settings.linear_from
         )
 
-    def _splats_begun(self, first: FirstSplats) -> TrainedSplats:
-        expressions = self._sequence.motion.expressions
+    def _splats_begun(self) -> TrainedSplats:
+        first, expressions = self._resizing.splats, self._sequence.motion.expressions
         return TrainedSplats(first, self._first_skeleton, expressions, self._settings)
+
+    @property
+    def frames(self) -> int:
+        """Of the clip."""
+        return len(self._views)
 
     def warm_up(self) -> None:
         """Compile the kernels by one step whose effect is undone."""
@@ -121,9 +117,9 @@ class SplatTrainer:
     def before_step(self, fraction: float) -> None:
         """Make coarse splats finer; estimate the light, once splats have the person's colours;
         later, fill the sides that no frame shows."""
-        if self._densification is not None and self._split is None and fraction >= _DENSIFIED_FROM:
-            self._densify(self._densification)
-        if self._found is None and fraction >= _FILLED_FROM:
+        if (planned := self._resizing.awaited) is not None and fraction >= _DENSIFIED_FROM:
+            self._densify(planned)
+        if self._found is None and fraction >= self._settings.filled_from:
             self._found = self._evidence()
             filled = fill_unseen(self.splats.parameters, self._found, self.splats.kinds)
             self.splats.parameters = filled
@@ -133,23 +129,27 @@ class SplatTrainer:
             return
         from renderer.relighting.light_estimation import estimate_light
 
-        whole = np.ones(len(self.splats), bool)
-        self._light = estimate_light(self._model(self.splats.parameters, whole, {}), self._sequence)
+        self._light = estimate_light(self.model_so_far(), self._sequence)
         self._find_light = self._light is not None
         if self._light is not None:
             self.splats.parameters = self._light.without_light(self.splats.parameters)
 
     def step(self, fraction: float) -> float:
-        """Render one frame, compare, update the visible splats; returns the mean loss of a
+        """Refine the poses, where that is due, and learn from one frame; returns the mean loss of a
         channel."""
-        from renderer.splats.rasteriser.projection_kernels import chain_rule
-
         if self._passes is not None and self._passes.should_run(fraction):
             self._refine_poses(self._passes, fraction)
+        return self.learn(fraction)
+
+    def learn(self, fraction: float) -> float:
+        """Render one frame, compare, update the visible splats; returns as `step`."""
+        from renderer.splats.rasteriser.projection_kernels import chain_rule
+
         if not self._queue:
             if self._estimated and fraction > 0.0:
                 self.splats.smooth_displacement()
-            self._queue = self._rng.permutation(self._guard.trained).tolist()
+            shown = np.setdiff1d(self._guard.trained, self.held_out)
+            self._queue = self._rng.permutation(shown).tolist()
         frame = self._queue.pop()
         background = self._rng.uniform(size=3).astype(np.float32)
         transforms, splats = self._poses.transforms(frame), self.splats
@@ -172,7 +172,7 @@ class SplatTrainer:
         self._leave_out_hidden(view)
         if self._found is not None:
             splats.by_parameter[self._held, COLOUR : COLOUR + 3] = 0.0
-        moved = splats.update(self._rates(fraction))
+        moved = splats.update(self._rates * self._rate_factor[0] * self._falling(fraction))
         if self._estimated:
             splats.pull_to_surface(moved, 1.0 - fraction)
             splats.pull_to_neighbours(moved)
@@ -240,25 +240,49 @@ class SplatTrainer:
         """Make the splats finer that pictures still differ from."""
         split = to_split(self._splat_errors(frame) for frame in frames_looked_at(len(self._views)))
         trained = self.splats.parameters
-        self._split_into(planned, split)
+        self._resizing.split(split)
+        self._resize(lambda surface: planned.parameters(split, trained, surface))
+
+    def merge(self, grouping: Grouping) -> None:
+        """Go on with one splat for each group."""
+        trained = self.splats.parameters
+        self._resizing.merge(grouping)
+        if self._light is not None:
+            self._light = self._light.merged(grouping.mean)
+        turns = self._resizing.splats.parameters[:, ROTATION : ROTATION + 4]
+        self._resize(lambda _: grouping.merged(trained, turns))
+
+    def _resize(self, parameters: Callable[[Float[Array, "N P"]], Float[Array, "N P"]]) -> None:
+        """Go on with the splats that are now in order; `parameters` takes their surface."""
+        self.splats = self._splats_begun()
         self.splats.surface_on(self._poses.skeleton)
-        self.splats.parameters = planned.parameters(split, trained, self.splats.surface)
+        self.splats.parameters = parameters(self.splats.surface)
         if self._estimated:
             self.splats.smooth_displacement()
 
-    def _split_into(self, planned: Densification, split: Bool[Array, "N"]) -> None:
-        self._split, self.splats = split, self._splats_begun(planned.splats(split))
-
     def _splat_errors(self, frame: int) -> tuple[Float[Array, "N"], Float[Array, "N"]]:
+        picture, truth = self.pictures(frame)
+        self._leave_out_hidden(self._views[frame])
+        return splat_errors(self.splats.work, self.splats.contribution, picture, truth)
+
+    def pictures(self, frame: int) -> tuple[Float[Array, "H W 4"], Float[Array, "H W 4"]]:
+        """The model in `frame`, and the frame; premultiplied sRGB, in the size of whole views."""
         from renderer.splats.rasteriser.tile_kernels import draw
 
         view, work = self._views[frame], self.splats.work
         self._draw(frame, view, np.zeros(3, np.float32), self._poses.transforms(frame))
-        self._leave_out_hidden(view)
         picture = np.empty(view.rgba.shape, np.float32)
         draw(work.projected, work.starts, work.entries, len(self._losses), picture)
-        truth = view.rgba.astype(np.float32) / np.float32(255.0)
-        return splat_errors(work, self.splats.contribution, picture, truth)
+        return picture, view.rgba.astype(np.float32) / np.float32(255.0)
+
+    def front(self, frame: int) -> Int[Array, "H W"]:
+        """Which splat each pixel of whole views shows in `frame`; -1 where none does."""
+        splats, view = self.splats, self._views[frame]
+        moved = splats.expressions.moved(splats.parameters, frame)
+        transforms = self._poses.transforms(frame)
+        return splats.work.front(
+            moved, splats.joints, splats.weights, transforms, view.window, BOX_FILTER_PX2
+        )
 
     def _refine_poses(self, passes: RefinementPasses, fraction: float) -> None:
         """One pass over the clip, while the model stays true to given poses; splats follow
@@ -294,19 +318,23 @@ class SplatTrainer:
         camera = self._sequence.train.camera(0)
         scale = _PREVIEW_PX / max(camera.width, camera.height)
         small = camera.resized(round(camera.width * scale), round(camera.height * scale))
-        model = self._model(self.splats.parameters, np.ones(len(self.splats), bool), {})
+        model = self.model_so_far()
         shown = self._sequence.motion.expressions[:1]
         picture = SplatRenderer((model,)).render(
             small, [self._poses.transforms(0)], expressions=list(shown)
         )
         return picture[..., :3] + (1.0 - picture[..., 3:]) * np.float32(0.93)
 
+    def model_so_far(self) -> SplatModel:
+        """As it is now, all of it taken as seen."""
+        return self._model(self.splats.parameters, np.ones(len(self.splats), bool), {})
+
     def state(self) -> dict[str, Array]:
         """Parameters, moments, refined poses and the random state."""
         rng_state = json.dumps({"rng": self._rng.bit_generator.state, "queue": self._queue})
         return {
             **self.splats.state(),
-            **({} if self._split is None else {"split": self._split}),
+            **self._resizing.state(),
             "slower": self._rate_factor.copy(),
             "chance": np.array(rng_state),
             **self._poses.state(),
@@ -317,7 +345,11 @@ class SplatTrainer:
 
     def restore(self, state: dict[str, Array]) -> None:
         """Go back to `state`."""
-        self._restore_splats(state)
+        self._poses.restore(state)
+        self._resizing.restore(state)
+        self.splats = self._splats_begun()
+        self.splats.restore(state)
+        self.splats.surface_on(self._poses.skeleton)
         self._rate_factor = state["slower"].copy()
         rng_state = json.loads(str(state["chance"]))
         self._rng.bit_generator.state, self._queue = rng_state["rng"], list(rng_state["queue"])
@@ -325,16 +357,6 @@ class SplatTrainer:
         self._guard.restore(state)
         if self._passes is not None:
             self._passes.restore(state)
-
-    def _restore_splats(self, state: dict[str, Array]) -> None:
-        self._poses.restore(state)
-        split = state.get("split")
-        if self._densification is not None and split is not None:
-            self._split_into(self._densification, split)
-        elif self._densification is not None and self._split is not None:
-            self._split, self.splats = None, self._splats_begun(self._densification.coarse)
-        self.splats.restore(state)
-        self.splats.surface_on(self._poses.skeleton)
 
     def halve_learning_rate(self) -> None:
         """Halve all rates."""
@@ -391,13 +413,6 @@ class SplatTrainer:
             cosines.append(surface_cosines(self.splats.first, transforms, view.window.position))
         return Evidence.of_frames(np.stack(shown), np.stack(cosines))
 
-    def _rates(self, fraction: float) -> Float[Array, "P"]:
-        s = self._settings
-        rates = np.empty(PARAMETERS, np.float32)
-        exact = self._sequence.pose_trust is PoseTrust.EXACT
-        rates[POSITION : POSITION + 3] = s.position_rate if exact else s.uncertain_position_rate
-        rates[LOG_SCALE : LOG_SCALE + 3] = s.log_scale_rate
-        rates[ROTATION : ROTATION + 4] = s.rotation_rate
-        rates[COLOUR : COLOUR + 3] = s.colour_rate
-        rates[OPACITY] = s.opacity_rate
-        return rates * self._rate_factor[0] * (1.0 - (1.0 - s.last_rate_share) * fraction)
+    def _falling(self, fraction: float) -> np.float32:
+        """What rates fall to."""
+        return np.float32(1.0 - (1.0 - self._settings.last_rate_share) * fraction)

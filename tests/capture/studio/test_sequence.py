@@ -298,3 +298,18 @@ def test_senseless_requests_are_refused_before_anything_is_written(tmp_path, cha
     with pytest.raises(CaptureError, match=message):
         make_sequence(tmp_path / "seq", **{"frames": 2, "size": 32, "test_cameras": 1, **changed})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_uniform_clothes_have_one_colour_each():
+    """Of the same person: fewer edges inside the outline, and the same outline."""
+    striped, uniform = (
+        render_performer(make_performer(0, uniform=one), hold(0.0), round_the_person(0.0), "plain")
+        for one in (False, True)
+    )
+    np.testing.assert_array_equal(striped[1], uniform[1])
+    inside = (striped[1][:, 1:] == 1.0) & (striped[1][:, :-1] == 1.0)
+    edges = [
+        float((np.abs(np.diff(image, axis=1)).max(axis=-1)[inside] > 0.15).mean())
+        for image, _ in (striped, uniform)
+    ]
+    assert edges[1] < 0.4 * edges[0]

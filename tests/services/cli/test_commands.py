@@ -13,12 +13,14 @@ import cv2
 import numpy as np
 import pytest
 from rich.console import Console
+from typer import BadParameter
 from typer.testing import CliRunner
 
 from capture.storage import open_sequence
 from renderer.model_files import load_model
 from services.cli.app import app, main
-from services.cli.terminal import progress_bar, seconds
+from services.cli.terminal import progress_bar, seconds, splats_kept
+from services.figures import size_words
 
 runner = CliRunner()
 
@@ -49,6 +51,32 @@ def test_training_that_is_refused_leaves_nothing(filmed: Path, tmp_path: Path, w
     refused = runner.invoke(app, ["train", str(filmed), "--out", str(out), *wrong])
     assert refused.exit_code != 0
     assert not out.parent.exists()
+
+
+@pytest.mark.parametrize(("text", "kept"), [("auto", "auto"), ("full", "full"), ("5000", 5000)])
+def test_a_size_is_a_word_or_a_number(text: str, kept: object):
+    assert splats_kept(text) == kept
+
+
+@pytest.mark.parametrize("text", ["", "few", "99", "-500", "1.5"])
+def test_other_sizes_are_refused(text: str):
+    with pytest.raises(BadParameter, match="auto, full or a number from 100; got"):
+        splats_kept(text)
+
+
+def test_what_was_tried_is_told_in_words():
+    tried = [
+        {"splats": 5000, "lost_db": {"body": 1.5}, "good": False},
+        {"splats": 8000, "lost_db": {"body": 0.1}, "good": True},
+        {"splats": 7000, "lost_db": {"body": 0.2}, "good": True},
+    ]
+    assert size_words({"asked": "auto", "of": 20_000, "kept": 7000, "tried": tried}) == [
+        "7,000 of 20,000 splats kept",
+        "  5,000: worse by body +1.50 dB; too few",
+        "  8,000: worse by body +0.10 dB; more than needed",
+        "  7,000: worse by body +0.20 dB; kept",
+    ]
+    assert size_words(None) == []
 
 
 def test_a_folder_of_humannerfs_is_trained_on_as_it_is(tmp_path):

@@ -1,0 +1,60 @@
+"""`metanerf bench parsimony`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from benchmarks.cli_options import (
+    Assets,
+    ClockName,
+    Commits,
+    Footage,
+    LpipsBackbone,
+    Motion,
+    Only,
+    landmark_models,
+    start,
+)
+from benchmarks.inputs import (
+    FOOTAGE,
+    HUMAN_ASSETS,
+    LPIPS_BACKBONE,
+    MOTION,
+    require_human_assets,
+    require_motion,
+    require_real_footage,
+)
+
+app = typer.Typer()
+
+
+@app.command()
+def parsimony(
+    commits: Commits = False,
+    motion: Motion = MOTION,
+    assets: Assets = HUMAN_ASSETS,
+    footage: Footage = FOOTAGE,
+    backbone: LpipsBackbone = LPIPS_BACKBONE,
+    clock: ClockName = "processor",
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A small performer alone, in a few sizes.")
+    ] = False,
+    only: Only = "",
+) -> None:
+    """How much model a person needs: a ladder of sizes, and each part of the method left out."""
+    from benchmarks.parsimony.measure import run
+    from benchmarks.parsimony.subjects import OutsideData
+    from benchmarks.real.measure import Networks
+    from renderer.evaluation.lpips import PACKAGED_BACKBONE
+
+    writer = start("parsimony", commits, narrowed=quick or bool(only) or clock != "processor")
+    if quick:
+        networks = Networks(footage, footage, footage, PACKAGED_BACKBONE)
+    else:
+        require_motion(motion)
+        require_human_assets(assets)
+        require_real_footage(footage)
+        networks = Networks(*landmark_models(), backbone)
+    run(writer, OutsideData(motion, assets, footage, networks), clock, only, quick=quick)

@@ -1,0 +1,1 @@
+"""How much model a person needs: a ladder of sizes, and each part of the method left out alone."""

@@ -1,0 +1,153 @@
+"""Measures the ladder on every subject, in a run that can be cut and gone on with.
+
+Trainings are of a fixed number of steps, so that a busy machine changes their time alone.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.parsimony.rungs import AS_IT_IS, LADDER, QUICK, Rung
+from benchmarks.parsimony.subjects import QUICK as QUICK_SUBJECTS
+from benchmarks.parsimony.subjects import SUBJECTS, Filmed, OutsideData, Subject, about
+from benchmarks.reporting.figures import FigureWriter
+from benchmarks.reporting.timing import Clock, clock_named, milliseconds
+from renderer.model_files import save_model
+from renderer.presets import find_preset
+from renderer.splats.files.viewer_file import encode
+from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import SplatRenderer
+from renderer.splats.settings import SplatSettings
+from renderer.training import train
+from scene.camera import orbit_camera
+
+STEPS = {"studio": 600, "real": 400, "quick": 60}
+_VIEW_PX, _VIEWS = 512, 12
+MEASURES = ("body_psnr", "body_lpips", "face_psnr", "face_lpips")
+
+
+def run(
+    writer: FigureWriter, footage: OutsideData, clock_name: str, only: str, *, quick: bool = False
+) -> None:
+    """Measure what was not measured yet, and report."""
+    cache, clock = writer.cache(only), clock_named(clock_name)
+    subjects, ladder = (QUICK_SUBJECTS, QUICK) if quick else (SUBJECTS, LADDER)
+    rows = []
+    for subject in subjects:
+        filmed = _OnDemand(subject, writer.measurements / "clips", footage)
+        steps = STEPS["quick" if quick else "real" if subject.real else "studio"]
+        for rung in ladder:
+            if rung.real_alone and not subject.real:
+                continue
+            for seed in rung.seeds[: 1 if quick else None]:
+                row = {"subject": subject.name, "group": rung.group, "name": rung.name}
+                row |= {"seed": seed, "steps": steps}
+                of = {**row, **about(subject), **clock.about()}
+                found = cache.measured(
+                    f"{subject.name}/{rung.group}/{rung.name}/{seed}".replace(" ", "-"),
+                    of,
+                    lambda r=rung, s=seed, n=steps, f=filmed: _measured(r, s, n, f(), clock),
+                )
+                rows += [] if found is None else [{**row, **found}]
+    figures = {
+        **clock.about(),
+        "lpips": footage.networks.lpips.name,
+        "subjects": [about(subject) for subject in subjects],
+        "rows": rows,
+        "worth": worth(rows),
+    }
+    writer.write(figures)
+
+
+class _OnDemand:
+    """Films once somebody asks: not where all is measured."""
+
+    def __init__(self, subject: Subject, folder: Path, footage: OutsideData) -> None:
+        self._subject, self._folder, self._footage = subject, folder, footage
+        self._filmed: Filmed | None = None
+
+    def __call__(self) -> Filmed:
+        if self._filmed is None:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            folder = self._folder / self._subject.name
+            self._filmed = self._subject.film(folder, self._footage)
+        return self._filmed
+
+
+def _measured(rung: Rung, seed: int, steps: int, filmed: Filmed, clock: Clock) -> dict[str, Any]:
+    begun = clock.now()
+    model = train(
+        rung.clip(filmed.clip),
+        preset=replace(find_preset("splats"), settings=rung.settings(SplatSettings())),
+        iterations=steps,
+        seed=seed,
+        find_light=rung.find_light,
+        size=rung.size,
+        clock=clock.now,
+    ).splats
+    training_s = clock.now() - begun
+    assert model is not None
+    return {
+        "splats": len(model),
+        "megabytes": _megabytes(model),
+        "viewer_megabytes": round(len(encode(model)) / 1e6, 3),
+        "training_s": round(training_s, 2),
+        **_milliseconds(model, clock),
+        **filmed.judged(model),
+        **({"size": model.metrics["size"]} if "size" in model.metrics else {}),
+    }
+
+
+def _megabytes(model: SplatModel) -> float:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.safetensors"
+        save_model(model, path)
+        return round(os.path.getsize(path) / 1e6, 3)
+
+
+def _milliseconds(model: SplatModel, clock: Clock) -> dict[str, float]:
+    """Pose to pixels, from all round."""
+    renderer, skeleton = SplatRenderer((model,)), model.skeleton
+    seconds = []
+    for view in range(_VIEWS + 1):
+        pose = model.motion.pose(view * (len(model.motion) - 1) // _VIEWS)
+        eye_level = (0.0, 0.55 * skeleton.height_m + pose.root_translation[1], 0.0)
+        camera = orbit_camera(eye_level, 2.0 * skeleton.height_m, view, 0.1, _VIEW_PX, _VIEW_PX)
+        upright = np.array([0.0, pose.root_translation[1], 0.0])
+        begun = clock.now()
+        renderer.render(camera, [skeleton.skinning_transforms(pose.joint_angles, upright)])
+        seconds.append(clock.now() - begun)
+    return milliseconds(seconds[1:])
+
+
+def worth(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Of each part that was left out, what all together are better by, with its standard deviation
+    over seeds: a row a subject and part."""
+    found = []
+    for subject, name in dict.fromkeys(
+        (row["subject"], row["name"]) for row in rows if row["group"] == "without"
+    ):
+        whole = _of(rows, subject, AS_IT_IS.group, AS_IT_IS.name)
+        lacking = _of(rows, subject, "without", name)
+        both = [(whole[seed], lacking[seed]) for seed in whole if seed in lacking]
+        if not both:
+            continue
+        row: dict[str, Any] = {"subject": subject, "name": name, "seeds": len(both)}
+        for measure in MEASURES:
+            if both[0][0].get(measure) is not None:
+                apart = [one[measure] - other[measure] for one, other in both]
+                row[measure] = round(float(np.mean(apart)), 4)
+                row[f"{measure}_spread"] = round(float(np.std(apart)), 4)
+        found.append(row)
+    return found
+
+
+def _of(rows: list[dict[str, Any]], subject: str, group: str, name: str) -> dict[int, Any]:
+    key = (subject, group, name)
+    return {r["seed"]: r for r in rows if (r["subject"], r["group"], r["name"]) == key}

@@ -1,0 +1,144 @@
+"""Who is modelled, from simple to rich, and on what pictures their models are judged.
+
+Studio performers: unseen views of exact poses. Real people: the frames of the ruler
+(`benchmarks.real`), which training does not see, in the poses that training gives the frames beside
+them; capture does see them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.real.filmed import film, part_of
+from benchmarks.real.frames import test_frame
+from benchmarks.real.judge import Judge, mean
+from benchmarks.real.measure import Networks
+from benchmarks.real.parts import part_finder
+from benchmarks.real.ruler import Ruler
+from capture.pipeline import CaptureOptions
+from capture.storage import open_sequence
+from capture.studio import make_sequence
+from renderer.evaluation.evaluate import evaluate
+from renderer.evaluation.lpips import Lpips
+from renderer.performer_model import PerformerModel
+from scene.sequence import NOVEL_VIEW, Sequence
+
+Figures = dict[str, float | None]
+
+
+@dataclass(frozen=True)
+class OutsideData:
+    """Where what does not ship with the package lies."""
+
+    motion: Path
+    assets: Path
+    real: Path
+    networks: Networks
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A person in one clip."""
+
+    name: str
+    words: str
+    film: Callable[[Path, OutsideData], Filmed]
+    """Into a folder, or from it where that has been done."""
+    real: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Filmed:
+    """What is trained on, and how a model of it is judged."""
+
+    clip: Sequence
+    judged: Callable[[PerformerModel], Figures]
+    """`body_psnr` and `face_psnr`, dB, and the LPIPS of both."""
+
+
+@dataclass(frozen=True)
+class Studio:
+    """A performer of the studio, 60 frames of `size` px in flat light."""
+
+    performer: str | None = None
+    lifelike: bool = False
+    size: int = 256
+    frames: int = 60
+
+    def __call__(self, folder: Path, footage: OutsideData) -> Filmed:
+        if not folder.exists():
+            make_sequence(
+                folder,
+                performer=self.performer,
+                assets=footage.assets if self.lifelike else None,
+                motion=footage.motion if self.performer else None,
+                frames=self.frames,
+                size=self.size,
+                uniform=self.performer is None,
+            )
+        clip = open_sequence(folder)
+
+        def judged(model: PerformerModel) -> Figures:
+            found = evaluate(model, clip, footage.networks.lpips)
+            return {f"body_{name}": found[name][NOVEL_VIEW]["body_crop"] for name in _MEASURES}
+
+        return Filmed(clip, judged)
+
+
+_MEASURES = ("psnr", "lpips")
+
+
+@dataclass(frozen=True)
+class Webcam:
+    """A real person in the clip of a ruler."""
+
+    clip: str
+
+    def __call__(self, folder: Path, footage: OutsideData) -> Filmed:
+        ruler, about = Ruler.read(self.clip), folder.with_suffix(".json")
+        focal_px = json.loads(about.read_text())["focal_px"] if about.exists() else None
+        networks = footage.networks
+        options = CaptureOptions(
+            person=self.clip,
+            pose_model=networks.pose,
+            face_model=networks.face,
+            hand_model=networks.hand,
+        )
+        filmed = film(ruler, footage.real, folder, options, focal_px)
+        about.write_text(json.dumps({"focal_px": filmed.focal_px}))
+        times = filmed.sequence.motion.times_s
+        kept = [i for i, t in enumerate(times) if filmed.index_of(float(t)) not in ruler.indices]
+
+        def judged(model: PerformerModel) -> Figures:
+            with part_finder(networks.face, networks.hand) as finder:
+                judge, rows = Judge(Lpips(networks.lpips), finder), []
+                for index in ruler.indices:
+                    pose = model.motion.pose_at(float(filmed.footage.times_s[index]))
+                    frame = test_frame(filmed, "unseen", index, filmed.camera, pose)
+                    rows.append(judge.figures(model.render(frame.camera, frame.pose), frame))
+            return {
+                f"{part}_{name}": mean(row[part].get(name) for row in rows)
+                for part in ("body", "face")
+                for name in _MEASURES
+            }
+
+        return Filmed(part_of(filmed.sequence, kept), judged)
+
+
+SUBJECTS = (
+    Subject("uniform", "painted, clothes of one colour each, turns in place", Studio()),
+    Subject("amber", "painted, stripes and letters, dances", Studio("amber")),
+    Subject("flint", "lifelike, walks", Studio("flint", lifelike=True)),
+    Subject("grey-shirt", "real, at a webcam", Webcam("grey_shirt_sorry"), real=True),
+    Subject("patterned-shirt", "real, at a webcam", Webcam("patterned_shirt_sister"), real=True),
+)
+QUICK = (Subject("uniform", "as above, small", Studio(size=96, frames=24)),)
+
+
+def about(subject: Subject) -> dict[str, Any]:
+    """For the record."""
+    return {"name": subject.name, "words": subject.words, "clip": repr(subject.film)}

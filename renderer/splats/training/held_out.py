@@ -1,0 +1,133 @@
+"""How far a model in training is from frames that it does not see: body, face and hands apart.
+
+A picture counts as worse by its squared error, and by LPIPS: fewer splats lose sharpness first,
+which squared errors hardly notice, and neither does SSIM.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from renderer.splats.training.surface_kinds import KINDS
+from renderer.splats.training.trainer import SplatTrainer
+from scene.arrays import Array, Bool, Float
+
+REGIONS = ("body", "face", "hands")
+_LOOKED_AT = ("body", "face")
+"""Regions that are large enough for LPIPS."""
+_MOST, _SHARE, _LEAST_FRAMES = 8, 8, 20
+"""Frames held out at most, one in so many, of clips that have at least so many."""
+_LEAST_PX = 100
+"""Pixels of a region, all frames together, from which it is judged."""
+_LEAST_SIDE_PX = 32
+"""Side of a crop of which LPIPS tells something."""
+_WORSE_DB = {"body": 0.5, "face": 0.15, "hands": 0.6}
+"""How much worse splats may be that have just been merged: half of it is left in the end."""
+_UNSEEN_ERROR = 1e-4
+"""Squared error that nobody sees: between two and three levels of 8 bits."""
+_WORSE_LPIPS, _UNSEEN_LPIPS = 1.02, 0.001
+"""How many times as large it may be then, and what is too little to be seen."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Means over frames, of the regions that they show."""
+
+    squared: dict[str, float]
+    lpips: dict[str, float]
+
+    def lost(self, of_all: Errors) -> dict[str, Any]:
+        """How much worse these are than `of_all`, for the record."""
+        return {
+            "lost_db": {
+                name: round(10.0 * float(np.log10(error / max(of_all.squared[name], 1e-12))), 3)
+                for name, error in self.squared.items()
+            },
+            "lpips": {
+                name: [round(of_all.lpips[name], 4), round(value, 4)]
+                for name, value in self.lpips.items()
+            },
+        }
+
+    def as_good_as(self, of_all: Errors) -> bool:
+        """Whether nobody would see a difference once training has gone on."""
+        return all(
+            error + _UNSEEN_ERROR
+            <= 10.0 ** (0.1 * _WORSE_DB[name]) * (of_all.squared[name] + _UNSEEN_ERROR)
+            for name, error in self.squared.items()
+        ) and all(
+            value <= _WORSE_LPIPS * of_all.lpips[name] + _UNSEEN_LPIPS
+            for name, value in self.lpips.items()
+        )
+
+
+def held_out_frames(count: int) -> tuple[int, ...]:
+    """Some of `count` frames, spread evenly; none of a short clip."""
+    some = min(_MOST, count // _SHARE) if count >= _LEAST_FRAMES else 0
+    return tuple(((np.arange(some) + 0.5) / max(some, 1) * count).astype(int).tolist())
+
+
+class WatchedFrames:
+    """Frames of a training, with the pixels that show each region as the model is now."""
+
+    def __init__(self, trainer: SplatTrainer, frames: tuple[int, ...]) -> None:
+        self._trainer, self._frames = trainer, frames
+        self._pixels = [self._regions(frame) for frame in frames]
+
+    def light(self) -> Float[Array, "N"]:
+        """Light that each splat blends into a frame on the mean, px."""
+        total = np.zeros(len(self._trainer.splats))
+        for frame in self._frames:
+            self._trainer.pictures(frame)
+            total += self._trainer.splats.contribution
+        return total / len(self._frames)
+
+    def errors(self) -> Errors:
+        """Of the model as it is now."""
+        squared, pixels = np.zeros(len(REGIONS)), np.zeros(len(REGIONS))
+        lpips: dict[str, list[float]] = {name: [] for name in _LOOKED_AT}
+        for frame, regions in zip(self._frames, self._pixels, strict=True):
+            made, truth = (np.clip(one[..., :3], 0.0, 1.0) for one in self._trainer.pictures(frame))
+            squared += (regions * np.square(made - truth).mean(axis=2)).sum(axis=(1, 2))
+            pixels += regions.sum(axis=(1, 2))
+            for name in _LOOKED_AT:
+                if (crop := _crop(regions[REGIONS.index(name)])) is not None:
+                    lpips[name].append(self._lpips(made[crop], truth[crop]))
+        shown = [(name, e / p) for name, e, p in zip(REGIONS, squared, pixels, strict=True)
+                 if p >= _LEAST_PX]  # fmt: skip
+        return Errors(
+            {name: float(error) for name, error in shown},
+            {name: float(np.mean(values)) for name, values in lpips.items() if values},
+        )
+
+    def _regions(self, frame: int) -> Bool[Array, "R H W"]:
+        front, kinds = self._trainer.front(frame), self._trainer.splats.kinds
+        kind = np.where(front >= 0, kinds[front], -1)
+        parts = [kind == KINDS.index(name) for name in REGIONS[1:]]
+        return np.stack([np.ones_like(parts[0]), *parts])
+
+    def _lpips(self, made: Float[Array, "H W 3"], truth: Float[Array, "H W 3"]) -> float:
+        import torch
+
+        pair = (torch.from_numpy(np.ascontiguousarray(one)).movedim(-1, 0) for one in (made, truth))
+        with torch.no_grad():
+            return float(self._distance(*(one[None] for one in pair))[0])
+
+    @cached_property
+    def _distance(self):
+        from renderer.evaluation.lpips import PACKAGED_BACKBONE, Lpips
+
+        return Lpips(PACKAGED_BACKBONE)
+
+
+def _crop(region: Bool[Array, "H W"]) -> tuple[slice, slice] | None:
+    """Rows and columns of a region that is large enough to be looked at."""
+    sides = [np.flatnonzero(region.any(axis=axis)) for axis in (1, 0)]
+    if any(side.size == 0 or np.ptp(side) < _LEAST_SIDE_PX for side in sides):
+        return None
+    rows, columns = (slice(int(side[0]), int(side[-1]) + 1) for side in sides)
+    return rows, columns
