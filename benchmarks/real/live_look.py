@@ -20,13 +20,18 @@ from typing import Any
 import numpy as np
 
 from benchmarks.real.cases import CASES, Case
-from benchmarks.real.filmed import FilmedClip, film
+from benchmarks.real.filmed import FilmedClip
 from benchmarks.real.frames import Retarget, test_frame, test_frames
 from benchmarks.real.judge import Figures, Judge, TestFrame, changes, mean
 from benchmarks.real.live_look_sheet import draw_sheet
-from benchmarks.real.measure import Effort, Networks, capture_options, means
+from benchmarks.real.measure import (
+    Effort,
+    Networks,
+    captured_clips,
+    means,
+    trained_model,
+)
 from benchmarks.real.parts import part_finder
-from benchmarks.real.ruler import Ruler
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import Clock, clock_named
 from renderer.evaluation.lpips import Lpips
@@ -34,7 +39,6 @@ from renderer.live_look.live_look import LiveLook
 from renderer.live_look.picture import WebcamPicture
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
-from renderer.training import train
 from scene.arrays import Array, Float
 from scene.sequence import crop_window
 
@@ -94,24 +98,9 @@ def measure(
     face_and_hand = part_finder(networks.face, networks.hand)
     with tempfile.TemporaryDirectory() as folder, face_and_hand as finder:
         judge = Judge(Lpips(networks.lpips), finder)
-        clips = {
-            name: film(
-                Ruler.read(name),
-                footage,
-                Path(folder) / name,
-                capture_options(case, name, footage, networks),
-            )
-            for name in (case.trained, *case.other_clips)
-        }
+        clips = captured_clips(case, footage, networks, Path(folder))
         part, numbers = clips[case.trained].training_part(case.trained_share)
-        model = train(
-            part,
-            preset="splats",
-            budget_s=effort.budget_s,
-            iterations=effort.iterations,
-            find_light=True,
-            clock=clock.now,
-        ).splats
+        model = trained_model(part, effort, clock).splats
         assert model is not None
         milliseconds: list[float] = []
         webcam: list[ColouredFrame] = []

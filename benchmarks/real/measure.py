@@ -31,7 +31,7 @@ from renderer.evaluation.pose_alignment import Aligner
 from renderer.performer_model import PerformerModel
 from renderer.training import train
 from scene.motion import Pose
-from scene.sequence import Frame
+from scene.sequence import Frame, Sequence
 
 TRAINING_S = 60.0
 _REPORTED = ("landmark_error_px", "landmark_error_mm", "mask_overlap", "person_px")
@@ -85,27 +85,11 @@ def measure(
     face_and_hand = part_finder(networks.face, networks.hand)
     with tempfile.TemporaryDirectory() as folder, face_and_hand as finder:
         judge = Judge(Lpips(networks.lpips), finder)
-        clips = {
-            name: film(
-                Ruler.read(name),
-                footage,
-                Path(folder) / name,
-                capture_options(case, name, footage, networks),
-            )
-            for name in (case.trained, *case.other_clips)
-        }
+        clips = captured_clips(case, footage, networks, Path(folder))
         clip = clips[case.trained]
         part, numbers = clip.training_part(case.trained_share)
         begun = clock.now()
-        model = train(
-            part,
-            preset="splats",
-            budget_s=effort.budget_s,
-            iterations=effort.iterations,
-            find_light=True,
-            size="auto",
-            clock=clock.now,
-        )
+        model = trained_model(part, effort, clock)
         training_s = clock.now() - begun
         frames = list(test_frames(case, clips, model, set(numbers), footage))
         require_unseen(
@@ -135,6 +119,34 @@ def measure(
             "as_given": _summary(judge, model, frames),
             "aligned": _summary(judge, model, [f for f in aligned if f.group != OWN_VIEWS]),
         }
+
+
+def captured_clips(
+    case: Case, footage: Path, networks: Networks, folder: Path
+) -> dict[str, FilmedClip]:
+    """The clip that is trained on and the others of the person, captured into `folder`."""
+    return {
+        name: film(
+            Ruler.read(name),
+            footage,
+            folder / name,
+            capture_options(case, name, footage, networks),
+        )
+        for name in (case.trained, *case.other_clips)
+    }
+
+
+def trained_model(part: Sequence, effort: Effort, clock: Clock) -> PerformerModel:
+    """A model of `part` as the product trains it."""
+    return train(
+        part,
+        preset="splats",
+        budget_s=effort.budget_s,
+        iterations=effort.iterations,
+        find_light=True,
+        size="auto",
+        clock=clock.now,
+    )
 
 
 def _posture(clip: FilmedClip) -> dict[str, float]:
