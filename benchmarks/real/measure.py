@@ -132,7 +132,7 @@ def captured_clips(
             folder / name,
             capture_options(case, name, footage, networks),
         )
-        for name in (case.trained, *case.other_clips)
+        for name in dict.fromkeys((case.trained, *case.other_clips))
     }
 
 

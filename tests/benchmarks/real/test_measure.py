@@ -14,16 +14,21 @@ from tests.shared_data import shared_data
 CASE = Case("quick", "patterned_shirt_eat", trained_share=0.8)
 
 
-def test_a_real_person_is_captured_trained_and_judged(tmp_path):
-    models, footage = shared_data("models"), shared_data("real-webcam-people").parent
-    networks = Networks(
+def networks() -> Networks:
+    """Those of the shared data."""
+    models = shared_data("models")
+    return Networks(
         models / "pose_landmarker_full.task",
         models / "face_landmarker.task",
         models / "hand_landmarker.task",
         models / "alexnet_features.pth",
     )
+
+
+def test_a_real_person_is_captured_trained_and_judged(tmp_path):
+    footage = shared_data("real-webcam-people").parent
     sheet = tmp_path / "sheet.jpg"
-    figures = measure(CASE, footage, networks, Effort(None, 150), clock_named("processor"), sheet)
+    figures = measure(CASE, footage, networks(), Effort(None, 150), clock_named("processor"), sheet)
     json.dumps(figures, allow_nan=False)
     assert figures["trained_frames"] == 37
     assert figures["clips"]["patterned_shirt_eat"]["frames"] == 47
