@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.parsimony.rungs import AS_IT_IS, LADDER, QUICK, Rung
 from benchmarks.parsimony.subjects import QUICK as QUICK_SUBJECTS
-from benchmarks.parsimony.subjects import SUBJECTS, Filmed, OutsideData, Subject, about
+from benchmarks.parsimony.subjects import SUBJECTS, Filmed, LadderSubject, OutsideData, about
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import Clock, clock_named, milliseconds
 from renderer.model_files import save_model
@@ -68,7 +68,7 @@ def run(
 class _OnDemand:
     """Films once somebody asks: not where all is measured."""
 
-    def __init__(self, subject: Subject, folder: Path, footage: OutsideData) -> None:
+    def __init__(self, subject: LadderSubject, folder: Path, footage: OutsideData) -> None:
         self._subject, self._folder, self._footage = subject, folder, footage
         self._filmed: Filmed | None = None
 

@@ -41,7 +41,7 @@ class OutsideData:
 
 
 @dataclass(frozen=True)
-class Subject:
+class LadderSubject:
     """A person in one clip."""
 
     name: str
@@ -130,15 +130,17 @@ class Webcam:
 
 
 SUBJECTS = (
-    Subject("uniform", "painted, clothes of one colour each, turns in place", Studio()),
-    Subject("amber", "painted, stripes and letters, dances", Studio("amber")),
-    Subject("flint", "lifelike, walks", Studio("flint", lifelike=True)),
-    Subject("grey-shirt", "real, at a webcam", Webcam("grey_shirt_sorry"), real=True),
-    Subject("patterned-shirt", "real, at a webcam", Webcam("patterned_shirt_sister"), real=True),
+    LadderSubject("uniform", "painted, clothes of one colour each, turns in place", Studio()),
+    LadderSubject("amber", "painted, stripes and letters, dances", Studio("amber")),
+    LadderSubject("flint", "lifelike, walks", Studio("flint", lifelike=True)),
+    LadderSubject("grey-shirt", "real, at a webcam", Webcam("grey_shirt_sorry"), real=True),
+    LadderSubject(
+        "patterned-shirt", "real, at a webcam", Webcam("patterned_shirt_sister"), real=True
+    ),
 )
-QUICK = (Subject("uniform", "as above, small", Studio(size=96, frames=24)),)
+QUICK = (LadderSubject("uniform", "as above, small", Studio(size=96, frames=24)),)
 
 
-def about(subject: Subject) -> dict[str, Any]:
+def about(subject: LadderSubject) -> dict[str, Any]:
     """For the record."""
     return {"name": subject.name, "words": subject.words, "clip": repr(subject.film)}

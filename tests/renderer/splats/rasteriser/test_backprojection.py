@@ -22,8 +22,11 @@ MOST = 0.3
 
 
 def arranged(scene, camera) -> Workspace:
-    work = Workspace(len(scene[0]))
-    work.arrange(*scene, pack_camera(camera), camera.width, camera.height, DILATION)
+    parameters, joints, weights, transforms = scene
+    work, packed = Workspace(len(parameters)), pack_camera(camera)
+    work.arrange(
+        parameters, joints, weights, transforms, packed, camera.width, camera.height, DILATION
+    )
     return work
 
 
