@@ -144,7 +144,6 @@ def trained_model(part: Sequence, effort: Effort, clock: Clock) -> PerformerMode
         budget_s=effort.budget_s,
         iterations=effort.iterations,
         find_light=True,
-        size="auto",
         clock=clock.now,
     )
 

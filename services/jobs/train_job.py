@@ -88,8 +88,7 @@ class _Training:
     def round(self, number: int, ends: list[float], start: PerformerModel | None) -> PerformerModel:
         """Train until the end of round `number`; the model says which rounds are behind it.
 
-        The light it was filmed in is found in the last alone: that takes as long as a round. So
-        is how few splats are enough, for rounds before have yet to find what there is to see.
+        The light it was filmed in is found in the last alone: that takes as long as a round.
         """
         begun = ends[number - 1] if number else 0.0
         checkpoint = self._folder / f"round-{number}.checkpoint"
@@ -112,7 +111,6 @@ class _Training:
                 seed=int(self._job.params["seed"]),
                 start=start,
                 find_light=number + 1 == len(ends),
-                size="auto" if number + 1 == len(ends) else "full",
                 on_progress=on_progress,
                 should_stop=self._reporter.should_stop,
                 checkpoint=checkpoint,
