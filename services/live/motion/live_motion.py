@@ -58,6 +58,8 @@ _SEEN_TO_CAMERA = np.diag([1.0, -1.0, -1.0])
 class SolvedPose:
     """What one packet came to."""
 
+    captured_ms: float
+    """As the packet says: a time in seconds and back may lose the last whole ms."""
     pose: Pose
     """Before the camera, at the moment of capture; neither on the floor nor with a level gaze."""
     camera: Camera
@@ -144,7 +146,7 @@ class LiveMotion:
         the last second's were."""
         asked = int(captured_ms) % CAPTURE_TIMES
         for one in reversed(tuple(self._solved)):
-            if int(1e3 * one.pose.time_s) % CAPTURE_TIMES == asked:
+            if int(one.captured_ms) % CAPTURE_TIMES == asked:
                 return one
         return None
 
@@ -192,7 +194,7 @@ class LiveMotion:
         legs = float(np.median(solver.landmark_weights[_LEGS]))
         expression = self._expression.update(packet.expression, time_s)
         seen = replace(now, expression=expression.at(time_s))
-        self._solved.append(SolvedPose(seen, solver.camera))
+        self._solved.append(SolvedPose(packet.capture_time_ms, seen, solver.camera))
         state = self._next_state(now, ahead, arrived_s, legs_seen=legs > _LEGS_SEEN)
         self._states.append(replace(state, expression=expression, age_ms=packet.age_ms))
 

@@ -260,3 +260,14 @@ def test_a_level_turn_faces_the_same_way():
     flat = level(turn)
     np.testing.assert_allclose(flat[1], [0.0, 1.0, 0.0], atol=1e-12)
     assert flat[0, 2] / flat[2, 2] == pytest.approx(turn[0, 2] / turn[2, 2])
+
+
+def test_every_whole_millisecond_is_found_again(waving):
+    live = LiveMotion(body().skeleton)
+    for number, captured_ms in enumerate((1001.0, 1009.0, 4029.0, 65_599.0, 70_001.0)):
+        packet = replace(seen(waving[number], number), capture_time_ms=captured_ms)
+        live.update(packet, captured_ms / 1e3)
+        found = live.solved(captured_ms % 65_536)
+        assert found is not None
+        assert found.captured_ms == captured_ms
+    assert live.solved(1002.0) is None
