@@ -15,8 +15,12 @@ CHANGED = "\\*"
 
 def measured_at(figures: Figures) -> str:
     """The sentence under a table: commit, date, processor, and what makes them less certain."""
-    told = dict.fromkeys(_sentence(origin) for origin in _origins(figures))
-    return f"Measured at {' and '.join(told)}."
+    alike: dict[tuple[Any, ...], list[Figures]] = {}
+    for origin in _origins(figures):
+        processor = origin["machine"]["processor"]
+        of = (origin["commit"], origin["uncommitted_changes"], origin["date"][:10], processor)
+        alike.setdefault((*of, origin.get("date_from")), []).append(origin)
+    return f"Measured at {' and '.join(map(_sentence, alike.values()))}."
 
 
 def short_origin(figures: Figures) -> str:
@@ -31,13 +35,21 @@ def _origins(figures: Figures) -> Iterator[Figures]:
     yield from rows or [figures]
 
 
-def _sentence(origin: Figures) -> str:
-    """Of one commit."""
-    changes = " with uncommitted changes" if origin["uncommitted_changes"] else ""
-    machine = origin["machine"]
+def _sentence(origins: list[Figures]) -> str:
+    """Of one commit, date and processor, which may have been busier at one row than at another."""
+    first = origins[0]
+    changes = " with uncommitted changes" if first["uncommitted_changes"] else ""
     notes = [
-        machine["processor"],
-        *([f"reference loop {machine['loop_ms']:g} ms"] if "loop_ms" in machine else []),
-        *([origin["date_from"]] if "date_from" in origin else []),
+        first["machine"]["processor"],
+        *_loop([one["machine"]["loop_ms"] for one in origins if "loop_ms" in one["machine"]]),
+        *([first["date_from"]] if "date_from" in first else []),
     ]
-    return f"`{origin['commit']}`{changes} on {origin['date'][:10]} ({', '.join(notes)})"
+    return f"`{first['commit']}`{changes} on {first['date'][:10]} ({', '.join(notes)})"
+
+
+def _loop(milliseconds: list[float]) -> list[str]:
+    """What the reference loop took, if it ran."""
+    if not milliseconds:
+        return []
+    least, most = min(milliseconds), max(milliseconds)
+    return [f"reference loop {least:g}{'' if least == most else f' to {most:g}'} ms"]

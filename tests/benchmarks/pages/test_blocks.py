@@ -75,3 +75,7 @@ def test_a_page_says_what_makes_an_origin_less_than_certain():
         "Measured at `abcdef0` on 2026-05-01 (a processor) and `abcdef0` with uncommitted changes "
         "on 2026-05-01 (a processor, the date of its commit)."
     )
+    rows = [{**clean, "machine": {**clean["machine"], "loop_ms": ms}} for ms in (12.5, 20, 11)]
+    assert measured_at({**clean, "rows": rows}) == (
+        "Measured at `abcdef0` on 2026-05-01 (a processor, reference loop 11 to 20 ms)."
+    )
