@@ -13,7 +13,7 @@ from sqlalchemy import ForeignKey, LargeBinary, String, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column, relationship
 
 from db.base import Base, Id, enum_column, new_id
-from db.person_rows import PersonRow
+from db.person_rows import PersonRow, Purpose
 
 
 class Role(StrEnum):
@@ -94,6 +94,13 @@ class MeetingRow(Base):
     bans: Mapped[list[BanRow]] = relationship(
         lazy="selectin", cascade="all, delete-orphan", passive_deletes=True
     )
+
+    def shown_at(self, now: datetime) -> list[PerformerRow]:
+        """The performers who may be shown at `now`: those whose person consents to it then.
+
+        The others keep their place, should the consent be given again.
+        """
+        return [one for one in self.performers if one.person.consents_to(Purpose.MEETINGS, now)]
 
 
 class BanRow(Base):

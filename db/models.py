@@ -27,7 +27,10 @@ from db.meeting_rows import PanoramaRow as PanoramaRow
 from db.meeting_rows import ParticipantRow as ParticipantRow
 from db.meeting_rows import PerformerRow as PerformerRow
 from db.meeting_rows import Role as Role
+from db.person_rows import USUAL_PURPOSES as USUAL_PURPOSES
+from db.person_rows import ConsentState as ConsentState
 from db.person_rows import PersonRow as PersonRow
+from db.person_rows import Purpose as Purpose
 from db.recording_rows import RecordingChunkRow as RecordingChunkRow
 from db.recording_rows import RecordingExportRow as RecordingExportRow
 from db.recording_rows import RecordingMemberRow as RecordingMemberRow

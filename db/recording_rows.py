@@ -9,7 +9,7 @@ from __future__ import annotations
 from datetime import datetime
 from enum import StrEnum
 
-from sqlalchemy import ForeignKey, String
+from sqlalchemy import JSON, ForeignKey, String
 from sqlalchemy.orm import Mapped, mapped_column, relationship
 
 from db.base import Base, Id, Sha256, enum_column, new_id
@@ -103,3 +103,5 @@ class RecordingExportRow(Base):
     """A person of whoever asked for it; the bytes lie under them."""
     bytes: Mapped[int]
     sha256: Mapped[str] = mapped_column(Sha256, info={"object": True})
+    shows: Mapped[list[str] | None] = mapped_column(JSON(none_as_null=True))
+    """Ids of the people who are seen or heard in it; None: whoever was in the recording."""

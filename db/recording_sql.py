@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from db.errors import NotFound
 from db.models import (
+    PersonRow,
     RecordingChunkRow,
     RecordingExportRow,
     RecordingMemberRow,
@@ -64,6 +65,13 @@ class SqlRecordings:
             RecordingChunkRow.person_id == person_id
         )
         return list(self._session.scalars(query.distinct()))
+
+    def people(self, recording_id: str) -> list[PersonRow]:
+        """See `Recordings.people`."""
+        inside = select(RecordingChunkRow.person_id).where(
+            RecordingChunkRow.recording_id == recording_id
+        )
+        return list(self._session.scalars(select(PersonRow).where(PersonRow.id.in_(inside))))
 
     def add_chunk(self, chunk: RecordingChunkRow) -> None:
         """See `Recordings.add_chunk`."""

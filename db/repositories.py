@@ -289,6 +289,10 @@ class Recordings(Protocol):
         """Ids of the recordings in which a person moves or speaks."""
         ...
 
+    def people(self, recording_id: str) -> list[PersonRow]:
+        """The people who move or speak in a recording, in no particular order."""
+        ...
+
     def add_chunk(self, chunk: RecordingChunkRow) -> None:
         """Store what one track holds of some seconds; its bytes are in the store already."""
         ...

@@ -16,6 +16,7 @@ from db.models import JobKind
 from services import metrics, problems
 from services.api import (
     access,
+    consents,
     control_channel,
     environments,
     jobs,
@@ -41,6 +42,7 @@ log = logging.getLogger(__name__)
 ROUTERS = (
     access.router,
     people.router,
+    consents.router,
     uploads.router,
     sequences.router,
     jobs.router,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from db.models import MeetingRow, ModelRow, PersonRow, new_id
+from db.models import MeetingRow, ModelRow, PersonRow, Purpose, new_id
 from db.objects import file_chunks
 from db.repositories import UnitOfWork
 from renderer.model_files import load_model
@@ -42,6 +42,8 @@ def import_model(services: Services, path: Path, account: str, name: str) -> Mod
     trained = load_model(path)
     now = services.clock()
     person = PersonRow(id=new_id(), account=account, name=name, created_at=now)
+    if account == GUEST:  # the demo lends its people to whoever comes
+        person.consent_purposes = list(Purpose)
     row = ModelRow(
         id=new_id(),
         person_id=person.id,

@@ -104,6 +104,10 @@ class NotInMeeting(Forbidden):
     """The model does not stand in the token's meeting."""
 
 
+class NoConsent(Forbidden):
+    """The person does not consent to what is asked, or no longer."""
+
+
 class NotInRecording(Forbidden):
     """The caller neither asked for the recording nor agreed to it."""
 

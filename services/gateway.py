@@ -6,9 +6,11 @@ import time
 from dataclasses import dataclass
 
 from fastapi import FastAPI
+from fastapi.concurrency import run_in_threadpool
 
 from services.container import Services
 from services.control.hub import Hub
+from services.jobs.events import meeting_topic
 from services.limits import RateLimit
 from services.live.motion.live_looks import LiveLooks
 from services.live.sessions.stored_meetings import StoredMeetings
@@ -32,6 +34,13 @@ class Gateway:
     looks: LiveLooks
     hub: Hub
     command_limit: RateLimit
+
+    async def show_anew(self, meeting_id: str) -> None:
+        """Have a meeting shown as its rows are now: pictures of this process move at once, and the
+        hub tells pages and other gateways."""
+        await self.views.refresh(meeting_id)
+        self.hub.notify(meeting_id)
+        await run_in_threadpool(self.services.events.publish, meeting_topic(meeting_id))
 
     async def close(self) -> None:
         """End every live session, at shutdown. The services stay open."""

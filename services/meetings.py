@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from datetime import timedelta
+from datetime import datetime, timedelta
 from urllib.parse import quote
 
 from db.errors import NotFound
-from db.models import MeetingRow, ModelRow, PerformerRow, Role, new_id
+from db.models import MeetingRow, ModelRow, PerformerRow, Purpose, Role, new_id
 from db.repositories import UnitOfWork
 from scene.motion import Motion
 from scene.skeleton import Skeleton
@@ -21,6 +21,7 @@ from services.arrangement import (
 from services.auth import INVITED
 from services.container import Services
 from services.errors import MeetingFull
+from services.likeness import require_consent
 from services.live.eye_level import with_level_gaze
 from services.live.room import eye_height, facing_yaw
 from services.motions import motion_of
@@ -40,7 +41,10 @@ def create_meeting(
     label: str | None = None,
     lobby: bool = False,
 ) -> MeetingRow:
-    """A new meeting with `models` standing in it; with `lobby`, who comes waits to be let in."""
+    """A new meeting with `models` standing in it; with `lobby`, who comes waits to be let in.
+
+    Raises NoConsent for a model whose person does not consent to meetings.
+    """
     meeting = MeetingRow(
         id=new_id(),
         account=account,
@@ -66,7 +70,7 @@ def add_performer(
     """One more performer at the first free place, who moves by a sequence's motion or by the
     model's own.
 
-    Raises MeetingFull, or NotCaptured where the sequence has no motion.
+    Raises MeetingFull, NotCaptured where the sequence has no motion, or NoConsent.
     """
     if len(meeting.performers) >= MOST_PERFORMERS:
         raise MeetingFull(
@@ -110,16 +114,17 @@ def placed(performer: PerformerRow) -> Placed:
     return Placed(*place(performer.place), performer.eye_height_m)
 
 
-def default_viewpoint(meeting: MeetingRow, account: str) -> DefaultViewpoint:
-    """From where a page of `account` sees a meeting at first.
+def default_viewpoint(meeting: MeetingRow, account: str, now: datetime) -> DefaultViewpoint:
+    """From where a page of `account` sees a meeting at first, which it enters at `now`.
 
     Whoever takes part as themselves looks from their own place. Whoever only watches, or brought
     several people, or had theirs moved by another clip, stands in front of everybody.
     """
-    own = [p for p in meeting.performers if p.account == account and p.motion_sequence_id is None]
+    shown = meeting.shown_at(now)
+    own = [p for p in shown if p.account == account and p.motion_sequence_id is None]
     if len(own) != 1:
-        return view_from_the_front([placed(one) for one in meeting.performers])
-    others = [placed(one) for one in meeting.performers if one is not own[0]]
+        return view_from_the_front([placed(one) for one in shown])
+    others = [placed(one) for one in shown if one is not own[0]]
     return view_from_a_place(placed(own[0]), others)
 
 
@@ -168,12 +173,14 @@ def _add(
     model: ModelRow,
     motion_sequence_id: str | None,
 ) -> PerformerRow:
+    person = unit.people.get(model.person_id)
+    require_consent(person, Purpose.MEETINGS, services.clock())
     performer = PerformerRow(
         id=new_id(),
         person_id=model.person_id,
         model_id=model.id,
         motion_sequence_id=motion_sequence_id,
-        name=unit.people.get(model.person_id).name,
+        name=person.name,
         place=first_free([one.place for one in meeting.performers]),
     )
     skeleton = services.models.load_row(model).skeleton

@@ -65,6 +65,7 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
         errors.NotHost: "not-host",
         errors.NotPresenting: "not-presenting",
         errors.NotInMeeting: "not-in-meeting",
+        errors.NoConsent: "no-consent",
         errors.NotInRecording: "not-in-recording",
     },
     404: {NotFound: "not-found"},

@@ -190,7 +190,9 @@ function showMeeting(current: MeetingSession): void {
     const isOpen = current.connectionState.kind === "open";
     if (isOpen && !wasOpen) view.retryNow();
     wasOpen = isOpen;
-    if (current.admitted) void view.showEnvironment(current.state.environment);
+    if (!current.admitted) return;
+    void view.showEnvironment(current.state.environment);
+    if (current.state.performers) view.roster.showOnly(current.state.performers);
   });
 }
 

@@ -71,7 +71,7 @@ const join = async (page: HTMLElement, name: string): Promise<FakeSocket> => {
 const wait = async (socket: FakeSocket): Promise<void> => {
   const me = { id: "me", name: "Ada", role: "speaker", admission: "waiting", present: true, hand_at: null, microphone: false, performer_id: null, connection: null };
   socket.say({ type: "welcome", participant_id: "me", seat: 1, silence_s: 5 });
-  socket.say({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [me] });
+  socket.say({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [me], performer_ids: [] });
   await vi.advanceTimersByTimeAsync(50);
 };
 

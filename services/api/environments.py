@@ -19,8 +19,6 @@ from services.auth import Principal
 from services.container import Services
 from services.environments import STUDIO, Theme, brought_along, find_theme, light_of, themes
 from services.errors import TooLarge
-from services.gateway import Gateway
-from services.jobs.events import meeting_topic
 from services.problems import PROBLEMS
 from services.seats import require_admitted, require_host, require_invited
 
@@ -124,7 +122,7 @@ async def choose_environment(
     """Move a meeting to another environment, at once for every viewer. Only the host may."""
     caller.require_meeting(meeting_id)
     chosen = await run_in_threadpool(_choose, services, caller, meeting_id, body.name)
-    await _tell(gateway, meeting_id)
+    await gateway.show_anew(meeting_id)
     return chosen
 
 
@@ -150,7 +148,7 @@ async def bring_place(
     own = await run_in_threadpool(brought_along, meeting_id, picture)
     place = _in_meeting(own)
     await run_in_threadpool(_bring, services, caller, own)
-    await _tell(gateway, meeting_id)
+    await gateway.show_anew(meeting_id)
     return place
 
 
@@ -202,13 +200,6 @@ async def _read_picture(request: Request) -> bytes:
                 f"a panorama must have at most {LARGEST_PICTURE_BYTES} bytes; got more; shrink it",
             )
     return bytes(body)
-
-
-async def _tell(gateway: Gateway, meeting_id: str) -> None:
-    """Pictures of this process move at once; the hub tells pages, and other gateways."""
-    await gateway.views.refresh(meeting_id)
-    gateway.hub.notify(meeting_id)
-    await run_in_threadpool(gateway.services.events.publish, meeting_topic(meeting_id))
 
 
 def _choose(services: Services, caller: Principal, meeting_id: str, name: str) -> Environment:

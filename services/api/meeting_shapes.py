@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from db.models import Admission, MeetingRow, PerformerRow, Role
+from db.models import Admission, MeetingRow, PerformerRow, Purpose, Role
 from services import meetings
 from services.api.shapes import Body
 from services.arrangement import DefaultViewpoint, view_from_the_front
 from services.auth import Principal
+from services.likeness import may_drive
 from services.live.ice_servers import IceServer
 from services.names import Name
 
@@ -63,13 +65,16 @@ class Performer(BaseModel):
     position: tuple[float, float, float] = Field(description="World, m.")
     yaw_rad: float = Field(description="Turn of the model about +y.")
     owner: Owner = Field(
-        description="Whose person it is: the caller's own, the demo's, which every guest may "
-        "drive, or somebody else's."
+        description="Whose person it is: the caller's own, the demo's, or somebody else's."
+    )
+    drivable: bool = Field(
+        description="Whether the caller may drive them: their own, and whose person consents to "
+        "being driven by others."
     )
     viewpoint: Viewpoint = Field(description="In front of them.")
 
     @classmethod
-    def of(cls, row: PerformerRow, caller: Principal) -> Performer:
+    def of(cls, row: PerformerRow, caller: Principal, now: datetime) -> Performer:
         return cls(
             id=row.id,
             name=row.name,
@@ -78,12 +83,15 @@ class Performer(BaseModel):
             position=meetings.position(row),
             yaw_rad=meetings.yaw(row),
             owner=_owner(row, caller),
+            drivable=may_drive(
+                caller.account, row.account, lent=row.person.consents_to(Purpose.DRIVING, now)
+            ),
             viewpoint=Viewpoint.of(view_from_the_front([meetings.placed(row)])),
         )
 
 
 class Meeting(BaseModel):
-    """A meeting and its performers."""
+    """A meeting and the performers who are shown in it."""
 
     id: str
     name: str
@@ -97,14 +105,14 @@ class Meeting(BaseModel):
     )
 
     @classmethod
-    def of(cls, row: MeetingRow, join_url: str, caller: Principal) -> Meeting:
+    def of(cls, row: MeetingRow, join_url: str, caller: Principal, now: datetime) -> Meeting:
         return cls(
             id=row.id,
             name=row.name,
             join_url=join_url,
             environment=row.environment,
-            performers=[Performer.of(one, caller) for one in row.performers],
-            viewpoint=Viewpoint.of(meetings.default_viewpoint(row, caller.account)),
+            performers=[Performer.of(one, caller, now) for one in row.shown_at(now)],
+            viewpoint=Viewpoint.of(meetings.default_viewpoint(row, caller.account, now)),
             lobby=row.lobby,
         )
 

@@ -29,7 +29,8 @@ def open_meeting(
             services, unit, caller.account, body.name, models, lobby=body.lobby
         )
         unit.commit()
-        opened = shapes.Meeting.of(meeting, meetings.join_url(services, meeting), caller)
+        link = meetings.join_url(services, meeting)
+        opened = shapes.Meeting.of(meeting, link, caller, services.clock())
     return shapes.OpenedMeeting(**dict(opened), host_token=meetings.host_token(services, meeting))
 
 
@@ -42,7 +43,8 @@ def read_meeting(meeting_id: str, services: Provided, caller: Joiner) -> shapes.
         meeting = unit.meetings.get(meeting_id)
         seats.require_invited(meeting, caller)
         recording = unit.recordings.under_way(meeting_id) is not None
-    told = shapes.Meeting.of(meeting, meetings.join_url(services, meeting), caller)
+    link = meetings.join_url(services, meeting)
+    told = shapes.Meeting.of(meeting, link, caller, services.clock())
     return told.model_copy(update={"recording": recording})
 
 
@@ -75,7 +77,7 @@ async def add_performer(
 ) -> shapes.Performer:
     """Place a model in the meeting; the other performers stay where they are."""
     performer = await run_in_threadpool(_add, services, caller, meeting_id, body)
-    await gateway.views.refresh(meeting_id)
+    await gateway.show_anew(meeting_id)
     return performer
 
 
@@ -89,7 +91,7 @@ async def remove_performer(
 ) -> Response:
     """Take a performer out of the meeting."""
     await run_in_threadpool(_remove, services, caller, meeting_id, performer_id)
-    await gateway.views.refresh(meeting_id)
+    await gateway.show_anew(meeting_id)
     return Response(status_code=204)
 
 
@@ -107,6 +109,7 @@ def join_meeting(
     `control_url`.
     """
     caller.require_meeting(meeting_id)
+    now = services.clock()
     with services.unit_of_work() as unit:
         meeting = unit.meetings.get_for_change(meeting_id)
         seat, token = seats.take_seat(services, unit, meeting, caller, body.display_name)
@@ -117,12 +120,12 @@ def join_meeting(
         seat=seat.seat,
         role=seat.role,
         admission=seat.admission,
-        ice_servers=ice_servers(services.settings.live, seat.id, services.clock()),
+        ice_servers=ice_servers(services.settings.live, seat.id, now),
         whep_url=f"/whep/{meeting_id}",
         control_url=f"/v1/meetings/{meeting_id}/control",
         ready=gateway.views.ready,
-        performers=[shapes.Performer.of(one, caller) for one in meeting.performers],
-        viewpoint=shapes.Viewpoint.of(meetings.default_viewpoint(meeting, caller.account)),
+        performers=[shapes.Performer.of(one, caller, now) for one in meeting.shown_at(now)],
+        viewpoint=shapes.Viewpoint.of(meetings.default_viewpoint(meeting, caller.account, now)),
     )
 
 
@@ -154,7 +157,7 @@ def _add(
             sequence_of(unit, caller, body.motion_sequence_id)
         performer = meetings.add_performer(services, unit, meeting, model, body.motion_sequence_id)
         unit.commit()
-        return shapes.Performer.of(performer, caller)
+        return shapes.Performer.of(performer, caller, services.clock())
 
 
 def _remove(services: Services, caller: Principal, meeting_id: str, performer_id: str) -> None:

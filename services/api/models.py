@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Response
 from fastapi.responses import StreamingResponse
 
 from db.errors import NotFound
-from db.models import ModelRow
+from db.models import ModelRow, Purpose
 from db.repositories import UnitOfWork
 from scene.errors import InvalidInput
 from services.access import model_of, sequence_of
@@ -19,6 +20,7 @@ from services.api.view_shapes import NewView
 from services.auth import GUEST, Principal
 from services.container import Services
 from services.errors import NotInMeeting
+from services.likeness import require_consent
 from services.motions import motion_of
 from services.person_models import VIEWER_FILE
 from services.problems import PROBLEMS
@@ -65,11 +67,12 @@ def read_viewer_file(
     if_none_match: IfNoneMatch = None,
     accept_encoding: AcceptEncoding = "",
 ) -> Response:
-    """The splats that a page draws by itself, once for good: to the owner, and to whoever is in a
-    meeting in which the model stands. Its ETag is its sha256, and it never changes. Compressed
-    where the caller takes gzip. A model that is not made of splats has none: 204."""
+    """The splats that a page draws by itself: to the owner, and to whoever is in a meeting in which
+    the model is shown. Its ETag is its sha256, and it never changes, but whether it may be had is
+    asked each time: 304 where the caller has it. Compressed where the caller takes gzip. A model
+    that is not made of splats has none: 204."""
     with services.reading() as unit:
-        model = _shown_to(unit, caller, model_id)
+        model = _shown_to(unit, caller, model_id, services.clock())
     if all(file.name != VIEWER_FILE for file in model.files):
         return Response(status_code=204)
     compressed = takes_gzip(accept_encoding)
@@ -122,17 +125,19 @@ def make_view(model_id: str, body: NewView, services: Provided, caller: Reader) 
     return Response(picture, media_type=MEDIA_TYPES[body.format])
 
 
-def _shown_to(unit: UnitOfWork, caller: Principal, model_id: str) -> ModelRow:
-    """The model, if it is the caller's or stands in the meeting that they are in."""
+def _shown_to(unit: UnitOfWork, caller: Principal, model_id: str, now: datetime) -> ModelRow:
+    """The model, if it is the caller's or is shown in the meeting that they are in."""
     if caller.meeting_id is None:
         return model_of(unit, caller, model_id)
     meeting = unit.meetings.get(caller.meeting_id)
     require_admitted(meeting, caller)
-    if all(performer.model_id != model_id for performer in meeting.performers):
+    found = [performer for performer in meeting.performers if performer.model_id == model_id]
+    if not found:
         raise NotInMeeting(
             f"the model must stand in the meeting that the token is for; got {model_id!r}, which "
             "does not; read the meeting to see who does",
         )
+    require_consent(found[0].person, Purpose.MEETINGS, now)
     return unit.models.get(model_id)
 
 
@@ -150,7 +155,7 @@ def _file(
         raise NotFound(f"name must be one of {names}; got {name!r}")
     (file,) = found
     etag = f'"{file.sha256}-gzip"' if compressed else f'"{file.sha256}"'
-    headers = {"ETag": etag, "Cache-Control": "private, max-age=31536000, immutable"}
+    headers = {"ETag": etag, "Cache-Control": "private, no-cache"}
     if if_none_match is not None and file.sha256 in if_none_match:
         return Response(status_code=304, headers=headers)
     pieces = services.objects.stream(model.person_id, file.sha256)

@@ -7,6 +7,7 @@ from fastapi.concurrency import run_in_threadpool
 
 from db.erase import erase_person
 from db.models import AuditEventRow, JobKind, PersonRow, new_id
+from services import likeness
 from services.access import person_of
 from services.api import shapes
 from services.api.dependencies import CurrentGateway, Provided, Reader, Writer
@@ -29,6 +30,7 @@ def add_person(body: shapes.NewPerson, services: Provided, caller: Writer) -> sh
         created_at=now,
         height_m=body.height_m,
     )
+    likeness.give_consent(person, body.consent.purposes, body.consent.until, now)
     with services.unit_of_work() as unit:
         unit.people.add(person)
         unit.flush()
@@ -38,11 +40,11 @@ def add_person(body: shapes.NewPerson, services: Provided, caller: Writer) -> sh
                 at=now,
                 account=caller.account,
                 action="person.added",
-                details={},
+                details={"consent": likeness.consent_details(person)},
             )
         )
         unit.commit()
-    return shapes.Person.of(person)
+    return shapes.Person.of(person, now)
 
 
 @router.get("", summary="List your people")
@@ -55,7 +57,8 @@ def list_people(services: Provided, caller: Reader) -> shapes.People:
     return shapes.People(
         items=[
             shapes.ListedPerson(
-                **dict(shapes.Person.of(person)), mine=person.account == caller.account
+                **dict(shapes.Person.of(person, services.clock())),
+                mine=person.account == caller.account,
             )
             for person in people
         ]
@@ -73,7 +76,7 @@ def read_person(person_id: str, services: Provided, caller: Reader) -> shapes.Pe
         ]
         models = [shapes.Model.of(row) for row in unit.models.of_person(person_id)]
     return shapes.PersonInFull(
-        **dict(shapes.Person.of(person)),
+        **dict(shapes.Person.of(person, services.clock())),
         sequences=sequences,
         models=models,
     )
@@ -86,7 +89,7 @@ async def delete_person(
     """Delete every row and object of a person; `remaining` counts what is left, which is zero."""
     erased, meeting_ids = await run_in_threadpool(_erase, services, caller, person_id)
     for meeting_id in meeting_ids:
-        await gateway.views.refresh(meeting_id)
+        await gateway.show_anew(meeting_id)
     return erased
 
 

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Response, status
 from fastapi.responses import StreamingResponse
 
 from db.errors import NotFound
-from db.models import JobKind, JobRow, JobState, RecordingState, new_id
+from db.models import JobKind, JobRow, JobState, Purpose, RecordingState, new_id
 from services.access import has_part, is_mine, recording_of, require_part
 from services.api import recording_shapes, shapes
 from services.api.dependencies import Joiner, Provided, Writer
@@ -24,6 +24,7 @@ from services.auth import INVITED, Principal
 from services.container import Services
 from services.errors import NoOwnPerson, StillRecording
 from services.jobs.events import QUEUE
+from services.likeness import require_consent, require_consents, shown_chunks
 from services.person_models import VIEWER_FILE
 from services.problems import PROBLEMS
 from services.recording import consent, replay
@@ -52,10 +53,11 @@ def list_recordings(services: Provided, caller: Joiner) -> recording_shapes.Reco
 def read_recording(
     recording_id: str, services: Provided, caller: Joiner
 ) -> recording_shapes.RecordingInFull:
-    """Participants and tracks, for those who agreed and for whoever started the recording."""
+    """Participants and tracks, for those who agreed and for whoever started the recording; without
+    the tracks of people whose consent does not cover recordings now."""
     with services.reading() as unit:
         recording = recording_of(unit, caller, recording_id)
-        chunks = unit.recordings.chunks(recording_id)
+        chunks = shown_chunks(unit, recording_id, services.clock())
         videos = unit.recordings.exports([recording_id])
     sizes: dict[str, int] = {}
     for chunk in chunks:
@@ -124,6 +126,9 @@ def read_model(
         recording_of(unit, caller, recording_id)
         row = unit.models.get(model_id)
         moves = recording_id in unit.recordings.with_person(row.person_id)
+        if moves:
+            person = unit.people.get(row.person_id)
+            require_consent(person, Purpose.RECORDINGS, services.clock())
     files = [file for file in row.files if file.name == VIEWER_FILE]
     if not (moves and files):
         raise NotFound(
@@ -247,13 +252,14 @@ def export_recording(
 def read_video(
     recording_id: str, job_id: str, services: Provided, caller: Joiner
 ) -> StreamingResponse:
-    """The MP4 that an export has made."""
+    """The MP4 that an export has made, while everybody in it consents to recordings."""
     with services.reading() as unit:
         recording_of(unit, caller, recording_id)
         videos = unit.recordings.exports([recording_id])
-    found = next((one for one in videos if one.job_id == job_id), None)
-    if found is None:
-        raise NotFound(f"id must be that of an export that succeeded; got {job_id!r}")
+        found = next((one for one in videos if one.job_id == job_id), None)
+        if found is None:
+            raise NotFound(f"id must be that of an export that succeeded; got {job_id!r}")
+        require_consents(unit, found, services.clock())
     data = services.objects.stream(found.person_id, found.sha256)
     return StreamingResponse(data, media_type="video/mp4")
 
@@ -261,7 +267,7 @@ def read_video(
 def _track(services: Services, caller: Principal, recording_id: str, track: str):
     with services.reading() as unit:
         recording_of(unit, caller, recording_id)
-        chunks = unit.recordings.chunks(recording_id, track)
+        chunks = shown_chunks(unit, recording_id, services.clock(), track)
     if not chunks:
         raise NotFound(f"a track must be one that the recording has; got {track!r}; read it first")
     return replay.unpacked(services, chunks)

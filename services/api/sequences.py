@@ -59,7 +59,7 @@ async def delete_sequence(
     """Delete a clip, its frames and its motion. Models trained from it stay until their person is
     erased. Performers who played its motion play their own again. 409 while a job works on it."""
     for meeting_id in await run_in_threadpool(_discard, services, caller, sequence_id):
-        await gateway.views.refresh(meeting_id)
+        await gateway.show_anew(meeting_id)
 
 
 @router.post("/{sequence_id}/models", status_code=status.HTTP_202_ACCEPTED, summary="Train a model")

@@ -5,15 +5,18 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
 
 from capture.body.model import HEIGHTS_M
 from db.models import (
+    USUAL_PURPOSES,
+    ConsentState,
     JobKind,
     JobRow,
     JobState,
     ModelRow,
     PersonRow,
+    Purpose,
     SequenceKind,
     SequenceRow,
     SequenceState,
@@ -28,6 +31,40 @@ class Body(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
+class NewConsent(Body):
+    """What somebody's model may be used for, and until when."""
+
+    purposes: list[Purpose] = Field(
+        max_length=len(Purpose),
+        description="`meetings`: it is shown in meetings. `recordings`: recordings hold what they "
+        "move, say and write, once they agreed to each. `driving`: others in a meeting may drive "
+        "it, not the owner alone. Empty: nobody but the owner sees it.",
+    )
+    until: AwareDatetime | None = Field(
+        default=None, description="From then on it holds no longer; empty: no end is set."
+    )
+
+
+class Consent(BaseModel):
+    """What somebody's model may be used for, and whether that holds now."""
+
+    purposes: list[Purpose]
+    until: datetime | None = Field(description="Empty: no end is set.")
+    state: ConsentState = Field(
+        description="Only while it is given, the model is shown, recorded or driven by others."
+    )
+    revoked_at: datetime | None
+
+    @classmethod
+    def of(cls, row: PersonRow, now: datetime) -> Consent:
+        return cls(
+            purposes=[Purpose(one) for one in row.consent_purposes],
+            until=row.consent_until,
+            state=row.consent_state(now),
+            revoked_at=row.consent_revoked_at,
+        )
+
+
 class NewPerson(Body):
     """Somebody to enrol."""
 
@@ -38,6 +75,10 @@ class NewPerson(Body):
         le=HEIGHTS_M[1],
         description="Barefoot; empty: guessed from each clip, and with it their size.",
         examples=[1.78],
+    )
+    consent: NewConsent = Field(
+        default=NewConsent(purposes=list(USUAL_PURPOSES)),
+        description="What their model may be used for, and until when.",
     )
 
 
@@ -50,10 +91,17 @@ class Person(BaseModel):
     height_m: float | None = Field(
         description="Barefoot, as it was given when the person was made."
     )
+    consent: Consent
 
     @classmethod
-    def of(cls, row: PersonRow) -> Person:
-        return cls(id=row.id, name=row.name, created_at=row.created_at, height_m=row.height_m)
+    def of(cls, row: PersonRow, now: datetime) -> Person:
+        return cls(
+            id=row.id,
+            name=row.name,
+            created_at=row.created_at,
+            height_m=row.height_m,
+            consent=Consent.of(row, now),
+        )
 
 
 class Sequence(BaseModel):

@@ -18,7 +18,7 @@ from anyio import to_thread
 from pydantic import BaseModel
 
 from db.errors import DatabaseError
-from db.models import Admission, MeetingRow, MessageKind, MessageRow, RecordingRow
+from db.models import Admission, MeetingRow, MessageKind, MessageRow, Purpose, RecordingRow
 from services.container import Services
 from services.control.messages import (
     Captioned,
@@ -134,8 +134,13 @@ class Hub:
             if not connections and self._connections.get(connection.meeting_id) is connections:
                 del self._connections[connection.meeting_id]
 
-    def notify(self, meeting_id: str) -> None:
-        """Poll a meeting now, and go on as long as this process serves anybody in it."""
+    def notify(self, meeting_id: str, *, room_is_new: bool = False) -> None:
+        """Poll a meeting now, and go on as long as this process serves anybody in it.
+
+        A room that is new may have been read from rows that changed since: it is read again.
+        """
+        if room_is_new:
+            self._shown.pop(meeting_id, None)
         if meeting_id not in self._watches:
             notified = asyncio.Event()
             task = asyncio.create_task(self._watch(meeting_id, notified))
@@ -247,17 +252,20 @@ class Hub:
             speakers=speakers,
             presenter=presenter_of(meeting, now),
         )
-        await self._show(meeting)
+        await self._show(meeting, now)
         present = present_in(meeting, now)
         await self.recorders.update(
             meeting, present, performers_by_participant(meeting, now), recording, said
         )
 
-    async def _show(self, meeting: MeetingRow) -> None:
-        """Have pictures follow what was changed, maybe on another gateway."""
-        performers = [(one.id, one.model_id, one.motion_sequence_id) for one in meeting.performers]
+    async def _show(self, meeting: MeetingRow, now: datetime) -> None:
+        """Have pictures follow what was changed, maybe on another gateway or by the time alone."""
+        performers = []
+        for one in meeting.shown_at(now):
+            lent = one.person.consents_to(Purpose.DRIVING, now)
+            performers.append((one.id, one.model_id, one.motion_sequence_id, lent))
         shown = (meeting.environment, performers)
-        if self._shown.setdefault(meeting.id, shown) != shown:
+        if self._shown.get(meeting.id) != shown:
             self._shown[meeting.id] = shown
             await self._views.refresh(meeting.id)
 

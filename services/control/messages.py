@@ -231,6 +231,10 @@ class Roster(_Message):
         description="Empty: the meeting is not recorded, and nobody has asked to."
     )
     members: list[Member]
+    performer_ids: list[str] = Field(
+        description="Of the performers who are shown, in the order of their poses: whoever is "
+        "drawn and is not among them is to be drawn no longer."
+    )
 
 
 class Said(_Message):

@@ -58,7 +58,10 @@ def roster_for(
     shown = [one for one in there if one.admission in seen or one is me]
     shown.sort(key=lambda one: (_ORDER[one.role], one.joined_at, one.id))
     performers = performers_by_participant(meeting, now)
-    members = [_member(one, performers.get(one.id), now) for one in shown]
+    ids = [one.id for one in meeting.shown_at(now)]
+    members = [
+        _member(one, who if (who := performers.get(one.id)) in ids else None, now) for one in shown
+    ]
     asks = _one_who_may_present(meeting, meeting.presenter_asks_id, now)
     sees_request = me is not None and (me.role is Role.HOST or me.id == asks)
     inside = me is not None and me.admission is Admission.ADMITTED
@@ -69,6 +72,7 @@ def roster_for(
         presenter_asks_id=asks if sees_request else None,
         recording=_recording(meeting, recording, now) if recording and inside else None,
         members=members,
+        performer_ids=ids if inside else [],
     )
 
 
@@ -79,9 +83,13 @@ def _recording(meeting: MeetingRow, recording: RecordingRow, now: datetime) -> R
 
 
 def performers_by_participant(meeting: MeetingRow, now: datetime) -> dict[str, str]:
-    """Participant id -> id of the performer that represents them; each represents one at most."""
+    """Participant id -> id of the performer that represents them; each represents one at most.
+
+    Those who may be shown come first; one who may not still says whose likeness somebody has.
+    """
     found: dict[str, str] = {}
-    performers = list(meeting.performers)
+    shown = meeting.shown_at(now)
+    performers = shown + [one for one in meeting.performers if one not in shown]
     there = present_in(meeting, now).values()
     for one in sorted(there, key=lambda one: one.joined_at):
         theirs = [p for p in performers if one.account and p.account == one.account]

@@ -40,6 +40,7 @@ def run_export(services: Services, job: JobRow, reporter: Reporter, folder: Path
                     person_id=export.person_id,
                     bytes=stored.bytes,
                     sha256=stored.sha256,
+                    shows=sorted(recorded.people),
                 )
             )
             return "the video is ready"

@@ -35,7 +35,9 @@ class MeetingPerformer:
     position: tuple[float, float, float]
     yaw_rad: float
     account: str = ""
-    """The account that owns the person and alone may drive them live; empty: nobody."""
+    """The account that owns the person and may drive them live; empty: nobody."""
+    lent: bool = False
+    """Whether the person consents to being driven by whoever is in the meeting."""
 
     @classmethod
     def at_place(

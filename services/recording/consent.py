@@ -1,7 +1,9 @@
 """Who agreed to be recorded: nothing is kept while anybody present has not.
 
 The host asks, which is their own consent; everybody else agrees by themselves. Whoever comes later
-is asked too, and until they answer the recording rests. A no, at first or later, ends it.
+is asked too, and until they answer the recording rests. A no, at first or later, ends it. Beyond
+that, nothing is kept of whom a person represents whose likeness is not for recordings
+(`services.likeness`).
 """
 
 from __future__ import annotations
@@ -13,6 +15,8 @@ from db.models import (
     Admission,
     MeetingRow,
     ParticipantRow,
+    PerformerRow,
+    Purpose,
     RecordingMemberRow,
     RecordingRow,
     RecordingState,
@@ -43,7 +47,7 @@ def ask(
         bytes=0,
     )
     unit.recordings.add(recording)
-    _note(recording, meeting, host, performer_id, agreed=True)
+    _note(recording, meeting, host, performer_id, now, agreed=True)
 
 
 def answer(
@@ -61,7 +65,7 @@ def answer(
         raise NothingRecorded("whoever agrees must have been asked; got an answer to no one")
     # who withdraws had agreed until now: what was kept so far stays theirs to see and take out
     if agreed or me.id not in agreed_in(recording):
-        _note(recording, meeting, me, performer_id, agreed=agreed)
+        _note(recording, meeting, me, performer_id, now, agreed=agreed)
     if not agreed:
         end(recording, f"{me.display_name} did not agree", now)
 
@@ -71,6 +75,12 @@ def end(recording: RecordingRow, why: str, now: datetime) -> None:
     if recording.state is not RecordingState.ENDED:
         recording.state, recording.ended_at = RecordingState.ENDED, now
         recording.why_ended = why[:200]
+
+
+def recordable(meeting: MeetingRow, now: datetime) -> list[PerformerRow]:
+    """The performers who are shown and whose people consent to recordings at `now`."""
+    shown = meeting.shown_at(now)
+    return [one for one in shown if one.person.consents_to(Purpose.RECORDINGS, now)]
 
 
 def all_agree(recording: RecordingRow, present: Mapping[str, ParticipantRow]) -> bool:
@@ -90,14 +100,15 @@ def _note(
     meeting: MeetingRow,
     me: ParticipantRow,
     performer_id: str | None,
+    now: datetime,
     *,
     agreed: bool,
 ) -> None:
-    persons = {one.id: one.person_id for one in meeting.performers}
+    kept = {one.id: one.person_id for one in recordable(meeting, now)}
     found = [one for one in recording.members if one.participant_id == me.id]
     member = found[0] if found else RecordingMemberRow(participant_id=me.id)
     member.account, member.name, member.agreed = me.account, me.display_name, agreed
-    member.performer_id = performer_id
-    member.person_id = persons.get(performer_id) if performer_id else None
+    member.performer_id = performer_id if performer_id in kept else None
+    member.person_id = kept.get(performer_id) if performer_id else None
     if not found:
         recording.members.append(member)

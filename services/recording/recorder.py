@@ -21,6 +21,7 @@ from db.models import (
     MessageKind,
     MessageRow,
     ParticipantRow,
+    PerformerRow,
     RecordingChunkRow,
     RecordingRow,
     RecordingState,
@@ -107,7 +108,7 @@ class Recorders:
         """Record, pause or end as the meeting now stands.
 
         `present` are the participants who are there; `performers_by_participant`
-        names the performer that represents each of them.
+        names the performer that represents each of them, shown or not.
         """
         active = self._active.get(meeting.id)
         if recording is not None and not consent.agreed_in(recording) & set(present):
@@ -125,8 +126,9 @@ class Recorders:
             active = await self._start(meeting.id, recording, said)
         if active is None:
             return
-        _update_owners(active, meeting, present, performers_by_participant)
-        self._note_room(active, meeting, performers_by_participant)
+        recordable = consent.recordable(meeting, self._services.clock())
+        _update_owners(active, recordable, present, performers_by_participant)
+        self._note_room(active, meeting.environment, recordable, performers_by_participant)
         for message in said:
             if message.kind is MessageKind.CHAT and message.number > active.chat:
                 active.chat = message.number
@@ -211,9 +213,11 @@ class Recorders:
     def _note_room(
         self,
         active: _ActiveRecording,
-        meeting: MeetingRow,
+        environment: str,
+        recordable: list[PerformerRow],
         performers_by_participant: Mapping[str, str],
     ) -> None:
+        ids = {one.id for one in recordable}
         performers = [
             {
                 "id": one.id,
@@ -221,13 +225,15 @@ class Recorders:
                 "position": position(one),
                 "yaw_rad": yaw(one),
             }
-            for one in meeting.performers
+            for one in recordable
         ]
         room = {
-            "environment": meeting.environment,
+            "environment": environment,
             "performers": performers,
-            "viewpoint": asdict(view_from_the_front([placed(one) for one in meeting.performers])),
-            "standing_for": dict(performers_by_participant),
+            "viewpoint": asdict(view_from_the_front([placed(one) for one in recordable])),
+            "standing_for": {
+                who: one for who, one in performers_by_participant.items() if one in ids
+            },
         }
         data = json.dumps(room, sort_keys=True).encode()
         if data != active.room:
@@ -302,16 +308,21 @@ class Recorders:
 
 def _update_owners(
     active: _ActiveRecording,
-    meeting: MeetingRow,
+    recordable: list[PerformerRow],
     present: Mapping[str, ParticipantRow],
     performers_by_participant: Mapping[str, str],
 ) -> None:
-    """Note whom each track would belong to: a performer's person, also for whom it represents."""
-    owners = {one.id: _Owner(one.person_id, one.account) for one in meeting.performers}
-    persons = {one.id: one.person_id for one in meeting.performers}
+    """Note whom each track would belong to: a performer's person, also for whom it represents.
+
+    Whoever is represented by somebody who is not to be recorded has none: nothing is kept of them.
+    """
+    owners = {one.id: _Owner(one.person_id, one.account) for one in recordable}
+    persons = {one.id: one.person_id for one in recordable}
     for who, one in present.items():
         performer = performers_by_participant.get(who)
-        person_id = persons.get(performer) if performer else None
-        owners[who] = _Owner(person_id, one.account)
+        if performer is None:
+            owners[who] = _Owner(None, one.account)
+        elif performer in persons:
+            owners[who] = _Owner(persons[performer], one.account)
     owners["room"] = _Owner(None, "")
     active.owners = owners

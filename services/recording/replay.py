@@ -17,6 +17,7 @@ from scene.rotations import matrix_to_axis_angle, quaternion_to_matrix
 from services.container import Services
 from services.environments import STUDIO, environment, environment_in, themes
 from services.jobs.queue import Orphan, drop_orphans
+from services.likeness import shown_chunks
 from services.live.packets import PosePacket, decode_pose
 from services.recording.chunks import Record, records_of, unpack
 
@@ -51,6 +52,8 @@ class LoadedRecording:
     models: dict[str, PerformerModel]
     own_environment: Environment
     """Environment of a meeting that uses none of the library."""
+    people: frozenset[str]
+    """Ids of the people whose motion, voice or words these are."""
 
     def scene_at(self, at_s: float) -> Scene[PerformerModel]:
         """Everybody of the room as they stood at a moment, or as they were last seen before it."""
@@ -74,10 +77,11 @@ class LoadedRecording:
 
 
 def load(services: Services, recording_id: str) -> LoadedRecording:
-    """Read a recording. Raises NotFound; a person who was erased is simply not in it."""
+    """Read a recording. Raises NotFound; a person who was erased, or does not consent to recordings
+    now, is simply not in it."""
     with services.reading() as unit:
         recording = unit.recordings.get(recording_id)
-        chunks = unit.recordings.chunks(recording_id)
+        chunks = shown_chunks(unit, recording_id, services.clock())
         own_environment = environment_in(unit, recording.meeting_id)
     tracks: dict[str, list[RecordingChunkRow]] = {}
     for chunk in chunks:
@@ -96,7 +100,13 @@ def load(services: Services, recording_id: str) -> LoadedRecording:
     }
     models = {model_id: services.models.load(model_id) for model_id in wanted}
     return LoadedRecording(
-        recording.duration_ms / 1000.0, rooms, motions, voices, models, own_environment
+        recording.duration_ms / 1000.0,
+        rooms,
+        motions,
+        voices,
+        models,
+        own_environment,
+        frozenset(chunk.person_id for chunk in chunks if chunk.person_id is not None),
     )
 
 

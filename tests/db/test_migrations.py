@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import multiprocessing
+from datetime import UTC, datetime
 
 import pytest
-from sqlalchemy import inspect, text
+from sqlalchemy import inspect, select, text
+from sqlalchemy.orm import Session
 
 from db import migrations
 from db.engine import make_engine
 from db.errors import MigrationFailed
-from db.models import Base
+from db.models import Base, PersonRow, Purpose
 
 
 def _tables(url: str) -> set[str]:
@@ -160,3 +162,33 @@ def test_a_meeting_from_before_invitations_keeps_who_is_in_it_both_ways(url: str
         kept = connection.execute(text("SELECT meeting_id FROM participant")).all()
     engine.dispose()
     assert [tuple(row) for row in kept] == [("m",)]
+
+
+def test_people_from_before_consents_have_the_consent_that_was_everybodys(url: str):
+    migrations.migrate(url)
+    migrations.downgrade(url, "0012")
+    engine = make_engine(url)
+    with engine.begin() as connection:
+        for key, account in (("a", "house"), ("b", "guest"), ("c", "guest-1")):
+            connection.execute(
+                text(
+                    "INSERT INTO person (id, account, name, created_at) "
+                    f"VALUES ('{key}', '{account}', 'Ada', '2026-01-01')"
+                )
+            )
+    migrations.migrate(url)
+    migrations.check(url)
+    with Session(engine) as session:
+        people = {one.id: one for one in session.scalars(select(PersonRow))}
+    usual = {Purpose.MEETINGS, Purpose.RECORDINGS}
+    given = {
+        key: {purpose for purpose in Purpose if one.consents_to(purpose, datetime.now(UTC))}
+        for key, one in people.items()
+    }
+    # the demo's people are moved by every guest, as before
+    assert given == {"a": usual, "b": usual | {Purpose.DRIVING}, "c": usual}
+    migrations.downgrade(url, "0012")
+    with engine.begin() as connection:
+        kept = connection.execute(text("SELECT id FROM person ORDER BY id")).scalars().all()
+    engine.dispose()
+    assert list(kept) == ["a", "b", "c"]

@@ -6,16 +6,19 @@ import { readEvents } from "./sse";
 import { hashClip, sendClip, type HashedClip, type UploadProgress, type UploadRoutes } from "./upload";
 import { sleep } from "./until";
 import type {
+  Consent,
   DemoMeeting,
   Environment,
   Environments,
   ExistingSequence,
   Guest,
+  Invitation,
   Job,
   ListedPerson,
   Meeting,
   Model,
   Models,
+  NewConsent,
   NewMeeting,
   NewModel,
   NewPerformer,
@@ -70,6 +73,15 @@ export class Api implements UploadRoutes {
 
   createPerson(person: NewPerson): Promise<Person> {
     return this.json("POST", "/v1/people", person);
+  }
+
+  /** What a model may be used for from now on, revoked before or not. */
+  giveConsent(personId: string, consent: NewConsent): Promise<Consent> {
+    return this.json("PUT", `/v1/people/${personId}/consent`, consent);
+  }
+
+  revokeConsent(personId: string): Promise<Consent> {
+    return this.json("DELETE", `/v1/people/${personId}/consent`);
   }
 
   /** Every row and object of theirs. */
@@ -149,8 +161,17 @@ export class Api implements UploadRoutes {
     return (await this.send("GET", path)).blob();
   }
 
-  meeting(id: string): Promise<Meeting> {
-    return this.json("GET", `/v1/meetings/${id}`);
+  /** A meeting, as whoever holds `token` sees it: with their seat's, whatever became of the invitation. */
+  async meeting(id: string, token = ""): Promise<Meeting> {
+    const path = `/v1/meetings/${id}`;
+    if (token === "") return this.json("GET", path);
+    return (await checked(await this.attempt("GET", path, token, undefined))).json() as Promise<Meeting>;
+  }
+
+  /** A new link into a meeting, in place of those of before; `token` is the host's seat. Says the link. */
+  async renewInvitation(meetingId: string, token: string): Promise<string> {
+    const response = await checked(await this.attempt("POST", `/v1/meetings/${meetingId}/invitation`, token, undefined));
+    return ((await response.json()) as Invitation).join_url;
   }
 
   /** Every environment that the server ships. */

@@ -51,6 +51,19 @@ export interface Captioned {
 /** How well somebody's network carries the meeting. */
 export type Connection = "good" | "fair" | "poor";
 
+/** What somebody's model may be used for, and whether that holds now. */
+export interface Consent {
+  purposes: Purpose[];
+  /** Empty: no end is set. */
+  until: string | null;
+  /** Only while it is given, the model is shown, recorded or driven by others. */
+  state: ConsentState;
+  revoked_at: string | null;
+}
+
+/** Whether a consent holds. */
+export type ConsentState = "given" | "ended" | "revoked";
+
 /** The demo's meeting, where the server shows one. */
 export interface DemoMeeting {
   /** Empty: this server runs no demo. */
@@ -191,6 +204,7 @@ export interface ListedPerson {
   created_at: string;
   /** Barefoot, as it was given when the person was made. */
   height_m: number | null;
+  consent: Consent;
   /** Whether the token's account owns them, and may change and erase them. */
   mine: boolean;
 }
@@ -275,6 +289,12 @@ export interface Network {
 }
 
 /** A meeting to open. */
+export interface NewConsent {
+  purposes: Purpose[];
+  /** From then on it holds no longer; empty: no end is set. */
+  until?: string | null;
+}
+
 export interface NewMeeting {
   name: string;
   model_ids?: string[];
@@ -306,6 +326,8 @@ export interface NewPerson {
   name: string;
   /** Barefoot; empty: guessed from each clip, and with it their size. */
   height_m?: number | null;
+  /** What their model may be used for, and until when. */
+  consent?: NewConsent;
 }
 
 /** A file that will be sent in pieces. */
@@ -389,8 +411,10 @@ export interface Performer {
   position: readonly [number, number, number];
   /** Turn of the model about +y. */
   yaw_rad: number;
-  /** Whose person it is: the caller's own, the demo's, which every guest may drive, or somebody else's. */
+  /** Whose person it is: the caller's own, the demo's, or somebody else's. */
   owner: "own" | "demo" | "other";
+  /** Whether the caller may drive them: their own, and whose person consents to being driven by others. */
+  drivable: boolean;
   /** In front of them. */
   viewpoint: Viewpoint;
 }
@@ -402,6 +426,7 @@ export interface Person {
   created_at: string;
   /** Barefoot, as it was given when the person was made. */
   height_m: number | null;
+  consent: Consent;
 }
 
 /** A person with all that was made of theirs. */
@@ -411,6 +436,7 @@ export interface PersonInFull {
   created_at: string;
   /** Barefoot, as it was given when the person was made. */
   height_m: number | null;
+  consent: Consent;
   sequences: Sequence[];
   models: Model[];
 }
@@ -439,6 +465,8 @@ export interface Problem {
 }
 
 /** Raise or lower one's hand. */
+export type Purpose = "meetings" | "recordings" | "driving";
+
 export interface RaiseHand {
   type: "hand";
   raised: boolean;
@@ -582,6 +610,8 @@ export interface Roster {
   /** Empty: the meeting is not recorded, and nobody has asked to. */
   recording: RecordingUnderWay | null;
   members: Member[];
+  /** Of the performers who are shown, in the order of their poses: whoever is drawn and is not among them is to be drawn no longer. */
+  performer_ids: string[];
 }
 
 /** A chat message of a participant. */

@@ -11,6 +11,7 @@ import type { RenderSetting, RenderStatus } from "../splats/renderMode";
 import { LatencyMeter } from "../transport/latencyCode";
 import { Sway } from "../viewpoint/sway";
 import type { Meeting, Performer, Seat } from "../api/types";
+import { PerformerRoster } from "./performerRoster";
 import { FOV_Y_RAD, Viewpoint, homeOrbit, type CameraPose } from "../viewpoint/viewpoint";
 import { WhepConnection, type WhepStats } from "../transport/whep";
 import type { HeadsetView } from "./headsetView";
@@ -35,6 +36,8 @@ export class LiveView {
   onState: (state: LiveState) => void = () => undefined;
   onStats: (numbers: LiveStats) => void = () => undefined;
   onPerformers: (performers: readonly Performer[]) => void = () => undefined;
+  /** Somebody is shown no longer. */
+  onGone: (gone: readonly Performer[]) => void = () => undefined;
   onRenderStatus: (drawing: RenderStatus) => void = () => undefined;
   /** Drift gently to and fro, for a picture that nobody steers. */
   swaying = false;
@@ -45,6 +48,7 @@ export class LiveView {
   private readonly connection: WhepConnection;
   private readonly adaptation = new VideoAdaptation();
   private readonly localRendering: LocalRendering;
+  readonly roster: PerformerRoster;
   private readonly pacer = new Pacer();
   private readonly stalls = new StallDetector();
   private readonly latency: LatencyMeter | null;
@@ -80,8 +84,21 @@ export class LiveView {
         this.onRenderStatus(drawing);
       },
       onShownChange: () => this.restartAdaptation(),
-      onUnknownPerformers: () => void this.refreshRoster(),
+      onUnknownPerformers: () => void this.roster.refresh(),
       trialView: () => ({ camera: this.viewpoint.camera, size: this.size.requested }),
+    });
+    this.roster = new PerformerRoster(api, meeting, {
+      token: () => (this.live ? this.localRendering.token : ""),
+      onPerformers: (performers, viewpoint) => {
+        this.viewpoint.setHome(homeOrbit(viewpoint, this.size.aspect));
+        this.onPerformers(performers);
+        void this.localRendering.loadPerformers();
+      },
+      onGone: (gone) => {
+        this.localRendering.drop(gone);
+        this.onGone(gone);
+      },
+      onEnvironment: (name) => void this.showEnvironment(name),
     });
     this.connection = new WhepConnection({
       seat: (stale) => this.seat(stale),
@@ -110,7 +127,7 @@ export class LiveView {
     // timers run in hidden pages too, where animation frames do not: the seat must not be lost
     this.timers.push(setInterval(() => this.send(false), 450));
     this.timers.push(setInterval(() => void this.everySecond(), 1000));
-    this.timers.push(setInterval(() => void this.refreshRoster(), ROSTER_S * 1000));
+    this.timers.push(setInterval(() => void this.roster.refresh(), ROSTER_S * 1000));
     addEventListener("pagehide", this.onPageHide);
   }
 
@@ -257,24 +274,8 @@ export class LiveView {
     const seat = await this.options.seat(stale);
     this.firstStart = !seat.ready;
     this.localRendering.token = seat.token;
-    this.setRoster(seat);
+    this.roster.set(seat);
     return seat;
-  }
-
-  private setRoster({ performers, viewpoint }: Pick<Meeting, "performers" | "viewpoint">): void {
-    this.viewpoint.setHome(homeOrbit(viewpoint, this.size.aspect));
-    Object.assign(this.meeting, { performers, viewpoint });
-    this.onPerformers(performers);
-    void this.localRendering.loadPerformers();
-  }
-
-  private async refreshRoster(): Promise<void> {
-    if (!this.live) return;
-    // a roster that can't be had now is asked for again in a moment
-    const meeting = await this.api.meeting(this.meeting.id).catch(() => null);
-    if (!meeting) return;
-    void this.showEnvironment(meeting.environment);
-    this.setRoster(meeting);
   }
 
   private frame(nowMs: number): void {
@@ -318,7 +319,7 @@ export class LiveView {
 
   private measure(): void {
     if (!this.size.measure()) return;
-    this.setRoster(this.meeting);
+    this.roster.set(this.meeting);
     this.fit();
   }
 

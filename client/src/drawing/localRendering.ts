@@ -10,7 +10,7 @@ import { PacedRoom } from "../splats/pacedRoom";
 import { screenPlace, type LoadedEnvironment } from "../splats/room";
 import { RenderModeSelector, type RenderSetting, type RenderStatus } from "../splats/renderMode";
 import { drawLatencyCode } from "../transport/latencyCode";
-import type { Meeting } from "../api/types";
+import type { Meeting, Performer } from "../api/types";
 import { FOV_Y_RAD, type CameraPose } from "../viewpoint/viewpoint";
 import type { HeadsetView } from "./headsetView";
 import { LipSync } from "./lipSync";
@@ -137,6 +137,11 @@ export class LocalRendering {
     // who can't be had now is asked for again with the next roster
     await this.room?.setPerformers(this.meeting.performers).catch(() => undefined);
     this.updateMode();
+  }
+
+  /** These are shown no longer: nothing of them stays on the picture, and their files are forgotten. */
+  drop(gone: readonly Performer[]): void {
+    for (const room of [this.room, this.headsetView?.room]) room?.drop(gone);
   }
 
   /** A pose from the server. */

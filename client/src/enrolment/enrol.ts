@@ -175,7 +175,10 @@ export class Enrolment {
     const known = this.uploads.get(sha256);
     const isSame = ({ id, name, height_m }: ListedPerson): boolean =>
       id === known && name === newcomer.name && height_m === (newcomer.height_m ?? null);
-    if (known !== null && (await this.api.people()).some(isSame)) return known;
+    if (known !== null && (await this.api.people()).some(isSame)) {
+      if (newcomer.consent) await this.api.giveConsent(known, newcomer.consent);
+      return known;
+    }
     const { id } = await this.api.createPerson(newcomer);
     this.uploads.set(sha256, id);
     return id;

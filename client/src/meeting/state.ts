@@ -20,6 +20,8 @@ export interface MeetingState {
   /** What is recorded, or is to be once everybody agrees. */
   recording: RecordingUnderWay | null;
   members: readonly Member[];
+  /** Ids of the performers who are shown; null until the server has said. */
+  performers: readonly string[] | null;
   messages: readonly Said[];
   /** Ids of those who speak now. */
   speaking: readonly string[];
@@ -38,6 +40,7 @@ export const INITIAL_STATE: MeetingState = {
   caption: null,
   recording: null,
   members: [],
+  performers: null,
   messages: [],
   speaking: [],
   slots: [],
@@ -59,6 +62,7 @@ export function applyMessage(state: MeetingState, message: FromServer): MeetingS
         presentRequestFrom: message.presenter_asks_id,
         recording: message.recording,
         members: message.members,
+        performers: message.performer_ids,
       };
     case "said":
       if (message.number <= state.lastMessageNumber) return state;

@@ -19,6 +19,11 @@ export class ArrivingFiles {
 
   constructor(private readonly load: LoadSplats) {}
 
+  /** Keep nothing of a model, and fetch it anew should it be asked for. */
+  forget(modelId: string): void {
+    this.files.delete(modelId);
+  }
+
   /** The file of this model; one that could not be had is asked for again the next time. */
   get(modelId: string): Arriving {
     const known = this.files.get(modelId);
@@ -34,9 +39,14 @@ export class ArrivingFiles {
     });
     const arriving: Arriving = { beginning: Promise.race([early, whole]), partial: false, whole };
     this.files.set(modelId, arriving);
+    const settle = (then?: Arriving): void => {
+      if (this.files.get(modelId) !== arriving) return; // forgotten meanwhile
+      if (then) this.files.set(modelId, then);
+      else this.files.delete(modelId);
+    };
     whole.then(
-      () => this.files.set(modelId, { beginning: whole, partial: false, whole }),
-      () => this.files.delete(modelId),
+      () => settle({ beginning: whole, partial: false, whole }),
+      () => settle(),
     );
     return arriving;
   }

@@ -63,6 +63,8 @@ export class LocalRoom {
   private spareOrder: Uint32Array<ArrayBuffer> | null = null;
   private resorted = false;
   private drawnKey = "";
+  /** Of the page's last picture. */
+  private camera: PassCamera | null = null;
   private screen: HTMLVideoElement | null = null;
   private videoCallback = 0;
   /** Counts what was to be seen so far, and says which of it the worker was given last. */
@@ -113,6 +115,17 @@ export class LocalRoom {
       if (this.performers === performers) this.performers = []; // to be asked for again
       throw error;
     }
+  }
+
+  /** These are drawn no longer: the room stands empty until the others are drawn anew. */
+  drop(gone: readonly DrawnPerformer[]): void {
+    const lost = this.performers.filter(({ id }) => gone.some((one) => one.id === id));
+    if (lost.length === 0) return;
+    for (const { model_id } of lost) this.files.forget(model_id);
+    const rest = this.performers.filter((one) => !lost.includes(one));
+    this.pass?.clear();
+    if (this.camera) this.pass?.draw({ camera: this.camera, ...NOBODY });
+    void this.setPerformers(rest).catch(() => undefined);
   }
 
   /** Where everybody is from now on; shown with the next picture. */
@@ -196,6 +209,7 @@ export class LocalRoom {
     if (!sorted || !(changed || this.resorted)) return false;
     this.resorted = false;
     const startMs = performance.now();
+    this.camera = camera;
     pass.draw({ camera, ...this.passPeople(splats, sorted, hideUnseen) });
     this.timer?.submitted(startMs);
     return true;

@@ -92,7 +92,7 @@ export class SplatPass {
   /** Draw nothing: the shaders are made ready by a card's first commands, while files are on their way. */
   private warmUp(): void {
     const looking = { position: [0, 1, 0], wxyz: [1, 0, 0, 0] } as const;
-    this.setSplats({ count: 1, table: new Uint32Array(SPLAT_NUMBERS), people: [] });
+    this.clear();
     this.draw({
       camera: passCamera(looking, 1, WARM_UP_PX, WARM_UP_PX),
       transforms: new Float32Array(TRANSFORM),
@@ -120,6 +120,11 @@ export class SplatPass {
     this.allocateProjected(cast.count);
     this.uploadedOrder = null;
     this.lights.setClipLights(cast.people.map(({ light }) => light));
+  }
+
+  /** Keep nobody's splats on the card. */
+  clear(): void {
+    this.setSplats({ count: 1, table: new Uint32Array(SPLAT_NUMBERS), people: [] });
   }
 
   /** Where everybody is from now on. */

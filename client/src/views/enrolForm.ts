@@ -3,6 +3,7 @@
 import type { Clip } from "../enrolment/enrol";
 import { MOTION_ONLY, isJson } from "../enrolment/keypoints";
 import type { NewPerson } from "../api/types";
+import { consentForm } from "./consentForm";
 import { announce, h } from "./dom";
 import { described, fileDrop } from "./fileDrop";
 import { heightField } from "./heightField";
@@ -55,6 +56,7 @@ export function enrolForm(hooks: EnrolHooks): View {
     complaint.textContent = "";
   };
   const modelOnly = h("input", { type: "checkbox", id: "enrol-model-only", testId: "enrol-model-only" });
+  const consent = consentForm("enrol");
   const body = h("div", { className: "enrol-body" });
   const go = button("Create my model", () => undefined, {
     look: "primary",
@@ -79,6 +81,7 @@ export function enrolForm(hooks: EnrolHooks): View {
       modelOnly,
       " Keep only the model: delete the clip after training",
     ),
+    consent.element,
     complaint,
     go,
     h("p", { className: "secondary small" }, "The clip is sent to this server only. Training takes about a minute."),
@@ -96,7 +99,7 @@ export function enrolForm(hooks: EnrolHooks): View {
       const height_m = height.read();
       if (height_m === undefined) return;
       localStorage.setItem(NAME_KEY, called);
-      hooks.onEnrol({ name: called, height_m }, { ...clip, modelOnly: modelOnly.checked });
+      hooks.onEnrol({ name: called, height_m, consent: consent.read() }, { ...clip, modelOnly: modelOnly.checked });
     }
   });
 

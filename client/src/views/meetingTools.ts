@@ -31,6 +31,8 @@ export interface MeetingTools {
   connectTo(room: AudioScene & { showScreen(video: HTMLVideoElement | null): void }): void;
   /** Hear now and at each change whether the network is poor, until the returned function is called. */
   watchNetwork(listener: (poor: boolean) => void): () => void;
+  /** Say something on the picture, for a while. */
+  notify(words: string): void;
   /** As the microphone's button does. */
   toggleMicrophone(): void;
   close(): void;
@@ -89,6 +91,7 @@ export function meetingTools(api: Api, session: MeetingSession): MeetingTools {
       screen.update();
     },
     watchNetwork: (listener) => session.subscribe(() => listener(session.network === "poor")),
+    notify: showError,
     toggleMicrophone: () => voice.element.click(),
     close,
   };

@@ -23,6 +23,7 @@ const HINT_MS = 6000;
 /** How one looks round. */
 const BRIEF_LINES = 2;
 const COPIED_MS = 2000;
+const YOU_ARE_GONE = "You are no longer shown: your consent has ended, or you were taken out. See “Your consent” under More.";
 
 /** The way into a headset: what the view shows of it, and ends with itself. */
 export interface HeadsetControl {
@@ -84,6 +85,9 @@ export function meetingView(live: LiveView, tools: MeetingTools, headset: Headse
     showPerformers(people, performers, live);
     self.update();
   };
+  live.onGone = (gone) => {
+    for (const { name, owner } of gone) tools.notify(owner === "own" ? YOU_ARE_GONE : `${name} is no longer shown`);
+  };
   live.onRenderStatus = (drawing) => {
     way.show(drawing);
     // where this device draws, a shared screen hangs in the room
@@ -110,7 +114,7 @@ function topBar(live: LiveView, people: HTMLElement, hooks: MeetingViewHooks): H
     h(
       "div",
       { className: "viewport-actions" },
-      inviteButton(live.meeting.join_url),
+      inviteButton(() => live.meeting.join_url),
       button("Leave", hooks.onLeave, { look: "glass", icon: "leave", testId: "leave" }),
     ),
   );
@@ -249,7 +253,7 @@ function showPerformers(people: HTMLElement, performers: readonly Performer[], l
 }
 
 /** The server writes the link, with a token where one is needed; the address is this page's own. */
-function inviteButton(joinUrl: string): HTMLElement {
+function inviteButton(joinUrl: () => string): HTMLElement {
   const invite = button("Copy invite link", () => void copy(), { look: "glass", icon: "link" });
   const label = invite.querySelector("span");
   const say = (words: string): void => {
@@ -257,7 +261,7 @@ function inviteButton(joinUrl: string): HTMLElement {
     announce(words);
   };
   const copy = async (): Promise<void> => {
-    const { search, hash } = new URL(joinUrl, location.href);
+    const { search, hash } = new URL(joinUrl(), location.href);
     const link = `${location.origin}/${search}${hash}`;
     try {
       await navigator.clipboard.writeText(link);

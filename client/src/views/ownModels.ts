@@ -4,10 +4,10 @@ import type { Api } from "../api/api";
 import type { Performer } from "../api/types";
 import { h } from "./dom";
 
-/** Performers of our own people; of a guest who brought none, those that the demo lends. */
+/** Performers of our own people; for who brought none, those whose people let others move them. */
 export function ownPerformers(performers: readonly Performer[]): Performer[] {
   const own = performers.filter(({ owner }) => owner === "own");
-  return own.length > 0 ? own : performers.filter(({ owner }) => owner === "demo");
+  return own.length > 0 ? own : performers.filter(({ drivable }) => drivable);
 }
 
 /** A button for each model, with a small picture of it as soon as the server has drawn that. */

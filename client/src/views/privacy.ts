@@ -1,10 +1,11 @@
-/** What leaves this device, said plainly, and the way to be forgotten. */
+/** What leaves this device, said plainly, what one's model may be used for, and the way to be forgotten. */
 
 import type { Api } from "../api/api";
 import { Problem, asProblem } from "../api/problem";
 import type { Person } from "../api/types";
+import { askTwice } from "./askTwice";
+import { consentControl } from "./consentControl";
 import { announce, h } from "./dom";
-import { button } from "./shell";
 
 const DATA_SENT = [
   "Your viewpoint and your name, while you are in a meeting.",
@@ -17,13 +18,14 @@ const DATA_SENT = [
 /** `onErased` hears of each person of ours who is gone. */
 export function privacyPanel(api: Api, onErased: () => void): { element: HTMLElement; load(): Promise<void> } {
   const people = h("div", { className: "erase-list", testId: "erase-list" });
+  const consent = h("div", { hidden: true }, h("h3", {}, "Your consent"), people);
   const told = h("p", { className: "small", attributes: { role: "status" } });
   const element = h(
     "section",
     { className: "privacy", testId: "privacy" },
     h("h3", {}, "What leaves this device"),
     h("ul", { className: "tips small" }, ...DATA_SENT.map((words) => h("li", {}, words))),
-    people,
+    consent,
     told,
   );
   const load = async (): Promise<void> => {
@@ -32,7 +34,9 @@ export function privacyPanel(api: Api, onErased: () => void): { element: HTMLEle
       if (error instanceof Problem && error.status === 403) return [];
       return null;
     });
-    if (mine) people.replaceChildren(...mine.filter((person) => person.mine).map((person) => eraseControl(person, erase)));
+    if (!mine) return;
+    people.replaceChildren(...mine.filter((person) => person.mine).map((person) => personControls(api, person, erase)));
+    consent.hidden = people.childElementCount === 0;
   };
   const erase = async ({ id, name }: Person): Promise<void> => {
     try {
@@ -49,23 +53,18 @@ export function privacyPanel(api: Api, onErased: () => void): { element: HTMLEle
   return { element, load };
 }
 
-/** Asks once more: what is erased does not come back. */
-function eraseControl(person: Person, onErase: (person: Person) => Promise<void>): HTMLElement {
-  const ask = button(`Erase me: ${person.name}`, () => sure(true), { testId: "erase" });
-  const yes = button("Erase everything", () => void go(), { look: "danger", testId: "erase-sure" });
-  const no = button("Keep", () => sure(false));
-  const question = h("div", { className: "actions", hidden: true, attributes: { role: "group" } }, yes, no);
-  question.setAttribute("aria-label", `Erase ${person.name} for good?`);
-  const words = h("p", { className: "small", hidden: true }, "Your clips, models and recordings are deleted permanently, and your model disappears from meetings.");
-  const sure = (asking: boolean): void => {
-    question.hidden = words.hidden = !asking;
-    ask.hidden = asking;
-    (asking ? no : ask).focus();
-  };
-  const go = async (): Promise<void> => {
-    yes.disabled = true;
-    await onErase(person);
-    yes.disabled = false;
-  };
-  return h("div", { className: "erase" }, ask, words, question);
+/** What one of our people consents to, and the way to erase them. */
+function personControls(api: Api, person: Person, onErase: (person: Person) => Promise<void>): HTMLElement {
+  const erase = askTwice(
+    {
+      ask: `Erase me: ${person.name}`,
+      question: `Erase ${person.name} for good?`,
+      words: "Your clips, models and recordings are deleted permanently, and your model disappears from meetings.",
+      yes: "Erase everything",
+      no: "Keep",
+      testId: "erase",
+    },
+    () => onErase(person),
+  );
+  return h("div", { className: "person-controls" }, consentControl(api, person), erase);
 }

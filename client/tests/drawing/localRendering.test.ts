@@ -21,6 +21,7 @@ vi.mock("../../src/splats/localRoom", () => ({
     setScreen = vi.fn();
     placeScreen = vi.fn();
     setPerformers = vi.fn(async () => undefined);
+    drop = vi.fn();
     trialFps = (...[, , , kept]: [unknown, unknown, unknown, number[]]): number => 600_000 / (kept[0] ?? 1);
     onLoaded = (): void => undefined;
     onUnknownPerformers = (): void => undefined;

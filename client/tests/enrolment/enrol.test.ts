@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import type { Api } from "../../src/api/api";
 import { Enrolment, type Bookmark, type EnrolState } from "../../src/enrolment/enrol";
 import { NO_SERVER, Problem } from "../../src/api/problem";
-import type { Job, ListedPerson, NewPerson, Sequence } from "../../src/api/types";
+import type { Job, ListedPerson, NewConsent, NewPerson, Sequence } from "../../src/api/types";
 import type { HashedClip, UploadProgress } from "../../src/api/upload";
 import { hashClip, job, sequence } from "../fakes";
 
@@ -30,6 +30,9 @@ class FakeServer {
   }
   async erasePerson(id: string): Promise<void> {
     this.calls.push(`erase ${id}`);
+  }
+  async giveConsent(id: string, { purposes }: NewConsent): Promise<void> {
+    this.calls.push(`consent ${id} ${purposes.join()}`);
   }
   async people(): Promise<Partial<ListedPerson>[]> {
     return this.known;
@@ -289,6 +292,14 @@ describe("Enrolment", () => {
     expect(server.calls.filter((call) => call.startsWith("upload"))).toEqual([`upload me.mp4 of ${person}`]);
     expect(server.calls.some((call) => call.startsWith("person"))).toBe(person === "p");
     expect(underWay.size).toBe(0);
+  });
+
+  it("takes the consent of now for whom a clip was begun before", async () => {
+    const { server, underWay, enrolment } = setUp();
+    server.known = [{ id: "old", ...ADA }];
+    underWay.set((await hashClip(CLIP.blob, "")).sha256, "old");
+    await enrolment.start({ ...ADA, consent: { purposes: ["meetings"] } }, CLIP);
+    expect(server.calls.slice(0, 2)).toEqual(["consent old meetings", "upload me.mp4 of old"]);
   });
 
   it("tells why a clip was refused, and forgets whom it was for", async () => {

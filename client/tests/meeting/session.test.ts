@@ -84,11 +84,11 @@ describe("MeetingSession", () => {
     session.join("Ada");
     const hear = hooks().onMessage;
     hear({ type: "welcome", participant_id: "me", seat: 1, silence_s: 5 });
-    hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me", admission: "waiting" })] });
+    hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me", admission: "waiting" })], performer_ids: [] });
     expect(session.admitted).toBe(false);
-    hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me" })] });
+    hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me" })], performer_ids: [] });
     expect(session.admitted).toBe(true);
-    hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me" }), member({ id: "Bo" })] });
+    hear({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me" }), member({ id: "Bo" })], performer_ids: [] });
     expect(news).toEqual(["Bo joined"]);
     expect(changes).toBe(5);
     release();
@@ -98,7 +98,7 @@ describe("MeetingSession", () => {
     const { session, hooks, sent } = setUp();
     session.join("Ada");
     hooks().onMessage({ type: "welcome", participant_id: "me", seat: 1, silence_s: 5 });
-    hooks().onMessage({ type: "roster", lobby: false, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me" })] });
+    hooks().onMessage({ type: "roster", lobby: false, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [member({ id: "me" })], performer_ids: [] });
     const heard: string[] = [];
     session.subscribe(() => heard.push(session.network));
     for (let beat = 0; beat < 5; beat++) hooks().onRoundTrip(500);

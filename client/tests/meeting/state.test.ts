@@ -8,7 +8,7 @@ function told(...messages: FromServer[]): MeetingState {
 }
 
 const welcome: FromServer = { type: "welcome", participant_id: "me", seat: 1, silence_s: 5 };
-const roster = (...members: Member[]): FromServer => ({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members });
+const roster = (...members: Member[]): FromServer => ({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members, performer_ids: ["p"] });
 const said = (number: number, text = "x"): FromServer => ({
   type: "said", number, participant_id: "bo", name: "Bo", text, at: "2026-01-01T10:00:00Z",
 });

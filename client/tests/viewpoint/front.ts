@@ -6,5 +6,6 @@ export const FRONT: Viewpoint = { target: [0, 1.32, 0], azimuth_rad: 0, elevatio
 /** Somebody else's performer. */
 export function performer(id: string, more: Partial<Performer> = {}): Performer {
   const plain = { id, name: id, model_id: `m-${id}`, motion_sequence_id: null, owner: "other", viewpoint: FRONT } as const;
-  return { ...plain, position: [0, 0, 0], yaw_rad: 0, ...more };
+  const drivable = more.owner === "own" || more.owner === "demo";
+  return { ...plain, drivable, position: [0, 0, 0], yaw_rad: 0, ...more };
 }

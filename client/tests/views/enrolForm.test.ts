@@ -25,6 +25,9 @@ function enter(testId: string, text: string): HTMLInputElement {
 }
 
 /** The form with a clip chosen and a name told; `enrolled` is who came of it. */
+/** What is consented to where nothing is changed in the form. */
+const USUAL = { purposes: ["meetings", "recordings"], until: null };
+
 async function readyForm(): Promise<NewPerson[]> {
   const enrolled: NewPerson[] = [];
   const hooks = {
@@ -54,8 +57,8 @@ describe("The enrolment form", () => {
     enter("enrol-height", " 178,5 cm");
     submit();
     expect(enrolled).toEqual([
-      { name: "Ada", height_m: null },
-      { name: "Ada", height_m: 1.785 },
+      { name: "Ada", height_m: null, consent: USUAL },
+      { name: "Ada", height_m: 1.785, consent: USUAL },
     ]);
   });
 
@@ -73,7 +76,7 @@ describe("The enrolment form", () => {
     expect(complaint.textContent).toBe("");
     expect(field.getAttribute("aria-invalid")).toBe("false");
     submit();
-    expect(enrolled).toEqual([{ name: "Ada", height_m: 1.78 }]);
+    expect(enrolled).toEqual([{ name: "Ada", height_m: 1.78, consent: USUAL }]);
   });
 
   it("does not complain while somebody is still typing", async () => {

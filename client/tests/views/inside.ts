@@ -18,6 +18,7 @@ export const ROSTER: Roster = {
   presenter_asks_id: null,
   recording: null,
   members: [HOST, BO],
+  performer_ids: [],
 };
 
 /** Somebody in a meeting: `hear` is what the server says, `sent` what it is asked for. */

@@ -29,6 +29,7 @@ function fakeLive() {
     onStats: (_: object): void => undefined,
     onRenderStatus: (_: RenderStatus): void => undefined,
     onPerformers: (_: readonly Performer[]): void => undefined,
+    onGone: (_: readonly Performer[]): void => undefined,
     lookAt: vi.fn(),
     setHideUnseen: vi.fn(),
     chooseRenderMode: vi.fn(),
@@ -102,6 +103,13 @@ describe("the meeting", () => {
     expect([hooks.onRetry.mock.calls.length, hooks.onLeave.mock.calls.length]).toEqual([1, 1]);
   });
 
+  it("says who is no longer shown, and to oneself what to do about it", () => {
+    const { element, live } = setUp();
+    live.onGone([ADA, { ...ADA, id: "mine", owner: "own" }]);
+    expect(element.querySelector(".previews")?.textContent).toContain("Ada is no longer shown");
+    expect(element.querySelector(".previews")?.textContent).toContain("See “Your consent” under More.");
+  });
+
   it("looks at whom one presses, and back", () => {
     const { live, labelled } = setUp();
     const home = live.viewpoint.orbit;
@@ -139,7 +147,7 @@ describe("the meeting", () => {
     const copied: string[] = [];
     const clipboard = { writeText: async (text: string) => void copied.push(text) };
     vi.stubGlobal("navigator", Object.create(navigator, { clipboard: { value: clipboard } }));
-    const { labelled } = setUp();
+    const { live, labelled } = setUp();
     const link = `${location.origin}/?meeting=m#token=t`;
     const button = labelled("Copy invite link");
     button.click();
@@ -153,6 +161,10 @@ describe("the meeting", () => {
     button.click();
     await vi.advanceTimersByTimeAsync(10);
     expect(shown).toHaveBeenCalledWith(expect.any(String), link);
+    live.meeting.join_url = "http://elsewhere/?meeting=m#token=renewed";
+    button.click();
+    await vi.advanceTimersByTimeAsync(10);
+    expect(shown).toHaveBeenLastCalledWith(expect.any(String), link.replace("=t", "=renewed"));
   });
 
   it("counts people and unread messages on their buttons, until they are read", () => {

@@ -2,7 +2,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Api } from "../../src/api/api";
 import { Problem } from "../../src/api/problem";
-import type { Person, Said } from "../../src/api/types";
+import type { Consent, Person, Said } from "../../src/api/types";
 import { chatPanel } from "../../src/views/chatPanel";
 import { goodbyeView, lobbyView } from "../../src/views/lobby";
 import { peoplePanel } from "../../src/views/peoplePanel";
@@ -92,8 +92,8 @@ describe("the chat", () => {
 });
 
 describe("the people", () => {
-  function people() {
-    const there = inside();
+  function people(answer: Parameters<typeof inside>[0] = undefined) {
+    const there = inside(answer);
     const panel = peoplePanel(there.session);
     document.body.append(panel.element);
     there.session.subscribe(panel.update);
@@ -140,7 +140,7 @@ describe("the people", () => {
     roster({ members: [member({ id: "me" }), BO] });
     expect(named(element, "More about Bo").hidden).toBe(true);
     expect(find<HTMLElement>(element, "lobby").closest<HTMLElement>("div")?.hidden).toBe(true);
-    expect(find<HTMLElement>(element, "end").parentElement?.hidden).toBe(true);
+    expect(find<HTMLElement>(element, "end").closest<HTMLElement>(".panel-footer")?.hidden).toBe(true);
   });
 
   it("are sent home only once the host is sure", () => {
@@ -152,6 +152,26 @@ describe("the people", () => {
     press(element, "end");
     press(element, "end-sure");
     expect(sent).toEqual([{ type: "end" }]);
+  });
+
+  it("get a new invitation once the host has read what it does to the old one", async () => {
+    const { element, session, calls } = people(({ path }) => (path.endsWith("/invitation") ? json({ join_url: "/?meeting=m#token=new" }) : json({})));
+    press(element, "renew-invitation");
+    expect(document.activeElement?.textContent).toBe("Keep the old link");
+    expect(element.textContent).toContain("The link that was sent so far stops working");
+    expect(element.textContent).toContain("Whoever is in the meeting stays in it.");
+    expect(calls.some(({ path }) => path.endsWith("/invitation"))).toBe(false);
+    press(element, "renew-invitation-sure");
+    await vi.waitFor(() => expect(find(element, "invitation-told").textContent).toContain("The old link no longer works."));
+    expect(calls.at(-1)).toMatchObject({ method: "POST", path: "/v1/meetings/m/invitation", token: "Bearer seat" });
+    expect(session.meeting.join_url).toBe("/?meeting=m#token=new");
+  });
+
+  it("keep the old invitation where the server refuses, which is said", async () => {
+    const { element } = people(({ path }) => (path.endsWith("/invitation") ? json({ title: "Not host", detail: "ask the host" }, 403) : json({})));
+    press(element, "renew-invitation");
+    press(element, "renew-invitation-sure");
+    await vi.waitFor(() => expect(find(element, "invitation-told").textContent).toBe("Not host. Ask the host."));
   });
 });
 
@@ -296,12 +316,16 @@ describe("the goodbye", () => {
 });
 
 describe("privacy", () => {
-  const ADA = { id: "p", name: "Ada", mine: true } as unknown as Person;
+  const GIVEN: Consent = { purposes: ["meetings", "recordings"], until: null, state: "given", revoked_at: null };
+  const ADA = { id: "p", name: "Ada", mine: true, consent: GIVEN } as unknown as Person;
 
-  async function panel(erase: () => Response = () => new Response(null, { status: 204 })) {
-    let listed: object[] = [ADA, { id: "lent", name: "Demo", mine: false }];
-    const { request, calls } = fakeFetch(({ method }) => {
+  async function panel(erase: () => Response = () => new Response(null, { status: 204 }), consent: Consent = GIVEN) {
+    let listed: object[] = [{ ...ADA, consent }, { id: "lent", name: "Demo", mine: false }];
+    const { request, calls } = fakeFetch(({ method, path }) => {
       if (method === "GET") return json({ items: listed });
+      if (path.endsWith("/consent")) {
+        return json(method === "PUT" ? { ...GIVEN, purposes: ["meetings"], until: "2030-01-02T00:00:00Z" } : { ...GIVEN, state: "revoked", revoked_at: "2026-01-01T12:00:00Z" });
+      }
       listed = listed.slice(1);
       return erase();
     });
@@ -325,6 +349,31 @@ describe("privacy", () => {
     expect(calls.find(({ method }) => method === "DELETE")?.path).toBe("/v1/people/p");
     await vi.waitFor(() => expect(element.querySelector("[data-testid=erase]")).toBeNull());
     expect(element.querySelector("[role=status]")?.textContent).toBe("Ada has been erased, with every clip, model and recording.");
+  });
+
+  it("says what one's model may be used for, and revokes that only when one is sure", async () => {
+    const { element, calls } = await panel();
+    const state = find(element, "consent-state");
+    expect(state.textContent).toBe("Consent given for meetings, recordings; no end is set.");
+    press(element, "consent-revoke");
+    expect(document.activeElement?.textContent).toBe("Keep");
+    expect(find(element, "consent").textContent).toContain("disappears at once from meetings");
+    press(element, "consent-revoke-sure");
+    await vi.waitFor(() => expect(state.textContent).toMatch(/^Consent revoked on .*2026: the model is shown nowhere\.$/));
+    expect(calls.at(-1)).toMatchObject({ method: "DELETE", path: "/v1/people/p/consent" });
+    expect(element.querySelector("[data-testid=consent-revoke]")).toBeNull();
+    expect(find(element, "consent-change").textContent).toBe("Give consent again");
+  });
+
+  it("takes a consent that was changed, until the end of a day", async () => {
+    const { element, calls } = await panel(undefined, { ...GIVEN, state: "ended", until: "2025-06-01T00:00:00Z" });
+    expect(find(element, "consent-state").textContent).toMatch(/^Consent ended after .*: the model is shown nowhere\.$/);
+    press(element, "consent-change");
+    find<HTMLInputElement>(element, "consent-p-recordings").checked = false;
+    find<HTMLInputElement>(element, "consent-p-until").value = "2030-01-01";
+    find<HTMLElement>(element, "consent-save").closest("form")?.dispatchEvent(new Event("submit", { cancelable: true }));
+    await vi.waitFor(() => expect(find(element, "consent-state").textContent).toMatch(/^Consent given for meetings; until .*2030\.$/));
+    expect(calls.at(-1)).toMatchObject({ method: "PUT", path: "/v1/people/p/consent", body: JSON.stringify({ purposes: ["meetings"], until: new Date(2030, 0, 2).toISOString() }) });
   });
 
   it("says why somebody could not be erased", async () => {

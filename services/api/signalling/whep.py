@@ -35,11 +35,12 @@ async def create_session(
     caller.require_meeting(meeting_id)
     sdp_offer = await sdp_http.read_offer(request)
     await run_in_threadpool(_require_seat, gateway.services, meeting_id, caller)
+    room_is_new = not gateway.views.is_watched(meeting_id)
     session_id, sdp_answer = await gateway.views.open(
         meeting_id, sdp_offer, caller.participant_id, caller.account
     )
     # from now on the hub ends the session of a viewer who is removed
-    gateway.hub.notify(meeting_id)
+    gateway.hub.notify(meeting_id, room_is_new=room_is_new)
     location = f"/whep/{meeting_id}/{session_id}"
     return sdp_http.created(gateway.services, caller, location, session_id, sdp_answer)
 

@@ -1,8 +1,9 @@
 """Keypoint channels: a participant's landmarks come in, their performer moves.
 
 A page opens the data channel `keypoints` with the performer's id as its protocol. Only a performer
-of the caller's own account may be driven, by one channel at a time: a newer one takes over, so that
-a page may be reloaded. A channel that is refused is sent a problem (RFC 9457) before it closes.
+of the caller's own account may be driven, or one whose person consents to being driven by others;
+by one channel at a time: a newer one takes over, so that a page may be reloaded, but nobody takes
+over from the owner. A channel that is refused is sent a problem (RFC 9457) before it closes.
 Packets are read on the event loop and solved on a thread of their own; of each performer only the
 newest waits. Where the connection also brings pictures for live look, they are of the performer,
 if the performer is the caller's own.
@@ -21,8 +22,9 @@ from prometheus_client import Counter, Gauge, Histogram
 
 from db.errors import NotFound
 from scene.errors import InvalidInput
-from services.auth import GUEST, INVITED, is_guest
-from services.errors import DrivenElsewhere, NotOwner
+from services.auth import GUEST, INVITED
+from services.errors import DrivenElsewhere, NotInMeeting, NotOwner
+from services.likeness import may_drive
 from services.live.keypoints_packet import KeypointsPacket, decode_keypoints
 from services.live.look.picture import DroppedPictures, LookSink
 from services.live.look.receiver import LookReceiver
@@ -60,6 +62,7 @@ def drop_pictures(performer: MeetingPerformer, motion: LiveMotion) -> LookSink:
 class _Driver:
     """What drives one performer."""
 
+    account: str | None
     channel: RTCDataChannel
     look: LookReceiver | None
     sink: LookSink | None
@@ -98,11 +101,14 @@ class KeypointChannels:
         """
         try:
             performer = drivable_performer(room, account, channel.protocol)
-        except (NotFound, NotOwner) as refusal:
+            key = (room, performer.performer_id)
+            before = self._drivers.get(key)
+            if before is not None and _owner_goes_on(performer, before.account, account):
+                raise DrivenElsewhere(_OWNER_DRIVES)
+        except (NotFound, NotOwner, DrivenElsewhere) as refusal:
             self._reject(channel, refusal)
             return
-        key = (room, performer.performer_id)
-        if (before := self._drivers.get(key)) is not None:
+        if before is not None:
             before.stop()
             self._reject(before.channel, DrivenElsewhere(_TAKEN_OVER))
         motion = LiveMotion(performer.model.skeleton, -facing_yaw(performer.motion))
@@ -112,11 +118,26 @@ class KeypointChannels:
             sink = room.looks[performer.performer_id] = self.make_look_sink(performer, motion)
             look.attach(sink)
             receiver.on_live_look = look.announce
-        driver = self._drivers[key] = _Driver(channel, look, sink)
+        driver = self._drivers[key] = _Driver(account, channel, look, sink)
         room.live_motions[performer.performer_id] = motion
         DRIVEN.set(len(self._drivers))
         channel.on("message", receiver.receive)
         channel.on("close", lambda: self._remove(key, driver))
+
+    def close_refused(self, room: Room) -> None:
+        """Close the channels of whoever may not drive in `room` any more: their performer is gone,
+        or lent no longer."""
+        for key, driver in list(self._drivers.items()):
+            if key[0] is not room:
+                continue
+            try:
+                drivable_performer(room, driver.account, key[1])
+            except NotFound:
+                self._reject(driver.channel, NotInMeeting(_SHOWN_NO_LONGER))
+                self._remove(key, driver)
+            except NotOwner as refusal:
+                self._reject(driver.channel, refusal)
+                self._remove(key, driver)
 
     def warm_up(self) -> None:
         """Prepare the solver before the first packet comes; returns at once."""
@@ -204,6 +225,20 @@ _TAKEN_OVER = (
     "or switch the camera on here again",
 )
 
+_SHOWN_NO_LONGER = (
+    "whoever is driven must be shown in the meeting; got a performer who is shown no longer: their "
+    "consent has ended, or they were taken out; see Your consent under More"
+)
+_OWNER_DRIVES = (
+    "a performer must be driven from one place at a time; got another one while the owner drives; "
+    "wait until they stop"
+)
+
+
+def _owner_goes_on(performer: MeetingPerformer, before: str | None, account: str | None) -> bool:
+    """Whether the owner drives already, and somebody else asks."""
+    return before == performer.account and account != before
+
 
 def owns_alone(account: str | None, performer: MeetingPerformer) -> bool:
     """Whether a performer is of this account, and it of one person: many come as `INVITED`."""
@@ -215,15 +250,13 @@ def drivable_performer(room: Room, account: str | None, performer_id: str) -> Me
     for performer in room.performers:
         if performer.performer_id != performer_id:
             continue
-        # any guest may drive the demo's performer, which belongs to nobody
-        lent = performer.account == GUEST and is_guest(account or "")
-        if account is None or not (performer.account == account or lent):
+        if not may_drive(account, performer.account, lent=performer.lent):
             raise NotOwner(
                 f"the token must be of the account whose person is driven; got one of {account!r}; "
-                "bring somebody of your own into the meeting",
+                "bring somebody of your own into the meeting, or ask the owner for their consent",
             )
         return performer
     raise NotFound(
         "protocol of the channel must be the id of a performer of this meeting; got "
-        f"{performer_id!r}; read the meeting to see who is there",
+        f"{performer_id!r}; read the meeting to see who is shown there",
     )

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from anyio import to_thread
 
 from db.errors import DatabaseError
+from db.models import Purpose
 from scene.environment import Environment
 from services import seats
 from services.container import Services
@@ -51,12 +52,12 @@ class StoredMeetings:
 
 
 def load_performers(services: Services, meeting_id: str) -> tuple[MeetingPerformer, ...]:
-    """The performers of a meeting, models loaded. Raises NotFound."""
+    """The performers of a meeting who may be shown now, models loaded. Raises NotFound."""
+    now = services.clock()
     with services.reading() as unit:
-        performers = list(unit.meetings.get(meeting_id).performers)
+        performers = unit.meetings.get(meeting_id).shown_at(now)
         rows = [unit.models.get(performer.model_id) for performer in performers]
         motions = [performed_motion(services, unit, performer) for performer in performers]
-        accounts = [unit.people.get(performer.person_id).account for performer in performers]
     return tuple(
         MeetingPerformer(
             performer.id,
@@ -65,9 +66,10 @@ def load_performers(services: Services, meeting_id: str) -> tuple[MeetingPerform
             motion,
             position(performer),
             yaw(performer),
-            account,
+            performer.account,
+            performer.person.consents_to(Purpose.DRIVING, now),
         )
-        for performer, row, motion, account in zip(performers, rows, motions, accounts, strict=True)
+        for performer, row, motion in zip(performers, rows, motions, strict=True)
     )
 
 

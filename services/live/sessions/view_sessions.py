@@ -154,7 +154,8 @@ class ViewSessions:
     ) -> tuple[str, str]:
         """Answer a viewer's SDP offer. Returns the session's id and the SDP answer.
 
-        Performers of `account` may be driven by a `keypoints` channel of this connection. The seat
+        Performers of `account`, and those that are lent, may be driven by a `keypoints` channel of
+        this connection. The seat
         of `participant_id` is released when the session ends, however it ends. Raises ServerFull
         where there are too many viewers, OfferRefused for an SDP that can't be answered.
         """
@@ -245,6 +246,7 @@ class ViewSessions:
             room = self._rooms[meeting_id]
             room.performers = await self._meetings.performers(meeting_id)
             room.environment = await self._meetings.environment(meeting_id)
+            self.keypoint_channels.close_refused(room)
 
     async def close_all(self) -> None:
         """End every session, at shutdown."""

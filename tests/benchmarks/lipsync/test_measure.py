@@ -41,7 +41,7 @@ def test_an_exported_video_has_its_sound_in_time(tmp_path):
         frame.sample_rate, frame.pts = AUDIO_RATE, first + 9600
         packets += [bytes(packet) for packet in encoder.encode(frame)]
     said = [Record(400 + 20 * number, data) for number, data in enumerate(packets)]
-    recording = LoadedRecording(4.0, [], {}, {"somebody": said}, {}, Environment())
+    recording = LoadedRecording(4.0, [], {}, {"somebody": said}, {}, Environment(), frozenset())
     out = tmp_path / "video.mp4"
     export_video(recording, CameraPath((), 64, 64, 0.6), out, lambda _: None)
     played, shown = video_contents(out)

@@ -15,10 +15,12 @@ from aiortc import RTCDataChannel
 from fastapi import FastAPI
 from prometheus_client import REGISTRY
 
+from db.models import Purpose
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
+from services.likeness import give_consent
 from services.live.keypoints_packet import KeypointsPacket, encode_keypoints
 from services.live.motion.keypoint_channels import KeypointReceiver
 from services.live.motion.live_motion import LiveMotion
@@ -171,6 +173,67 @@ async def test_a_newer_channel_takes_over(app, room, meeting_id):
     await gateway_of(app).views.close_unless(meeting_id, lambda _: False)
     await until(lambda: room.live_motions == {}, "letting go")
     await second.peer.close()
+
+
+def consent(services: Services, name: str, *purposes: Purpose) -> None:
+    """Have the person of that name consent to these, and to nothing else."""
+    with services.unit_of_work() as unit:
+        (person,) = [
+            one
+            for account in ("house", "elsewhere")
+            for one in unit.people.of_account(account)
+            if one.name == name
+        ]
+        give_consent(person, purposes, None, services.clock())
+        unit.commit()
+
+
+async def test_others_drive_by_consent_and_stop_when_it_is_withdrawn(
+    app, room, meeting_id, services
+):
+    bo = member(room, "Bo").performer_id
+    consent(services, "Bo", Purpose.MEETINGS, Purpose.DRIVING)
+    views = gateway_of(app).views
+    await views.refresh(meeting_id)
+    viewer, channel, told = await connected(app, meeting_id, "house", bo)
+    await until(lambda: bo in room.live_motions, "driving")
+    # it is nobody's but the owner's to show what they look like now
+    assert room.looks == {}
+    consent(services, "Bo", Purpose.MEETINGS)
+    await views.refresh(meeting_id)
+    assert room.live_motions == {}
+    await until(lambda: channel.readyState == "closed", "closing the channel")
+    assert "ask the owner for their consent" in json.loads(told[0])["detail"]
+    await viewer.peer.close()
+
+
+async def test_nobody_takes_over_from_the_owner_but_the_owner(app, room, meeting_id, services):
+    bo = member(room, "Bo").performer_id
+    consent(services, "Bo", Purpose.MEETINGS, Purpose.DRIVING)
+    await gateway_of(app).views.refresh(meeting_id)
+    guest, lent, _ = await connected(app, meeting_id, "house", bo)
+    await until(lambda: bo in room.live_motions, "driving")
+    owner, own, _ = await connected(app, meeting_id, "elsewhere", bo)
+    await until(lambda: lent.readyState == "closed", "closing the guest's")
+    motion = room.live_motions[bo]
+    again, refused, told = await connected(app, meeting_id, "house", bo)
+    await until(lambda: refused.readyState == "closed", "refusing the guest")
+    assert "while the owner drives" in json.loads(told[0])["detail"]
+    assert (room.live_motions[bo], own.readyState) == (motion, "open")
+    for one in (guest, owner, again):
+        await one.peer.close()
+
+
+async def test_who_is_shown_no_longer_is_driven_no_longer(app, room, meeting_id, services):
+    ada = member(room, "Ada").performer_id
+    viewer, channel, told = await connected(app, meeting_id, "house", ada)
+    await until(lambda: ada in room.live_motions, "driving")
+    consent(services, "Ada")
+    await gateway_of(app).views.refresh(meeting_id)
+    assert (room.live_motions, [one.name for one in room.performers]) == ({}, ["Bo"])
+    await until(lambda: channel.readyState == "closed", "closing the channel")
+    assert "their consent has ended" in json.loads(told[0])["detail"]
+    await viewer.peer.close()
 
 
 def test_of_packets_that_wait_the_newest_wins():
