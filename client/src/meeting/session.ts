@@ -112,6 +112,11 @@ export class MeetingSession {
     return this.channel?.send(message) ?? false;
   }
 
+  /** As the host, have a new link bring people in, and those of before nobody. Throws a Problem. */
+  async renewInvitation(): Promise<void> {
+    this.meeting.join_url = await this.api.renewInvitation(this.meeting.id, (await this.getSeat()).token);
+  }
+
   /** Called at each change, until the returned function is. */
   subscribe(listener: Listener): () => void {
     this.listeners.add(listener);

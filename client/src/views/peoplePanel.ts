@@ -2,8 +2,10 @@
 
 import type { MeetingSession } from "../meeting/session";
 import { admittedMembers, isHost, waitingMembers } from "../meeting/state";
+import { asProblem } from "../api/problem";
 import type { Connection, Member } from "../api/types";
-import { h } from "./dom";
+import { askTwice } from "./askTwice";
+import { announce, h } from "./dom";
 import { icon } from "./icons";
 import { button } from "./shell";
 
@@ -22,10 +24,10 @@ export function peoplePanel(session: MeetingSession): Panel {
   const waitingList = h("ul", { className: "members", testId: "waiting-people" });
   const list = h("ul", { className: "members", testId: "members" });
   const lobby = lobbySwitch(session);
-  const end = endButton(session);
+  const hosting = h("div", { className: "panel-footer" }, renewButton(session), endButton(session));
   const waitingRows = new Map<string, Row>();
   const rows = new Map<string, Row>();
-  const element = h("div", { className: "panel-body" }, lobby.element, waitingTitle, waitingList, list, end);
+  const element = h("div", { className: "panel-body" }, lobby.element, waitingTitle, waitingList, list, hosting);
   return {
     element,
     update: () => {
@@ -33,7 +35,7 @@ export function peoplePanel(session: MeetingSession): Panel {
       const host = isHost(state);
       const knocking = waitingMembers(state);
       lobby.update();
-      lobby.element.hidden = end.hidden = !host;
+      lobby.element.hidden = hosting.hidden = !host;
       waitingTitle.hidden = waitingList.hidden = knocking.length === 0;
       arrange(waitingList, waitingRows, knocking, () => waitingRow(session));
       arrange(list, rows, admittedMembers(state), () => memberRow(session));
@@ -198,18 +200,35 @@ function lobbySwitch(session: MeetingSession): { element: HTMLElement; update():
   };
 }
 
+/** A new invitation, for when the link has come to somebody who is not to come. */
+function renewButton(session: MeetingSession): HTMLElement {
+  const told = h("p", { className: "small", testId: "invitation-told", attributes: { role: "status" } });
+  const renew = async (): Promise<void> => {
+    try {
+      await session.renewInvitation();
+      told.textContent = "The old link no longer works. “Copy invite link” now copies the new one.";
+    } catch (error) {
+      const { title, detail } = asProblem(error);
+      told.textContent = `${title}. ${detail}`;
+    }
+    announce(told.textContent);
+  };
+  const asking = askTwice(
+    {
+      ask: "Renew the invitation",
+      question: "Renew the invitation?",
+      words: "The link that was sent so far stops working, and so does joining by the meeting’s id. Whoever is in the meeting stays in it.",
+      yes: "Renew",
+      no: "Keep the old link",
+      testId: "renew-invitation",
+    },
+    renew,
+  );
+  return h("div", {}, asking, told);
+}
+
 /** Asks once more: nobody comes back from it. */
 function endButton(session: MeetingSession): HTMLElement {
-  const ask = button("End for everybody", () => sure(true), { testId: "end" });
-  const yes = button("End meeting", () => session.send({ type: "end" }), { look: "danger", testId: "end-sure" });
-  const no = button("Cancel", () => sure(false));
-  const question = h("div", { className: "actions", attributes: { role: "group" } }, yes, no);
-  question.setAttribute("aria-label", "End the meeting for everybody?");
-  const sure = (asking: boolean): void => {
-    question.hidden = !asking;
-    ask.hidden = asking;
-    (asking ? yes : ask).focus();
-  };
-  question.hidden = true;
-  return h("div", { className: "panel-footer" }, ask, question);
+  const question = "End the meeting for everybody?";
+  return askTwice({ ask: "End for everybody", question, yes: "End meeting", no: "Cancel", testId: "end", focus: "yes" }, () => void session.send({ type: "end" }));
 }
