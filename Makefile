@@ -1,4 +1,4 @@
-.PHONY: demo test unit check format lock setup
+.PHONY: demo test unit check format lock audit setup
 
 # The main job: everything is set up, then the meeting opens in the browser.
 demo: setup
@@ -28,6 +28,10 @@ format:
 # Pins every package but torch with its hash (one file to run, one to test); run it after a change of dependencies.
 lock:
 	scripts/lock.sh
+
+# Advisories about the packages that we use, where their registries tell them, and bandit over our Python.
+audit: setup-test
+	.venv/bin/python -m tools.audit
 
 setup:
 	@scripts/setup.sh
