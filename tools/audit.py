@@ -119,9 +119,10 @@ def npm() -> list[Finding]:
 
 def npm_findings(report: dict[str, Any]) -> list[Finding]:
     """What `npm audit` says. Raises Unreachable."""
+    if "message" in report:  # of the request, which was refused or got no answer
+        raise Unreachable(report["message"])
     if "vulnerabilities" not in report:
-        told = report.get("error", report)
-        raise Unreachable(str(told.get("summary") or told.get("message") or told))
+        raise RuntimeError(f"npm must audit; got {report}")
     found = [
         Finding("npm", one["url"].rpartition("/")[2], one["name"], one["title"])
         for package in report["vulnerabilities"].values()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Dialog, Page, expect
 
 from benchmarks.browser import open_page
 from services.bootstrap import DEMO_MODEL, import_model
@@ -112,7 +112,12 @@ def test_a_host_renews_the_invitation_and_whoever_is_in_stays(tmp_path):
             cy.goto(here.address)
             expect(cy.get_by_test_id("error")).to_contain_text("newest invitation", timeout=MINUTES)
         copied: list[str] = []
-        ada.on("dialog", lambda dialog: (copied.append(dialog.default_value), dialog.dismiss()))
+
+        def keep(dialog: Dialog) -> None:
+            copied.append(dialog.default_value)
+            dialog.dismiss()
+
+        ada.on("dialog", keep)
         ada.evaluate("navigator.clipboard.writeText = async () => { throw new Error('no'); }")
         ada.get_by_role("button", name="Copy invite link").click()
         (link,) = copied

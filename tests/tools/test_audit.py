@@ -87,13 +87,9 @@ def test_a_registry_that_tells_no_advisories_is_said_to_be_skipped(monkeypatch, 
     assert "bandit B301 in a/b.py" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    "report",
-    [
-        {"error": {"code": "ENOAUDIT", "summary": "audit endpoint returned an error"}},
-        {"message": "request to https://registry.npmjs.org failed"},
-    ],
-)
-def test_an_answer_without_advisories_is_none(report: dict):
-    with pytest.raises(Unreachable, match=r"endpoint|request to"):
-        npm_findings(report)
+def test_npm_that_gets_no_answer_is_skipped_and_npm_that_fails_is_not():
+    refused = {"message": "405 Method Not Allowed - POST https://registry.npmjs.org", "error": {}}
+    with pytest.raises(Unreachable, match="405 Method Not Allowed"):
+        npm_findings(refused)
+    with pytest.raises(RuntimeError, match=r"npm must audit; got .*ENOLOCK"):
+        npm_findings({"error": {"code": "ENOLOCK", "summary": "no lockfile"}})

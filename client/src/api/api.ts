@@ -164,7 +164,7 @@ export class Api implements UploadRoutes {
   /** A meeting, as whoever holds `token` sees it: with their seat's, whatever became of the invitation. */
   async meeting(id: string, token = ""): Promise<Meeting> {
     const path = `/v1/meetings/${id}`;
-    if (token === "") return this.json("GET", path);
+    if (token === "") return this.json<Meeting>("GET", path);
     return (await checked(await this.attempt("GET", path, token, undefined))).json() as Promise<Meeting>;
   }
 

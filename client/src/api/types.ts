@@ -209,7 +209,7 @@ export interface ListedPerson {
   mine: boolean;
 }
 
-/** A meeting and its performers. */
+/** A meeting and the performers who are shown in it. */
 export interface Meeting {
   id: string;
   name: string;
@@ -288,13 +288,15 @@ export interface Network {
   connection: Connection;
 }
 
-/** A meeting to open. */
+/** What somebody's model may be used for, and until when. */
 export interface NewConsent {
+  /** `meetings`: it is shown in meetings. `recordings`: recordings hold what they move, say and write, once they agreed to each. `driving`: others in a meeting may drive it, not the owner alone. Empty: nobody but the owner sees it. */
   purposes: Purpose[];
   /** From then on it holds no longer; empty: no end is set. */
   until?: string | null;
 }
 
+/** A meeting to open. */
 export interface NewMeeting {
   name: string;
   model_ids?: string[];
@@ -464,9 +466,10 @@ export interface Problem {
   detail: string;
 }
 
-/** Raise or lower one's hand. */
+/** What a person's model may be used for, beside its owner's own pictures of it. */
 export type Purpose = "meetings" | "recordings" | "driving";
 
+/** Raise or lower one's hand. */
 export interface RaiseHand {
   type: "hand";
   raised: boolean;

@@ -14,7 +14,7 @@ export interface RosterHooks {
 
 export class PerformerRoster {
   /** What the server said last, to act on each word of it once. */
-  private told = "";
+  private told: string | null = null;
 
   constructor(
     private readonly api: Pick<Api, "meeting">,

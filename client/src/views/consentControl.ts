@@ -9,7 +9,7 @@ import { announce, h } from "./dom";
 import { button } from "./shell";
 
 export function consentControl(api: Api, person: Pick<Person, "id" | "name" | "consent">): HTMLElement {
-  const state = h("p", { className: "small", testId: "consent-state", attributes: { role: "status" } });
+  const state = h("p", { className: "small", testId: "consent-state" });
   const ways = h("div", { className: "consent-ways" });
   const element = h("div", { className: "consent", testId: "consent" }, h("h4", {}, person.name), state, ways);
   let consent = person.consent;
@@ -22,6 +22,7 @@ export function consentControl(api: Api, person: Pick<Person, "id" | "name" | "c
     } catch (error) {
       const { title, detail } = asProblem(error);
       state.textContent = `${title}. ${detail}`;
+      announce(state.textContent);
     }
   };
   const edit = (): void => {

@@ -25,7 +25,7 @@ describe("who is shown", () => {
     expect(news).toEqual(["gone ada", "shown bo"]);
     expect(meeting.performers).toEqual([BO]);
     await vi.waitFor(() => expect(asked).toHaveBeenCalledWith("m", "seat"));
-    expect(meeting.join_url).toBe("/new");
+    await vi.waitFor(() => expect(meeting.join_url).toBe("/new"));
     made.showOnly(["bo"]);
     expect([asked.mock.calls.length, news.length]).toEqual([1, 3]);
   });

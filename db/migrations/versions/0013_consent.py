@@ -17,7 +17,8 @@ branch_labels = None
 depends_on = None
 
 _USUAL = '["meetings", "recordings"]'
-_DEMO = '["meetings", "recordings", "driving"]'
+_LEND_THE_DEMOS_PEOPLE = """UPDATE person
+SET consent_purposes = '["meetings", "recordings", "driving"]' WHERE account = 'guest'"""
 
 
 def upgrade() -> None:
@@ -29,7 +30,7 @@ def upgrade() -> None:
         op.add_column("person", sa.Column(name, sa.DateTime(timezone=True)))
     # of a video from before it is not known: it counts as showing whoever was in its recording
     op.add_column("recording_export", sa.Column("shows", sa.JSON()))
-    op.execute(f"UPDATE person SET consent_purposes = '{_DEMO}' WHERE account = 'guest'")
+    op.execute(_LEND_THE_DEMOS_PEOPLE)
 
 
 def downgrade() -> None:
