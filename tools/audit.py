@@ -32,7 +32,7 @@ class Unreachable(Exception):
 
 
 @dataclass(frozen=True)
-class Finding:
+class AuditFinding:
     """What a tool has found, and where: in a file, or in a package."""
 
     tool: str
@@ -50,7 +50,7 @@ class Accepted:
     where: str
     reason: str
 
-    def covers(self, finding: Finding) -> bool:
+    def covers(self, finding: AuditFinding) -> bool:
         """Whether this is about that finding."""
         same = (self.tool, self.id) == (finding.tool, finding.id)
         return same and self.where in (_EVERYWHERE, finding.where)
@@ -66,13 +66,13 @@ def read_accepted(path: Path) -> list[Accepted]:
     return found
 
 
-def bandit() -> list[Finding]:
+def bandit() -> list[AuditFinding]:
     """What bandit finds in our packages."""
     report = _json([sys.executable, "-m", "bandit", "-q", "-r", *SOURCES, "-f", "json"])
     if report["errors"]:
         raise RuntimeError(f"bandit must read every file; got {report['errors']}")
     return [
-        Finding(
+        AuditFinding(
             "bandit",
             one["test_id"],
             one["filename"].removeprefix("./"),
@@ -82,7 +82,7 @@ def bandit() -> list[Finding]:
     ]
 
 
-def pip_audit() -> list[Finding]:
+def pip_audit() -> list[AuditFinding]:
     """Advisories about the Python packages that are pinned, those of the tests too.
 
     Raises Unreachable.
@@ -98,33 +98,35 @@ def pip_audit() -> list[Finding]:
     return pip_audit_findings(report)
 
 
-def pip_audit_findings(report: dict[str, Any]) -> list[Finding]:
+def pip_audit_findings(report: dict[str, Any]) -> list[AuditFinding]:
     """What pip-audit's report says; a package that could not be asked about is a finding too."""
     found = []
     for package in report["dependencies"]:
         if "skip_reason" in package:
-            found.append(Finding("pip-audit", "skipped", package["name"], package["skip_reason"]))
+            found.append(
+                AuditFinding("pip-audit", "skipped", package["name"], package["skip_reason"])
+            )
         for one in package.get("vulns", ()):
             mended = ", ".join(one["fix_versions"]) or "no version"
             words = f"{package['version']}: mended by {mended}"
-            found.append(Finding("pip-audit", one["id"], package["name"], words))
+            found.append(AuditFinding("pip-audit", one["id"], package["name"], words))
     return found
 
 
-def npm() -> list[Finding]:
+def npm() -> list[AuditFinding]:
     """Advisories about the packages that the page ships with. Raises Unreachable."""
     report = _json(["npm", "audit", "--omit=dev", "--json"], ROOT / "client")
     return npm_findings(report)
 
 
-def npm_findings(report: dict[str, Any]) -> list[Finding]:
+def npm_findings(report: dict[str, Any]) -> list[AuditFinding]:
     """What `npm audit` says. Raises Unreachable."""
     if "message" in report:  # of the request, which was refused or got no answer
         raise Unreachable(report["message"])
     if "vulnerabilities" not in report:
         raise RuntimeError(f"npm must audit; got {report}")
     found = [
-        Finding("npm", one["url"].rpartition("/")[2], one["name"], one["title"])
+        AuditFinding("npm", one["url"].rpartition("/")[2], one["name"], one["title"])
         for package in report["vulnerabilities"].values()
         for one in package["via"]
         if isinstance(one, dict)  # a name says that another package of the report has it
@@ -132,7 +134,9 @@ def npm_findings(report: dict[str, Any]) -> list[Finding]:
     return sorted(set(found), key=lambda one: (one.where, one.id))
 
 
-def judge(findings: Sequence[Finding], accepted: Sequence[Accepted], asked: set[str]) -> list[str]:
+def judge(
+    findings: Sequence[AuditFinding], accepted: Sequence[Accepted], asked: set[str]
+) -> list[str]:
     """What fails the audit, in words: findings that nothing accepts, and what is accepted of the
     tools that were `asked` though it is not found."""
     wrong = [
@@ -151,8 +155,8 @@ def judge(findings: Sequence[Finding], accepted: Sequence[Accepted], asked: set[
 def main() -> int:
     """Audit, say what was found, and return the exit status."""
     accepted = read_accepted(ROOT / "audit.toml")
-    findings, asked = list[Finding](), set[str]()
-    tools: dict[str, Callable[[], list[Finding]]] = {
+    findings, asked = list[AuditFinding](), set[str]()
+    tools: dict[str, Callable[[], list[AuditFinding]]] = {
         "bandit": bandit,
         "pip-audit": pip_audit,
         "npm": npm,

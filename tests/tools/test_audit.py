@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from tools import audit
-from tools.audit import Accepted, Finding, Unreachable, judge, npm_findings, pip_audit_findings
+from tools.audit import Accepted, AuditFinding, Unreachable, judge, npm_findings, pip_audit_findings
 
-PICKLE = Finding("bandit", "B301", "a/b.py", "line 3: pickles")
+PICKLE = AuditFinding("bandit", "B301", "a/b.py", "line 3: pickles")
 REASON = "it is read by a reader of ours"
 
 
@@ -57,19 +57,19 @@ def test_advisories_of_python_packages_are_read_and_so_is_what_could_not_be_aske
         ]
     }
     assert pip_audit_findings(report) == [
-        Finding("pip-audit", "PYSEC-2", "bad", "2: mended by 3"),
-        Finding("pip-audit", "skipped", "odd", "not on PyPI"),
+        AuditFinding("pip-audit", "PYSEC-2", "bad", "2: mended by 3"),
+        AuditFinding("pip-audit", "skipped", "odd", "not on PyPI"),
     ]
 
 
 def test_advisories_of_npm_are_read_once_each():
     via = {"name": "bad", "title": "It leaks", "url": "https://github.com/advisories/GHSA-1"}
     report = {"vulnerabilities": {"bad": {"via": [via]}, "user": {"via": ["bad", via]}}}
-    assert npm_findings(report) == [Finding("npm", "GHSA-1", "bad", "It leaks")]
+    assert npm_findings(report) == [AuditFinding("npm", "GHSA-1", "bad", "It leaks")]
 
 
 def test_a_registry_that_tells_no_advisories_is_said_to_be_skipped(monkeypatch, capsys):
-    def away() -> list[Finding]:
+    def away() -> list[AuditFinding]:
         raise Unreachable("405 Method Not Allowed")
 
     accepted = [Accepted("bandit", PICKLE.id, PICKLE.where, REASON)]
