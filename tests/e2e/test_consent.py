@@ -118,7 +118,7 @@ def test_a_host_renews_the_invitation_and_whoever_is_in_stays(tmp_path):
             dialog.dismiss()
 
         ada.on("dialog", keep)
-        ada.evaluate("navigator.clipboard.writeText = async () => { throw new Error('no'); }")
+        ada.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject(); }")
         ada.get_by_role("button", name="Copy invite link").click()
         (link,) = copied
         with beside(ada) as dee:
