@@ -52,6 +52,7 @@ WIRE: dict[type[SceneError], tuple[int, str]] = {
     errors.NotInMeeting: (403, "not-in-meeting"),
     errors.NotInRecording: (403, "not-in-recording"),
     errors.NotOwner: (403, "not-yours"),
+    errors.NoConsent: (403, "no-consent"),
     errors.NotPresenting: (403, "not-presenting"),
     errors.NotResumable: (409, "not-resumable"),
     errors.NothingRecorded: (409, "nothing-recorded"),
