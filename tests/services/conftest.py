@@ -88,13 +88,16 @@ def bearer(
     return {"Authorization": f"Bearer {token}"}
 
 
-@pytest.fixture
-async def client(services: Services) -> AsyncIterator[httpx.AsyncClient]:
+def calling(services: Services) -> httpx.AsyncClient:
     """A caller of account `house`."""
     transport = httpx.ASGITransport(create_app(services), raise_app_exceptions=False)
-    async with httpx.AsyncClient(
-        transport=transport, base_url="http://test", headers=bearer(services)
-    ) as made:
+    return httpx.AsyncClient(transport=transport, base_url="http://test", headers=bearer(services))
+
+
+@pytest.fixture
+async def client(services: Services) -> AsyncIterator[httpx.AsyncClient]:
+    """See `calling`."""
+    async with calling(services) as made:
         yield made
 
 

@@ -11,12 +11,11 @@ import httpx
 import pytest
 
 from db.models import ModelRow
-from services.app import create_app
 from services.auth import GUEST
 from services.bootstrap import import_model
 from services.container import Services
 from tests.fakes import Clock
-from tests.services.conftest import bearer
+from tests.services.conftest import bearer, calling
 
 USUAL = {"purposes": ["meetings", "recordings"], "until": None, "state": "given"}
 
@@ -35,10 +34,7 @@ def timed(services: Services, clock: Clock) -> Services:
 
 @pytest.fixture
 async def client(timed: Services) -> AsyncIterator[httpx.AsyncClient]:
-    transport = httpx.ASGITransport(create_app(timed), raise_app_exceptions=False)
-    async with httpx.AsyncClient(
-        transport=transport, base_url="http://test", headers=bearer(timed)
-    ) as made:
+    async with calling(timed) as made:
         yield made
 
 
