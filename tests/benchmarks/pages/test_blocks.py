@@ -17,8 +17,6 @@ from benchmarks.reporting.checkout import ROOT
 
 OF_A_CHANGED_TREE = {"distil", "local-view", "masks", "meeting", "performers", "relight", "serve"}
 """Measured before figures of a changed tree were refused; a name goes when it is measured anew."""
-YET_TO_BE_MEASURED = {"parsimony"}
-"""New benchmarks without committed figures; a name goes when it has some."""
 
 
 def files() -> dict[str, dict]:
@@ -30,9 +28,7 @@ def test_pages_show_the_committed_figures():
     assert not outdated, "run `metanerf bench pages`"
 
 
-@pytest.mark.parametrize(
-    "name", sorted({block.sources[0] for block in BLOCKS} - YET_TO_BE_MEASURED)
-)
+@pytest.mark.parametrize("name", sorted({block.sources[0] for block in BLOCKS}))
 def test_another_commit_in_a_file_shows_on_its_page(tmp_path: Path, name: str):
     shutil.copytree(ROOT / FIGURES, tmp_path / FIGURES)
     for block in BLOCKS:
@@ -59,7 +55,7 @@ def test_a_committed_file_says_where_it_comes_from(name: str):
 
 
 def test_every_file_is_some_benchmarks():
-    assert set(files()) == {benchmark.name for benchmark in CATALOGUE} - YET_TO_BE_MEASURED
+    assert set(files()) == {benchmark.name for benchmark in CATALOGUE}
 
 
 def test_a_page_says_what_makes_an_origin_less_than_certain():
