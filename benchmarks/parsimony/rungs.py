@@ -72,7 +72,6 @@ LADDER = (
     _without("limit of roughness", real_alone=True, roughness_m=np.inf),
     _without("filling at 80 %", filled_from=2.0),
     _without("flat splats", thickness=1.0),
-    _without("inset", inset_m=0.0),
     _without("robust loss", linear_from=1.0, uncertain_linear_from=1.0),
     _without("falling rates", last_rate_share=1.0),
 )

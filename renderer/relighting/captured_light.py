@@ -8,12 +8,13 @@ sRGB is nearly straight, and each frame is drawn as the light falls on the body 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from renderer.relighting.shading import IDENTITY_ROTATION, NO_KEY_LIGHT, srgb_table
 from renderer.splats.layout import COLOUR
+from renderer.splats.model import SplatModel
 from scene.arrays import Array, Float
 from scene.colour import to_linear, to_srgb
 
@@ -46,6 +47,16 @@ class CapturedLight:
         light = parameters[:, _COLOURS] ** 2 * self.mean
         changed[:, _COLOURS] = to_srgb(np.clip(light, 0.0, 1.0))
         return changed
+
+    def lit(self, model: SplatModel) -> SplatModel:
+        """`model`, in whose colour columns the roots of albedos are, as it was captured."""
+        return replace(
+            model,
+            parameters=self.with_mean_light(model.parameters),
+            albedo=np.clip(model.parameters[:, _COLOURS] ** 2, 0.0, 1.0),
+            normals=self.normals,
+            light=self.harmonics.astype(np.float32),
+        )
 
     def shade(
         self,

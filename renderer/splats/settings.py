@@ -48,8 +48,6 @@ class SplatSettings:
     thickness: float = 0.2
     """First deviation along the surface's normal, as a share of that within it: flat splats hold
     up in poses never seen, where round ones lose 1.3 dB."""
-    inset_m: float = 0.003
-    """How deep below the surface splats begin, so that they end where it does."""
     opacity_logit: float = 2.0
     position_rate: float = 2e-4
     """m a step, at the start."""

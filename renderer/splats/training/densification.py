@@ -65,6 +65,10 @@ class Densification:
         """The coarse splats but for those to `split`, and the fine ones in their place."""
         return self.coarse.taken(~split).joined(self.fine.taken(split[self.parents]))
 
+    def origins(self, split: Bool[Array, "N"]) -> Int[Array, "K"]:
+        """The coarse splat that each of `splats` is, or is the child of."""
+        return np.concatenate([np.flatnonzero(~split), self.parents[split[self.parents]]])
+
     def parameters(
         self,
         split: Bool[Array, "N"],

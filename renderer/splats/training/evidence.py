@@ -9,7 +9,7 @@ import numpy as np
 from renderer.splats.layout import ALPHA, CONIC_A, CONIC_B, CONIC_C, EMPTY_BOX, POSITION
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.training.initialisation import FirstSplats
-from scene.arrays import Array, Bool, Float
+from scene.arrays import Array, Bool, Float, Int
 
 SEEN_PX = 0.05
 """Evidence from which a splat counts as seen, where one that lies open has about 1 px; one behind
@@ -37,26 +37,32 @@ class Evidence:
     """Counted less at the rim."""
     facing: Float[Array, "N"]
     """Of frames alone in which the surface faces the camera: what may lend its colour to others."""
-
-    @property
-    def open_px(self) -> float:
-        """Of a splat that lies open: 1, or less where splats are denser than pixels."""
-        shown = self.pixels[self.pixels > 0.0]
-        return float(np.percentile(shown, _OPEN)) if len(shown) else 0.0
+    open_px: float
+    """Of a splat that lies open: 1, or less where splats are denser than pixels."""
 
     @property
     def seen(self) -> Bool[Array, "N"]:
         """Which splats the frames show."""
         return self.pixels > SEEN_PX * self.open_px
 
+    def taken(self, splats: Int[Array, "K"]) -> Evidence:
+        """Of those `splats`, in this order."""
+        return Evidence(self.pixels[splats], self.facing[splats], self.open_px)
+
     @classmethod
     def of_frames(cls, shown: Float[Array, "F N"], cosines: Float[Array, "F N"]) -> Evidence:
         """From `shown_pixels` of some frames and the `surface_cosines` there."""
         faces, rim = cosines > _GRAZING, np.where(cosines > _AWAY, _AT_THE_RIM, 0.0)
-        return cls(
+        return cls.of(
             _in_best_frames(shown * np.where(faces, 1.0, rim)),
             _in_best_frames(np.where(faces, shown, 0.0)),
         )
+
+    @classmethod
+    def of(cls, pixels: Float[Array, "N"], facing: Float[Array, "N"]) -> Evidence:
+        """Of all splats, from `pixels` and `facing`."""
+        some = pixels[pixels > 0.0]
+        return cls(pixels, facing, float(np.percentile(some, _OPEN)) if len(some) else 0.0)
 
 
 def frames_looked_at(count: int) -> range:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -89,36 +89,57 @@ def first_splats(
 
     Raises InvalidInput where capsules and masks have nothing in common.
     """
-    body = sequence.body
-    splats, offsets = no_splats(), no_offsets()
+    body, estimated = sequence.body, sequence.pose_trust is PoseTrust.ESTIMATED
+    share = settings.uncertain_scale_share if estimated else settings.scale_share
     if body.has_surface:
         places = SurfacePlaces.drawn(body, *splat_density(sequence, settings), rng)
-        points, normals, weights, _ = places.sampled(body)
-        spacing = places.spacing[:, None]
-        if body.expression_directions is not None:
-            splats, offsets = moving_splats(places.blended(body, body.expression_directions))
+        first = splats_at(places, body, share * places.spacing[:, None], settings.thickness)
     else:
         points, normals, weights, area = _sample_capsules(sequence, settings.count, rng)
-        spacing = np.sqrt(area / len(points))
+        deviation = share * np.sqrt(area / len(points))
+        first = _flat_splats(points, normals, weights, deviation, settings.thickness)
+    first.parameters[:, OPACITY] = settings.opacity_logit
+    return first
+
+
+def splats_at(
+    places: SurfacePlaces, body: Body, deviation: Float[Array, "N 1"] | float, thickness: float
+) -> FirstSplats:
+    """Grey, half transparent splats at `places` on `body`, that move as it does.
+
+    Args:
+        deviation: within the surface, m.
+        thickness: deviation along the normal, as a share of that.
+    """
+    points, normals, weights, _ = places.sampled(body)
+    splats, offsets = no_splats(), no_offsets()
+    if body.expression_directions is not None:
+        splats, offsets = moving_splats(places.blended(body, body.expression_directions))
+    first = _flat_splats(points, normals, weights, deviation, thickness)
+    return replace(first, expression_splats=splats, expression_offsets=offsets)
+
+
+def _flat_splats(
+    points: Float[Array, "N 3"],
+    normals: Float[Array, "N 3"],
+    weights: Float[Array, "N K"],
+    deviation: Float[Array, "N 1"] | float,
+    thickness: float,
+) -> FirstSplats:
     strongest = np.argsort(-weights, axis=1)[:, :4]
     top = np.take_along_axis(weights, strongest, axis=1)
     top /= top.sum(axis=1, keepdims=True)
     parameters = np.zeros((len(points), PARAMETERS), np.float32)
-    parameters[:, POSITION : POSITION + 3] = points - settings.inset_m * normals
-    estimated = sequence.pose_trust is PoseTrust.ESTIMATED
-    share = settings.uncertain_scale_share if estimated else settings.scale_share
-    parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(share * spacing)
-    parameters[:, LOG_SCALE + 2] += np.log(settings.thickness)
+    parameters[:, POSITION : POSITION + 3] = points
+    parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(deviation)
+    parameters[:, LOG_SCALE + 2] += np.log(thickness)
     parameters[:, ROTATION : ROTATION + 4] = _quaternions_from_z(normals)
     parameters[:, COLOUR : COLOUR + 3] = 0.5
-    parameters[:, OPACITY] = settings.opacity_logit
     return FirstSplats(
         parameters,
         strongest.astype(np.uint16),
         top.astype(np.float32),
         normals.astype(np.float32),
-        splats,
-        offsets,
     )
 
 
@@ -199,6 +220,15 @@ class SurfacePlaces:
         unit = normal[face] / np.maximum(2.0 * areas[face, None], 1e-12)
         spacing = np.sqrt(share.sum() / count / density[face])
         return cls(face, mix, unit, spacing, float(areas.sum()))
+
+    @classmethod
+    def even(cls, body: Body, density: float, rng: np.random.Generator) -> SurfacePlaces:
+        """`density` places a square metre of `body`, everywhere.
+
+        Raises InvalidInput for a body without a surface.
+        """
+        area_m2 = 0.5 * np.linalg.norm(_face_normals(body), axis=1).sum()
+        return cls.drawn(body, round(density * area_m2), 1.0, rng)
 
     def blended(self, body: Body, directions: Float[Array, "S V 3"]) -> Float[Array, "N S 3"]:
         """`directions` of the vertices of `body`, at the places."""

@@ -1,7 +1,9 @@
 """How many splats a training has as it goes on: coarse ones, finer ones in their place, merged
-ones; with what a checkpoint needs to have as many again."""
+ones, finer sides; with what a checkpoint needs to have as many again."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 from renderer.splats.training.densification import Densification
 from renderer.splats.training.initialisation import FirstSplats
@@ -10,13 +12,14 @@ from scene.arrays import Array, Bool
 
 
 class Resizing:
-    """The first splats of a training, changed at most twice."""
+    """The first splats of a training, changed at most three times."""
 
     def __init__(self, first: FirstSplats, planned: Densification | None) -> None:
         self._at_first = first if planned is None else planned.coarse
         self._planned = planned
         self._split: Bool[Array, "N"] | None = None
         self._grouping: Grouping | None = None
+        self._finer: Bool[Array, "N"] | None = None
         self.splats = self._at_first
         """As they lie before training."""
 
@@ -34,18 +37,32 @@ class Resizing:
         """Put one in the place of each group."""
         self._grouping, self.splats = grouping, grouping.merged_first(self.splats)
 
+    @property
+    def refinable(self) -> bool:
+        """Neither merged, to as few as were asked for or needed, nor refined yet."""
+        return self._grouping is None and self._finer is None
+
+    def refine(self, planned: Densification, split: Bool[Array, "N"]) -> None:
+        """Put those of `planned`, whose coarse splats are the present ones, in the place of those
+        to `split`."""
+        self._finer, self.splats = split, planned.splats(split)
+
     def state(self) -> dict[str, Array]:
         """What `restore` needs."""
         merged = self._grouping
         return {
             **({} if self._split is None else {"split": self._split}),
+            **({} if self._finer is None else {"finer": self._finer}),
             **({} if merged is None else {"group": merged.group, "group_light": merged.light}),
         }
 
-    def restore(self, state: dict[str, Array]) -> None:
-        """Go back to `state`."""
-        self._split, self._grouping, self.splats = None, None, self._at_first
+    def restore(self, state: dict[str, Array], finer: Callable[[], FirstSplats]) -> None:
+        """Go back to `state`; `finer` makes the layer that was refined with."""
+        self._split, self._grouping, self._finer = None, None, None
+        self.splats = self._at_first
         if "split" in state and self._planned is not None:
             self.split(state["split"])
         if "group" in state:
             self.merge(Grouping(state["group"], state["group_light"]))
+        if "finer" in state:
+            self.refine(Densification(self.splats, finer()), state["finer"])

@@ -48,6 +48,8 @@ class SizedTrainer:
     def __init__(self, trainer: SplatTrainer, size: Size) -> None:
         self._trainer, self._size = trainer, size
         self._steps, self._report = 0, dict[str, Any]()
+        # neither may exceed the number asked for, nor wait for those merged
+        trainer.adds_sides = False
         if size == "auto":
             trainer.held_out = held_out_frames(trainer.frames)
 

@@ -18,6 +18,7 @@ from renderer.splats.layout import (
     PROJECTED,
     ROTATION,
 )
+from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import FirstSplats, moved_with_bones
@@ -25,6 +26,7 @@ from renderer.splats.training.neighbours import neighbours_at_rest
 from renderer.splats.training.occlusion import limb_splats
 from renderer.splats.training.surface_kinds import HEAD_KINDS, surface_kinds
 from scene.arrays import Array, Bool, Float
+from scene.motion import Motion
 from scene.skeleton import Skeleton
 
 _MIN_CONTRIBUTION = 0.02
@@ -166,6 +168,27 @@ class TrainedSplats:
         """Forget where the colours of `held` were going to."""
         for moment in (self._first_moment, self._second_moment):
             moment[held, COLOUR : COLOUR + 3] = 0.0
+
+    def model(
+        self,
+        parameters: Float[Array, "N P"],
+        seen: Bool[Array, "N"],
+        skeleton: Skeleton,
+        motion: Motion,
+        data_hash: str,
+    ) -> SplatModel:
+        """These splats with other `parameters`, as a model by itself."""
+        return SplatModel(
+            parameters,
+            self.joints.astype(np.uint8),
+            self.weights,
+            seen,
+            skeleton,
+            motion,
+            data_hash,
+            expression_splats=self.expressions.splats,
+            expression_offsets=self.expressions.offsets,
+        )
 
     def state(self) -> dict[str, Array]:
         """What `restore` needs."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,8 +31,9 @@ from renderer.splats.training.evidence import (
     surface_cosines,
 )
 from renderer.splats.training.filling import fill_unseen, held_colours
+from renderer.splats.training.finer_sides import finer_layer, wide_on_unseen_sides
 from renderer.splats.training.full_size import FullSizeWindows, whole_views
-from renderer.splats.training.initialisation import first_splats, splats_of_model
+from renderer.splats.training.initialisation import FirstSplats, first_splats, splats_of_model
 from renderer.splats.training.merging import Grouping
 from renderer.splats.training.occlusion import hidden_by_limbs
 from renderer.splats.training.resizing import Resizing
@@ -79,6 +81,8 @@ class SplatTrainer:
         self._resizing = Resizing(first if earlier is None else earlier, planned)
         self.held_out: tuple[int, ...] = ()
         """Frames that steps do not look at; may be set."""
+        self.adds_sides = True
+        """Sides that no frame shows get more splats; may be set."""
         larger = self._views[0] is not filmed[0]
         self._windows = FullSizeWindows(filmed, settings) if larger else None
         self.splats = self._splats_begun()
@@ -120,11 +124,7 @@ class SplatTrainer:
         if (planned := self._resizing.awaited) is not None and fraction >= _DENSIFIED_FROM:
             self._densify(planned)
         if self._found is None and fraction >= self._settings.filled_from:
-            self._found = self._evidence()
-            filled = fill_unseen(self.splats.parameters, self._found, self.splats.kinds)
-            self.splats.parameters = filled
-            self._held = held_colours(self._found, self.splats.kinds)
-            self.splats.hold_colours(self._held)
+            self._fill()
         if not self._find_light or self._light is not None or fraction < _LIGHT_FROM:
             return
         from renderer.relighting.light_estimation import estimate_light
@@ -243,6 +243,27 @@ class SplatTrainer:
         self._resizing.split(split)
         self._resize(lambda surface: planned.parameters(split, trained, surface))
 
+    def _fill(self) -> None:
+        """Guess the colours of sides that no frame shows, and make these sides finer."""
+        self._found = self._evidence()
+        filled = fill_unseen(self.splats.parameters, self._found, self.splats.kinds)
+        self.splats.parameters = filled
+        split = wide_on_unseen_sides(filled, self._found.seen)
+        may_add = self.adds_sides and self._resizing.refinable and self._sequence.body.has_surface
+        if may_add and split.any():
+            planned = Densification(self.splats.first, self._finer_layer())
+            origins = planned.origins(split)
+            self._found = self._found.taken(origins)
+            if self._light is not None:
+                self._light = self._light.merged(lambda values: values[origins])
+            self._resizing.refine(planned, split)
+            self._resize(lambda surface: planned.parameters(split, filled, surface))
+        self._held = held_colours(self._found, self.splats.kinds)
+        self.splats.hold_colours(self._held)
+
+    def _finer_layer(self) -> FirstSplats:
+        return finer_layer(self._sequence.body, self._settings.thickness)
+
     def merge(self, grouping: Grouping) -> None:
         """Go on with one splat for each group."""
         trained = self.splats.parameters
@@ -327,7 +348,8 @@ class SplatTrainer:
 
     def model_so_far(self) -> SplatModel:
         """As it is now, all of it taken as seen."""
-        return self._model(self.splats.parameters, np.ones(len(self.splats), bool), {})
+        seen = np.ones(len(self.splats), bool)
+        return self._model(self.splats.parameters, seen, {})
 
     def state(self) -> dict[str, Array]:
         """Parameters, moments, refined poses and the random state."""
@@ -346,7 +368,7 @@ class SplatTrainer:
     def restore(self, state: dict[str, Array]) -> None:
         """Go back to `state`."""
         self._poses.restore(state)
-        self._resizing.restore(state)
+        self._resizing.restore(state, self._finer_layer)
         self.splats = self._splats_begun()
         self.splats.restore(state)
         self.splats.surface_on(self._poses.skeleton)
@@ -378,25 +400,9 @@ class SplatTrainer:
     def _model(
         self, parameters: Float[Array, "N P"], seen: Bool[Array, "N"], metrics: dict[str, Any]
     ) -> SplatModel:
-        light, albedo, normals = self._light, None, None
-        if light is not None:
-            albedo = np.clip(parameters[:, COLOUR : COLOUR + 3] ** 2, 0.0, 1.0)
-            normals = light.normals
-        return SplatModel(
-            self._as_captured(parameters),
-            self.splats.joints.astype(np.uint8),
-            self.splats.weights,
-            seen,
-            self._poses.skeleton,
-            self._poses.motion(),
-            self._sequence.data_hash,
-            metrics=metrics,
-            albedo=albedo,
-            normals=normals,
-            light=None if light is None else light.harmonics.astype(np.float32),
-            expression_splats=self.splats.expressions.splats,
-            expression_offsets=self.splats.expressions.offsets,
-        )
+        poses, data_hash = self._poses, self._sequence.data_hash
+        model = self.splats.model(parameters, seen, poses.skeleton, poses.motion(), data_hash)
+        return replace(self._light.lit(model) if self._light else model, metrics=metrics)
 
     def _as_captured(self, parameters: Float[Array, "N P"]) -> Float[Array, "N P"]:
         """`parameters` with colours as captured, also while albedos are trained."""

@@ -38,7 +38,7 @@ def filled_greys(
     kinds: Array | None = None,
 ) -> Float[Array, "N"]:
     """One channel of the filled colours; all of one kind, all facing the camera, if not told."""
-    found = Evidence(evidence, evidence if facing is None else facing)
+    found = Evidence.of(evidence, evidence if facing is None else facing)
     kinds = np.full(len(trained), CLOTH) if kinds is None else kinds
     return fill_unseen(trained, found, kinds)[:, COLOUR]
 
@@ -57,9 +57,9 @@ def test_splats_denser_than_pixels_are_seen_as_well_as_others():
     """Of a person far away each open splat has a hundredth of a pixel, and is seen all the same."""
     trained = line_of(*[0.4] * 10, 0.9, *[0.4] * 10)
     pixels = np.append(np.full(20, 2.0), 0.004)
-    assert Evidence(pixels, pixels).seen.tolist() == [True] * 20 + [False]
+    assert Evidence.of(pixels, pixels).seen.tolist() == [True] * 20 + [False]
     few = 0.005 * pixels
-    assert Evidence(few, few).seen.tolist() == [True] * 20 + [False]
+    assert Evidence.of(few, few).seen.tolist() == [True] * 20 + [False]
     assert filled_greys(trained, few)[10] > 0.89
 
 
@@ -139,14 +139,14 @@ def test_a_kind_that_was_never_seen_takes_what_lies_nearest():
 def test_shape_and_opacity_stay():
     trained = np.random.default_rng(0).uniform(size=(40, PARAMETERS)).astype(np.float32)
     evidence = np.linspace(0.0, 1.0, 40)
-    filled = fill_unseen(trained, Evidence(evidence, evidence), np.full(40, CLOTH))
+    filled = fill_unseen(trained, Evidence.of(evidence, evidence), np.full(40, CLOTH))
     rest = np.delete(np.arange(PARAMETERS), range(COLOUR, COLOUR + 3))
     np.testing.assert_array_equal(filled[:, rest], trained[:, rest])
 
 
 def test_nothing_changes_where_nothing_was_seen():
     trained, none = line_of(0.1, 0.9), np.zeros(2)
-    assert fill_unseen(trained, Evidence(none, none), np.full(2, CLOTH)) is trained
+    assert fill_unseen(trained, Evidence.of(none, none), np.full(2, CLOTH)) is trained
 
 
 def test_what_shines_through_from_behind_is_no_evidence():
@@ -182,5 +182,5 @@ def test_hair_that_only_a_rim_shows_a_little_keeps_what_it_was_filled_with():
     pixels = np.array([0.0, 0.3, 0.3, 0.8, 0.3, 1.0])
     facing = np.array([0.0, 0.0, 0.3, 0.0, 0.0, 1.0])
     kinds = np.array([CLOTH, HAIR, HAIR, HAIR, CLOTH, CLOTH])
-    held = held_colours(Evidence(pixels, facing), kinds)
+    held = held_colours(Evidence.of(pixels, facing), kinds)
     assert held.tolist() == [True, True, False, False, False, False]
