@@ -8,6 +8,8 @@ from wherever one looks.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from renderer.live_look.alignment import FlowAligner
@@ -61,6 +63,16 @@ _EXPOSURE_S = 1.0
 _EXPOSURE_RANGE = (0.7, 1.4)
 
 
+@dataclass(frozen=True, eq=False)
+class AlignedModel:
+    """A model as a picture shows it, but for its colours."""
+
+    pose: Pose
+    """Aligned with the picture."""
+    captured: Float[Array, "N P"]
+    """Its splats in the light of its clip; belongs to the `LiveLook` until the next picture."""
+
+
 class LiveLook:
     """The live colours of one performer; belongs to one thread."""
 
@@ -81,19 +93,27 @@ class LiveLook:
 
     def see(self, picture: WebcamPicture) -> Pose:
         """Take the colours of `picture`; returns its pose, aligned with it."""
+        aligned = self.align(picture)
+        self.take_colours(picture, aligned)
+        return aligned.pose
+
+    def align(self, picture: WebcamPicture) -> AlignedModel:
+        """Bring the pose of `picture` to what it shows. To be called of each picture, in order."""
         skeleton, camera = self._model.skeleton, picture.camera
         given = picture.pose
         transforms = skeleton.skinning_transforms(given.joint_angles, given.root_translation)
         captured = self._renderer.shaded(
             camera, transforms.astype(np.float32), expressions=[given.expression]
         )
-        base = captured[:, _COLOURS].copy()
         # by the trained colours: live ones agree with whatever pose they were taken in
-        pose = self._aligner.align(picture, captured)
-        self._arrange(captured, camera, pose)
+        return AlignedModel(self._aligner.align(picture, captured), captured)
+
+    def take_colours(self, picture: WebcamPicture, aligned: AlignedModel) -> None:
+        """Take the colours of `picture`, with which the model was aligned."""
+        base = aligned.captured[:, _COLOURS].copy()
+        self._arrange(aligned.captured, picture.camera, aligned.pose)
         self._find_colours(picture, base)
-        self._follow(pose.time_s, base)
-        return pose
+        self._follow(aligned.pose.time_s, base)
 
     def change_at(self, time_s: float) -> Float[Array, "N 3"]:
         """What is added to the splats' colours as they were captured, sRGB, at `time_s` of the

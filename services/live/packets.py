@@ -7,7 +7,8 @@ key frame; bit 3: sound alone, so send neither pictures nor poses; bit 4: send p
 pictures. Unknown bits are ignored.
 View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
 f32 vertical field of view (rad), u16 width, u16 height (px).
-Keypoints: `services.live.keypoints_packet`.
+Keypoints: `services.live.keypoints_packet`. Live look, which comes in order and whole and has a
+header of its own: `services.live.look.packets`.
 Flags of a pose: how old, ms, the picture of the landmarks that it follows was when they left their
 page, at least 1; 0 where it follows none.
 Pose, 160 bytes: u8 index of the performer, u8 count of performers, u16 low bits of the
@@ -64,6 +65,9 @@ class Kind(IntEnum):
     KEYPOINTS = 1
     POSE = 2
     VIEW = 3
+    LOOK_FRAME = 4
+    LOOK_POSE = 5
+    LOOK_END = 6
 
 
 class PacketError(SceneError):
@@ -254,6 +258,12 @@ class NewestView:
         if packet is None or packet.sound_only:
             return False
         return packet.draws_itself or packet.poses_too
+
+    @property
+    def draws_room(self) -> bool:
+        """Whether the viewer draws the room."""
+        packet = self.packet
+        return packet is not None and packet.draws_itself and not packet.sound_only
 
     @property
     def wants_pictures(self) -> bool:

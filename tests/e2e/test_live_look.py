@@ -12,7 +12,7 @@ from benchmarks.browser import open_page
 from capture.detection.network_files import FACE_MODEL, HAND_MODEL, POSE_MODEL
 from services.bootstrap import DEMO_MODEL, import_model
 from services.gateway import gateway_of
-from services.live.look.picture import DroppedPictures, LookPicture
+from services.live.look.picture import DroppedPictures, LookPicture, PoseRequest
 from services.live.look.receiver import SILENCE_S
 from services.meetings import create_meeting
 from tests.e2e.serving import WATCH, Gateway, serving
@@ -50,7 +50,7 @@ class Kept(DroppedPictures):
         self.pictures: list[LookPicture] = []
         self.stopped_s: list[float] = []
 
-    def receive(self, picture: LookPicture) -> None:
+    def receive(self, picture: LookPicture, request: PoseRequest | None = None) -> None:
         self.pictures.append(picture)
 
     def stop(self) -> None:

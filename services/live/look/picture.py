@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
 from renderer.performer_model import PerformerModel
 from scene.arrays import Array, Float, UInt8
+from scene.camera import Camera
+from scene.motion import Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,10 +26,34 @@ class LookPicture:
     """0 (not the person) to 255 (the person); twice enlarged."""
 
 
+@dataclass(frozen=True, eq=False)
+class AlignedPose:
+    """Where somebody was in a picture, as pages need it that colour a model by that picture."""
+
+    pose: Pose
+    """Aligned with the picture."""
+    pelvis: Float[Array, "3"]
+    """Where its pelvis is, m."""
+    camera: Camera
+    """Of the sent picture, in the world of `pose`."""
+    moment_s: float
+    """When they were there, by the clock of what is drawn."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseRequest:
+    """That pages which draw want the pose of a picture."""
+
+    model: PerformerModel
+    """Whom they draw."""
+    deliver: Callable[[AlignedPose], None]
+    """Called once it is known, if it ever is; on any thread."""
+
+
 class LookSink(Protocol):
     """Shows one performer as they look now."""
 
-    def receive(self, picture: LookPicture) -> None:
+    def receive(self, picture: LookPicture, request: PoseRequest | None = None) -> None:
         """Take the newest picture; returns at once. On the event loop."""
         ...
 
@@ -53,7 +80,7 @@ class ShownLook:
 class DroppedPictures(LookSink):
     """Shows none."""
 
-    def receive(self, picture: LookPicture) -> None:
+    def receive(self, picture: LookPicture, request: PoseRequest | None = None) -> None:
         """Nothing."""
 
     def stop(self) -> None:

@@ -3,9 +3,9 @@
 A frame is 288 x 432 px: the person cut out, 288 x 288; below it their matte, 144 x 144, and to the
 right of that the code of `services.live.look.picture_code`. Frames are decoded only while they are
 somebody's whom this connection drives by keypoints, and only while the newest keypoints say that
-live look is on: nobody's pictures are looked at against their will. Encoded frames wait on the
-event loop and are decoded on a thread, all of them, since each builds on the last; only the newest
-becomes a picture.
+live look is on: nobody's pictures are looked at against their will. Encoded frames go on to pages
+that draw by themselves; they wait on the event loop and are decoded on a thread, all of them, since
+each builds on the last, and only the newest becomes a picture.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from av.video.codeccontext import VideoCodecContext
 from prometheus_client import Counter
 
 from services.live.look import picture_code
-from services.live.look.picture import LookPicture, LookSink
+from services.live.look.picture import AlignedPose, LookPicture, LookSink, PoseRequest
+from services.live.look.relay import LookRelay, NoRelay
 
 log = logging.getLogger(__name__)
 
@@ -58,25 +59,30 @@ class LookReceiver:
         self._decoder: VideoCodecContext = CodecContext.create("libvpx", "r")
         self._decoder.thread_count = 1
         self._sink: LookSink | None = None
+        self._relay: LookRelay = NoRelay()
+        self._frames = 0
+        """Passed on so far."""
         self._announced = False
         self._continuous = False
         """Whether the decoder has had every frame since a key frame of the right size."""
-        self._waiting: list[bytes] = []
+        self._waiting: list[tuple[int, bytes]] = []
+        """Frames and their numbers."""
         self._decoding: asyncio.Task[None] | None = None
         self._asking: asyncio.Future[None] | None = None
         self._asked_s = -_KEY_FRAME_INTERVAL_S
         self._silence: asyncio.TimerHandle | None = None
 
-    def attach(self, sink: LookSink) -> None:
-        """Pictures are of whom `sink` shows, once they are announced, and of nobody else."""
+    def attach(self, sink: LookSink, relay: LookRelay | None = None) -> None:
+        """Pictures are of whom `sink` shows, once they are announced, and of nobody else; frames go
+        on to `relay`."""
         self.announce(False)
-        self._sink = sink
+        self._sink, self._relay = sink, relay or NoRelay()
 
     def detach(self, sink: LookSink) -> None:
         """They no longer are; `sink` is stopped."""
         if self._sink is sink:
             self.announce(False)
-            self._sink = None
+            self._sink, self._relay = None, NoRelay()
         sink.stop()
 
     def announce(self, on: bool) -> None:
@@ -102,7 +108,10 @@ class LookReceiver:
             PICTURES.labels("unreadable").inc()
             self._ask_for_key_frame()
             return
-        self._waiting.append(data)
+        self._frames += 1
+        if self._relay.pass_frame(self._frames, data):
+            self._ask_for_key_frame()
+        self._waiting.append((self._frames, data))
         if self._decoding is None:
             self._decoding = asyncio.create_task(self._decode())
 
@@ -116,7 +125,7 @@ class LookReceiver:
                 if picture is None:
                     PICTURES.labels("unreadable").inc()
                 elif self._sink is not None and self._announced:
-                    self._show(self._sink, picture)
+                    self._show(self._sink, picture, frames[-1][0])
                 else:  # switched off meanwhile
                     PICTURES.labels("refused").inc()
         except FFmpegError as error:
@@ -129,20 +138,34 @@ class LookReceiver:
         finally:
             self._decoding = None
 
-    def _newest(self, frames: list[bytes]) -> LookPicture | None:
+    def _newest(self, frames: list[tuple[int, bytes]]) -> LookPicture | None:
         """On the decoder's thread: the last frame's picture. Raises FFmpegError."""
-        shown = [frame for data in frames for frame in self._decoder.decode(Packet(data))]
+        shown = [frame for _, data in frames for frame in self._decoder.decode(Packet(data))]
         return picture_of(shown[-1]) if shown else None
 
-    def _show(self, sink: LookSink, picture: LookPicture) -> None:
+    def _show(self, sink: LookSink, picture: LookPicture, number: int) -> None:
         PICTURES.labels("shown").inc()
         self._forget_silence()
         self._silence = asyncio.get_running_loop().call_later(SILENCE_S, self._stop)
-        sink.receive(picture)
+        sink.receive(picture, self._pose_request(number))
+
+    def _pose_request(self, number: int) -> PoseRequest | None:
+        """For the pose of the frame of this number, where pages draw whom it shows."""
+        loop, relay, model = asyncio.get_running_loop(), self._relay, self._relay.drawn_model()
+
+        def pass_on(aligned: AlignedPose) -> None:
+            if self._relay is relay and self._announced:
+                relay.pass_pose(number, aligned)
+
+        def deliver(aligned: AlignedPose) -> None:
+            loop.call_soon_threadsafe(pass_on, aligned)
+
+        return None if model is None else PoseRequest(model, deliver)
 
     def _stop(self) -> None:
         self._drop_waiting()
         self._forget_silence()
+        self._relay.end()
         if self._sink is not None:
             self._sink.stop()
 

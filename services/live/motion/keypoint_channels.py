@@ -28,6 +28,7 @@ from services.likeness import may_drive
 from services.live.keypoints_packet import KeypointsPacket, decode_keypoints
 from services.live.look.picture import DroppedPictures, LookSink
 from services.live.look.receiver import LookReceiver
+from services.live.look.relay import LookRelay, NoRelay
 from services.live.motion.live_motion import LiveMotion, warm_up
 from services.live.packets import PacketError, is_newer
 from services.live.room import MeetingPerformer, Room, facing_yaw
@@ -51,6 +52,8 @@ DescribeError = Callable[[Exception], str]
 """An error as the JSON text of a problem (RFC 9457)."""
 MakeLookSink = Callable[[MeetingPerformer, LiveMotion], LookSink]
 """What shows a performer, who moves so, as they look now."""
+MakeLookRelay = Callable[[Room, str], LookRelay]
+"""What passes the pictures of a performer of a room on to pages that draw."""
 
 
 def drop_pictures(performer: MeetingPerformer, motion: LiveMotion) -> LookSink:
@@ -81,9 +84,10 @@ class KeypointChannels:
         clock: Clock,
         describe_error: DescribeError,
         make_look_sink: MakeLookSink = drop_pictures,
+        make_look_relay: MakeLookRelay = lambda *_: NoRelay(),
     ) -> None:
         self._clock, self._describe_error = clock, describe_error
-        self.make_look_sink = make_look_sink
+        self.make_look_sink, self._make_look_relay = make_look_sink, make_look_relay
         # one thread for all: a pose takes milliseconds, and a packet that waits is replaced
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="solve")
         self._drivers: dict[tuple[Room, str], _Driver] = {}
@@ -116,7 +120,7 @@ class KeypointChannels:
         sink = None
         if look is not None and owns_alone(account, performer):
             sink = room.looks[performer.performer_id] = self.make_look_sink(performer, motion)
-            look.attach(sink)
+            look.attach(sink, self._make_look_relay(room, performer.performer_id))
             receiver.on_live_look = look.announce
         driver = self._drivers[key] = _Driver(account, channel, look, sink)
         room.live_motions[performer.performer_id] = motion

@@ -2,7 +2,8 @@
 
 A picture waits for a thread that works out what it changes; of each performer only the newest
 waits. Nothing is worked out for performers whom the server does not draw. What is shown belongs to
-the moment of the picture, so a performer's motion is shown as much later.
+the moment of the picture, so a performer's motion is shown as much later. Pages that draw by
+themselves find the colours themselves, and take from here the pose that is aligned with a picture.
 """
 
 from __future__ import annotations
@@ -19,7 +20,13 @@ from renderer.live_look.picture import WebcamPicture
 from renderer.performer_model import PerformerModel
 from renderer.splats.model import SplatModel
 from scene.camera import Camera
-from services.live.look.picture import LookPicture, LookSink, ShownLook
+from services.live.look.picture import (
+    AlignedPose,
+    LookPicture,
+    LookSink,
+    PoseRequest,
+    ShownLook,
+)
 from services.live.motion.live_motion import LiveMotion
 from services.live.room import MeetingPerformer
 from services.live.settling_mean import SettlingMean
@@ -67,7 +74,7 @@ class PerformerLook(LookSink):
     def __init__(self, motion: LiveMotion, executor: Executor, clock: Clock) -> None:
         self._motion, self._executor, self._clock = motion, executor, clock
         self._lock = threading.Lock()
-        self._waiting: LookPicture | None = None
+        self._waiting: tuple[LookPicture, PoseRequest | None] | None = None
         self._working = False
         self._drawn: tuple[PerformerModel, float] | None = None
         """The model that is drawn, and when it was last."""
@@ -76,10 +83,10 @@ class PerformerLook(LookSink):
         self._times_stopped = 0
         self._behind = SettlingMean(0.0)
 
-    def receive(self, picture: LookPicture) -> None:
+    def receive(self, picture: LookPicture, request: PoseRequest | None = None) -> None:
         """Take the newest picture; returns at once."""
         with self._lock:
-            self._waiting = picture
+            self._waiting = picture, request
             idle, self._working = not self._working, True
         if idle:
             self._executor.submit(self._work)
@@ -99,11 +106,11 @@ class PerformerLook(LookSink):
     def _work(self) -> None:
         """On the thread: the newest picture, then those of other performers."""
         with self._lock:
-            picture, self._waiting = self._waiting, None
+            waiting, self._waiting = self._waiting, None
             stopped = self._times_stopped
         try:
-            if picture is not None:
-                self._show(picture, stopped)
+            if waiting is not None:
+                self._show(*waiting, stopped)
         except Exception:
             # an error in one picture must not end live look
             log.exception("a picture could not be shown")
@@ -112,27 +119,38 @@ class PerformerLook(LookSink):
         if again:
             self._executor.submit(self._work)
 
-    def _show(self, picture: LookPicture, stopped: int) -> None:
-        begun_s, drawn = self._clock(), self._drawn
+    def _show(self, picture: LookPicture, request: PoseRequest | None, stopped: int) -> None:
+        begun_s = self._clock()
+        drawn = self._drawn_at(begun_s)
+        model = drawn or (request and request.model)
         solved = self._motion.solved(picture.captured_ms)
-        if drawn is None or begun_s - drawn[1] > _DRAWN_S or solved is None:
-            return
-        model = drawn[0]
-        splats = model.splats
-        if splats is None:
+        splats = None if model is None else model.splats
+        if model is None or splats is None or solved is None:
             return
         look = self._look_of(model, splats)
         camera = cropped(solved.camera, picture)
-        look.see(WebcamPicture(picture.rgb, picture.matte, camera, solved.pose))
-        change = look.change_at(solved.pose.time_s)
-        done_s = self._clock()
-        LOOK_SECONDS.observe(done_s - begun_s)
-        behind_s = done_s - solved.pose.time_s - (self._motion.clock_offset_s or 0.0)
-        self._behind.add(min(max(behind_s, 0.0), _MOST_BEHIND_S), _STEP_S)
+        seen = WebcamPicture(picture.rgb, picture.matte, camera, solved.pose)
+        aligned = look.align(seen)
+        moment_s = solved.pose.time_s + (self._motion.clock_offset_s or 0.0)
+        if request is not None:
+            pelvis = splats.skeleton.rest_joints[0] + aligned.pose.root_translation
+            request.deliver(AlignedPose(aligned.pose, pelvis, camera, moment_s))
+        shown = None
+        if drawn is not None:
+            look.take_colours(seen, aligned)
+            change = look.change_at(solved.pose.time_s)
+            behind_s = min(max(self._clock() - moment_s, 0.0), _MOST_BEHIND_S)
+            self._behind.add(behind_s, _STEP_S)
+            shown = model, ShownLook(change, self._behind.value)
+        LOOK_SECONDS.observe(self._clock() - begun_s)
         with self._lock:
             if self._times_stopped == stopped:
-                self._look = model, look
-                self._shown = model, ShownLook(change, self._behind.value)
+                self._look, self._shown = (model, look), shown
+
+    def _drawn_at(self, now_s: float) -> PerformerModel | None:
+        """The model that the server draws; None where nobody sees its pictures."""
+        drawn = self._drawn
+        return drawn[0] if drawn is not None and now_s - drawn[1] <= _DRAWN_S else None
 
     def _look_of(self, model: PerformerModel, splats: SplatModel) -> LiveLook:
         from renderer.live_look.live_look import LiveLook

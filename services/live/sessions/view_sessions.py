@@ -35,6 +35,7 @@ from services.live.packets import NewestView, PacketError, decode_view
 from services.live.room import MeetingPerformer, Room
 from services.live.streaming.encoding import Codec, PictureEncoder, negotiated_codec
 from services.live.streaming.instrumentation import Instrumentation
+from services.live.streaming.look_feed import LookFeed
 from services.live.streaming.pose_feed import PoseFeed, pose_packets
 from services.live.streaming.rtcp_feedback import apply_feedback
 from services.live.streaming.view_track import SharedPictures, ViewTrack
@@ -118,7 +119,10 @@ class ViewSessions:
         self._pictures: dict[Room, SharedPictures] = {}
         self._sessions: dict[str, ViewSession] = {}
         self._pose_feed = PoseFeed(clock, self._instrumentation)
-        self.keypoint_channels = KeypointChannels(clock, describe_error, make_look_sink)
+        self._look_feed = LookFeed()
+        self.keypoint_channels = KeypointChannels(
+            clock, describe_error, make_look_sink, self._look_feed.relay
+        )
         # one thread renders for all: a picture already uses every core
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="render")
         self._look_executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="look")
@@ -276,6 +280,8 @@ class ViewSessions:
         def on_channel(channel: RTCDataChannel) -> None:
             if channel.label == "pose":
                 self._pose_feed.add(room, view, channel)
+            if channel.label == "look":
+                self._look_feed.add(room, view, channel)
             if channel.label == "keypoints":
                 self.keypoint_channels.add(room, session.account, channel, session.look)
             if channel.label != "view":

@@ -11,7 +11,7 @@ from av.video.codeccontext import VideoCodecContext
 
 from scene.arrays import Array, UInt8
 from services.live.cell_code import draw_cells
-from services.live.look.picture import DroppedPictures, LookPicture
+from services.live.look.picture import DroppedPictures, LookPicture, PoseRequest
 from services.live.look.picture_code import SIDE_PX, PictureCode, cells_of
 from services.live.look.receiver import FRAME_SIZE, PICTURE_PX
 
@@ -74,11 +74,13 @@ class KeptPictures(DroppedPictures):
 
     def __init__(self) -> None:
         self.pictures: list[LookPicture] = []
+        self.requests: list[PoseRequest | None] = []
         self.stops = 0
 
-    def receive(self, picture: LookPicture) -> None:
+    def receive(self, picture: LookPicture, request: PoseRequest | None = None) -> None:
         """Keep it."""
         self.pictures.append(picture)
+        self.requests.append(request)
 
     def stop(self) -> None:
         """Count."""

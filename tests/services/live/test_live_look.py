@@ -18,13 +18,16 @@ from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
 from services.live.keypoints_packet import KeypointsPacket, encode_keypoints
-from services.live.look.receiver import SILENCE_S
+from services.live.look.packets import HEADER
+from services.live.look.receiver import FRAME_SIZE, SILENCE_S, key_frame_size
+from services.live.packets import Kind
 from services.live.room import Room
 from services.live.sessions.view_sessions import ViewSessions
 from services.meetings import create_meeting
 from tests.capture.people import standing
 from tests.services.live.look_pictures import CodedPictures, KeptPictures
 from tests.services.live.people import seen
+from tests.services.live.test_drawing_viewers import view
 from tests.services.live.test_look_receiver import count
 from tests.services.live.viewer import Viewer
 
@@ -138,6 +141,40 @@ async def test_ones_own_pictures_arrive_until_live_look_goes_off(views, room, si
             break
     assert room.looks == {}
     assert kept.stops > stops
+
+
+async def test_a_page_that_draws_gets_the_frames_as_they_were_sent_and_at_once_their_end(
+    views, room
+):
+    sender, watching = Sender(room, "Ada"), Viewer()
+    look = watching.peer.createDataChannel("look")
+    got: list[bytes] = []
+    look.on("message", got.append)
+    _, answer = await views.open(room.meeting_id, await watching.offer())
+    await watching.accept(answer)
+    await watching.opened()
+    await sender.connect(views, room, "house")
+    watching.channel.send(view(1, draws_itself=True))
+    for _ in range(100):
+        await sender.drive(0.2, live_look=True)
+        if sum(data[1] == Kind.LOOK_FRAME for data in got) > 10:
+            break
+    frames = [data for data in got if data[1] == Kind.LOOK_FRAME]
+    assert key_frame_size(frames[0][HEADER.size :]) == FRAME_SIZE
+    numbers = [HEADER.unpack_from(data)[-1] for data in frames]
+    assert numbers == list(range(numbers[0], numbers[0] + len(frames)))
+    off_s = time.monotonic()
+    await sender.drive(0.0, live_look=False)
+    while got[-1][1] != Kind.LOOK_END and time.monotonic() - off_s < 1.0:
+        await asyncio.sleep(0.005)
+    assert time.monotonic() - off_s < 0.2
+    before = len(got)
+    await sender.drive(0.3, live_look=False)
+    watching.channel.send(view(2, draws_itself=False))
+    await sender.drive(1.0, live_look=True)
+    assert len(got) == before, "for this viewer the server draws now"
+    for one in (sender.viewer, watching):
+        await one.peer.close()
 
 
 @pytest.mark.parametrize("account", [new_guest(), GUEST], ids=["guest", "shared"])

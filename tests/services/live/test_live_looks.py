@@ -13,7 +13,7 @@ from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.motion import Motion, Pose
 from services.live.keypoints_packet import KeypointsPacket
-from services.live.look.picture import LookPicture
+from services.live.look.picture import AlignedPose, LookPicture, PoseRequest
 from services.live.motion.live_looks import PerformerLook, cropped
 from services.live.motion.live_motion import LiveMotion
 from services.live.room import MeetingPerformer, Room
@@ -81,7 +81,9 @@ class Sent:
             self.motion.update(packet, self.now_s)
         return packet
 
-    def picture(self, packet: KeypointsPacket, late_s: float = 0.1) -> None:
+    def picture(
+        self, packet: KeypointsPacket, late_s: float = 0.1, request: PoseRequest | None = None
+    ) -> None:
         """What the webcam saw then, `late_s` after it was known how they moved."""
         solved = self.motion.solved(packet.capture_time_ms)
         assert solved is not None
@@ -94,7 +96,7 @@ class Sent:
         drawn = SplatRenderer((model_of((0.7, 0.2, 0.2)),)).render(camera, [transforms])
         rgb, matte = ((255.0 * of + 0.5).astype(np.uint8) for of in (drawn[..., :3], drawn[..., 3]))
         self.now_s += late_s
-        self.look.receive(replace(sent, rgb=rgb, matte=matte))
+        self.look.receive(replace(sent, rgb=rgb, matte=matte), request)
 
 
 @pytest.fixture(scope="module")
@@ -138,6 +140,24 @@ def test_a_picture_of_no_known_moment_is_not_shown(sent):
     sent.look.shown_of(sent.model)
     black = np.zeros((SIDE, SIDE, 3), np.uint8)
     sent.look.receive(LookPicture(12_345, WINDOW, black, black[..., 0]))
+    assert sent.look.shown_of(sent.model) is None
+
+
+def test_pages_that_draw_get_the_pose_of_a_picture_and_the_server_no_colours():
+    sent, got = Sent(), list[AlignedPose]()
+    packet = sent.keypoints(3, lifted_rad=0.1)
+    sent.picture(packet, request=PoseRequest(sent.model, got.append))
+    solved = sent.motion.solved(packet.capture_time_ms)
+    assert solved is not None
+    (aligned,) = got
+    gap = np.abs(aligned.pose.joint_angles - solved.pose.joint_angles)
+    assert gap.max() < 0.1
+    assert (aligned.camera.width, aligned.camera.height) == (SIDE, SIDE)
+    np.testing.assert_allclose(
+        aligned.pelvis, sent.model.skeleton.rest_joints[0] + aligned.pose.root_translation
+    )
+    # the webcam's clock began at 5 s, and ours at 100 s
+    assert aligned.moment_s == pytest.approx(95.0 + solved.pose.time_s, abs=1e-6)
     assert sent.look.shown_of(sent.model) is None
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from prometheus_client import REGISTRY
 
-from services.live.look.picture import LookPicture
+from services.live.look.picture import LookPicture, PoseRequest
 from services.live.look.picture_code import PictureCode
 from services.live.look.receiver import SILENCE_S, LookReceiver, key_frame_size, offers_pictures
 from tests.services.live.look_pictures import Encoder, KeptPictures, frame_of
@@ -156,8 +156,8 @@ async def test_whose_pictures_they_no_longer_are_is_shown_none(ends):
 
 async def test_an_error_of_a_sink_does_not_end_the_pictures(ends, caplog):
     class Broken(KeptPictures):
-        def receive(self, picture: LookPicture) -> None:
-            super().receive(picture)
+        def receive(self, picture: LookPicture, request: PoseRequest | None = None) -> None:
+            super().receive(picture, request)
             if len(self.pictures) == 1:
                 raise ValueError("no place for a picture")
 
