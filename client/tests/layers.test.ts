@@ -9,6 +9,7 @@ const FLOORS = [
   "landmarks",
   "transport",
   "splats",
+  "recolouring",
   "drawing",
   "enrolment",
   "meeting",

@@ -6,6 +6,8 @@
  * old its picture was then. So both need no common clock but the page's own. What else a voice takes (packets of
  * 20 ms, mixing) and what else lips take (landmarks and poses 30 times a second, smoothing) is alike, some 50 ms:
  * measured (`metanerf bench lipsync`).
+ *
+ * Whoever has live look on waits for their picture as well, so that lips and their colours are of one instant.
  */
 
 import { poseHead } from "../transport/packets";
@@ -25,13 +27,13 @@ class Held {
 
   /**
    * Take a pose whose picture was `ageMs` old when it left; null: it follows nobody live. It is seen `drawingMs`
-   * after it was shown.
+   * after it was shown. What is drawn of live look is `lookMs` late.
    */
-  accept(packet: ArrayBuffer, ageMs: number | null, voiceMs: number | null, drawingMs: number, nowMs: number): void {
+  accept(packet: ArrayBuffer, ageMs: number | null, voiceMs: number | null, lookMs: number, drawingMs: number, nowMs: number): void {
     this.ageMs = this.ageMs === null || ageMs === null ? ageMs : this.ageMs + USUAL_SHARE * (ageMs - this.ageMs);
     const wanted = voiceMs === null || this.ageMs === null ? 0 : voiceMs - this.ageMs - drawingMs;
     const change = MOST_CHANGE * Math.max(0, nowMs - this.lastMs);
-    const target = clamped(wanted, 0, MOST_MS);
+    const target = Math.max(clamped(wanted, 0, MOST_MS), lookMs);
     if (Number.isFinite(this.lastMs)) this.delayMs = clamped(target, this.delayMs - change, this.delayMs + change);
     this.lastMs = nowMs;
     this.waiting.push({ packet, dueMs: nowMs + this.delayMs });
@@ -54,10 +56,14 @@ export class LipSync {
   /** The same of each picture that is not finished; null: it shows no other poses than the one before. */
   private readonly submittedMs: (number | null)[] = [];
 
-  /** `voiceMs`: how late the voice of the performer at a place of the roster is heard; null: it is not heard. */
+  /**
+   * `voiceMs`: how late the voice of the performer at a place of the roster is heard; null: it is not heard. `lookMs`:
+   * how late the live look of the performer of this check is drawn; nil: they have none.
+   */
   constructor(
     private readonly voiceMs: (index: number) => number | null,
     private readonly show: (packet: ArrayBuffer) => void,
+    private readonly lookMs: (check: number) => number = () => 0,
   ) {}
 
   /** A pose came. It is shown at once, unless its performer is heard and the voice is later. */
@@ -66,7 +72,7 @@ export class LipSync {
     if (!head) return;
     const held = this.held.get(head.index) ?? new Held();
     this.held.set(head.index, held);
-    held.accept(packet, head.ageMs, this.voiceMs(head.index), this.drawingMs, nowMs);
+    held.accept(packet, head.ageMs, this.voiceMs(head.index), this.lookMs(head.check), this.drawingMs, nowMs);
     this.advance(nowMs);
   }
 

@@ -115,6 +115,7 @@ export class LiveView {
         this.play();
       },
       onPose: (packet) => this.onPose(packet),
+      onLook: (packet) => this.localRendering.acceptLook(packet),
     });
   }
 

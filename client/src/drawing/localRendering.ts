@@ -8,8 +8,10 @@ import { loadSplats } from "../api/splats";
 import { LocalRoom } from "../splats/localRoom";
 import { PacedRoom } from "../splats/pacedRoom";
 import { screenPlace, type LoadedEnvironment } from "../splats/room";
+import { Recolouring } from "../recolouring/recolouring";
 import { RenderModeSelector, type RenderSetting, type RenderStatus } from "../splats/renderMode";
 import { drawLatencyCode } from "../transport/latencyCode";
+import { poseHead } from "../transport/packets";
 import type { Meeting, Performer } from "../api/types";
 import { FOV_Y_RAD, type CameraPose } from "../viewpoint/viewpoint";
 import type { HeadsetView } from "./headsetView";
@@ -44,9 +46,11 @@ export class LocalRendering {
   /** How late the voices of performers are heard that are heard now, ms. */
   voiceDelaysMs: ReadonlyMap<string, number> = new Map();
 
+  private readonly recolouring = new Recolouring(() => this.headsetView?.room ?? this.room);
   private readonly lipSync = new LipSync(
     (index) => this.voiceDelaysMs.get(this.meeting.performers[index]?.id ?? "") ?? null,
     (packet) => (this.headsetView?.room ?? this.room)?.acceptPacket(packet),
+    (check) => this.recolouring.behindMs(check),
   );
   private readonly modeSelector = new RenderModeSelector();
   /** The room as this device draws it; made when a viewer takes the picture over. */
@@ -117,12 +121,14 @@ export class LocalRendering {
 
   /** Have a headset draw into `canvas` from now on, until `endVisit`. */
   beginHeadset(canvas: HTMLCanvasElement, camera: CameraPose, size: Size): HeadsetView {
+    this.recolouring.forget();
     this.headsetView = { room: this.makeRoom(canvas, true), camera, fovYRad: FOV_Y_RAD, size };
     void this.loadPerformers();
     return this.headsetView;
   }
 
   endHeadset(): void {
+    this.recolouring.forget();
     this.headsetView?.room.close();
     this.headsetView = null;
   }
@@ -146,17 +152,26 @@ export class LocalRendering {
 
   /** A pose from the server. */
   acceptPose(packet: ArrayBuffer): void {
+    const head = poseHead(packet);
+    if (head) this.recolouring.notePose(head.captureTimeMs, performance.now());
     this.lipSync.accept(packet, performance.now());
+  }
+
+  /** Of somebody's live look, from the server. */
+  acceptLook(packet: ArrayBuffer): void {
+    this.recolouring.accept(packet, performance.now());
   }
 
   /** Show the poses whose voices are heard by now. */
   advancePoses(): void {
+    this.recolouring.update(performance.now());
     this.lipSync.advance(performance.now());
   }
 
   /** Another connection: what it sends has nothing to do with the poses of the last one. */
   forgetPoses(): void {
     this.lipSync.forget();
+    this.recolouring.forget();
     this.room?.forgetPoses();
     this.headsetView?.room.forgetPoses();
   }
@@ -220,8 +235,9 @@ export class LocalRendering {
   }
 
   close(): void {
-    this.room?.close();
     this.endHeadset();
+    this.recolouring.close();
+    this.room?.close();
   }
 
   private makeRoom(canvas: HTMLCanvasElement, xrCompatible = false): LocalRoom {

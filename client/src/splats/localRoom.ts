@@ -9,11 +9,11 @@ import { DrawTimer } from "./drawTimer";
 import { varianceScale, readSplats, type SplatFile } from "./file";
 import { allocateOffsets, moveSplats } from "./moved";
 import { passCamera, type Eye, type PassCamera } from "./camera";
-import { SplatPass, type PassPeople } from "./pass";
+import { NOBODY, SplatPass, type PassPeople } from "./pass";
 import { ArrivingFiles, type LoadSplats } from "./arriving";
 import { withoutOwnHead } from "./ownHead";
 import { contactShadows, type LoadedEnvironment, type ScreenPlace, type Shadow } from "./room";
-import { forwardKinematics, TRANSFORM } from "./skeleton";
+import { forwardKinematics, restRotations, TRANSFORM } from "./skeleton";
 import { allocateOrder, depthOrder, depthRows, depths, displaced } from "./sort";
 import type { Sorted, SortTask } from "./sortWorker";
 
@@ -21,16 +21,6 @@ import type { Sorted, SortTask } from "./sortWorker";
 const STALE_MS = 1000;
 const TRIAL_FRAMES = 3;
 const SERVER_ONLY = "Somebody here can only be rendered by the server";
-const NOBODY: PassPeople = {
-  transforms: new Float32Array(TRANSFORM),
-  offsets: allocateOffsets(0),
-  order: allocateOrder(0),
-  count: 0,
-  growth: [],
-  yawsRad: [],
-  shadows: [],
-  hideUnseen: false,
-};
 
 /** Who is drawn, and where until they move. */
 export type DrawnPerformer = Pick<Performer, "id" | "model_id" | "position" | "yaw_rad">;
@@ -225,6 +215,22 @@ export class LocalRoom {
     return this.pass?.gl ?? null;
   }
 
+  /** Everybody's splats; nobody's before they are here. */
+  get people(): readonly SplatFile[] {
+    return this.splats?.people ?? [];
+  }
+
+  /** The place of whom the server means by `check` (`performerCheck`); -1: nobody here. */
+  indexOf(check: number): number {
+    return this.performers.findIndex(({ id }) => performerCheck(id) === check);
+  }
+
+  /** What live look changes of the colours of everybody's splats from now on, see `packChanges`. */
+  setChanges(changes: Uint32Array): void {
+    this.pass?.setChanges(changes);
+    this.drawnKey = "";
+  }
+
   /** Splats of each person; none before they are here. */
   get counts(): readonly number[] {
     return this.splats?.skinned.counts ?? [];
@@ -392,8 +398,4 @@ export class LocalRoom {
     this.sorted = sorted;
     this.resorted = true;
   }
-}
-
-function restRotations(joints: number): number[] {
-  return Array.from({ length: 4 * joints }, (_, i) => (i % 4 === 0 ? 1 : 0));
 }

@@ -40,6 +40,17 @@ export interface PassFrame extends PassPeople {
   camera: PassCamera;
 }
 
+/** An empty room. */
+export const NOBODY: PassPeople = {
+  transforms: new Float32Array(TRANSFORM),
+  offsets: allocateOffsets(0),
+  order: allocateOrder(0),
+  count: 0,
+  growth: [],
+  yawsRad: [],
+  shadows: [],
+  hideUnseen: false,
+};
 const WARM_UP_PX = 16;
 
 export class SplatPass {
@@ -53,6 +64,7 @@ export class SplatPass {
   private readonly table: WebGLTexture;
   private readonly transforms: WebGLTexture;
   private readonly offsets: WebGLTexture;
+  private readonly changes: WebGLTexture;
   /** What `PROJECT_FRAGMENT` writes, a texel a splat in the order of drawing. */
   private readonly ellipses: WebGLTexture;
   private readonly appearances: WebGLTexture;
@@ -78,6 +90,7 @@ export class SplatPass {
     this.table = texture(gl);
     this.transforms = texture(gl);
     this.offsets = texture(gl);
+    this.changes = texture(gl);
     this.ellipses = texture(gl);
     this.appearances = texture(gl);
     this.projectedFramebuffer = gl.createFramebuffer();
@@ -117,9 +130,21 @@ export class SplatPass {
     gl.texImage2D(
       gl.TEXTURE_2D, 0, gl.RGBA32UI, 4 * TABLE_COLUMNS, rows, 0, gl.RGBA_INTEGER, gl.UNSIGNED_INT, padded,
     );
+    this.setChanges(new Uint32Array(cast.count));
     this.allocateProjected(cast.count);
     this.uploadedOrder = null;
     this.lights.setClipLights(cast.people.map(({ light }) => light));
+  }
+
+  /** What live look changes of each splat's colours from now on, see `packChanges`; nil: nothing. */
+  setChanges(changes: Uint32Array): void {
+    const { gl } = this;
+    const rows = Math.max(1, Math.ceil(changes.length / TABLE_COLUMNS));
+    const padded = new Uint32Array(rows * TABLE_COLUMNS);
+    padded.set(changes);
+    gl.activeTexture(gl.TEXTURE4);
+    gl.bindTexture(gl.TEXTURE_2D, this.changes);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R32UI, TABLE_COLUMNS, rows, 0, gl.RED_INTEGER, gl.UNSIGNED_INT, padded);
   }
 
   /** Keep nobody's splats on the card. */
@@ -233,6 +258,9 @@ export class SplatPass {
     gl.bindTexture(gl.TEXTURE_2D, this.table);
     gl.activeTexture(gl.TEXTURE3);
     gl.bindTexture(gl.TEXTURE_2D, this.offsets);
+    gl.activeTexture(gl.TEXTURE4);
+    gl.bindTexture(gl.TEXTURE_2D, this.changes);
+    gl.uniform1i(at("changes"), 4);
     gl.uniform1i(at("transforms"), 1);
     gl.uniform1i(at("order"), 2);
     gl.uniform1i(at("offsets"), 3);

@@ -9,7 +9,7 @@ import { allocateOffsets, moveSplats } from "./moved";
 import { packSplats, type PackedSplats } from "./packed";
 import { SplatPass } from "./pass";
 import { contactShadows } from "./room";
-import { forwardKinematics, TRANSFORM } from "./skeleton";
+import { forwardKinematics, restRotations, TRANSFORM } from "./skeleton";
 import { allocateOrder, depthOrder, depthRows, depths, displaced } from "./sort";
 
 /** How somebody stands: pelvis (m) and rotations as of a pose packet. */
@@ -40,8 +40,7 @@ export class Portrait {
   /** At rest, where they stand in their own space. */
   get atRest(): PortraitPose {
     const [person] = this.splats.people;
-    const turns = person?.parents.length ?? 0;
-    const rotations = Array.from({ length: 4 * turns }, (_, i) => (i % 4 === 0 ? 1 : 0));
+    const rotations = restRotations(person?.parents.length ?? 0);
     return { pelvis: person?.restJoints.slice(0, 3) ?? [0, 0, 0], rotations, expression: [], yawRad: 0 };
   }
 

@@ -10,6 +10,7 @@
  */
 
 import { OWNER_BITS } from "./packed";
+import { CHANGE_SHADER } from "./changes";
 import { MOVED_COLUMNS } from "./moved";
 import { NEAR_M, ORDER_COLUMNS } from "./sort";
 
@@ -38,6 +39,7 @@ uniform usampler2D table;
 uniform usampler2D order;
 uniform sampler2D transforms;
 uniform sampler2D offsets; // m, at rest, of the splats that faces and hands move
+uniform usampler2D changes; // of colours, by live look
 uniform mat3 rotation; // world -> camera
 uniform vec3 translation;
 uniform vec2 focal; // px
@@ -75,6 +77,7 @@ vec3 toSrgb(vec3 linear) {
   return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
 }
 
+${CHANGE_SHADER}
 /** sRGB of an albedo (sRGB) on somebody's surface that faces n, seen from v further on. */
 vec3 shade(uint owner, vec3 albedo, vec3 n, vec3 v) {
   n *= inversesqrt(max(dot(n, n), 1e-12));
@@ -151,6 +154,8 @@ void main() {
     vec3 normal = unpackNormal(t3.z) * mat3(m0.xyz, m1.xyz, m2.xyz);
     colour = shade(owner, unpackRgb(t3.y), normal, eye - world);
   }
+  uint change = texelFetch(changes, ivec2(splat % ${TABLE_COLUMNS}u, splat / ${TABLE_COLUMNS}u), 0).x;
+  if (change != 0u) colour = changed(colour, unpackRgb(t3.x), change);
   ellipse = floatBitsToUint(vec4(meanPx, majorAxis * sqrt(majorVariance)));
   appearance = uvec4(
     floatBitsToUint(sqrt(minorVariance / majorVariance)), floatBitsToUint(cutoff),

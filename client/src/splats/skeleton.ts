@@ -54,6 +54,11 @@ export function forwardKinematics(
   }
 }
 
+/** Rotations of so many joints at rest. */
+export function restRotations(joints: number): number[] {
+  return Array.from({ length: 4 * joints }, (_, i) => (i % 4 === 0 ? 1 : 0));
+}
+
 /** Where the transform at `at` takes the place of `joint` at rest. */
 export function transformedJoint(
   transforms: Float32Array,

@@ -90,11 +90,22 @@ export function encodeView(packet: ViewPacket): ArrayBuffer {
   return bytes;
 }
 
-/** Whose pose is in `bytes`, and how old its picture was when it left; null for what is no pose packet. */
-export function poseHead(bytes: ArrayBuffer): { index: number; ageMs: number | null } | null {
+/** What of a pose is needed before it is shown. */
+export interface PoseHead {
+  index: number;
+  check: number;
+  /** Of the pose, on the server's clock. */
+  captureTimeMs: number;
+  /** How old its picture was when it left; null: it follows none. */
+  ageMs: number | null;
+}
+
+/** Whose pose is in `bytes`, and of when; null for what is no pose packet. */
+export function poseHead(bytes: ArrayBuffer): PoseHead | null {
   const data = new DataView(bytes);
   if (!isPose(data)) return null;
-  return { index: data.getUint8(16), ageMs: data.getUint16(2, true) || null };
+  const [index, check] = [data.getUint8(16), data.getUint16(18, true)];
+  return { index, check, captureTimeMs: data.getFloat64(8, true), ageMs: data.getUint16(2, true) || null };
 }
 
 function isPose(data: DataView): boolean {

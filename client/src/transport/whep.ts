@@ -1,7 +1,7 @@
 /**
  * One rendered view by WebRTC: video down, viewpoints up (WHEP with a data channel `view`), and poses
- * down (`pose`) in place of the video while the page draws by itself. A second video section, empty until
- * `setLookTrack`, has a place for small pictures of oneself.
+ * down (`pose`) in place of the video while the page draws by itself, with others' pictures of themselves (`look`). A
+ * second video section, empty until `setLookTrack`, has a place for small pictures of oneself.
  *
  * A connection that fails is replaced by a new one, after a growing pause, until `close`.
  */
@@ -23,6 +23,8 @@ export interface WhepHooks {
   onStream(stream: MediaStream): void;
   /** A packet of the channel `pose`. */
   onPose(packet: ArrayBuffer): void;
+  /** A packet of the channel `look`. */
+  onLook(packet: ArrayBuffer): void;
 }
 
 export interface WhepStats {
@@ -39,7 +41,7 @@ const DISCONNECTED_MS = 2500;
 
 /** Pictures of oneself leave as few bits as they can, and give way to all else. */
 const LOOK_ENCODING: RTCRtpEncodingParameters = {
-  maxBitrate: 250_000,
+  maxBitrate: 160_000,
   maxFramerate: 15,
   priority: "very-low",
   networkPriority: "very-low",
@@ -171,6 +173,9 @@ export class WhepConnection {
     const poses = peer.createDataChannel("pose", { ordered: false, maxRetransmits: 0 });
     poses.binaryType = "arraybuffer";
     poses.addEventListener("message", ({ data }) => this.hooks.onPose(data as ArrayBuffer));
+    const looks = peer.createDataChannel("look");
+    looks.binaryType = "arraybuffer";
+    looks.addEventListener("message", ({ data }) => this.hooks.onLook(data as ArrayBuffer));
     const { receiver } = peer.addTransceiver("video", { direction: "recvonly" });
     // show each picture as it comes: nobody is talking in it that it would have to wait for
     if ("jitterBufferTarget" in receiver) receiver.jitterBufferTarget = 0;

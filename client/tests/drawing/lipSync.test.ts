@@ -17,7 +17,7 @@ function pose(index: number, sequence: number, ageMs: number): ArrayBuffer {
   return bytes;
 }
 
-function setUp(voices: (number | null)[]) {
+function setUp(voices: (number | null)[], lookMs: () => number = () => 0) {
   const shown: { index: number; sequence: number; atMs: number }[] = [];
   let nowMs = 0;
   const sync = new LipSync(
@@ -26,6 +26,7 @@ function setUp(voices: (number | null)[]) {
       const data = new DataView(packet);
       shown.push({ index: data.getUint8(16), sequence: data.getUint32(4, true), atMs: nowMs });
     },
+    lookMs,
   );
   const sentMs = new Map<number, number>();
   let sequence = 0;
@@ -52,6 +53,20 @@ function setUp(voices: (number | null)[]) {
 }
 
 describe("LipSync", () => {
+  it("holds motion back as long as its live look is late, and no longer, where the voice is not later still", () => {
+    let look = 180;
+    const { run, lateMs, voices } = setUp([null], () => look);
+    run(4);
+    expect(lateMs().at(-1)).toBeGreaterThan(170);
+    expect(lateMs().at(-1)).toBeLessThan(190);
+    voices[0] = 240;
+    run(4);
+    expect(lateMs().at(-1)).toBeGreaterThan(225);
+    [voices[0], look] = [null, 0];
+    run(4);
+    expect(lateMs().at(-1)).toBe(0);
+  });
+
   it("shows poses at once where nobody is heard", () => {
     const { run, lateMs, shown } = setUp([null]);
     run(3);

@@ -87,8 +87,8 @@ describe("decodePose", () => {
     Uint8Array.from(hex.match(/../g) ?? [], (pair) => parseInt(pair, 16)).buffer;
 
   it("tells whose pose it is, and how old its landmarks were", () => {
-    expect(poseHead(bytes(golden))).toEqual({ index: 1, ageMs: null });
-    expect(poseHead(bytes("01024800" + golden.slice(8)))).toEqual({ index: 1, ageMs: 72 });
+    expect(poseHead(bytes(golden))).toEqual({ index: 1, check: 0x8768, captureTimeMs: 1500, ageMs: null });
+    expect(poseHead(bytes("01024800" + golden.slice(8)))).toMatchObject({ index: 1, ageMs: 72 });
     expect(poseHead(bytes("0103" + golden.slice(4)))).toBeNull();
     expect(poseHead(bytes(golden).slice(1))).toBeNull();
   });

@@ -42,12 +42,14 @@ class FakePeer extends EventTarget {
   steps: string[] = [];
   channel: FakeChannel | null = null;
   poses: FakeChannel | null = null;
+  looks: FakeChannel | null = null;
   closed = false;
   createDataChannel(label: string, options: RTCDataChannelInit): FakeChannel {
     this.steps.push(label);
     const made = new FakeChannel(label, options);
     if (label === "view") this.channel = made;
-    else this.poses = made;
+    else if (label === "pose") this.poses = made;
+    else this.looks = made;
     return made;
   }
   addTransceiver(kind: string, { direction, sendEncodings = [] }: RTCRtpTransceiverInit): object {
@@ -97,6 +99,7 @@ function setUp(answer: (call: Call, attempt: number) => Response) {
   const peers: FakePeer[] = [];
   const states: WhepState[] = [];
   const heard: ArrayBuffer[] = [];
+  const looks: ArrayBuffer[] = [];
   let attempt = 0;
   let seats = 0;
   const { request, calls } = fakeFetch((call) =>
@@ -108,6 +111,7 @@ function setUp(answer: (call: Call, attempt: number) => Response) {
     onState: (state: WhepState) => states.push(state),
     onStream: () => undefined,
     onPose: (packet: ArrayBuffer) => heard.push(packet),
+    onLook: (packet: ArrayBuffer) => looks.push(packet),
   };
   const configurations: RTCConfiguration[] = [];
   const link = new WhepConnection(hooks, request, (configuration) => {
@@ -117,7 +121,7 @@ function setUp(answer: (call: Call, attempt: number) => Response) {
     return peer as unknown as RTCPeerConnection;
   });
   const kinds = (): string[] => states.map(({ kind }) => kind);
-  return { link, calls, peers, states, kinds, heard, configurations };
+  return { link, calls, peers, states, kinds, heard, looks, configurations };
 }
 
 const accepted = (): Response =>
@@ -137,7 +141,7 @@ describe("WhepConnection", () => {
     await vi.advanceTimersByTimeAsync(10);
     const peer = peers[0];
     expect(configurations[0]?.iceServers).toEqual(SEAT.ice_servers);
-    expect(peer?.steps).toEqual(["view", "pose", "video recvonly", "video sendonly", "offer", "answer"]);
+    expect(peer?.steps).toEqual(["view", "pose", "look", "video recvonly", "video sendonly", "offer", "answer"]);
     expect(peer?.channel?.label).toBe("view");
     expect(peer?.channel?.options).toEqual({ ordered: false, maxRetransmits: 0 });
     expect(calls[0]).toMatchObject({ method: "POST", path: "/whep/m", token: "Bearer seat1" });
@@ -151,7 +155,7 @@ describe("WhepConnection", () => {
     void link.run();
     await vi.advanceTimersByTimeAsync(10);
     expect(peers[0]?.look).toMatchObject({ track: null, parameters: { degradationPreference: "maintain-resolution" } });
-    expect(peers[0]?.lookEncodings).toMatchObject([{ maxBitrate: 250_000, maxFramerate: 15, priority: "very-low" }]);
+    expect(peers[0]?.lookEncodings).toMatchObject([{ maxBitrate: 160_000, maxFramerate: 15, priority: "very-low" }]);
     const track = {} as MediaStreamTrack;
     link.setLookTrack(track);
     expect(peers[0]?.look.track).toBe(track);
@@ -163,14 +167,18 @@ describe("WhepConnection", () => {
     link.close();
   });
 
-  it("hands on what comes down the channel for poses", async () => {
-    const { link, peers, heard } = setUp(accepted);
+  it("hands on what comes down the channels for poses and for live look, which loses nothing", async () => {
+    const { link, peers, heard, looks } = setUp(accepted);
     void link.run();
     await vi.advanceTimersByTimeAsync(10);
     const data = new ArrayBuffer(176);
     expect(peers[0]?.poses?.label).toBe("pose");
     peers[0]?.poses?.dispatchEvent(new MessageEvent("message", { data }));
     expect(heard).toEqual([data]);
+    const picture = new ArrayBuffer(900);
+    expect(peers[0]?.looks).toMatchObject({ label: "look", options: undefined });
+    peers[0]?.looks?.dispatchEvent(new MessageEvent("message", { data: picture }));
+    expect([heard, looks]).toEqual([[data], [picture]]);
     link.close();
   });
 

@@ -9,6 +9,9 @@ import { SplatPass, type PassFrame } from "../../../client/src/splats/pass";
 import { contactShadows, decodePanorama } from "../../../client/src/splats/room";
 import { forwardKinematics, TRANSFORM } from "../../../client/src/splats/skeleton";
 import { depthOrder, depthRows, depths, allocateOrder, displaced } from "../../../client/src/splats/sort";
+import { decodeLook } from "../../../client/src/recolouring/packets";
+import { LiveColours } from "../../../client/src/recolouring/liveColours";
+import { cutOutPicture } from "../../../client/src/recolouring/pictureReader";
 import type { Quaternion, Vec3 } from "../../../client/src/viewpoint/geometry";
 import type { Light } from "../../../client/src/api/types";
 
@@ -31,9 +34,19 @@ interface Asked {
   kept?: number[];
   /** About +y, by which each person was turned. */
   yawsRad: number[];
+  /** What live look changes, a packed number a splat, base64; nothing, where nothing is said. */
+  changes?: string;
+}
+
+/** A person's file and pictures of them, RGBA of `side` px above their mattes, with the packets of their poses; base64. */
+interface Seen {
+  file: string;
+  side: number;
+  seen: { picture: string; packet: string }[];
 }
 
 const bytes = (text: string): ArrayBuffer => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+const base64 = (data: Uint8Array): string => btoa(Array.from(data, (byte) => String.fromCharCode(byte)).join(""));
 const canvas = document.querySelector("canvas") as HTMLCanvasElement;
 const pass = new SplatPass(canvas);
 
@@ -43,6 +56,7 @@ function frameOf(asked: Asked): PassFrame {
   const share = shareWithin(whole.map(({ count }) => count), asked.most);
   const splats = packSplats(share < 1 ? files.map((file) => readSplats(file, share)) : whole);
   pass.setSplats(splats);
+  if (asked.changes !== undefined) pass.setChanges(new Uint32Array(bytes(asked.changes)));
   const transforms = new Float32Array(TRANSFORM * splats.joints);
   const offsets = allocateOffsets(splats.moved);
   let moved = 0;
@@ -86,6 +100,16 @@ Object.assign(window, {
     pass.placeScreen({ centre: [0, 1.72, -1.9], azimuthRad: 0 });
     pass.setScreen(screen, screen?.width, screen?.height);
     pass.draw(frameOf(asked));
-    return btoa(Array.from(pass.read(), (byte) => String.fromCharCode(byte)).join(""));
+    return base64(pass.read());
+  },
+  /** What each picture in turn comes to, a packed number a splat, base64. */
+  recoloured({ file, side, seen }: Seen): string[] {
+    const colours = new LiveColours(readSplats(bytes(file)), side);
+    return seen.map(({ picture, packet }) => {
+      const told = decodeLook(bytes(packet));
+      if (told?.kind !== "pose") throw new Error("a pose was expected");
+      colours.see(cutOutPicture(new Uint8ClampedArray(bytes(picture)), side), told.pose, told.lens);
+      return base64(new Uint8Array(colours.changesAt(told.pose.captureTimeMs / 1000).buffer));
+    });
   },
 });

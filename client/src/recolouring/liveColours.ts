@@ -1,0 +1,245 @@
+/**
+ * A person's colours as their webcam sees them now: renderer/live_look/live_look.py, in a worker of the page. A test
+ * holds both to the same changes of the same pictures.
+ */
+
+import { packChanges } from "../splats/changes";
+import type { SplatFile } from "../splats/file";
+import { depthOrder } from "../splats/sort";
+import type { PosePacket } from "../transport/packets";
+import { Footprints } from "./footprints";
+import { hiddenByLimbs, limbSplats } from "./hidden";
+import { nearest } from "./neighbours";
+import { ProjectedSplats, type Lens } from "./projected";
+
+/** Steps of colours a picture; what is left is made up for in the next ones. */
+const STEPS = 2;
+const OVERSTEP = 1.7;
+/** Share of the last picture's change with which the next one begins. */
+const KEPT = 0.8;
+/** Added to the weight of a splat's pixels: who is hardly shown hardly changes. */
+const LEAST_PX = 0.05;
+/** Difference, in sRGB, as which a larger one counts. */
+const MOST = 0.5;
+/** Share of an open splat's pixels from which one takes all of its live colour; and below which it is hidden. */
+const SEEN = 0.2;
+const HARDLY = 0.1;
+/** Of the pixels shown of splats, that which is an open one's. */
+const OPEN_SHARE = 0.95;
+const NEIGHBOURS = 12;
+/** Weight of no change beside the neighbours' shares. */
+const LITTLE = 0.5;
+const HELD_S = 1.5;
+const GONE_S = 1;
+const COMES_S = 0.1;
+const EXPOSURE_S = 1;
+const EXPOSURE_RANGE = [0.7, 1.4] as const;
+
+/** A person's picture: RGB of each pixel and how well it is known, each 0 to 1; black where it is not. */
+export interface CutOutPicture {
+  side: number;
+  rgb: Float32Array;
+  known: Float32Array;
+}
+
+export class LiveColours {
+  private readonly splats: ProjectedSplats;
+  private readonly footprints: Footprints;
+  private readonly limbs: Uint8Array;
+  private readonly near: Uint32Array;
+  private readonly change: Float32Array;
+  /** How much of its live colour each splat shows. */
+  private readonly share: Float32Array;
+  private readonly seenS: Float64Array;
+  private readonly exposure = [1, 1, 1];
+  /** What each splat lacks in its pixels, summed, and the weight of those that are known and of all. */
+  private readonly lacking: Float32Array;
+  private readonly knownPx: Float32Array;
+  private readonly shownPx: Float32Array;
+  private readonly pixels: Float32Array;
+  private readonly order: Uint32Array;
+  private timeS: number | null = null;
+
+  /** Of `person`, from pictures of `side` px. */
+  constructor(
+    private readonly person: SplatFile,
+    private readonly side: number,
+  ) {
+    const { count } = person;
+    this.splats = new ProjectedSplats(person);
+    this.footprints = new Footprints(count, side);
+    this.limbs = limbSplats(person);
+    this.near = nearest(person.positions, Math.min(NEIGHBOURS, count));
+    this.change = new Float32Array(3 * count);
+    this.share = new Float32Array(count);
+    this.seenS = new Float64Array(count).fill(-Infinity);
+    this.lacking = new Float32Array(3 * count);
+    this.knownPx = new Float32Array(count);
+    this.shownPx = new Float32Array(count);
+    this.pixels = new Float32Array(4 * side * side);
+    this.order = new Uint32Array(count);
+  }
+
+  /** Take the colours of a picture, which shows them in `pose`; its capture time is the picture's moment. */
+  see(picture: CutOutPicture, pose: PosePacket, lens: Lens): void {
+    const { splats, footprints, change, side } = this;
+    splats.place(pose, lens, side);
+    footprints.fill(splats, this.order, depthOrder(splats.depth, this.order));
+    const behind = hiddenByLimbs(splats, this.limbs, side, lens[0]);
+    for (let at = 0; at < change.length; at++) change[at]! *= KEPT;
+    for (let step = 0; step < STEPS; step++) {
+      this.findLacking(picture);
+      this.gather();
+      this.step(behind);
+    }
+    const base = splats.colours;
+    for (let at = 0; at < change.length; at++) change[at] = Math.max(-base[at]!, Math.min(change[at]!, 1 - base[at]!));
+    behind.forEach((hidden, i) => {
+      if (hidden) this.knownPx[i] = 0;
+    });
+    this.follow(pose.captureTimeMs / 1000);
+  }
+
+  /** What is added to each splat's colour as it was captured, at `timeS`, as the card takes it. */
+  changesAt(timeS: number): Uint32Array<ArrayBuffer> {
+    const { change, exposure, near, person, seenS } = this;
+    const many = near.length / Math.max(1, person.count);
+    const share = this.share.map((one, i) => one * held(timeS - seenS[i]!));
+    const shown = new Float32Array(change.length);
+    for (let i = 0; i < person.count; i++) {
+      const own = share[i]!;
+      let [red, green, blue, known] = [0, 0, 0, 0];
+      for (let m = many * i; own < 1 && m < many * (i + 1); m++) {
+        const j = near[m]!;
+        const weight = share[j]!;
+        known += weight;
+        red += weight * change[3 * j]!;
+        green += weight * change[3 * j + 1]!;
+        blue += weight * change[3 * j + 2]!;
+      }
+      const scale = (1 - own) / (known + LITTLE);
+      const beside = [red, green, blue];
+      for (let c = 0; c < 3; c++) {
+        const exposed = ((exposure[c]! - 1) * person.colours[3 * i + c]!) / 255;
+        shown[3 * i + c] = own * change[3 * i + c]! + scale * (beside[c]! + LITTLE * exposed);
+      }
+    }
+    return packChanges(shown);
+  }
+
+  /** What each pixel lacks beside what the splats, in their present colours, come to. */
+  private findLacking({ rgb, known }: CutOutPicture): void {
+    const { change, footprints, pixels, splats } = this;
+    const { starts, order, pixels: where, weights, through } = footprints;
+    pixels.fill(0);
+    for (let n = 0; n < footprints.count; n++) {
+      const i = 3 * order[n]!;
+      const [red, green, blue] = [0, 1, 2].map((c) => splats.colours[i + c]! + change[i + c]!) as [number, number, number];
+      for (let at = starts[n]!; at < starts[n + 1]!; at++) {
+        const [pixel, weight] = [4 * where[at]!, weights[at]!];
+        pixels[pixel]! += weight * red;
+        pixels[pixel + 1]! += weight * green;
+        pixels[pixel + 2]! += weight * blue;
+      }
+    }
+    through.forEach((open, pixel) => {
+      const covered = 1 - open;
+      const sure = known[pixel]! * covered;
+      for (let c = 0; c < 3; c++) {
+        const at = 4 * pixel + c;
+        const lacks = sure > 0 ? rgb[3 * pixel + c]! - pixels[at]! / covered : 0;
+        pixels[at] = sure * Math.max(-MOST, Math.min(lacks, MOST));
+      }
+      pixels[4 * pixel + 3] = sure;
+    });
+  }
+
+  private gather(): void {
+    const { footprints, knownPx, lacking, pixels, shownPx } = this;
+    const { starts, order, pixels: where, weights } = footprints;
+    lacking.fill(0);
+    knownPx.fill(0);
+    shownPx.fill(0);
+    for (let n = 0; n < footprints.count; n++) {
+      let [red, green, blue, known, shown] = [0, 0, 0, 0, 0];
+      for (let at = starts[n]!; at < starts[n + 1]!; at++) {
+        const [pixel, weight] = [4 * where[at]!, weights[at]!];
+        red += weight * pixels[pixel]!;
+        green += weight * pixels[pixel + 1]!;
+        blue += weight * pixels[pixel + 2]!;
+        known += weight * pixels[pixel + 3]!;
+        shown += weight;
+      }
+      const i = order[n]!;
+      lacking[3 * i] = red;
+      lacking[3 * i + 1] = green;
+      lacking[3 * i + 2] = blue;
+      knownPx[i] = known;
+      shownPx[i] = shown;
+    }
+  }
+
+  private step(behind: Uint8Array): void {
+    const { change, knownPx, lacking } = this;
+    for (let i = 0; i < behind.length; i++) {
+      if (behind[i]) continue;
+      const scale = OVERSTEP / (knownPx[i]! + LEAST_PX);
+      for (let at = 3 * i; at < 3 * i + 3; at++) change[at]! += scale * lacking[at]!;
+    }
+  }
+
+  /** Note what was seen at `timeS`, and how bright the picture is beside the model. */
+  private follow(timeS: number): void {
+    const { share, seenS } = this;
+    const stepS = this.timeS === null ? COMES_S : Math.max(timeS - this.timeS, 0);
+    this.timeS = timeS;
+    const shown = this.shownOf();
+    const some = shown.filter((one) => one > 0).sort();
+    const openPx = some.length > 0 ? percentile(some, OPEN_SHARE) : 1;
+    const [sums, bases] = [[0, 0, 0], [0, 0, 0]];
+    let count = 0;
+    shown.forEach((one, i) => {
+      const wanted = Math.min(one / (SEEN * openPx), 1);
+      const seen = wanted > HARDLY;
+      if (!seen && held(timeS - seenS[i]!) <= 0) share[i] = 0;
+      share[i]! += Math.min(Math.max(wanted - share[i]!, 0), stepS / COMES_S);
+      if (!seen) return;
+      seenS[i] = timeS;
+      count += 1;
+      for (let c = 0; c < 3; c++) {
+        bases[c]! += this.splats.colours[3 * i + c]!;
+        sums[c]! += this.splats.colours[3 * i + c]! + this.change[3 * i + c]!;
+      }
+    });
+    if (count === 0) return;
+    for (let c = 0; c < 3; c++) {
+      const ratio = sums[c]! / count / Math.max(bases[c]! / count, 0.02);
+      const wanted = Math.max(EXPOSURE_RANGE[0], Math.min(ratio, EXPOSURE_RANGE[1]));
+      this.exposure[c]! += Math.min(1, stepS / EXPOSURE_S) * (wanted - this.exposure[c]!);
+    }
+  }
+
+  /** Pixels that show each splat, at most one, times the share of its own light that reaches them. */
+  private shownOf(): Float32Array {
+    const { depth, conics, opacity } = this.splats;
+    return this.shownPx.map((px, i) => {
+      if (depth[i] === 0) return 0;
+      const density = Math.max(conics[3 * i]! * conics[3 * i + 2]! - conics[3 * i + 1]! ** 2, 1e-12);
+      const alone = (2 * Math.PI * opacity[i]!) / Math.sqrt(density);
+      const reaches = Math.min(px / Math.max(alone, 1e-6), 1);
+      return (Math.min(px, 1) * reaches * this.knownPx[i]!) / Math.max(px, 1e-6);
+    });
+  }
+}
+
+/** Share of a live colour that is left so long after it was seen. */
+function held(ageS: number): number {
+  const gone = Math.max(0, Math.min((ageS - HELD_S) / GONE_S, 1));
+  return 1 - gone * gone * (3 - 2 * gone);
+}
+
+function percentile(sorted: Float32Array, share: number): number {
+  const place = (sorted.length - 1) * share;
+  const below = sorted[Math.floor(place)]!;
+  return below + (place - Math.floor(place)) * (sorted[Math.ceil(place)]! - below);
+}

@@ -1,0 +1,128 @@
+/**
+ * A person's splats on the picture of a webcam: renderer/splats/rasteriser/projection_kernels.py, in a worker.
+ *
+ * The webcam is at the origin of the pose's world, which has y up, and looks along -z.
+ */
+
+import type { SplatFile } from "../splats/file";
+import { allocateOffsets, moveSplats } from "../splats/moved";
+import { forwardKinematics, TRANSFORM } from "../splats/skeleton";
+import { NEAR_M } from "../splats/sort";
+import type { PosePacket } from "../transport/packets";
+import { ClipLight } from "./clipLight";
+
+/** Variance of a pixel's box filter, px^2. */
+const PIXEL_FILTER_PX2 = 1 / 12;
+const LEAST_AREA_PX4 = 1e-6;
+/** Opacity below which a splat changes no 8-bit pixel. */
+const MIN_OPACITY = 1 / 255;
+
+/** fx, fy, cx, cy, px. */
+export type Lens = readonly [number, number, number, number];
+
+export class ProjectedSplats {
+  /** Numbers a splat: x and y (px), inverse covariance (1/px^2), opacity, and how far (px) it reaches. */
+  readonly x: Float32Array;
+  readonly y: Float32Array;
+  readonly conics: Float32Array;
+  readonly opacity: Float32Array;
+  readonly reach: Float32Array;
+  /** m; nil: it is not drawn. */
+  readonly depth: Float32Array;
+  /** sRGB in the light of their clip, 0 to 1. */
+  readonly colours: Float32Array;
+  private readonly transforms: Float32Array;
+  private readonly offsets: Float32Array;
+  private readonly positions: Float32Array;
+  private readonly light: ClipLight;
+  private readonly blended = new Float32Array(TRANSFORM);
+
+  constructor(private readonly person: SplatFile) {
+    const { count } = person;
+    this.x = new Float32Array(count);
+    this.y = new Float32Array(count);
+    this.conics = new Float32Array(3 * count);
+    this.opacity = new Float32Array(count);
+    this.reach = new Float32Array(2 * count);
+    this.depth = new Float32Array(count);
+    this.light = new ClipLight(person);
+    this.colours = this.light.colours;
+    this.transforms = new Float32Array(TRANSFORM * person.parents.length);
+    this.offsets = allocateOffsets(person.moved.splats.length);
+    this.positions = person.positions.slice();
+  }
+
+  /** Place every splat as it is in `pose`, in a picture of `side` px. */
+  place(pose: PosePacket, lens: Lens, side: number): void {
+    const { person, transforms, blended, depth } = this;
+    forwardKinematics(person, pose.pelvis, pose.rotations, transforms);
+    this.express(pose.expression);
+    depth.fill(0);
+    for (let i = 0; i < person.count; i++) {
+      this.blend(i);
+      this.light.shade(i, blended, this.positions);
+      this.placeOne(i, lens, side);
+    }
+  }
+
+  private express(expression: ArrayLike<number>): void {
+    const { person, offsets, positions } = this;
+    moveSplats(person.moved, expression, offsets);
+    person.moved.splats.forEach((splat, row) => {
+      for (let axis = 0; axis < 3; axis++) {
+        positions[3 * splat + axis] = person.positions[3 * splat + axis]! + offsets[4 * row + axis]!;
+      }
+    });
+  }
+
+  private blend(i: number): void {
+    const { blended, transforms } = this;
+    const { joints, weights } = this.person;
+    blended.fill(0);
+    for (let k = 4 * i; k < 4 * i + 4; k++) {
+      const weight = weights[k]! / 255;
+      if (weight === 0) continue;
+      const at = TRANSFORM * joints[k]!;
+      for (let n = 0; n < TRANSFORM; n++) blended[n]! += weight * transforms[at + n]!;
+    }
+  }
+
+  private placeOne(i: number, [fx, fy, cx, cy]: Lens, side: number): void {
+    const { blended: m, positions } = this;
+    const { covariances: v, opacities } = this.person;
+    const [px, py, pz] = [positions[3 * i]!, positions[3 * i + 1]!, positions[3 * i + 2]!];
+    // y and z point the other way for a camera
+    const x = m[0]! * px + m[1]! * py + m[2]! * pz + m[3]!;
+    const y = -(m[4]! * px + m[5]! * py + m[6]! * pz + m[7]!);
+    const z = -(m[8]! * px + m[9]! * py + m[10]! * pz + m[11]!);
+    let opacity = opacities[i]! / 255;
+    if (z <= NEAR_M || opacity <= MIN_OPACITY) return;
+    const [sx, sy] = [fx / z, fy / z];
+    const [tx, ty] = [(-sx * x) / z, (-sy * y) / z];
+    const [ax, ay, az] = [sx * m[0]! - tx * m[8]!, sx * m[1]! - tx * m[9]!, sx * m[2]! - tx * m[10]!];
+    const [bx, by, bz] = [-sy * m[4]! - ty * m[8]!, -sy * m[5]! - ty * m[9]!, -sy * m[6]! - ty * m[10]!];
+    const [c0, c1, c2, c3, c4, c5] = [v[6 * i]!, v[6 * i + 1]!, v[6 * i + 2]!, v[6 * i + 3]!, v[6 * i + 4]!, v[6 * i + 5]!];
+    const [ux, uy, uz] = [c0 * ax + c1 * ay + c2 * az, c1 * ax + c3 * ay + c4 * az, c2 * ax + c4 * ay + c5 * az];
+    const bareXx = ax * ux + ay * uy + az * uz;
+    const xy = bx * ux + by * uy + bz * uz;
+    const bareYy =
+      bx * (c0 * bx + c1 * by + c2 * bz) + by * (c1 * bx + c3 * by + c4 * bz) + bz * (c2 * bx + c4 * by + c5 * bz);
+    const [xx, yy] = [bareXx + PIXEL_FILTER_PX2, bareYy + PIXEL_FILTER_PX2];
+    const inverse = 1 / Math.max(xx * yy - xy * xy, 1e-12);
+    opacity *= Math.sqrt(Math.max(bareXx * bareYy - xy * xy, LEAST_AREA_PX4) * inverse);
+    if (opacity <= MIN_OPACITY) return;
+    const farthest = 2 * Math.log(opacity / MIN_OPACITY);
+    const [meanX, meanY] = [sx * x + cx, sy * y + cy];
+    const [halfX, halfY] = [Math.sqrt(farthest * xx), Math.sqrt(farthest * yy)];
+    if (meanX + halfX < 0 || meanY + halfY < 0 || meanX - halfX > side || meanY - halfY > side) return;
+    this.x[i] = meanX;
+    this.y[i] = meanY;
+    this.conics[3 * i] = yy * inverse;
+    this.conics[3 * i + 1] = -xy * inverse;
+    this.conics[3 * i + 2] = xx * inverse;
+    this.opacity[i] = opacity;
+    this.reach[2 * i] = halfX;
+    this.reach[2 * i + 1] = halfY;
+    this.depth[i] = z;
+  }
+}
