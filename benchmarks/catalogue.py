@@ -53,6 +53,7 @@ CATALOGUE = (
     Benchmark("masks", ("masks",)),
     Benchmark("enrolment", ("enrolment",), (require_webcam_clip,)),
     Benchmark("local-view", ("local-view",), (require_browser,)),
+    Benchmark("local-look", ("local-look",), (require_browser,)),
     Benchmark("serve", ("serve",), (require_browser,)),
     Benchmark("meeting", ("meeting",), (require_browser, require_webcam_clip)),
     Benchmark("lipsync", ("lipsync",), (require_browser,)),

@@ -165,6 +165,15 @@ def local_view(commits: Commits = False) -> None:
     run(start("local-view", commits))
 
 
+@app.command("local-look")
+def local_look(commits: Commits = False) -> None:
+    """What live look costs a page that draws by itself: pictures a second, and bytes."""
+    require_browser()
+    from benchmarks.local_look import run
+
+    run(start("local-look", commits))
+
+
 @app.command()
 def frontier(
     commits: Commits = False,

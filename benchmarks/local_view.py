@@ -48,7 +48,7 @@ _PIECE_BYTES = 16_384
 
 def run(writer: FigureWriter) -> None:
     """Measure and report."""
-    with _measuring_page() as page:
+    with measuring_page() as page:
         rows = [_drawn(page, count, size) for count, size in product(COUNTS, SIZES)]
     model = surface_model(MOST_SPLATS)
     file = encode(model)
@@ -61,8 +61,8 @@ def _drawn(page: Page, count: int, size: int) -> dict[str, Any]:
     """Pictures for some seconds; the time to make the shaders ready is spread over them."""
     model = surface_model(count)
     asked = {
-        "file": _text(encode(model)),
-        "moments": [[_text(one) for one in m] for m in _moments_of(model)],
+        "file": encoded_text(encode(model)),
+        "moments": [[encoded_text(one) for one in m] for m in _moments_of(model)],
         "size": size,
         "seconds": _SECONDS,
     }
@@ -81,10 +81,10 @@ def _drawn(page: Page, count: int, size: int) -> dict[str, Any]:
 
 def _first_picture(model: SplatModel, file: bytes, line: str, rate: float | None) -> dict[str, Any]:
     """Of a fresh browser each time: one that has drawn before has its shaders ready."""
-    moments = [[_text(one) for one in m] for m in _moments_of(model)]
+    moments = [[encoded_text(one) for one in m] for m in _moments_of(model)]
     took_ms = []
     for _ in range(_JOINS):
-        with _measuring_page(_compressed(file), rate) as page:
+        with measuring_page(_compressed(file), rate) as page:
             call = "([moments, size]) => window.firstPicture('0', moments, size)"
             took_ms.append(float(page.evaluate(call, [moments, max(SIZES)])))
     row = {
@@ -112,7 +112,8 @@ def _room_of(model: SplatModel) -> Room:
     return Room("local-view", (MeetingPerformer.at_place("0", "0", model, 0),))
 
 
-def _text(data: bytes) -> str:
+def encoded_text(data: bytes) -> str:
+    """Bytes as a page is told them."""
     return base64.b64encode(data).decode()
 
 
@@ -148,7 +149,7 @@ class _Line(http.server.SimpleHTTPRequestHandler):
 
 
 @contextmanager
-def _measuring_page(file: bytes = b"", rate: float | None = None) -> Iterator[Page]:
+def measuring_page(file: bytes = b"", rate: float | None = None) -> Iterator[Page]:
     """A page with the client's own modules, built as it is, and a model's compressed `file`."""
     with tempfile.TemporaryDirectory() as out:
         source = Path(__file__).parent / "local_view_page"

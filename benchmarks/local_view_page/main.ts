@@ -3,6 +3,7 @@
 import { loadSplats } from "../../client/src/api/splats";
 import { LocalRoom } from "../../client/src/splats/localRoom";
 import { PacedRoom } from "../../client/src/splats/pacedRoom";
+import { Recolouring } from "../../client/src/recolouring/recolouring";
 import type { Performer } from "../../client/src/api/types";
 import { FOV_Y_RAD, orbitCamera } from "../../client/src/viewpoint/viewpoint";
 
@@ -15,9 +16,16 @@ interface Asked {
   seconds: number;
 }
 
+interface AskedLook extends Asked {
+  /** Frame and pose of each person's pictures in turn, base64; none: without live look. */
+  looks: [string, string][];
+  looksPerSecond: number;
+}
+
 const bytes = (text: string): ArrayBuffer => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
 const TURN_RAD = 0.05;
-
+/** Given the room that is measured; returns what is called before each picture, and says whether it counts. */
+type OnRoom = (room: LocalRoom) => (nowMs: number) => boolean;
 
 function performersOf(moments: string[][], modelId = ""): Performer[] {
   return (moments[0] ?? []).map((_, id) => ({
@@ -25,26 +33,32 @@ function performersOf(moments: string[][], modelId = ""): Performer[] {
   }));
 }
 
-async function measure({ file, moments, size, seconds }: Asked): Promise<number> {
+async function measure({ file, moments, size, seconds }: Asked, onRoom: OnRoom = () => () => true): Promise<number> {
   const canvas = document.body.appendChild(document.createElement("canvas"));
   const room = new LocalRoom(canvas, () => Promise.resolve(bytes(file)));
   await room.setPerformers(performersOf(moments));
   const packets = moments.map((moment) => moment.map(bytes));
+  const onPicture = onRoom(room);
   let pictures = 0;
+  let drawn = 0;
   let endMs = Infinity;
   await new Promise<void>((resolve) => {
     const frame = (nowMs: number): void => {
       if (nowMs > endMs) return resolve();
-      const moment = packets[pictures % packets.length] ?? [];
+      const counts = onPicture(nowMs);
+      const moment = packets[drawn % packets.length] ?? [];
       moment.forEach((packet) => {
-        new DataView(packet).setUint32(4, pictures + 1, true); // the newest counts
+        new DataView(packet).setUint32(4, drawn + 1, true); // the newest counts
         room.acceptPacket(packet);
       });
-      const orbit = { target: [0, 0.9, 0] as const, azimuthRad: TURN_RAD * pictures, elevationRad: 0.05, distanceM: 3.2 };
+      const orbit = { target: [0, 0.9, 0] as const, azimuthRad: TURN_RAD * drawn, elevationRad: 0.05, distanceM: 3.2 };
       if (room.draw(orbitCamera(orbit), FOV_Y_RAD, { width: size, height: size }, false, room.counts)) {
-        // what made the shaders ready is not counted
-        if (pictures === 0) endMs = nowMs + 1000 * seconds;
-        pictures += 1;
+        drawn += 1;
+        if (counts) {
+          // what made the shaders ready is not counted
+          if (pictures === 0) endMs = nowMs + 1000 * seconds;
+          pictures += 1;
+        }
       }
       requestAnimationFrame(frame);
     };
@@ -52,6 +66,42 @@ async function measure({ file, moments, size, seconds }: Asked): Promise<number>
   });
   room.close();
   return pictures;
+}
+
+/** Pictures in so many seconds, and how often anybody's colours changed. */
+async function measureLook(asked: AskedLook): Promise<[number, number]> {
+  const people = asked.moments[0]?.length ?? 1;
+  const looks = asked.looks.map(([frame, pose]) => [bytes(frame), bytes(pose)] as const);
+  const each = looks.length / people;
+  let changes = 0;
+  let changesBefore: number | null = null;
+  let recolouring: Recolouring | null = null;
+  const pictures = await measure(asked, (room) => {
+    const setChanges = room.setChanges.bind(room);
+    room.setChanges = (all) => {
+      changes += 1;
+      setChanges(all);
+    };
+    const made = (recolouring = new Recolouring(() => room));
+    let [told, startMs] = [0, performance.now()];
+    return (nowMs) => {
+      for (; looks.length > 0 && told < (asked.looksPerSecond * (nowMs - startMs)) / 1000; told++) {
+        for (let person = 0; person < people; person++) {
+          const [frame, pose] = looks[person * each + (told % each)] ?? looks[0]!;
+          // the newest counts, by its number and by its moment
+          for (const packet of [frame, pose]) new DataView(packet).setUint32(8, told, true);
+          new DataView(pose).setFloat64(36, (1000 * told) / asked.looksPerSecond, true);
+          made.accept(frame.slice(0), nowMs);
+          made.accept(pose.slice(0), nowMs);
+        }
+      }
+      if (looks.length === 0) return true;
+      if (changesBefore === null && changes >= 2 * people) changesBefore = changes;
+      return changesBefore !== null;
+    };
+  });
+  (recolouring as Recolouring | null)?.close();
+  return [pictures, changes - (changesBefore ?? 0)];
 }
 
 /** Fetches the model `modelId` as a meeting does; ms until the first picture of it is finished. */
@@ -79,4 +129,4 @@ async function firstPicture(modelId: string, moments: string[][], size: number):
   return tookMs;
 }
 
-Object.assign(window, { measure, firstPicture });
+Object.assign(window, { measure: (asked: Asked) => measure(asked), measureLook, firstPicture });

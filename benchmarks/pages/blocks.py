@@ -12,7 +12,7 @@ from benchmarks.pages import capture, splats, stability
 from benchmarks.pages.frontier import frontier
 from benchmarks.pages.gpu import gpu
 from benchmarks.pages.lipsync import lipsync
-from benchmarks.pages.live_look import live_look
+from benchmarks.pages.live_look import live_look, local_look
 from benchmarks.pages.numbers import SOURCES, numbers
 from benchmarks.pages.parsimony import parsimony
 from benchmarks.pages.performers import (
@@ -68,6 +68,7 @@ BLOCKS = (
     Block("docs/room.md", "relight", ("relight",), splats.relight),
     Block("docs/real-people.md", "real", ("real",), real),
     Block("docs/live-look.md", "live-look", ("live-look",), live_look),
+    Block("docs/live-look.md", "local-look", ("local-look",), local_look),
     Block("docs/parsimony.md", "parsimony", ("parsimony",), parsimony),
     Block(_FIGURES_PAGE, "trainings", ("expressions",), splats.trainings),
     Block(_FIGURES_PAGE, "expressions", ("expressions",), splats.expressions),

@@ -37,6 +37,28 @@ def live_look(figures: Figures) -> str:
     return "\n\n".join([description, markdown_table(heads, rows), measured_at(figures)])
 
 
+def local_look(figures: Figures) -> str:
+    """What it costs a page that draws, a row a number of people."""
+    rows = [
+        [
+            str(row["people"]),
+            f"{row['pictures_per_second']:.0f}",
+            f"{row['with_live_look']:.0f}",
+            f"{row['changes_per_second']:.1f}",
+            f"{row['kbit_per_second'] / 1e3:.2f}",
+        ]
+        for row in figures["rows"]
+    ]
+    heads = [
+        "people, all with live look",
+        "pictures a second without it",
+        "with it",
+        "new colours a second, each",
+        "Mbit/s down",
+    ]
+    return "\n\n".join([markdown_table(heads, rows), measured_at(figures)])
+
+
 def _change(model: Figures, live: Figures) -> str:
     if live.get("lpips") is None:
         return "-"

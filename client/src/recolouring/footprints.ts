@@ -59,7 +59,8 @@ export class Footprints {
     const { pixels, weights } = this;
     for (let row = top; row <= bottom; row++) {
       const dy = row + 0.5 - y;
-      const [fall, slope] = [c * dy * dy, -b * dy];
+      const fall = c * dy * dy;
+      const slope = -b * dy;
       for (let column = left; column <= right; column++) {
         const pixel = row * side + column;
         const open = through[pixel]!;

@@ -106,9 +106,13 @@ export class LiveColours {
     const many = near.length / Math.max(1, person.count);
     const share = this.share.map((one, i) => one * held(timeS - seenS[i]!));
     const shown = new Float32Array(change.length);
+    const otherwise = exposure.map((one) => (LITTLE * (one - 1)) / 255);
     for (let i = 0; i < person.count; i++) {
       const own = share[i]!;
-      let [red, green, blue, known] = [0, 0, 0, 0];
+      let red = 0;
+      let green = 0;
+      let blue = 0;
+      let known = 0;
       for (let m = many * i; own < 1 && m < many * (i + 1); m++) {
         const j = near[m]!;
         const weight = share[j]!;
@@ -118,11 +122,9 @@ export class LiveColours {
         blue += weight * change[3 * j + 2]!;
       }
       const scale = (1 - own) / (known + LITTLE);
-      const beside = [red, green, blue];
-      for (let c = 0; c < 3; c++) {
-        const exposed = ((exposure[c]! - 1) * person.colours[3 * i + c]!) / 255;
-        shown[3 * i + c] = own * change[3 * i + c]! + scale * (beside[c]! + LITTLE * exposed);
-      }
+      shown[3 * i] = own * change[3 * i]! + scale * (red + otherwise[0]! * person.colours[3 * i]!);
+      shown[3 * i + 1] = own * change[3 * i + 1]! + scale * (green + otherwise[1]! * person.colours[3 * i + 1]!);
+      shown[3 * i + 2] = own * change[3 * i + 2]! + scale * (blue + otherwise[2]! * person.colours[3 * i + 2]!);
     }
     return packChanges(shown);
   }
@@ -134,16 +136,20 @@ export class LiveColours {
     pixels.fill(0);
     for (let n = 0; n < footprints.count; n++) {
       const i = 3 * order[n]!;
-      const [red, green, blue] = [0, 1, 2].map((c) => splats.colours[i + c]! + change[i + c]!) as [number, number, number];
-      for (let at = starts[n]!; at < starts[n + 1]!; at++) {
-        const [pixel, weight] = [4 * where[at]!, weights[at]!];
+      const red = splats.colours[i]! + change[i]!;
+      const green = splats.colours[i + 1]! + change[i + 1]!;
+      const blue = splats.colours[i + 2]! + change[i + 2]!;
+      const end = starts[n + 1]!;
+      for (let at = starts[n]!; at < end; at++) {
+        const pixel = 4 * where[at]!;
+        const weight = weights[at]!;
         pixels[pixel]! += weight * red;
         pixels[pixel + 1]! += weight * green;
         pixels[pixel + 2]! += weight * blue;
       }
     }
-    through.forEach((open, pixel) => {
-      const covered = 1 - open;
+    for (let pixel = 0; pixel < through.length; pixel++) {
+      const covered = 1 - through[pixel]!;
       const sure = known[pixel]! * covered;
       for (let c = 0; c < 3; c++) {
         const at = 4 * pixel + c;
@@ -151,7 +157,7 @@ export class LiveColours {
         pixels[at] = sure * Math.max(-MOST, Math.min(lacks, MOST));
       }
       pixels[4 * pixel + 3] = sure;
-    });
+    }
   }
 
   private gather(): void {
@@ -161,9 +167,15 @@ export class LiveColours {
     knownPx.fill(0);
     shownPx.fill(0);
     for (let n = 0; n < footprints.count; n++) {
-      let [red, green, blue, known, shown] = [0, 0, 0, 0, 0];
-      for (let at = starts[n]!; at < starts[n + 1]!; at++) {
-        const [pixel, weight] = [4 * where[at]!, weights[at]!];
+      let red = 0;
+      let green = 0;
+      let blue = 0;
+      let known = 0;
+      let shown = 0;
+      const end = starts[n + 1]!;
+      for (let at = starts[n]!; at < end; at++) {
+        const pixel = 4 * where[at]!;
+        const weight = weights[at]!;
         red += weight * pixels[pixel]!;
         green += weight * pixels[pixel + 1]!;
         blue += weight * pixels[pixel + 2]!;

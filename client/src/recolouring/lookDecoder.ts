@@ -3,7 +3,7 @@
 import type { LookFrame } from "./packets";
 
 /** Decoded frames that wait for their pose, the newest: half a second's. */
-const MOST_WAITING = 8;
+export const MOST_WAITING = 8;
 
 export class LookDecoder {
   private decoder: VideoDecoder | null = null;
@@ -19,15 +19,19 @@ export class LookDecoder {
     this.decoder.decode(new EncodedVideoChunk({ type: key ? "key" : "delta", timestamp: number, data }));
   }
 
-  /** The frame of this number, to be closed by whoever takes it; null while it is not decoded. Earlier ones are dropped. */
+  /** Whether the frame of this number is decoded and not dropped yet. */
+  has(number: number): boolean {
+    return this.waiting.has(number);
+  }
+
+  /** Take the frame of this number, to be closed by whoever takes it; earlier ones are dropped. */
   take(number: number): VideoFrame | null {
-    for (const [earlier, frame] of this.waiting) {
-      if (earlier >= number) break;
-      frame.close();
+    const frame = this.waiting.get(number) ?? null;
+    for (const [earlier, one] of this.waiting) {
+      if (earlier > number) break;
+      if (earlier < number) one.close();
       this.waiting.delete(earlier);
     }
-    const frame = this.waiting.get(number) ?? null;
-    this.waiting.delete(number);
     return frame;
   }
 

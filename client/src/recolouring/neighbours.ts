@@ -17,6 +17,8 @@ class Grid {
   private readonly sizes = [1, 1, 1];
   private readonly cellM: number;
   private readonly cells = new Map<number, number[]>();
+  /** Squared distances of those found, m^2. */
+  private far = new Float64Array(0);
 
   constructor(
     private readonly points: Float32Array,
@@ -32,52 +34,62 @@ class Grid {
     this.cellM = Math.sqrt((IN_CELL * (x * y + y * z + z * x)) / Math.max(count, 1));
     this.sizes = [x, y, z].map((side) => Math.floor(side / this.cellM) + 1);
     for (let i = 0; i < count; i++) {
-      const key = this.keyOf(this.placeOf(i));
+      const [a = 0, b = 0, c = 0] = this.placeOf(i);
+      const key = (a * this.sizes[1]! + b) * this.sizes[2]! + c;
       const cell = this.cells.get(key);
       if (cell) cell.push(i);
       else this.cells.set(key, [i]);
     }
   }
 
-  /** Fill `found` with the points nearest to point `i`; of too few some come twice. */
+  /** Fill `found` with as many points, of which there are enough, nearest to point `i`. */
   nearestOf(i: number, found: Uint32Array): void {
-    const place = this.placeOf(i);
-    const near: { j: number; d2: number }[] = [];
+    const [x = 0, y = 0, z = 0] = this.placeOf(i);
     const farthest = Math.max(...this.sizes);
+    this.far = new Float64Array(found.length).fill(Infinity);
     for (let ring = 0; ring <= farthest; ring++) {
-      this.visitRing(place, ring, (j) => near.push({ j, d2: this.distance2(i, j) }));
-      if (near.length < found.length) continue;
-      near.sort((a, b) => a.d2 - b.d2);
+      this.lookAtRing(i, x, y, z, ring, found);
       // what is farther out is at least so far away
-      if (near[found.length - 1]!.d2 <= (ring * this.cellM) ** 2) break;
+      if (this.far[found.length - 1]! <= (ring * this.cellM) ** 2) break;
     }
-    for (let n = 0; n < found.length; n++) found[n] = near[Math.min(n, near.length - 1)]!.j;
   }
 
-  private visitRing([x, y, z]: readonly number[], ring: number, visit: (j: number) => void): void {
-    for (let a = -ring; a <= ring; a++) {
-      for (let b = -ring; b <= ring; b++) {
-        const inside = Math.abs(a) < ring && Math.abs(b) < ring;
-        for (let c = -ring; c <= ring; c += inside && ring > 0 ? 2 * ring : 1) {
-          const place = [x! + a, y! + b, z! + c];
-          if (place.every((at, axis) => at >= 0 && at < this.sizes[axis]!)) this.cells.get(this.keyOf(place))?.forEach(visit);
+  private lookAtRing(i: number, x: number, y: number, z: number, ring: number, found: Uint32Array): void {
+    const [wide = 0, high = 0, deep = 0] = this.sizes;
+    for (let a = Math.max(0, x - ring); a <= Math.min(wide - 1, x + ring); a++) {
+      for (let b = Math.max(0, y - ring); b <= Math.min(high - 1, y + ring); b++) {
+        const inside = Math.abs(a - x) < ring && Math.abs(b - y) < ring;
+        for (let c = z - ring; c <= z + ring; c += inside && ring > 0 ? 2 * ring : 1) {
+          const cell = c < 0 || c >= deep ? undefined : this.cells.get((a * high + b) * deep + c);
+          for (const j of cell ?? []) this.consider(j, this.distance2(i, j), found);
         }
       }
     }
   }
 
+  /** Put point `j` among the nearest, if it is. */
+  private consider(j: number, d2: number, found: Uint32Array): void {
+    const { far } = this;
+    let at = found.length;
+    for (; at > 0 && d2 < far[at - 1]!; at--) {
+      if (at === found.length) continue;
+      far[at] = far[at - 1]!;
+      found[at] = found[at - 1]!;
+    }
+    if (at === found.length) return;
+    far[at] = d2;
+    found[at] = j;
+  }
+
   private distance2(i: number, j: number): number {
     const { points } = this;
-    let sum = 0;
-    for (let axis = 0; axis < 3; axis++) sum += (points[3 * i + axis]! - points[3 * j + axis]!) ** 2;
-    return sum;
+    const x = points[3 * i]! - points[3 * j]!;
+    const y = points[3 * i + 1]! - points[3 * j + 1]!;
+    const z = points[3 * i + 2]! - points[3 * j + 2]!;
+    return x * x + y * y + z * z;
   }
 
   private placeOf(i: number): number[] {
     return this.low.map((low, axis) => Math.floor((this.points[3 * i + axis]! - low) / this.cellM));
-  }
-
-  private keyOf([x, y, z]: readonly number[]): number {
-    return (x! * this.sizes[1]! + y!) * this.sizes[2]! + z!;
   }
 }

@@ -40,13 +40,14 @@ export function cutOutPicture(data: Uint8ClampedArray, side: number): CutOutPict
 
 /** 1 where a pixel and all round it are inside; beyond the picture's edge everything is. */
 function eroded(inside: Uint8Array, side: number): Float32Array {
-  return Float32Array.from(inside, (_, pixel) => {
-    const [row, column] = [Math.floor(pixel / side), pixel % side];
+  const known = new Float32Array(inside.length).fill(1);
+  inside.forEach((one, pixel) => {
+    if (one) return;
+    const row = Math.floor(pixel / side);
+    const column = pixel % side;
     for (let y = Math.max(0, row - 1); y <= Math.min(side - 1, row + 1); y++) {
-      for (let x = Math.max(0, column - 1); x <= Math.min(side - 1, column + 1); x++) {
-        if (!inside[y * side + x]) return 0;
-      }
+      for (let x = Math.max(0, column - 1); x <= Math.min(side - 1, column + 1); x++) known[y * side + x] = 0;
     }
-    return 1;
   });
+  return known;
 }

@@ -3,7 +3,7 @@
 import { PICTURE_PX } from "../look/cutOut";
 import type { SplatFile } from "../splats/file";
 import { LiveColours } from "./liveColours";
-import { LookDecoder } from "./lookDecoder";
+import { LookDecoder, MOST_WAITING } from "./lookDecoder";
 import type { LookFrame, LookPose } from "./packets";
 import { PictureReader } from "./pictureReader";
 
@@ -25,6 +25,8 @@ export interface Recoloured {
 const SIDE = PICTURE_PX / 2;
 /** Share of a processor that this may take: drawing comes first where there are few. */
 const SHARE = navigator.hardwareConcurrency > 4 ? 0.7 : 0.25;
+/** A longer rest would leave colours behind; what takes so long is held up by others. */
+const MOST_REST_MS = 250;
 
 const reader = new PictureReader(SIDE);
 const people = new Map<number, Person>();
@@ -37,7 +39,8 @@ class Person {
   private readonly decoder = new LookDecoder(schedule);
   private splats: SplatFile | null = null;
   private colours: LiveColours | null = null;
-  private wanted: LookPose | null = null;
+  /** Of frames that may come yet, the newest last. */
+  private poses: LookPose[] = [];
 
   setSplats(splats: SplatFile, version: number): void {
     this.splats = splats;
@@ -45,24 +48,36 @@ class Person {
     this.colours = null;
   }
 
+  /** The newest picture of which both frame and pose are here. */
+  private get newest(): LookPose | undefined {
+    return this.poses.filter(({ number }) => this.decoder.has(number)).at(-1);
+  }
+
+  /** Get ready for the first picture, which takes a moment of its own; says whether there is one to work on. */
+  prepare(): boolean {
+    if (!this.splats || !this.newest) return false;
+    this.colours ??= new LiveColours(this.splats, SIDE);
+    return true;
+  }
+
   receive(packet: LookFrame | LookPose): void {
     if (packet.kind === "frame") this.decoder.decode(packet);
-    else this.wanted = packet;
+    else this.poses = [...this.poses.slice(1 - MOST_WAITING), packet];
   }
 
   /** What the newest picture changes; null where none is ready. */
   work(): Recoloured["changes"] | null {
-    const frame = this.splats && this.wanted && this.decoder.take(this.wanted.number);
-    if (!this.splats || !this.wanted || !frame) return null;
-    const { pose, lens } = this.wanted;
-    this.wanted = null;
+    const { colours, newest } = this;
+    const frame = newest && this.decoder.take(newest.number);
+    if (!colours || !newest || !frame) return null;
+    const { number, pose, lens } = newest;
+    this.poses = this.poses.filter((one) => one.number > number);
     const picture = reader.read(frame);
     frame.close();
-    this.colours ??= new LiveColours(this.splats, SIDE);
     const scale = SIDE / PICTURE_PX;
-    this.colours.see(picture, pose, [lens[0] * scale, lens[1] * scale, lens[2] * scale, lens[3] * scale]);
+    colours.see(picture, pose, [lens[0] * scale, lens[1] * scale, lens[2] * scale, lens[3] * scale]);
     this.momentMs = pose.captureTimeMs;
-    return this.colours.changesAt(pose.captureTimeMs / 1000);
+    return colours.changesAt(pose.captureTimeMs / 1000);
   }
 
   /** Of the last picture. */
@@ -70,7 +85,8 @@ class Person {
 
   end(): void {
     this.decoder.close();
-    this.wanted = this.colours = null;
+    this.poses = [];
+    this.colours = null;
   }
 }
 
@@ -83,13 +99,14 @@ function work(): void {
   timer = null;
   const inTurn = [...people].sort(([, a], [, b]) => a.workedMs - b.workedMs);
   for (const [person, one] of inTurn) {
+    if (!one.prepare()) continue;
     const startMs = performance.now();
     const changes = one.work();
     if (!changes) continue;
     const { version, momentMs } = one;
     postMessage({ person, version, changes, momentMs } satisfies Recoloured, { transfer: [changes.buffer] });
     one.workedMs = performance.now();
-    restedMs = one.workedMs + (one.workedMs - startMs) * (1 / SHARE - 1);
+    restedMs = one.workedMs + Math.min((one.workedMs - startMs) * (1 / SHARE - 1), MOST_REST_MS);
     schedule();
     return;
   }
