@@ -173,9 +173,7 @@ export class WhepConnection {
     const poses = peer.createDataChannel("pose", { ordered: false, maxRetransmits: 0 });
     poses.binaryType = "arraybuffer";
     poses.addEventListener("message", ({ data }) => this.hooks.onPose(data as ArrayBuffer));
-    const looks = peer.createDataChannel("look");
-    looks.binaryType = "arraybuffer";
-    looks.addEventListener("message", ({ data }) => this.hooks.onLook(data as ArrayBuffer));
+    this.openLooks(peer);
     const { receiver } = peer.addTransceiver("video", { direction: "recvonly" });
     // show each picture as it comes: nobody is talking in it that it would have to wait for
     if ("jitterBufferTarget" in receiver) receiver.jitterBufferTarget = 0;
@@ -191,6 +189,14 @@ export class WhepConnection {
     const sdp = await this.exchange(seat, peer.localDescription?.sdp ?? "");
     await peer.setRemoteDescription({ type: "answer", sdp });
     await connected;
+  }
+
+  /** Others' pictures of themselves, where this browser decodes for pages: on those that come encrypted, or from this device. */
+  private openLooks(peer: RTCPeerConnection): void {
+    if (typeof VideoDecoder === "undefined") return;
+    const looks = peer.createDataChannel("look");
+    looks.binaryType = "arraybuffer";
+    looks.addEventListener("message", ({ data }) => this.hooks.onLook(data as ArrayBuffer));
   }
 
   private async reserveLook(peer: RTCPeerConnection): Promise<void> {

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import type { Recolouring, RecolouredRoom } from "../../src/recolouring/recolouring";
+import { Recolouring, type RecolouredRoom } from "../../src/recolouring/recolouring";
 import type { LookTask, Recoloured } from "../../src/recolouring/worker";
 import { person, wall } from "./people";
 
@@ -45,10 +45,9 @@ describe("Recolouring", () => {
     FakeWorker.made[0]?.answer({ person: check, version, changes: new Uint32Array(count).fill(value), momentMs });
   };
 
-  beforeEach(async () => {
+  beforeEach(() => {
     vi.useFakeTimers({ toFake: ["performance"] });
     vi.stubGlobal("Worker", FakeWorker);
-    vi.stubGlobal("VideoDecoder", class {});
     FakeWorker.made = [];
     shown = [];
     here = [
@@ -62,9 +61,7 @@ describe("Recolouring", () => {
       indexOf: (check) => here.findIndex((one) => one.check === check),
       setChanges: (changes) => shown.push([...changes]),
     };
-    vi.resetModules();
-    const { Recolouring: Fresh } = await import("../../src/recolouring/recolouring");
-    recolouring = new Fresh(() => room);
+    recolouring = new Recolouring(() => room);
   });
   afterEach(() => {
     vi.unstubAllGlobals();

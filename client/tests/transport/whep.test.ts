@@ -129,9 +129,11 @@ const accepted = (): Response =>
 
 beforeEach(() => {
   vi.useFakeTimers();
+  vi.stubGlobal("VideoDecoder", class {});
 });
 afterEach(() => {
   vi.useRealTimers();
+  vi.unstubAllGlobals();
 });
 
 describe("WhepConnection", () => {
@@ -179,6 +181,15 @@ describe("WhepConnection", () => {
     expect(peers[0]?.looks).toMatchObject({ label: "look", options: undefined });
     peers[0]?.looks?.dispatchEvent(new MessageEvent("message", { data: picture }));
     expect([heard, looks]).toEqual([[data], [picture]]);
+    link.close();
+  });
+
+  it("asks for no live look of others where this browser could not decode it", async () => {
+    vi.stubGlobal("VideoDecoder", undefined);
+    const { link, peers } = setUp(accepted);
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    expect(peers[0]?.steps.slice(0, 3)).toEqual(["view", "pose", "video recvonly"]);
     link.close();
   });
 

@@ -25,8 +25,8 @@ from services.live.look.relay import LookRelay
 from services.live.packets import NewestView, performer_check
 from services.live.room import Room
 
-_MOST_BUFFERED_BYTES = 16_000
-"""Of one channel, half a second of one person's pictures."""
+_MOST_BUFFERED_BYTES = 40_000
+"""Of one channel: room for the key frames of a few people who come at once."""
 
 
 @dataclass(frozen=True, eq=False)
