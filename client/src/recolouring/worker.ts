@@ -35,7 +35,7 @@ let restedMs = 0;
 
 class Person {
   workedMs = -Infinity;
-  version = 0;
+  private version = 0;
   private readonly decoder = new LookDecoder(schedule);
   private splats: SplatFile | null = null;
   private colours: LiveColours | null = null;
@@ -66,8 +66,8 @@ class Person {
   }
 
   /** What the newest picture changes; null where none is ready. */
-  work(): Recoloured["changes"] | null {
-    const { colours, newest } = this;
+  work(): Omit<Recoloured, "person"> | null {
+    const { colours, newest, version } = this;
     const frame = newest && this.decoder.take(newest.number);
     if (!colours || !newest || !frame) return null;
     const { number, pose, lens } = newest;
@@ -76,12 +76,8 @@ class Person {
     frame.close();
     const scale = SIDE / PICTURE_PX;
     colours.see(picture, pose, [lens[0] * scale, lens[1] * scale, lens[2] * scale, lens[3] * scale]);
-    this.momentMs = pose.captureTimeMs;
-    return colours.changesAt(pose.captureTimeMs / 1000);
+    return { version, changes: colours.changesAt(pose.captureTimeMs / 1000), momentMs: pose.captureTimeMs };
   }
-
-  /** Of the last picture. */
-  momentMs = 0;
 
   end(): void {
     this.decoder.close();
@@ -101,10 +97,9 @@ function work(): void {
   for (const [person, one] of inTurn) {
     if (!one.prepare()) continue;
     const startMs = performance.now();
-    const changes = one.work();
-    if (!changes) continue;
-    const { version, momentMs } = one;
-    postMessage({ person, version, changes, momentMs } satisfies Recoloured, { transfer: [changes.buffer] });
+    const found = one.work();
+    if (!found) continue;
+    postMessage({ person, ...found } satisfies Recoloured, { transfer: [found.changes.buffer] });
     one.workedMs = performance.now();
     restedMs = one.workedMs + Math.min((one.workedMs - startMs) * (1 / SHARE - 1), MOST_REST_MS);
     schedule();
