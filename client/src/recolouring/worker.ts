@@ -25,8 +25,6 @@ export interface Recoloured {
 const SIDE = PICTURE_PX / 2;
 /** Share of a processor that this may take: drawing comes first where there are few. */
 const SHARE = navigator.hardwareConcurrency > 4 ? 0.7 : 0.25;
-/** A longer rest would leave colours behind; what takes so long is held up by others. */
-const MOST_REST_MS = 250;
 
 const reader = new PictureReader(SIDE);
 const people = new Map<number, Person>();
@@ -101,7 +99,7 @@ function work(): void {
     if (!found) continue;
     postMessage({ person, ...found } satisfies Recoloured, { transfer: [found.changes.buffer] });
     one.workedMs = performance.now();
-    restedMs = one.workedMs + Math.min((one.workedMs - startMs) * (1 / SHARE - 1), MOST_REST_MS);
+    restedMs = one.workedMs + (one.workedMs - startMs) * (1 / SHARE - 1);
     schedule();
     return;
   }
