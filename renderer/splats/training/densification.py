@@ -63,7 +63,8 @@ class Densification:
 
     def splats(self, split: Bool[Array, "N"]) -> FirstSplats:
         """The coarse splats but for those to `split`, and the fine ones in their place."""
-        return self.coarse.taken(~split).joined(self.fine.taken(split[self.parents]))
+        finer = np.flatnonzero(split[self.parents])
+        return self.coarse.taken(np.flatnonzero(~split)).joined(self.fine.taken(finer))
 
     def origins(self, split: Bool[Array, "N"]) -> Int[Array, "K"]:
         """The coarse splat that each of `splats` is, or is the child of."""
@@ -122,8 +123,6 @@ def splat_errors(
 
 def _thinned(first: FirstSplats) -> FirstSplats:
     """Every fourth, as much larger: they are in the order in which they lie on the surface."""
-    kept = np.zeros(len(first.parameters), bool)
-    kept[_SHARE // 2 :: _SHARE] = True
-    thin = first.taken(kept)
+    thin = first.taken(np.arange(_SHARE // 2, len(first.parameters), _SHARE))
     thin.parameters[:, LOG_SCALE : LOG_SCALE + 3] += 0.5 * np.log(_SHARE)
     return thin

@@ -56,17 +56,19 @@ class FirstSplats:
     expression_offsets: Float[Array, "M S 3"] = field(default_factory=no_offsets)
     """As the body's surface moves, m; empty where that is not known."""
 
-    def taken(self, kept: Bool[Array, "N"]) -> FirstSplats:
-        """Those of them that are `kept`."""
-        row = np.cumsum(kept) - 1
-        moving = kept[self.expression_splats]
+    def taken(self, rows: Int[Array, "G"]) -> FirstSplats:
+        """Those of `rows`, each as often as it is named."""
+        moves = np.full(len(self.parameters), -1)
+        moves[self.expression_splats] = np.arange(len(self.expression_splats))
+        moves = moves[rows]
+        moving = np.flatnonzero(moves >= 0)
         return FirstSplats(
-            self.parameters[kept],
-            self.joints[kept],
-            self.weights[kept],
-            self.normals[kept],
-            row[self.expression_splats[moving]].astype(np.int32),
-            self.expression_offsets[moving],
+            self.parameters[rows],
+            self.joints[rows],
+            self.weights[rows],
+            self.normals[rows],
+            moving.astype(np.int32),
+            self.expression_offsets[moves[moving]],
         )
 
     def joined(self, others: FirstSplats) -> FirstSplats:

@@ -47,7 +47,7 @@ def test_few_splats_are_not_made_coarse():
 
 def test_an_earlier_model_is_made_finer_where_it_has_less_than_half_as_many():
     first = fine()
-    few, many = (first.taken(np.arange(400) < count) for count in (150, 250))
+    few, many = (first.taken(np.arange(count)) for count in (150, 250))
     found = Densification.planned(first, few, SETTINGS)
     assert found is not None
     assert found.coarse is few
