@@ -18,6 +18,8 @@ import numpy as np
 
 from renderer.performer_model import PerformerModel
 from renderer.splats.layout import NEAR_M, PARAMETERS, ROTATION, TILE
+from renderer.splats.levels.detail import ViewDetail
+from renderer.splats.levels.tree import tree_soon
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
 from scene.arrays import Array, Bool, Float, UInt8
@@ -43,9 +45,13 @@ _FAINTEST_SHADOW = 1.0 / 1024.0
 
 
 class SceneRenderer:
-    """Renders scenes into buffers that it keeps; for one thread."""
+    """Renders scenes into buffers that it keeps; for one thread.
 
-    def __init__(self) -> None:
+    `detail` chooses how many splats each person is drawn by; None: all that they have.
+    """
+
+    def __init__(self, detail: ViewDetail | None = None) -> None:
+        self._detail = detail
         self._models: tuple[SplatModel, ...] = ()
         self._splats: SplatRenderer | None = None
         self._empty = np.zeros((0, 0, 4), np.float32)
@@ -138,17 +144,26 @@ class SceneRenderer:
         camera: Camera,
         lighting: Lighting | None,
     ) -> Float[Array, "H W 4"]:
-        models = tuple(model for p in performers if (model := p.model.splats) is not None)
+        whole = [model for p in performers if (model := p.model.splats) is not None]
+        levels = [None if self._detail is None else tree_soon(model) for model in whole]
+        pairs = list(zip(whole, levels, strict=True))
+        models = tuple(model if tree is None else tree.nodes for model, tree in pairs)
         if self._splats is None or models != self._models:
             from renderer.splats.rasteriser.gpu import splat_renderer
 
             self._models, self._splats = models, splat_renderer(models)
+        if self._detail is not None:
+            heights = [_height_px(p, camera) for p in performers]
+            self._splats.draw_only(self._detail.drawn(pairs, heights))
         transforms, placements = (
             [_skinning_transforms(p) for p in performers],
             [p.placement for p in performers],
         )
         shown = [p.pose.expression for p in performers]
-        changes = [p.colour_change for p in performers]
+        changes = [
+            change if (change := p.colour_change) is None or tree is None else tree.spread(change)
+            for p, tree in zip(performers, levels, strict=True)
+        ]
         return self._splats.render(camera, transforms, lighting, placements, shown, changes)
 
 
@@ -296,6 +311,12 @@ def _inside_head(performer: Performer[PerformerModel], camera: Camera) -> bool:
 
 def _distance(performer: Performer[PerformerModel], camera: Camera) -> float:
     return float(np.linalg.norm(_joint_position(performer, 0) - camera.position))
+
+
+def _height_px(performer: Performer[PerformerModel], camera: Camera) -> float:
+    """How high somebody who stood upright there would be in the picture."""
+    distance = max(_distance(performer, camera), _HEAD_M)
+    return float(camera.intrinsics[1, 1]) * performer.model.skeleton.height_m / distance
 
 
 def _field_layer(performer: Performer[PerformerModel], camera: Camera) -> Float[Array, "H W 4"]:

@@ -10,7 +10,7 @@ import math
 import numba
 import numpy as np
 
-from renderer.splats.layout import COLOUR, NO_LIGHT, POSITION
+from renderer.splats.layout import COLOUR, HIDDEN_LOGIT, NO_LIGHT, OPACITY, POSITION
 from scene.arrays import Array
 
 _F = np.float32
@@ -35,7 +35,7 @@ def shade(
     """Fill the colour columns of `parameters`."""
     steps = encoded.shape[0] - 1
     for i in numba.prange(albedo.shape[0]):
-        if light_index[i] == NO_LIGHT:
+        if light_index[i] == NO_LIGHT or parameters[i, OPACITY] <= _F(HIDDEN_LOGIT):
             continue
         light, rotation = harmonics[light_index[i]], world_to_clip[light_index[i]]
         x, y, z = _F(0.0), _F(0.0), _F(0.0)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numba
 
-from renderer.splats.layout import POSITION
+from renderer.splats.layout import HIDDEN_LOGIT, OPACITY, POSITION
 from scene.arrays import Array
 
 
@@ -22,8 +22,16 @@ def apply_blend_shapes(
 ) -> None:
     """Rest positions plus the sum of each weight times its offset."""
     for m in range(splats.shape[0]):
-        for x in range(3):
-            place = rest[m, x]
-            for s in range(shown.shape[1]):
-                place += shown[owner[m], s] * offsets[m, s, x]
-            parameters[splats[m], POSITION + x] = place
+        if parameters[splats[m], OPACITY] <= HIDDEN_LOGIT:
+            continue
+        x, y, z = rest[m, 0], rest[m, 1], rest[m, 2]
+        for s in range(shown.shape[1]):
+            weight = shown[owner[m], s]
+            if weight == 0.0:
+                continue
+            x += weight * offsets[m, s, 0]
+            y += weight * offsets[m, s, 1]
+            z += weight * offsets[m, s, 2]
+        parameters[splats[m], POSITION] = x
+        parameters[splats[m], POSITION + 1] = y
+        parameters[splats[m], POSITION + 2] = z

@@ -23,6 +23,8 @@ VISIBILITY_DILATION_PX2 = 4.0 * BOX_FILTER_PX2
 too faint there to tell, and poses are fitted 0.5 dB worse."""
 FAINTEST = 1.0 / 255.0
 """Opacity below which a splat changes no 8-bit pixel."""
+HIDDEN_LOGIT = -60.0
+"""Opacity of splats of other levels than the one that is drawn: no kernel looks at them further."""
 MOST_OPAQUE = 0.99
 """Keeps 1 - alpha away from nil, so that what lies behind still gets a gradient."""
 FINISHED = 1.0 / 512.0

@@ -11,9 +11,10 @@ two of each split, in the order in which they come as detail rises.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, WeakSet
 
 import numpy as np
 
@@ -94,7 +95,7 @@ class LevelTree:
         )
 
     def spread(self, values: Float[Array, "N C"]) -> Float[Array, "M C"]:
-        """`values` of the model's splats, and their means, by light, for what stands for several."""
+        """`values` of the model's splats; means by light for those that stand for several."""
         from renderer.splats.levels.level_kernels import average_upwards
 
         spread = np.empty((len(self.nodes), values.shape[1]), np.float32)
@@ -104,14 +105,29 @@ class LevelTree:
 
 
 def level_tree(model: SplatModel) -> LevelTree:
-    """The levels of `model`; worked out once, in about a second for 40,000 splats, and kept as long
+    """The levels of `model`; worked out once, in about a second for 10,000 splats, and kept as long
     as the model lives."""
     if model not in _TREES:
         _TREES[model] = _grown(model)
     return _TREES[model]
 
 
+def tree_soon(model: SplatModel) -> LevelTree | None:
+    """The levels of `model`, where they are known; else they are worked out beside, from now on.
+
+    None, too, for so few splats that there is but one level.
+    """
+    if (tree := _TREES.get(model)) is not None:
+        return tree
+    if len(model) > FEWEST and model not in _GROWING:
+        _GROWING.add(model)
+        _BESIDE.submit(level_tree, model)
+    return None
+
+
 _TREES: WeakKeyDictionary[SplatModel, LevelTree] = WeakKeyDictionary()
+_GROWING: WeakSet[SplatModel] = WeakSet()
+_BESIDE = ThreadPoolExecutor(max_workers=1, thread_name_prefix="levels")
 
 
 def _grown(model: SplatModel) -> LevelTree:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from renderer.splats.layout import BOX_FILTER_PX2, COLOUR, POSITION, TILE
+from renderer.splats.layout import BOX_FILTER_PX2, COLOUR, OPACITY, POSITION, TILE
 from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
 from renderer.splats.rasteriser.workspace import pack_camera
 from renderer.splats.skinned import SkinnedSplats
@@ -58,6 +58,14 @@ class GpuSplatRenderer(SplatRenderer):
         self._lit_once = False
         self._buffers: _Buffers | None = None
         self._camera: Camera | None = None
+
+    def draw_only(self, drawn: Bool[Array, "N"]) -> None:
+        """As on the CPU; the change goes to the device."""
+        changed = np.flatnonzero(drawn != self._drawn)
+        super().draw_only(drawn)
+        if len(changed):
+            opacity = torch.from_numpy(self._parameters[changed, OPACITY]).to(self._device)
+            self._on_device[torch.from_numpy(changed).to(self._device), OPACITY] = opacity
 
     def _rasterise(
         self, parameters: Float[Array, "N P"], moved: Float[Array, "K 4 4"], camera: Camera

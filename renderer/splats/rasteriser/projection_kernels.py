@@ -28,6 +28,7 @@ from renderer.splats.layout import (
     FAINTEST,
     GREEN,
     HALF_HEIGHT,
+    HIDDEN_LOGIT,
     LEAST_AREA_PX4,
     LOG_SCALE,
     MEAN_X,
@@ -138,6 +139,9 @@ def project(
     count = parameters.shape[0]
     tiles_x, tiles_y = (width + TILE - 1) // TILE, (height + TILE - 1) // TILE
     for i in numba.prange(count):
+        boxes[i, 0] = EMPTY_BOX
+        if parameters[i, OPACITY] <= _F(HIDDEN_LOGIT):
+            continue
         blended = np.empty((3, 4), np.float32)
         quaternion, scaled = np.empty((3, 3), np.float32), np.empty((3, 3), np.float32)
         spread, jacobian = np.empty((3, 3), np.float32), np.empty((2, 3), np.float32)
@@ -145,7 +149,6 @@ def project(
         _blend(transforms, joints, weights, i, blended)
         _geometry(parameters, i, blended, camera, quaternion, scaled, spread, point, jacobian)
         depth[i] = point[2]
-        boxes[i, 0] = EMPTY_BOX
         alpha = _F(1.0) / (_F(1.0) + math.exp(-parameters[i, OPACITY]))
         if point[2] <= NEAR_M or alpha <= FAINTEST:
             continue

@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.relighting.shading import Relighting, normals_of
 from renderer.splats.expressions import BlendShapes
-from renderer.splats.layout import BLUE, BOX_FILTER_PX2, COLOUR, RED, TILE
+from renderer.splats.layout import BLUE, BOX_FILTER_PX2, COLOUR, HIDDEN_LOGIT, OPACITY, RED, TILE
 from renderer.splats.rasteriser.workspace import Workspace, pack_camera
 from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Bool, Float
@@ -50,6 +50,8 @@ class SplatRenderer:
         self._has_light = any(model.light is not None for model in models)
         self._relit = self._as_captured = self._parameters
         self._blend_shapes = BlendShapes(models)
+        self._opacity = self._parameters[:, OPACITY].copy()
+        self._drawn = np.ones(len(self._parameters), bool)
         self._workspace = Workspace(len(self._parameters))
         self._out = np.zeros((0, 0, 4), np.float32)
 
@@ -82,6 +84,14 @@ class SplatRenderer:
         if changes is not None and any(change is not None for change in changes):
             shown = self._with_changes(shown, changes)
         return self._rasterise(shown, moved, camera)
+
+    def draw_only(self, drawn: Bool[Array, "N"]) -> None:
+        """Draw these of all models' splats from now on: those of one level of each."""
+        changed = np.flatnonzero(drawn != self._drawn)
+        opacity = np.where(drawn[changed], self._opacity[changed], np.float32(HIDDEN_LOGIT))
+        for parameters in (self._parameters, self._relit, self._as_captured):
+            parameters[changed, OPACITY] = opacity
+        self._drawn = drawn
 
     def shaded(
         self,

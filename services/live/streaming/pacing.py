@@ -1,4 +1,5 @@
-"""When a picture is due, how large it may be, what is retransmitted; times are the caller's.
+"""When a picture is due, how large and detailed it may be, what is sent again; times are the
+caller's.
 
 Time is cut into ticks of 1/30 s, the same for all viewers of a process, so that viewers with the
 same viewpoint share a picture. Of each tick a viewer gets at most one picture, the newest; ticks
@@ -7,6 +8,7 @@ that were missed are skipped.
 
 from __future__ import annotations
 
+from renderer.splats.levels.detail import FULL_DENSITY, LEAST_DENSITY, ViewDetail
 from services.live.streaming.encoding import FRAMES_PER_SECOND
 
 TICK_S = 1.0 / FRAMES_PER_SECOND
@@ -21,6 +23,10 @@ _BUSY_SHARE = 0.7
 """Of the drawing thread's time: a larger picture must fit in this."""
 _LONGEST_WAIT = 48
 """Windows, between enlargements that had to be taken back."""
+_DETAIL_WINDOW_S = 0.4
+_CALM_SHARE, _OVERLOADED_SHARE = 0.6, 0.85
+"""Of the drawing thread's time: below, people get more splats, above, fewer."""
+_DETAIL_STEP = 1.15
 _RESEND_SHARE = 0.25
 """Of the bitrate: a connection that loses more is congested."""
 _PACKET_BITS = 8 * 1200
@@ -41,6 +47,42 @@ class ResendBudget:
         granted = min(requested, int(self._tokens))
         self._tokens -= granted
         return granted
+
+
+class DetailGovernor:
+    """Draws people by fewer splats while the drawing thread has too much to do, by more when not.
+
+    Pictures get smaller (`SizeGovernor`) only where that is not enough.
+    """
+
+    def __init__(self, detail: ViewDetail) -> None:
+        self._detail = detail
+        self._started_s: float | None = None
+        self._all_s = 0.0
+
+    def add_picture(self, now_s: float, all_s: float, scale: float) -> None:
+        """Note a picture done at `now_s`, of `scale` times the sides that were asked for.
+
+        `all_s` counts what the drawing thread has worked for everybody since it began, s.
+        """
+        if self._started_s is None or not self._detail.settled:
+            self._started_s, self._all_s = now_s, all_s
+            return
+        length_s = now_s - self._started_s
+        if length_s < _DETAIL_WINDOW_S:
+            return
+        busy = (all_s - self._all_s) / length_s
+        self._started_s, self._all_s = now_s, all_s
+        detail = self._detail
+        if busy > _OVERLOADED_SHARE:
+            density = min(detail.density, detail.density_drawn) / _DETAIL_STEP
+            detail.density = max(LEAST_DENSITY, density)
+        elif busy < _CALM_SHARE and scale == 1.0:
+            detail.density = min(FULL_DENSITY, detail.density * _DETAIL_STEP)
+
+    def pause(self) -> None:
+        """Forget what was measured: no pictures are drawn for a while."""
+        self._started_s = None
 
 
 class FramePacer:

@@ -19,6 +19,7 @@ from av import Packet, VideoFrame
 
 from renderer.performer_model import PerformerModel
 from renderer.scene_renderer import SceneRenderer
+from renderer.splats.levels.detail import ViewDetail
 from scene.arrays import Array, Bool, UInt8
 from scene.camera import Camera
 from scene.environment import Scene
@@ -26,7 +27,13 @@ from services.live.packets import NewestView
 from services.live.room import Room
 from services.live.streaming.encoding import BitrateSteps, PictureEncoder
 from services.live.streaming.instrumentation import Instrumentation
-from services.live.streaming.pacing import TICK_S, FramePacer, ResendBudget, SizeGovernor
+from services.live.streaming.pacing import (
+    TICK_S,
+    DetailGovernor,
+    FramePacer,
+    ResendBudget,
+    SizeGovernor,
+)
 from services.live.streaming.yuv_planes import plane_rows
 
 _SMALLEST_PX, _LARGEST_PX = 128, 1024
@@ -43,7 +50,8 @@ class FrameRenderer:
     """Renders into a video frame that it keeps; each belongs to one viewer."""
 
     def __init__(self) -> None:
-        self._renderer = SceneRenderer()
+        self.detail = ViewDetail()
+        self._renderer = SceneRenderer(self.detail)
         self._frame: VideoFrame | None = None
 
     def render(self, scene: Scene[PerformerModel], camera: Camera) -> VideoFrame:
@@ -111,6 +119,7 @@ class ViewTrack(MediaStreamTrack):
         self._executor, self._clock = executor, clock
         self._renderer = FrameRenderer()
         self._pacer, self._governor = FramePacer(), SizeGovernor()
+        self._detail_governor = DetailGovernor(self._renderer.detail)
         self._resends = ResendBudget()
         self._key_frame_requested = False
         self._key_frame_s, self._stall_s = -_KEY_FRAME_INTERVAL_S, -_STALL_INTERVAL_S
@@ -139,6 +148,7 @@ class ViewTrack(MediaStreamTrack):
         """
         while not self.wanted:
             self._governor.pause()
+            self._detail_governor.pause()
             # a connection that was too slow has lost what the next picture would build on
             self.request_key_frame()
             await asyncio.sleep(TICK_S)
@@ -160,6 +170,7 @@ class ViewTrack(MediaStreamTrack):
         done = self._clock()
         self.render_seconds.append(done - started)
         self._pictures.work_s += done - started
+        self._detail_governor.add_picture(done, self._pictures.work_s, self._governor.scale)
         self._governor.add_picture(done, done - started, self._pictures.work_s)
         return coded
 

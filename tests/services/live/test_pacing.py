@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from services.live.streaming.pacing import SCALES, TICK_S, FramePacer, ResendBudget, SizeGovernor
+from renderer.splats.levels.detail import FULL_DENSITY, LEAST_DENSITY, ViewDetail
+from services.live.streaming.pacing import (
+    SCALES,
+    TICK_S,
+    DetailGovernor,
+    FramePacer,
+    ResendBudget,
+    SizeGovernor,
+)
 
 
 def test_a_viewer_gets_one_picture_a_tick():
@@ -91,3 +99,28 @@ def test_what_is_sent_again_stays_a_quarter_of_the_bitrate():
     assert 250 <= sent <= 275
     assert budget.take(now_s + 60.0, 3, bitrate) == 3
     assert budget.take(now_s + 120.0, 1000, bitrate) == 25  # rest is not saved up
+
+
+def densities(busy_at, seconds: float, scale: float = 1.0, first: float = FULL_DENSITY):
+    """What a governor makes of a drawing thread that is busy so much at each density."""
+    detail = ViewDetail()
+    detail.density = first
+    governor, now_s, all_s, found = DetailGovernor(detail), 0.0, 0.0, []
+    for _ in range(int(seconds * 30)):
+        now_s, all_s = now_s + TICK_S, all_s + busy_at(detail.density) * TICK_S
+        detail.drawn([], [])
+        governor.add_picture(now_s, all_s, scale)
+        found.append(detail.density)
+    return found
+
+
+def test_detail_falls_until_the_drawing_thread_keeps_up_and_stays_there():
+    found = densities(lambda density: 0.4 + 4.0 * density, 10.0)
+    assert 0.4 + 4.0 * found[-1] < 0.85
+    assert len(set(found[150:])) == 1
+    assert densities(lambda _: 1.0, 20.0)[-1] == LEAST_DENSITY
+
+
+def test_detail_rises_where_there_is_time_unless_pictures_are_small_for_want_of_it():
+    assert densities(lambda _: 0.3, 20.0, first=0.05)[-1] == FULL_DENSITY
+    assert densities(lambda _: 0.3, 20.0, scale=0.75, first=0.05)[-1] == 0.05

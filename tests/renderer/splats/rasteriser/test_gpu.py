@@ -50,6 +50,22 @@ def test_pictures_and_tiles_are_the_cpus(count, width, height):
     np.testing.assert_array_equal(gpu.tiles, cpu.tiles)
 
 
+def test_splats_of_other_levels_are_not_drawn_and_come_back():
+    model, transforms = _model(60)
+    cpu, gpu = _both((model,))
+    camera, some = make_camera(48, 48), np.arange(60) % 3 > 0
+    whole = cpu.render(camera, [transforms]).copy()
+    for renderer in (cpu, gpu):
+        renderer.draw_only(some)
+    expected = cpu.render(camera, [transforms])
+    assert np.abs(expected - whole).max() > 0.1
+    np.testing.assert_allclose(gpu.render(camera, [transforms]), expected, atol=2e-3)
+    for renderer in (cpu, gpu):
+        renderer.draw_only(np.ones(60, bool))
+    np.testing.assert_array_equal(cpu.render(camera, [transforms]), whole)
+    np.testing.assert_allclose(gpu.render(camera, [transforms]), whole, atol=2e-3)
+
+
 def test_people_hide_each_other_in_one_pass():
     near, transforms = _model(60)
     far, _ = _model(60, seed=3)
