@@ -18,6 +18,7 @@ from playwright.sync_api import Page
 from benchmarks.browser import open_page
 from renderer.scene_renderer import SceneRenderer
 from renderer.splats.files.viewer_file import encode
+from renderer.splats.levels.tree import level_tree
 from renderer.splats.model import SplatModel
 from scene import orbit_camera
 from scene.camera import Camera
@@ -197,7 +198,7 @@ def test_a_shared_screen_hangs_behind_everybody(page: Page, demo: SplatModel):
     np.testing.assert_array_equal(shared[-60:], without[-60:])
 
 
-def test_where_splats_are_many_everybody_gives_the_least_important(page: Page, demo: SplatModel):
+def test_where_splats_are_many_everybody_is_drawn_coarser(page: Page, demo: SplatModel):
     room = room_of(demo, 3)
     camera = orbit_camera((0.0, 0.9, 0.0), 4.7, 0.2, 0.1, 256, 256)
     server = SceneRenderer().render(room.scene_at(0.0), camera)
@@ -214,7 +215,7 @@ def test_a_motion_turns_up_in_the_picture(page: Page, demo: SplatModel):
     assert psnr(now, later) < 35.0
 
 
-def test_a_beginning_of_each_person_is_drawn_as_a_file_cut_there(page: Page, demo: SplatModel):
+def test_a_level_of_each_person_is_drawn_as_a_file_cut_there(page: Page, demo: SplatModel):
     """Fewer splats at the next picture, without a new file or a new table."""
     room = room_of(demo, 2)
     camera = orbit_camera((-0.6, 0.9, 1.0), 4.7, 1.0, 0.1, 256, 256)
@@ -226,3 +227,14 @@ def test_a_beginning_of_each_person_is_drawn_as_a_file_cut_there(page: Page, dem
     assert psnr(kept, cut) > 55.0
     one = drawn(page, asked(room, camera, 0.0, kept=[2 * half, 100]))
     assert psnr(one, kept) < 35.0
+
+
+def test_a_level_is_drawn_as_the_server_draws_it(page: Page, demo: SplatModel):
+    camera = orbit_camera((0.0, 0.9, 0.0), 5.0, 0.3, 0.1, 256, 256)
+    tree, room = level_tree(demo), room_of(demo, 1)
+    for count in (tree.fewest, 4000):
+        coarse = Room("m", (replace(room.performers[0], model=tree.level(count)),))
+        server = SceneRenderer().render(coarse.scene_at(0.4), camera)
+        assert psnr(drawn(page, asked(room, camera, 0.4, kept=[count])), server) > 46.0
+    whole = drawn(page, asked(room, camera, 0.4))
+    assert psnr(whole, server) < 42.0

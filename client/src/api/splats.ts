@@ -5,8 +5,8 @@ import { NO_SERVER, problemOf } from "./problem";
 /** The server promises at most 5 MB; what claims to be more is not taken. */
 const LARGEST_BYTES = 8_000_000;
 
-/** So much of a larger file is drawn while the rest is on its way: 10,000 splats and the head. */
-const BEGINNING_BYTES = 330_000;
+/** So much of a larger file is drawn while the rest is on its way: the head, and the coarsest level. */
+const BEGINNING_BYTES = 50_000;
 
 /**
  * The file of a model, or null where the model has none that a page can draw; `onBeginning` is told

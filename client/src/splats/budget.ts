@@ -141,6 +141,14 @@ export function sizeInView({ worldToCamera: m, eye }: PassCamera, [x, y, z]: rea
   return (depth < ASIDE_COS * distance ? ASIDE : 1) / distance ** 2;
 }
 
+/** Splats a square of somebody's height in the picture: with more, nothing is gained (FULL_DENSITY of the server). */
+const FULL_DENSITY = 0.25;
+/** How high people are, about, m. */
+const HEIGHT_M = 1.7;
+/** Share of somebody's splats that come or go from one picture to the next: nobody sees it. */
+const MOST_CHANGE = 0.05;
+const LEAST_CHANGE = 50;
+
 /** Who is drawn: see `LocalRoom`. */
 export interface Sharers {
   readonly counts: readonly number[];
@@ -149,15 +157,37 @@ export interface Sharers {
 
 /** The splats of each person from picture to picture. */
 export class SplatShares {
-  private shares: readonly number[] = [];
+  private goals: readonly number[] = [];
   private most = 0;
+  private shares: readonly number[] = [];
+  /** Splats of all together with which nothing would be lost in the last picture. */
+  worth = 0;
 
-  /** Splats of each person, `most` together, before this camera. */
-  of({ counts, pelvisPositions }: Sharers, camera: PassCamera, most: number): readonly number[] {
+  /** Nobody's number is on its way to another. */
+  get settled(): boolean {
+    return this.shares.every((share, person) => share === this.goals[person]);
+  }
+
+  /**
+   * Splats of each person, `most` together, before this camera; no more than show at their size. A little
+   * nearer to that with each picture; `atOnce`: as they are in the end.
+   */
+  of({ counts, pelvisPositions }: Sharers, camera: PassCamera, most: number, atOnce = false): readonly number[] {
     const sizes = pelvisPositions.map((place) => sizeInView(camera, place));
-    const next = shareBudget(counts, sizes, most);
-    this.shares = most === this.most ? steadyShares(this.shares, next, most) : next;
+    const full = FULL_DENSITY * (camera.focalPx[1] * HEIGHT_M) ** 2;
+    const worth = counts.map((count, person) => Math.min(count, Math.ceil(full * (sizes[person] ?? 0))));
+    this.worth = worth.reduce((all, one) => all + one, 0);
+    const next = shareBudget(worth, sizes, most);
+    this.goals = most === this.most ? steadyShares(this.goals, next, most) : next;
+    const before = this.shares;
+    const known = this.most > 0 && before.length === counts.length && !atOnce;
     this.most = most;
+    this.shares = known ? this.goals.map((goal, person) => stepTowards(before[person] ?? goal, goal)) : this.goals;
     return this.shares;
   }
+}
+
+function stepTowards(from: number, goal: number): number {
+  const most = Math.max(LEAST_CHANGE, Math.floor(MOST_CHANGE * from));
+  return from + Math.max(-most, Math.min(most, goal - from));
 }

@@ -1,25 +1,32 @@
 /**
  * A person's splats as the server hands them out (docs/viewer-file.md tells the layout).
  *
- * 32 bytes a splat, the most important first: the first n alone are a model, once their scales are
- * multiplied by (N / n)^1/4. 7 bytes more for each splat that a face or hand moves, by each number of an
- * expression. Files of version 5 have none for the eyes, those of version 4 offsets for whole hands.
+ * 32 bytes a splat: roots first, then splits, each with the two splats that take one's place. 7 bytes
+ * more for each splat that a face or hand moves, by each number of an expression. Files of version 6 have
+ * no levels: their splats come the most important first, and the first n alone are a model, once their
+ * scales are multiplied by (N / n)^1/4. Those of version 5 have no offsets for the eyes, those of version
+ * 4 offsets for whole hands.
  */
 
 import { EARLIER_COUNTS, FINGER_COUNT, ofAnyVersion } from "../landmarks/expression";
 import { rotationMatrix, smallestThree } from "../viewpoint/geometry";
+import { NEVER, nodesOf, type Levels } from "./levels";
 import { movedSplats, NOTHING_MOVES, type BlendShape, type MovedSplats } from "./moved";
 
 const MAGIC = "MNSP";
-const VERSION = 6;
+const VERSION = 7;
+const PLAIN_VERSION = 6;
 const EYELESS_VERSION = 5;
 const WHOLE_HANDS_VERSION = 4;
 const LIGHT_AT = 44;
 /** Three colours of nine harmonics. */
 const LIGHT_NUMBERS = 27;
 const MOVED_AT = LIGHT_AT + 4 * LIGHT_NUMBERS;
-const HEAD_BYTES = MOVED_AT + 8;
+const ROOTS_AT = MOVED_AT + 8;
+const PLAIN_HEAD_BYTES = ROOTS_AT;
 const RECORD_BYTES = 32;
+/** Which record is replaced, and the two in its place. */
+const SPLIT_BYTES = 4 + 2 * RECORD_BYTES;
 /** Of an expression, and of each splat that it moves. */
 const SHAPE_BYTES = 8;
 const OFFSET_BYTES = 7;
@@ -28,7 +35,10 @@ const ROTATION_STEPS = 1023;
 
 /** The splats of one person at rest. */
 export interface SplatFile {
+  /** Splats of all levels: places in the arrays. */
   count: number;
+  /** Null: of files without levels, the first so many alone are a model. */
+  levels: Levels | null;
   /** x, y, z of each, m. */
   positions: Float32Array;
   /** xx, xy, xz, yy, yz, zz of each one's covariance, m^2. */
@@ -55,34 +65,61 @@ export interface SplatFile {
   moved: MovedSplats;
 }
 
+/** What the head of a file tells of its layout. */
+interface Layout {
+  version: number;
+  joints: number;
+  joinsAt: number;
+  start: number;
+  whole: number;
+  /** Of a file without levels: all. */
+  roots: number;
+  movedStart: number;
+}
+
+function layoutOf(data: DataView): Layout {
+  const magic = data.byteLength < ROOTS_AT + 4 ? "" : String.fromCharCode(...new Uint8Array(data.buffer, 0, 4));
+  const version = magic === MAGIC ? data.getUint16(4, true) : 0;
+  if (version > VERSION || version < WHOLE_HANDS_VERSION) {
+    throw new Error(`a file of splats must begin with ${MAGIC}, version ${VERSION}; got ${magic || "less"}`);
+  }
+  const [joints, whole] = [data.getUint16(6, true), data.getUint32(8, true)];
+  const plain = version <= PLAIN_VERSION;
+  const roots = plain ? whole : data.getUint32(ROOTS_AT, true);
+  const joinsAt = plain ? PLAIN_HEAD_BYTES : ROOTS_AT + 4;
+  const start = joinsAt + 14 * joints;
+  return { version, joints, joinsAt, start, whole, roots, movedStart: start + RECORD_BYTES * roots + SPLIT_BYTES * (whole - roots) };
+}
+
+/** Splats of the finest level whose records are among the first `bytes`. */
+function splatsWithin({ start, whole, roots }: Layout, bytes: number): number {
+  const rest = bytes - start - RECORD_BYTES * roots;
+  const here = rest < 0 ? Math.floor((bytes - start) / RECORD_BYTES) : roots + Math.floor(rest / SPLIT_BYTES);
+  return Math.max(0, Math.min(whole, here));
+}
+
 /**
  * The first `share` of the splats of a file. Of a `beginning`, bytes of which more are to come, those
  * that are here, at rest. Throws for what is no such file.
  */
 export function readSplats(bytes: ArrayBuffer, share = 1, beginning = false): SplatFile {
   const data = new DataView(bytes);
-  const magic = bytes.byteLength < HEAD_BYTES ? "" : String.fromCharCode(...new Uint8Array(bytes, 0, 4));
-  const version = magic === MAGIC ? data.getUint16(4, true) : 0;
-  if (version > VERSION || version < WHOLE_HANDS_VERSION) {
-    throw new Error(`a file of splats must begin with ${MAGIC}, version ${VERSION}; got ${magic || "less"}`);
-  }
-  const joints = data.getUint16(6, true);
-  const whole = data.getUint32(8, true);
-  const start = HEAD_BYTES + 14 * joints;
-  const movedStart = start + whole * RECORD_BYTES;
+  const layout = layoutOf(data);
+  const { version, joints, joinsAt, start, whole, roots, movedStart } = layout;
   const wanted = movedStart + movedBytes(data, version);
   const complete = bytes.byteLength === wanted;
   if (!complete && !(beginning && bytes.byteLength < wanted)) {
     throw new Error(`a file of ${whole} splats must have ${wanted} bytes; got ${bytes.byteLength}`);
   }
   const bounds = Array.from({ length: 8 }, (_, i) => data.getFloat32(12 + 4 * i, true));
-  const here = Math.min(whole, Math.max(0, Math.floor((bytes.byteLength - start) / RECORD_BYTES)));
-  const file = emptyFile(Math.round(here * share), joints);
+  const here = Math.round(splatsWithin(layout, bytes.byteLength) * share);
+  const levels = version <= PLAIN_VERSION ? null : readLevels(data, layout, here);
+  const file = { ...emptyFile(nodesOf(levels, here), joints), levels };
   file.restJoints.forEach((_, i) => {
-    file.restJoints[i] = data.getFloat32(HEAD_BYTES + 4 * i, true);
+    file.restJoints[i] = data.getFloat32(joinsAt + 4 * i, true);
   });
   file.parents.forEach((_, i) => {
-    file.parents[i] = data.getInt16(HEAD_BYTES + 12 * joints + 2 * i, true);
+    file.parents[i] = data.getInt16(joinsAt + 12 * joints + 2 * i, true);
   });
   const light = Float32Array.from({ length: LIGHT_NUMBERS }, (_, i) => data.getFloat32(LIGHT_AT + 4 * i, true));
   file.light = light.some((value) => value !== 0) ? light : null;
@@ -90,21 +127,38 @@ export function readSplats(bytes: ArrayBuffer, share = 1, beginning = false): Sp
     const shapesOf = version === WHOLE_HANDS_VERSION ? readWholeHandShapes : readShapes;
     file.moved = movedSplats(shapesOf(data, movedStart, file.count), file.count);
   }
-  const growth = varianceScale(whole, file.count);
+  const growth = levels ? 1 : varianceScale(whole, file.count);
   for (let i = 0; i < file.count; i++) {
-    readRecord(data, start + i * RECORD_BYTES, i, bounds, growth, file);
+    const splits = i < roots ? 0 : 1 + ((i - roots) >> 1);
+    readRecord(data, start + i * RECORD_BYTES + 4 * splits, i, bounds, growth, file);
   }
   return file;
 }
 
+/** The levels of a file up to that of `count` splats. */
+function readLevels(data: DataView, { start, roots }: Layout, count: number): Levels {
+  const fewest = Math.min(roots, count);
+  const until = new Uint32Array(nodesOf({ fewest }, count)).fill(NEVER);
+  for (let split = 0; split < count - fewest; split++) {
+    until[data.getUint32(start + RECORD_BYTES * roots + SPLIT_BYTES * split, true)] = fewest + split + 1;
+  }
+  return { fewest, until };
+}
+
 /** Factor of the variances where only the first `kept` of `whole` splats are drawn. */
-export function varianceScale(whole: number, kept: number): number {
+function varianceScale(whole: number, kept: number): number {
   return Math.sqrt(whole / Math.max(kept, 1));
+}
+
+/** Factor of each person's variances where `kept` of their splats are drawn: levels have their own. */
+export function growths(people: readonly SplatFile[], kept: readonly number[]): number[] {
+  return people.map(({ levels, count }, at) => (levels ? 1 : varianceScale(count, kept[at] ?? count)));
 }
 
 function emptyFile(count: number, joints: number): SplatFile {
   return {
     count,
+    levels: null,
     positions: new Float32Array(3 * count),
     covariances: new Float32Array(6 * count),
     light: null,

@@ -6,7 +6,8 @@ import type { Performer } from "../api/types";
 import type { CameraPose } from "../viewpoint/viewpoint";
 import { packSplats, shareWithin, type PackedSplats } from "./packed";
 import { DrawTimer } from "./drawTimer";
-import { varianceScale, readSplats, type SplatFile } from "./file";
+import { growths, readSplats, type SplatFile } from "./file";
+import { finest } from "./levels";
 import { allocateOffsets, moveSplats } from "./moved";
 import { passCamera, type Eye, type PassCamera } from "./camera";
 import { NOBODY, SplatPass, type PassPeople } from "./pass";
@@ -181,8 +182,8 @@ export class LocalRoom {
   }
 
   /**
-   * Draw what has changed since the last time, the first `kept` splats of each person; says whether
-   * a picture was drawn.
+   * Draw what has changed since the last time, each person's level of `kept` splats; says whether a
+   * picture was drawn.
    */
   draw(view: CameraPose, fovYRad: number, { width, height }: Size, hideUnseen: boolean, kept: readonly number[]): boolean {
     const { splats, pass } = this;
@@ -231,9 +232,9 @@ export class LocalRoom {
     this.drawnKey = "";
   }
 
-  /** Splats of each person; none before they are here. */
+  /** Splats of each person on the finest level; none before they are here. */
   get counts(): readonly number[] {
-    return this.splats?.skinned.counts ?? [];
+    return this.splats?.people.map(finest) ?? [];
   }
 
   /** Where everybody's pelvis is, m; at their place until they move. */
@@ -243,7 +244,7 @@ export class LocalRoom {
 
   /**
    * Draw the room into both eyes of a headset, whether or not anything changed: what is not drawn
-   * there is black. The first `kept` splats of each person are drawn, sorted once, for `head`. Says
+   * there is black. Each person's level of `kept` splats is drawn, sorted once, for `head`. Says
    * whether people are in the picture.
    */
   drawEyes(eyes: readonly Eye[], head: PassCamera, hideUnseen: boolean, kept: readonly number[]): boolean {
@@ -262,7 +263,7 @@ export class LocalRoom {
   }
 
   /**
-   * Pictures of `size` that this device draws a second, with the first `kept` splats of each person:
+   * Pictures of `size` that this device draws a second, with `kept` splats of each person:
    * a short trial, which ends as soon as it is clear that `enough` will not be reached.
    */
   trialFps(view: CameraPose, fovYRad: number, { width, height }: Size, kept: readonly number[], enough: number): number {
@@ -326,7 +327,7 @@ export class LocalRoom {
     if (this.obstacle !== null) return;
     const whole = this.readAll(files, partial);
     if (!whole) return;
-    const share = shareWithin(whole.map(({ count }) => count));
+    const share = shareWithin(whole.map(finest));
     const people = share < 1 ? files.map((file) => readSplats(file, share, partial)) : whole;
     const splats = packSplats(people);
     this.splats = splats;
@@ -386,7 +387,7 @@ export class LocalRoom {
 
   private passPeople(splats: PackedSplats, { order, count, kept }: Omit<Sorted, "version">, hideUnseen: boolean): PassPeople {
     const { transforms, offsets, shadows } = this;
-    const growth = splats.skinned.counts.map((whole, person) => varianceScale(whole, kept[person] ?? whole));
+    const growth = growths(splats.people, kept);
     const yawsRad = this.performers.map((performer) => performer.yaw_rad);
     return { transforms, offsets, shadows, order, count, growth, yawsRad, hideUnseen };
   }

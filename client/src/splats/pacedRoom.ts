@@ -22,7 +22,7 @@ export function stepsFor(total: number): readonly Step[] {
 
 export class PacedRoom {
   private budget: SplatBudget<Step> | null = null;
-  private shares = new SplatShares();
+  private readonly shares = new SplatShares();
 
   /** `onFinished`: a picture is finished. */
   constructor(
@@ -30,7 +30,7 @@ export class PacedRoom {
     onFinished: () => void = () => undefined,
   ) {
     room.onFinished = (tookMs) => {
-      this.budget?.observe(tookMs);
+      if (this.shares.settled) this.budget?.observe(tookMs);
       onFinished();
     };
   }
@@ -42,8 +42,7 @@ export class PacedRoom {
 
   /** People are drawn so coarsely that larger pictures are of no use. */
   get coarse(): boolean {
-    const { counts } = this.room;
-    return this.budget !== null && this.budget.step.splats < Math.min(sum(counts), PLAIN * counts.length);
+    return this.budget !== null && this.budget.step.splats < Math.min(this.shares.worth, PLAIN * this.room.counts.length);
   }
 
   /**
@@ -53,8 +52,12 @@ export class PacedRoom {
    */
   trial(view: CameraPose, fovYRad: number, size: Size): number {
     const steps = stepsFor(sum(this.room.counts));
-    this.shares = new SplatShares();
-    const fpsAt = (at: number): number => this.room.trialFps(view, fovYRad, size, this.share(view, fovYRad, size, steps[at]), ENOUGH_FPS);
+    const tried = new SplatShares();
+    const camera = passCamera(view, fovYRad, size.width, size.height);
+    const fpsAt = (at: number): number => {
+      const kept = tried.of(this.room, camera, steps[at]?.splats ?? 0, true);
+      return this.room.trialFps(view, fovYRad, size, kept, ENOUGH_FPS);
+    };
     let first = steps.length - 1;
     let fps = fpsAt(first);
     while (fps >= ENOUGH_FPS && first > 0) {
@@ -64,16 +67,14 @@ export class PacedRoom {
       fps = next;
     }
     this.budget = new SplatBudget({ steps, first, paceMs: PACE_MS, late: 1, window: WINDOW });
+    this.shares.of(this.room, camera, this.budget.step.splats);
     return this.coarse ? 0 : fps;
   }
 
   /** Draw what has changed since the last time; says whether a picture was drawn. */
   draw(view: CameraPose, fovYRad: number, size: Size, hideUnseen: boolean): boolean {
-    return this.room.draw(view, fovYRad, size, hideUnseen, this.share(view, fovYRad, size, this.budget?.step));
-  }
-
-  private share(view: CameraPose, fovYRad: number, { width, height }: Size, step: Step | undefined): readonly number[] {
-    return this.shares.of(this.room, passCamera(view, fovYRad, width, height), step?.splats ?? 0);
+    const kept = this.shares.of(this.room, passCamera(view, fovYRad, size.width, size.height), this.budget?.step.splats ?? 0);
+    return this.room.draw(view, fovYRad, size, hideUnseen, kept);
   }
 }
 

@@ -33,6 +33,7 @@ export function packSplats(people: readonly SplatFile[]): PackedSplats {
   const count = people.reduce((sum, person) => sum + person.count, 0);
   const bound: SkinnedPoints = {
     counts: people.map((person) => person.count),
+    levels: people.map(({ levels }) => levels),
     positions: new Float32Array(3 * count),
     joints: new Uint16Array(4 * count),
     weights: new Uint8Array(4 * count),

@@ -1,5 +1,6 @@
 /** Splats by rising depth: a counting sort, as on the server. No DOM in here: it runs in a worker. */
 
+import { clamped, nodesOf, type Levels } from "./levels";
 import { TRANSFORM } from "./skeleton";
 
 /** Splats nearer to the camera than this are not drawn, m. */
@@ -17,8 +18,9 @@ export function allocateOrder(count: number): Uint32Array<ArrayBuffer> {
 
 /** What of the splats their depth depends on. */
 export interface SkinnedPoints {
-  /** Splats of each person, who come one after the other. */
+  /** Splats of each person, of all levels; people come one after the other. */
   counts: readonly number[];
+  levels: readonly (Levels | null)[];
   /** x, y, z of each at rest, m. */
   positions: Float32Array;
   /** Four rows of the table of transforms each, and their weights, which sum to 255. */
@@ -52,12 +54,14 @@ export function depthRows(transforms: Float32Array, camera: ArrayLike<number>): 
   return rows;
 }
 
-/** The depth of every splat, m; 0 for all but the first `kept` of each person, which are not drawn. */
-export function depths(bound: SkinnedPoints, rows: Float32Array, out: Float32Array, kept = bound.counts): void {
+/** The depth of every splat, m; 0 for all but each person's level of `kept` splats, which are not drawn. */
+export function depths(bound: SkinnedPoints, rows: Float32Array, out: Float32Array, kept: readonly number[] = []): void {
   let first = 0;
   bound.counts.forEach((count, person) => {
-    const end = first + Math.min(count, kept[person] ?? count);
-    depthsOf(bound, rows, out, first, end);
+    const levels = bound.levels[person] ?? null;
+    const most = clamped({ levels, count }, kept[person] ?? Infinity);
+    const end = first + nodesOf(levels, most);
+    depthsOf(bound, rows, out, first, end, most, levels?.until ?? null);
     out.fill(0, end, first + count);
     first += count;
   });
@@ -69,8 +73,14 @@ function depthsOf(
   out: Float32Array,
   first: number,
   end: number,
+  most: number,
+  until: Uint32Array | null,
 ): void {
   for (let i = first; i < end; i++) {
+    if (until && until[i - first]! <= most) {
+      out[i] = 0;
+      continue;
+    }
     const [x, y, z] = [positions[3 * i]!, positions[3 * i + 1]!, positions[3 * i + 2]!];
     let depth = 0;
     for (let k = 4 * i; k < 4 * i + 4; k++) {

@@ -54,14 +54,33 @@ describe("shares of a budget", () => {
     expect(sizeInView(camera, [0, 1, 2])).toBeLessThan(0.2 * ahead);
   });
 
-  it("follow the camera from picture to picture", () => {
+  const seen = (z: number, height = 1000) => passCamera({ position: [0, 1, z], wxyz: [0, 1, 0, 0] }, 1, height, height);
+
+  it("follow the camera a little with each picture", () => {
     const room = { counts: [10_000, 10_000], pelvisPositions: [[0, 1, -2], [0, 1, 2]] as const };
-    const before = (z: number) => passCamera({ position: [0, 1, z], wxyz: [0, 1, 0, 0] }, 1, 100, 100);
     const shares = new SplatShares();
-    const [first = 0, second = 0] = shares.of(room, before(0), 8000);
+    const [first = 0, second = 0] = shares.of(room, seen(0), 8000);
     expect(first).toBeGreaterThan(5 * second);
-    expect(shares.of(room, before(0.01), 8000)).toEqual([first, second]);
-    const [far = 0, near = 0] = shares.of(room, before(3), 8000);
+    expect(shares.of(room, seen(0.01), 8000)).toEqual([first, second]);
+    const [less = 0, more = 0] = shares.of(room, seen(3), 8000);
+    expect(less).toBe(first - Math.floor(0.05 * first));
+    expect(more).toBe(second + Math.max(50, Math.floor(0.05 * second)));
+    expect(shares.settled).toBe(false);
+    for (let picture = 0; picture < 120; picture++) shares.of(room, seen(3), 8000);
+    const [far = 0, near = 0] = shares.of(room, seen(3), 8000);
     expect(near).toBeGreaterThan(5 * far);
+    expect(shares.settled).toBe(true);
+    expect(shares.of(room, seen(0), 8000, true)).toEqual([first, second]);
+  });
+
+  it("are no more than show at somebody's size", () => {
+    const room = { counts: [60_000], pelvisPositions: [[0, 1, -4]] as const };
+    const [small = 0] = new SplatShares().of(room, seen(0, 200), 60_000);
+    const [large = 0] = new SplatShares().of(room, seen(0, 400), 60_000);
+    expect(large / small).toBeCloseTo(4, 2);
+    expect(small).toBeLessThan(2000);
+    const shares = new SplatShares();
+    expect(shares.of(room, seen(0, 2000), 60_000)).toEqual([60_000]);
+    expect(shares.worth).toBe(60_000);
   });
 });

@@ -19,8 +19,8 @@ from weakref import WeakKeyDictionary, WeakSet
 import numpy as np
 
 from renderer.relighting.shading import albedo_of, normals_of
-from renderer.splats.files.importance import light_all_round
 from renderer.splats.layout import POSITION
+from renderer.splats.levels.light import light_all_round
 from renderer.splats.model import SplatModel
 from renderer.splats.training.initialisation import FirstSplats
 from renderer.splats.training.merging import Grouping, joins

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from renderer.splats.files.importance import light_all_round
+from renderer.splats.levels.light import light_all_round
 from renderer.splats.model import SplatModel
 from renderer.splats.settings import Size
 from renderer.splats.training.evidence import frames_looked_at

@@ -2,7 +2,8 @@
 
 import { decodePose } from "../../../client/src/transport/packets";
 import { packSplats, shareWithin } from "../../../client/src/splats/packed";
-import { varianceScale, readSplats } from "../../../client/src/splats/file";
+import { growths, readSplats } from "../../../client/src/splats/file";
+import { finest } from "../../../client/src/splats/levels";
 import { allocateOffsets, moveSplats } from "../../../client/src/splats/moved";
 import { passCamera } from "../../../client/src/splats/camera";
 import { SplatPass, type PassFrame } from "../../../client/src/splats/pass";
@@ -30,7 +31,7 @@ interface Asked {
   place?: { picture: string; light: Light };
   /** Whether a screen is shared: its left half red, its right half blue, below a white line. */
   screen?: boolean;
-  /** How many of each person's splats are sorted and drawn; all, where nothing is said. */
+  /** Splats of the level at which each person is drawn; the finest, where nothing is said. */
   kept?: number[];
   /** About +y, by which each person was turned. */
   yawsRad: number[];
@@ -53,7 +54,7 @@ const pass = new SplatPass(canvas);
 function frameOf(asked: Asked): PassFrame {
   const files = asked.files.map(bytes);
   const whole = files.map((file) => readSplats(file));
-  const share = shareWithin(whole.map(({ count }) => count), asked.most);
+  const share = shareWithin(whole.map(finest), asked.most);
   const splats = packSplats(share < 1 ? files.map((file) => readSplats(file, share)) : whole);
   pass.setSplats(splats);
   if (asked.changes !== undefined) pass.setChanges(new Uint32Array(bytes(asked.changes)));
@@ -72,10 +73,10 @@ function frameOf(asked: Asked): PassFrame {
   const camera = passCamera(asked, asked.fovYRad, asked.width, asked.height);
   const depth = new Float32Array(splats.count);
   const order = allocateOrder(splats.count);
-  const kept = asked.kept ?? splats.skinned.counts;
+  const kept = asked.kept ?? splats.people.map(finest);
   depths(displaced(splats.skinned, offsets), depthRows(transforms, camera.worldToCamera), depth, kept);
   const count = depthOrder(depth, order);
-  const growth = splats.skinned.counts.map((whole, person) => varianceScale(whole, kept[person] ?? whole));
+  const growth = growths(splats.people, kept);
   return { camera, transforms, offsets, order, count, growth, yawsRad: asked.yawsRad, shadows, hideUnseen: asked.hideUnseen };
 }
 

@@ -164,7 +164,7 @@ def test_model_files_keep_them(tmp_path):
     assert not len(plain.expression_splats)
 
 
-def test_viewer_files_keep_them_in_file_order_and_any_beginning_its_own():
+def test_viewer_files_keep_them_in_file_order():
     model = expressive(make_model())
     data = encode(model)
     assert len(data) == len(encode(make_model())) + 7 * 30 * BLEND_SHAPE_COUNT
@@ -178,9 +178,6 @@ def test_viewer_files_keep_them_in_file_order_and_any_beginning_its_own():
         near = np.abs(places - whole.parameters[splat, POSITION : POSITION + 3]).sum(axis=1)
         row = int(np.flatnonzero(model.expression_splats == near.argmin())[0])
         assert (np.abs(offsets - model.expression_offsets[row]) < 0.51 * step).all()
-    half = decode(data, model, 0.5)
-    assert 0 < len(half.expression_splats) < 30
-    assert half.expression_splats.max() < len(half)
 
 
 def test_a_model_without_expressions_has_an_empty_section():

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from renderer.model_files import load_model
-from renderer.splats.layout import LOG_SCALE, PARAMETERS
+from renderer.splats.layout import PARAMETERS
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene import Skeleton, orbit_camera
@@ -16,7 +16,7 @@ from scene.colour import to_linear
 from scene.smallest_three import unpack_quaternions
 
 DEMO = Path(__file__).parents[3] / "services" / "assets" / "demo.safetensors"
-HEAD_BYTES = 160
+HEAD_BYTES = 164
 """Before joints and parents."""
 
 
@@ -28,17 +28,17 @@ def demo_model() -> SplatModel:
 
 
 def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
-    """The first `share` of the splats in `data`; motion and the like are those of `like`."""
+    """The level of `share` of the splats in `data`; motion and the like are those of `like`."""
     magic, version, joints, count, *bounds = struct.unpack_from("<4sHHI8f", data)
-    assert (magic, version) == (b"MNSP", 6)
+    assert (magic, version) == (b"MNSP", 7)
     low, high, (thin, wide) = np.array(bounds[:3]), np.array(bounds[3:6]), bounds[6:]
     light = np.frombuffer(data, "<f4", 27, 44).reshape(9, 3)
-    shapes, entries = struct.unpack_from("<II", data, 152)
+    shapes, entries, roots = struct.unpack_from("<III", data, 152)
     rest = np.frombuffer(data, "<f4", 3 * joints, HEAD_BYTES).reshape(joints, 3)
     parents = tuple(np.frombuffer(data, "<i2", joints, HEAD_BYTES + 12 * joints).tolist())
     start = HEAD_BYTES + 14 * joints
-    rows = np.frombuffer(data, np.uint8, 32 * count, start).reshape(count, 32)
-    blocks = start + 32 * count
+    rows, until = read_levels(data)
+    blocks = start + 32 * len(rows) + 4 * (count - roots)
     table = np.frombuffer(data, [("count", "<u4"), ("far", "<f4")], shapes, blocks)
     moved = np.frombuffer(data, "<u4", entries, blocks + 8 * shapes)
     steps = np.frombuffer(data, "i1", 3 * entries, blocks + 8 * shapes + 4 * entries)
@@ -48,11 +48,13 @@ def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
     shape = np.repeat(np.arange(shapes), table["count"])
     offsets = np.zeros((len(splats), shapes, 3), np.float32)
     offsets[row, shape] = steps.reshape(-1, 3) * (table["far"][shape, None] / 127.0)
-    rows = rows[: round(share * count)]
+    asked = max(roots, round(share * count))
+    drawn = until > asked
+    drawn[2 * asked - roots :] = False
+    rows, place = rows[drawn], np.cumsum(drawn) - 1
     p = np.empty((len(rows), PARAMETERS))
     p[:, :3] = low + np.ascontiguousarray(rows[:, :6]).view("<u2") / 65535 * (high - low)
     p[:, 3:6] = thin + rows[:, 6:9] / 255 * (wide - thin)
-    p[:, LOG_SCALE : LOG_SCALE + 3] += 0.25 * np.log(count / len(rows))
     rotation = np.ascontiguousarray(rows[:, 10:14]).view("<u4")[:, 0].astype(np.int64)
     p[:, 6:10] = unpack_quaternions(rotation, 10)
     p[:, 10:13] = rows[:, 14:17] / 255
@@ -70,9 +72,21 @@ def decode(data: bytes, like: SplatModel, share: float = 1.0) -> SplatModel:
         albedo=to_linear(rows[:, 26:29] / 255).astype(np.float32),
         normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
         light=light if light.any() else None,
-        expression_splats=splats[splats < len(rows)].astype(np.int32),
-        expression_offsets=offsets[splats < len(rows)],
+        expression_splats=place[splats[drawn[splats]]].astype(np.int32),
+        expression_offsets=offsets[drawn[splats]],
     )
+
+
+def read_levels(data: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Records of all levels, [M 32] bytes, and from how many splats on each is replaced, [M]."""
+    joints, count = struct.unpack_from("<HI", data, 6)
+    roots, start = struct.unpack_from("<I", data, 160)[0], HEAD_BYTES + 14 * joints
+    first = np.frombuffer(data, np.uint8, 32 * roots, start).reshape(roots, 32)
+    table = np.frombuffer(data, np.uint8, 68 * (count - roots), start + 32 * roots).reshape(-1, 68)
+    rows = np.concatenate([first, table[:, 4:].reshape(-1, 32)])
+    until = np.full(len(rows), count + 1)
+    until[np.ascontiguousarray(table[:, :4]).view("<u4")[:, 0]] = roots + 1 + np.arange(len(table))
+    return rows, until
 
 
 def pictures(model: SplatModel, views: int = 6, size: int = 256) -> np.ndarray:

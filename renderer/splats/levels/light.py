@@ -1,10 +1,4 @@
-"""The order of splats in a file of which any beginning is a model.
-
-Splats are drawn by lot, one after the other, each with a chance in proportion to the light it
-blends into pictures from all round (Efraimidis and Spirakis 2006): a beginning then keeps what is
-seen most, and some of everything. Of the demo's performer three quarters, half and a quarter of
-the splats come 0.8, 0.5 and 0.4 dB worse by plain lot.
-"""
+"""How much each splat shows in pictures from all round: what merging it with others costs."""
 
 from __future__ import annotations
 
@@ -13,7 +7,7 @@ import numpy as np
 from renderer.splats.layout import BOX_FILTER_PX2, CONTRIBUTION, PROJECTED
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.workspace import Workspace, pack_camera
-from scene.arrays import Array, Float, Int
+from scene.arrays import Array, Float
 from scene.camera import orbit_camera
 
 _VIEWS, _SIZE_PX = 8, 256
@@ -21,15 +15,6 @@ _DISTANCE_HEIGHTS = 2.0
 _ELEVATIONS_RAD = (0.1, 0.5)
 _TURN_RAD = 2.4
 """The golden angle: any number of views go evenly all round."""
-_LEAST = 1e-3
-"""Light, in pixels, of a splat that nothing showed."""
-
-
-def importance_order(model: SplatModel) -> Int[Array, "N"]:
-    """Rows of `model`, the most important first; the same for the same model."""
-    light = light_all_round(model)
-    chance = np.random.default_rng(0).gumbel(size=len(model))
-    return np.argsort(-(np.log(light + _LEAST) + chance), kind="stable")
 
 
 def light_all_round(model: SplatModel, views: int = _VIEWS) -> Float[Array, "N"]:
