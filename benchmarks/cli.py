@@ -22,7 +22,7 @@ from benchmarks.cli_options import (
     pose_model,
     start,
 )
-from benchmarks.cli_real import live_look, real
+from benchmarks.cli_real import levels, live_look, real
 from benchmarks.cli_stability import stability
 from benchmarks.inputs import (
     FOOTAGE,
@@ -55,6 +55,7 @@ _CLIPS = 10
 
 app.command("real")(real)
 app.command("live-look")(live_look)
+app.command()(levels)
 
 
 @app.command("all")

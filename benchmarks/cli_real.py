@@ -1,4 +1,4 @@
-"""`metanerf bench real` and `bench live-look`: people whom nobody modelled."""
+"""`metanerf bench real`, `bench live-look` and `bench levels`: people whom nobody modelled."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from benchmarks.cli_options import (
     landmark_models,
     start,
 )
-from benchmarks.inputs import FOOTAGE, LPIPS_BACKBONE, require_real_footage
+from benchmarks.inputs import FOOTAGE, LPIPS_BACKBONE, require_browser, require_real_footage
 from services.cli.terminal import seconds
 
 Budget = Annotated[str, typer.Option(help="Training time of each model.")]
@@ -55,3 +55,16 @@ def live_look(
     networks = Networks(*landmark_models(), backbone)
     writer = start("live-look", commits, narrowed=bool(only) or (clock, budget) != _USUAL)
     run(writer, footage, networks, clock, only, effort=Effort(seconds(budget)))
+
+
+def levels(
+    commits: Commits = False,
+    footage: Footage = FOOTAGE,
+) -> None:
+    """People by fewer splats: dB where they are small, and pictures a second of a full room."""
+    require_real_footage(footage)
+    require_browser()
+    from benchmarks.levels import run
+    from benchmarks.real.measure import Networks
+
+    run(start("levels", commits), footage, Networks(*landmark_models(), LPIPS_BACKBONE))

@@ -5,7 +5,7 @@ import { LocalRoom } from "../../client/src/splats/localRoom";
 import { PacedRoom } from "../../client/src/splats/pacedRoom";
 import { Recolouring } from "../../client/src/recolouring/recolouring";
 import type { Performer } from "../../client/src/api/types";
-import { FOV_Y_RAD, orbitCamera } from "../../client/src/viewpoint/viewpoint";
+import { FOV_Y_RAD, orbitCamera, type Orbit } from "../../client/src/viewpoint/viewpoint";
 
 interface Asked {
   /** The file of everybody's model, base64. */
@@ -129,4 +129,38 @@ async function firstPicture(modelId: string, moments: string[][], size: number):
   return tookMs;
 }
 
-Object.assign(window, { measure: (asked: Asked) => measure(asked), measureLook, firstPicture });
+interface Crowd extends Asked {
+  orbit: Orbit;
+  /** By the level of each that shows at their size and that the device draws in time; else all splats. */
+  levels: boolean;
+}
+
+/** Pictures a second of everybody in a room, and the splats of each, once their number has settled. */
+async function crowd({ file, moments, size, seconds, orbit, levels }: Crowd): Promise<{ rate: number; splats: readonly number[] }> {
+  const room = new LocalRoom(document.body.appendChild(document.createElement("canvas")), () => Promise.resolve(bytes(file)));
+  await room.setPerformers(performersOf(moments));
+  const [paced, shape] = [new PacedRoom(room), { width: size, height: size }];
+  paced.trial(orbitCamera(orbit), FOV_Y_RAD, shape);
+  const draw = room.draw.bind(room);
+  let splats = room.counts;
+  room.draw = (view, fov, given, hide, kept) => draw(view, fov, given, hide, (splats = levels ? kept : room.counts));
+  const packets = moments.map((moment) => moment.map(bytes));
+  let [tick, pictures] = [0, 0];
+  const until = async (endMs: number): Promise<void> => {
+    for (pictures = 0; performance.now() < endMs; tick++) {
+      for (const packet of packets[tick % packets.length] ?? []) {
+        new DataView(packet).setUint32(4, tick + 1, true);
+        room.acceptPacket(packet);
+      }
+      const view = orbitCamera({ ...orbit, azimuthRad: orbit.azimuthRad + 0.1 * Math.sin(TURN_RAD * tick) });
+      if (paced.draw(view, FOV_Y_RAD, shape, false)) pictures += 1;
+      await new Promise(requestAnimationFrame);
+    }
+  };
+  await until(performance.now() + 1000 * seconds);
+  await until(performance.now() + 1000 * seconds);
+  room.close();
+  return { rate: pictures / seconds, splats };
+}
+
+Object.assign(window, { measure: (asked: Asked) => measure(asked), measureLook, firstPicture, crowd });

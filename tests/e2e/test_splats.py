@@ -224,9 +224,9 @@ def test_a_level_of_each_person_is_drawn_as_a_file_cut_there(page: Page, demo: S
         drawn(page, asked(room, camera, 0.0, **how))
         for how in ({"kept": [half, half]}, {"most": 2 * half})
     )
-    assert psnr(kept, cut) > 55.0
+    assert np.abs(kept.astype(int) - cut).max() <= 2
     one = drawn(page, asked(room, camera, 0.0, kept=[2 * half, 100]))
-    assert psnr(one, kept) < 35.0
+    assert psnr(one, kept) < 40.0
 
 
 def test_a_level_is_drawn_as_the_server_draws_it(page: Page, demo: SplatModel):

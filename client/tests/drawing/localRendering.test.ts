@@ -14,7 +14,7 @@ vi.mock("../../src/splats/localRoom", () => ({
     drawable = false;
     obstacle = null;
     counts = [45_000];
-    pelvisPositions = [[0, 1, 0]];
+    pelvisPositions = [[0, 1, 1.5]];
     onFinished = (_tookMs: number): void => undefined;
     draw = vi.fn(() => true);
     setEnvironment = vi.fn();
@@ -34,7 +34,7 @@ vi.mock("../../src/splats/localRoom", () => ({
 
 const STUDIO = { name: "studio", title: "Studio", picture_url: null, light: null };
 const CAMERA: CameraPose = { position: [0, 1, 2], wxyz: [1, 0, 0, 0] };
-const SIZE = { width: 128, height: 128 };
+const SIZE = { width: 512, height: 512 };
 
 function drawing(place: () => Promise<unknown> = async () => STUDIO) {
   const told: RenderStatus[] = [];
@@ -108,6 +108,7 @@ describe("LocalRendering", () => {
     for (let second = 0; second < 10; second++) local.observeSpeed(5, true);
     expect(local.ready).toBe(true);
     for (let picture = 0; picture < 60; picture++) room.onFinished(90);
+    for (let picture = 0; picture < 30; picture++) kept(); // a few less with each picture
     expect(kept()).toEqual([5_000]);
     for (let second = 0; second < 4; second++) local.observeSpeed(5, true);
     expect(local.ready).toBe(false);
