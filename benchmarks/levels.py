@@ -32,6 +32,7 @@ from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.evaluation.metrics import psnr
 from renderer.model_files import load_model
+from renderer.performer_model import PerformerModel
 from renderer.scene_renderer import SceneRenderer
 from renderer.splats.files.viewer_file import encode
 from renderer.splats.levels.detail import LEAST_DENSITY, ViewDetail
@@ -61,6 +62,8 @@ _SECONDS, _PICTURES = 6.0, 100
 _BITRATE = 2_500_000
 _FOV_Y_RAD = 0.6
 _MANY = 40_000
+_NO_LIMIT = 100.0
+"""Splats a square of height with which nobody is small."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +241,7 @@ def _served(model: SplatModel, name: str) -> dict[str, Any]:
     camera, took = room.initial_camera(SERVED_PX, SERVED_PX), list[float]()
     clock_s = 0.0
     if name == "all":
-        canvas.detail.density = np.inf
+        canvas.detail.density = _NO_LIMIT
     for tick in range(_PICTURES):
         started = time.perf_counter()
         encoder.encode(canvas.render(room.scene_at(tick / 30.0), camera), tick, _BITRATE, key=False)
