@@ -11,6 +11,7 @@ from benchmarks.frontier.charts import draw_charts
 from benchmarks.pages import capture, splats, stability
 from benchmarks.pages.frontier import frontier
 from benchmarks.pages.gpu import gpu
+from benchmarks.pages.levels import levels_room, levels_small
 from benchmarks.pages.lipsync import lipsync
 from benchmarks.pages.live_look import live_look, local_look
 from benchmarks.pages.numbers import SOURCES, numbers
@@ -69,6 +70,8 @@ BLOCKS = (
     Block("docs/real-people.md", "real", ("real",), real),
     Block("docs/live-look.md", "live-look", ("live-look",), live_look),
     Block("docs/live-look.md", "local-look", ("local-look",), local_look),
+    Block("docs/levels.md", "levels-small", ("levels",), levels_small),
+    Block("docs/levels.md", "levels-room", ("levels",), levels_room),
     Block("docs/parsimony.md", "parsimony", ("parsimony",), parsimony),
     Block(_FIGURES_PAGE, "trainings", ("expressions",), splats.trainings),
     Block(_FIGURES_PAGE, "expressions", ("expressions",), splats.expressions),
