@@ -178,6 +178,7 @@ def warm_up() -> None:
     from renderer.compositing.yuv_kernels import to_yuv420
     from renderer.live_look.live_look import LiveLook
     from renderer.live_look.picture import WebcamPicture
+    from renderer.splats.levels.level_kernels import average_upwards
 
     torch.set_num_threads(1)
     row = np.zeros((1, PARAMETERS), np.float32)
@@ -203,7 +204,8 @@ def warm_up() -> None:
     to_yuv420(picture, stage.changed, luma, *chroma)
     look = LiveLook(model)
     look.see(WebcamPicture(picture, luma, camera, rest))
-    look.change_at(0.0)
+    change = look.change_at(0.0)
+    average_upwards(change, np.zeros(0, np.int32), np.zeros(0, np.float32), len(change))
 
 
 def _composite_background(
