@@ -19,6 +19,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 
 from benchmarks.local_view import measuring_page, encoded_text
@@ -93,6 +94,7 @@ def run(writer: FigureWriter, footage: Path, networks: Networks) -> None:
     assert model is not None
     writer.write(
         {
+            "threads": numba.get_num_threads(),
             "small": list(_small(footage, networks)),
             "change": _change(model),
             "page": list(_on_a_page(model)),

@@ -29,13 +29,14 @@ def levels_small(figures: Figures) -> str:
 
 
 def levels_room(figures: Figures) -> str:
-    """Pictures a second of a full room, by all splats and by the levels that are chosen."""
+    """Pictures a second of a full room, by all splats and by the levels that are chosen, and how
+    much is seen of a change."""
     rows = [
         [f"page, {row['people']} people, {row['size']} x {row['size']}", *_both(row)]
         for row in figures["page"]
     ] + [
         [
-            f"server, {row['people']} people of {row['splats']:,}, {row['size']} x {row['size']}",
+            f"server, {figures['threads']} thread(s), {row['people']} people of {row['splats']:,}, {row['size']} x {row['size']}",
             *_both(row),
         ]
         for row in figures["server"]
@@ -52,7 +53,4 @@ def levels_room(figures: Figures) -> str:
 
 
 def _both(row: Figures) -> list[str]:
-    return [
-        f"{row[f'{way}_pictures_per_second']:.1f} a second ({row[f'{way}_splats']:,} splats)"
-        for way in ("all", "levels")
-    ]
+    return [f"{row[f'{way}_pictures_per_second']:.1f} a second" for way in ("all", "levels")]

@@ -26,7 +26,7 @@ _LONGEST_WAIT = 48
 _DETAIL_WINDOW_S = 0.4
 _CALM_SHARE, _OVERLOADED_SHARE = 0.6, 0.85
 """Of the drawing thread's time: below, people get more splats, above, fewer."""
-_DETAIL_STEP = 1.15
+_DETAIL_STEP, _LARGEST_DETAIL_STEP = 1.15, 2.0
 _RESEND_SHARE = 0.25
 """Of the bitrate: a connection that loses more is congested."""
 _PACKET_BITS = 8 * 1200
@@ -58,7 +58,7 @@ class DetailGovernor:
     def __init__(self, detail: ViewDetail) -> None:
         self._detail = detail
         self._started_s: float | None = None
-        self._all_s = 0.0
+        self._pictures, self._all_s = 0, 0.0
 
     def add_picture(self, now_s: float, all_s: float, scale: float) -> None:
         """Note a picture done at `now_s`, of `scale` times the sides that were asked for.
@@ -66,19 +66,25 @@ class DetailGovernor:
         `all_s` counts what the drawing thread has worked for everybody since it began, s.
         """
         if self._started_s is None or not self._detail.settled:
-            self._started_s, self._all_s = now_s, all_s
+            self._begin(now_s, all_s)
             return
+        self._pictures += 1
         length_s = now_s - self._started_s
         if length_s < _DETAIL_WINDOW_S:
             return
-        busy = (all_s - self._all_s) / length_s
-        self._started_s, self._all_s = now_s, all_s
-        detail = self._detail
+        busy, detail = (all_s - self._all_s) / length_s, self._detail
         if busy > _OVERLOADED_SHARE:
-            density = min(detail.density, detail.density_drawn) / _DETAIL_STEP
+            # ticks that everybody's pictures take while this viewer gets one
+            late = (all_s - self._all_s) / (self._pictures * TICK_S)
+            step = min(max(late / _OVERLOADED_SHARE, _DETAIL_STEP), _LARGEST_DETAIL_STEP)
+            density = min(detail.density, detail.density_drawn) / step
             detail.density = max(LEAST_DENSITY, density)
         elif busy < _CALM_SHARE and scale == 1.0:
             detail.density = min(FULL_DENSITY, detail.density * _DETAIL_STEP)
+        self._begin(now_s, all_s)
+
+    def _begin(self, now_s: float, all_s: float) -> None:
+        self._started_s, self._pictures, self._all_s = now_s, 0, all_s
 
     def pause(self) -> None:
         """Forget what was measured: no pictures are drawn for a while."""
