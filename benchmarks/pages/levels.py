@@ -34,9 +34,11 @@ def levels_room(figures: Figures) -> str:
     rows = [
         [f"page, {row['people']} people, {row['size']} x {row['size']}", *_both(row)]
         for row in figures["page"]
-    ] + [
+    ]
+    by = f"server, {figures['threads']} of its threads"
+    rows += [
         [
-            f"server, {figures['threads']} thread(s), {row['people']} people of {row['splats']:,}, {row['size']} x {row['size']}",
+            f"{by}, {row['people']} people of {row['splats']:,}, {row['size']} x {row['size']}",
             *_both(row),
         ]
         for row in figures["server"]
