@@ -7,6 +7,7 @@ import { packChanges } from "../splats/changes";
 import type { SplatFile } from "../splats/file";
 import { depthOrder } from "../splats/sort";
 import type { PosePacket } from "../transport/packets";
+import { finestLevel, ofAllLevels } from "./finestLevel";
 import { Footprints } from "./footprints";
 import { hiddenByLimbs, limbSplats } from "./hidden";
 import { nearest } from "./neighbours";
@@ -60,12 +61,18 @@ export class LiveColours {
   private readonly order: Uint32Array;
   private timeS: number | null = null;
 
-  /** Of `person`, from pictures of `side` px. */
+  /** The finest level of the file, and where in it each splat is. */
+  private readonly person: SplatFile;
+  private readonly places: Uint32Array;
+
+  /** Of the person in `file`, from pictures of `side` px. */
   constructor(
-    private readonly person: SplatFile,
+    private readonly file: SplatFile,
     private readonly side: number,
   ) {
+    const { splats: person, places } = finestLevel(file);
     const { count } = person;
+    [this.person, this.places] = [person, places];
     this.splats = new ProjectedSplats(person);
     this.footprints = new Footprints(count, side);
     this.limbs = limbSplats(person);
@@ -100,7 +107,7 @@ export class LiveColours {
     this.follow(pose.captureTimeMs / 1000);
   }
 
-  /** What is added to each splat's colour as it was captured, at `timeS`, as the card takes it. */
+  /** What is added to the captured colour of each splat of the file at `timeS`, as the card takes it. */
   changesAt(timeS: number): Uint32Array<ArrayBuffer> {
     const { change, exposure, near, person, seenS } = this;
     const many = near.length / Math.max(1, person.count);
@@ -126,7 +133,7 @@ export class LiveColours {
       shown[3 * i + 1] = own * change[3 * i + 1]! + scale * (green + otherwise[1]! * person.colours[3 * i + 1]!);
       shown[3 * i + 2] = own * change[3 * i + 2]! + scale * (blue + otherwise[2]! * person.colours[3 * i + 2]!);
     }
-    return packChanges(shown);
+    return packChanges(ofAllLevels(this.file, this.places, shown));
   }
 
   /** What each pixel lacks beside what the splats, in their present colours, come to. */

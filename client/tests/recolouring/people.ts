@@ -10,6 +10,7 @@ export function person(places: readonly (readonly [number, number, number])[], j
   const joints = joint + 1;
   return {
     count,
+    levels: null,
     positions: Float32Array.from(places.flat()),
     covariances: Float32Array.from(places.flatMap(() => [1e-4, 0, 0, 1e-4, 0, 1e-4])),
     light: null,
