@@ -22,7 +22,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from benchmarks.local_view import measuring_page, encoded_text
+from benchmarks.local_view import encoded_text, measuring_page
 from benchmarks.real.filmed import film, part_of
 from benchmarks.real.measure import Networks
 from benchmarks.real.ruler import Ruler
