@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -230,6 +231,9 @@ def test_the_board_mutes_chats_and_leaves(page: Page):
 def test_fewer_splats_where_pictures_come_late(page: Page):
     button = page.get_by_test_id("enter-vr")
     page.evaluate("() => { window.clock += 1000; }")  # a second has passed: numbers are told
+    # of 10,000, so many as show where somebody is 94 px high, and all a step before them
+    expect(button).to_have_attribute("data-splats", re.compile(r"2[0-4]\d\d"), timeout=MINUTE)
+    page.evaluate(f"() => headset.position.set(0, {_EYES_M}, -1.6)")
     expect(button).to_have_attribute("data-splats", "10000", timeout=MINUTE)
     page.evaluate(f"() => {{ window.pace = {3 * _PACE_MS}; }}")
     expect(button).to_have_attribute("data-splats", "5000", timeout=2 * MINUTE)
