@@ -157,7 +157,7 @@ def test_the_first_start_on_a_machine_says_what_it_waits_for(tmp_path):
         expect(waiting).to_contain_text("The server is starting up", timeout=MINUTES)
         page.get_by_test_id("start-join").click()
         expect(waiting).to_contain_text("The server is starting up")
-        watch(page, 5, minutes=3.0)
+        watch(page, 5, minutes=5.0)
         expect(waiting).to_have_count(0)
 
 
@@ -191,7 +191,8 @@ def pictures_of(film: SequenceRow) -> set[str | None]:
 def only_the_likeness_is_left(services: Services, film: SequenceRow) -> None:
     """Clip, frames and thumbnail go from the store; model and motion stay."""
     pictures = pictures_of(film)
-    until(lambda: not pictures & stored(services, film.person_id), "forgetting the clip")
+    # the training goes on meanwhile, and gives way to live pictures
+    until(lambda: not pictures & stored(services, film.person_id), "forgetting the clip", 300.0)
     with services.reading() as unit:
         assert unit.sequences.get(film.id).state is SequenceState.FORGOTTEN
         motion = unit.motions.of_sequence(film.id)

@@ -14,14 +14,14 @@ PATIENCE_S = 90.0
 """Long beyond what is awaited, for a machine that does much else."""
 
 
-def until(look: Callable[[], Found | None], what: str) -> Found:
+def until(look: Callable[[], Found | None], what: str, patience_s: float = PATIENCE_S) -> Found:
     """What `look` finds as soon as it finds something."""
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + patience_s
     while time.monotonic() < deadline:
         if found := look():
             return found
         time.sleep(0.1)
-    raise AssertionError(f"{what} did not happen within {PATIENCE_S:g} s")
+    raise AssertionError(f"{what} did not happen within {patience_s:g} s")
 
 
 def job_when(
