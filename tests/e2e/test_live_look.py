@@ -177,7 +177,7 @@ def test_a_page_that_draws_shows_them_until_the_switch_is_off(tmp_path: Path):
         while len(gone_ms) < 5 and not any(0.0 < one < _SOON_MS for one in gone_ms):
             viewer.evaluate("colours = []")
             switch.click()
-            until(changed, "colours")
+            until(changed, "colours", 240.0)
             switch.click()
             until(lambda: drawn()[-1][1] == 0, "the end")
             gone_ms.append(drawn()[-1][0] - page.evaluate("changedMs"))
