@@ -23,7 +23,7 @@ import numba
 import numpy as np
 
 from benchmarks.local_view import encoded_text, measuring_page
-from benchmarks.real.filmed import film, part_of
+from benchmarks.real.filmed import film
 from benchmarks.real.measure import Networks
 from benchmarks.real.ruler import Ruler
 from benchmarks.reporting.figures import FigureWriter
@@ -130,9 +130,7 @@ def _webcam(footage: Path, networks: Networks, folder: Path) -> tuple[SplatModel
         hand_model=networks.hand,
     )
     filmed = film(ruler, footage, folder / WEBCAM_CLIP, options)
-    times = filmed.sequence.motion.times_s
-    kept = [i for i, t in enumerate(times) if filmed.index_of(float(t)) not in ruler.indices]
-    model = _trained(part_of(filmed.sequence, kept))
+    model = _trained(filmed.without_ruler())
     views = []
     for index in ruler.indices:
         pose = model.motion.pose_at(float(filmed.footage.times_s[index]))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.real.filmed import film, part_of
+from benchmarks.real.filmed import film
 from benchmarks.real.frames import test_frame
 from benchmarks.real.judge import Judge, mean
 from benchmarks.real.measure import Networks
@@ -110,8 +110,6 @@ class Webcam:
         )
         filmed = film(ruler, footage.real, folder, options, focal_px)
         about.write_text(json.dumps({"focal_px": filmed.focal_px}))
-        times = filmed.sequence.motion.times_s
-        kept = [i for i, t in enumerate(times) if filmed.index_of(float(t)) not in ruler.indices]
 
         def judged(model: PerformerModel) -> Figures:
             with part_finder(networks.face, networks.hand) as finder:
@@ -126,7 +124,7 @@ class Webcam:
                 for name in _MEASURES
             }
 
-        return Filmed(part_of(filmed.sequence, kept), judged)
+        return Filmed(filmed.without_ruler(), judged)
 
 
 SUBJECTS = (

@@ -47,6 +47,12 @@ class FilmedClip:
         """The captured pose of frame `index`."""
         return self.sequence.motion.pose_at(float(self.footage.times_s[index]))
 
+    def without_ruler(self) -> Sequence:
+        """What can be trained on where the ruler's frames judge."""
+        times, judged = self.sequence.motion.times_s, self.ruler.indices
+        kept = [i for i, time_s in enumerate(times) if self.index_of(float(time_s)) not in judged]
+        return part_of(self.sequence, kept)
+
     def training_part(self, share: float) -> tuple[Sequence, list[int]]:
         """The first `share` of the clip to train on, and the numbers of its frames."""
         last = share * (len(self.footage.images) - 1)

@@ -63,12 +63,16 @@ class Densification:
 
     def splats(self, split: Bool[Array, "N"]) -> FirstSplats:
         """The coarse splats but for those to `split`, and the fine ones in their place."""
-        finer = np.flatnonzero(split[self.parents])
-        return self.coarse.taken(np.flatnonzero(~split)).joined(self.fine.taken(finer))
+        finer = self.fine.taken(self._children(split))
+        return self.coarse.taken(np.flatnonzero(~split)).joined(finer)
 
     def origins(self, split: Bool[Array, "N"]) -> Int[Array, "K"]:
         """The coarse splat that each of `splats` is, or is the child of."""
-        return np.concatenate([np.flatnonzero(~split), self.parents[split[self.parents]]])
+        return np.concatenate([np.flatnonzero(~split), self.parents[self._children(split)]])
+
+    def _children(self, split: Bool[Array, "N"]) -> Int[Array, "K"]:
+        """The fine splats that take the place of those to `split`."""
+        return np.flatnonzero(split[self.parents])
 
     def parameters(
         self,
@@ -85,7 +89,7 @@ class Densification:
         """
         parameters, kept = surface.copy(), int((~split).sum())
         parameters[:kept] = trained[~split]
-        children = np.flatnonzero(split[self.parents])
+        children = self._children(split)
         parents = self.parents[children]
         normals = self.fine.normals[children]
         off = np.einsum("nx,nx->n", trained[parents, _PLACE] - surface[kept:, _PLACE], normals)
