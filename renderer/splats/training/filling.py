@@ -36,7 +36,9 @@ _LITTLE_PX = 0.5
 """Evidence below which the rim shows little of a splat, where one that lies open has 1 px."""
 _ACROSS = 0.45
 """How much a distance across a limb counts, against one along it: clothes end along it."""
-_SCALP = KINDS.index("scalp")
+_SCALP, _FACE = KINDS.index("scalp"), KINDS.index("face")
+_OVEREXPOSED = 0.75
+"""Brightest channel from which a cube of the scalp shows a lamp's light rather than hair."""
 _SIDEWAYS = [KINDS.index(kind) for kind in ("arms", "hands")]
 """Kinds whose bones lie along x at rest; those of others but the head lie along y."""
 _COLOURS, _PLACE = slice(COLOUR, COLOUR + 3), slice(POSITION, POSITION + 3)
@@ -119,15 +121,30 @@ def _guesses(
     light = np.column_stack([np.bincount(cell, trust * channel) for channel in colours.T])
     means = light[known] / total[known, None]
     cell_kinds, places = cells[known, 0], (cells[known, 1:] + 0.5) * _CELL_M
+    hairy = _hairy(cell_kinds, means)
     guesses = np.empty((3, *colours.shape))
     for kind in np.unique(kinds):
         mine, same = kinds == kind, cell_kinds == kind
         same = same if same.any() else np.ones_like(same)
-        count, axes = min(_CELLS, int(same.sum())), _axes(int(kind))
-        _, near = KDTree(places[same] * axes).query(rest[mine] * axes, k=count)
-        around = means[same][np.reshape(near, (-1, count))]
-        guesses[:, mine] = np.percentile(around, (50.0, *_RANGE), axis=1)
+        lenders = hairy if kind == _SCALP and hairy.any() else same
+        scaled, axes = places * _axes(int(kind)), _axes(int(kind))
+        for rows, some, percentiles in ((0, lenders, 50.0), (slice(1, 3), same, _RANGE)):
+            count = min(_CELLS, int(some.sum()))
+            _, near = KDTree(scaled[some]).query(rest[mine] * axes, k=count)
+            around = means[some][np.reshape(near, (-1, count))]
+            guesses[rows, mine] = np.percentile(around, percentiles, axis=1)
     return guesses
+
+
+def _hairy(cell_kinds: Int[Array, "C"], means: Float[Array, "C 3"]) -> Bool[Array, "C"]:
+    """Which cubes of the scalp show hair: the half that is least like the face, of those that are
+    not overexposed. Where hair begins differs from head to head, and lamps shine on crowns."""
+    scalp, face = cell_kinds == _SCALP, cell_kinds == _FACE
+    shown = scalp & (means.max(axis=1) < _OVEREXPOSED)
+    if not face.any() or not shown.any():
+        return scalp
+    unlike = np.linalg.norm(means - np.median(means[face], axis=0), axis=1)
+    return shown & (unlike >= np.median(unlike[shown]))
 
 
 def _axes(kind: int) -> Float[Array, "3"]:

@@ -15,7 +15,7 @@ from renderer.splats.training.trainer import SplatTrainer
 from scene.arrays import Array, Float
 from tests.renderer.studio import make_sequence
 
-HAIR, CLOTH = KINDS.index("scalp"), KINDS.index("trunk")
+HAIR, CLOTH, FACE = (KINDS.index(kind) for kind in ("scalp", "trunk", "face"))
 
 
 def splats(*rows: tuple[float, float, float, float]) -> np.ndarray:
@@ -92,6 +92,19 @@ def test_a_back_takes_hair_from_hair_and_cloth_from_cloth():
     back, inside = evidence == 0.0, np.abs(trained[:, 1] - 1.45) > 0.1
     assert np.abs(filled[back & inside & (kinds == HAIR)] - 0.1).max() < 0.05
     assert np.abs(filled[back & inside & (kinds == CLOTH)] - 0.8).max() < 0.1
+
+
+def test_unseen_hair_is_like_neither_a_high_forehead_nor_a_lamp_on_the_crown():
+    """Of a scalp whose front was seen, half is bare, and a lamp shines on a part of the rest."""
+    trained, evidence, kinds = head_and_trunk()
+    scalp, seen = kinds == HAIR, evidence > 0.0
+    kinds[kinds == CLOTH] = FACE
+    trained[scalp & (trained[:, 1] < 1.7) & seen, COLOUR : COLOUR + 3] = 0.8
+    trained[scalp & (trained[:, 1] > 1.85) & seen, COLOUR : COLOUR + 3] = 0.98
+    filled = filled_greys(trained, evidence, kinds=kinds)
+    behind = scalp & (trained[:, 2] < 0.04) & (trained[:, 1] > 1.7)
+    assert filled[behind].max() < 0.2
+    np.testing.assert_allclose(filled[scalp & seen], trained[scalp & seen, COLOUR], atol=0.02)
 
 
 def test_seen_splats_keep_their_colour():
