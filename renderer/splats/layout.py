@@ -43,3 +43,5 @@ DIFFERENCE, KNOWN, SHOWN = 0, 3, 4
 """Columns of what is gathered from pixels: the weighted differences' sum (3), the sums of weights
 in pixels whose colour is known, and in all."""
 GATHERED = 5
+UNKNOWN = (255, 0, 0, 0)
+"""Pixel of a training picture that tells nothing: no premultiplied colour is red without alpha."""

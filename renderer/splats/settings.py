@@ -35,6 +35,12 @@ class SplatSettings:
     window_share: float = 0.25
     """Share of the steps that look at such a square, where frames are larger than `whole_px`: with
     half of them, the body loses half a decibel."""
+    beside_share: float = 0.3
+    """Share of the steps that look from beside at people who were filmed from one side."""
+    beside_from: float = 0.3
+    """Share of the training after which they do: once splats are as many as there will be."""
+    beside_deg: tuple[float, float] = (15.0, 60.0)
+    """How far beside the camera."""
     expressive_share: float = 0.5
     """Share of the squares that lie about face or hands."""
     expressive_density: float = 3.0

@@ -28,6 +28,7 @@ from renderer.splats.layout import (
     MOST_OPAQUE,
     RED,
     TILE,
+    UNKNOWN,
 )
 from scene.arrays import Array
 
@@ -197,7 +198,7 @@ def draw_and_differentiate(
     projected: Array,  # [N Q] float32
     starts: Array,  # [tiles + 1] int32
     entries: Array,  # [lists] int32
-    target: Array,  # [H W 4] uint8: premultiplied sRGB and alpha
+    target: Array,  # [H W 4] uint8: premultiplied sRGB and alpha, or UNKNOWN
     background: Array,  # [3] float32
     linear_from: float,
     gradients: Array,  # [threads N Q] float32, must be nil; added to
@@ -248,14 +249,16 @@ def _compare(target, background, width_of_square, x0, y0, sums, state):
     state[:, TILE:] = 0.0
     for row in range(min(TILE, height - y0)):
         for x in range(min(TILE, width - x0)):
-            uncovered = _F(1.0) - _F(target[y0 + row, x0 + x, 3]) * _F(1.0 / 255.0)
+            alpha, red = target[y0 + row, x0 + x, 3], target[y0 + row, x0 + x, 0]
+            known = _F(1.0) - _F((alpha == UNKNOWN[3]) & (red == UNKNOWN[0]))
+            uncovered = _F(1.0) - _F(alpha) * _F(1.0 / 255.0)
             for k in range(3):
                 wanted = (
                     _F(target[y0 + row, x0 + x, k]) * _F(1.0 / 255.0) + uncovered * background[k]
                 )
                 shown = sums[row, x + (k + 1) * TILE] + sums[row, x] * background[k]
                 difference = shown - wanted
-                s = max(_F(-1.0), min(difference / width_of_square, _F(1.0)))
+                s = known * max(_F(-1.0), min(difference / width_of_square, _F(1.0)))
                 loss += s * (difference - _F(0.5) * s * width_of_square)
                 state[row, x + (k + 2) * TILE] = s
                 state[row, x + TILE] += s * shown

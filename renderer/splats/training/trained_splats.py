@@ -140,6 +140,16 @@ class TrainedSplats:
         back = np.float32(_ROUGHNESS_PULL) * gap[:, None]
         self.parameters[moved, _PLACE] += back * self.first.normals[moved]
 
+    def smooth(self) -> Float[Array, "N P"]:
+        """Parameters of flat splats on the smooth surface that their neighbourhoods make."""
+        if not len(self._displacement):
+            self.smooth_displacement()
+        smooth, everyone = self.parameters.copy(), np.ones(len(self), bool)
+        off = self._displacement - self._off_surface(everyone)
+        smooth[:, _PLACE] += off[:, None] * self.first.normals
+        smooth[:, ROTATION : ROTATION + 4] = self.surface[:, ROTATION : ROTATION + 4]
+        return smooth
+
     def _off_surface(self, some: Bool[Array, "N"]) -> Float[Array, "M"]:
         """How far `some` lie off the surface along its normal, m."""
         away = self.parameters[some, _PLACE] - self.surface[some, _PLACE]

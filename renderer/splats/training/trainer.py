@@ -32,11 +32,11 @@ from renderer.splats.training.evidence import (
 )
 from renderer.splats.training.filling import fill_unseen, held_colours
 from renderer.splats.training.finer_sides import finer_layer, wide_on_unseen_sides
-from renderer.splats.training.full_size import FullSizeWindows, whole_views
 from renderer.splats.training.initialisation import FirstSplats, first_splats, splats_of_model
 from renderer.splats.training.merging import Grouping
 from renderer.splats.training.occlusion import hidden_by_limbs
 from renderer.splats.training.resizing import Resizing
+from renderer.splats.training.step_views import StepViews
 from renderer.splats.training.trained_splats import TrainedSplats, adam_rates
 from renderer.splats.training.views import View, read_views
 from scene.arrays import Array, Bool, Float, Int
@@ -72,7 +72,8 @@ class SplatTrainer:
         self._held = np.zeros(0, bool)
         self._light: CapturedLight | None = None
         self._rng = np.random.default_rng(seed)
-        self._views = whole_views(filmed, settings.whole_px)
+        self._looks = StepViews(filmed, sequence, settings)
+        self._views = self._looks.whole
         first = first_splats(sequence, settings, self._rng)
         self._poses = PoseRefinement(sequence, start)
         self._first_skeleton = self._poses.skeleton
@@ -83,8 +84,6 @@ class SplatTrainer:
         """Frames that steps do not look at; may be set."""
         self.adds_sides = True
         """Sides that no frame shows get more splats; may be set."""
-        larger = self._views[0] is not filmed[0]
-        self._windows = FullSizeWindows(filmed, settings) if larger else None
         self.splats = self._splats_begun()
         self._passes = (
             RefinementPasses(self._views, colours_known=start is not None)
@@ -153,7 +152,7 @@ class SplatTrainer:
         frame = self._queue.pop()
         background = self._rng.uniform(size=3).astype(np.float32)
         transforms, splats = self._poses.transforms(frame), self.splats
-        view = self._looked_at(frame, transforms)
+        view = self._looks.drawn(frame, splats, transforms, fraction, self._rng)
         drawn, shown = self._draw(frame, view, background, transforms)
         chain_rule(
             drawn,
@@ -177,12 +176,6 @@ class SplatTrainer:
             splats.pull_to_surface(moved, 1.0 - fraction)
             splats.pull_to_neighbours(moved)
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
-
-    def _looked_at(self, frame: int, transforms: Float[Array, "K 4 4"]) -> View:
-        """What a step sees of `frame`: the whole person or, where filmed larger, a window."""
-        if self._windows is None or self._rng.random() >= self._settings.window_share:
-            return self._views[frame]
-        return self._windows.drawn(frame, self.splats, transforms, self._rng)
 
     def _draw(
         self,

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from renderer.reference import splats as twin
-from renderer.splats.layout import BOX_FILTER_PX2, PARAMETERS
+from renderer.splats.layout import BOX_FILTER_PX2, PARAMETERS, UNKNOWN
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.workspace import Workspace, pack_camera
 from scene import Motion, Pose, Skeleton, look_at
@@ -207,6 +207,22 @@ def gradients_slow(scene, camera: Camera, target, background):
     loss.backward()
     assert leaf.grad is not None
     return loss.item(), leaf.grad.numpy()
+
+
+def test_pixels_that_tell_nothing_teach_nothing():
+    """What two halves teach is what the whole teaches."""
+    scene, camera = make_scene(50, seed=3), make_camera(48, 40)
+    whole = np.random.default_rng(5).integers(0, 120, (40, 48, 4)).astype(np.uint8)
+    left, right = whole.copy(), whole.copy()
+    left[:, 20:], right[:, :20] = UNKNOWN, UNKNOWN
+    background = np.array([0.2, 0.7, 0.4], np.float32)
+    (all_loss, all_slopes), *halves = (
+        gradients_fast(scene, camera, target, background) for target in (whole, left, right)
+    )
+    assert min(loss for loss, _ in halves) > 0.1 * all_loss
+    assert sum(loss for loss, _ in halves) == pytest.approx(all_loss, rel=1e-4)
+    error = np.abs(sum(slopes for _, slopes in halves) - all_slopes)
+    assert error.max() < 1e-3 * np.abs(all_slopes).max()
 
 
 def test_gradients_match_the_twin():
