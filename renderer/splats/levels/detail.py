@@ -10,7 +10,7 @@ from renderer.splats.levels.tree import LevelTree
 from renderer.splats.model import SplatModel
 from scene.arrays import Array, Bool
 
-FULL_DENSITY, LEAST_DENSITY = 0.25, 0.02
+FULL_DENSITY, LEAST_DENSITY = 0.25, 0.03
 """Splats a square of somebody's height in the picture: with more, nothing is gained; with fewer,
 they look melted, and a smaller picture serves better."""
 MOST_CHANGE = 0.03

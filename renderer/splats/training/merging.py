@@ -165,8 +165,9 @@ def joins(
     Other arguments as of `groupings`.
     """
     clusters = _Clusters(parameters, normals, kinds, light, np.inf, _EVENLY_NEAR, _EVENLY_PLACE_M)
-    while len(clusters) > count and clusters.join(len(clusters) - count):
-        pass
+    while len(clusters) > count:
+        if not clusters.join(len(clusters) - count) and not clusters.look_further():
+            break
     return np.concatenate([np.zeros((0, 2), np.int64), *clusters.joined])
 
 
@@ -194,6 +195,13 @@ class _Clusters:
 
     def __len__(self) -> int:
         return len(self._light)
+
+    def look_further(self) -> bool:
+        """Find partners among twice as many neighbours: kinds lie among one another at joints, and
+        where hair hangs before a chest. Whether there are more."""
+        more = self._near < len(self) - 1
+        self._near *= 2
+        return more
 
     def join(self, most: int) -> bool:
         """Join the cheapest pairs, at most `most`; whether there were any."""

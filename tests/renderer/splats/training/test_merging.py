@@ -10,7 +10,7 @@ from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.initialisation import FirstSplats, first_splats
-from renderer.splats.training.merging import Grouping, groupings
+from renderer.splats.training.merging import Grouping, groupings, joins
 from scene import Pose, orbit_camera
 from scene.arrays import Array
 from tests.renderer.studio import make_model, make_motion, make_sequence
@@ -153,3 +153,17 @@ def test_expressions_move_what_held_splats_that_they_move():
     few = Grouping(group, np.ones(400)).merged_first(moving)
     assert len(few.expression_splats) == 1
     np.testing.assert_allclose(few.expression_offsets[0, 0], [0.0, 0.02, 0.0], atol=1e-7)
+
+
+def test_kinds_that_lie_among_one_another_join_to_few_all_the_same():
+    """Threads of six kinds, so close that no splat's nearest ones are of its own kind."""
+    places = np.array([[0.01 * i, 0.001 * kind, 0.0] for i in range(40) for kind in range(6)])
+    parameters = make_model(len(places)).parameters
+    parameters[:, POSITION : POSITION + 3] = places
+    kinds, light = np.tile(np.arange(6), 40), np.ones(len(places))
+    pairs = joins(parameters, np.tile([0.0, 0.0, 1.0], (len(places), 1)), kinds, light, 6)
+    assert len(pairs) == len(places) - 6
+    kind_of = list(kinds)
+    for first, second in pairs:
+        assert kind_of[first] == kind_of[second]
+        kind_of.append(kind_of[first])
