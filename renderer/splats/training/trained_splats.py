@@ -21,6 +21,7 @@ from renderer.splats.layout import (
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.settings import SplatSettings
+from renderer.splats.training.hanging_cloth import hung
 from renderer.splats.training.initialisation import FirstSplats, moved_with_bones
 from renderer.splats.training.neighbours import neighbours_at_rest
 from renderer.splats.training.occlusion import limb_splats
@@ -149,6 +150,13 @@ class TrainedSplats:
         smooth[:, _PLACE] += off[:, None] * self.first.normals
         smooth[:, ROTATION : ROTATION + 4] = self.surface[:, ROTATION : ROTATION + 4]
         return smooth
+
+    def hang_cloth(self, seen: Bool[Array, "N"]) -> None:
+        """Let cloth hang on sides of the trunk that no frame shows."""
+        self.parameters[:, _PLACE] += hung(
+            self.parameters[:, _PLACE], self.first.normals, self.kinds, seen
+        )
+        self.smooth_displacement()
 
     def _off_surface(self, some: Bool[Array, "N"]) -> Float[Array, "M"]:
         """How far `some` lie off the surface along its normal, m."""

@@ -251,6 +251,8 @@ class SplatTrainer:
                 self._light = self._light.merged(lambda values: values[origins])
             self._resizing.refine(planned, split)
             self._resize(lambda surface: planned.parameters(split, filled, surface))
+        if self._estimated and self._sequence.body.has_surface:
+            self.splats.hang_cloth(self._found.seen)
         self._held = held_colours(self._found, self.splats.kinds)
         self.splats.hold_colours(self._held)
 
