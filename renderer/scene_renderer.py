@@ -17,6 +17,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from renderer.performer_model import PerformerModel
+from renderer.splats.cloth.hanging import ClothSwing
+from renderer.splats.cloth.tubes import Tubes
 from renderer.splats.layout import NEAR_M, PARAMETERS, ROTATION, TILE
 from renderer.splats.levels.detail import ViewDetail
 from renderer.splats.levels.tree import tree_soon
@@ -54,6 +56,8 @@ class SceneRenderer:
         self._detail = detail
         self._models: tuple[SplatModel, ...] = ()
         self._splats: SplatRenderer | None = None
+        self._swings: dict[tuple[int, str, int], ClothSwing] = {}
+        """Loose clothes of whom was drawn last: by model, name, and how many there were of it."""
         self._empty = np.zeros((0, 0, 4), np.float32)
         self._picture = np.zeros((0, 0, 3), np.uint8)
         self._background: tuple[Environment, Camera] | None = None
@@ -164,7 +168,25 @@ class SceneRenderer:
             change if (change := p.colour_change) is None or tree is None else tree.spread(change)
             for p, tree in zip(performers, levels, strict=True)
         ]
-        return self._splats.render(camera, transforms, lighting, placements, shown, changes)
+        hung = self._hung(performers, transforms)
+        return self._splats.render(camera, transforms, lighting, placements, shown, changes, hung)
+
+    def _hung(
+        self, performers: Many[Performer[PerformerModel]], transforms: Many[Float[Array, "K 4 4"]]
+    ) -> list[Float[Array, "V 3"] | None]:
+        """How everybody's loose clothes hang now; those of others are forgotten."""
+        swings, hung = dict[tuple[int, str, int], ClothSwing](), list[Float[Array, "V 3"] | None]()
+        for performer, posed in zip(performers, transforms, strict=True):
+            model = performer.model.splats
+            if model is None or model.cloth is None:
+                hung.append(None)
+                continue
+            alike = sum(key[:2] == (id(model), performer.name) for key in swings)
+            key = (id(model), performer.name, alike)
+            swings[key] = self._swings.get(key) or ClothSwing(model.cloth)
+            hung.append(swings[key].hung(posed, performer.pose.time_s))
+        self._swings = swings
+        return hung
 
 
 def warm_up() -> None:
@@ -198,6 +220,8 @@ def warm_up() -> None:
     dark = Lighting(np.zeros((HARMONICS, 3)), np.array([0.0, 1.0, 0.0]), np.zeros(3))
     place = Environment(panorama=np.zeros((8, 16, 3), np.float32), lighting=dark)
     SceneRenderer().render(Scene(place, (performer,)), camera)
+    dressed = replace(performer, model=_in_loose_clothes(model))
+    SceneRenderer().render(Scene(Environment(), (dressed,)), camera)
     stage = SceneRenderer()
     picture = stage.render(Scene(Environment(), (performer,)), camera)
     luma, chroma = np.zeros((32, 32), np.uint8), np.zeros((2, 16, 16), np.uint8)
@@ -206,6 +230,20 @@ def warm_up() -> None:
     look.see(WebcamPicture(picture, luma, camera, rest))
     change = look.change_at(0.0)
     average_upwards(change, np.zeros(0, np.int32), np.zeros(0, np.float32), len(change))
+
+
+def _in_loose_clothes(model: SplatModel) -> SplatModel:
+    """`model` with its splats on the smallest piece of cloth."""
+    cloth = Tubes(
+        np.random.default_rng(0).normal(size=(6, 3)),
+        np.array([[0, 0, 2, 3]], np.int64),
+        np.array([[[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]),
+        np.zeros((1, 2), np.int64),
+        np.ones(1),
+        np.zeros(1, np.int64),
+        np.ones(3),
+    )
+    return replace(model, cloth=cloth, quads=np.zeros(len(model), np.int32))
 
 
 def _composite_background(

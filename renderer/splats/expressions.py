@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from renderer.splats.cloth.hanging import BoundSplats
 from renderer.splats.layout import POSITION
 from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Float, Int
@@ -80,17 +81,35 @@ class BlendShapes:
 
 @dataclass(frozen=True, eq=False)
 class ClipBlendShapes:
-    """Blend shapes of one model, with the expression of each frame of a clip."""
+    """What moves splats of one model at rest in each frame of a clip: expressions and cloth."""
 
     splats: Int[Array, "M"]
     offsets: Float[Array, "M S 3"]
     expressions: Float[Array, "F E"]
+    bound: BoundSplats | None = None
+    """Splats on loose clothes, which move as well."""
+    hung: Float[Array, "F V 3"] | None = None
+    """How these hang in each frame."""
 
     def moved(self, parameters: Float[Array, "N P"], frame: int) -> Float[Array, "N P"]:
         """`parameters` at rest as frame `frame` shows them: a copy where anything moves.
 
-        The gradient by a moved position is that by the position, so training goes on with these.
+        The gradient by a position that an expression has moved is that by the position; see
+        `take_back` of those on cloth.
         """
+        moved = self._shown(parameters, frame)
+        if self.bound is not None and self.hung is not None:
+            moved = parameters.copy() if moved is parameters else moved
+            own = parameters[self.bound.rows]
+            self.bound.hang(moved, own, self.hung[frame])
+        return moved
+
+    def take_back(self, gradient: Float[Array, "N P"], frame: int) -> None:
+        """Turn a gradient by what `moved` returns into one by the parameters, in place."""
+        if self.bound is not None and self.hung is not None:
+            self.bound.take_back(gradient, self.hung[frame])
+
+    def _shown(self, parameters: Float[Array, "N P"], frame: int) -> Float[Array, "N P"]:
         if not len(self.splats) or not self.expressions[frame].any():
             return parameters
         from renderer.splats.expression_kernels import apply_blend_shapes

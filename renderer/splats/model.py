@@ -8,6 +8,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from renderer.splats.cloth.hanging import NO_CLOTH, BoundSplats, ClothSwing, MotionPath, on_no_cloth
+from renderer.splats.cloth.tubes import Tubes
 from renderer.splats.expressions import no_offsets, no_splats
 from renderer.splats.layout import LOG_SCALE, PARAMETERS, POSITION
 from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
 _SURFACE = ("albedo", "normals")
 """Tensors of models whose light is known."""
+_CLOTH = "cloth."
+"""Before the names of those of loose clothes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +58,23 @@ class SplatModel:
     """Rows of the splats that the person's expressions move, of head and hands; none: not known."""
     expression_offsets: Float[Array, "M S 3"] = field(default_factory=no_offsets)
     """Metres at rest that each blend shape (`scene.expression`) at 1 moves them."""
+    cloth: Tubes | None = None
+    """Loose clothes, which swing; None: they are tight."""
+    quads: Int[Array, "_"] = field(default_factory=lambda: np.zeros(0, np.int32))
+    """Where on `cloth` each splat lies, see `BoundSplats`; left out, all are on the body."""
 
     def __post_init__(self) -> None:
         require_shape("parameters", self.parameters, (None, PARAMETERS))
         require_shape("joints", self.joints, (len(self.parameters), 4))
         require_shape("weights", self.weights, (len(self.parameters), 4))
         require_finite("parameters", self.parameters)
+        if self.cloth is None or not len(self.quads):
+            object.__setattr__(self, "quads", on_no_cloth(len(self)))
+        require_shape("quads", self.quads, (len(self),))
+        if self.cloth is not None and self.quads.max(initial=NO_CLOTH) >= len(self.cloth.quads):
+            raise InvalidInput(
+                f"quads must be of {len(self.cloth.quads)} of the cloth; got {self.quads.max()}"
+            )
         for name in ("albedo", "normals"):
             if (known := getattr(self, name)) is not None:
                 require_shape(name, known, (len(self.parameters), 3))
@@ -80,10 +95,19 @@ class SplatModel:
     def __len__(self) -> int:
         return len(self.parameters)
 
-    def render(self, camera: Camera, pose: Pose) -> Float[Array, "H W 4"]:
-        """Premultiplied sRGB and alpha, float32. For many views keep a `SplatRenderer`."""
+    def render(
+        self, camera: Camera, pose: Pose, hung: Float[Array, "V 3"] | None = None
+    ) -> Float[Array, "H W 4"]:
+        """Premultiplied sRGB and alpha, float32. For many views keep a `SplatRenderer`.
+
+        Args: hung: where loose clothes are, see `MotionPath`; None: settled in this pose.
+        """
         transforms = self.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
-        return SplatRenderer((self,)).render(camera, [transforms], expressions=[pose.expression])
+        if hung is None and self.cloth is not None:
+            hung = ClothSwing(self.cloth).hung(transforms, pose.time_s)
+        return SplatRenderer((self,)).render(
+            camera, [transforms], expressions=[pose.expression], hung=[hung]
+        )
 
     def geometry(self, camera: Camera, pose: Pose) -> Geometry:
         """Depth and normals of the person in `pose` seen by `camera`."""
@@ -110,6 +134,16 @@ class SplatModel:
             _FILMED_PARTS[self] = replace(self, parameters=fade_unseen(self.parameters, self.seen))
         return _FILMED_PARTS[self]
 
+    def with_still_cloth(self) -> SplatModel:
+        """With loose clothes where they are in the mean of the clip: for whom they can't swing."""
+        if self.cloth is None:
+            return self
+        path = MotionPath.of(self.motion, self.skeleton, self.motion.times_s)
+        bound, parameters = BoundSplats(self.parameters, self.quads, self.cloth), self.parameters
+        parameters = parameters.copy()
+        bound.hang(parameters, self.parameters[bound.rows], path.hung(self.cloth).mean(axis=0))
+        return replace(self, parameters=parameters, cloth=None)
+
     def drawn_as(self, preset: Preset) -> SplatModel:
         """Itself: splats have no speed-ups. Raises InvalidInput for the preset of a field."""
         if preset.is_field:
@@ -135,6 +169,9 @@ class SplatModel:
         if len(self.expression_splats):
             tensors["expression_splats"] = self.expression_splats.astype(np.uint32)
             tensors["expression_offsets"] = self.expression_offsets.astype(np.float16)
+        if self.cloth is not None:
+            tensors |= {_CLOTH + name: array for name, array in self.cloth.tensors().items()}
+            tensors["quads"] = self.quads.astype(np.int32)
         return tensors
 
     @classmethod
@@ -148,6 +185,11 @@ class SplatModel:
         parameters[:, LOG_SCALE:] = tensors["appearance"]
         weights = tensors["weights"].astype(np.float32)
         offsets = tensors.get("expression_offsets", no_offsets()).astype(np.float32)
+        cloth = {
+            name.removeprefix(_CLOTH): array
+            for name, array in tensors.items()
+            if name.startswith(_CLOTH)
+        }
         return cls(
             parameters,
             tensors["joints"],
@@ -162,6 +204,8 @@ class SplatModel:
             light=tensors.get("light"),
             expression_splats=tensors.get("expression_splats", no_splats()).astype(np.int32),
             expression_offsets=offsets_of_any_version(offsets, axis=1),
+            cloth=Tubes.from_tensors(cloth) if cloth else None,
+            quads=tensors.get("quads", np.zeros(0, np.int32)),
         )
 
     def header(self) -> dict[str, Any]:

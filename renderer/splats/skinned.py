@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
+from renderer.splats.cloth.tubes import Tubes
 from scene.arrays import Array, Float, Int, UInt8
 from scene.skeleton import Skeleton
 
@@ -26,6 +27,10 @@ class SkinnedSplats(Protocol):
     def normals(self) -> Float[Array, "N 3"] | None: ...
     @property
     def light(self) -> Float[Array, "9 3"] | None: ...
+    @property
+    def cloth(self) -> Tubes | None: ...
+    @property
+    def quads(self) -> Int[Array, "N"]: ...
     @property
     def expression_splats(self) -> Int[Array, "M"]: ...
     @property

@@ -13,6 +13,7 @@ from renderer.reference import backdrop as twin
 from renderer.scene_renderer import SceneRenderer, contact_shadows, shadow_blocks
 from scene import Environment, InvalidInput, Performer, Pose, Scene, orbit_camera
 from scene.skeleton import HEAD
+from tests.renderer.splats.cloth.wear import make_loose_model
 from tests.renderer.studio import make_model
 
 ROOM = Environment()
@@ -187,3 +188,23 @@ def test_geometry_of_a_field_is_refused_in_words():
     camera = orbit_camera((0, 0.8, 0), 4.0, 0.0, 0.05, 32, 32)
     with pytest.raises(InvalidInput, match="performers who are splats; got 'Ada'"):
         SceneRenderer().geometry(Scene(ROOM, (picture,)), camera)
+
+
+def test_loose_clothes_swing_as_time_goes_on_and_come_to_rest():
+    camera, model = orbit_camera((0, 0.8, 0), 3.0, 0.4, 0.1, 96, 96), make_loose_model()
+
+    def picture(stage: SceneRenderer, turn: float, time_s: float) -> np.ndarray:
+        angles = np.zeros((24, 3))
+        angles[0, 1] = turn
+        pose = Pose(angles, np.zeros(3), time_s)
+        person = Performer("one", model, np.zeros(3), 0.0, pose)
+        return stage.render(Scene(ROOM, (person,)), camera).astype(int)
+
+    stage, other = SceneRenderer(), SceneRenderer()
+    picture(stage, 0.0, 0.0)
+    swinging = picture(stage, 0.7, 0.05)
+    settled = picture(other, 0.7, 0.05)
+    assert np.abs(swinging - settled).max() > 60
+    for number in range(150):
+        swinging = picture(stage, 0.7, 0.1 + number / 30.0)
+    assert np.abs(swinging - settled).mean() < 0.05

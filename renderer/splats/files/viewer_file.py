@@ -73,15 +73,16 @@ def write_viewer_file(model: SplatModel, path: Path) -> None:
 def encode(model: SplatModel) -> bytes:
     """The bytes of the file; the same for the same model."""
     tree = level_tree(model)
-    records = _records(tree.nodes)
-    p = tree.nodes.parameters.astype(np.float64)
+    nodes = tree.nodes.with_still_cloth()
+    records = _records(nodes)
+    p = nodes.parameters.astype(np.float64)
     position, log_scale = p[:, POSITION : POSITION + 3], p[:, LOG_SCALE : LOG_SCALE + 3]
     splits = np.zeros(len(tree.split), SPLIT)
     splits["replaced"] = tree.split
     splits["records"] = records[tree.fewest :].reshape(-1, 2)
     skeleton = model.skeleton
     light = np.zeros((HARMONICS, 3)) if model.light is None else model.light
-    blocks, moved, offsets = _blend_shapes(tree.nodes)
+    blocks, moved, offsets = _blend_shapes(nodes)
     head = HEAD.pack(
         MAGIC,
         VERSION,

@@ -19,6 +19,7 @@ from weakref import WeakKeyDictionary, WeakSet
 import numpy as np
 
 from renderer.relighting.shading import albedo_of, normals_of
+from renderer.splats.cloth.hanging import NO_CLOTH
 from renderer.splats.layout import POSITION
 from renderer.splats.levels.light import light_all_round
 from renderer.splats.model import SplatModel
@@ -88,6 +89,7 @@ class LevelTree:
             joints=nodes.joints[rows],
             weights=nodes.weights[rows],
             seen=nodes.seen[rows],
+            quads=nodes.quads[rows],
             albedo=albedo_of(nodes)[rows],
             normals=normals_of(nodes)[rows],
             expression_splats=place[nodes.expression_splats[moving]].astype(np.int32),
@@ -138,6 +140,7 @@ def _grown(model: SplatModel) -> LevelTree:
     kinds = surface_kinds(rest, model.joints, model.weights, model.skeleton)
     # a joint's splats keep to themselves, so that what merges also moves together
     kinds = JOINT_COUNT * kinds + strongest_joints(model.joints, model.weights)
+    kinds = 2 * kinds + (model.quads != NO_CLOTH)
     pairs = joins(model.parameters, normals, kinds, light, min(FEWEST, count))
     if not len(pairs):
         whole = replace(model, albedo=albedo_of(model), normals=normals)
@@ -177,6 +180,7 @@ def _with_merged(
         normals_of(model),
         model.expression_splats,
         model.expression_offsets,
+        model.quads,
     )
     albedo = albedo_of(model)
     rows = np.concatenate(merged)
@@ -202,6 +206,7 @@ def _with_merged(
         seen=all_of(model.seen, grouping.mean(model.seen[rows].astype(np.float64)) > 0.5),
         albedo=all_of(albedo, grouping.mean(albedo[rows])),
         normals=all_of(known.normals, few.normals),
+        quads=all_of(model.quads, few.quads),
         expression_splats=place[splats][rising].astype(np.int32),
         expression_offsets=offsets[rising],
     )

@@ -30,7 +30,9 @@ _BLENDED_AT_ONCE = 256
 
 def splat_renderer(models: Many[SkinnedSplats]) -> SplatRenderer:
     """The fastest renderer that this machine has for a set of models."""
-    if torch.cuda.is_available() and find_spec("triton") is not None:
+    # the device has no cloth
+    tight = all(model.cloth is None for model in models)
+    if tight and torch.cuda.is_available() and find_spec("triton") is not None:
         return GpuSplatRenderer(models, torch.device("cuda"))
     return SplatRenderer(models)
 

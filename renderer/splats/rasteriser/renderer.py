@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.relighting.shading import Relighting, normals_of
+from renderer.splats.cloth.hanging import HungCloth
 from renderer.splats.expressions import BlendShapes
 from renderer.splats.layout import BLUE, BOX_FILTER_PX2, COLOUR, HIDDEN_LOGIT, OPACITY, RED, TILE
 from renderer.splats.rasteriser.workspace import Workspace, pack_camera
@@ -50,6 +51,7 @@ class SplatRenderer:
         self._has_light = any(model.light is not None for model in models)
         self._relit = self._as_captured = self._parameters
         self._blend_shapes = BlendShapes(models)
+        self._cloth = HungCloth(models)
         self._opacity = self._parameters[:, OPACITY].copy()
         self._drawn = np.ones(len(self._parameters), bool)
         self._workspace = Workspace(len(self._parameters))
@@ -63,6 +65,7 @@ class SplatRenderer:
         placements: Many[Float[Array, "4 4"]] | None = None,
         expressions: Many[Float[Array, "E"]] | None = None,
         changes: Many[Float[Array, "_ 3"] | None] | None = None,
+        hung: Many[Float[Array, "V 3"] | None] | None = None,
     ) -> Float[Array, "H W 4"]:
         """Premultiplied sRGB and alpha.
 
@@ -76,11 +79,13 @@ class SplatRenderer:
             expressions: per model, its expression (`scene.expression`); None: at rest.
             changes: per model, what its splats' colours differ by from those captured, sRGB
                 (`renderer.live_look`); None: nothing.
+            hung: per model, how its loose clothes hang (`renderer.splats.cloth.hanging`); None: as
+                at rest.
         Returns:
             float32 buffer that the next call overwrites.
         """
         moved = np.concatenate(list(transforms)).astype(np.float32)
-        shown = self.shaded(camera, moved, lighting, placements, expressions)
+        shown = self.shaded(camera, moved, lighting, placements, expressions, hung)
         if changes is not None and any(change is not None for change in changes):
             shown = self._with_changes(shown, changes)
         return self._rasterise(shown, moved, camera)
@@ -100,9 +105,15 @@ class SplatRenderer:
         lighting: Lighting | None = None,
         placements: Many[Float[Array, "4 4"]] | None = None,
         expressions: Many[Float[Array, "E"]] | None = None,
+        hung: Many[Float[Array, "V 3"] | None] | None = None,
     ) -> Float[Array, "N P"]:
-        """Every splat as it is drawn, before it is skinned: moved by expressions and lit; arguments
-        as of `render`, the transforms of all models in one array."""
+        """Every splat as it is drawn, before it is skinned: moved by expressions and cloth, and
+        lit; arguments as of `render`, the transforms of all models in one array."""
+        if self._cloth.any:
+            self._cloth.move(self._parameters, hung)
+            for lit in (self._relit, self._as_captured):
+                if lit is not self._parameters:
+                    self._cloth.move(lit, hung)
         if self._blend_shapes.any:
             self._apply_expressions(expressions)
         if lighting is not None:

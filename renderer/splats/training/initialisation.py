@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from renderer.splats.cloth.hanging import on_no_cloth
 from renderer.splats.expressions import moving_splats, no_offsets, no_splats
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, POSITION, ROTATION
 from renderer.splats.model import SplatModel
@@ -55,6 +56,12 @@ class FirstSplats:
     expression_splats: Int[Array, "M"] = field(default_factory=no_splats)
     expression_offsets: Float[Array, "M S 3"] = field(default_factory=no_offsets)
     """As the body's surface moves, m; empty where that is not known."""
+    quads: Int[Array, "_"] = field(default_factory=lambda: np.zeros(0, np.int32))
+    """Where on loose clothes each lies, see `BoundSplats`; left out, all are on the body."""
+
+    def __post_init__(self) -> None:
+        if len(self.quads) != len(self.parameters):
+            object.__setattr__(self, "quads", on_no_cloth(len(self.parameters)))
 
     def taken(self, rows: Int[Array, "G"]) -> FirstSplats:
         """Those of `rows`, each as often as it is named."""
@@ -69,6 +76,7 @@ class FirstSplats:
             self.normals[rows],
             moving.astype(np.int32),
             self.expression_offsets[moves[moving]],
+            self.quads[rows],
         )
 
     def joined(self, others: FirstSplats) -> FirstSplats:
@@ -81,6 +89,7 @@ class FirstSplats:
             np.concatenate([self.normals, others.normals]),
             np.concatenate([self.expression_splats, moving]),
             np.concatenate([self.expression_offsets, others.expression_offsets]),
+            np.concatenate([self.quads, others.quads]),
         )
 
 
@@ -99,7 +108,7 @@ def first_splats(
     else:
         points, normals, weights, area = _sample_capsules(sequence, settings.count, rng)
         deviation = share * np.sqrt(area / len(points))
-        first = _flat_splats(points, normals, weights, deviation, settings.thickness)
+        first = flat_splats(points, normals, weights, deviation, settings.thickness)
     first.parameters[:, OPACITY] = settings.opacity_logit
     return first
 
@@ -117,17 +126,18 @@ def splats_at(
     splats, offsets = no_splats(), no_offsets()
     if body.expression_directions is not None:
         splats, offsets = moving_splats(places.blended(body, body.expression_directions))
-    first = _flat_splats(points, normals, weights, deviation, thickness)
+    first = flat_splats(points, normals, weights, deviation, thickness)
     return replace(first, expression_splats=splats, expression_offsets=offsets)
 
 
-def _flat_splats(
+def flat_splats(
     points: Float[Array, "N 3"],
     normals: Float[Array, "N 3"],
     weights: Float[Array, "N K"],
     deviation: Float[Array, "N 1"] | float,
     thickness: float,
 ) -> FirstSplats:
+    """Grey ones at `points`, m; other arguments as of `splats_at`."""
     strongest = np.argsort(-weights, axis=1)[:, :4]
     top = np.take_along_axis(weights, strongest, axis=1)
     top /= top.sum(axis=1, keepdims=True)
@@ -163,7 +173,9 @@ def splats_of_model(model: SplatModel, first: FirstSplats, skeleton: Skeleton) -
         all_offsets = np.zeros((len(first.parameters), *offsets.shape[1:]), np.float32)
         all_offsets[first.expression_splats] = first.expression_offsets
         splats, offsets = moving_splats(all_offsets[nearest])
-    return FirstSplats(parameters, joints, model.weights, first.normals[nearest], splats, offsets)
+    return FirstSplats(
+        parameters, joints, model.weights, first.normals[nearest], splats, offsets, model.quads
+    )
 
 
 def moved_with_bones(

@@ -114,6 +114,7 @@ class Grouping:
             unit(self.mean(first.normals)),
             moving,
             offsets,
+            first.quads[self._brightest],
         )
 
     @cached_property

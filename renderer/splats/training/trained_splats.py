@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from renderer.errors import TrainingError
+from renderer.splats.cloth.hanging import BoundSplats
+from renderer.splats.cloth.tubes import Tubes
 from renderer.splats.expressions import ClipBlendShapes
 from renderer.splats.layout import (
     COLOUR,
@@ -29,6 +33,9 @@ from renderer.splats.training.surface_kinds import HEAD_KINDS, surface_kinds
 from scene.arrays import Array, Bool, Float
 from scene.motion import Motion
 from scene.skeleton import Skeleton
+
+if TYPE_CHECKING:
+    from renderer.splats.training.loose_clothes import ClipCloth
 
 _MIN_CONTRIBUTION = 0.02
 """Summed blending weight, in pixels, from which a step moves a splat."""
@@ -58,19 +65,27 @@ class TrainedSplats:
         skeleton: Skeleton,
         expressions: Float[Array, "F E"],
         settings: SplatSettings,
+        cloth: ClipCloth | None = None,
     ) -> None:
         """Args:
         skeleton: the one that `first` lies on.
         expressions: of each frame.
+        cloth: loose clothes; `first` lies on them as they have begun.
         """
         import numba
 
         self.first, self._first_skeleton, self._settings = first, skeleton, settings
-        self.parameters, self.surface = first.parameters.copy(), first.parameters
         self.joints, self.weights = first.joints, first.weights
+        self._bound_at_first: BoundSplats | None = None
+        self.cloth: Tubes | None = None
         self.expressions = ClipBlendShapes(
             first.expression_splats, first.expression_offsets, expressions
         )
+        if cloth is not None:
+            self._bound_at_first = BoundSplats(first.parameters, first.quads, cloth.begun)
+            self._wear(cloth)
+        self.surface = self._on_cloth(first.parameters)
+        self.parameters = self.surface.copy()
         rest = first.parameters[:, _PLACE]
         self.kinds = surface_kinds(rest, self.joints, self.weights, skeleton)
         # rougher than the rest, since long hair hangs before the chest, yet held more closely to
@@ -178,9 +193,34 @@ class TrainedSplats:
 
     def surface_on(self, skeleton: Skeleton) -> None:
         """Take the surface to be that of `skeleton`."""
-        self.surface = moved_with_bones(
-            self.first.parameters, self.joints, self.weights, self._first_skeleton, skeleton
+        self.surface = self._on_cloth(
+            moved_with_bones(
+                self.first.parameters, self.joints, self.weights, self._first_skeleton, skeleton
+            )
         )
+
+    def wear(self, cloth: ClipCloth) -> None:
+        """Go on with `cloth` as it is now: splats lie on it as they did on that of before."""
+        before = self.expressions.bound
+        assert before is not None
+        assert self.cloth is not None
+        if cloth.tubes is not self.cloth:
+            before.hang(self.parameters, self.parameters[before.rows], cloth.tubes.rest)
+        self._wear(cloth)
+        self.surface = self._on_cloth(self.first.parameters)
+
+    def _wear(self, cloth: ClipCloth) -> None:
+        assert self._bound_at_first is not None
+        self.cloth, bound = cloth.tubes, self._bound_at_first.on(cloth.tubes)
+        self.expressions = replace(self.expressions, bound=bound, hung=cloth.hung)
+
+    def _on_cloth(self, first: Float[Array, "N P"]) -> Float[Array, "N P"]:
+        """`first`, which lies on cloth as it has begun, on cloth as it is now."""
+        if self._bound_at_first is None or self.cloth is None:
+            return first
+        moved = first.copy()
+        self._bound_at_first.hang(moved, first[self._bound_at_first.rows], self.cloth.rest)
+        return moved
 
     def hold_colours(self, held: Bool[Array, "N"]) -> None:
         """Forget where the colours of `held` were going to."""
@@ -206,6 +246,8 @@ class TrainedSplats:
             data_hash,
             expression_splats=self.expressions.splats,
             expression_offsets=self.expressions.offsets,
+            cloth=self.cloth,
+            quads=self.first.quads,
         )
 
     def state(self) -> dict[str, Array]:

@@ -19,7 +19,8 @@ from renderer.pose_refinement.drift_guard import DriftGuard
 from renderer.pose_refinement.passes import RefinementPasses
 from renderer.pose_refinement.photometry import SkinnedPoints
 from renderer.relighting.captured_light import CapturedLight
-from renderer.splats.layout import BOX_FILTER_PX2, COLOUR, POSITION, ROTATION
+from renderer.splats.cloth.hanging import NO_CLOTH
+from renderer.splats.layout import COLOUR, POSITION, ROTATION
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.settings import SplatSettings
@@ -32,7 +33,9 @@ from renderer.splats.training.evidence import (
 )
 from renderer.splats.training.filling import fill_unseen, held_colours
 from renderer.splats.training.finer_sides import finer_layer, wide_on_unseen_sides
+from renderer.splats.training.frame_drawing import arrange, compare, front, picture, truth
 from renderer.splats.training.initialisation import FirstSplats, first_splats, splats_of_model
+from renderer.splats.training.loose_clothes import ClipCloth, with_splats_on_cloth
 from renderer.splats.training.merging import Grouping
 from renderer.splats.training.occlusion import hidden_by_limbs
 from renderer.splats.training.resizing import Resizing
@@ -40,7 +43,9 @@ from renderer.splats.training.step_views import StepViews
 from renderer.splats.training.trained_splats import TrainedSplats, adam_rates
 from renderer.splats.training.views import View, read_views
 from scene.arrays import Array, Bool, Float, Int
+from scene.motion import Motion
 from scene.sequence import PoseTrust, Sequence
+from scene.skeleton import Skeleton
 
 _DENSIFIED_FROM = 0.25
 """Share of the training after which coarse splats give way to finer ones."""
@@ -76,6 +81,10 @@ class SplatTrainer:
         self._views = self._looks.whole
         first = first_splats(sequence, settings, self._rng)
         self._poses = PoseRefinement(sequence, start)
+        self._cloth = self._clothes(sequence, start)
+        if self._cloth is not None:
+            tubes = self._cloth.begun
+            first = with_splats_on_cloth(first, tubes, sequence.body, settings, self._rng)
         self._first_skeleton = self._poses.skeleton
         earlier = None if start is None else splats_of_model(start, first, self._first_skeleton)
         planned = Densification.planned(first, earlier, settings)
@@ -103,7 +112,15 @@ class SplatTrainer:
 
     def _splats_begun(self) -> TrainedSplats:
         first, expressions = self._resizing.splats, self._sequence.motion.expressions
-        return TrainedSplats(first, self._first_skeleton, expressions, self._settings)
+        return TrainedSplats(first, self._first_skeleton, expressions, self._settings, self._cloth)
+
+    def _clothes(self, sequence: Sequence, start: SplatModel | None) -> ClipCloth | None:
+        """Loose ones; those of an earlier model are known."""
+        if start is None:
+            return ClipCloth.found(sequence)
+        if start.cloth is None:
+            return None
+        return ClipCloth(start.cloth, self._poses.motion(), self._poses.skeleton)
 
     @property
     def frames(self) -> int:
@@ -122,6 +139,9 @@ class SplatTrainer:
         later, fill the sides that no frame shows."""
         if (planned := self._resizing.awaited) is not None and fraction >= _DENSIFIED_FROM:
             self._densify(planned)
+        if self._cloth is not None and self._cloth.due(fraction):
+            self._cloth.refine(self._difference, self.splats, *self._moved())
+            self.splats.wear(self._cloth)
         if self._found is None and fraction >= self._settings.filled_from:
             self._fill()
         if not self._find_light or self._light is not None or fraction < _LIGHT_FROM:
@@ -166,6 +186,7 @@ class SplatTrainer:
             len(self._losses),
             splats.by_parameter,
         )
+        splats.expressions.take_back(splats.by_parameter, frame)
         if self._light is not None:
             self._light.chain_to_albedo(splats.by_parameter, splats.parameters, shown)
         self._leave_out_hidden(view)
@@ -185,42 +206,20 @@ class SplatTrainer:
         transforms: Float[Array, "K 4 4"],
     ) -> tuple[Float[Array, "N P"], Float[Array, "N P"]]:
         """Render `view` of `frame` and compare: fills the gradients of projected splats, and the
-        losses.
+        losses; returns as `arrange`."""
+        arranged = arrange(self.splats, self._light, frame, view, transforms)
+        compare(self.splats, view, background, self._linear_from, self._losses)
+        return arranged
 
-        Returns the parameters with the frame's expression, and these shaded by the light.
-        """
-        from renderer.splats.rasteriser.tile_kernels import draw_and_differentiate
-        from renderer.splats.training.adam_kernels import sum_threads
+    def _moved(self) -> tuple[Motion, Skeleton]:
+        """The poses, and the skeleton that is in them."""
+        return self._poses.motion(), self._poses.skeleton
 
-        splats, work = self.splats, self.splats.work
-        height, width = view.rgba.shape[:2]
-        shown = drawn = splats.expressions.moved(splats.parameters, frame)
-        if self._light is not None:
-            shown = self._light.shade(
-                drawn, splats.joints, splats.weights, transforms, view.window.position
-            )
-        work.arrange(
-            shown,
-            splats.joints,
-            splats.weights,
-            transforms,
-            view.camera,
-            width,
-            height,
-            BOX_FILTER_PX2,
-        )
-        draw_and_differentiate(
-            work.projected,
-            work.starts,
-            work.entries,
-            view.rgba,
-            background,
-            self._linear_from,
-            splats.thread_gradients,
-            self._losses,
-        )
-        sum_threads(splats.thread_gradients, splats.by_projected)
-        return drawn, shown
+    def _difference(self, frame: int) -> Float[Array, "H W 4"]:
+        """Between the model in `frame` and the frame, as of `pictures`."""
+        view = self._views[frame]
+        arrange(self.splats, self._light, frame, view, self._poses.transforms(frame))
+        return picture(self.splats, view, len(self._losses)) - truth(view)
 
     def _leave_out_hidden(self, view: View) -> None:
         """Splats that a limb may hide contribute nothing where poses are estimated."""
@@ -242,6 +241,7 @@ class SplatTrainer:
         filled = fill_unseen(self.splats.parameters, self._found, self.splats.kinds)
         self.splats.parameters = filled
         split = wide_on_unseen_sides(filled, self._found.seen)
+        split &= self.splats.first.quads == NO_CLOTH
         may_add = self.adds_sides and self._resizing.refinable and self._sequence.body.has_surface
         if may_add and split.any():
             planned = Densification(self.splats.first, self._finer_layer())
@@ -277,28 +277,19 @@ class SplatTrainer:
             self.splats.smooth_displacement()
 
     def _splat_errors(self, frame: int) -> tuple[Float[Array, "N"], Float[Array, "N"]]:
-        picture, truth = self.pictures(frame)
+        pair = self.pictures(frame)
         self._leave_out_hidden(self._views[frame])
-        return splat_errors(self.splats.work, self.splats.contribution, picture, truth)
+        return splat_errors(self.splats.work, self.splats.contribution, *pair)
 
     def pictures(self, frame: int) -> tuple[Float[Array, "H W 4"], Float[Array, "H W 4"]]:
         """The model in `frame`, and the frame; premultiplied sRGB, in the size of whole views."""
-        from renderer.splats.rasteriser.tile_kernels import draw
-
-        view, work = self._views[frame], self.splats.work
+        view = self._views[frame]
         self._draw(frame, view, np.zeros(3, np.float32), self._poses.transforms(frame))
-        picture = np.empty(view.rgba.shape, np.float32)
-        draw(work.projected, work.starts, work.entries, len(self._losses), picture)
-        return picture, view.rgba.astype(np.float32) / np.float32(255.0)
+        return picture(self.splats, view, len(self._losses)), truth(view)
 
     def front(self, frame: int) -> Int[Array, "H W"]:
         """Which splat each pixel of whole views shows in `frame`; -1 where none does."""
-        splats, view = self.splats, self._views[frame]
-        moved = splats.expressions.moved(splats.parameters, frame)
-        transforms = self._poses.transforms(frame)
-        return splats.work.front(
-            moved, splats.joints, splats.weights, transforms, view.window, BOX_FILTER_PX2
-        )
+        return front(self.splats, frame, self._views[frame], self._poses.transforms(frame))
 
     def _refine_poses(self, passes: RefinementPasses, fraction: float) -> None:
         """One pass over the clip, while the model stays true to given poses; splats follow
@@ -322,6 +313,9 @@ class SplatTrainer:
             )
         )
         splats.follow_bones(before, self._poses.skeleton)
+        if self._cloth is not None:
+            self._cloth.hang(*self._moved())
+            splats.wear(self._cloth)
 
     def _error_in_given_pose(self, frame: int) -> float:
         """Mean loss of a channel in the pose that the sequence gives `frame`, over black."""
@@ -336,10 +330,11 @@ class SplatTrainer:
         small = camera.resized(round(camera.width * scale), round(camera.height * scale))
         model = self.model_so_far()
         shown = self._sequence.motion.expressions[:1]
-        picture = SplatRenderer((model,)).render(
-            small, [self._poses.transforms(0)], expressions=list(shown)
+        hung = [None if self._cloth is None else self._cloth.hung[0]]
+        seen = SplatRenderer((model,)).render(
+            small, [self._poses.transforms(0)], expressions=list(shown), hung=hung
         )
-        return picture[..., :3] + (1.0 - picture[..., 3:]) * np.float32(0.93)
+        return seen[..., :3] + (1.0 - seen[..., 3:]) * np.float32(0.93)
 
     def model_so_far(self) -> SplatModel:
         """As it is now, all of it taken as seen."""
@@ -358,11 +353,14 @@ class SplatTrainer:
             **self._guard.state(),
             **(self._passes.state() if self._passes else {}),
             **(self._light.state() if self._light else {}),
+            **(self._cloth.state() if self._cloth else {}),
         }
 
     def restore(self, state: dict[str, Array]) -> None:
         """Go back to `state`."""
         self._poses.restore(state)
+        if self._cloth is not None:
+            self._cloth.restore(state, *self._moved())
         self._resizing.restore(state, self._finer_layer)
         self.splats = self._splats_begun()
         self.splats.restore(state)
@@ -411,7 +409,9 @@ class SplatTrainer:
             self._draw(frame, view, np.zeros(3, np.float32), transforms)
             self._leave_out_hidden(view)
             shown.append(shown_pixels(self.splats.work, self.splats.contribution))
-            cosines.append(surface_cosines(self.splats.first, transforms, view.window.position))
+            facing = surface_cosines(self.splats.first, transforms, view.window.position)
+            # cloth turns as it swings, and is seen from within too
+            cosines.append(np.where(self.splats.first.quads == NO_CLOTH, facing, 1.0))
         return Evidence.of_frames(np.stack(shown), np.stack(cosines))
 
     def _falling(self, fraction: float) -> np.float32:
