@@ -11,13 +11,14 @@ import torch
 
 from benchmarks.stability.material import Material
 from benchmarks.stability.poses import joint_mm, rotation_deg
+from renderer.evaluation.in_motion import rendered_in
 from renderer.evaluation.lpips import Lpips
 from renderer.evaluation.metrics import psnr
 from renderer.evaluation.pose_alignment import Aligner
 from renderer.performer_model import PerformerModel
 from scene.arrays import Array, Float
 from scene.errors import SceneError
-from scene.motion import Pose
+from scene.motion import Motion, Pose
 from scene.sequence import Frame, PoseTrust, body_crop
 
 MEASURED, REFUSED, FAILED = "measured", "refused", "failed"
@@ -55,9 +56,11 @@ def guarded(measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         return {"outcome": outcome, "why": f"{type(error).__name__}: {error}"}
 
 
-def shown(model: PerformerModel, frame: Frame, pose: Pose) -> JudgedPicture:
-    """`model` in `pose` beside `frame`. Raises NoPicture."""
-    rendered = model.render(frame.camera, pose)
+def shown(
+    model: PerformerModel, frame: Frame, pose: Pose, motion: Motion | None = None
+) -> JudgedPicture:
+    """`model` in `pose`, a moment of `motion`, beside `frame`. Raises NoPicture."""
+    rendered = rendered_in(model, frame.camera, pose, motion)
     if not np.isfinite(rendered).all():
         raise NoPicture("a rendered picture must be finite; got NaN or infinity")
     if rendered[..., 3].sum() < _EMPTY * frame.mask.sum():
@@ -77,20 +80,21 @@ def figures(
 
     Raises NoPicture.
     """
-    given = [shown(model, frame, frame.pose) for frame in material.judged]
+    truth = material.true_motion
+    given = [shown(model, frame, frame.pose, truth) for frame in material.judged]
     views = given
     if aligned:
         aligner = Aligner(model, material.sequence(PoseTrust.ESTIMATED))
-        views = [shown(model, frame, aligner.align(frame)) for frame in material.judged]
+        views = [shown(model, frame, aligner.align(frame), truth) for frame in material.judged]
     worst = min(views, key=lambda one: one.decibels)
-    skeleton, truth = material.body.skeleton, material.true_motion
+    skeleton = material.body.skeleton
     trained = material.sequence(PoseTrust.ESTIMATED).motion
     found = {
         "psnr": mean(one.decibels for one in views),
         "lpips": mean(distance(lpips, one) for one in views),
         "psnr_as_given": mean(one.decibels for one in given),
         "psnr_worst_view": worst.decibels,
-        "flicker": flicker(model, material.successive),
+        "flicker": flicker(model, material.successive, truth),
         "joint_mm_given": joint_mm(trained, skeleton, truth, skeleton),
         "joint_mm": joint_mm(model.motion, model.skeleton, truth, skeleton),
         "rotation_deg_given": rotation_deg(trained, truth),
@@ -112,16 +116,23 @@ def distance(lpips: Lpips, one: JudgedPicture) -> float | None:
     return float(lpips(*pair)[0])
 
 
-def flicker(model: PerformerModel, successive: Iterable[tuple[Frame, Frame]]) -> float | None:
+def flicker(
+    model: PerformerModel,
+    successive: Iterable[tuple[Frame, Frame]],
+    motion: Motion | None = None,
+) -> float | None:
     """How much pictures change from a frame to the next, over the person in either, as a multiple
-    of how much the truth does. Raises NoPicture."""
+    of how much the truth does; frames are moments of `motion`. Raises NoPicture."""
     found = []
     for pair in successive:
         rows = min(frame.camera.height for frame in pair)  # where pictures end at the waist
         person = (pair[0].mask[:rows] > 0.5) | (pair[1].mask[:rows] > 0.5)
         if not person.any():
             continue
-        rendered = [model.render(frame.camera, frame.pose)[:rows, :, :3] for frame in pair]
+        rendered = [
+            rendered_in(model, frame.camera, frame.pose, motion)[:rows, :, :3].copy()
+            for frame in pair
+        ]
         changes = [
             float(np.abs(late - early)[person].mean())
             for early, late in (rendered, [frame.image[:rows] for frame in pair])

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from renderer.evaluation.in_motion import rendered_in
 from renderer.evaluation.lpips import Lpips
 from renderer.evaluation.metrics import over_black, psnr, ssim
 from renderer.evaluation.other_data import on_body_of
@@ -226,7 +227,9 @@ def _measure(
     """One picture's figures."""
     camera, mask = source.camera(index), source.mask(index)
     truth = over_black(source.image(index), mask)
-    made = np.clip(evaluation.model.render(camera, pose)[..., :3], 0.0, 1.0)
+    of_clip = split in (NOVEL_VIEW, TRAINING_VIEW)
+    motion = evaluation.model.motion if of_clip else None
+    made = np.clip(rendered_in(evaluation.model, camera, pose, motion)[..., :3], 0.0, 1.0)
     given = source.pose(index)
     side = side_of_body(camera, given, evaluation.skeleton)
     nearest = np.abs((evaluation.seen - side + np.pi) % (2.0 * np.pi) - np.pi).min()

@@ -1,0 +1,29 @@
+"""Pictures of a model in a moment of a motion: loose clothes depend on what was before."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.performer_model import PerformerModel
+from renderer.splats.cloth.hanging import MotionPath
+from scene.arrays import Array, Float
+from scene.camera import Camera
+from scene.motion import Motion, Pose
+
+
+def rendered_in(
+    model: PerformerModel, camera: Camera, pose: Pose, motion: Motion | None
+) -> Float[Array, "H W 4"]:
+    """`model` in `pose`, with loose clothes as they swing by then in `motion`, premultiplied.
+
+    They have settled in `pose` where it is no moment of `motion`, or there is none.
+    """
+    splats = model.splats
+    if splats is None or splats.cloth is None or motion is None or not _within(motion, pose):
+        return model.render(camera, pose)
+    path = MotionPath.of(motion, splats.skeleton, np.array([pose.time_s]))
+    return splats.render(camera, pose, path.hung(splats.cloth)[0])
+
+
+def _within(motion: Motion, pose: Pose) -> bool:
+    return bool(motion.times_s[0] <= pose.time_s <= motion.times_s[-1])
