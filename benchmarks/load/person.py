@@ -1,0 +1,288 @@
+"""One person of a load test: the page's way into a meeting, without a page.
+
+They take a seat, open the control channel and a view by WHEP, say that they draw the room
+themselves, send their landmarks 30 times a second, and take everybody's poses. Nothing is drawn.
+
+A motion's number travels where a page says how old its picture was (`KeypointsPacket.age_ms`): the
+server hands that on unchanged with the pose that follows the landmarks, so that whoever receives it
+knows when it was sent, on any server and by one clock.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+import httpx
+from aiortc import (
+    RTCConfiguration,
+    RTCDataChannel,
+    RTCIceServer,
+    RTCPeerConnection,
+    RTCSessionDescription,
+)
+from websockets.asyncio.client import ClientConnection
+from websockets.asyncio.client import connect as connect_socket
+from websockets.exceptions import WebSocketException
+
+from benchmarks.load.tally import Tally
+from services.live.packets import HEADER, ViewPacket, encode_view
+
+RATE_HZ = 30
+_NEWEST = {"ordered": False, "maxRetransmits": 0}
+_POSE = struct.Struct(HEADER.format + "B")
+"""A pose packet's header and whose it is."""
+_NUMBERS = 0x7FFF
+"""Motions are told apart by so many numbers, from 1."""
+_REMEMBERED = 1024
+"""Motions whose sending is remembered: half a minute's."""
+_RESTING_S = 0.4
+"""Between two viewpoints of somebody who stands still."""
+_BEAT_S = 1.0
+_LOST_S = 5.0
+"""Without a pose for so long a browser finds the connection lost."""
+_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 8.0
+"""Between attempts to connect, as the page's."""
+
+
+@dataclass(eq=False)
+class SharedMeeting:
+    """What the people of one meeting, all of one process, know together."""
+
+    meeting_id: str
+    performer_ids: Sequence[str]
+    sent_s: dict[int, list[float]] = field(default_factory=dict)
+    """By performer: when each of the last motions was sent."""
+
+    def __post_init__(self) -> None:
+        self.sent_s = {index: [0.0] * _REMEMBERED for index in range(len(self.performer_ids))}
+
+
+class Refused(Exception):
+    """The server lets nobody in now."""
+
+    def __init__(self, answer: httpx.Response) -> None:
+        super().__init__(f"{answer.status_code}: {answer.text[:200]}")
+        self.status = answer.status_code
+        self.retry_after_s = float(answer.headers.get("Retry-After", 0.0))
+
+    @property
+    def told(self) -> str:
+        """The status, and whether it said when to come back."""
+        return f"{self.status} Retry-After" if self.retry_after_s else str(self.status)
+
+
+class Person:
+    """Somebody who moves one performer of a meeting, and sees all."""
+
+    def __init__(
+        self,
+        caller: httpx.AsyncClient,
+        meeting: SharedMeeting,
+        index: int,
+        motions: Sequence[bytes],
+        phase: float,
+    ) -> None:
+        """Performer `index` moves by `motions`, `phase` (0 to 1) of a tick after the others."""
+        self._caller, self._meeting, self._index = caller, meeting, index
+        self._motions, self._phase = motions, phase
+        self._peer: RTCPeerConnection | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._number = 0
+        self._newest: dict[int, int] = {}
+        self._tick: int | None = None
+        self._started_s = self._opened_s = time.monotonic()
+        self.moved_s = time.monotonic()
+        """When anybody moved last."""
+        self.connected = asyncio.Event()
+        """Set while somebody is seen to move."""
+        self.tally = Tally()
+        self._new = 0
+        self._gap_s = 0.0
+
+    def start(self) -> None:
+        """Come in, and come back whenever the connection is lost, until `leave`."""
+        self._task = asyncio.create_task(self._run())
+
+    async def leave(self) -> None:
+        """Go, at once."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait([self._task])
+
+    def collect(self) -> Tally:
+        """What was counted since the last time."""
+        now_s, tally = time.monotonic(), self.tally
+        performers = len(self._meeting.performer_ids)
+        tally.viewer_rates = [self._new / performers / (now_s - self._started_s)]
+        # a gap that has not ended yet counts too
+        tally.longest_gaps_s = [max(self._gap_s, now_s - self.moved_s)]
+        self.tally, self._new, self._gap_s = Tally(), 0, 0.0
+        self._started_s = now_s
+        return tally
+
+    async def _run(self) -> None:
+        attempt = 0
+        while True:
+            pause_s = min(_LONGEST_PAUSE_S, _FIRST_PAUSE_S * 2**attempt)
+            try:
+                await self._visit()
+                attempt, pause_s = 0, _FIRST_PAUSE_S
+            except Refused as refusal:
+                self.tally.answers[refusal.told] += 1
+                pause_s = max(pause_s, refusal.retry_after_s)
+            except (httpx.TransportError, OSError, TimeoutError, WebSocketException):
+                self.tally.answers["away"] += 1
+            finally:
+                self.connected.clear()
+            attempt += 1
+            await asyncio.sleep(pause_s)
+
+    async def _visit(self) -> None:
+        """One connection, until it is lost."""
+        meeting = self._meeting
+        answer = await self._caller.post(
+            f"/v1/meetings/{meeting.meeting_id}/join", json={"display_name": "Load"}
+        )
+        if answer.status_code != 200:
+            raise Refused(answer)
+        seat = answer.json()
+        url = str(self._caller.base_url).rstrip("/").replace("http", "ws", 1)
+        peer = RTCPeerConnection(
+            RTCConfiguration(iceServers=[RTCIceServer(**one) for one in seat["ice_servers"]])
+        )
+        try:
+            async with connect_socket(url + seat["control_url"]) as socket:
+                hello = {"type": "hello", "token": seat["token"], "name": "Load", "after": 0}
+                await socket.send(json.dumps(hello))
+                location, channels = await self._open(peer, seat)
+                try:
+                    async with asyncio.TaskGroup() as tasks:
+                        tasks.create_task(_discard(socket))
+                        tasks.create_task(_beat(socket))
+                        tasks.create_task(self._look(channels["view"]))
+                        tasks.create_task(self._move(channels["keypoints"]))
+                        tasks.create_task(self._until_lost(peer))
+                finally:
+                    with suppress(httpx.HTTPError):
+                        header = {"Authorization": f"Bearer {seat['token']}"}
+                        await self._caller.delete(location, headers=header)
+        except* _Lost:
+            pass
+        except* WebSocketException:
+            pass
+        finally:
+            await peer.close()
+
+    async def _open(
+        self, peer: RTCPeerConnection, seat: dict
+    ) -> tuple[str, dict[str, RTCDataChannel]]:
+        """A view: where it ends, and its channels."""
+        channels = {name: peer.createDataChannel(name, **_NEWEST) for name in ("view", "pose")}
+        performer_id = self._meeting.performer_ids[self._index]
+        channels["keypoints"] = peer.createDataChannel(
+            "keypoints", protocol=performer_id, **_NEWEST
+        )
+        channels["pose"].on("message", self._on_poses)
+        peer.addTransceiver("video", direction="recvonly")
+        await peer.setLocalDescription(await peer.createOffer())
+        answer = await self._caller.post(
+            seat["whep_url"],
+            content=peer.localDescription.sdp,
+            headers={
+                "Authorization": f"Bearer {seat['token']}",
+                "Content-Type": "application/sdp",
+            },
+        )
+        if answer.status_code != 201:
+            raise Refused(answer)
+        self.tally.answers["201"] += 1
+        self._tick, self._opened_s = None, time.monotonic()
+        await peer.setRemoteDescription(RTCSessionDescription(answer.text, "answer"))
+        return answer.headers["Location"], channels
+
+    async def _look(self, channel: RTCDataChannel) -> None:
+        sequence = 0
+        while True:
+            if channel.readyState == "open":
+                sequence += 1
+                channel.send(_viewpoint(sequence))
+            await asyncio.sleep(_RESTING_S if sequence else 0.02)
+
+    async def _move(self, channel: RTCDataChannel) -> None:
+        sent_s = self._meeting.sent_s[self._index]
+        due_s = time.monotonic() + self._phase / RATE_HZ
+        while True:
+            await asyncio.sleep(max(0.0, due_s - time.monotonic()))
+            due_s = max(due_s + 1.0 / RATE_HZ, time.monotonic())
+            if channel.readyState != "open":
+                continue
+            self._number += 1
+            number = 1 + self._number % _NUMBERS
+            data = bytearray(self._motions[self._number % len(self._motions)])
+            version, kind, *_ = HEADER.unpack_from(data)
+            now_s = time.monotonic()
+            HEADER.pack_into(data, 0, version, kind, number, self._number, 1e3 * now_s)
+            sent_s[number % _REMEMBERED] = now_s
+            channel.send(bytes(data))
+            self.tally.sent += 1
+
+    def _on_poses(self, message: object) -> None:
+        if not isinstance(message, bytes):
+            return
+        now_s, tally = time.monotonic(), self.tally
+        tally.bytes_received += len(message)
+        _, _, number, tick, _, index = _POSE.unpack_from(message)
+        tally.received += 1
+        if self._tick is None or tick > self._tick:
+            ticks = 1 if self._tick is None else tick - self._tick
+            tally.expected += ticks * len(self._meeting.performer_ids)
+            self._tick = tick
+        last = self._newest.get(index, 0)
+        if not number or not 0 < (number - last) % _NUMBERS < _NUMBERS // 2:
+            return
+        self._newest[index] = number
+        tally.relay_s.append(now_s - self._meeting.sent_s[index][number % _REMEMBERED])
+        self._new += 1
+        self._gap_s = max(self._gap_s, now_s - self.moved_s)
+        self.moved_s = now_s
+        self.connected.set()
+
+    async def _until_lost(self, peer: RTCPeerConnection) -> None:
+        """Raises _Lost as soon as a browser would find the connection lost."""
+        while peer.connectionState not in ("failed", "closed"):
+            await asyncio.sleep(0.1)
+            if time.monotonic() - max(self.moved_s, self._opened_s) > _LOST_S:
+                break
+        raise _Lost
+
+
+class _Lost(Exception):
+    """The connection is no more."""
+
+
+async def _discard(socket: ClientConnection) -> None:
+    """Read what the control channel says, to no end but its own."""
+    async for _ in socket:
+        pass
+    raise _Lost
+
+
+async def _beat(socket: ClientConnection) -> None:
+    while True:
+        await socket.send('{"type": "beat"}')
+        await asyncio.sleep(_BEAT_S)
+
+
+def _viewpoint(sequence: int) -> bytes:
+    """Of somebody who draws by themselves."""
+    return encode_view(
+        ViewPacket(
+            sequence, 0.0, (0.0, 1.0, 3.0), (0.0, 1.0, 0.0, 0.0), 0.7, 512, 512, draws_itself=True
+        )
+    )
