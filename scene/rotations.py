@@ -26,6 +26,15 @@ def axis_angle_to_matrix(axis_angle: Float[Array, "*batch 3"]) -> Float[Array, "
     return result.astype(axis_angle.dtype, copy=False)
 
 
+def axis_angle_to_quaternion(axis_angle: Float[Array, "*batch 3"]) -> Float[Array, "*batch 4"]:
+    """Unit quaternions wxyz (w >= 0) of axis-angle vectors (rad)."""
+    half = 0.5 * np.linalg.norm(axis_angle, axis=-1, keepdims=True)
+    # sin(a/2) / a, also where a is nil: numpy's sinc is of pi times its argument
+    vector = 0.5 * np.sinc(half / np.pi) * axis_angle
+    wxyz = np.concatenate([np.cos(half), vector], axis=-1)
+    return np.where(wxyz[..., :1] < 0.0, -wxyz, wxyz).astype(axis_angle.dtype, copy=False)
+
+
 def matrix_to_axis_angle(matrix: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch 3"]:
     """Axis-angle vectors (rad, in [0, pi]) of rotation matrices; stable near 0 and near pi."""
     wxyz = matrix_to_quaternion(matrix).astype(np.float64)

@@ -31,7 +31,7 @@ from websockets.asyncio.client import connect as connect_socket
 from websockets.exceptions import WebSocketException
 
 from benchmarks.load.tally import Tally
-from services.live.packets import HEADER, ViewPacket, encode_view
+from services.live.packets import BATCHES, HEADER, ViewPacket, encode_view, packets_of
 
 RATE_HZ = 30
 _NEWEST = {"ordered": False, "maxRetransmits": 0}
@@ -183,11 +183,15 @@ class Person:
         self, peer: RTCPeerConnection, seat: dict
     ) -> tuple[str, dict[str, RTCDataChannel]]:
         """A view: where it ends, and its channels."""
-        channels = {name: peer.createDataChannel(name, **_NEWEST) for name in ("view", "pose")}
-        performer_id = self._meeting.performer_ids[self._index]
-        channels["keypoints"] = peer.createDataChannel(
-            "keypoints", protocol=performer_id, **_NEWEST
-        )
+        protocols = {
+            "view": "",
+            "pose": BATCHES,
+            "keypoints": self._meeting.performer_ids[self._index],
+        }
+        channels = {
+            name: peer.createDataChannel(name, protocol=protocol, **_NEWEST)
+            for name, protocol in protocols.items()
+        }
         channels["pose"].on("message", self._on_poses)
         peer.addTransceiver("video", direction="recvonly")
         await peer.setLocalDescription(await peer.createOffer())
@@ -235,9 +239,14 @@ class Person:
     def _on_poses(self, message: object) -> None:
         if not isinstance(message, bytes):
             return
-        now_s, tally = time.monotonic(), self.tally
-        tally.bytes_received += len(message)
-        _, _, number, tick, _, index = _POSE.unpack_from(message)
+        now_s = time.monotonic()
+        self.tally.bytes_received += len(message)
+        for packet in packets_of(message):
+            _, _, number, tick, _, index = _POSE.unpack_from(packet)
+            self._on_pose(number, tick, index, now_s)
+
+    def _on_pose(self, number: int, tick: int, index: int, now_s: float) -> None:
+        tally = self.tally
         tally.received += 1
         if self._tick is None or tick > self._tick:
             ticks = 1 if self._tick is None else tick - self._tick

@@ -65,4 +65,5 @@ def below_horizon(head: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch"]:
 def _raising(below_rad: float) -> Float[Array, "3 3"]:
     """Half of the turn about a joint's own axis to the left that raises a head by `below_rad`."""
     half = 0.5 * min(max(below_rad, -_FARTHEST_RAD), _FARTHEST_RAD)
-    return axis_angle_to_matrix(np.array([-half, 0.0, 0.0]))
+    cosine, sine = math.cos(half), math.sin(half)
+    return np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]])

@@ -19,6 +19,9 @@ Expression, 18 bytes, may follow a pose: u8 values[17] (1/255) in the order of `
 u8 bits of what is known (`capture.body.expressions`). Where it is left out all is at rest. Earlier
 recordings have 16 bytes, without where the eyes look, or 8: a hand's one curl is then that of each
 of its fingers.
+Batch, to a viewer whose channel `pose` has the protocol `batches`: u8 version, u8 kind, then pose
+packets of one tick, each after a u8 of its length. What is sent costs by the message, not by the
+byte.
 
 Channels are unordered and unreliable, so the newest sequence wins and late packets are dropped;
 sequences wrap and are compared as serial numbers (RFC 1982).
@@ -29,7 +32,7 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -58,6 +61,11 @@ _POSE_SIZES = tuple(
     POSE_BYTES + more for more in (0, *(n + 1 for n in EARLIER_COUNTS), EXPRESSION_BYTES)
 )
 
+BATCHES = "batches"
+"""Protocol of a channel `pose` whose viewer takes batches."""
+_LONGEST_BATCH = 1200
+"""Bytes of one SCTP chunk, which a longer message would be cut into."""
+
 
 class Kind(IntEnum):
     """What a packet carries."""
@@ -68,6 +76,10 @@ class Kind(IntEnum):
     LOOK_FRAME = 4
     LOOK_POSE = 5
     LOOK_END = 6
+    BATCH = 7
+
+
+_BATCH_HEAD = bytes([VERSION, Kind.BATCH])
 
 
 class PacketError(SceneError):
@@ -196,15 +208,54 @@ def decode_view(data: bytes) -> ViewPacket:
 
 def encode_pose(packet: PosePacket) -> bytes:
     """The bytes of `packet`."""
-    age_ms, time_ms = packet.landmarks_age_ms, packet.capture_time_ms
-    header = HEADER.pack(VERSION, Kind.POSE, age_ms, packet.sequence, time_ms)
-    head = _POSE.pack(packet.index, packet.count, packet.check, *packet.pelvis)
-    packed = pack_quaternions(packet.rotations, _ROTATION_BITS).astype("<u8").view(np.uint8)
-    rotations = packed.reshape(JOINT_COUNT, 8)[:, :_ROTATION_BYTES].tobytes()
-    if not packet.expression.any():
-        return header + head + rotations
-    levels = np.rint(255.0 * np.clip(packet.expression, 0.0, 1.0)).astype(np.uint8)
-    return header + head + rotations + levels.tobytes() + bytes([ALL_GROUPS])
+    return encode_poses([packet])[0]
+
+
+def encode_poses(packets: Sequence[PosePacket]) -> list[bytes]:
+    """The bytes of each of `packets`; of many at once that takes less time for each."""
+    if not packets:
+        return []
+    rotations = np.stack([packet.rotations for packet in packets])
+    packed = pack_quaternions(rotations, _ROTATION_BITS).astype("<u8").view(np.uint8)
+    packed = packed.reshape(len(packets), JOINT_COUNT, 8)[:, :, :_ROTATION_BYTES]
+    return [
+        HEADER.pack(VERSION, Kind.POSE, one.landmarks_age_ms, one.sequence, one.capture_time_ms)
+        + _POSE.pack(one.index, one.count, one.check, *one.pelvis)
+        + turns.tobytes()
+        + _expression_bytes(one.expression)
+        for one, turns in zip(packets, packed, strict=True)
+    ]
+
+
+def _expression_bytes(expression: Float[Array, "E"]) -> bytes:
+    if not expression.any():
+        return b""
+    levels = np.rint(255.0 * np.clip(expression, 0.0, 1.0)).astype(np.uint8)
+    return levels.tobytes() + bytes([ALL_GROUPS])
+
+
+def batches_of(packets: Iterable[bytes]) -> list[bytes]:
+    """The pose packets of one tick in as few messages as fit into a packet of the network each."""
+    batches = [_BATCH_HEAD]
+    for packet in packets:
+        if len(batches[-1]) + 1 + len(packet) > _LONGEST_BATCH:
+            batches.append(_BATCH_HEAD)
+        batches[-1] += bytes([len(packet)]) + packet
+    return batches if len(batches[0]) > len(_BATCH_HEAD) else []
+
+
+def packets_of(message: bytes) -> Iterator[bytes]:
+    """The pose packets in a message of a channel `pose`: those of a batch, or the one it is.
+
+    What is cut off short is left out.
+    """
+    if not message.startswith(_BATCH_HEAD):
+        yield message
+        return
+    at = len(_BATCH_HEAD)
+    while at < len(message) and at + 1 + message[at] <= len(message):
+        yield message[at + 1 : at + 1 + message[at]]
+        at += 1 + message[at]
 
 
 def decode_pose(data: bytes) -> PosePacket:

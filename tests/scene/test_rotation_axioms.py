@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from scene.rotations import (
     axis_angle_to_matrix,
+    axis_angle_to_quaternion,
     matrix_to_axis_angle,
     matrix_to_quaternion,
     quaternion_to_matrix,
@@ -35,6 +36,16 @@ def test_matrix_is_a_rotation(axis_angle):
     matrix = axis_angle_to_matrix(axis_angle)
     np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(matrix) == pytest.approx(1.0, abs=1e-12)
+
+
+@given(rotation_vectors)
+def test_quaternions_of_axis_angles_are_those_of_their_matrices(axis_angle):
+    wxyz = axis_angle_to_quaternion(axis_angle)
+    assert wxyz[0] >= 0.0
+    assert np.linalg.norm(wxyz) == pytest.approx(1.0, abs=1e-12)
+    np.testing.assert_allclose(
+        quaternion_to_matrix(wxyz), axis_angle_to_matrix(axis_angle), atol=1e-12
+    )
 
 
 @given(rotation_vectors)

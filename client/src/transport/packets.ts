@@ -13,6 +13,7 @@
  * A pose's payload: u8 index of the performer, u8 how many there are, u16 check of the performer's id,
  * f32 pelvis[3] (room, m), then 24 turns of 6 bytes: three components of 15 bits, two bits that say
  * which one was left out. Expression: u8 of seventeen numbers (1/255), u8 bits of what is known.
+ * Poses of one tick may come as a batch: u8 version, u8 kind, then pose packets, each after a u8 of its length.
  */
 
 import { EARLIER_COUNTS, EXPRESSION_COUNT, ofAnyVersion } from "../landmarks/expression";
@@ -22,6 +23,10 @@ export const VIEW_BYTES = 52;
 const VERSION = 1;
 const KIND_POSE = 2;
 const KIND_VIEW = 3;
+const KIND_BATCH = 7;
+/** Protocol of the channel `pose` where the server may send the poses of a tick in one message. */
+export const BATCHES = "batches";
+const BATCH_HEAD_BYTES = 2;
 const HIDE_UNSEEN = 1;
 const RENDERS_LOCALLY = 2;
 const STALLED = 4;
@@ -88,6 +93,20 @@ export function encodeView(packet: ViewPacket): ArrayBuffer {
   data.setUint16(48, packet.width, true);
   data.setUint16(50, packet.height, true);
   return bytes;
+}
+
+/** The pose packets in a message of the channel `pose`: those of a batch, or the one it is. */
+export function posesIn(message: ArrayBuffer): ArrayBuffer[] {
+  const data = new Uint8Array(message);
+  if (data[0] !== VERSION || data[1] !== KIND_BATCH) return [message];
+  const packets: ArrayBuffer[] = [];
+  for (let at = BATCH_HEAD_BYTES; at < data.length;) {
+    const [begin, end] = [at + 1, at + 1 + (data[at] ?? 0)];
+    // what is cut off short is no pose
+    if (end <= data.length) packets.push(message.slice(begin, end));
+    at = end;
+  }
+  return packets;
 }
 
 /** What of a pose is needed before it is shown. */

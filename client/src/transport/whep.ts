@@ -9,6 +9,7 @@
 import { NO_SERVER, Problem, asProblem, problemOf } from "../api/problem";
 import type { Seat } from "../api/types";
 import { iceGathered, sleep } from "../api/until";
+import { BATCHES, posesIn } from "./packets";
 
 export type WhepState =
   | { kind: "connecting" }
@@ -170,9 +171,9 @@ export class WhepConnection {
     this.peer = peer;
     // before the offer, so that the channel is part of it
     this.channel = peer.createDataChannel("view", { ordered: false, maxRetransmits: 0 });
-    const poses = peer.createDataChannel("pose", { ordered: false, maxRetransmits: 0 });
+    const poses = peer.createDataChannel("pose", { ordered: false, maxRetransmits: 0, protocol: BATCHES });
     poses.binaryType = "arraybuffer";
-    poses.addEventListener("message", ({ data }) => this.hooks.onPose(data as ArrayBuffer));
+    poses.addEventListener("message", ({ data }) => posesIn(data as ArrayBuffer).forEach((one) => this.hooks.onPose(one)));
     this.openLooks(peer);
     const { receiver } = peer.addTransceiver("video", { direction: "recvonly" });
     // show each picture as it comes: nobody is talking in it that it would have to wait for

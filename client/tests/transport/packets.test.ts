@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { Pacer, StallDetector, VIEW_BYTES, decodePose, encodeView, isNewer, performerCheck, poseHead } from "../../src/transport/packets";
+import { Pacer, StallDetector, VIEW_BYTES, decodePose, encodeView, isNewer, performerCheck, poseHead, posesIn } from "../../src/transport/packets";
 
 describe("encodeView", () => {
   it("writes the very bytes that the server's own encoder writes", () => {
@@ -120,6 +120,15 @@ describe("decodePose", () => {
     const eyeless = decodePose(bytes(golden + "33ff006600" + "00".repeat(9) + "99" + "07"));
     const straight = [0.2, 1, 0, 0.4, 0, ...eyes, ...Array<number>(9).fill(0), 0.6];
     expect([...(eyeless?.expression ?? [])]).toEqual(straight.map((v) => expect.closeTo(v, 6)));
+  });
+
+  it("finds the poses of a batch, as the server writes it, and the one that comes alone", () => {
+    const [first, second] = [golden, "01020000" + "08000000" + golden.slice(16)].map(bytes);
+    const batch = bytes("0107" + "b0" + golden + "b0" + "01020000" + "08000000" + golden.slice(16));
+    expect(posesIn(batch)).toEqual([first, second]);
+    expect(posesIn(batch.slice(0, -1))).toEqual([first]);
+    expect(posesIn(bytes("0107"))).toEqual([]);
+    expect(posesIn(bytes(golden))).toEqual([first]);
   });
 
   it("takes nothing else for a pose", () => {

@@ -174,13 +174,16 @@ describe("WhepConnection", () => {
     void link.run();
     await vi.advanceTimersByTimeAsync(10);
     const data = new ArrayBuffer(176);
-    expect(peers[0]?.poses?.label).toBe("pose");
+    expect(peers[0]?.poses).toMatchObject({ label: "pose", options: { ordered: false, protocol: "batches" } });
     peers[0]?.poses?.dispatchEvent(new MessageEvent("message", { data }));
     expect(heard).toEqual([data]);
+    const batch = Uint8Array.from([1, 7, 176, ...new Uint8Array(176), 176, ...new Uint8Array(176)]).buffer;
+    peers[0]?.poses?.dispatchEvent(new MessageEvent("message", { data: batch }));
+    expect(heard).toEqual([data, data, data]);
     const picture = new ArrayBuffer(900);
     expect(peers[0]?.looks).toMatchObject({ label: "look", options: undefined });
     peers[0]?.looks?.dispatchEvent(new MessageEvent("message", { data: picture }));
-    expect([heard, looks]).toEqual([[data], [picture]]);
+    expect([heard.length, looks]).toEqual([3, [picture]]);
     link.close();
   });
 

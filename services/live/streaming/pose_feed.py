@@ -1,26 +1,31 @@
 """Poses to the viewers who draw the room themselves: the newest, 30 times a second, none queued.
 
-Poses are encoded once for all viewers of a room. Where no viewer draws for themselves nothing is
-encoded and nothing is sent.
+Poses of all rooms are encoded together, once for all viewers, and go to each viewer in one message
+where they take batches. Where no viewer draws for themselves nothing is encoded and nothing is
+sent.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
+import numpy as np
 from aiortc import RTCDataChannel
 
 from renderer.performer_model import PerformerModel
 from scene.arrays import Array, Float
 from scene.environment import Performer
-from scene.rotations import axis_angle_to_matrix, matrix_to_quaternion
+from scene.rotations import axis_angle_to_matrix, axis_angle_to_quaternion, matrix_to_quaternion
 from services.live.packets import (
+    BATCHES,
     POSE_BYTES,
     NewestView,
     PosePacket,
-    encode_pose,
+    batches_of,
+    encode_poses,
     performer_check,
 )
 from services.live.room import Room
@@ -36,6 +41,15 @@ class _Subscriber:
     room: Room
     view: NewestView
     channel: RTCDataChannel
+
+    @property
+    def takes_more(self) -> bool:
+        channel = self.channel
+        return (
+            self.view.wants_poses
+            and channel.readyState == "open"
+            and channel.bufferedAmount <= _MOST_BUFFERED_BYTES
+        )
 
 
 class PoseFeed:
@@ -64,16 +78,17 @@ class PoseFeed:
             if channel.readyState in ("connecting", "open")
         }
         self._sequence = (self._sequence + 1) % (1 << 32)
-        encoded: dict[Room, list[bytes]] = {}
-        for subscriber in self._subscribers.values():
-            channel = subscriber.channel
-            if not subscriber.view.wants_poses or channel.readyState != "open":
-                continue
-            if channel.bufferedAmount > _MOST_BUFFERED_BYTES:
-                continue
-            if subscriber.room not in encoded:
-                encoded[subscriber.room] = self._packets(subscriber.room)
-            for data in encoded[subscriber.room]:
+        taking = [one for one in self._subscribers.values() if one.takes_more]
+        packets = self._packets({one.room for one in taking})
+        batches: dict[Room, list[bytes]] = {}
+        for subscriber in taking:
+            room, channel = subscriber.room, subscriber.channel
+            messages = packets[room]
+            if channel.protocol == BATCHES:
+                if room not in batches:
+                    batches[room] = batches_of(messages)
+                messages = batches[room]
+            for data in messages:
                 channel.send(data)
 
     async def close(self) -> None:
@@ -83,10 +98,16 @@ class PoseFeed:
             self._task.cancel()
             await asyncio.wait([self._task])
 
-    def _packets(self, room: Room) -> list[bytes]:
+    def _packets(self, rooms: Iterable[Room]) -> dict[Room, list[bytes]]:
         now_s = self._clock()
-        time_ms = self._instrumentation.pose_time_ms(room, now_s)
-        return pose_packets(room, now_s, self._sequence, time_ms)
+        poses = {
+            room: _poses(
+                room, now_s, self._sequence, self._instrumentation.pose_time_ms(room, now_s)
+            )
+            for room in rooms
+        }
+        encoded = iter(encode_poses([one for of_room in poses.values() for one in of_room]))
+        return {room: list(islice(encoded, len(of_room))) for room, of_room in poses.items()}
 
     async def _run(self) -> None:
         due_s = self._clock()
@@ -104,12 +125,18 @@ def pose_packets(
     room: Room, now_s: float, sequence: int, time_ms: float | None = None
 ) -> list[bytes]:
     """A pose packet for each performer of `room` at `now_s`; it carries `time_ms`, else `now_s`."""
-    time_ms = 1000.0 * now_s if time_ms is None else time_ms
+    return encode_poses(
+        _poses(room, now_s, sequence, 1000.0 * now_s if time_ms is None else time_ms)
+    )
+
+
+def _poses(room: Room, now_s: float, sequence: int, time_ms: float) -> list[PosePacket]:
     members, performers = room.performers, room.scene_at(now_s).performers
+    if not members:
+        return []
+    pelvises, rotations = room_poses(performers)
     packets = []
     for index, (member, performer) in enumerate(zip(members, performers, strict=True)):
-        pelvis, rotations = room_pose(performer)
-        check = performer_check(member.performer_id)
         live = room.live_motions.get(member.performer_id)
         packets.append(
             PosePacket(
@@ -117,22 +144,27 @@ def pose_packets(
                 time_ms,
                 index,
                 len(members),
-                check,
-                pelvis,
-                rotations,
+                performer_check(member.performer_id),
+                pelvises[index],
+                rotations[index],
                 0 if live is None else live.landmarks_age_ms,
                 performer.pose.expression,
             )
         )
-    return [encode_pose(packet) for packet in packets]
+    return packets
 
 
-def room_pose(
-    performer: Performer[PerformerModel],
-) -> tuple[Float[Array, "3"], Float[Array, "24 4"]]:
-    """Position of the pelvis in the room (m), and the rotations wxyz of a `PosePacket`."""
-    pose, placement = performer.pose, performer.placement
-    rotations = axis_angle_to_matrix(pose.joint_angles)
-    rotations[0] = placement[:3, :3] @ rotations[0]
-    pelvis = performer.model.skeleton.rest_joints[0] + pose.root_translation
-    return placement[:3, :3] @ pelvis + placement[:3, 3], matrix_to_quaternion(rotations)
+def room_poses(
+    performers: Sequence[Performer[PerformerModel]],
+) -> tuple[Float[Array, "P 3"], Float[Array, "P 24 4"]]:
+    """Of each performer: where the pelvis is in the room (m), and the rotations wxyz of a
+    `PosePacket`."""
+    placements = np.stack([one.placement for one in performers])
+    turned, moved = placements[:, :3, :3], placements[:, :3, 3]
+    angles = np.stack([one.pose.joint_angles for one in performers])
+    rotations = axis_angle_to_quaternion(angles)
+    rotations[:, 0] = matrix_to_quaternion(turned @ axis_angle_to_matrix(angles[:, 0]))
+    pelvises = np.stack(
+        [one.model.skeleton.rest_joints[0] + one.pose.root_translation for one in performers]
+    )
+    return (turned @ pelvises[..., None])[..., 0] + moved, rotations

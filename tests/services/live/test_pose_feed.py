@@ -16,13 +16,16 @@ from hypothesis import strategies as st
 from scene.expression import neutral
 from scene.rotations import matrix_to_axis_angle, quaternion_to_matrix
 from services.live.packets import (
+    BATCHES,
     POSE_BYTES,
     NewestView,
     PacketError,
     PosePacket,
     ViewPacket,
+    batches_of,
     decode_pose,
     encode_pose,
+    packets_of,
     performer_check,
 )
 from services.live.room import MeetingPerformer, Room
@@ -159,6 +162,7 @@ class Channel:
 
     readyState: str = "open"  # noqa: N815
     bufferedAmount: int = 0  # noqa: N815
+    protocol: str = ""
     sent: list[bytes] = field(default_factory=list)
 
     def send(self, data: bytes) -> None:
@@ -195,6 +199,48 @@ async def test_only_who_draws_is_sent_poses_and_only_while_they_can_take_them():
         await asyncio.sleep(0)
     feed.send_newest()
     assert len(feed) == 0
+
+
+async def test_whoever_takes_batches_gets_a_tick_in_one_message():
+    feed, room = PoseFeed(lambda: 1.0, Instrumentation()), make_room()
+    one_by_one, at_once = Channel(), Channel(protocol=BATCHES)
+    for channel in (one_by_one, at_once):
+        feed.add(room, looking(True), cast(RTCDataChannel, channel))
+    feed.send_newest()
+    assert (len(one_by_one.sent), len(at_once.sent)) == (2, 1)
+    assert list(packets_of(at_once.sent[0])) == one_by_one.sent
+    await feed.close()
+
+
+async def test_each_viewer_gets_the_poses_of_their_own_room():
+    feed, rooms = PoseFeed(lambda: 1.0, Instrumentation()), [make_room(), make_room()]
+    rooms[1].performers = rooms[1].performers[:1]
+    channels = [Channel(), Channel()]
+    for room, channel in zip(rooms, channels, strict=True):
+        feed.add(room, looking(True), cast(RTCDataChannel, channel))
+    feed.send_newest()
+    assert [channel.sent for channel in channels] == [pose_packets(r, 1.0, 1) for r in rooms]
+    await feed.close()
+
+
+def test_a_room_with_nobody_in_it_has_no_poses():
+    assert pose_packets(Room("empty", ()), 0.0, 1) == []
+
+
+def test_golden_bytes_of_a_batch():
+    """The page's tests read the same bytes."""
+    packet = bytes.fromhex(GOLDEN)
+    assert [one.hex() for one in batches_of([packet, packet])] == ["0107" + 2 * ("b0" + GOLDEN)]
+    assert batches_of([]) == []
+
+
+def test_batches_fit_into_packets_of_the_network_and_lose_nothing():
+    packets = [bytes([n]) * 194 for n in range(12)]
+    batches = batches_of(packets)
+    assert [len(one) for one in batches] == [2 + 6 * 195] * 2
+    assert [packet for one in batches for packet in packets_of(one)] == packets
+    # one that is cut off loses its last
+    assert list(packets_of(batches[0][:-1])) == packets[:5]
 
 
 async def test_a_closed_feed_leaves_no_task_behind():
