@@ -65,6 +65,10 @@ class FrameRenderer:
         write_yuv420(picture, changed, frame)
         return frame
 
+    def release(self) -> None:
+        """Give back the pictures that it keeps."""
+        self._renderer, self._frame = SceneRenderer(self.detail), None
+
 
 class SharedPictures:
     """What has been drawn of one room at the newest tick."""
@@ -146,6 +150,10 @@ class ViewTrack(MediaStreamTrack):
         None comes while the viewer draws the room or goes on with sound alone: nothing is drawn,
         coded or sent then.
         """
+        if not self.wanted:
+            # whoever draws by themselves may do so for hours
+            self._encoder.release()
+            self._renderer.release()
         while not self.wanted:
             self._governor.pause()
             self._detail_governor.pause()

@@ -146,6 +146,23 @@ async def test_who_goes_on_with_sound_alone_costs_no_drawing_and_begins_anew(roo
     assert await keys(track, clock, 2) == [False, False]
 
 
+async def test_who_draws_by_themselves_holds_no_encoder_until_they_want_pictures_again(
+    room, threads
+):
+    clock, view = Clock(), CountingView()
+    encoder = PictureEncoder(Codec.H264)
+    track = ViewTrack(SharedPictures(room, Instrumentation()), view, encoder, threads, clock)
+    await keys(track, clock, 2)
+    assert encoder._context is not None
+    view.receive(replace(VIEW, draws_itself=True))
+    drawing = asyncio.create_task(keys(track, clock, 2))
+    while view.asked < 5:
+        await asyncio.sleep(0.01)
+    assert encoder._context is None
+    view.receive(replace(VIEW, sequence=2))
+    assert await drawing == [True, False]
+
+
 async def test_key_frames_asked_for_in_a_row_come_three_times_a_second(room, threads):
     clock = Clock()
     track, found = track_of(room, threads, clock), []
