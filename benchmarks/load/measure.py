@@ -1,7 +1,9 @@
 """How many meetings a server holds, and what becomes of those who are too many.
 
-A number of meetings holds where motions come to their viewers within 50 ms (p95), nine in ten of
-the 30 a second come to the slowest viewer, and at most one pose in a hundred is lost.
+A number of meetings holds where motions come to their viewers within 50 ms (p95), three in four of
+the 30 a second come to the slowest viewer, and at most one pose in a hundred is lost. That not all
+come has a reason besides: people and server tick 30 times a second each, not in step, and where two
+motions come within a tick the newer one is sent.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from benchmarks.load.host import Host, Usage, own_host
 from benchmarks.load.person import RATE_HZ
 from benchmarks.reporting.figures import FigureWriter
 
-HOLDS_MS, HOLDS_LOST, HOLDS_RATE = 50.0, 0.01, 0.9 * RATE_HZ
+HOLDS_MS, HOLDS_LOST, HOLDS_RATE = 50.0, 0.01, 0.75 * RATE_HZ
 GOAL_MEETINGS, GOAL_PEOPLE = 15, 4
 _SETTLING_S = 4.0
 _SAMPLE_S = 5.0
@@ -31,11 +33,11 @@ _LATE_MEETINGS = 2
 class LoadEffort:
     """How long and how hard is measured."""
 
-    seconds: float = 30.0
+    seconds: float = 20.0
     """Of each number of meetings."""
-    memory_s: float = 180.0
+    memory_s: float = 150.0
     """Of the memory's slope."""
-    most_meetings: int = 64
+    most_meetings: int = 32
     processes: int = 1
 
 

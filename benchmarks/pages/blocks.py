@@ -14,6 +14,7 @@ from benchmarks.pages.gpu import gpu
 from benchmarks.pages.levels import levels_room, levels_small
 from benchmarks.pages.lipsync import lipsync
 from benchmarks.pages.live_look import live_look, local_look
+from benchmarks.pages.load import estimate, load
 from benchmarks.pages.numbers import SOURCES, numbers
 from benchmarks.pages.parsimony import parsimony
 from benchmarks.pages.performers import (
@@ -72,6 +73,8 @@ BLOCKS = (
     Block("docs/live-look.md", "local-look", ("local-look",), local_look),
     Block("docs/levels.md", "levels-small", ("levels",), levels_small),
     Block("docs/levels.md", "levels-room", ("levels",), levels_room),
+    Block("docs/load.md", "load", ("load",), load),
+    Block("docs/load.md", "estimate", ("load",), estimate),
     Block("docs/parsimony.md", "parsimony", ("parsimony",), parsimony),
     Block(_FIGURES_PAGE, "trainings", ("expressions",), splats.trainings),
     Block(_FIGURES_PAGE, "expressions", ("expressions",), splats.expressions),

@@ -1,0 +1,23 @@
+"""`metanerf bench load`: what a whole service bears."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from benchmarks.cli_options import Commits, start
+
+_SECONDS = 20.0
+
+
+def load(
+    commits: Commits = False,
+    seconds: Annotated[
+        float, typer.Option(help="Time of measuring each number of meetings.", min=1.0)
+    ] = _SECONDS,
+) -> None:
+    """How many meetings of four one gateway holds, its memory over minutes, and overload."""
+    from benchmarks.load.measure import LoadEffort, run
+
+    run(start("load", commits, narrowed=seconds != _SECONDS), LoadEffort(seconds=seconds))
