@@ -57,6 +57,7 @@ CATALOGUE = (
     Benchmark("serve", ("serve",), (require_browser,)),
     Benchmark("meeting", ("meeting",), (require_browser, require_webcam_clip)),
     Benchmark("load", ("load",)),
+    Benchmark("faults", ("faults",)),
     Benchmark("lipsync", ("lipsync",), (require_browser,)),
     Benchmark("distil", ("distil",)),
     Benchmark("relight", ("relight",), (require_panoramas,)),

@@ -23,7 +23,7 @@ from benchmarks.cli_options import (
     start,
 )
 from benchmarks.cli_real import levels, live_look, real
-from benchmarks.cli_service import load
+from benchmarks.cli_service import faults, load
 from benchmarks.cli_stability import stability
 from benchmarks.inputs import (
     FOOTAGE,
@@ -58,6 +58,7 @@ app.command("real")(real)
 app.command("live-look")(live_look)
 app.command()(levels)
 app.command()(load)
+app.command()(faults)
 
 
 @app.command("all")

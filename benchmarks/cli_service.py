@@ -1,4 +1,4 @@
-"""`metanerf bench load`: what a whole service bears."""
+"""`metanerf bench load` and `bench faults`: what a whole service bears."""
 
 from __future__ import annotations
 
@@ -21,3 +21,15 @@ def load(
     from benchmarks.load.measure import LoadEffort, run
 
     run(start("load", commits, narrowed=seconds != _SECONDS), LoadEffort(seconds=seconds))
+
+
+def faults(
+    commits: Commits = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Without PostgreSQL, Redis, an S3 store and root.")
+    ] = False,
+) -> None:
+    """Parts of a service are killed one by one: what a meeting sees, and what is lost."""
+    from benchmarks.faults.measure import run
+
+    run(start("faults", commits, narrowed=quick), quick=quick)

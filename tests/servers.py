@@ -7,11 +7,8 @@ Whatever asks for one of these fixtures, or for `POSTGRESQL` of `DATABASES`, is 
 from __future__ import annotations
 
 import os
-import shutil
-import signal
 import socket
 import subprocess
-import sys
 import time
 import uuid
 from collections.abc import Iterator
@@ -25,6 +22,9 @@ from sqlalchemy import create_engine, text
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import OperationalError
 
+from benchmarks.faults.servers import MortalRedis as MortalRedis
+from benchmarks.faults.servers import free_port as free_port
+from benchmarks.faults.servers import program_path
 from capture.detection.network_files import FACE_MODEL, HAND_MODEL, POSE_MODEL
 from tests.landmark_models import landmark_model
 
@@ -120,64 +120,19 @@ def s3_endpoint() -> Iterator[str]:
         process.wait()
 
 
-def free_port() -> int:
-    """A TCP port on which nobody listens."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def program(name: str) -> str:
     """The path of a server's program; skips where it is not installed."""
-    also = f"/usr/sbin:/usr/local/sbin:{Path(sys.executable).parent}"
-    found = shutil.which(name) or shutil.which(name, path=also)
+    found = program_path(name)
     if found is None:
         _unavailable(f"{name} is not installed")
     assert found is not None
     return found
 
 
-class MortalRedis:
-    """A Redis of the test's own, which goes away, hangs and comes back as the test says."""
-
-    def __init__(self) -> None:
-        self._port = free_port()
-        self.url = f"redis://127.0.0.1:{self._port}/0"
-        self._process: subprocess.Popen[bytes] | None = None
-
-    def start(self) -> None:
-        """Return once it answers."""
-        import redis
-
-        self._process = subprocess.Popen(
-            [program("redis-server"), "--port", str(self._port), "--save", ""],
-            stdout=subprocess.DEVNULL,
-        )
-        client = redis.Redis.from_url(self.url)
-        for _ in range(200):
-            try:
-                client.ping()
-                client.close()
-                return
-            except redis.RedisError:
-                time.sleep(0.05)
-        raise AssertionError("the Redis of this test did not start")
-
-    def kill(self) -> None:
-        """Gone without a word."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-
-    def hang(self) -> None:
-        """It keeps its connections and answers nobody, until it is killed."""
-        assert self._process is not None
-        self._process.send_signal(signal.SIGSTOP)
-
-
 @pytest.fixture
 def mortal_redis() -> Iterator[MortalRedis]:
     """A Redis of the test's own, which runs."""
+    program("redis-server")
     made = MortalRedis()
     made.start()
     yield made

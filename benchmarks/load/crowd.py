@@ -60,6 +60,10 @@ class Crowd:
         """What everybody counted since the last time."""
         return Tally.sum(self._ask("collect"))
 
+    def cut(self, away_s: float) -> None:
+        """Have everybody lose their network for so long, without a word."""
+        self._ask(f"cut {away_s}")
+
     def leave(self) -> None:
         """Have everybody go."""
         for process, pipe in self._parts:
@@ -112,6 +116,11 @@ async def _serve(plan: Plan, pipe: Connection) -> None:
         while (word := await _heard(pipe)) is not None:
             if word == "wait":
                 pipe.send(await _all_connected(people, plan.patience_s))
+                continue
+            if word.startswith("cut "):
+                for one in people:
+                    one.cut(float(word.removeprefix("cut ")))
+                pipe.send(None)
                 continue
             tally, now_s = Tally.sum(one.collect() for one in people), time.process_time()
             tally.processor_s, busy_s = now_s - busy_s, now_s

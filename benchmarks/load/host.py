@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import httpx
@@ -13,6 +13,9 @@ import httpx
 from benchmarks.load.crowd import Plan, gathered
 from benchmarks.service import BUSY, RESIDENT, metric, running_demo
 from scene.errors import InvalidInput
+
+_COMPILED_S = 600.0
+"""Time in which a server's first start on a machine must be over."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,7 @@ def own_host(most_people: int) -> Iterator[Host]:
         running_demo(Path(folder), METANERF_MAX_VIEWERS=str(most_people)) as address,
     ):
         host = host_at(address, None, None)
-        with gathered(host.plan(1, 1), 1):
+        with gathered(replace(host.plan(1, 1), patience_s=_COMPILED_S), 1):
             pass
         yield host
 

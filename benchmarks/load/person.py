@@ -93,6 +93,8 @@ class Person:
         self._motions, self._phase = motions, phase
         self._peer: RTCPeerConnection | None = None
         self._task: asyncio.Task[None] | None = None
+        self._cut = asyncio.Event()
+        self._away_until_s = 0.0
         self._number = 0
         self._newest: dict[int, int] = {}
         self._tick: int | None = None
@@ -114,6 +116,13 @@ class Person:
         if self._task is not None:
             self._task.cancel()
             await asyncio.wait([self._task])
+
+    def cut(self, away_s: float) -> None:
+        """Lose the network without a word, for so long."""
+        self._away_until_s = time.monotonic() + away_s
+        self._cut.set()
+        if self._peer is not None:
+            drop_sockets(self._peer)
 
     def collect(self) -> Tally:
         """What was counted since the last time."""
@@ -141,6 +150,10 @@ class Person:
             finally:
                 self.connected.clear()
             attempt += 1
+            away_s = self._away_until_s - time.monotonic()
+            if away_s > 0.0:
+                # a browser tells its pages when the network is back
+                attempt, pause_s = 0, away_s
             await asyncio.sleep(pause_s)
 
     async def _visit(self) -> None:
@@ -156,6 +169,8 @@ class Person:
         peer = RTCPeerConnection(
             RTCConfiguration(iceServers=[RTCIceServer(**one) for one in seat["ice_servers"]])
         )
+        self._peer = peer
+        self._cut.clear()
         try:
             async with connect_socket(url + seat["control_url"]) as socket:
                 hello = {"type": "hello", "token": seat["token"], "name": "Load", "after": 0}
@@ -169,9 +184,10 @@ class Person:
                         tasks.create_task(self._move(channels["keypoints"]))
                         tasks.create_task(self._until_lost(peer))
                 finally:
-                    with suppress(httpx.HTTPError):
-                        header = {"Authorization": f"Bearer {seat['token']}"}
-                        await self._caller.delete(location, headers=header)
+                    if self._cut.is_set():
+                        socket.transport.abort()
+                    else:
+                        await self._say_goodbye(location, seat["token"])
         except* _Lost:
             pass
         except* WebSocketException:
@@ -209,6 +225,11 @@ class Person:
         self._tick, self._opened_s = None, time.monotonic()
         await peer.setRemoteDescription(RTCSessionDescription(answer.text, "answer"))
         return answer.headers["Location"], channels
+
+    async def _say_goodbye(self, location: str, token: str) -> None:
+        header = {"Authorization": f"Bearer {token}"}
+        with suppress(httpx.HTTPError):
+            await self._caller.delete(location, headers=header)
 
     async def _look(self, channel: RTCDataChannel) -> None:
         sequence = 0
@@ -264,11 +285,19 @@ class Person:
 
     async def _until_lost(self, peer: RTCPeerConnection) -> None:
         """Raises _Lost as soon as a browser would find the connection lost."""
-        while peer.connectionState not in ("failed", "closed"):
+        while peer.connectionState not in ("failed", "closed") and not self._cut.is_set():
             await asyncio.sleep(0.1)
             if time.monotonic() - max(self.moved_s, self._opened_s) > _LOST_S:
                 break
         raise _Lost
+
+
+def drop_sockets(peer: RTCPeerConnection) -> None:
+    """Drop a connection's sockets: nothing is said to the other side."""
+    transports = {one.receiver.transport.transport for one in peer.getTransceivers()}
+    for transport in transports:
+        for protocol in transport._connection._protocols:
+            protocol.transport.abort()
 
 
 class _Lost(Exception):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from benchmarks.frontier.charts import draw_charts
 from benchmarks.pages import capture, splats, stability
+from benchmarks.pages.faults import faults
 from benchmarks.pages.frontier import frontier
 from benchmarks.pages.gpu import gpu
 from benchmarks.pages.levels import levels_room, levels_small
@@ -75,6 +76,7 @@ BLOCKS = (
     Block("docs/levels.md", "levels-room", ("levels",), levels_room),
     Block("docs/load.md", "load", ("load",), load),
     Block("docs/load.md", "estimate", ("load",), estimate),
+    Block("docs/faults.md", "faults", ("faults",), faults),
     Block("docs/parsimony.md", "parsimony", ("parsimony",), parsimony),
     Block(_FIGURES_PAGE, "trainings", ("expressions",), splats.trainings),
     Block(_FIGURES_PAGE, "expressions", ("expressions",), splats.expressions),

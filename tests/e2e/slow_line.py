@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from playwright.sync_api import Page, Route
 
-from tests.e2e.line import running
+from benchmarks.faults.line import running
 
 _MOST_BYTES = 65_536
 _BURST_S = 0.25

@@ -12,8 +12,8 @@ import pytest
 from playwright.sync_api import ConsoleMessage, Page, Request, expect
 
 from benchmarks.browser import open_page
+from benchmarks.faults.cut_line import CutLine, cut_line
 from db.models import SequenceRow
-from tests.e2e.cut_line import CutLine, cut_line
 from tests.e2e.serving import Gateway, serving
 from tests.services import seeds
 

@@ -1,35 +1,18 @@
-"""Real disks with little room."""
+"""Real disks with little room, for tests."""
 
 from __future__ import annotations
 
-import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 
+from benchmarks.faults import disks
+from scene.errors import InvalidInput
 
-class TinyDisk:
-    """A disk in memory of a few bytes, mounted at a folder."""
 
-    def __init__(self, folder: Path, size_bytes: int) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        self.folder = folder
-        if not shutil.which("mount") or self._mount(size_bytes):
-            pytest.skip("mounting a tiny disk needs root")
-
-    def _mount(self, size_bytes: int, *options: str) -> int:
-        size = ",".join([f"size={size_bytes}", *options])
-        command = ["mount", "-t", "tmpfs", "-o", size, "tmpfs", str(self.folder)]
-        return subprocess.run(command, capture_output=True).returncode
-
-    def leave(self, room_bytes: int) -> None:
-        """Take all room but so much."""
-        self.resize(shutil.disk_usage(self.folder).used + room_bytes)
-
-    def resize(self, size_bytes: int) -> None:
-        """As when somebody frees space, or takes it."""
-        assert self._mount(size_bytes, "remount") == 0
-
-    def remove(self) -> None:
-        subprocess.run(["umount", "-l", str(self.folder)], check=True)
+def tiny_disk(folder: Path, size_bytes: int) -> disks.TinyDisk:
+    """A disk in memory of so many bytes; skips where none can be mounted."""
+    try:
+        return disks.TinyDisk(folder, size_bytes)
+    except InvalidInput as error:
+        pytest.skip(str(error))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from aiortc import RTCPeerConnection
-
+from benchmarks.load.person import drop_sockets
 from services.app import create_app
 from services.bootstrap import import_model
 from services.control.roster import SILENCE_S
@@ -20,14 +19,6 @@ OUTAGE_S = 10.0
 the dead sockets, which must not end the server's tasks meanwhile, know no other."""
 BACK_S = 3.0
 """What coming back may take: the picture, the voice and the seat."""
-
-
-def cut(peer: RTCPeerConnection) -> None:
-    """Drop a connection's sockets: nothing is said to the other side."""
-    transports = {one.receiver.transport.transport for one in peer.getTransceivers()}
-    for transport in transports:
-        for protocol in transport._connection._protocols:
-            protocol.transport.abort()
 
 
 async def look(caller, meeting_id: str, page: Page) -> Viewer:
@@ -60,8 +51,8 @@ async def test_ten_seconds_without_a_network_cost_nobody_their_seat(services, mo
                 await listening.until(True)
                 await bo.say(type="hand", raised=True)
                 await ada.roster(lambda who: who["Bo"]["hand_at"] is not None)
-                cut(talking.peer)
-                cut(viewer.peer)
+                drop_sockets(talking.peer)
+                drop_sockets(viewer.peer)
             # the line went too: after some seconds of silence the others are told
             gone = asyncio.create_task(ada.roster(lambda who: not who["Bo"]["present"]))
             await asyncio.sleep(OUTAGE_S)

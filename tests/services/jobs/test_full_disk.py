@@ -9,6 +9,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from benchmarks.faults.disks import TinyDisk
 from db.errors import StoreFull
 from db.objects import naming_errors
 from services.composition import build_services
@@ -16,7 +17,7 @@ from services.problems import problem_of
 from services.settings import Settings
 from tests.services import seeds
 from tests.services.conftest import changed, serving, stored_files
-from tests.services.disks import TinyDisk
+from tests.services.disks import tiny_disk
 from tests.services.jobs.test_capturing import upload
 from tests.services.jobs.waiting import job_when
 
@@ -35,7 +36,7 @@ def disk(request: pytest.FixtureRequest, settings: Settings) -> Iterator[TinyDis
     folder = (
         settings.folders.data_dir / request.param if request.param else settings.folders.data_dir
     )
-    made = TinyDisk(folder, PLENTY)
+    made = tiny_disk(folder, PLENTY)
     yield made
     made.remove()
 

@@ -16,9 +16,8 @@ import pytest
 from services.composition import build_services
 from services.jobs.scratch import clear_abandoned, scratch_folder
 from services.settings import Settings
-from tests.services import seeds
+from tests.services import disks, seeds
 from tests.services.conftest import bearer, serving, stored_files
-from tests.services.disks import TinyDisk
 from tests.services.jobs.waiting import until
 
 
@@ -111,7 +110,7 @@ def test_a_killed_server_leaves_nothing_visible_and_its_scratch_is_cleared(setti
 @pytest.fixture
 def tiny_disk(settings: Settings) -> Iterator[Path]:
     """2 MB of scratch space."""
-    disk = TinyDisk(settings.folders.scratch_dir, 2_000_000)
+    disk = disks.tiny_disk(settings.folders.scratch_dir, 2_000_000)
     yield disk.folder
     disk.remove()
 

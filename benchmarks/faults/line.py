@@ -1,4 +1,4 @@
-"""Lines between a page and the service that tests spoil."""
+"""Lines between programs of this machine that are spoilt on purpose."""
 
 from __future__ import annotations
 
@@ -11,9 +11,13 @@ from typing import Protocol, TypeVar
 class Line(Protocol):
     """Carries until it is ended."""
 
-    def run(self) -> None: ...
+    def run(self) -> None:
+        """Carry until `end`."""
+        ...
 
-    def end(self) -> None: ...
+    def end(self) -> None:
+        """Carry no more."""
+        ...
 
 
 Kind = TypeVar("Kind", bound=Line)

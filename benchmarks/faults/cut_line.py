@@ -1,11 +1,11 @@
-"""A line between a page's browser and the service that can be cut, and mended."""
+"""A line between two programs of this machine that can be cut, and mended."""
 
 from __future__ import annotations
 
 import asyncio
 from contextlib import AbstractContextManager
 
-from tests.e2e.line import running
+from benchmarks.faults.line import running
 
 _MOST_BYTES = 16_384
 _HOST = "127.0.0.1"
@@ -26,7 +26,7 @@ class CutLine:
 
     @property
     def address(self) -> str:
-        """By which a browser reaches the service over this line."""
+        """By which the near end reaches the far one over this line."""
         return f"http://{_HOST}:{self._server.sockets[0].getsockname()[1]}/"
 
     @property

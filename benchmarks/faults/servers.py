@@ -1,0 +1,174 @@
+"""Servers of one's own, which go away, hang and come back as they are told."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from scene.errors import InvalidInput
+
+_STARTED_S = 60.0
+_ELSEWHERE = "/usr/sbin:/usr/local/sbin"
+
+
+def free_port() -> int:
+    """A TCP port on which nobody listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def program_path(name: str) -> str | None:
+    """Where a server's program is installed; None: nowhere."""
+    also = f"{_ELSEWHERE}:{Path(sys.executable).parent}"
+    return shutil.which(name) or shutil.which(name, path=also)
+
+
+def require_program(name: str) -> str:
+    """Where a server's program is installed. Raises InvalidInput."""
+    found = program_path(name)
+    if found is None:
+        raise InvalidInput(f"{name} must be installed to be killed; got none; install it")
+    return found
+
+
+class MortalServer:
+    """A process of a session of its own that answers once it has started."""
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        answers: Callable[[], bool],
+        *,
+        environment: Mapping[str, str] | None = None,
+        user: str | None = None,
+    ) -> None:
+        """`answers` may raise OSError; `user`: who it runs as, if not as whoever starts it."""
+        self._command, self._answers = list(command), answers
+        self._environment, self._user = environment, user
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self, *, wait: bool = True) -> None:
+        """Return once it answers, or at once."""
+        self._process = subprocess.Popen(
+            self._command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=None if self._environment is None else dict(self._environment),
+            user=self._user,
+            start_new_session=True,
+        )
+        if wait:
+            self.wait()
+
+    def wait(self) -> None:
+        """Return once it answers. Raises RuntimeError where it ends instead, or takes too long."""
+        deadline = time.monotonic() + _STARTED_S
+        while time.monotonic() < deadline:
+            if self._answering():
+                return
+            if self._process is None or self._process.poll() is not None:
+                break
+            time.sleep(0.05)
+        raise RuntimeError(f"{self._command[0]} must start; got one that ended or never answered")
+
+    def kill(self) -> None:
+        """Gone without a word, with all that it has started in its session."""
+        if self._process is not None:
+            with contextlib.suppress(ProcessLookupError):  # ended by itself
+                os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+
+    def hang(self) -> None:
+        """It keeps its connections and answers nobody, until it is killed."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGSTOP)
+
+    def _answering(self) -> bool:
+        try:
+            return self._answers()
+        except OSError:
+            return False
+
+
+class MortalRedis(MortalServer):
+    """A Redis of one's own, which keeps nothing."""
+
+    def __init__(self) -> None:
+        port = free_port()
+        self.url = f"redis://127.0.0.1:{port}/0"
+        super().__init__(
+            [require_program("redis-server"), "--port", str(port), "--save", ""], self._pongs
+        )
+
+    def _pongs(self) -> bool:
+        import redis
+
+        client = redis.Redis.from_url(self.url)
+        try:
+            return bool(client.ping())
+        except redis.RedisError:
+            return False
+        finally:
+            client.close()
+
+
+class MortalPostgres(MortalServer):
+    """A PostgreSQL of one's own, whose rows are in an empty `folder`, made here."""
+
+    def __init__(self, folder: Path) -> None:
+        port, user = free_port(), None
+        folder.mkdir()
+        if os.geteuid() == 0:  # it refuses to run as root
+            user = "postgres"
+            shutil.chown(folder, user)
+        subprocess.run(
+            [require_program("initdb"), "-D", folder, "-A", "trust", "-U", "root"],
+            check=True,
+            stdout=subprocess.DEVNULL,
+            user=user,
+        )
+        self.url = f"postgresql+psycopg://root@127.0.0.1:{port}/postgres"
+        options = ["-p", str(port), "-k", "", "-c", "listen_addresses=127.0.0.1"]
+        super().__init__(
+            [require_program("postgres"), "-D", str(folder), *options], self._selects, user=user
+        )
+
+    def _selects(self) -> bool:
+        from sqlalchemy import create_engine, text
+        from sqlalchemy.exc import OperationalError
+
+        engine = create_engine(self.url, connect_args={"connect_timeout": 2})
+        try:
+            with engine.connect() as connection:
+                return connection.execute(text("SELECT 1")).scalar() == 1
+        except OperationalError:
+            return False
+        finally:
+            engine.dispose()
+
+
+class MortalObjects(MortalServer):
+    """An S3 store of one's own with an empty bucket `test`; it forgets all when it ends."""
+
+    def __init__(self) -> None:
+        self.port = free_port()
+        command = [require_program("moto_server"), "-H", "127.0.0.1", "-p", str(self.port)]
+        super().__init__(command, self._has_a_bucket)
+
+    def _has_a_bucket(self) -> bool:
+        import httpx
+
+        try:
+            return httpx.put(f"http://127.0.0.1:{self.port}/test").is_success
+        except httpx.TransportError:
+            return False

@@ -1,0 +1,40 @@
+"""Parts of a small service are killed for real, and nothing may be lost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from benchmarks.faults.house import a_house
+from benchmarks.faults.measure import FAULTS, strike_all
+from benchmarks.faults.work import Film, Ledger
+
+KILLED = ("the training's process is killed", "the gateway is killed")
+
+
+def test_what_is_killed_loses_nothing_and_comes_back():
+    rows = strike_all([one for one in FAULTS if one.name in KILLED], deployed=False)
+    assert [row["fault"] for row in rows] == list(KILLED)
+    for row in rows:
+        assert row["lost"] == []
+        assert (row["job"], row["upload"]) == ("succeeded", "whole")
+        assert not row["job_resumed_by_hand"]
+        assert row["psnr"] > 15.0
+    assert rows[0]["job_attempts"] == 2
+    # the meeting does not notice a training's end; a gateway's it does, and goes on
+    assert rows[0]["still_s"] < rows[1]["still_s"]
+    assert rows[1]["kept"] == 4
+
+
+def test_what_is_lost_is_told(tmp_path: Path):
+    with a_house(deployed=False) as house:
+        film = Film.stored(house, tmp_path / "film")
+        ledger = Ledger(house)
+        path = f"/v1/sequences/{film.sequence_id}"
+        with house.services.reading() as unit:
+            row = unit.sequences.get(film.sequence_id)
+        assert row.source_sha256 is not None
+        ledger.kept[path] = row.source_sha256
+        assert ledger.lost() == []
+        ledger.kept["/v1/models/gone"] = "0" * 64
+        house.services.objects.delete(film.person_id, row.source_sha256)
+        assert ledger.lost() == ["/v1/models/gone", f"{film.person_id}/{row.source_sha256}"]
