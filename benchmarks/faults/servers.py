@@ -41,7 +41,7 @@ def require_program(name: str) -> str:
 
 
 class MortalServer:
-    """A process of a session of its own that answers once it has started."""
+    """A process, with whatever it starts in its group, that answers once it has started."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class MortalServer:
             stderr=subprocess.DEVNULL,
             env=None if self._environment is None else dict(self._environment),
             user=self._user,
-            start_new_session=True,
+            process_group=0,
         )
         if wait:
             self.wait()
@@ -82,7 +82,7 @@ class MortalServer:
         raise RuntimeError(f"{self._command[0]} must start; got one that ended or never answered")
 
     def kill(self) -> None:
-        """Gone without a word, with all that it has started in its session."""
+        """Gone without a word, with all that it has started in its group."""
         if self._process is not None:
             with contextlib.suppress(ProcessLookupError):  # ended by itself
                 os.killpg(self._process.pid, signal.SIGKILL)

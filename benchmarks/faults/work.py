@@ -28,7 +28,7 @@ _PICTURES, _PICTURE_PX = 24, 256
 _PIECE_PAUSE_S = 0.4
 """After each piece, so that an upload goes on for some seconds."""
 _AGAIN_S = 1.0
-_AT_WORST_S = 180.0
+_AT_WORST_S = 600.0
 _OVER = ("succeeded", "failed", "cancelled")
 
 
