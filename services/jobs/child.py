@@ -24,7 +24,7 @@ from services.jobs.capture_job import run_capture
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.export_job import run_export
 from services.jobs.lease import JobLease
-from services.jobs.queue import Orphan, drop_orphans, fail, finish, requeue
+from services.jobs.queue import STORE_AWAY, Orphan, drop_orphans, fail, finish, requeue
 from services.jobs.report import JobStopped, Reporter
 from services.jobs.scratch import scratch_folder
 from services.jobs.train_job import run_train
@@ -42,7 +42,10 @@ _RUNS: dict[JobKind, Run] = {
 
 
 def main(arguments: list[str]) -> int:
-    """Run the job named on the command line. Exit code 0: the job's row says how it ended."""
+    """Run the job named on the command line.
+
+    Exit code 0: the job's row says how it ended; `STORE_AWAY`: it should be tried again later.
+    """
     job_id, attempt = arguments[0], int(arguments[1])
     settings = load_settings()
     give_way(settings.jobs.niceness)
@@ -52,6 +55,9 @@ def main(arguments: list[str]) -> int:
     services = build_services(settings)
     try:
         return _run(services, settings, job_id, attempt)
+    except (StoreAway, DatabaseAway) as error:
+        log.warning("job %s could not go on: %s", job_id, error)
+        return STORE_AWAY
     finally:
         services.close()
 
@@ -81,7 +87,7 @@ def _run(services: Services, settings: Settings, job_id: str, attempt: int) -> i
         with scratch_folder(settings.folders.scratch_dir) as folder, reporter:
             _RUNS[job.kind](services, job, reporter, folder)
     except (StoreAway, DatabaseAway):
-        raise  # not the job's fault: the worker tries again later
+        raise  # not the job's fault, nor its end
     except Exception as error:
         if not isinstance(error, (SceneError, JobStopped)):
             log.exception("job %s failed", job_id)

@@ -11,6 +11,7 @@ is committed.
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable
 from datetime import datetime
 from typing import Any
@@ -22,6 +23,8 @@ from db.repositories import UnitOfWork
 from services.container import Services
 from services.errors import ClipGone, JobOver, NotResumable, SequenceInUse, WorkerDied
 
+STORE_AWAY = os.EX_TEMPFAIL
+"""Exit code of a job's process from under which the database or the object store went away."""
 Orphan = tuple[str, str]
 """Owner and sha256 of an object."""
 DescribeFailure = Callable[[Exception], dict[str, Any]]
@@ -108,6 +111,14 @@ def requeue(job: JobRow, message: str) -> None:
     job.message = message
 
 
+def interrupted(unit: UnitOfWork, job: JobRow, reason: str, now: datetime) -> list[Orphan]:
+    """A running job could not go on, for no fault of its own: try again, as often as it takes."""
+    if job.cancel_requested:
+        return finish(unit, job, JobState.CANCELLED, now, message="cancelled")
+    requeue(job, f"{reason}; trying again")
+    return []
+
+
 def crashed(
     unit: UnitOfWork,
     job: JobRow,
@@ -119,11 +130,8 @@ def crashed(
 ) -> list[Orphan]:
     """A running job's process is gone: try again, or give up after `at_most` times."""
     job.crashes += 1
-    if job.cancel_requested:
-        return finish(unit, job, JobState.CANCELLED, now, message="cancelled")
-    if job.crashes < at_most:
-        requeue(job, f"{reason}; trying again")
-        return []
+    if job.cancel_requested or job.crashes < at_most:
+        return interrupted(unit, job, reason, now)
     error = WorkerDied(
         f"a job's process must live; it died {job.crashes} times, lately: {reason}",
     )

@@ -20,11 +20,12 @@ from dataclasses import dataclass, field
 
 from db.errors import DatabaseError, NotFound
 from db.models import JobKind, JobRow, JobState
+from db.repositories import UnitOfWork
 from db.sweep import sweep
 from services.container import Services
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.lease import JobLease, reclaim_expired
-from services.jobs.queue import Orphan, crashed, drop_orphans
+from services.jobs.queue import STORE_AWAY, Orphan, crashed, drop_orphans, interrupted
 from services.jobs.scratch import clear_abandoned
 
 log = logging.getLogger(__name__)
@@ -33,6 +34,8 @@ _START_S = 60.0
 """Time a child has to import what it needs; its worker's signs of life count for it till then."""
 _POLL_S = 0.5
 """How often children and the queue are looked at."""
+_STORE_PAUSE_S = 3.0
+"""After a store went away under a job, before another job is begun."""
 
 
 @dataclass(eq=False)
@@ -51,6 +54,7 @@ class Worker:
         self._name = f"{socket.gethostname()}:{os.getpid()}"
         self._children: list[_Child] = []
         self._swept_s: float | None = None
+        self._rests_until_s = 0.0
 
     def run(self, stop: threading.Event) -> None:
         """Work until `stop` is set; then let children leave their checkpoints and go."""
@@ -70,7 +74,8 @@ class Worker:
         for child in list(self._children):
             self._watch(child)
         self._reclaim_expired()
-        while len(self._children) < self._services.settings.jobs.worker_slots:
+        slots = self._services.settings.jobs.worker_slots
+        while len(self._children) < slots and time.monotonic() >= self._rests_until_s:
             job = self._claim()
             if job is None:
                 break
@@ -140,17 +145,25 @@ class Worker:
             # locks the row; matches only where the child left no end of its own
             left = child.lease.renew(unit, self._services.clock())
             if left:
-                orphans = crashed(
-                    unit,
-                    unit.jobs.get(child.lease.job_id),
-                    _cause(code),
-                    self._services.clock(),
-                    self._services.describe_failure,
-                    at_most=self._services.settings.jobs.max_crashes,
-                )
+                orphans = self._given_back(unit, unit.jobs.get(child.lease.job_id), code)
             unit.commit()
         drop_orphans(self._services, orphans)
         self._services.events.publish(job_topic(child.lease.job_id))
+
+    def _given_back(self, unit: UnitOfWork, job: JobRow, code: int) -> list[Orphan]:
+        """What to delete of a job whose child ended with `code` and left no end of its own."""
+        now = self._services.clock()
+        if code == STORE_AWAY:
+            self._rests_until_s = time.monotonic() + _STORE_PAUSE_S
+            return interrupted(unit, job, "the database or the object store was away", now)
+        return crashed(
+            unit,
+            job,
+            _cause(code),
+            now,
+            self._services.describe_failure,
+            at_most=self._services.settings.jobs.max_crashes,
+        )
 
     def _reclaim_expired(self) -> None:
         settings = self._services.settings

@@ -12,7 +12,7 @@ from db.models import JobKind, JobRow, JobState, SequenceState
 from services.composition import build_services
 from services.container import Services
 from services.jobs.lease import reclaim_expired
-from services.jobs.queue import crashed, drop_orphans, enqueue, fail, finish
+from services.jobs.queue import crashed, drop_orphans, enqueue, fail, finish, interrupted
 from services.problems import stored_failure
 from services.settings import Settings
 from tests.fakes import Clock
@@ -55,6 +55,25 @@ def test_a_job_is_given_up_after_its_last_crash(services: Services, sequence_fol
     assert job.error is not None
     assert job.error["type"] == "urn:metanerf:worker-died"
     assert "died 3 times, lately: its process was killed" in job.error["detail"]
+
+
+def test_a_store_that_is_away_ends_no_job_however_often(services: Services, sequence_folder: Path):
+    job_id = seeds.queued_training(services, seeds.captured(services, sequence_folder))
+    for _ in range(5):
+        _claim(services)
+        with services.unit_of_work() as unit:
+            job = unit.jobs.get(job_id)
+            interrupted(unit, job, "the object store was away", services.clock())
+            unit.commit()
+        assert (job.state, job.crashes, job.worker) == (JobState.QUEUED, 0, None)
+        assert job.message == "the object store was away; trying again"
+    job = _claim(services)
+    with services.unit_of_work() as unit:
+        job = unit.jobs.get(job_id)
+        job.cancel_requested = True
+        interrupted(unit, job, "the object store was away", services.clock())
+        unit.commit()
+    assert job.state is JobState.CANCELLED
 
 
 def test_silence_is_noticed_by_the_clock(services: Services, clock: Clock, sequence_folder: Path):
