@@ -43,6 +43,9 @@ class House:
     services: Services
     """Over the same stores, for looking into them."""
     gateway: MortalServer
+    spare: MortalServer
+    """A second gateway, which does not run unless it is started."""
+    spare_address: str
     worker: MortalServer
     redis: MortalRedis | None = None
     postgres: MortalPostgres | None = None
@@ -91,16 +94,24 @@ def a_house(*, deployed: bool) -> Iterator[House]:
         model = import_model(services, DEMO_MODEL, ACCOUNT, "Ada")
         token, _ = services.tokens.issue(ACCOUNT, ALL_SCOPES, timedelta(hours=2))
         address, environment = f"http://127.0.0.1:{port}", settings.child_environment()
-        gateway = MortalServer(
-            [*_METANERF, "serve"], lambda: _answers(address), environment=environment
-        )
+        gateway = _gateway(address, environment)
+        spare_address = f"http://127.0.0.1:{free_port()}"
+        spare = _gateway(spare_address, environment)
         worker = MortalServer(
             [*_METANERF, "worker", "train"], lambda: True, environment=environment
         )
-        for one in (gateway, worker):
+        for one in (gateway, spare, worker):
             stack.callback(one.kill)
-            one.start()
-        yield House(Host(address, token, model.id), services, gateway, worker, **parts)
+        gateway.start()
+        worker.start()
+        host = Host(address, token, model.id)
+        yield House(host, services, gateway, spare, spare_address, worker, **parts)
+
+
+def _gateway(address: str, environment: dict[str, str]) -> MortalServer:
+    port = address.rpartition(":")[2]
+    command = [*_METANERF, "serve", "--port", port]
+    return MortalServer(command, lambda: _answers(address), environment=environment)
 
 
 def _stores(folder: Path, stack: ExitStack) -> dict[str, Any]:

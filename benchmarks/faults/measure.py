@@ -37,11 +37,14 @@ class Fault:
 
     name: str
     strike: Callable[[House, Crowd, Work], None]
+    """Given the crowd and the work that it is to disturb."""
     mend: Callable[[House], None] = lambda house: None
     away_s: float = 0.0
     """From the one to the other."""
     deployed: bool = True
     """Happens only to a service with servers behind it."""
+    prepare: Callable[[House], None] = lambda house: None
+    """Before anything goes on."""
 
 
 def _kill_child(house: House, crowd: Crowd, work: Work) -> None:
@@ -75,6 +78,13 @@ FAULTS = (
         lambda house, crowd, work: house.gateway.kill(),
         lambda house: house.gateway.start(),
         deployed=False,
+    ),
+    Fault(
+        "one of two gateways is killed",
+        lambda house, crowd, work: house.gateway.kill(),
+        lambda house: house.gateway.start(),
+        _AWAY_S,
+        prepare=lambda house: house.spare.start(),
     ),
     Fault(
         "everybody's network is cut",
@@ -120,17 +130,20 @@ def strike_all(faults: Sequence[Fault], *, deployed: bool) -> list[dict[str, Any
     with tempfile.TemporaryDirectory() as folder, a_house(deployed=deployed) as house:
         film = Film.stored(house, Path(folder) / "film")
         ledger = Ledger(house)
-        plan = replace(house.host.plan(MEETINGS, PEOPLE), patience_s=_COMPILED_S)
+        plan = house.host.plan(MEETINGS, PEOPLE)
+        plan = replace(
+            plan, addresses=(*plan.addresses, house.spare_address), patience_s=_COMPILED_S
+        )
         with gathered(plan, 1) as crowd:
-            return [
-                _struck(fault, house, crowd, Work(ledger, film, number), ledger)
-                for number, fault in enumerate(faults)
-            ]
+            rows = []
+            for number, fault in enumerate(faults):
+                fault.prepare(house)
+                rows.append(_struck(fault, house, crowd, Work(ledger, film, number), ledger))
+            return rows
 
 
 def _struck(fault: Fault, house: House, crowd: Crowd, work: Work, ledger: Ledger) -> dict[str, Any]:
     work.under_way()
-    time.sleep(_SETTLED_S)
     crowd.collect()
     began = time.monotonic()
     fault.strike(house, crowd, work)

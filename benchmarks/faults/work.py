@@ -25,7 +25,7 @@ from capture.upload import upload
 BUDGET_S = 6.0
 """Of each training."""
 _PICTURES, _PICTURE_PX = 24, 256
-_PIECE_PAUSE_S = 0.4
+_PIECE_PAUSE_S = 1.0
 """After each piece, so that an upload goes on for some seconds."""
 _AGAIN_S = 1.0
 _AT_WORST_S = 600.0
@@ -116,11 +116,12 @@ class Work:
         self.job_id = str(self._ask("POST", path, json=body)["id"])
         self._sequence: dict[str, Any] | None = None
         self._uploading = threading.Thread(target=self._upload, args=(number,), daemon=True)
-        self._uploading.start()
 
     def under_way(self) -> None:
-        """Return once the training has learnt something."""
+        """Return once the training has learnt something, and a part of the upload has come."""
         self._until(lambda job: job["progress"] > 0.1)
+        self._uploading.start()
+        time.sleep(2.0 * _PIECE_PAUSE_S)
 
     def end(self) -> dict[str, Any]:
         """Wait for both ends: how the job ended, its model's quality, and what was kept."""

@@ -30,8 +30,8 @@ _AT_ONCE = 8
 class Plan:
     """Who comes where."""
 
-    address: str
-    """Of the server, without a path."""
+    addresses: tuple[str, ...]
+    """Of the server, or of several that serve the same, without a path."""
     token: str
     meetings: tuple[tuple[str, tuple[str, ...]], ...]
     """The id of each, and its performers': one person comes for each."""
@@ -101,12 +101,11 @@ def _people(plan: Plan, pipe: Connection) -> None:
 async def _serve(plan: Plan, pipe: Connection) -> None:
     motions = _motions()
     header = {"Authorization": f"Bearer {plan.token}"}
-    async with httpx.AsyncClient(
-        base_url=plan.address, headers=header, timeout=30.0, limits=httpx.Limits(max_connections=64)
-    ) as caller:
+    limits = httpx.Limits(max_connections=64)
+    async with httpx.AsyncClient(headers=header, timeout=30.0, limits=limits) as caller:
         people = []
         for meeting_id, performer_ids in plan.meetings:
-            shared = SharedMeeting(meeting_id, performer_ids)
+            shared = SharedMeeting(plan.addresses, meeting_id, performer_ids)
             for index in range(len(performer_ids)):
                 # spread over a tick, as nobody's webcam keeps time with another's
                 phase = len(people) * 0.618 % 1.0

@@ -37,7 +37,7 @@ class Host:
 
     def plan(self, meetings: int, people: int) -> Plan:
         """So many new meetings of so many people. Raises InvalidInput where it opens none."""
-        return Plan(self.address, self.token, tuple(self._open(people) for _ in range(meetings)))
+        return Plan((self.address,), self.token, tuple(self._open(people) for _ in range(meetings)))
 
     def usage(self) -> Usage | None:
         """By its own figures; None where it tells them to others alone."""
@@ -100,9 +100,14 @@ def own_host(most_people: int) -> Iterator[Host]:
         running_demo(Path(folder), METANERF_MAX_VIEWERS=str(most_people)) as address,
     ):
         host = host_at(address, None, None)
-        with gathered(replace(host.plan(1, 1), patience_s=_COMPILED_S), 1):
-            pass
+        warm_up(host)
         yield host
+
+
+def warm_up(host: Host) -> None:
+    """Have a server compile and load what it needs before anything counts."""
+    with gathered(replace(host.plan(1, 1), patience_s=_COMPILED_S), 1):
+        pass
 
 
 def _read(answer: httpx.Response, what: str) -> dict:

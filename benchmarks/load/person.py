@@ -54,6 +54,8 @@ _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 8.0
 class SharedMeeting:
     """What the people of one meeting, all of one process, know together."""
 
+    addresses: Sequence[str]
+    """Of the gateways that serve it; the first that answers is taken."""
     meeting_id: str
     performer_ids: Sequence[str]
     sent_s: dict[int, list[float]] = field(default_factory=dict)
@@ -158,24 +160,18 @@ class Person:
 
     async def _visit(self) -> None:
         """One connection, until it is lost."""
-        meeting = self._meeting
-        answer = await self._caller.post(
-            f"/v1/meetings/{meeting.meeting_id}/join", json={"display_name": "Load"}
-        )
-        if answer.status_code != 200:
-            raise Refused(answer)
-        seat = answer.json()
-        url = str(self._caller.base_url).rstrip("/").replace("http", "ws", 1)
+        address, seat = await self._join()
+        url = address.replace("http", "ws", 1) + seat["control_url"]
         peer = RTCPeerConnection(
             RTCConfiguration(iceServers=[RTCIceServer(**one) for one in seat["ice_servers"]])
         )
         self._peer = peer
         self._cut.clear()
         try:
-            async with connect_socket(url + seat["control_url"]) as socket:
+            async with connect_socket(url) as socket:
                 hello = {"type": "hello", "token": seat["token"], "name": "Load", "after": 0}
                 await socket.send(json.dumps(hello))
-                location, channels = await self._open(peer, seat)
+                location, channels = await self._open(peer, address, seat)
                 try:
                     async with asyncio.TaskGroup() as tasks:
                         tasks.create_task(_discard(socket))
@@ -195,8 +191,23 @@ class Person:
         finally:
             await peer.close()
 
+    async def _join(self) -> tuple[str, dict]:
+        """A seat at the first gateway that answers, and that one's address."""
+        path = f"/v1/meetings/{self._meeting.meeting_id}/join"
+        away: httpx.TransportError | None = None
+        for address in self._meeting.addresses:
+            try:
+                answer = await self._caller.post(address + path, json={"display_name": "Load"})
+            except httpx.TransportError as error:
+                away = error
+                continue
+            if answer.status_code != 200:
+                raise Refused(answer)
+            return address, answer.json()
+        raise away or httpx.TransportError("no gateway has an address")
+
     async def _open(
-        self, peer: RTCPeerConnection, seat: dict
+        self, peer: RTCPeerConnection, address: str, seat: dict
     ) -> tuple[str, dict[str, RTCDataChannel]]:
         """A view: where it ends, and its channels."""
         protocols = {
@@ -212,7 +223,7 @@ class Person:
         peer.addTransceiver("video", direction="recvonly")
         await peer.setLocalDescription(await peer.createOffer())
         answer = await self._caller.post(
-            seat["whep_url"],
+            address + seat["whep_url"],
             content=peer.localDescription.sdp,
             headers={
                 "Authorization": f"Bearer {seat['token']}",
@@ -224,7 +235,7 @@ class Person:
         self.tally.answers["201"] += 1
         self._tick, self._opened_s = None, time.monotonic()
         await peer.setRemoteDescription(RTCSessionDescription(answer.text, "answer"))
-        return answer.headers["Location"], channels
+        return address + answer.headers["Location"], channels
 
     async def _say_goodbye(self, location: str, token: str) -> None:
         header = {"Authorization": f"Bearer {token}"}

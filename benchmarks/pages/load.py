@@ -45,6 +45,8 @@ def load(figures: Figures) -> str:
         [
             f"Largest number that holds: **{found['meetings']}** meetings of {figures['people']}.",
             table,
+            f"Coming in: {best['meetings'] * best['people']} people were there, and saw others "
+            f"move, after {best['gathered_s']:g} s.",
             f"Memory: {memory['first_mib']} MiB, and after {memory['seconds']:g} s of "
             f"{memory['meetings']} meetings {memory['last_mib']} MiB, a slope of "
             f"{memory['slope_mib_a_minute']:g} MiB a minute.",

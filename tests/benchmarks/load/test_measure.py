@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.load import measure
 from benchmarks.load.crowd import gathered
-from benchmarks.load.host import host_at
+from benchmarks.load.host import host_at, warm_up
 from benchmarks.load.measure import LoadEffort, measured, overload
 from scene.errors import InvalidInput
 from services.bootstrap import DEMO_MODEL, ensure_demo
@@ -19,7 +19,9 @@ from tests.e2e.serving import serving
 def test_every_motion_comes_to_every_viewer(tmp_path: Path):
     with serving(tmp_path, max_viewers=6) as gateway:
         ensure_demo(gateway.services, DEMO_MODEL, "Ada")
-        row = measured(host_at(gateway.address, None, None), 2, 3, 2.0, 2)
+        host = host_at(gateway.address, None, None)
+        warm_up(host)
+        row = measured(host, 2, 3, 2.0, 2)
     assert row["motions_sent_per_second"] > 30
     assert row["poses_per_second"] > row["motions_sent_per_second"]
     assert row["lost_share"] < 0.05
@@ -32,7 +34,9 @@ def test_every_motion_comes_to_every_viewer(tmp_path: Path):
 def test_whoever_finds_no_place_is_told_when_to_come_back(tmp_path: Path):
     with serving(tmp_path, max_viewers=2) as gateway:
         ensure_demo(gateway.services, DEMO_MODEL, "Ada")
-        row = overload(host_at(gateway.address, None, None), 1, 2, LoadEffort(seconds=2.0))
+        host = host_at(gateway.address, None, None)
+        warm_up(host)
+        row = overload(host, 1, 2, LoadEffort(seconds=2.0))
     assert set(row["answers"]) == {"503 Retry-After"}
     assert row["rate_slowest_during"] > 5
 
@@ -40,7 +44,9 @@ def test_whoever_finds_no_place_is_told_when_to_come_back(tmp_path: Path):
 def test_a_server_without_a_place_for_everybody_is_told(tmp_path: Path):
     with serving(tmp_path, max_viewers=1) as gateway:
         ensure_demo(gateway.services, DEMO_MODEL, "Ada")
-        plan = replace(host_at(gateway.address, None, None).plan(1, 2), patience_s=3.0)
+        host = host_at(gateway.address, None, None)
+        warm_up(host)
+        plan = replace(host.plan(1, 2), patience_s=3.0)
         told = r"within 3 s; got 1 of 2 who were not, .*503 Retry-After"
         with pytest.raises(InvalidInput, match=told), gathered(plan, 1):
             pass
