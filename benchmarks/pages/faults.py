@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 from benchmarks.pages.provenance import Figures, measured_at
 from benchmarks.reporting.markdown import markdown_table
+
+_STATUS = re.compile(r"\((\d{3})\)")
+"""Of an answer, as `metanerf upload` words it."""
 
 
 def faults(figures: Figures) -> str:
@@ -26,8 +31,8 @@ def _row(row: Figures) -> list[str]:
     attempts = row["job_attempts"]
     told = f", told {row['job_told']}" if row["job_told"] else ""
     job = f"{row['job']}{told}, {attempts} attempt{'s' if attempts > 1 else ''}"
-    cut = len(row["upload_interruptions"])
-    upload = row["upload"] + (f", asked for again {cut} times" if cut else "")
+    statuses = {status for text in row["upload_interruptions"] for status in _STATUS.findall(text)}
+    upload = row["upload"] + "".join(f", told {one}" for one in sorted(statuses))
     return [
         row["fault"],
         f"{row['mended_after_s']:g}" if row["fault"] != "nothing" else "-",
