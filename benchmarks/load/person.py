@@ -95,6 +95,8 @@ class Person:
         self._motions, self._phase = motions, phase
         self._peer: RTCPeerConnection | None = None
         self._task: asyncio.Task[None] | None = None
+        self._seat: tuple[str, dict] | None = None
+        """The gateway's address and what it gave; kept while only a view is refused."""
         self._cut = asyncio.Event()
         self._away_until_s = 0.0
         self._number = 0
@@ -144,11 +146,15 @@ class Person:
             try:
                 await self._visit()
                 attempt, pause_s = 0, _FIRST_PAUSE_S
+                self._seat = None
             except Refused as refusal:
                 self.tally.answers[refusal.told] += 1
+                if refusal.status != 503:
+                    self._seat = None
                 pause_s = max(pause_s, refusal.retry_after_s)
             except (httpx.TransportError, OSError, TimeoutError, WebSocketException):
                 self.tally.answers["away"] += 1
+                self._seat = None
             finally:
                 self.connected.clear()
             attempt += 1
@@ -160,7 +166,7 @@ class Person:
 
     async def _visit(self) -> None:
         """One connection, until it is lost."""
-        address, seat = await self._join()
+        address, seat = self._seat = self._seat or await self._join()
         url = address.replace("http", "ws", 1) + seat["control_url"]
         peer = RTCPeerConnection(
             RTCConfiguration(iceServers=[RTCIceServer(**one) for one in seat["ice_servers"]])
