@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -97,8 +98,9 @@ def overload(host: Host, meetings: int, people: int, effort: LoadEffort) -> dict
         time.sleep(_SETTLING_S)
         before = _watched(host, inside, effort.seconds)
         with gathered(host.plan(_LATE_MEETINGS, people), 1, wait=False) as outside:
+            answers = _first_answers(outside, _LATE_MEETINGS * people)
             after = _watched(host, inside, effort.seconds)
-            answers = outside.collect().answers
+            answers += outside.collect().answers
     row = {
         "meetings": meetings,
         "people": people,
@@ -112,6 +114,15 @@ def overload(host: Host, meetings: int, people: int, effort: LoadEffort) -> dict
     }
     print(row, flush=True)
     return row
+
+
+def _first_answers(crowd: Crowd, people: int) -> Counter[str]:
+    """What so many were told who came just now, once all have been told something."""
+    answers: Counter[str] = Counter()
+    while answers.total() < people:
+        answers += crowd.collect().answers
+        time.sleep(0.1)
+    return answers
 
 
 def memory(host: Host, meetings: int, people: int, effort: LoadEffort) -> dict[str, Any]:

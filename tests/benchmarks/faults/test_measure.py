@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from benchmarks.faults.house import a_house
 from benchmarks.faults.measure import FAULTS, strike_all
 from benchmarks.faults.work import Film, Ledger
@@ -11,7 +13,9 @@ from benchmarks.faults.work import Film, Ledger
 KILLED = ("the training's process is killed", "the gateway is killed")
 
 
-def test_what_is_killed_loses_nothing_and_comes_back():
+def test_what_is_killed_loses_nothing_and_comes_back(monkeypatch: pytest.MonkeyPatch):
+    # a training that gives way to all else never ends on a machine that does much else
+    monkeypatch.setenv("METANERF_JOB_NICENESS", "0")
     rows = strike_all([one for one in FAULTS if one.name in KILLED], deployed=False)
     assert [row["fault"] for row in rows] == list(KILLED)
     for row in rows:
