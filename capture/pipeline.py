@@ -5,7 +5,6 @@ Each stage is a function of its own package and can be called, tested and looked
 
 from __future__ import annotations
 
-import logging
 import tempfile
 from collections.abc import Callable
 from collections.abc import Sequence as Many
@@ -21,9 +20,14 @@ from capture.detection.clip_expressions import clip_expressions
 from capture.detection.face_and_hands import ClipParts, FaceAndHandDetector, find_parts
 from capture.detection.landmarks import MediaPipeEstimator, PoseEstimator
 from capture.detection.lifter import Lifter, closed_form, lift
-from capture.detection.network_files import NetworkSource, landmark_network_file, require_given
+from capture.detection.network_files import (
+    NetworkSource,
+    landmark_network_file,
+    optional_network_file,
+    require_given,
+)
 from capture.detection.tracking import Track, track_person
-from capture.errors import BrokenSequence, CaptureStopped, NoPersonFound, PoseModelMissing
+from capture.errors import BrokenSequence, CaptureStopped, NoPersonFound
 from capture.fitting.face_shape import with_own_face
 from capture.fitting.fit import STAGES, fit_clip
 from capture.fitting.result import Fit
@@ -38,8 +42,6 @@ from capture.storage import write_sequence
 from scene.arrays import Array, UInt8
 from scene.errors import InvalidInput
 from scene.sequence import PoseTrust
-
-log = logging.getLogger(__name__)
 
 SIZE_PX = 1024
 """Longest side of the stored frames."""
@@ -243,7 +245,7 @@ def _parts(
 ) -> ClipParts:
     """Face and hands in each frame, as far as models are available."""
     models = (options.face_model, options.hand_model)
-    face, hand = (None if model is None else _file_or_none(model) for model in models)
+    face, hand = (None if model is None else optional_network_file(model) for model in models)
 
     def go_on(_: float) -> None:
         if should_stop():
@@ -251,14 +253,6 @@ def _parts(
 
     with FaceAndHandDetector(face, hand) as detector:
         return find_parts(clip.images, track.people, detector, go_on)
-
-
-def _file_or_none(model: NetworkSource | Path) -> Path | None:
-    try:
-        return landmark_network_file(model)
-    except PoseModelMissing as error:
-        log.warning("face or hands stay at rest: %s", error)
-        return None
 
 
 def _focal_px(clip: Clip, options: CaptureOptions) -> float | None:

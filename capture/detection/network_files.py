@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import http.client
+import logging
 import os
 import tempfile
 import urllib.request
@@ -12,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from capture.errors import PoseModelMissing
+
+log = logging.getLogger(__name__)
 
 _PUBLISHED = "https://storage.googleapis.com/mediapipe-models"
 _OPTIONAL_TIMEOUT_S = 5.0
@@ -99,6 +102,15 @@ def landmark_network_file(source: NetworkSource | Path) -> Path:
             return kept
         kept.unlink()
     return _fetch(source, url, kept)
+
+
+def optional_network_file(source: NetworkSource | Path) -> Path | None:
+    """The same of faces or hands, without which everything else goes on: None if it is missing."""
+    try:
+        return landmark_network_file(source)
+    except PoseModelMissing as error:
+        log.warning("face or hands stay at rest: %s", error)
+        return None
 
 
 def require_given(

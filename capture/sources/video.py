@@ -129,6 +129,37 @@ def read_video(
     return Clip(tuple(images), increasing(times, numbers, info.frames_per_second), size, decoded)
 
 
+@dataclass(frozen=True, eq=False)
+class FilmedFrame:
+    """A frame of a clip that plays."""
+
+    time_s: float
+    """From the first frame of the clip."""
+    frame: VideoFrame
+
+    def image(self, max_side: int = MAX_SIDE_PX) -> UInt8[Array, "H W 3"]:
+        """sRGB, turned the way it is shown, no larger than `max_side`. Of those alone that are
+        looked at: converting takes longer than decoding."""
+        turns = round(self.frame.rotation / 90.0)
+        return shrink(np.rot90(self.frame.to_ndarray(format="rgb24"), turns), max_side)
+
+
+def played_frames(path: Path) -> Iterator[FilmedFrame]:
+    """Every frame of a clip of any length, in order, as it is decoded.
+
+    Raises UnreadableClip for anything that is no video.
+    """
+    info = probe_video(path)
+    with _opened(path) as container:
+        first_s, last_s = None, -1.0
+        for number, frame in enumerate(_decoded(container, path)):
+            told_s = number / info.frames_per_second if frame.time is None else float(frame.time)
+            first_s = told_s if first_s is None else first_s
+            if told_s - first_s > last_s:
+                last_s = told_s - first_s
+                yield FilmedFrame(last_s, frame)
+
+
 def evenly_spaced(count: int, at_most: int) -> Array:
     """At most `at_most` indices of `count`, evenly spaced from the first to the last."""
     return np.unique(np.linspace(0, max(count - 1, 0), min(count, at_most)).round().astype(int))

@@ -8,7 +8,7 @@ from functools import cache
 import typer
 
 from scene.errors import SceneError
-from services.cli import backups, examination, models, recordings, sequences, serving
+from services.cli import backups, examination, joining, models, recordings, sequences, serving
 from services.cli.extensions import command_groups
 
 app = typer.Typer(
@@ -18,7 +18,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for module in (serving, sequences, models, recordings, backups, examination):
+for module in (serving, joining, sequences, models, recordings, backups, examination):
     app.registered_commands += module.app.registered_commands
 
 

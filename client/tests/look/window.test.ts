@@ -60,6 +60,23 @@ describe("LookWindow", () => {
     expect(window.follow(somebody(), 1100)!.side).toBe(first.side);
   });
 
+  it("gives the squares of the server's own sender", () => {
+    // the same as in tests/services/joining/test_window.py
+    const hands = { 15: [610, 120], 19: [625, 100], 16: [30, 120], 20: [20, 100] } as const;
+    const aside = Object.fromEntries(Object.entries(PLACES).map(([i, [x, y]]) => [i, [x - 150, y] as const]));
+    const steps = [[0, {}], [33, hands], [66, {}], [900, {}], [1100, {}], [1133, aside]] as const;
+    const window = new LookWindow();
+    const squares = steps.map(([timeMs, moved]) => window.follow(somebody(moved), timeMs)!);
+    expect(squares.map(({ x, y, side }) => [x, y, side])).toEqual([
+      [80, 0, 480],
+      [-48, -128, 736],
+      [-48, -128, 736],
+      [-48, -128, 736],
+      [80, 0, 480],
+      [0, 0, 480],
+    ]);
+  });
+
   it("moves in few steps, whatever moves", () => {
     const window = new LookWindow();
     for (let step = 0; step < 40; step++) {

@@ -11,7 +11,14 @@ import pytest
 
 from capture.errors import CaptureStopped, UnreadableClip
 from capture.overlay import write_video
-from capture.sources.video import evenly_spaced, increasing, probe_video, read_video, shrink
+from capture.sources.video import (
+    evenly_spaced,
+    increasing,
+    played_frames,
+    probe_video,
+    read_video,
+    shrink,
+)
 
 
 @pytest.fixture
@@ -40,6 +47,14 @@ def test_a_short_clip_keeps_every_frame(clip):
     read = read_video(clip)
     assert len(read.images) == 30
     assert read.frames_per_second == pytest.approx(30.0)
+
+
+def test_a_clip_plays_the_frames_that_reading_gives(clip):
+    read, played = read_video(clip), list(played_frames(clip))
+    assert [one.time_s for one in played] == pytest.approx(read.times_s.tolist())
+    for one, image in zip(played, read.images, strict=True):
+        assert (one.image() == image).all()
+    assert max(played[0].image(16).shape) == 16
 
 
 def test_large_frames_are_made_smaller(clip):

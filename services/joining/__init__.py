@@ -1,0 +1,1 @@
+"""Joining a meeting from the command line: a clip of a person in the place of their webcam."""
