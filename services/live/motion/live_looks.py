@@ -9,17 +9,20 @@ themselves find the colours themselves, and take from here the pose that is alig
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
+import numpy as np
 from prometheus_client import Histogram
 
 from renderer.live_look.picture import WebcamPicture
 from renderer.performer_model import PerformerModel
 from renderer.splats.model import SplatModel
 from scene.camera import Camera
+from scene.motion import Pose
 from services.live.look.picture import (
     AlignedPose,
     LookPicture,
@@ -129,7 +132,7 @@ class PerformerLook(LookSink):
             return
         look = self._look_of(model, splats)
         camera = cropped(solved.camera, picture)
-        seen = WebcamPicture(picture.rgb, picture.matte, camera, solved.pose)
+        seen = seen_of(picture, solved.camera, solved.pose)
         aligned = look.align(seen)
         moment_s = solved.pose.time_s + (self._motion.clock_offset_s or 0.0)
         if request is not None:
@@ -158,6 +161,30 @@ class PerformerLook(LookSink):
         look = self._look
         # a better model of them may have come meanwhile
         return look[1] if look is not None and look[0] is model else LiveLook(splats)
+
+
+def seen_of(picture: LookPicture, whole: Camera, pose: Pose) -> WebcamPicture:
+    """What of a sent picture the webcam, whose `whole` picture has that camera, saw.
+
+    The square that is sent may reach beyond. There nothing is known: taken for a place where nobody
+    is, it would draw limbs and hips away from it.
+    """
+    x, y, side = picture.window
+    height, width = picture.matte.shape
+    columns = _inside(x, side, whole.width, width)
+    rows = _inside(y, side, whole.height, height)
+    camera = cropped(whole, picture).cropped(
+        columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start
+    )
+    rgb, matte = (np.ascontiguousarray(of[rows, columns]) for of in (picture.rgb, picture.matte))
+    return WebcamPicture(rgb, matte, camera, pose)
+
+
+def _inside(start: int, side: int, whole_px: int, sent_px: int) -> slice:
+    """Which of the `sent_px` pixels of a square lie in the picture, at least one."""
+    scale = sent_px / side
+    first = min(max(math.ceil(-start * scale), 0), sent_px - 1)
+    return slice(first, min(max(math.floor((whole_px - start) * scale), first + 1), sent_px))
 
 
 def cropped(camera: Camera, picture: LookPicture) -> Camera:

@@ -11,10 +11,11 @@ import pytest
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, ROTATION
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
+from scene.camera import Camera
 from scene.motion import Motion, Pose
 from services.live.keypoints_packet import KeypointsPacket
 from services.live.look.picture import AlignedPose, LookPicture, PoseRequest
-from services.live.motion.live_looks import PerformerLook, cropped
+from services.live.motion.live_looks import PerformerLook, cropped, seen_of
 from services.live.motion.live_motion import LiveMotion
 from services.live.room import MeetingPerformer, Room
 from tests.capture.people import body
@@ -177,3 +178,27 @@ def test_motion_waits_for_the_picture():
     )
     np.testing.assert_allclose(shown, then.joint_angles[16], atol=0.02)
     assert np.abs(ahead - then.joint_angles[16]).max() > 0.08
+
+
+@pytest.mark.parametrize(
+    ("window", "rows", "columns"),
+    [
+        ((0, 0, 480), (0, 288), (0, 288)),
+        ((-48, -128, 736), (51, 237), (19, 269)),
+        ((300, -96, 576), (48, 288), (0, 170)),
+        ((2000, 2000, 100), (0, 1), (0, 1)),
+    ],
+)
+def test_beyond_the_webcams_picture_nothing_is_known(window, rows, columns):
+    rng = np.random.default_rng(5)
+    rgb = rng.integers(0, 255, (SIDE, SIDE, 3), np.uint8)
+    whole = Camera(np.array([[557.0, 0, 320], [0, 557, 240], [0, 0, 1]]), np.eye(3, 4), 640, 480)
+    sent = LookPicture(0, window, rgb, rgb[..., 0])
+    seen = seen_of(sent, whole, Pose.rest())
+    inside = slice(*rows), slice(*columns)
+    assert (seen.rgb == rgb[inside]).all()
+    assert (seen.matte == rgb[..., 0][inside]).all()
+    # what is kept is seen where it was
+    point = np.array([[0.03, -0.02, 1.0]])
+    moved = cropped(whole, sent).project(point)[0] - seen.camera.project(point)[0]
+    assert moved[0] == pytest.approx([columns[0], rows[0]], abs=1e-3)
