@@ -66,7 +66,7 @@ CATALOGUE = (
     Benchmark("covered-torso", ("covered-torso",), (require_human_assets,)),
     Benchmark("two-cameras", ("two-cameras",), (require_footage,)),
     Benchmark("real", ("real",), (require_real_footage,)),
-    Benchmark("live-look", ("live-look",), (require_real_footage,)),
+    Benchmark("live-look", ("live-look",), (require_real_footage, require_human_assets)),
     Benchmark("levels", ("levels",), (require_real_footage, require_browser)),
     Benchmark(
         "parsimony",

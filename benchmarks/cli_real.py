@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from benchmarks.cli_options import (
+    Assets,
     ClockName,
     Commits,
     Footage,
@@ -15,7 +16,14 @@ from benchmarks.cli_options import (
     landmark_models,
     start,
 )
-from benchmarks.inputs import FOOTAGE, LPIPS_BACKBONE, require_browser, require_real_footage
+from benchmarks.inputs import (
+    FOOTAGE,
+    HUMAN_ASSETS,
+    LPIPS_BACKBONE,
+    require_browser,
+    require_human_assets,
+    require_real_footage,
+)
 from services.cli.terminal import seconds
 
 Budget = Annotated[str, typer.Option(help="Training time of each model.")]
@@ -46,15 +54,19 @@ def live_look(
     clock: ClockName = "processor",
     budget: Budget = "60s",
     only: Only = "",
+    assets: Assets = HUMAN_ASSETS,
 ) -> None:
-    """Models of real people, coloured by the frames of other clips of theirs as a webcam sends."""
+    """Models of real people, coloured by the frames of other clips of theirs as a webcam sends; and
+    of lifelike performers, who are seen from beside their webcam as they truly are."""
     require_real_footage(footage)
+    require_human_assets(assets)
     from benchmarks.real.live_look import run
     from benchmarks.real.measure import Effort, Networks
 
     networks = Networks(*landmark_models(), backbone)
     writer = start("live-look", commits, narrowed=bool(only) or (clock, budget) != _USUAL)
-    run(writer, footage, networks, clock, only, effort=Effort(seconds(budget)))
+    effort = Effort(seconds(budget))
+    run(writer, footage, networks, clock, only, effort=effort, assets=assets)
 
 
 def levels(

@@ -209,7 +209,7 @@ def hands_before_chest(skeleton: Skeleton, frames: int) -> Motion:
     """The same, while each wrist goes round before its side of the chest."""
     motion = hands_away(frames)
     angles = motion.joint_angles.copy()
-    arms = {side: _arm_joints(side) for side in ("left", "right")}
+    arms = {side: arm_joints(side) for side in ("left", "right")}
     for number in range(frames):
         phase = 2.0 * np.pi * 3.0 * number / frames
         for side, sign in (("left", 1.0), ("right", -1.0)):
@@ -217,18 +217,22 @@ def hands_before_chest(skeleton: Skeleton, frames: int) -> Motion:
             off = np.array(
                 [sign * _REACH_M * np.cos(phase), _UP_M * np.sin(phase + sign), _BEFORE_CHEST_M]
             )
-            angles[number, arms[side]] = _reaching(skeleton, arms[side], sign, middle + off)
+            angles[number, arms[side]] = reaching(skeleton, arms[side], sign, middle + off)
     return replace(motion, joint_angles=angles)
 
 
-def _arm_joints(side: str) -> list[int]:
+def arm_joints(side: str) -> list[int]:
+    """Shoulder, elbow and wrist of `left` or `right`."""
     return [JOINT_NAMES.index(f"{side}_{part}") for part in ("shoulder", "elbow", "wrist")]
 
 
-def _reaching(
+def reaching(
     skeleton: Skeleton, arm: list[int], sign: float, wrist: Float[Array, "3"]
 ) -> Float[Array, "3 3"]:
-    """Rotations of shoulder, elbow and wrist that bring the wrist there, the trunk at rest."""
+    """Rotations (rad) of the joints `arm` that bring the wrist there (m), the trunk at rest.
+
+    `sign` is 1 for the left arm, -1 for the right.
+    """
     hanging = axis_angle_to_matrix(np.array([0.0, 0.0, -1.1 * sign]))
 
     def rotations(numbers: Array) -> Float[Array, "3 3"]:

@@ -1,9 +1,18 @@
-"""Live look on real people, as docs/live-look.md shows it."""
+"""Live look on real people and lifelike ones, as docs/live-look.md shows it."""
 
 from __future__ import annotations
 
+from benchmarks.lifelike_look.measure import (
+    AIM,
+    BEHIND_DEG,
+    BESIDE_DEG,
+    FLICKER_DEG,
+    MUST,
+    MUST_BEHIND,
+    MUST_FLICKER,
+)
 from benchmarks.pages.provenance import Figures, measured_at
-from benchmarks.real.live_look import AIM, AIM_BESIDE, MUST, MUST_BESIDE
+from benchmarks.real import live_look as real
 from benchmarks.reporting.markdown import markdown_table
 
 _PLACES = (("webcam", "at the webcam"), ("other_cameras", "22 and 56 degrees beside"))
@@ -17,8 +26,8 @@ def live_look(figures: Figures) -> str:
         f"LPIPS on `{lpips}` (and PSNR, dB) of crops of other clips than the one trained on, "
         f"pictures of at most {size} px, {figures['pictures_a_second']:g} a second, by the model "
         "alone -> with live look (`metanerf bench live-look`). At the webcam's place "
-        f"{MUST:g} is the limit for body and face, {AIM:g} the aim; from beside, "
-        f"{MUST_BESIDE:g} and {AIM_BESIDE:g} of the model alone:"
+        f"{real.MUST:g} is the limit for body and face, {real.AIM:g} the aim; from beside, "
+        f"{real.MUST_BESIDE:g} and {real.AIM_BESIDE:g} of the model alone:"
     )
     rows = []
     for name, case in figures["cases"].items():
@@ -34,7 +43,52 @@ def live_look(figures: Figures) -> str:
                 [name, f"{title} ({live['frames']})", *parts, flicker, f"{case['picture_ms']:.0f}"]
             )
     heads = ["person", "seen from (frames)", *_PARTS, "flicker, of the model's", "ms a picture"]
-    return "\n\n".join([description, markdown_table(heads, rows), measured_at(figures)])
+    parts = [description, markdown_table(heads, rows)]
+    if "lifelike" in figures:  # figures of before have none
+        parts += _lifelike(figures["lifelike"])
+    return "\n\n".join([*parts, measured_at(figures)])
+
+
+def _lifelike(figures: Figures) -> list[str]:
+    """Of lifelike performers: what is told and the table."""
+    limits = ", ".join(f"{share:g} from {degrees:g} degrees" for degrees, share in MUST.items())
+    aims = ", ".join(f"{share:g}" for share in AIM.values())
+    description = (
+        "Lifelike performers (MakeHuman's skins and garments), who are drawn from beside their "
+        "webcam as they truly are: trained on one turn, then seen by a webcam of "
+        f"{' x '.join(map(str, figures['webcam_px']))} px through the product's own landmarks, "
+        "live motion, cut-outs and VP8. LPIPS of the body (in brackets of the hand or the face), "
+        "with live look as a share of that of the model alone in the same pose. The limits are "
+        f"{limits} (the aims {aims}), {MUST_BEHIND:g} from beyond 75 degrees, and "
+        f"{MUST_FLICKER:g} for flicker:"
+    )
+    rows = []
+    for name, one in figures["cast"].items():
+        for what, places in one["performances"].items():
+            beside = [_shares(places[f"{degrees:g}"]) for degrees in BESIDE_DEG]
+            behind = [_share(places[f"{degrees:g}"], "body") for degrees in BEHIND_DEG]
+            flicker = [_share(places[f"{degrees:g}"], "flicker") for degrees in FLICKER_DEG]
+            model = places["0"]["model"]["body"]
+            told = " / ".join(f"{share:.2f}" for share in flicker)
+            rows.append([name, what, f"{model:.3f}", *beside, f"{max(behind):.2f}", told])
+    heads = [
+        "performer",
+        "what they do",
+        "model alone at 0 degrees",
+        *(f"{degrees:g} degrees" for degrees in BESIDE_DEG),
+        "worst beyond 75",
+        f"flicker at {' / '.join(f'{degrees:g}' for degrees in FLICKER_DEG)}",
+    ]
+    return [description, markdown_table(heads, rows)]
+
+
+def _shares(place: Figures) -> str:
+    return f"{_share(place, 'body'):.2f} ({_share(place, 'part'):.2f})"
+
+
+def _share(place: Figures, figure: str) -> float:
+    """Of the model alone."""
+    return place["live"][figure] / place["model"][figure]
 
 
 def local_look(figures: Figures) -> str:

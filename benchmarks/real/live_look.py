@@ -19,10 +19,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.lifelike_look.measure import measure_cast
 from benchmarks.real.cases import CASES, Case
 from benchmarks.real.filmed import FilmedClip
 from benchmarks.real.frames import Retarget, test_frame, test_frames
 from benchmarks.real.judge import Figures, Judge, TestFrame, changes, mean
+from benchmarks.real.live_look_clip import PlayedFrame, draw_clip
 from benchmarks.real.live_look_sheet import draw_sheet
 from benchmarks.real.measure import (
     Effort,
@@ -45,6 +47,8 @@ from scene.sequence import crop_window
 LIVE_CASES = tuple(case for case in CASES if case.other_clips or case.name == "desk")
 PICTURE_PX, PICTURES_A_SECOND = 384, 15.0
 _MARGIN = 0.1
+TURNED = "patterned-shirt"
+"""The case of which a clip is made, too."""
 MUST, AIM = 0.10, 0.05
 """LPIPS at the webcam's own place, of body and face."""
 MUST_BESIDE, AIM_BESIDE = 0.75, 0.5
@@ -68,8 +72,12 @@ def run(
     only: str = "",
     cases: tuple[Case, ...] = LIVE_CASES,
     effort: Effort | None = None,
+    assets: Path | None = None,
 ) -> None:
-    """Measure what was not measured yet of `cases`, draw a sheet of each, and report."""
+    """Measure what was not measured yet of `cases`, draw a sheet of each, and report.
+
+    With MakeHuman's `assets`, also of lifelike performers (`benchmarks.lifelike_look`).
+    """
     cache, clock, effort = writer.cache(only), clock_named(clock_name), effort or Effort()
     conditions = {
         **asdict(effort),
@@ -88,7 +96,10 @@ def run(
         )
         if found is not None:
             rows[case.name] = found
-    writer.write({**conditions, "cases": rows})
+    lifelike: dict[str, Any] = {}
+    if assets is not None:
+        lifelike["lifelike"] = measure_cast(writer, cache, assets, networks, effort, clock)
+    writer.write({**conditions, "cases": rows, **lifelike})
 
 
 def measure(
@@ -105,12 +116,15 @@ def measure(
         milliseconds: list[float] = []
         webcam: list[ColouredFrame] = []
         beside: list[ColouredFrame] = []
+        played: list[PlayedFrame] = []
         for name in case.other_clips:
-            webcam += _driven_by(clips[name], model, milliseconds)
+            webcam += _driven_by(clips[name], model, milliseconds, played)
         if case.other_cameras:
             frames = list(test_frames(case, clips, model, set(numbers), footage))
             beside = list(_beside(clips[case.trained], frames, max(numbers), model, milliseconds))
         draw_sheet(sheet, model, webcam or beside)
+        if case.name == TURNED:
+            draw_clip(sheet.with_name("turning.webp"), model, played, PICTURES_A_SECOND)
         return {
             "splats": len(model),
             "picture_ms": round(float(np.median(milliseconds)), 1),
@@ -120,9 +134,9 @@ def measure(
 
 
 def _driven_by(
-    clip: FilmedClip, model: SplatModel, milliseconds: list[float]
+    clip: FilmedClip, model: SplatModel, milliseconds: list[float], played: list[PlayedFrame]
 ) -> Iterator[ColouredFrame]:
-    """The judged frames of another clip, as it plays."""
+    """The judged frames of another clip, as it plays; all that play are added to `played`."""
     retarget, look = Retarget.between(clip, model), LiveLook(model)
     camera = retarget.camera(clip.camera)
     for number, index in _played(clip, 0):
@@ -130,9 +144,11 @@ def _driven_by(
         begun = time.perf_counter()
         pose = look.see(picture)
         milliseconds.append(1e3 * (time.perf_counter() - begun))
+        change = look.change_at(pose.time_s)
+        played.append(PlayedFrame(clip.footage.images[index], camera, pose, change))
         if index in clip.ruler.indices:
             frame = test_frame(clip, "webcam", index, camera, pose)
-            yield ColouredFrame(frame, look.change_at(pose.time_s))
+            yield ColouredFrame(frame, change)
 
 
 def _beside(

@@ -29,7 +29,7 @@ from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.rasteriser.workspace import Workspace, pack_camera
 from renderer.splats.training.evidence import shown_pixels
-from renderer.splats.training.occlusion import hidden_by_limbs, limb_splats
+from renderer.splats.training.occlusion import hidden_by_body, hidden_by_limbs, limb_splats
 from scene.arrays import Array, Float, Int
 from scene.camera import Camera
 from scene.motion import Pose
@@ -166,6 +166,7 @@ class LiveLook:
             step[behind] = 0.0
             self._change += _OVERSTEP * step
         np.clip(self._change, -base, 1.0 - base, out=self._change)
+        behind |= hidden_by_body(work, size)
         self._gathered[0, behind, KNOWN] = 0.0
 
     def _follow(self, time_s: float, base: Float[Array, "N 3"]) -> None:

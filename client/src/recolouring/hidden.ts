@@ -1,4 +1,4 @@
-/** Which splats a forearm or hand hides, and may hide if its pose is a little off: renderer/splats/training/occlusion.py. */
+/** Which splats a forearm or hand hides, or may hide, and which the body does: renderer/splats/training/occlusion.py. */
 
 import type { SplatFile } from "../splats/file";
 import type { ProjectedSplats } from "./projected";
@@ -10,6 +10,8 @@ const CELL_PX = 4;
 const MARGIN_M = 0.015;
 /** How much farther away a splat must be to count as hidden, m: a sleeve's own is not. */
 const BEHIND_M = 0.04;
+/** How much farther away than the nearest a splat must be to lie on the other side of the body, m. */
+const THROUGH_M = 0.14;
 const OPAQUE = 0.2;
 
 /** 1 for each splat that moves most with a forearm, wrist or hand. */
@@ -23,25 +25,43 @@ export function limbSplats({ count, joints, weights }: SplatFile): Uint8Array {
 
 /** 1 for each splat behind `limbs` in a picture of `side` px. */
 export function hiddenByLimbs(splats: ProjectedSplats, limbs: Uint8Array, side: number, focalPx: number): Uint8Array {
-  const { x, y, depth, opacity } = splats;
-  const cells = Math.ceil(side / CELL_PX);
+  const { depth } = splats;
   const hidden = new Uint8Array(limbs.length);
-  const cellOf = (i: number): number => cells * cellAt(y[i]!, cells) + cellAt(x[i]!, cells);
-  const nearest = new Float32Array(cells * cells).fill(Infinity);
-  const depths: number[] = [];
-  limbs.forEach((limb, i) => {
-    if (!limb || depth[i] === 0 || opacity[i]! <= OPAQUE) return;
-    const cell = cellOf(i);
-    nearest[cell] = Math.min(nearest[cell]!, depth[i]!);
-    depths.push(depth[i]!);
-  });
-  if (depths.length === 0) return hidden;
-  const reach = Math.max(1, Math.round((MARGIN_M * focalPx) / median(depths) / CELL_PX));
+  const { cells, nearest, front } = nearestOf(splats, side, (i) => limbs[i] === 1);
+  if (front.length === 0) return hidden;
+  const reach = Math.max(1, Math.round((MARGIN_M * focalPx) / median(front) / CELL_PX));
   const around = nearestAround(nearestAround(nearest, cells, reach, 1), cells, reach, cells);
   limbs.forEach((limb, i) => {
-    if (!limb && depth[i]! > 0 && depth[i]! > around[cellOf(i)]! + BEHIND_M) hidden[i] = 1;
+    if (!limb && depth[i]! > 0 && depth[i]! > around[cellOf(splats, cells, i)]! + BEHIND_M) hidden[i] = 1;
   });
   return hidden;
+}
+
+/** 1 for each splat that lies through the body from the camera, in a picture of `side` px. */
+export function hiddenByBody(splats: ProjectedSplats, side: number): Uint8Array {
+  const { cells, nearest } = nearestOf(splats, side, () => true);
+  return Uint8Array.from(splats.depth, (depth, i) =>
+    depth > 0 && depth > nearest[cellOf(splats, cells, i)]! + THROUGH_M ? 1 : 0,
+  );
+}
+
+/** How near the nearest of some splats is in each cell, and how near each of them is. */
+function nearestOf(splats: ProjectedSplats, side: number, counts: (i: number) => boolean) {
+  const { depth, opacity } = splats;
+  const cells = Math.ceil(side / CELL_PX);
+  const nearest = new Float32Array(cells * cells).fill(Infinity);
+  const front: number[] = [];
+  depth.forEach((far, i) => {
+    if (far === 0 || opacity[i]! <= OPAQUE || !counts(i)) return;
+    const cell = cellOf(splats, cells, i);
+    nearest[cell] = Math.min(nearest[cell]!, far);
+    front.push(far);
+  });
+  return { cells, nearest, front };
+}
+
+function cellOf({ x, y }: ProjectedSplats, cells: number, i: number): number {
+  return cells * cellAt(y[i]!, cells) + cellAt(x[i]!, cells);
 }
 
 function cellAt(px: number, cells: number): number {

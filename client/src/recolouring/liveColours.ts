@@ -9,7 +9,7 @@ import { depthOrder } from "../splats/sort";
 import type { PosePacket } from "../transport/packets";
 import { finestLevel, ofAllLevels } from "./finestLevel";
 import { Footprints } from "./footprints";
-import { hiddenByLimbs, limbSplats } from "./hidden";
+import { hiddenByBody, hiddenByLimbs, limbSplats } from "./hidden";
 import { nearest } from "./neighbours";
 import { ProjectedSplats, type Lens } from "./projected";
 
@@ -101,8 +101,9 @@ export class LiveColours {
     }
     const base = splats.colours;
     for (let at = 0; at < change.length; at++) change[at] = Math.max(-base[at]!, Math.min(change[at]!, 1 - base[at]!));
+    const through = hiddenByBody(splats, side);
     behind.forEach((hidden, i) => {
-      if (hidden) this.knownPx[i] = 0;
+      if (hidden || through[i]) this.knownPx[i] = 0;
     });
     this.follow(pose.captureTimeMs / 1000);
   }

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { Footprints } from "../../src/recolouring/footprints";
-import { hiddenByLimbs, limbSplats } from "../../src/recolouring/hidden";
+import { hiddenByBody, hiddenByLimbs, limbSplats } from "../../src/recolouring/hidden";
 import { LiveColours, type CutOutPicture } from "../../src/recolouring/liveColours";
 import { nearest } from "../../src/recolouring/neighbours";
 import { cutOutPicture } from "../../src/recolouring/pictureReader";
@@ -96,6 +96,14 @@ describe("hiddenByLimbs", () => {
     const hidden = hiddenByLimbs(splats, limbs, SIDE, LENS[0]);
     expect([hidden[10 * 20 + 10], hidden[0], hidden[400]]).toEqual([1, 0, 0]);
     expect(hiddenByLimbs(splats, new Uint8Array(401), SIDE, LENS[0]).some(Boolean)).toBe(false);
+  });
+});
+
+describe("hiddenByBody", () => {
+  it("names what lies through the body, and not what lies just under its surface", () => {
+    const splats = new ProjectedSplats(person([[0, 0, 0.22], [0, 0, 0], [0, 0, 0.12], [0.2, 0, 0]]));
+    splats.place(poseOf(1), LENS, SIDE);
+    expect([...hiddenByBody(splats, SIDE)]).toEqual([0, 1, 0, 0]);
   });
 });
 

@@ -1,4 +1,4 @@
-"""What a forearm hides from the camera, and nothing else."""
+"""What a forearm hides from the camera, and what the body does."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 from renderer.splats.layout import ALPHA, EMPTY_BOX, MEAN_X, MEAN_Y
 from renderer.splats.rasteriser.workspace import Workspace
-from renderer.splats.training.occlusion import hidden_by_limbs, limb_splats
+from renderer.splats.training.occlusion import hidden_by_body, hidden_by_limbs, limb_splats
 from scene.arrays import Array, Bool
 from scene.skeleton import JOINT_NAMES
 
@@ -52,6 +52,13 @@ def test_a_hand_that_is_not_drawn_or_seen_through_hides_nothing():
     work.projected[0, ALPHA] = 0.9
     work.boxes[0, 0] = EMPTY_BOX
     assert hidden(work) == [False, False]
+
+
+def test_the_far_side_of_the_body_is_hidden_and_folds_of_the_near_side_are_not():
+    work = arranged([(50, 50, 1.0), (50, 50, 1.22), (50, 50, 1.08), (80, 50, 1.22)])
+    assert hidden_by_body(work, SIZE).tolist() == [False, True, False, False]
+    work.projected[[0, 2], ALPHA] = 0.1
+    assert not hidden_by_body(work, SIZE).any(), "what is seen through hides nothing"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,202 @@
+"""Live look on lifelike performers: from beside their webcam, against what a camera there sees.
+
+Each is trained on one turn; then a hand goes across the chest, or the face does what the clip did
+not hold, before a synthetic webcam (`benchmarks.lifelike_look.webcam`). The model alone and with
+live look, both in the pose that the picture was aligned with, are seen from the webcam's place and
+from beside and behind it, each by a camera carried round the pelvis as far as that which shows the
+truth, and judged on the crop of the body and on that of the hand or the face.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmarks.lifelike_look.performances import (
+    FRAMES,
+    PLAYED_HZ,
+    SECONDS,
+    SIZE_PX,
+    WEBCAM_PX,
+    Performance,
+    performances,
+    trained_clip,
+)
+from benchmarks.lifelike_look.sheet import LookedAt, draw_sheet
+from benchmarks.lifelike_look.webcam import AS_FOUND, GivenTruth, SyntheticWebcam
+from benchmarks.real.measure import Effort, Networks, trained_model
+from benchmarks.reporting.figures import FigureWriter
+from benchmarks.reporting.measurements import MeasurementCache
+from benchmarks.reporting.timing import Clock
+from capture.studio.lifelike.performer import make_lifelike_performer
+from capture.studio.named_performers import LIFELIKE_PERFORMERS
+from renderer.evaluation.lpips import Lpips
+from renderer.evaluation.metrics import psnr
+from renderer.live_look.live_look import LiveLook
+from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import SplatRenderer
+from scene.arrays import Array, Float
+from scene.sequence import Frame, body_crop
+from services.joining.finder import PersonFinder
+
+CAST = ("hazel", "jasper")
+BESIDE_DEG = (0.0, 10.0, 20.0, 40.0)
+BEHIND_DEG = (90.0, 135.0, 180.0)
+FLICKER_DEG = (0.0, 20.0, 40.0)
+MUST, AIM = {10.0: 0.6, 20.0: 0.7, 40.0: 0.85}, {10.0: 0.3, 20.0: 0.4, 40.0: 0.6}
+"""LPIPS as a share of that of the model alone, by degrees beside the webcam."""
+MUST_BEHIND, MUST_FLICKER = 1.0, 1.2
+"""The same from beyond 75 degrees; flicker as a share of that of the model alone."""
+_FIRST, _EVERY = 12, 8
+"""Pictures before the first that is judged, and from one to the next."""
+_LEAST_PX = 96
+"""Smaller crops are enlarged until the features of LPIPS see more than a few pixels."""
+
+
+def measure_cast(
+    writer: FigureWriter,
+    cache: MeasurementCache,
+    assets: Path,
+    networks: Networks,
+    effort: Effort,
+    clock: Clock,
+) -> dict[str, Any]:
+    """Measure who was not measured yet; the figures of all, by name."""
+    conditions = {
+        "frames": FRAMES,
+        "size": SIZE_PX,
+        "webcam_px": list(WEBCAM_PX),
+        "played_hz": PLAYED_HZ,
+        "seconds": SECONDS,
+    }
+    cast: dict[str, Any] = {}
+    for name in CAST:
+        sheet = writer.picture(f"live-look-{name}.jpg")
+        found = cache.measured(
+            name,
+            {**conditions, **asdict(effort), "lpips": networks.lpips.name, **clock.about()},
+            lambda n=name, s=sheet: measure_performer(n, assets, networks, effort, clock, s),
+        )
+        if found is not None:
+            cast[name] = found
+    return {**conditions, "cast": cast}
+
+
+def measure_performer(
+    name: str,
+    assets: Path,
+    networks: Networks,
+    effort: Effort,
+    clock: Clock,
+    sheet: Path,
+    given: GivenTruth = AS_FOUND,
+) -> dict[str, Any]:
+    """The figures of one performer; their contact sheet is written to `sheet`."""
+    performer = make_lifelike_performer(LIFELIKE_PERFORMERS[name], assets, expressive=True)
+    lpips, looked_at = Lpips(networks.lpips), dict[str, list[LookedAt]]()
+    with tempfile.TemporaryDirectory() as folder:
+        clip = trained_clip(performer, name, Path(folder) / "clip")
+        model = trained_model(clip, effort, clock).splats
+    assert model is not None
+    milliseconds: list[float] = []
+    for performance in performances(performer):
+        with PersonFinder(networks.pose, networks.face, networks.hand) as finder:
+            webcam = SyntheticWebcam(performance, finder, given)
+            looked_at[performance.name] = list(played(performance, webcam, model, milliseconds))
+    draw_sheet(sheet, model, looked_at.values())
+    return {
+        "splats": len(model),
+        "picture_ms": round(float(np.median(milliseconds)), 1),
+        "performances": {name: judged(shown, model, lpips) for name, shown in looked_at.items()},
+    }
+
+
+def played(
+    performance: Performance, webcam: SyntheticWebcam, model: SplatModel, milliseconds: list[float]
+) -> Iterator[LookedAt]:
+    """The judged pictures of a performance, and the one after each, as live look plays."""
+    look = LiveLook(model)
+    for count, seen in enumerate(webcam.pictures(model.skeleton)):
+        begun = time.perf_counter()
+        pose = look.see(seen.picture)
+        milliseconds.append(1e3 * (time.perf_counter() - begun))
+        if count >= _FIRST and (count - _FIRST) % _EVERY < 2:
+            change = look.change_at(pose.time_s)
+            yield LookedAt(performance, seen.number, seen.camera, pose, change)
+
+
+def judged(shown: list[LookedAt], model: SplatModel, lpips: Lpips) -> dict[str, Any]:
+    """By degrees beside the webcam: LPIPS and PSNR (dB) of body and part, and flicker; of the model
+    alone and with live look."""
+    renderer, found = SplatRenderer((model,)), dict[str, Any]()
+    for degrees in (*BESIDE_DEG, *BEHIND_DEG):
+        figures: dict[str, dict[str, list[float]]] = {"model": {}, "live": {}}
+        before: tuple[Frame, dict[str, Array]] | None = None
+        for place, one in enumerate(shown):
+            is_after = place % 2 == 1
+            if is_after and degrees not in FLICKER_DEG:
+                continue
+            truth = one.performance.truth(one.number, degrees)
+            pictures = {
+                "model": one.rendered(renderer, model, degrees, live=False),
+                "live": one.rendered(renderer, model, degrees, live=True),
+            }
+            for name, picture in pictures.items():
+                if not is_after:
+                    _add(figures[name], _of_picture(lpips, picture, truth, one.performance))
+                elif before is not None:
+                    flicker = _flicker((before[1][name], picture), (before[0], truth))
+                    _add(figures[name], {"flicker": flicker})
+            before = truth, pictures
+        found[f"{degrees:g}"] = {
+            name: {key: round(float(np.mean(values)), 4) for key, values in one.items()}
+            for name, one in figures.items()
+        }
+    return {"frames": sum(1 for place in range(len(shown)) if place % 2 == 0), **found}
+
+
+def _add(figures: dict[str, list[float]], more: dict[str, float]) -> None:
+    for name, value in more.items():
+        figures.setdefault(name, []).append(value)
+
+
+def _of_picture(
+    lpips: Lpips, picture: Float[Array, "H W 3"], truth: Frame, performance: Performance
+) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for part, window in (("body", body_crop(truth.mask)), ("part", performance.part(truth))):
+        if window is not None:
+            pair = picture[window], truth.image[window]
+            found |= {part: _lpips(lpips, *pair), f"{part}_psnr": min(psnr(*pair), 100.0)}
+    return found
+
+
+@torch.no_grad()
+def _lpips(lpips: Lpips, made: Float[Array, "H W 3"], truth: Float[Array, "H W 3"]) -> float:
+    import cv2
+
+    scale = max(1.0, _LEAST_PX / min(made.shape[:2]))
+    pair = [
+        torch.from_numpy(
+            np.ascontiguousarray(cv2.resize(one, None, fx=scale, fy=scale), np.float32)
+        ).movedim(-1, 0)[None]
+        for one in (made, truth)
+    ]
+    return float(lpips(*pair)[0])
+
+
+def _flicker(pictures: tuple[Array, Array], frames: tuple[Frame, Frame]) -> float:
+    """How much the picture changes beside how much the truth does, mean over the person."""
+    person = (frames[0].mask > 0.5) | (frames[1].mask > 0.5)
+    made, true = (
+        float(np.abs(late - early)[person].mean())
+        for early, late in (pictures, (frames[0].image, frames[1].image))
+    )
+    return made / max(true, 1e-6)

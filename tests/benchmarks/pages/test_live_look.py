@@ -1,0 +1,29 @@
+"""The page's table of lifelike performers: shares of the model alone, by how far beside."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from benchmarks.lifelike_look.measure import BEHIND_DEG, BESIDE_DEG
+from benchmarks.pages.live_look import live_look
+
+FIGURES = Path(__file__).parents[3] / "docs" / "figures" / "live-look.json"
+
+
+def test_lifelike_performers_are_told_as_shares_of_the_model_alone():
+    figures = json.loads(FIGURES.read_text())
+    model = {"body": 0.1, "part": 0.2, "flicker": 1.0}
+    live = {"body": 0.06, "part": 0.18, "flicker": 1.1}
+    places = {f"{degrees:g}": {"model": model, "live": live} for degrees in BESIDE_DEG}
+    places |= {f"{degrees:g}": {"model": model, "live": {"body": 0.1}} for degrees in BEHIND_DEG}
+    places["135"] = {"model": model, "live": {"body": 0.113}}
+    cast = {"hazel": {"performances": {"hand across the chest": {"frames": 6, **places}}}}
+    text = live_look({**figures, "lifelike": {"webcam_px": [640, 480], "cast": cast}})
+    row = next(line for line in text.splitlines() if line.startswith("| hazel"))
+    shares = ["0.60 (0.90)"] * 4
+    assert [cell.strip() for cell in row.split("|")[1:-1]] == [
+        *("hazel", "hand across the chest", "0.100", *shares, "1.13"),
+        "1.10 / 1.10 / 1.10",
+    ]
+    assert "0.6 from 10 degrees, 0.7 from 20 degrees, 0.85 from 40 degrees" in text
