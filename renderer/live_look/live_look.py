@@ -166,7 +166,7 @@ class LiveLook:
             step[behind] = 0.0
             self._change += _OVERSTEP * step
         np.clip(self._change, -base, 1.0 - base, out=self._change)
-        behind |= hidden_by_body(work, size)
+        behind |= hidden_by_body(work, self._limbs, size)
         self._gathered[0, behind, KNOWN] = 0.0
 
     def _follow(self, time_s: float, base: Float[Array, "N 3"]) -> None:

@@ -37,9 +37,9 @@ export function hiddenByLimbs(splats: ProjectedSplats, limbs: Uint8Array, side: 
   return hidden;
 }
 
-/** 1 for each splat that lies through the body from the camera, in a picture of `side` px. */
-export function hiddenByBody(splats: ProjectedSplats, side: number): Uint8Array {
-  const { cells, nearest } = nearestOf(splats, side, () => true);
+/** 1 for each splat that lies through head or trunk, whatever is not of `limbs`, in a picture of `side` px. */
+export function hiddenByBody(splats: ProjectedSplats, limbs: Uint8Array, side: number): Uint8Array {
+  const { cells, nearest } = nearestOf(splats, side, (i) => limbs[i] === 0);
   return Uint8Array.from(splats.depth, (depth, i) =>
     depth > 0 && depth > nearest[cellOf(splats, cells, i)]! + THROUGH_M ? 1 : 0,
   );

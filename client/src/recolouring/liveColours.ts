@@ -101,7 +101,7 @@ export class LiveColours {
     }
     const base = splats.colours;
     for (let at = 0; at < change.length; at++) change[at] = Math.max(-base[at]!, Math.min(change[at]!, 1 - base[at]!));
-    const through = hiddenByBody(splats, side);
+    const through = hiddenByBody(splats, this.limbs, side);
     behind.forEach((hidden, i) => {
       if (hidden || through[i]) this.knownPx[i] = 0;
     });

@@ -103,7 +103,8 @@ describe("hiddenByBody", () => {
   it("names what lies through the body, and not what lies just under its surface", () => {
     const splats = new ProjectedSplats(person([[0, 0, 0.22], [0, 0, 0], [0, 0, 0.12], [0.2, 0, 0]]));
     splats.place(poseOf(1), LENS, SIDE);
-    expect([...hiddenByBody(splats, SIDE)]).toEqual([0, 1, 0, 0]);
+    expect([...hiddenByBody(splats, new Uint8Array(4), SIDE)]).toEqual([0, 1, 0, 0]);
+    expect([...hiddenByBody(splats, Uint8Array.of(1, 0, 0, 0), SIDE)]).toEqual([0, 0, 0, 0]);
   });
 });
 

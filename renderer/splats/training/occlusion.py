@@ -50,17 +50,19 @@ def hidden_by_limbs(
     return ~limbs & drawn & (work.depth > nearest[cells] + _BEHIND_M)
 
 
-def hidden_by_body(work: Workspace, size: tuple[int, int]) -> Bool[Array, "N"]:
-    """The splats that lie through the body from the camera, in the picture, `size` (height, width)
-    px, that `work` arranged.
+def hidden_by_body(
+    work: Workspace, limbs: Bool[Array, "N"], size: tuple[int, int]
+) -> Bool[Array, "N"]:
+    """The splats that lie through head or trunk, whatever is not of `limbs`, from the camera, in
+    the picture, `size` (height, width) px, that `work` arranged.
 
     Splats in front of them let a fifth of the light through, so that blending alone takes a back
     for something that is seen.
     """
     drawn = work.boxes[:, 0] != EMPTY_BOX
-    front = np.flatnonzero(drawn & (work.projected[:, ALPHA] > _OPAQUE))
+    front = np.flatnonzero(~limbs & drawn & (work.projected[:, ALPHA] > _OPAQUE))
     if not len(front):
-        return np.zeros(len(drawn), bool)
+        return np.zeros(len(limbs), bool)
     cells, nearest = _nearest(work, front, size)
     return drawn & (work.depth > nearest[cells] + _THROUGH_M)
 

@@ -55,10 +55,12 @@ def test_a_hand_that_is_not_drawn_or_seen_through_hides_nothing():
 
 
 def test_the_far_side_of_the_body_is_hidden_and_folds_of_the_near_side_are_not():
-    work = arranged([(50, 50, 1.0), (50, 50, 1.22), (50, 50, 1.08), (80, 50, 1.22)])
-    assert hidden_by_body(work, SIZE).tolist() == [False, True, False, False]
+    work = arranged([(50, 50, 1.0), (50, 50, 1.22), (50, 50, 1.1), (80, 50, 1.22)])
+    nothing, hand = np.zeros(4, bool), np.array([True, False, False, False])
+    assert hidden_by_body(work, nothing, SIZE).tolist() == [False, True, False, False]
+    assert hidden_by_body(work, hand, SIZE).tolist() == [False, False, False, False]
     work.projected[[0, 2], ALPHA] = 0.1
-    assert not hidden_by_body(work, SIZE).any(), "what is seen through hides nothing"
+    assert not hidden_by_body(work, nothing, SIZE).any(), "what is seen through hides nothing"
 
 
 @pytest.mark.parametrize(
