@@ -155,6 +155,7 @@ class LiveLook:
         size, focal_px = picture.matte.shape, float(picture.camera.intrinsics[0, 0])
         self._change *= _KEPT
         behind = hidden_by_limbs(work, self._limbs, size, focal_px)
+        behind |= hidden_by_body(work, self._limbs, size)
         for _ in range(_STEPS):
             work.projected[:, RED : BLUE + 1] = base + self._change
             self._gathered[:] = 0.0
@@ -166,7 +167,6 @@ class LiveLook:
             step[behind] = 0.0
             self._change += _OVERSTEP * step
         np.clip(self._change, -base, 1.0 - base, out=self._change)
-        behind |= hidden_by_body(work, self._limbs, size)
         self._gathered[0, behind, KNOWN] = 0.0
 
     def _follow(self, time_s: float, base: Float[Array, "N 3"]) -> None:

@@ -92,7 +92,8 @@ export class LiveColours {
     const { splats, footprints, change, side } = this;
     splats.place(pose, lens, side);
     footprints.fill(splats, this.order, depthOrder(splats.depth, this.order));
-    const behind = hiddenByLimbs(splats, this.limbs, side, lens[0]);
+    const through = hiddenByBody(splats, this.limbs, side);
+    const behind = hiddenByLimbs(splats, this.limbs, side, lens[0]).map((hidden, i) => hidden | through[i]!);
     for (let at = 0; at < change.length; at++) change[at]! *= KEPT;
     for (let step = 0; step < STEPS; step++) {
       this.findLacking(picture);
@@ -101,9 +102,8 @@ export class LiveColours {
     }
     const base = splats.colours;
     for (let at = 0; at < change.length; at++) change[at] = Math.max(-base[at]!, Math.min(change[at]!, 1 - base[at]!));
-    const through = hiddenByBody(splats, this.limbs, side);
     behind.forEach((hidden, i) => {
-      if (hidden || through[i]) this.knownPx[i] = 0;
+      if (hidden) this.knownPx[i] = 0;
     });
     this.follow(pose.captureTimeMs / 1000);
   }
