@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from renderer.errors import TrainingError
-from renderer.splats.cloth.hanging import BoundSplats
+from renderer.splats.cloth.hanging import NO_CLOTH, BoundSplats
 from renderer.splats.cloth.tubes import Tubes
 from renderer.splats.expressions import ClipBlendShapes
 from renderer.splats.layout import (
@@ -25,10 +25,10 @@ from renderer.splats.layout import (
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.settings import SplatSettings
-from renderer.splats.training.hanging_cloth import hung
 from renderer.splats.training.initialisation import FirstSplats, moved_with_bones
 from renderer.splats.training.neighbours import neighbours_at_rest
 from renderer.splats.training.occlusion import limb_splats
+from renderer.splats.training.spanned_hollows import spanned
 from renderer.splats.training.surface_kinds import HEAD_KINDS, surface_kinds
 from scene.arrays import Array, Bool, Float
 from scene.motion import Motion
@@ -166,10 +166,12 @@ class TrainedSplats:
         smooth[:, ROTATION : ROTATION + 4] = self.surface[:, ROTATION : ROTATION + 4]
         return smooth
 
-    def hang_cloth(self, seen: Bool[Array, "N"]) -> None:
-        """Let cloth hang on sides of the trunk that no frame shows."""
-        self.parameters[:, _PLACE] += hung(
-            self.parameters[:, _PLACE], self.first.normals, self.kinds, seen
+    def span_hollows(self, seen: Bool[Array, "N"]) -> None:
+        """Let cloth hang on sides of the trunk that no frame shows; loose clothes do by
+        themselves."""
+        kinds = np.where(self.first.quads == NO_CLOTH, self.kinds, NO_CLOTH)
+        self.parameters[:, _PLACE] += spanned(
+            self.parameters[:, _PLACE], self.first.normals, kinds, seen
         )
         self.smooth_displacement()
 

@@ -252,7 +252,7 @@ class SplatTrainer:
             self._resizing.refine(planned, split)
             self._resize(lambda surface: planned.parameters(split, filled, surface))
         if self._estimated and self._sequence.body.has_surface:
-            self.splats.hang_cloth(self._found.seen)
+            self.splats.span_hollows(self._found.seen)
         self._held = held_colours(self._found, self.splats.kinds)
         self.splats.hold_colours(self._held)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.splats.training.hanging_cloth import hung
+from renderer.splats.training.spanned_hollows import spanned
 from renderer.splats.training.surface_kinds import KINDS
 
 TRUNK, ARMS = KINDS.index("trunk"), KINDS.index("arms")
@@ -25,7 +25,7 @@ def trunk(turn_rad: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def moved(turn_rad: float = 0.0, kind: int = TRUNK) -> tuple[np.ndarray, ...]:
     places, normals, front = trunk(turn_rad)
-    return places, hung(places, normals, np.full(len(places), kind), front), normals, front
+    return places, spanned(places, normals, np.full(len(places), kind), front), normals, front
 
 
 def test_a_hollow_back_is_spanned_by_half():
@@ -62,6 +62,6 @@ def test_only_the_trunk_of_somebody_seen_from_one_side_hangs():
     places, normals, front = trunk()
     assert not moved(kind=ARMS)[1].any()
     every = np.full(len(places), TRUNK)
-    assert not hung(places, normals, every, np.ones_like(front)).any()
-    assert not hung(places, normals, every, np.zeros_like(front)).any()
-    assert not hung(places[:0], normals[:0], every[:0], front[:0]).any()
+    assert not spanned(places, normals, every, np.ones_like(front)).any()
+    assert not spanned(places, normals, every, np.zeros_like(front)).any()
+    assert not spanned(places[:0], normals[:0], every[:0], front[:0]).any()

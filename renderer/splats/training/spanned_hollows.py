@@ -27,7 +27,7 @@ _MOST_M = 0.08
 """How far cloth hangs off the skin at most."""
 
 
-def hung(
+def spanned(
     rest: Float[Array, "N 3"],
     normals: Float[Array, "N 3"],
     kinds: Int[Array, "N"],
