@@ -132,6 +132,20 @@ class MotionPath:
         return np.stack([hung_from(cloth, vertices, posed) for vertices, posed in placed])
 
 
+class WornCloth:
+    """Somebody's loose clothes in a clip: as splats are spread on them (`begun`), and as they are
+    now."""
+
+    def __init__(self, tubes: Tubes, motion: Motion, skeleton: Skeleton) -> None:
+        self.begun = self.tubes = tubes
+        self.hang(motion, skeleton)
+
+    def hang(self, motion: Motion, skeleton: Skeleton) -> None:
+        """Find how they hang in each pose of `motion`."""
+        self.hung = MotionPath.of(motion, skeleton, motion.times_s).hung(self.tubes)
+        """[F V 3], see `MotionPath`."""
+
+
 @dataclass(eq=False)
 class ClothSwing:
     """One person's cloth as time goes on."""

@@ -14,10 +14,6 @@ from scene.skeleton import JOINT_NAMES, Skeleton
 
 STEP_S = 1.0 / 60.0
 """Of the simulation."""
-GRAVITY = -9.81
-"""Along y, m/s^2."""
-ROUNDS = 8
-"""Projections of lengths and collisions a step."""
 SETTLING_S = 3.0
 """How long cloth settles in the first pose."""
 _CLEARANCE_M = 0.01

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from renderer.splats.cloth.fitting import FoundCut, descended, find_cut, looked_at
-from renderer.splats.cloth.hanging import MotionPath
+from renderer.splats.cloth.hanging import MotionPath, WornCloth
 from renderer.splats.cloth.tubes import Tubes
 from renderer.splats.layout import OPACITY
 from renderer.splats.settings import SplatSettings
@@ -28,9 +28,8 @@ _BLURS_PX, _ROUNDS = (2.0, 1.0), 3
 """From coarse to fine, and steps of Gauss-Newton at each."""
 
 
-class ClipCloth:
-    """A person's loose clothes in a clip: their cut, which the training refines, and how they hang
-    in each frame."""
+class ClipCloth(WornCloth):
+    """A person's loose clothes in a clip, whose cut the training refines."""
 
     def __init__(
         self,
@@ -40,10 +39,8 @@ class ClipCloth:
         found: FoundCut | None = None,
     ) -> None:
         """Args: found: the cut of `tubes`; None: not known, and not refined."""
-        self.begun = self.tubes = tubes
-        """As splats are spread on them, and as they are now."""
+        super().__init__(tubes, motion, skeleton)
         self._found, self._refined = found, 0
-        self.hang(motion, skeleton)
 
     @classmethod
     def found(cls, sequence: Sequence) -> ClipCloth | None:
@@ -52,11 +49,6 @@ class ClipCloth:
         if found is None:
             return None
         return cls(found.tubes(), sequence.motion, sequence.body.skeleton, found)
-
-    def hang(self, motion: Motion, skeleton: Skeleton) -> None:
-        """Find how they hang in each pose of `motion`."""
-        self.hung = MotionPath.of(motion, skeleton, motion.times_s).hung(self.tubes)
-        """[F V 3], see `MotionPath`."""
 
     def due(self, fraction: float) -> bool:
         """Whether the cut is to be refined at `fraction` of the training."""

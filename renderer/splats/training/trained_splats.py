@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from renderer.errors import TrainingError
-from renderer.splats.cloth.hanging import NO_CLOTH, BoundSplats
+from renderer.splats.cloth.hanging import NO_CLOTH, BoundSplats, WornCloth
 from renderer.splats.cloth.tubes import Tubes
 from renderer.splats.expressions import ClipBlendShapes
 from renderer.splats.layout import (
@@ -33,9 +32,6 @@ from renderer.splats.training.surface_kinds import HEAD_KINDS, surface_kinds
 from scene.arrays import Array, Bool, Float
 from scene.motion import Motion
 from scene.skeleton import Skeleton
-
-if TYPE_CHECKING:
-    from renderer.splats.training.loose_clothes import ClipCloth
 
 _MIN_CONTRIBUTION = 0.02
 """Summed blending weight, in pixels, from which a step moves a splat."""
@@ -65,7 +61,7 @@ class TrainedSplats:
         skeleton: Skeleton,
         expressions: Float[Array, "F E"],
         settings: SplatSettings,
-        cloth: ClipCloth | None = None,
+        cloth: WornCloth | None = None,
     ) -> None:
         """Args:
         skeleton: the one that `first` lies on.
@@ -201,7 +197,7 @@ class TrainedSplats:
             )
         )
 
-    def wear(self, cloth: ClipCloth) -> None:
+    def wear(self, cloth: WornCloth) -> None:
         """Go on with `cloth` as it is now: splats lie on it as they did on that of before."""
         before = self.expressions.bound
         assert before is not None
@@ -211,7 +207,7 @@ class TrainedSplats:
         self._wear(cloth)
         self.surface = self._on_cloth(self.first.parameters)
 
-    def _wear(self, cloth: ClipCloth) -> None:
+    def _wear(self, cloth: WornCloth) -> None:
         assert self._bound_at_first is not None
         self.cloth, bound = cloth.tubes, self._bound_at_first.on(cloth.tubes)
         self.expressions = replace(self.expressions, bound=bound, hung=cloth.hung)
