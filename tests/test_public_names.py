@@ -9,12 +9,6 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 _TUPLES_OWN = {"_replace", "_asdict", "_fields"}
 """Public in spite of their names (collections.namedtuple)."""
-ALLOWED = {
-    # aiortc offers no way to lose the network without a word to the other side
-    ("tests/services/control/test_outage.py", "_connection"),
-    ("tests/services/control/test_outage.py", "_protocols"),
-}
-"""Names of other people's packages, each with its reason."""
 
 
 def private(name: str) -> bool:
@@ -45,12 +39,5 @@ def test_no_test_looks_behind_what_is_public():
     for path in sorted((ROOT / "tests").rglob("*.py")):
         name = str(path.relative_to(ROOT))
         for line, word in private_names(ast.parse(path.read_text("utf-8"))):
-            if (name, word) not in ALLOWED:
-                found.append(f"{name}:{line}: {word}")
+            found.append(f"{name}:{line}: {word}")
     assert found == []
-
-
-def test_what_is_allowed_is_there():
-    for name, word in ALLOWED:
-        tree = ast.parse((ROOT / name).read_text("utf-8"))
-        assert word in {found for _, found in private_names(tree)}, (name, word)

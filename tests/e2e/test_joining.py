@@ -8,14 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from prometheus_client import REGISTRY
 from typer.testing import CliRunner
 
 from services.bootstrap import DEMO_MODEL, import_model
 from services.cli.app import app
 from services.gateway import gateway_of
 from services.live.look.picture import DroppedPictures, LookPicture, PoseRequest
-from services.live.motion.keypoint_channels import PACKETS, MeetingPerformer
 from services.live.motion.live_motion import LiveMotion, SolvedPose
+from services.live.room import MeetingPerformer
 from services.meetings import create_meeting
 from tests.e2e.serving import Gateway, serving
 from tests.e2e.test_live_look import networks
@@ -66,7 +67,7 @@ def link(gateway: Gateway) -> str:
 
 def solved_packets() -> float:
     """How many landmarks became poses so far."""
-    return PACKETS.labels("solved")._value.get()
+    return REGISTRY.get_sample_value("metanerf_keypoints_total", {"outcome": "solved"}) or 0.0
 
 
 def join(*words: str) -> tuple[int, str]:

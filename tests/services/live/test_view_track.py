@@ -146,19 +146,29 @@ async def test_who_goes_on_with_sound_alone_costs_no_drawing_and_begins_anew(roo
     assert await keys(track, clock, 2) == [False, False]
 
 
+class ReleasedEncoder(PictureEncoder):
+    """Tells whether it was released."""
+
+    released = False
+
+    def release(self) -> None:
+        self.released = True
+        super().release()
+
+
 async def test_who_draws_by_themselves_holds_no_encoder_until_they_want_pictures_again(
     room, threads
 ):
     clock, view = Clock(), CountingView()
-    encoder = PictureEncoder(Codec.H264)
+    encoder = ReleasedEncoder(Codec.H264)
     track = ViewTrack(SharedPictures(room, Instrumentation()), view, encoder, threads, clock)
     await keys(track, clock, 2)
-    assert encoder._context is not None
+    assert not encoder.released
     view.receive(replace(VIEW, draws_itself=True))
     drawing = asyncio.create_task(keys(track, clock, 2))
     while view.asked < 5:
         await asyncio.sleep(0.01)
-    assert encoder._context is None
+    assert encoder.released
     view.receive(replace(VIEW, sequence=2))
     assert await drawing == [True, False]
 
