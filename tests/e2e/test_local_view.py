@@ -23,6 +23,16 @@ def decoded(page: Page) -> int:
     )
 
 
+def server_rests(page: Page) -> bool:
+    """Whether no more pictures come; at first some are on their way."""
+    for _ in range(4):
+        before = decoded(page)
+        watch(page, 15)
+        if decoded(page) == before:
+            return True
+    return False
+
+
 def fetched(page: Page) -> list[tuple[int, int]]:
     """Bytes over the network and bytes in all, of each file of splats that the page asked for."""
     return page.evaluate(
@@ -53,10 +63,7 @@ def test_a_viewer_draws_for_themselves_and_lets_the_server_draw_again(tmp_path):
         page.goto(f"{address}?size=256")
         page.get_by_test_id("start-join").click()
         draw_here(page)
-        watch(page, 5)  # pictures that were on their way have come
-        before = decoded(page)
-        watch(page, 15)
-        assert decoded(page) == before
+        assert server_rests(page)
         still = seen(page)
         page.mouse.move(512, 384)
         page.mouse.wheel(0, -600)
