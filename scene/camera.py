@@ -13,6 +13,7 @@ import numpy as np
 
 from scene.arrays import Array, Float
 from scene.errors import InvalidInput, require_finite, require_shape
+from scene.rotations import axis_angle_to_matrix
 
 _UNDISTORT_ROUNDS = 20
 """Fixed-point rounds; the residual is far below 1e-6 px for the distortions of webcams."""
@@ -127,6 +128,15 @@ class Camera:
         """The view through the window whose top left pixel is (x, y); it may leave the image."""
         shift = np.array([[1.0, 0.0, -x], [0.0, 1.0, -y], [0.0, 0.0, 1.0]])
         return replace(self, intrinsics=shift @ self.intrinsics, width=width, height=height)
+
+    def carried_round(self, middle: Float[Array, "3"], angle_rad: float) -> Camera:
+        """The same camera, carried round the vertical through `middle`: to the left of somebody who
+        faces it for angles above 0."""
+        turn = axis_angle_to_matrix(np.array([0.0, -angle_rad, 0.0]))
+        rotation = self.rotation @ turn
+        translation = self.rotation @ (middle - turn @ middle) + self.translation
+        moved = np.concatenate([rotation, translation[:, None]], axis=1)
+        return replace(self, world_to_camera=moved)
 
     def _plane_points(self, pixels: Float[Array, "*batch 2"]) -> Float[Array, "*batch 3"]:
         """Points of the plane z = 1 (camera frame) behind pixels, distortion removed."""

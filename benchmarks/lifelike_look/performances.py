@@ -22,7 +22,6 @@ from scene.camera import Camera, orbit_camera
 from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
 from scene.lighting import panorama_directions
 from scene.motion import Motion, Pose
-from scene.rotations import axis_angle_to_matrix
 from scene.sequence import Frame, PoseTrust, Sequence
 from scene.skeleton import JOINT_NAMES, Skeleton
 
@@ -94,10 +93,7 @@ def beside(camera: Camera, pose: Pose, skeleton: Skeleton, degrees: float) -> Ca
     """
     joints = skeleton.joint_transforms(pose.joint_angles, pose.root_translation)
     chest = joints[JOINT_NAMES.index("spine3"), :3, 3]
-    turn = axis_angle_to_matrix(np.array([0.0, -np.radians(degrees), 0.0]))
-    rotation = camera.rotation @ turn
-    translation = camera.rotation @ (chest - turn @ chest) + camera.translation
-    return replace(camera, world_to_camera=np.concatenate([rotation, translation[:, None]], axis=1))
+    return camera.carried_round(chest, np.radians(degrees))
 
 
 def webcam_camera() -> Camera:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,7 +12,6 @@ from renderer.performer_model import PerformerModel
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
 from scene.motion import Pose
-from scene.rotations import axis_angle_to_matrix
 from scene.sequence import body_crop
 
 _SIDES_DEG = (30.0, -30.0, 90.0, -90.0, 180.0)
@@ -82,10 +80,7 @@ def _row(model: PerformerModel, given: TestFrame, aligned: TestFrame) -> UInt8[A
 def turned(camera: Camera, pose: Pose, model: PerformerModel, angle_rad: float) -> Camera:
     """`camera`, carried round the vertical through the pelvis."""
     pelvis = model.skeleton.rest_joints[0] + pose.root_translation
-    turn = axis_angle_to_matrix(np.array([0.0, -angle_rad, 0.0]))
-    rotation = camera.rotation @ turn
-    translation = camera.rotation @ (pelvis - turn @ pelvis) + camera.translation
-    return replace(camera, world_to_camera=np.concatenate([rotation, translation[:, None]], axis=1))
+    return camera.carried_round(pelvis, angle_rad)
 
 
 def captioned(

@@ -106,3 +106,15 @@ def test_looking_along_up_is_refused():
 def test_impossible_field_of_view_is_refused(fov):
     with pytest.raises(InvalidInput, match="fov_y_rad must be between 0 and pi; got"):
         Camera.from_field_of_view(np.eye(3, 4), 64, 64, fov)
+
+
+def test_a_camera_is_carried_round_at_one_height_and_distance():
+    camera = orbit_camera((0.0, 0.0, 0.0), 2.0, 0.0, 0.0, 96, 96)
+    middle = np.array([0.1, 0.2, -0.3])
+    there = camera.carried_round(middle, np.radians(40.0))
+    before, after = camera.position - middle, there.position - middle
+    assert after[1] == pytest.approx(before[1])
+    assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before))
+    cosine = before[[0, 2]] @ after[[0, 2]] / (np.linalg.norm(before[[0, 2]]) ** 2)
+    assert cosine == pytest.approx(np.cos(np.radians(40.0)))
+    np.testing.assert_allclose(there.project(middle)[0], camera.project(middle)[0])

@@ -10,8 +10,6 @@ its outline there is to be nothing.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from renderer.splats.layout import BOX_FILTER_PX2
@@ -19,7 +17,6 @@ from renderer.splats.rasteriser.workspace import Workspace, pack_camera
 from renderer.splats.training.views import View
 from scene.arrays import Array, Bool, Float, Int, UInt8
 from scene.camera import Camera
-from scene.rotations import axis_angle_to_matrix
 
 _RIM_PX = 3
 """Beyond the surface's outline, where splats may still show."""
@@ -119,11 +116,3 @@ def seen_from_beside(
     near = cv2.dilate((front >= 0).astype(np.uint8), reach) > 0
     rgba[near & (front < 0)] = UNKNOWN
     return View.of(rgba, camera)
-
-
-def carried_round(camera: Camera, middle: Float[Array, "3"], angle_rad: float) -> Camera:
-    """`camera`, carried round the vertical through `middle`."""
-    turn = axis_angle_to_matrix(np.array([0.0, -angle_rad, 0.0]))
-    rotation = camera.rotation @ turn
-    translation = camera.rotation @ (middle - turn @ middle) + camera.translation
-    return replace(camera, world_to_camera=np.concatenate([rotation, translation[:, None]], axis=1))

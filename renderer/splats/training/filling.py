@@ -111,8 +111,6 @@ def _guesses(
 ) -> Float[Array, "3 N 3"]:
     """Median, low and high colour of the cubes of each splat's kind that lie nearest to it; of any
     kind where none of its own was seen."""
-    from scipy.spatial import KDTree
-
     cubes = np.column_stack([kinds, np.floor(rest / _CELL_M)]).astype(np.int64)
     cells, cell = np.unique(cubes, axis=0, return_inverse=True)
     cell = cell.ravel()
@@ -126,14 +124,25 @@ def _guesses(
     for kind in np.unique(kinds):
         mine, same = kinds == kind, cell_kinds == kind
         same = same if same.any() else np.ones_like(same)
-        lenders = hairy if kind == _SCALP and hairy.any() else same
-        scaled, axes = places * _axes(int(kind)), _axes(int(kind))
-        for rows, some, percentiles in ((0, lenders, 50.0), (slice(1, 3), same, _RANGE)):
-            count = min(_CELLS, int(some.sum()))
-            _, near = KDTree(scaled[some]).query(rest[mine] * axes, k=count)
-            around = means[some][np.reshape(near, (-1, count))]
-            guesses[rows, mine] = np.percentile(around, percentiles, axis=1)
+        axes = _axes(int(kind))
+        at, seen = rest[mine] * axes, places * axes
+        guesses[:, mine] = np.percentile(
+            _nearest(at, seen[same], means[same]), (50.0, *_RANGE), axis=1
+        )
+        if kind == _SCALP and hairy.any():
+            guesses[0, mine] = np.median(_nearest(at, seen[hairy], means[hairy]), axis=1)
     return guesses
+
+
+def _nearest(
+    at: Float[Array, "N 3"], places: Float[Array, "C 3"], means: Float[Array, "C 3"]
+) -> Float[Array, "N K 3"]:
+    """`means` of the cubes whose `places` are nearest to each."""
+    from scipy.spatial import KDTree
+
+    count = min(_CELLS, len(places))
+    _, near = KDTree(places).query(at, k=count)
+    return means[np.reshape(near, (-1, count))]
 
 
 def _hairy(cell_kinds: Int[Array, "C"], means: Float[Array, "C 3"]) -> Bool[Array, "C"]:

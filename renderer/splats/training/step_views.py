@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.splats.settings import SplatSettings
-from renderer.splats.training.beside import PosedSurface, carried_round, seen_from_beside
+from renderer.splats.training.beside import PosedSurface, seen_from_beside
 from renderer.splats.training.full_size import FullSizeWindows, whole_views
 from renderer.splats.training.surface_kinds import HEAD_KINDS
 from renderer.splats.training.trained_splats import TrainedSplats
@@ -68,7 +68,7 @@ class StepViews:
             transforms,
         )
         angle = rng.choice([-1.0, 1.0]) * np.radians(rng.uniform(*self._settings.beside_deg))
-        camera = carried_round(self.whole[frame].window, surface.middle, float(angle))
+        camera = self.whole[frame].window.carried_round(surface.middle, float(angle))
         return seen_from_beside(
             self.whole[frame],
             self._filmed[frame].rgba,

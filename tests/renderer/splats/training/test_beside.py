@@ -13,7 +13,7 @@ from renderer.splats.layout import (
     UNKNOWN,
 )
 from renderer.splats.rasteriser.workspace import Workspace
-from renderer.splats.training.beside import PosedSurface, carried_round, seen_from_beside
+from renderer.splats.training.beside import PosedSurface, seen_from_beside
 from renderer.splats.training.views import View
 from scene.arrays import Array, Float
 from scene.camera import Camera, orbit_camera
@@ -67,7 +67,7 @@ def carried(
 ) -> tuple[Camera, np.ndarray]:
     parameters = wall() if parameters is None else parameters
     frame, surface = filmed(front()), surface_of(parameters)
-    camera = carried_round(frame.window, np.zeros(3), np.radians(angle_deg))
+    camera = frame.window.carried_round(np.zeros(3), np.radians(angle_deg))
     some = np.full(len(parameters), told)
     view = seen_from_beside(frame, frame.rgba, camera, surface, some, Workspace(len(parameters)))
     assert view.window is camera
@@ -88,17 +88,6 @@ def test_colours_are_those_of_the_surface_from_there(angle_deg: float):
     assert error.mean() < 1.0
 
 
-def test_a_camera_goes_round_at_one_height_and_distance():
-    camera, middle = front(), np.array([0.1, 0.2, -0.3])
-    there = carried_round(camera, middle, np.radians(40.0))
-    before, after = camera.position - middle, there.position - middle
-    assert after[1] == pytest.approx(before[1])
-    assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before))
-    cosine = before[[0, 2]] @ after[[0, 2]] / (np.linalg.norm(before[[0, 2]]) ** 2)
-    assert cosine == pytest.approx(np.cos(np.radians(40.0)))
-    np.testing.assert_allclose(there.project(middle)[0], camera.project(middle)[0])
-
-
 def test_beyond_the_outline_there_is_nothing_and_at_it_nothing_is_said():
     _, rgba = carried(30.0)
     known = rgba[..., 3] == 255
@@ -112,7 +101,7 @@ def test_beyond_the_outline_there_is_nothing_and_at_it_nothing_is_said():
 def test_what_is_turned_away_from_the_frame_is_not_told():
     """Seen from beside, the wall is as the frame sees it at 75 degrees."""
     frame, surface = (
-        filmed(carried_round(front(), np.zeros(3), np.radians(75.0))),
+        filmed(front().carried_round(np.zeros(3), np.radians(75.0))),
         surface_of(wall()),
     )
     everything = np.ones(len(wall()), bool)
