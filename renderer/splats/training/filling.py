@@ -24,8 +24,11 @@ _GUESS = 1.0
 _CELL_M = 0.02
 """Side of the cubes whose mean colours stand for what was seen: a bright logo of many small splats
 counts no more than as much plain cloth."""
+_MIRRORED_M = 0.04
+"""How much farther than one beside it a cube counts whose mirror image that would be: people are
+about the same on both sides."""
 _CELLS = 60
-"""Nearest cubes whose median is the guess."""
+"""Nearest cubes whose median is the guess, mirrored ones among them."""
 _CELL_PX = 0.5
 """Evidence in a cube from which it counts."""
 _RANGE = (5.0, 95.0)
@@ -71,7 +74,7 @@ def fill_unseen(
     guesses, lowest, highest = _guesses(parameters[:, _PLACE], colours, trust, kinds)
     rim = _only_at_rim(evidence)
     colours[rim] = np.clip(colours[rim], lowest[rim], highest[rim])
-    edges = neighbours_at_rest(parameters[:, _PLACE])
+    edges = _within(kinds == _SCALP, neighbours_at_rest(parameters[:, _PLACE]))
     diagonal = np.asarray(edges.sum(axis=1)).ravel() + weights + _GUESS
     # a sparse direct solver: far from all evidence, conjugate gradients take thousands of steps
     factors = splu(
@@ -82,6 +85,13 @@ def fill_unseen(
     filled = parameters.copy()
     filled[:, _COLOURS] = factors.solve(weights[:, None] * colours + _GUESS * guesses)
     return filled
+
+
+def _within(some: Bool[Array, "N"], edges):
+    """`edges` but those between `some` and others: hair ends, it does not fade into skin."""
+    pairs = edges.tocoo()
+    pairs.data[some[pairs.row] != some[pairs.col]] = 0.0
+    return pairs.tocsr()
 
 
 def held_colours(evidence: Evidence, kinds: Int[Array, "N"]) -> Bool[Array, "N"]:
@@ -120,12 +130,15 @@ def _guesses(
     means = light[known] / total[known, None]
     cell_kinds, places = cells[known, 0], (cells[known, 1:] + 0.5) * _CELL_M
     hairy = _hairy(cell_kinds, means)
+    places = np.concatenate([_with(places, 0.0), _with(places * (-1.0, 1.0, 1.0), _MIRRORED_M)])
+    cell_kinds, hairy = np.tile(cell_kinds, 2), np.tile(hairy, 2)
+    means = np.concatenate([means, means])
     guesses = np.empty((3, *colours.shape))
     for kind in np.unique(kinds):
         mine, same = kinds == kind, cell_kinds == kind
         same = same if same.any() else np.ones_like(same)
-        axes = _axes(int(kind))
-        at, seen = rest[mine] * axes, places * axes
+        axes = _with(_axes(int(kind)), 1.0)
+        at, seen = _with(rest[mine], 0.0) * axes, places * axes
         guesses[:, mine] = np.percentile(
             _nearest(at, seen[same], means[same]), (50.0, *_RANGE), axis=1
         )
@@ -134,8 +147,13 @@ def _guesses(
     return guesses
 
 
+def _with(places: Float[Array, "*batch 3"], farther_m: float) -> Float[Array, "*batch 4"]:
+    """`places`, all of them `farther_m` from others than they are in space."""
+    return np.pad(places, [(0, 0)] * (places.ndim - 1) + [(0, 1)], constant_values=farther_m)
+
+
 def _nearest(
-    at: Float[Array, "N 3"], places: Float[Array, "C 3"], means: Float[Array, "C 3"]
+    at: Float[Array, "N 4"], places: Float[Array, "C 4"], means: Float[Array, "C 3"]
 ) -> Float[Array, "N K 3"]:
     """`means` of the cubes whose `places` are nearest to each."""
     from scipy.spatial import KDTree

@@ -6,9 +6,15 @@ import numpy as np
 
 from renderer.relighting.captured_light import CapturedLight
 from renderer.splats.layout import BOX_FILTER_PX2
+from renderer.splats.model import SplatModel
+from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.training.trained_splats import TrainedSplats
 from renderer.splats.training.views import View
 from scene.arrays import Array, Float, Int
+from scene.camera import Camera
+
+_PREVIEW_PX = 384
+_LIGHT_GREY = np.float32(0.93)
 
 
 def arrange(
@@ -88,3 +94,23 @@ def front(
     return splats.work.front(
         moved, splats.joints, splats.weights, transforms, view.window, BOX_FILTER_PX2
     )
+
+
+def preview(
+    model: SplatModel,
+    camera: Camera,
+    transforms: Float[Array, "K 4 4"],
+    expression: Float[Array, "E"],
+    hung: Float[Array, "V 3"] | None,
+) -> Float[Array, "H W 3"]:
+    """What a small `camera` sees of `model`, over light grey.
+
+    Args:
+        hung: how its loose clothes hang; None without any.
+    """
+    scale = _PREVIEW_PX / max(camera.width, camera.height)
+    small = camera.resized(round(camera.width * scale), round(camera.height * scale))
+    seen = SplatRenderer((model,)).render(
+        small, [transforms], expressions=[expression], hung=[hung]
+    )
+    return seen[..., :3] + (1.0 - seen[..., 3:]) * _LIGHT_GREY

@@ -24,6 +24,7 @@ from renderer.splats.layout import (
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.settings import SplatSettings
+from renderer.splats.training.hair import Hair
 from renderer.splats.training.initialisation import FirstSplats, moved_with_bones
 from renderer.splats.training.neighbours import neighbours_at_rest
 from renderer.splats.training.occlusion import limb_splats
@@ -36,6 +37,7 @@ from scene.skeleton import Skeleton
 _MIN_CONTRIBUTION = 0.02
 """Summed blending weight, in pixels, from which a step moves a splat."""
 _SHAPE, _PLACE = slice(POSITION, ROTATION + 4), slice(POSITION, POSITION + 3)
+_SIZE = slice(LOG_SCALE, LOG_SCALE + 3)
 _ROUGHNESS_PULL = 0.1
 """Share of what stands out farther that a step takes back."""
 _SMOOTHING_ROUNDS = 10
@@ -161,6 +163,13 @@ class TrainedSplats:
         smooth[:, _PLACE] += off[:, None] * self.first.normals
         smooth[:, ROTATION : ROTATION + 4] = self.surface[:, ROTATION : ROTATION + 4]
         return smooth
+
+    def raise_hair(self, hair: Hair) -> None:
+        """Let hair stand off the body's surface where it covers sides that no frame shows."""
+        rows, surface = hair.covered, self.surface[hair.covered]
+        self.parameters[rows, _PLACE] = surface[:, _PLACE] + hair.moves[rows]
+        self.parameters[rows, _SIZE] = surface[:, _SIZE] + hair.growth[rows, None]
+        self.parameters[rows, OPACITY] = surface[:, OPACITY]
 
     def span_hollows(self, seen: Bool[Array, "N"]) -> None:
         """Let cloth hang on sides of the trunk that no frame shows; loose clothes do by

@@ -22,8 +22,8 @@ from renderer.relighting.captured_light import CapturedLight
 from renderer.splats.cloth.hanging import NO_CLOTH
 from renderer.splats.layout import COLOUR, POSITION, ROTATION
 from renderer.splats.model import SplatModel
-from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.settings import SplatSettings
+from renderer.splats.training import frame_drawing
 from renderer.splats.training.densification import Densification, splat_errors, to_split
 from renderer.splats.training.evidence import (
     Evidence,
@@ -33,7 +33,6 @@ from renderer.splats.training.evidence import (
 )
 from renderer.splats.training.filling import fill_unseen, held_colours
 from renderer.splats.training.finer_sides import finer_layer, wide_on_unseen_sides
-from renderer.splats.training.frame_drawing import arrange, compare, front, picture, truth
 from renderer.splats.training.initialisation import FirstSplats, first_splats, splats_of_model
 from renderer.splats.training.loose_clothes import ClipCloth, with_splats_on_cloth
 from renderer.splats.training.merging import Grouping
@@ -41,6 +40,7 @@ from renderer.splats.training.occlusion import hidden_by_limbs
 from renderer.splats.training.resizing import Resizing
 from renderer.splats.training.step_views import StepViews
 from renderer.splats.training.trained_splats import TrainedSplats, adam_rates
+from renderer.splats.training.unseen_sides import guess_sides
 from renderer.splats.training.views import View, read_views
 from scene.arrays import Array, Bool, Float, Int
 from scene.motion import Motion
@@ -51,7 +51,6 @@ _DENSIFIED_FROM = 0.25
 """Share of the training after which coarse splats give way to finer ones."""
 _LIGHT_FROM = 0.3
 """Share of the training after which the light is estimated."""
-_PREVIEW_PX = 384
 
 
 class SplatTrainer:
@@ -207,8 +206,8 @@ class SplatTrainer:
     ) -> tuple[Float[Array, "N P"], Float[Array, "N P"]]:
         """Render `view` of `frame` and compare: fills the gradients of projected splats, and the
         losses; returns as `arrange`."""
-        arranged = arrange(self.splats, self._light, frame, view, transforms)
-        compare(self.splats, view, background, self._linear_from, self._losses)
+        arranged = frame_drawing.arrange(self.splats, self._light, frame, view, transforms)
+        frame_drawing.compare(self.splats, view, background, self._linear_from, self._losses)
         return arranged
 
     def _moved(self) -> tuple[Motion, Skeleton]:
@@ -218,8 +217,10 @@ class SplatTrainer:
     def _difference(self, frame: int) -> Float[Array, "H W 4"]:
         """Between the model in `frame` and the frame, as of `pictures`."""
         view = self._views[frame]
-        arrange(self.splats, self._light, frame, view, self._poses.transforms(frame))
-        return picture(self.splats, view, len(self._losses)) - truth(view)
+        frame_drawing.arrange(self.splats, self._light, frame, view, self._poses.transforms(frame))
+        return frame_drawing.picture(self.splats, view, len(self._losses)) - frame_drawing.truth(
+            view
+        )
 
     def _leave_out_hidden(self, view: View) -> None:
         """Splats that a limb may hide contribute nothing where poses are estimated."""
@@ -238,19 +239,22 @@ class SplatTrainer:
     def _fill(self) -> None:
         """Guess the colours of sides that no frame shows, and make these sides finer."""
         self._found = self._evidence()
-        filled = fill_unseen(self.splats.parameters, self._found, self.splats.kinds)
-        self.splats.parameters = filled
+        frames = frames_looked_at(len(self._views)) if self._sequence.body.has_surface else ()
+        shown = ((self._views[frame], self._poses.transforms(frame)) for frame in frames)
+        hair = guess_sides(self.splats, self._found, shown, self._poses.skeleton)
+        filled = self.splats.parameters
         split = wide_on_unseen_sides(filled, self._found.seen)
         split &= self.splats.first.quads == NO_CLOTH
         may_add = self.adds_sides and self._resizing.refinable and self._sequence.body.has_surface
         if may_add and split.any():
             planned = Densification(self.splats.first, self._finer_layer())
             origins = planned.origins(split)
-            self._found = self._found.taken(origins)
+            self._found, hair = self._found.taken(origins), hair.taken(origins)
             if self._light is not None:
                 self._light = self._light.merged(lambda values: values[origins])
             self._resizing.refine(planned, split)
             self._resize(lambda surface: planned.parameters(split, filled, surface))
+        self.splats.raise_hair(hair)
         if self._estimated and self._sequence.body.has_surface:
             self.splats.span_hollows(self._found.seen)
         self._held = held_colours(self._found, self.splats.kinds)
@@ -285,11 +289,15 @@ class SplatTrainer:
         """The model in `frame`, and the frame; premultiplied sRGB, in the size of whole views."""
         view = self._views[frame]
         self._draw(frame, view, np.zeros(3, np.float32), self._poses.transforms(frame))
-        return picture(self.splats, view, len(self._losses)), truth(view)
+        return frame_drawing.picture(self.splats, view, len(self._losses)), frame_drawing.truth(
+            view
+        )
 
     def front(self, frame: int) -> Int[Array, "H W"]:
         """Which splat each pixel of whole views shows in `frame`; -1 where none does."""
-        return front(self.splats, frame, self._views[frame], self._poses.transforms(frame))
+        return frame_drawing.front(
+            self.splats, frame, self._views[frame], self._poses.transforms(frame)
+        )
 
     def _refine_poses(self, passes: RefinementPasses, fraction: float) -> None:
         """One pass over the clip, while the model stays true to given poses; splats follow
@@ -325,16 +333,14 @@ class SplatTrainer:
 
     def preview(self) -> Float[Array, "H W 3"]:
         """The first training view, over light grey."""
-        camera = self._sequence.train.camera(0)
-        scale = _PREVIEW_PX / max(camera.width, camera.height)
-        small = camera.resized(round(camera.width * scale), round(camera.height * scale))
-        model = self.model_so_far()
-        shown = self._sequence.motion.expressions[:1]
-        hung = [None if self._cloth is None else self._cloth.hung[0]]
-        seen = SplatRenderer((model,)).render(
-            small, [self._poses.transforms(0)], expressions=list(shown), hung=hung
+        hung = None if self._cloth is None else self._cloth.hung[0]
+        return frame_drawing.preview(
+            self.model_so_far(),
+            self._sequence.train.camera(0),
+            self._poses.transforms(0),
+            self._sequence.motion.expressions[0],
+            hung,
         )
-        return seen[..., :3] + (1.0 - seen[..., 3:]) * np.float32(0.93)
 
     def model_so_far(self) -> SplatModel:
         """As it is now, all of it taken as seen."""
