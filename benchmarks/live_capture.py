@@ -44,8 +44,8 @@ from services.live.keypoints_packet import (
     decode_keypoints,
     encode_keypoints,
 )
-from services.live.motion.keypoint_channels import KeypointReceiver
 from services.live.motion.live_motion import LiveMotion
+from services.live.motion.receivers import KeypointReceiver
 from services.settings import load_settings
 
 FRAMES, RATE, SIZE, TURN_DEG = 90, 30.0, 512, 120.0

@@ -7,6 +7,7 @@ const FLOORS = [
   "capture",
   "look",
   "landmarks",
+  "motion",
   "transport",
   "splats",
   "recolouring",

@@ -5,10 +5,11 @@ from __future__ import annotations
 import logging
 
 from fastapi import APIRouter
-from fastapi.responses import FileResponse
+from fastapi.responses import FileResponse, Response
 
 from capture.detection.network_files import NetworkSource, landmark_network_file
 from capture.errors import PoseModelMissing
+from capture.live.solver_constants import solver_constants
 from services.api.dependencies import Provided
 from services.errors import LandmarkModelMissing
 from services.problems import problems
@@ -18,7 +19,8 @@ log = logging.getLogger(__name__)
 router = APIRouter(prefix="/v1", tags=["meetings"], responses=problems(503))
 
 _RETRY_AFTER_S = 60
-_KEPT_S = 86_400
+_KEPT = {"Cache-Control": "public, max-age=86400"}
+_BINARY = "application/octet-stream"
 
 
 @router.get(
@@ -54,6 +56,17 @@ def read_hand_model(services: Provided) -> FileResponse:
     return _file(services.settings.hand_model_source())
 
 
+@router.get(
+    "/landmarks/solver",
+    summary="Get what poses are solved with",
+    response_class=Response,
+    responses={200: {"content": {"application/octet-stream": {}}}},
+)
+def read_solver_constants() -> Response:
+    """The pose prior and the lifter's weights, by which a page solves its landmarks' poses."""
+    return Response(solver_constants(), media_type=_BINARY, headers=_KEPT)
+
+
 def _file(source: NetworkSource) -> FileResponse:
     try:
         path = landmark_network_file(source)
@@ -66,6 +79,6 @@ def _file(source: NetworkSource) -> FileResponse:
         ) from error
     return FileResponse(
         path,
-        media_type="application/octet-stream",
-        headers={"Cache-Control": f"public, max-age={_KEPT_S}"},
+        media_type=_BINARY,
+        headers=_KEPT,
     )

@@ -77,6 +77,8 @@ class Kind(IntEnum):
     LOOK_POSE = 5
     LOOK_END = 6
     BATCH = 7
+    MOTION = 8
+    BODY = 9
 
 
 _BATCH_HEAD = bytes([VERSION, Kind.BATCH])

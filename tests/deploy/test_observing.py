@@ -13,7 +13,7 @@ import pytest
 import yaml
 from prometheus_client import REGISTRY
 
-import services.live.motion.keypoint_channels
+import services.live.motion.driving_channels
 import services.metrics  # noqa: F401  (registers its figures, as the one above does)
 from tests.deploy.composed import ROOT, compose
 from tests.servers import program

@@ -33,7 +33,7 @@ from tests.e2e.test_meeting import looking_into
 from tests.e2e.test_replay import KEEP_PICTURES, RUNNING, difference, shown
 from tests.e2e.viewport import frames_shown, picture
 from tests.services.jobs.waiting import until
-from tests.services.live.test_keypoint_channels import waving
+from tests.services.live.test_driving_channels import waving
 
 pytestmark = pytest.mark.e2e
 MINUTES = 60_000

@@ -50,7 +50,7 @@ def gateway(tmp_path: Path) -> Iterator[Gateway]:
 @pytest.fixture
 def kept(gateway: Gateway) -> Kept:
     kept = Kept()
-    gateway_of(gateway.app).views.keypoint_channels.make_look_sink = kept.of
+    gateway_of(gateway.app).views.driving_channels.make_look_sink = kept.of
     return kept
 
 

@@ -112,7 +112,7 @@ def test_a_cut_out_leaves_while_the_switch_is_on_and_not_a_moment_longer(tmp_pat
     camera = webcam(clip, tmp_path / "webcam.mjpeg")
     with serving(tmp_path / "data", **networks()) as gateway, open_page(webcam=camera) as page:
         kept = Kept()
-        gateway_of(gateway.app).views.keypoint_channels.make_look_sink = lambda *_: kept
+        gateway_of(gateway.app).views.driving_channels.make_look_sink = lambda *_: kept
         enter(page, meeting_of(gateway))
         switch, preview = page.get_by_test_id("live-look"), page.get_by_test_id("live-look-preview")
         expect(switch).not_to_be_checked()

@@ -13,7 +13,7 @@ from services.bootstrap import ensure_demo, import_model
 from services.container import Services
 from services.errors import NotOwner, Unauthorized
 from services.jobs.queue import drop_orphans, enqueue, finish
-from services.live.motion.keypoint_channels import drivable_performer
+from services.live.motion.driving_channels import drivable_performer
 from services.live.room import Room
 from services.live.sessions.stored_meetings import load_performers
 from tests.db.rows import NOW, job, sequence

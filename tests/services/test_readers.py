@@ -32,6 +32,9 @@ from services.live.keypoints_packet import (
     decode_keypoints,
     encode_keypoints,
 )
+from services.live.motion.expression_filter import AT_REST
+from services.live.motion.motion_packet import MotionPacket, decode_motion, encode_motion
+from services.live.motion.solved_motion import LocalPose, SolvedMotion
 from services.live.packets import (
     PacketError,
     PosePacket,
@@ -88,6 +91,16 @@ _KEYPOINTS = KeypointsPacket(
     1, 5.0, 640, 480, np.full((33, 2), 0.5), np.full((33, 3), 0.1), np.ones(33)
 )
 _EXPRESSION = ObservedExpression(np.full(EXPRESSION_COUNT, 0.5), ALL_GROUPS)
+_MOTION = SolvedMotion(
+    5.0,
+    LocalPose(np.tile(np.eye(3), (24, 1, 1)), np.zeros(3)),
+    np.zeros((24, 3)),
+    np.zeros(3),
+    (True, False),
+    AT_REST,
+    1,
+    None,
+)
 _POSE = PosePacket(1, 5.0, 0, 1, 0, np.zeros(3), np.tile([1.0, 0.0, 0.0, 0.0], (24, 1)))
 
 
@@ -97,6 +110,7 @@ _POSE = PosePacket(1, 5.0, 0, 1, 0, np.zeros(3), np.tile([1.0, 0.0, 0.0, 0.0], (
         (decode_view, _VIEW),
         (decode_keypoints, encode_keypoints(_KEYPOINTS)),
         (decode_keypoints, encode_keypoints(replace(_KEYPOINTS, expression=_EXPRESSION))),
+        (decode_motion, encode_motion(MotionPacket(1, _MOTION))),
         (decode_pose, encode_pose(_POSE)),
         (decode_pose, encode_pose(replace(_POSE, expression=_EXPRESSION.values))),
     ],

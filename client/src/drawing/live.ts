@@ -232,8 +232,8 @@ export class LiveView {
   }
 
   /** A channel that moves a performer of ours by keypoints; null while there is no connection. */
-  openKeypointsChannel(performerId: string): RTCDataChannel | null {
-    return this.connection.openKeypointsChannel(performerId);
+  openMotionChannel(performerId: string): RTCDataChannel | null {
+    return this.connection.openMotionChannel(performerId);
   }
 
   /** Send pictures of oneself; null: none. */

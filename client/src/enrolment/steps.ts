@@ -4,7 +4,7 @@
  */
 
 import type { PictureQuality } from "../capture/pictureQuality";
-import type { Landmarks } from "../landmarks/packet";
+import type { Landmarks } from "../landmarks/landmarks";
 import { turnOf, type Turn } from "../landmarks/turn";
 
 export type StepName = "face" | "turn_left" | "turn_right" | "step_back" | "arms" | "around" | "hands";

@@ -4,7 +4,7 @@ import { SAMPLE_PX, pictureQuality, type PictureQuality } from "../capture/pictu
 import { cropOf, upperBodySquare } from "../landmarks/crops";
 import { LandmarkDetector } from "../landmarks/detector";
 import { eachFrame } from "../landmarks/frames";
-import type { Landmarks } from "../landmarks/packet";
+import type { Landmarks } from "../landmarks/landmarks";
 import type { Square } from "../look/pictureCode";
 import { isNearFace, type Observation } from "./steps";
 

@@ -1,7 +1,7 @@
 /** Where in a camera's picture a body's landmarks say that face and hands are. */
 
 import type { Square } from "../look/pictureCode";
-import type { Landmarks } from "./packet";
+import type { Landmarks } from "./landmarks";
 
 export type Part = "face" | "left_hand" | "right_hand";
 

@@ -1,6 +1,6 @@
 /** Hands the newest camera picture to the worker that finds landmarks; none ever waits in a queue. */
 
-import type { Landmarks } from "./packet";
+import type { Landmarks } from "./landmarks";
 
 export interface Picture {
   bitmap: ImageBitmap;

@@ -6,7 +6,7 @@
 import type { Square } from "../look/pictureCode";
 import { cropOf, type Part } from "./crops";
 import { EXPRESSION_COUNT, FACE, FACE_NUMBERS, FINGER_COUNT, LEFT_HAND, RIGHT_HAND, type ObservedExpression } from "./expression";
-import type { Landmarks } from "./packet";
+import type { Landmarks } from "./landmarks";
 
 export interface PartPicture {
   part: Part;

@@ -1,6 +1,6 @@
 /** Lines between landmarks, as a person would draw a body. */
 
-import type { Landmarks } from "./packet";
+import type { Landmarks } from "./landmarks";
 
 /** MediaPipe's numbers: 11-16 arms, 23-32 legs; from the viewer's side the left hand is theirs. */
 const BONES: readonly (readonly [number, number])[] = [

@@ -1,6 +1,6 @@
 /** Which way head and trunk face, from the landmarks of a body in metres. */
 
-import type { Landmarks } from "./packet";
+import type { Landmarks } from "./landmarks";
 
 /** Degrees from the camera towards the person's own left, -180 to 180. */
 export interface Turn {

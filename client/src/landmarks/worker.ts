@@ -11,7 +11,7 @@ import wasmBinaryPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.
 import { asProblem, problemOf } from "../api/problem";
 import { CutOut } from "../look/cutOut";
 import type { DetectorMessage, Picture } from "./detector";
-import { LANDMARK_COUNT, type Landmarks } from "./packet";
+import { LANDMARK_COUNT, type Landmarks } from "./landmarks";
 
 const MODEL = "/v1/landmarks/model";
 

@@ -114,11 +114,11 @@ export class WhepConnection {
     return true;
   }
 
-  /** A channel that moves a performer of ours by keypoints; null while there is no connection. */
-  openKeypointsChannel(performerId: string): RTCDataChannel | null {
+  /** A channel that moves a performer of ours; null while there is no connection. */
+  openMotionChannel(performerId: string): RTCDataChannel | null {
     if (this.peer?.connectionState !== "connected") return null;
     const newest = { ordered: false, maxRetransmits: 0, protocol: performerId };
-    return this.peer.createDataChannel("keypoints", newest);
+    return this.peer.createDataChannel("motion", newest);
   }
 
   /** Send pictures of oneself, over each connection from now on; null: none. */

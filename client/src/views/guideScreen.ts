@@ -1,6 +1,6 @@
 /** The camera's picture with what was found in it, what to do, how it goes, and how far it is. */
 
-import type { Landmarks } from "../landmarks/packet";
+import type { Landmarks } from "../landmarks/landmarks";
 import { drawSkeleton } from "../landmarks/skeleton";
 import { announce, h } from "./dom";
 

@@ -1,7 +1,7 @@
 /** Live look: a switch, a lamp while it is on, and what leaves the device, in words and as it is. */
 
 import type { LiveView } from "../drawing/live";
-import type { MotionCapture } from "../landmarks/motionCapture";
+import type { MotionCapture } from "../motion/motionCapture";
 import { LookSwitch } from "../look/lookSwitch";
 import { LookTrack } from "../look/lookTrack";
 import { announce, h } from "./dom";

@@ -1,6 +1,6 @@
 /** Oneself, small, as the others see one; and motion capture on or off, its preview and its state. */
 
-import { MotionCapture, type Tracking } from "../landmarks/motionCapture";
+import { MotionCapture, type Tracking } from "../motion/motionCapture";
 import { drawSkeleton } from "../landmarks/skeleton";
 import type { LiveView } from "../drawing/live";
 import { Problem } from "../api/problem";
@@ -111,7 +111,7 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
     self = selfView(live, id);
     const animating = `Animating ${name}.`;
     const line = h("p", { className: "self-detail" }, `${animating} ${ONLY_MOVEMENTS}`);
-    capture = new MotionCapture(() => live.openKeypointsChannel(id), {
+    capture = new MotionCapture(() => live.openMotionChannel(id), {
       onTracking: (tracking) => {
         element.dataset["tracking"] = tracking;
         if (look) look.element.hidden = tracking === "starting";

@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import { back, beginGuide, goTo, observe, pass, passedSteps, progressOf, restart, resumeGuide, seenSoFar, skip, type GuideState } from "../../src/enrolment/guide";
 import { mostHelpful, nothingSeen, seenInWords, shareAround, shareSeen, withTurn } from "../../src/enrolment/sidesSeen";
 import { STEPS, judge, stepOf, type StepName } from "../../src/enrolment/steps";
-import type { Landmarks } from "../../src/landmarks/packet";
+import type { Landmarks } from "../../src/landmarks/landmarks";
 import { sideShown, turnOf } from "../../src/landmarks/turn";
 import { DONE, observation, somebody, type Pose } from "./people";
 

@@ -1,6 +1,6 @@
 /** Somebody as the detector would find them, posed as the steps ask. */
 
-import { LANDMARK_COUNT, type Landmarks } from "../../src/landmarks/packet";
+import { LANDMARK_COUNT, type Landmarks } from "../../src/landmarks/landmarks";
 import type { Observation } from "../../src/enrolment/steps";
 
 export interface Pose {

@@ -13,7 +13,7 @@ import {
   type Point,
 } from "../../src/landmarks/expression";
 import { ExpressionDetector, type ExpressionWorker, type ExpressionMessage, type PartPicture } from "../../src/landmarks/expressions";
-import { LANDMARK_COUNT, type Landmarks } from "../../src/landmarks/packet";
+import { LANDMARK_COUNT, type Landmarks } from "../../src/landmarks/landmarks";
 
 /** The server's numbers; the test there tells how they are made anew. */
 const faces = golden.faces.map((given) => {

@@ -1,9 +1,7 @@
 import { describe, expect, it } from "vitest";
-import { KeypointsChannel, type Channel } from "../../src/landmarks/channel";
 import { LandmarkDetector, type DetectorMessage, type DetectorWorker, type Picture } from "../../src/landmarks/detector";
-import { KEYPOINTS_BYTES, LANDMARK_COUNT, type Landmarks } from "../../src/landmarks/packet";
+import { LANDMARK_COUNT, type Landmarks } from "../../src/landmarks/landmarks";
 import { skeletonLines } from "../../src/landmarks/skeleton";
-import type { Problem } from "../../src/api/problem";
 
 function somebody(): Landmarks {
   return {
@@ -90,65 +88,6 @@ describe("LandmarkDetector", () => {
     worker.say({ kind: "found", timeMs: 1, seen: null, look: null });
     expect(found).toHaveLength(1);
     expect(worker.ended).toBe(true);
-  });
-});
-
-class FakeChannel implements Channel {
-  readyState: RTCDataChannelState = "open";
-  bufferedAmount = 0;
-  onmessage: Channel["onmessage"] = null;
-  sent: ArrayBuffer[] = [];
-  send = (data: ArrayBuffer): void => void this.sent.push(data);
-  close = (): void => void (this.readyState = "closed");
-}
-
-describe("KeypointsChannel", () => {
-  function setUp() {
-    const channels: FakeChannel[] = [];
-    const problems: Problem[] = [];
-    const open = (): Channel => (channels.push(new FakeChannel()), channels.at(-1) as FakeChannel);
-    return { channels, problems, link: new KeypointsChannel(open, (p) => void problems.push(p)) };
-  }
-
-  it("sends one small packet a picture, numbered", () => {
-    const { channels, link } = setUp();
-    expect(link.send(somebody(), 10)).toBe(true);
-    expect(link.send(somebody(), 20)).toBe(true);
-    const [first, second] = channels[0]?.sent ?? [];
-    expect(first?.byteLength).toBe(KEYPOINTS_BYTES);
-    expect(new DataView(first as ArrayBuffer).getUint32(4, true)).toBe(1);
-    expect(new DataView(second as ArrayBuffer).getUint32(4, true)).toBe(2);
-  });
-
-  it("sends nothing that would have to wait", () => {
-    const { channels, link } = setUp();
-    link.send(somebody(), 1);
-    const [channel] = channels;
-    if (channel) channel.bufferedAmount = 5 * KEYPOINTS_BYTES;
-    expect(link.send(somebody(), 2)).toBe(false);
-    if (channel) [channel.bufferedAmount, channel.readyState] = [0, "connecting"];
-    expect(link.send(somebody(), 3)).toBe(false);
-    expect(channel?.sent).toHaveLength(1);
-  });
-
-  it("opens anew after the connection was cut, and goes on counting", () => {
-    const { channels, link } = setUp();
-    link.send(somebody(), 1);
-    if (channels[0]) channels[0].readyState = "closed";
-    expect(link.send(somebody(), 2)).toBe(true);
-    expect(channels).toHaveLength(2);
-    expect(new DataView(channels[1]?.sent[0] as ArrayBuffer).getUint32(4, true)).toBe(2);
-  });
-
-  it("ends where the server refuses, in the server's words", () => {
-    const { channels, problems, link } = setUp();
-    link.send(somebody(), 1);
-    const data = JSON.stringify({ status: 409, title: "Driven elsewhere", detail: "got a newer one" });
-    channels[0]?.onmessage?.({ data } as MessageEvent);
-    expect(problems.map(({ status, detail }) => [status, detail])).toEqual([[409, "Got a newer one."]]);
-    if (channels[0]) channels[0].readyState = "closed";
-    expect(link.send(somebody(), 2)).toBe(false);
-    expect(channels).toHaveLength(1);
   });
 });
 

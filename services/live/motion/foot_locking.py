@@ -9,24 +9,24 @@ too far from it, it takes a step. Axis y is up; lengths are in metres.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
 from scene.arrays import Array, Float
-from scene.limits import ELBOW_HINGE
 from scene.motion import Pose
 from scene.rotations import axis_angle_to_matrix
 from scene.skeleton import JOINT_NAMES, PARENTS, Skeleton
+from services.live.motion.solved_motion import LocalPose
 from services.live.settling_mean import SettlingMean
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
-_LEGS = np.array(
+LEGS = np.array(
     [[_J[f"{s}_{part}"] for part in ("hip", "knee", "ankle", "foot")] for s in ("left", "right")]
 )
-_FEET = _LEGS[:, 2:].ravel()
+"""Of the left leg, then the right one: joints of hip, knee, ankle and foot."""
+_FEET = LEGS[:, 2:].ravel()
 _PARENTS = np.array(PARENTS)
 _UP = np.array([0.0, 1.0, 0.0])
 _HOME_S = 10.0
@@ -43,11 +43,10 @@ _LIFT = 0.35
 """Height of a step, as a share of the way left."""
 _FLAT = 1.0 - 1e-7
 """Cosine of a foot's tilt that nobody sees."""
-_HANGING_RAD, _ELBOW_RAD = 1.2, 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class _FootTarget:
+class FootTarget:
     """An ankle locked to the floor, or stepping."""
 
     position: Float[Array, "3"]
@@ -59,7 +58,7 @@ class _FootTarget:
 
     def stepped(
         self, wanted: Array, wanted_rotation: Array, floor_m: float, step_s: float
-    ) -> _FootTarget:
+    ) -> FootTarget:
         """The foot a moment later, when the leg alone would have it at `wanted`."""
         from scene.kinematics_kernels import slerp
 
@@ -72,10 +71,10 @@ class _FootTarget:
             )
         rotation = slerp(self.rotation, wanted_rotation, 1.0 - keep)
         if not self.locked and apart_m < _LANDED_M and wanted[1] - floor_m < _FLOOR_M:
-            return _FootTarget(self.position, rotation)
+            return FootTarget(self.position, rotation)
         offset = keep * (self.position - wanted) * [1.0, 0.0, 1.0]
         lift = np.array([0.0, _LIFT * math.hypot(offset[0], offset[2]), 0.0])
-        return _FootTarget(wanted + offset + lift, rotation, False, offset + lift)
+        return FootTarget(wanted + offset + lift, rotation, False, offset + lift)
 
     def _must_step(self, wanted: Array, wanted_rotation: Array) -> bool:
         away = wanted - self.position
@@ -93,16 +92,6 @@ class _FootTarget:
         return self.position, self.rotation
 
 
-@dataclass(frozen=True, eq=False)
-class LocalPose:
-    """A pose by matrices, as it is computed with."""
-
-    local: Float[Array, "24 3 3"]
-    """Rotations of joints relative to their parents."""
-    root: Float[Array, "3"]
-    """Added to the pelvis' rest position, m."""
-
-
 class FootLocking:
     """One performer's feet; belongs to one thread.
 
@@ -116,18 +105,10 @@ class FootLocking:
         self._home: Array | None = None
         self._legs = 0.0
         """How far legs count as seen, 0 to 1."""
-        self._feet: list[_FootTarget] = []
-        self._away = np.zeros(3)
+        self._feet: list[FootTarget] = []
         self._yaw = axis_angle_to_matrix(np.array([0.0, yaw_rad, 0.0]))
         self._upright_rotation = self._yaw
         """Of what comes in, so that it stands upright and faces the front."""
-        self._hanging = np.tile(np.eye(3), (len(self._rest), 1, 1))
-        self._hanging[0] = self._yaw
-        for side, out in (("left", 1.0), ("right", -1.0)):
-            drop = np.array([0.0, 0.0, -out * _HANGING_RAD])
-            self._hanging[_J[f"{side}_shoulder"]] = axis_angle_to_matrix(drop)
-            bend = _ELBOW_RAD * np.array(ELBOW_HINGE[side])
-            self._hanging[_J[f"{side}_elbow"]] = axis_angle_to_matrix(bend)
 
     def update(self, pose: Pose, *, legs_seen: bool, step_s: float) -> LocalPose:
         """The newest `pose` on its feet, `step_s` after the one before."""
@@ -143,38 +124,32 @@ class FootLocking:
             self._home = pelvis
         self._home = self._home + min(1.0, step_s / _HOME_S) * (pelvis - self._home)
         local, pelvis = self._grounded(local, pelvis)
-        self._away = pelvis * [1.0, 0.0, 1.0]
-        rotations, positions = self._joints(local, pelvis)
-        wanted = [(positions[leg[2]], rotations[leg[2]]) for leg in _LEGS]
+        rotations, positions = placed_joints(self._rest, local, pelvis)
+        wanted = [(positions[leg[2]], rotations[leg[2]]) for leg in LEGS]
         if not self._feet:
-            self._feet = [_FootTarget(*one) for one in wanted]
+            self._feet = [FootTarget(*one) for one in wanted]
         self._feet = [
             foot.stepped(*one, float(self._rest[leg[2], 1]), step_s)
-            for foot, one, leg in zip(self._feet, wanted, _LEGS, strict=True)
+            for foot, one, leg in zip(self._feet, wanted, LEGS, strict=True)
         ]
         targets = [(foot.position, foot.rotation) for foot in self._feet]
-        return self._solve_legs(local, pelvis, targets)
+        return with_feet(self._rest, local, pelvis, targets)
 
     def ahead(self, pose: Pose) -> LocalPose:
         """A pose predicted from the newest one, on the same feet."""
-        grounded = self._grounded(*self._upright(*self._seen(pose)))
-        return self._locked(*grounded, self._feet)
-
-    def at_rest(self) -> Callable[[], LocalPose]:
-        """Standing quietly where the newest pose stood, arms hanging, facing the front.
-
-        Worked out when it is asked for, on any thread, however far the feet have gone by then.
-        """
-        pelvis = np.array([self._away[0], self._rest[0, 1], self._away[2]])
-        return partial(self._locked, self._hanging, pelvis, self._feet)
-
-    def _locked(self, local: Array, pelvis: Array, feet: list[_FootTarget]) -> LocalPose:
-        rotations, positions = self._joints(local, pelvis)
+        local, pelvis = self._grounded(*self._upright(*self._seen(pose)))
+        rotations, positions = placed_joints(self._rest, local, pelvis)
         targets = [
             foot.target(positions[leg[2]], rotations[leg[2]])
-            for foot, leg in zip(feet, _LEGS, strict=True)
+            for foot, leg in zip(self._feet, LEGS, strict=True)
         ]
-        return self._solve_legs(local, pelvis, targets)
+        return with_feet(self._rest, local, pelvis, targets)
+
+    @property
+    def feet_locked(self) -> tuple[bool, bool]:
+        """Whether the left and the right foot stand still; else they step."""
+        left, right = self._feet
+        return left.locked, right.locked
 
     def _seen(self, pose: Pose) -> tuple[Array, Array]:
         """Local rotations and the pelvis' position."""
@@ -185,10 +160,10 @@ class FootLocking:
     def _learn_up(self, local: Array, pelvis: Array, legs_seen: bool, step_s: float) -> None:
         from scene.kinematics_kernels import rotation_between
 
-        _, positions = self._joints(local, pelvis)
+        _, positions = placed_joints(self._rest, local, pelvis)
         # in the mean whoever stands is upright from ankles to neck; whoever shows no legs may
         # sit, with an upright trunk
-        below = 0.5 * positions[_LEGS[:, 2]].sum(axis=0) if legs_seen else positions[0]
+        below = 0.5 * positions[LEGS[:, 2]].sum(axis=0) if legs_seen else positions[0]
         up = positions[_J["neck"]] - below
         self._up.add(up / math.sqrt(float(up @ up)), step_s)
         self._upright_rotation = self._yaw @ rotation_between(self._up.value, _UP)
@@ -207,7 +182,7 @@ class FootLocking:
             self._straighten(local)
         away = (pelvis - self._home) * [1.0, 0.0, 1.0] * self._legs
         away *= min(1.0, _FARTHEST_M / max(math.hypot(away[0], away[2]), 1e-9))
-        _, positions = self._joints(local, away)
+        _, positions = placed_joints(self._rest, local, away)
         away[1] = (self._rest[_FEET, 1] - positions[_FEET, 1]).max()
         return local, away
 
@@ -217,29 +192,38 @@ class FootLocking:
         from services.live.motion.foot_locking_kernels import level
 
         upright = local[0].T @ level(local[0])
-        for joint in _LEGS.ravel():
-            straight = upright if joint in _LEGS[:, 0] else np.eye(3)
+        for joint in LEGS.ravel():
+            straight = upright if joint in LEGS[:, 0] else np.eye(3)
             local[joint] = slerp(straight, local[joint], self._legs) if self._legs else straight
 
-    def _solve_legs(
-        self, local: Array, pelvis: Array, feet: list[tuple[Array, Array]]
-    ) -> LocalPose:
-        """The pose whose ankles are at `feet`; the pelvis sinks where a leg is too short."""
-        from services.live.motion.foot_locking_kernels import reach_with
 
-        ankles = np.array([position for position, _ in feet])
-        foot_rotations = np.array([rotation for _, rotation in feet])
-        local = local.copy()
-        sink = reach_with(local, pelvis, self._rest, _PARENTS, _LEGS, ankles, foot_rotations)
-        drop = np.array([0.0, sink, 0.0])
-        return LocalPose(local, pelvis + drop - self._rest[0])
+def with_feet(
+    rest: Float[Array, "24 3"],
+    local: Float[Array, "24 3 3"],
+    pelvis: Float[Array, "3"],
+    feet: Sequence[tuple[Array, Array]],
+) -> LocalPose:
+    """The pose whose ankles have these positions (m) and rotations; the pelvis sinks where a leg is
+    too short."""
+    from services.live.motion.foot_locking_kernels import reach_with
 
-    def _joints(self, local: Array, pelvis: Array) -> tuple[Array, Array]:
-        from scene.kinematics_kernels import forward_kinematics
+    ankles = np.array([position for position, _ in feet])
+    foot_rotations = np.array([rotation for _, rotation in feet])
+    local = local.copy()
+    sink = reach_with(local, pelvis, rest, _PARENTS, LEGS, ankles, foot_rotations)
+    drop = np.array([0.0, sink, 0.0])
+    return LocalPose(local, pelvis + drop - rest[0])
 
-        rotations, positions = np.empty_like(local), np.empty((len(local), 3))
-        forward_kinematics(local, pelvis, self._rest, _PARENTS, rotations, positions)
-        return rotations, positions
+
+def placed_joints(
+    rest: Float[Array, "24 3"], local: Float[Array, "24 3 3"], pelvis: Float[Array, "3"]
+) -> tuple[Float[Array, "24 3 3"], Float[Array, "24 3"]]:
+    """Rotations and positions (m) of the joints in the room."""
+    from scene.kinematics_kernels import forward_kinematics
+
+    rotations, positions = np.empty_like(local), np.empty((len(local), 3))
+    forward_kinematics(local, pelvis, rest, _PARENTS, rotations, positions)
+    return rotations, positions
 
 
 def _flatter(rotation: Array, share: float) -> Array:

@@ -25,9 +25,11 @@ from scene.environment import Environment
 from services.errors import OfferRefused, ServerFull
 from services.live.aiortc_compat import on_encoded_frame, on_rtcp_packet, request_key_frame
 from services.live.look.receiver import LookReceiver, offers_pictures
-from services.live.motion.keypoint_channels import (
+from services.live.motion.driving_channels import (
+    KEYPOINTS,
+    MOTION,
     DescribeError,
-    KeypointChannels,
+    DrivingChannels,
     MakeLookSink,
     drop_pictures,
 )
@@ -120,7 +122,7 @@ class ViewSessions:
         self._sessions: dict[str, ViewSession] = {}
         self._pose_feed = PoseFeed(clock, self._instrumentation)
         self._look_feed = LookFeed()
-        self.keypoint_channels = KeypointChannels(
+        self.driving_channels = DrivingChannels(
             clock, describe_error, make_look_sink, self._look_feed.relay
         )
         # one thread renders for all: a picture already uses every core
@@ -136,7 +138,7 @@ class ViewSessions:
         """Prepare the renderer before the first viewer comes; returns at once."""
         self._warming_up = self._executor.submit(warm_up)
         self._warming_up.add_done_callback(_log_failure)
-        self.keypoint_channels.warm_up()
+        self.driving_channels.warm_up()
 
     @property
     def ready(self) -> bool:
@@ -250,7 +252,7 @@ class ViewSessions:
             room = self._rooms[meeting_id]
             room.performers = await self._meetings.performers(meeting_id)
             room.environment = await self._meetings.environment(meeting_id)
-            self.keypoint_channels.close_refused(room)
+            self.driving_channels.close_refused(room)
 
     async def close_all(self) -> None:
         """End every session, at shutdown."""
@@ -261,7 +263,7 @@ class ViewSessions:
         await self._pose_feed.close()
         self._executor.shutdown(wait=False)
         self._look_executor.shutdown(wait=False)
-        self.keypoint_channels.close()
+        self.driving_channels.close()
 
     def _require_capacity(self) -> None:
         if len(self._sessions) >= self._max_viewers:
@@ -282,8 +284,8 @@ class ViewSessions:
                 self._pose_feed.add(room, view, channel)
             if channel.label == "look":
                 self._look_feed.add(room, view, channel)
-            if channel.label == "keypoints":
-                self.keypoint_channels.add(room, session.account, channel, session.look)
+            if channel.label in (MOTION, KEYPOINTS):
+                self.driving_channels.add(room, session.account, channel, session.look)
             if channel.label != "view":
                 return
 

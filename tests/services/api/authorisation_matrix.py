@@ -123,6 +123,7 @@ ROWS = (
     Row("GET /v1/landmarks/model", PUBLIC),
     Row("GET /v1/landmarks/face-model", PUBLIC),
     Row("GET /v1/landmarks/hand-model", PUBLIC),
+    Row("GET /v1/landmarks/solver", PUBLIC),
     Row("GET /v1/environments/{name}/picture", PUBLIC, path="/v1/environments/apartment/picture"),
     Row("OPTIONS /whep/{meeting_id}", PUBLIC, 204),
     Row("OPTIONS /whip/{meeting_id}", PUBLIC, 204),
@@ -207,5 +208,5 @@ DRIVING = _answers(
     "                   403 ok    403   403    403     403  ok     403     403     ok      403",
     "                   403 403   403   403    403     403  403    403     403     403     403",
 )
-"""Of the data channel `keypoints`, and of pictures beside it, by the account of the connection that
-they belong to: whether the connection may be is `POST /whep`'s to say."""
+"""Of the data channels `motion` and `keypoints`, and of pictures beside them, by the account of the
+connection that they belong to: whether the connection may be is `POST /whep`'s to say."""

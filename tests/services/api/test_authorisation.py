@@ -16,7 +16,7 @@ from services.app import ROUTERS, create_app
 from services.container import Services
 from services.errors import NotOwner
 from services.gateway import gateway_of
-from services.live.motion.keypoint_channels import drivable_performer, owns_alone
+from services.live.motion.driving_channels import drivable_performer, owns_alone
 from tests.services.api.authorisation_matrix import (
     CONTROL,
     CONTROL_ANSWERS,

@@ -7,6 +7,7 @@ from dataclasses import replace
 import httpx
 import pytest
 
+from capture.live.solver_constants import solver_constants
 from services.app import create_app
 from services.container import Services
 from tests.services.conftest import changed
@@ -51,3 +52,10 @@ async def test_a_file_that_is_not_the_one_expected_is_not_handed_out(services: S
     assert int(answer.headers["retry-after"]) > 0
     assert "landmark model must be on this server; got none" in answer.json()["detail"]
     assert str(tmp_path) not in answer.text
+
+
+async def test_a_page_gets_what_it_solves_poses_with(services: Services):
+    answer = await asked(services, "solver")
+    assert answer.status_code == 200
+    assert answer.content == solver_constants()
+    assert "max-age" in answer.headers["cache-control"]

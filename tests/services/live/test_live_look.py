@@ -50,7 +50,7 @@ def views(app: FastAPI) -> ViewSessions:
 def sinks(views: ViewSessions) -> dict[str, KeptPictures]:
     """What takes pictures, by the performer's name."""
     made: dict[str, KeptPictures] = {}
-    views.keypoint_channels.make_look_sink = lambda performer, _: made.setdefault(
+    views.driving_channels.make_look_sink = lambda performer, _: made.setdefault(
         performer.name, KeptPictures()
     )
     return made

@@ -1,12 +1,14 @@
-/** From the camera to the meeting: landmarks go out; pictures stay here, but for live look's while it is on. */
+/** From the camera to the meeting: poses go out; pictures stay here, but for live look's while it is on. */
 
 import { Problem } from "../api/problem";
 import { CAMERA_GONE, closeCamera, openCamera } from "../capture/record";
-import { KeypointsChannel, type Channel } from "./channel";
-import { ExpressionDetector } from "./expressions";
-import { LandmarkDetector } from "./detector";
-import { eachFrame } from "./frames";
-import type { Landmarks } from "./packet";
+import { ExpressionDetector } from "../landmarks/expressions";
+import { LandmarkDetector } from "../landmarks/detector";
+import { eachFrame } from "../landmarks/frames";
+import type { Landmarks } from "../landmarks/landmarks";
+import { MotionChannel, type Channel } from "./channel";
+import { withoutLook } from "./motionPacket";
+import { PoseSolving } from "./solving";
 
 /** Landmarks need no more. */
 const CAMERA = { width: 640, height: 480 };
@@ -34,11 +36,11 @@ export class MotionCapture {
   private stream: MediaStream | null = null;
   private detector: LandmarkDetector | null = null;
   private expressions: ExpressionDetector | null = null;
-  private readonly channel: KeypointsChannel;
+  private readonly channel: MotionChannel;
+  private solving: PoseSolving | null = null;
   private closed = false;
   private endFrames: () => void = () => undefined;
   private foundMs = 0;
-  private lastSeen: { seen: Landmarks; timeMs: number } | null = null;
   private onLook: ((picture: ImageBitmap) => void) | null = null;
 
   /** `open` gives a channel that drives our performer. */
@@ -47,7 +49,10 @@ export class MotionCapture {
     private readonly hooks: MotionCaptureHooks,
   ) {
     this.video.autoplay = this.video.muted = this.video.playsInline = true;
-    this.channel = new KeypointsChannel(open, (problem) => this.fail(problem));
+    this.channel = new MotionChannel(open, {
+      onBody: (body) => this.solving?.solveFor(body),
+      onRefused: (problem) => this.fail(problem),
+    });
   }
 
   async start(): Promise<void> {
@@ -66,6 +71,11 @@ export class MotionCapture {
       onFound: (seen, timeMs, look) => this.onFound(seen, timeMs, look),
       onFailed: (reason) => this.fail(new Problem("Motion capture failed", reason)),
     });
+    this.solving = new PoseSolving({
+      // live look may have gone off while it was solved
+      onSolved: (packet, timeMs) => this.channel.send(this.onLook ? packet : withoutLook(packet), timeMs),
+      onFailed: (reason) => this.fail(new Problem("Motion capture failed", reason)),
+    });
     this.endFrames = eachFrame(this.video, (timeMs) => this.detector?.offer(timeMs));
   }
 
@@ -78,8 +88,7 @@ export class MotionCapture {
   setLook(onLook: ((picture: ImageBitmap) => void) | null): void {
     this.onLook = onLook;
     if (this.detector) this.detector.look = onLook !== null;
-    // the server hears of the end at once, whether or not anybody is in view
-    if (!onLook && this.lastSeen) this.channel.send(this.lastSeen.seen, this.lastSeen.timeMs);
+    if (!onLook) this.channel.endLook();
   }
 
   /** The camera goes off, and the performer is left to their recorded motion. */
@@ -88,6 +97,7 @@ export class MotionCapture {
     this.endFrames();
     this.detector?.close();
     this.expressions?.close();
+    this.solving?.close();
     this.channel.close();
     closeCamera(this.stream);
     this.video.srcObject = null;
@@ -95,12 +105,10 @@ export class MotionCapture {
 
   private onFound(seen: Landmarks | null, timeMs: number, look: ImageBitmap | null): void {
     this.hooks.onLandmarks(seen);
-    if (seen) {
-      this.foundMs = timeMs;
-      this.lastSeen = { seen, timeMs };
-    }
+    if (seen) this.foundMs = timeMs;
     const expression = this.expressions?.at(timeMs) ?? null;
-    const sent = seen !== null && this.channel.send(seen, timeMs, expression, this.onLook !== null);
+    const liveLook = this.onLook !== null;
+    const sent = seen !== null && this.channel.ready() && this.solving?.offer({ seen, expression, timeMs, liveLook });
     if (look) (this.onLook ?? closePicture)(look);
     if (seen) this.offerExpressions(seen, timeMs);
     if (this.closed) return;

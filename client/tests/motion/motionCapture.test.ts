@@ -1,9 +1,12 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
-import type { Channel } from "../../src/landmarks/channel";
+import type { Channel } from "../../src/motion/channel";
 import type { DetectorMessage } from "../../src/landmarks/detector";
-import { MotionCapture } from "../../src/landmarks/motionCapture";
-import { KEYPOINTS_BYTES, type Landmarks } from "../../src/landmarks/packet";
+import { MotionCapture } from "../../src/motion/motionCapture";
+import type { Landmarks } from "../../src/landmarks/landmarks";
+import { LONGEST_MOTION_BYTES, MOTION_BYTES } from "../../src/motion/motionPacket";
+import type { SolverMessage, SolverTask } from "../../src/motion/solving";
+import { BODY_PACKET } from "./bodyPacket";
 
 const SEEN: Landmarks = {
   width: 640,
@@ -22,15 +25,23 @@ class FakeTrack extends EventTarget {
 
 class FakeWorker {
   static made: FakeWorker[] = [];
-  onmessage: ((event: { data: DetectorMessage }) => void) | null = null;
+  onmessage: ((event: { data: DetectorMessage | SolverMessage }) => void) | null = null;
   onerror: ((event: { message: string }) => void) | null = null;
   given: { timeMs: number; look: boolean }[] = [];
+  get solves(): boolean {
+    return this.address.pathname.endsWith("/motion/worker.ts");
+  }
   terminated = false;
   constructor(readonly address: URL) {
     FakeWorker.made.push(this);
   }
-  postMessage(picture: { timeMs: number; look: boolean }): void {
-    this.given.push(picture);
+  postMessage(given: { timeMs: number; look: boolean } | SolverTask): void {
+    if (!("kind" in given)) this.given.push(given);
+    else if (given.kind === "seen") {
+      const packet = new ArrayBuffer(given.liveLook ? LONGEST_MOTION_BYTES : MOTION_BYTES);
+      new DataView(packet).setUint16(2, given.liveLook ? 0x8000 : 0, true);
+      this.onmessage?.({ data: { kind: "solved", timeMs: given.timeMs, packet } });
+    }
   }
   terminate(): void {
     this.terminated = true;
@@ -47,10 +58,14 @@ async function setUp(connected = true) {
   vi.stubGlobal("navigator", Object.assign(Object.create(navigator), { mediaDevices: { getUserMedia } }));
   const sent: ArrayBuffer[] = [];
   const channel: Channel = {
+    binaryType: "blob",
     readyState: "open",
     bufferedAmount: 0,
     onmessage: null,
-    send: (data) => sent.push(data),
+    send: (data) => {
+      if (typeof data !== "string") sent.push(data.slice(0));
+      else channel.onmessage?.(new MessageEvent("message", { data: BODY_PACKET }));
+    },
     close: vi.fn(),
   };
   const link = { connected };
@@ -64,6 +79,7 @@ async function setUp(connected = true) {
   });
   const start = async (): Promise<FakeWorker> => {
     await capture.start();
+    FakeWorker.made.find(({ solves }) => solves)?.onmessage?.({ data: { kind: "ready" } });
     return FakeWorker.made[0] as FakeWorker;
   };
   /** The camera takes a picture at `nowMs`, and the detector finds what is `seen` in it. */
@@ -93,18 +109,18 @@ beforeEach(() => {
 afterEach(() => vi.unstubAllGlobals());
 
 describe("MotionCapture", () => {
-  it("sends landmarks, and no picture, of whoever is in view", async () => {
+  it("sends poses, and no picture, of whoever is in view", async () => {
     const { capture, start, picture, sent, told, landmarks } = await setUp();
     const worker = await start();
     worker.onmessage?.({ data: { kind: "ready" } });
     await picture(worker, 100, SEEN);
-    expect(sent.map(({ byteLength }) => byteLength)).toEqual([KEYPOINTS_BYTES]);
+    expect(sent.map(({ byteLength }) => byteLength)).toEqual([MOTION_BYTES]);
     expect(told).toEqual(["starting", "tracking"]);
     expect(landmarks).toEqual([SEEN]);
     capture.close();
   });
 
-  it("marks packets while live look is on, hands its pictures on after them, and tells of its end at once", async () => {
+  it("marks packets while live look is on, hands its pictures on, and tells of its end at once", async () => {
     const { capture, start, picture, sent } = await setUp();
     const worker = await start();
     worker.onmessage?.({ data: { kind: "ready" } });
@@ -162,14 +178,14 @@ describe("MotionCapture", () => {
     capture.close();
   });
 
-  it("starts the second worker, for face and hands, only once a body was found", async () => {
+  it("starts a worker for face and hands only once a body was found", async () => {
     const { capture, start, picture } = await setUp();
     const worker = await start();
     worker.onmessage?.({ data: { kind: "ready" } });
     await picture(worker, 100, null);
-    expect(FakeWorker.made).toHaveLength(1);
+    expect(FakeWorker.made).toHaveLength(2);
     await picture(worker, 140, SEEN);
-    expect(FakeWorker.made[1]?.address.pathname).toContain("expressionWorker");
+    expect(FakeWorker.made[2]?.address.pathname).toContain("expressionWorker");
     capture.close();
     expect(FakeWorker.made.every(({ terminated }) => terminated)).toBe(true);
   });

@@ -1,50 +1,38 @@
-"""Keypoint channels: a participant's landmarks come in, their performer moves.
+"""Driving channels: a participant's motion comes in, their performer moves.
 
-A page opens the data channel `keypoints` with the performer's id as its protocol. Only a performer
+A page opens the data channel `motion`, over which it sends the poses that it has solved; whoever
+cannot solve opens `keypoints` and sends landmarks, which are solved here. Either has the
+performer's id as its protocol. Only a performer
 of the caller's own account may be driven, or one whose person consents to being driven by others;
 by one channel at a time: a newer one takes over, so that a page may be reloaded, but nobody takes
 over from the owner. A channel that is refused is sent a problem (RFC 9457) before it closes.
-Packets are read on the event loop and solved on a thread of their own; of each performer only the
-newest waits. Where the connection also brings pictures for live look, they are of the performer,
-if the performer is the caller's own.
+Where the connection also brings pictures for live look, they are of the performer, if the performer
+is the caller's own.
 """
 
 from __future__ import annotations
 
-import logging
-import threading
 from collections.abc import Callable
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from aiortc import RTCDataChannel
-from prometheus_client import Counter, Gauge, Histogram
+from prometheus_client import Gauge
 
 from db.errors import NotFound
-from scene.errors import InvalidInput
 from services.auth import GUEST, INVITED
 from services.errors import DrivenElsewhere, NotInMeeting, NotOwner
 from services.likeness import may_drive
-from services.live.keypoints_packet import KeypointsPacket, decode_keypoints
 from services.live.look.picture import DroppedPictures, LookSink
 from services.live.look.receiver import LookReceiver
 from services.live.look.relay import LookRelay, NoRelay
+from services.live.motion.body_packet import encode_body
 from services.live.motion.live_motion import LiveMotion, warm_up
-from services.live.packets import PacketError, is_newer
+from services.live.motion.receivers import KeypointReceiver, MotionReceiver
 from services.live.room import MeetingPerformer, Room, facing_yaw
 
-log = logging.getLogger(__name__)
-
-PACKETS = Counter(
-    "metanerf_keypoints_total", "Keypoints packets, by what became of them.", ["outcome"]
-)
-"""solved; malformed; late (a newer one had come); replaced (by a newer one, while it waited);
-no-person (no pose could be solved from it)."""
-TO_POSE_SECONDS = Histogram(
-    "metanerf_keypoints_to_pose_seconds",
-    "Time from a packet's arrival to its pose, s.",
-    buckets=(0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5),
-)
+MOTION, KEYPOINTS = "motion", "keypoints"
+"""Labels of the channels that drive."""
 DRIVEN = Gauge("metanerf_driven_performers", "Performers driven live now.")
 
 Clock = Callable[[], float]
@@ -76,8 +64,8 @@ class _Driver:
             self.look.detach(self.sink)
 
 
-class KeypointChannels:
-    """All keypoint channels of this process. Every method runs on its event loop."""
+class DrivingChannels:
+    """All driving channels of this process. Every method runs on its event loop."""
 
     def __init__(
         self,
@@ -115,8 +103,15 @@ class KeypointChannels:
         if before is not None:
             before.stop()
             self._reject(before.channel, DrivenElsewhere(_TAKEN_OVER))
-        motion = LiveMotion(performer.model.skeleton, -facing_yaw(performer.motion))
-        receiver = KeypointReceiver(motion, self._executor, self._clock)
+        skeleton, yaw_rad = performer.model.skeleton, -facing_yaw(performer.motion)
+        motion = LiveMotion(skeleton, yaw_rad)
+        receiver: MotionReceiver | KeypointReceiver
+        if channel.label == MOTION:
+            receiver = MotionReceiver(
+                motion, self._clock, lambda: _send(channel, encode_body(skeleton, yaw_rad))
+            )
+        else:
+            receiver = KeypointReceiver(motion, self._executor, self._clock)
         sink = None
         if look is not None and owns_alone(account, performer):
             sink = room.looks[performer.performer_id] = self.make_look_sink(performer, motion)
@@ -152,9 +147,8 @@ class KeypointChannels:
         self._executor.shutdown(wait=False, cancel_futures=True)
 
     def _reject(self, channel: RTCDataChannel, refusal: Exception) -> None:
-        if channel.readyState == "open":  # nobody reads from one that is closing
-            channel.send(self._describe_error(refusal))
-            channel.close()
+        _send(channel, self._describe_error(refusal))
+        channel.close()
 
     def _remove(self, key: tuple[Room, str], driver: _Driver) -> None:
         room, performer_id = key
@@ -166,62 +160,9 @@ class KeypointChannels:
         DRIVEN.set(len(self._drivers))
 
 
-class KeypointReceiver:
-    """Solves one performer's packets; at most one waits, the newest."""
-
-    def __init__(self, motion: LiveMotion, executor: Executor, clock: Clock) -> None:
-        self._motion, self._executor, self._clock = motion, executor, clock
-        self.on_live_look: Callable[[bool], None] = lambda _: None
-        """Told of each packet, in order, whether it says that live look is on."""
-        self._newest: int | None = None
-        self._lock = threading.Lock()
-        self._waiting: tuple[KeypointsPacket, float] | None = None
-        self._solving = False
-
-    def receive(self, message: object) -> None:
-        """Take a message off the channel; returns at once, whatever it holds."""
-        try:
-            packet = decode_keypoints(message if isinstance(message, bytes) else b"")
-        except PacketError as error:
-            PACKETS.labels("malformed").inc()
-            log.debug("keypoints packet dropped: %s", error)
-            return
-        if self._newest is not None and not is_newer(packet.sequence, self._newest):
-            PACKETS.labels("late").inc()
-            return
-        self._newest = packet.sequence
-        self.on_live_look(packet.live_look)
-        with self._lock:
-            if self._waiting is not None:
-                PACKETS.labels("replaced").inc()
-            self._waiting = packet, self._clock()
-            idle, self._solving = not self._solving, True
-        if idle:
-            self._executor.submit(self._solve)
-
-    def _solve(self) -> None:
-        """On the solver's thread: one packet, then those of other performers."""
-        with self._lock:
-            waiting, self._waiting = self._waiting, None
-        if waiting is not None:
-            self._update(*waiting)
-        with self._lock:
-            self._solving = again = self._waiting is not None
-        if again:
-            self._executor.submit(self._solve)
-
-    def _update(self, packet: KeypointsPacket, arrived_s: float) -> None:
-        try:
-            self._motion.update(packet, arrived_s)
-        except InvalidInput as error:
-            PACKETS.labels("no-person").inc()
-            log.debug("no pose could be solved: %s", error)
-        except Exception:
-            # an error in the solver must not end the performer's motion
-            log.exception("keypoints could not be solved")
-        else:
-            PACKETS.labels("solved").inc()
-            TO_POSE_SECONDS.observe(self._clock() - arrived_s)
+def _send(channel: RTCDataChannel, message: str | bytes) -> None:
+    if channel.readyState == "open":  # nobody reads from one that is closing
+        channel.send(message)
 
 
 _TAKEN_OVER = (

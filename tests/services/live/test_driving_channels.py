@@ -1,13 +1,15 @@
-"""Keypoints over a real WebRTC connection: whose performer moves, and what is dropped."""
+"""Motion over a real WebRTC connection: whose performer moves, and what is dropped."""
 
 from __future__ import annotations
 
 import asyncio
 import json
+import struct
 import threading
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,9 +24,12 @@ from services.container import Services
 from services.gateway import gateway_of
 from services.likeness import give_consent
 from services.live.keypoints_packet import KeypointsPacket, encode_keypoints
-from services.live.motion.keypoint_channels import KeypointReceiver
+from services.live.motion.body_packet import encode_body
 from services.live.motion.live_motion import LiveMotion
-from services.live.room import Room
+from services.live.motion.motion_packet import MotionPacket, decode_motion, encode_motion
+from services.live.motion.motion_solver import MotionSolver
+from services.live.motion.receivers import KeypointReceiver, MotionReceiver
+from services.live.room import Room, facing_yaw
 from services.live.sessions.view_sessions import ViewSessions
 from services.meetings import create_meeting
 from tests.capture.people import JOINT, body, standing
@@ -37,6 +42,11 @@ PACE_S = 1.0 / 60.0
 def count(outcome: str) -> float:
     """Packets that this became of, so far."""
     return REGISTRY.get_sample_value("metanerf_keypoints_total", {"outcome": outcome}) or 0.0
+
+
+def outcome(name: str) -> float:
+    """Motion packets that this became of, so far."""
+    return REGISTRY.get_sample_value("metanerf_motions_total", {"outcome": name}) or 0.0
 
 
 async def until(look: Callable[[], bool], what: str) -> None:
@@ -72,14 +82,16 @@ async def room(app: FastAPI, meeting_id: str) -> Room:
     return await views.room(meeting_id)
 
 
-async def connected(app: FastAPI, meeting_id: str, account: str, performer_id: str):
+async def connected(
+    app: FastAPI, meeting_id: str, account: str, performer_id: str, label: str = "keypoints"
+):
     """A viewer of `account` with a channel that would drive the performer."""
     views: ViewSessions = gateway_of(app).views
     viewer = Viewer()
     channel = viewer.peer.createDataChannel(
-        "keypoints", ordered=False, maxRetransmits=0, protocol=performer_id
+        label, ordered=False, maxRetransmits=0, protocol=performer_id
     )
-    told: list[str] = []
+    told: list[Any] = []
     channel.on("message", told.append)
     _, answer = await views.open(meeting_id, await viewer.offer(), None, account)
     await viewer.accept(answer)
@@ -251,3 +263,85 @@ def test_of_packets_that_wait_the_newest_wins():
     gained = {name: count(name) - before[name] for name in before}
     assert gained == {"solved": 1.0, "late": 2.0, "replaced": 2.0, "malformed": 1.0}
     assert motion.captured_ms == pytest.approx(packets[5].capture_time_ms)
+
+
+def motions() -> list[bytes]:
+    """What a page sends that has solved the packets of somebody who waves."""
+    solver = MotionSolver(body().skeleton)
+    return [
+        encode_motion(MotionPacket(1 + number, solver.solve(packet)))
+        for number, packet in enumerate(waving())
+    ]
+
+
+async def test_motion_that_a_page_has_solved_is_followed_and_nothing_is_solved_here(
+    app, room, meeting_id
+):
+    ada = member(room, "Ada")
+    viewer, channel, told = await connected(app, meeting_id, "house", ada.performer_id, "motion")
+    await until(lambda: channel.readyState == "open", "opening the channel")
+    solved, followed = count("solved"), outcome("followed")
+    channel.send("whose?")
+    await until(lambda: told != [], "telling the body")
+    assert told == [encode_body(ada.model.skeleton, -facing_yaw(ada.motion))]
+    for packet in motions():
+        channel.send(packet)
+        await asyncio.sleep(PACE_S)
+    await until(lambda: outcome("followed") == followed + 45, "following all")
+    driven = room.live_motions[ada.performer_id]
+    assert isinstance(driven, LiveMotion)
+    assert driven.clock_offset_s is not None
+    last = waving()[-1]
+    assert driven.captured_ms == pytest.approx(last.capture_time_ms)
+    shown = driven.pose_at(last.capture_time_ms / 1e3 + driven.clock_offset_s)
+    reference = LiveMotion(body().skeleton)
+    for packet in waving():
+        reference.update(packet, packet.capture_time_ms / 1e3)
+    expected = reference.pose_at(last.capture_time_ms / 1e3)
+    assert shown is not None
+    assert expected is not None
+    np.testing.assert_allclose(shown.joint_angles, expected.joint_angles, atol=1e-3)
+    np.testing.assert_allclose(shown.root_translation, expected.root_translation, atol=1e-5)
+    assert count("solved") == solved
+    malformed = outcome("malformed")
+    channel.send(b"no packet of ours")
+    await until(lambda: outcome("malformed") == malformed + 1, "counting nonsense")
+    await viewer.peer.close()
+    await until(lambda: room.live_motions == {}, "letting go")
+
+
+def test_whoever_rests_stands_the_same_whoever_solved_them():
+    ours, theirs = LiveMotion(body().skeleton), LiveMotion(body().skeleton)
+    for packet, data in zip(waving(), motions(), strict=True):
+        ours.update(packet, packet.capture_time_ms / 1e3)
+        theirs.follow(decode_motion(data).motion, packet.capture_time_ms / 1e3)
+    for gap_s in (0.1, 0.5, 3.0):
+        now_s = waving()[-1].capture_time_ms / 1e3 + gap_s
+        one, other = ours.pose_at(now_s), theirs.pose_at(now_s)
+        assert one is not None
+        assert other is not None
+        np.testing.assert_allclose(one.joint_angles, other.joint_angles, atol=5e-3)
+        np.testing.assert_allclose(one.root_translation, other.root_translation, atol=1e-3)
+
+
+def test_of_motion_what_is_late_implausible_or_too_much_is_dropped():
+    clock = iter(np.arange(2000) / 1000.0)
+    motion = LiveMotion(body().skeleton)
+    receiver = MotionReceiver(motion, lambda: 100.0 + float(next(clock)))
+    names = ("followed", "late", "implausible", "malformed", "flood")
+    before = {name: outcome(name) for name in names}
+    packets = motions()
+    jump = bytearray(packets[8])
+    struct.pack_into("<f", jump, 16, 2.9)
+    older = bytearray(packets[0])
+    struct.pack_into("<I", older, 4, 90)
+    for packet in (packets[0], packets[4], packets[2], bytes(jump), bytes(older), packets[0][:-1]):
+        receiver.receive(packet)
+    assert motion.captured_ms == pytest.approx(waving()[4].capture_time_ms)
+    for _ in range(200):
+        receiver.receive("whose?")
+    receiver.receive(packets[10])
+    gained = {name: outcome(name) - before[name] for name in names}
+    told = {"followed": 2.0, "late": 1.0, "implausible": 2.0, "malformed": 1.0, "flood": 77.0}
+    assert gained == told
+    assert motion.captured_ms == pytest.approx(waving()[4].capture_time_ms)
