@@ -33,7 +33,7 @@ def loadtest(
         bool, typer.Option("--largest", help="Find how many meetings hold, from 1 to --meetings.")
     ] = False,
 ) -> None:
-    """Synthetic people meet: landmarks go up, poses come down, as from and to pages that draw.
+    """Synthetic people meet: poses go up and come down, as from and to pages that draw.
 
     Told are packets a second, how long each motion took from its sender to its viewers, what was
     lost, and what the server and, apart from it, these people cost.

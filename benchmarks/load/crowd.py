@@ -18,7 +18,7 @@ from typing import Any
 import httpx
 import numpy as np
 
-from benchmarks.load.person import Person, SharedMeeting
+from benchmarks.load.person import RATE_HZ, Person, SharedMeeting
 from benchmarks.load.tally import Tally
 from scene.errors import InvalidInput
 
@@ -170,11 +170,22 @@ async def _all_connected(people: Sequence[Person], patience_s: float) -> str | N
 
 
 def _motions() -> list[bytes]:
-    """Packets of two seconds of somebody who turns to and fro; each is sent with a new header."""
+    """What a page sends that solves the poses of somebody who turns to and fro, two seconds of it;
+    each is sent with a new header."""
     from benchmarks.live_people import SIZE_PX, landmarks_of_one_who_turns
-    from services.live.keypoints_packet import KeypointsPacket, encode_keypoints
+    from capture.body.model import load_body_model
+    from scene.skeleton import Skeleton
+    from services.live.keypoints_packet import KeypointsPacket
+    from services.live.motion.motion_packet import MotionPacket, encode_motion
+    from services.live.motion.motion_solver import MotionSolver
 
-    return [
-        encode_keypoints(KeypointsPacket(0, 0.0, *SIZE_PX, xy, world, np.ones(len(xy))))
-        for xy, world in landmarks_of_one_who_turns()
+    found = landmarks_of_one_who_turns()
+    solver = MotionSolver(Skeleton(load_body_model().rest_joints))
+    # twice round: in the second all has settled, and where it begins again nobody jumps
+    motions = [
+        solver.solve(
+            KeypointsPacket(number, 1e3 * number / RATE_HZ, *SIZE_PX, xy, world, np.ones(len(xy)))
+        )
+        for number, (xy, world) in enumerate(2 * found)
     ]
+    return [encode_motion(MotionPacket(0, motion)) for motion in motions[len(found) :]]

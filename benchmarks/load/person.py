@@ -1,11 +1,11 @@
 """One person of a load test: the page's way into a meeting, without a page.
 
 They take a seat, open the control channel and a view by WHEP, say that they draw the room
-themselves, send their landmarks 30 times a second, and take everybody's poses. Nothing is drawn.
+themselves, send 30 poses a second as a page solves them, and take everybody's. Nothing is drawn.
 
-A motion's number travels where a page says how old its picture was (`KeypointsPacket.age_ms`): the
-server hands that on unchanged with the pose that follows the landmarks, so that whoever receives it
-knows when it was sent, on any server and by one clock.
+A motion's number travels where a page says how old its picture was (`SolvedMotion.age_ms`): the
+server hands that on unchanged with the pose that it sends, so that whoever receives it knows when
+it was sent, on any server and by one clock.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ class Person:
                         tasks.create_task(_discard(socket))
                         tasks.create_task(_beat(socket))
                         tasks.create_task(self._look(channels["view"]))
-                        tasks.create_task(self._move(channels["keypoints"]))
+                        tasks.create_task(self._move(channels["motion"]))
                         tasks.create_task(self._until_lost(peer))
                 finally:
                     if self._cut.is_set():
@@ -219,7 +219,7 @@ class Person:
         protocols = {
             "view": "",
             "pose": BATCHES,
-            "keypoints": self._meeting.performer_ids[self._index],
+            "motion": self._meeting.performer_ids[self._index],
         }
         channels = {
             name: peer.createDataChannel(name, protocol=protocol, **_NEWEST)

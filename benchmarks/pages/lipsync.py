@@ -25,7 +25,7 @@ def lipsync(figures: Figures) -> str:
         "(`metanerf bench lipsync`):"
     )
     up = (
-        "Body, face and hands, and a viewpoint thrice a second, go up at "
+        "Landmarks of body, face and hands, and a viewpoint thrice a second, go up at "
         f"{figures['landmarks_mbit_s']:.3f} Mbit/s, headers of every layer down to IP included."
     )
     return "\n\n".join([sentence, markdown_table(heads, rows), up, measured_at(figures)])

@@ -58,7 +58,7 @@ def load(figures: Figures) -> str:
             f"A core of the gateway sent {_poses_a_core(best):,.0f} poses a second, in "
             f"{_poses_a_core(best) / best['people']:,.0f} messages; LiveKit's server, in Go, "
             f"[publishes]({_LIVEKIT}) about {_LIVEKIT_PACKETS:,} packets a second a core, which "
-            "it forwards as they are, where ours solves each motion's pose first.",
+            "it forwards as they are, where ours works out each performer's pose of the moment.",
             measured_at(figures),
         ]
     )

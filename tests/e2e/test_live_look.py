@@ -36,7 +36,9 @@ WATCH_KEYPOINTS = """
 window.captured = [];
 const sendAny = RTCDataChannel.prototype.send;
 RTCDataChannel.prototype.send = function (data) {
-  if (this.label === "keypoints") captured.push(new DataView(data).getFloat64(8, true));
+  // text asks whose motion it is
+  const packet = this.label === "motion" && data instanceof ArrayBuffer;
+  if (packet) captured.push(new DataView(data).getFloat64(8, true));
   return sendAny.call(this, data);
 };
 const nowMs = () => performance.timeOrigin + performance.now();

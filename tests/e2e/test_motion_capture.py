@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import uvicorn
 from playwright.sync_api import Page, Request, WebSocket, expect
+from prometheus_client import REGISTRY
 
 from benchmarks.browser import open_page
 from benchmarks.landmark_finder import write_webcam_video
@@ -25,12 +26,14 @@ from services.auth import GUEST
 from services.bootstrap import DEMO_MODEL, import_model
 from services.composition import build_services
 from services.gateway import gateway_of
-from services.live.keypoints_packet import KEYPOINTS_BYTES, LONGEST_KEYPOINTS_BYTES
 from services.live.motion.live_motion import LiveMotion
+from services.live.motion.motion_packet import MOTION_BYTES
+from services.live.packets import decode_pose, packets_of
 from services.live.room import Room
 from services.meetings import create_meeting
 from services.settings import load_settings
 from tests.capture.people import JOINT
+from tests.e2e.test_control import beside
 from tests.landmark_models import landmark_model
 from tests.services.jobs.waiting import until
 from tests.shared_data import shared_data
@@ -43,6 +46,7 @@ LARGEST_FRAME = 16 * 1024
 """Of a WebSocket."""
 FIRST, LAST = 70, 250
 """Frames of the clip in which she signs twice."""
+ARMS = [JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("shoulder", "elbow")]
 LIDS = [EXPRESSION_NAMES.index(f"blink_{side}") for side in ("left", "right")]
 
 WATCH = """
@@ -67,6 +71,17 @@ OUTGOING = """async () => {
   }
   return kinds;
 }"""
+HEAR = """
+window.poses = [];
+const create = RTCPeerConnection.prototype.createDataChannel;
+RTCPeerConnection.prototype.createDataChannel = function (label, ...how) {
+  const channel = create.call(this, label, ...how);
+  const keep = ({ data }) => poses.push([...new Uint8Array(data)]);
+  if (label === "pose") channel.addEventListener("message", keep);
+  return channel;
+};
+"""
+"""Keeps what comes down as poses."""
 SENT = "() => Object.fromEntries(Object.entries(sent).map(([label, sizes]) => [label, [...sizes]]))"
 
 
@@ -138,8 +153,9 @@ class Wire:
         assert all(len(frame) <= LARGEST_FRAME for frame in self.frames)
         assert "video" not in page.evaluate(OUTGOING)
         sizes = page.evaluate(SENT)
-        longer = LONGEST_KEYPOINTS_BYTES
-        assert {longer} <= set(sizes["keypoints"]) <= {KEYPOINTS_BYTES, longer}
+        # what moves, and the question whose motion it is
+        assert {MOTION_BYTES} <= set(sizes["motion"]) <= {MOTION_BYTES, len("body")}
+        assert "keypoints" not in sizes
         assert max(max(one) for one in sizes.values()) <= 1100
         # what the worker asks for is heard here too
         assert any(request.url.endswith("/v1/landmarks/model") for request in self.requests)
@@ -153,11 +169,35 @@ def joints(room: Room) -> np.ndarray:
     return skeleton.joint_transforms(pose.joint_angles, pose.root_translation)[:, :3, 3]
 
 
+def outcome(name: str, of: str) -> float:
+    """How many packets of a counter this became of."""
+    return REGISTRY.get_sample_value(name, {"outcome": of}) or 0.0
+
+
+def sees_somebody_move(page: Page, address: str) -> None:
+    """Another page draws by itself, and Ada's arms move there as her own page last solved them."""
+    page.add_init_script(HEAR)
+    page.goto(address)
+    page.get_by_test_id("start-join").click()
+    page.get_by_test_id("render-mode").select_option("local", force=True)
+
+    def moved() -> bool:
+        page.wait_for_timeout(200)
+        told = [packets_of(bytes(one)) for one in page.evaluate("poses")]
+        poses = [decode_pose(packet) for packets in told for packet in packets]
+        live = [pose.rotations[ARMS] for pose in poses if pose.landmarks_age_ms]
+        return len(live) > 10 and bool(np.ptp(live, axis=0).max() > 0.1)
+
+    until(moved, "seeing Ada move from another page")
+
+
 def test_who_is_seen_by_their_webcam_moves_in_the_meeting_and_no_picture_leaves(tmp_path):
     clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
     film = webcam(clip, tmp_path / "webcam.mjpeg")
     with meeting_with_ada(tmp_path / "data") as (address, look), open_page(webcam=film) as page:
         wire = Wire(page)
+        solved = outcome("metanerf_keypoints_total", "solved")
+        followed = outcome("metanerf_motions_total", "followed")
         page.goto(address)
         page.get_by_test_id("start-join").click()
         self = page.get_by_test_id("self")
@@ -194,6 +234,12 @@ def test_who_is_seen_by_their_webcam_moves_in_the_meeting_and_no_picture_leaves(
         feet = np.array(shown)[:, [JOINT["left_ankle"], JOINT["right_ankle"]]]
         assert np.ptp(feet, axis=0).max() < 0.02
         wire.assert_no_picture(page, address)
+        with beside(page) as other:
+            sees_somebody_move(other, address)
+        # her page solved it all
+        assert outcome("metanerf_keypoints_total", "solved") == solved
+        assert outcome("metanerf_motions_total", "followed") > followed + 50
+        assert outcome("metanerf_motions_total", "malformed") == 0
         page.get_by_test_id("motion-capture").click()
         expect(self).to_be_hidden()
         until(lambda: room.live_motions == {}, "letting go of Ada")

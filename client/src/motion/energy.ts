@@ -47,7 +47,7 @@ const places = new Float64Array(3 * JOINT_COUNT);
 const points = new Float64Array(3 * LANDMARKS);
 const columns = new Int32Array(UNKNOWNS);
 const rows = new Float64Array(3 * UNKNOWNS);
-const imageRows = new Float64Array(2 * UNKNOWNS);
+const imageRows = new Float64Array(3 * UNKNOWNS);
 const residual = new Float64Array(3);
 
 /** Work out `out`'s energy and equations for its pose. `world`: the landmarks in 3D, sized as the body. */
@@ -64,19 +64,23 @@ export function evaluate(
   out.energy = addLandmarks(out, body, seen, world) + addPrior(out, constants);
 }
 
-/** Add `weight` times J^T J and J^T r of one residual of `size` numbers. */
-function add(out: Equations, jacobian: Numbers, count: number, size: number, weight: number): void {
+/**
+ * Add `weight` times J^T J and J^T r of one residual of three numbers, which depends on `rotations` unknowns that
+ * turn joints, each joint before its parent, and on the pelvis' shift or not.
+ */
+function add(out: Equations, jacobian: Numbers, rotations: number, shifts: boolean, weight: number): void {
   const { normal, right } = out;
+  const count = shifts ? rotations + 3 : rotations;
   for (let a = 0; a < count; a++) {
     const i = columns[a]!;
-    for (let s = 0; s < size; s++) {
-      const weighted = weight * jacobian[s * UNKNOWNS + a]!;
-      if (weighted === 0) continue;
-      right[i]! -= weighted * residual[s]!;
-      for (let b = 0; b < count; b++) {
-        const j = columns[b]!;
-        if (j <= i) normal[i * UNKNOWNS + j]! += weighted * jacobian[s * UNKNOWNS + b]!;
-      }
+    const x = weight * jacobian[a]!, y = weight * jacobian[UNKNOWNS + a]!, z = weight * jacobian[2 * UNKNOWNS + a]!; // prettier-ignore
+    right[i]! -= x * residual[0]! + y * residual[1]! + z * residual[2]!;
+    // those that lie on or below the diagonal
+    const [first, end] = a < rotations ? [a - (a % 3), rotations] : [0, count];
+    for (let b = first; b < end; b++) {
+      const j = columns[b]!;
+      if (j > i) continue;
+      normal[i * UNKNOWNS + j]! += x * jacobian[b]! + y * jacobian[UNKNOWNS + b]! + z * jacobian[2 * UNKNOWNS + b]!;
     }
   }
 }
@@ -130,6 +134,7 @@ function addLandmarks(out: Equations, body: SolvedBody, seen: Observation, world
     const depth = Math.max(-points[3 * m + 2]!, NEAREST_M);
     const u = points[3 * m]! / depth;
     const v = -points[3 * m + 1]! / depth;
+    residual[2] = 0;
     residual[0] = (focal * u + centre[0] - pixels[2 * m]!) * perPixel;
     residual[1] = (focal * v + centre[1] - pixels[2 * m + 1]!) * perPixel;
     const scale = (focal * perPixel) / depth;
@@ -140,7 +145,7 @@ function addLandmarks(out: Equations, body: SolvedBody, seen: Observation, world
     }
     let robust = Math.sqrt(1 + residual[0]! ** 2 + residual[1]! ** 2);
     energy += 2 * weight * (robust - 1); // pseudo-Huber
-    add(out, imageRows, count, 2, weight / robust);
+    add(out, imageRows, rotations, true, weight / robust);
 
     // relative to the hips, which the root moves too: only the lever arm from them is left
     const root = rotations - 3;
@@ -154,7 +159,7 @@ function addLandmarks(out: Equations, body: SolvedBody, seen: Observation, world
     robust = Math.sqrt(1 + squared);
     const inDepth = 0.5 * weight * (m < FACE_LANDMARKS ? FACE_DEPTH_WEIGHT : 1);
     energy += 2 * inDepth * (robust - 1);
-    add(out, rows, rotations, 3, inDepth / robust);
+    add(out, rows, rotations, false, inDepth / robust);
   }
   return energy;
 }
@@ -196,7 +201,7 @@ function addPrior(out: Equations, { mean, axes, stiffness }: SolverConstants): n
       }
       energy += residual[s]! ** 2;
     }
-    add(out, rows, 3, 3, 1);
+    add(out, rows, 3, false, 1);
   }
   return energy;
 }

@@ -23,6 +23,7 @@ from scene.errors import InvalidInput
 from scene.motion import Pose
 from scene.skeleton import Skeleton
 from services.live.keypoints_packet import KeypointsPacket
+from services.live.motion.motion_packet import MotionPacket, decode_motion, encode_motion
 from services.live.motion.motion_solver import LEGS, MotionSolver
 from services.live.motion.solved_motion import SEEN_TO_CAMERA, LocalPose, SolvedMotion, SolvedPose
 from services.live.motion.standing import Standing
@@ -176,12 +177,12 @@ def warm_up() -> None:
     )
     flat = np.array([0.5, 0.5]) + (marks[:, :2] - marks[:, :2].mean(axis=0)) * [0.25, -0.25]
     world = (marks - marks[hips].mean(axis=0)) * np.diag(SEEN_TO_CAMERA)
-    legs_seen, live = np.ones(len(marks)), LiveMotion(Skeleton(load_body_model().rest_joints))
-    legs_gone = legs_seen.copy()
+    skeleton, legs_seen = Skeleton(load_body_model().rest_joints), np.ones(len(marks))
+    solver, live, legs_gone = MotionSolver(skeleton), LiveMotion(skeleton), legs_seen.copy()
     legs_gone[LEGS] = 0.0
     for number, visibility in enumerate((legs_seen, legs_gone)):
-        time_s = number / 30.0
-        live.update(
-            KeypointsPacket(number, 1e3 * time_s, 512, 512, flat, world, visibility), time_s
-        )
+        time_ms = 1e3 * number / 30.0
+        motion = solver.solve(KeypointsPacket(number, time_ms, 512, 512, flat, world, visibility))
+        sent = encode_motion(MotionPacket(number, motion, live_look=True))
+        live.follow(decode_motion(sent).motion, time_ms / 1e3)
     live.pose_at(EASE_S)

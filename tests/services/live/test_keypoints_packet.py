@@ -47,7 +47,7 @@ GOLDEN = (
     "ae34bad2e8eafbbeeffbbeeff32b91fb44bf12bfeffbbeeffbbeeffb0e0000000000000000000000"
     "04"
 )
-"""`client/tests/landmarks/keypointsPacket.test.ts` holds the page's encoder to the same."""
+"""What clients write that are no pages of ours."""
 LENGTHS = (KEYPOINTS_BYTES, LONGEST_KEYPOINTS_BYTES)
 GOLDEN_EXPRESSION = "d4fc40f60326000000000000200f"
 
