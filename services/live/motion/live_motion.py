@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
+from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from capture.body.landmark_names import LANDMARK_NAMES
 from capture.body.landmarks import load_body_landmarks
 from capture.body.model import load_body_model
@@ -25,8 +26,8 @@ from scene.skeleton import Skeleton
 from services.live.keypoints_packet import KeypointsPacket
 from services.live.motion.motion_packet import MotionPacket, decode_motion, encode_motion
 from services.live.motion.motion_solver import LEGS, MotionSolver
-from services.live.motion.solved_motion import SEEN_TO_CAMERA, LocalPose, SolvedMotion, SolvedPose
-from services.live.motion.standing import Standing
+from services.live.motion.resting_stance import RestingStance
+from services.live.motion.solved_motion import LocalPose, SolvedMotion, SolvedPose
 
 EASE_S = 1.0
 """From the last prediction to rest."""
@@ -47,7 +48,7 @@ class _MotionState:
     motion: SolvedMotion
     clock_offset_s: float
     """Our clock less the camera's."""
-    standing: Standing
+    stance: RestingStance
     back_s: float
     """Since when the person is seen without a longer gap."""
     back_share: float
@@ -61,7 +62,7 @@ class _MotionState:
     @cached_property
     def rest(self) -> LocalPose:
         """How they stand when nobody is seen."""
-        return self.standing.at_rest(self.motion.now, self.motion.feet_locked)
+        return self.stance.at_rest(self.motion.now, self.motion.feet_locked)
 
     def share(self, time_s: float) -> float:
         """How much of what is seen is shown, and not rest: 0 to 1."""
@@ -95,7 +96,7 @@ class LiveMotion:
     def __init__(self, skeleton: Skeleton, yaw_rad: float = 0.0) -> None:
         """For a body of `skeleton`; whoever faces their camera is turned by `yaw_rad` about +y."""
         self._solver = MotionSolver(skeleton, yaw_rad)
-        self._standing = Standing(skeleton, yaw_rad)
+        self._stance = RestingStance(skeleton, yaw_rad)
         self._states: deque[_MotionState] = deque(maxlen=_REMEMBERED)
 
     def pose_at(self, now_s: float) -> Pose | None:
@@ -164,9 +165,7 @@ class LiveMotion:
             back_s, back_share = last.back_s, last.back_share
             if step_s > AT_MOST_S:
                 back_s, back_share = time_s, last.share(time_s)
-        self._states.append(
-            _MotionState(motion, clock_offset_s, self._standing, back_s, back_share)
-        )
+        self._states.append(_MotionState(motion, clock_offset_s, self._stance, back_s, back_share))
 
 
 def warm_up() -> None:
@@ -176,7 +175,7 @@ def warm_up() -> None:
         [LANDMARK_NAMES.index(f"{s}_hip") for s in ("left", "right")],
     )
     flat = np.array([0.5, 0.5]) + (marks[:, :2] - marks[:, :2].mean(axis=0)) * [0.25, -0.25]
-    world = (marks - marks[hips].mean(axis=0)) * np.diag(SEEN_TO_CAMERA)
+    world = (marks - marks[hips].mean(axis=0)) * OPENCV_TO_OPENGL
     skeleton, legs_seen = Skeleton(load_body_model().rest_joints), np.ones(len(marks))
     solver, live, legs_gone = MotionSolver(skeleton), LiveMotion(skeleton), legs_seen.copy()
     legs_gone[LEGS] = 0.0

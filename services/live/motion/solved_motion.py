@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from scene.arrays import Array, Float
 from scene.camera import Camera
 from scene.motion import Pose
@@ -13,8 +14,6 @@ from services.live.motion.expression_filter import HeldExpression
 
 _FOCAL = 0.87
 """Of usual cameras, in longer sides of the picture; as the clip-wide fit starts from."""
-SEEN_TO_CAMERA = np.diag([1.0, -1.0, -1.0])
-"""From the axes of what is seen (x right, y up, z towards the camera) to the camera's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,5 +68,5 @@ def usual_camera(width: int, height: int) -> Camera:
     """Of a webcam's picture of so many px, at the origin of what it sees."""
     focal = _FOCAL * max(width, height)
     k = np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])
-    pose = np.concatenate([SEEN_TO_CAMERA, np.zeros((3, 1))], axis=1)
+    pose = np.concatenate([np.diag(OPENCV_TO_OPENGL), np.zeros((3, 1))], axis=1)
     return Camera(k, pose, width, height)

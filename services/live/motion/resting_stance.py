@@ -13,7 +13,7 @@ from services.live.motion.solved_motion import LocalPose
 _HANGING_RAD, _ELBOW_RAD = 1.2, 0.3
 
 
-class Standing:
+class RestingStance:
     """One performer's; the same for any thread."""
 
     def __init__(self, skeleton: Skeleton, yaw_rad: float = 0.0) -> None:
