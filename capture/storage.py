@@ -1,8 +1,8 @@
 """Sequence folders: one person's frames on disk. Reading is lazy, writing is all or nothing.
 
 sequence.json            version, person, frames_per_second, split, source, pose_trust, quality
-cameras.npz              intrinsics [N 3 3] px, world_to_camera [N 3 4] m, size (width, height),
-                         optional distortion [N 5]
+cameras.npz              intrinsics [N 3 3] px, world_to_camera [N 3 4] m, size (width, height) or,
+                         where frames differ, [N 2], optional distortion [N 5]
 motion.npz               times_s, joint_angles (axis-angle, rad), root_translation, confidence
                          and, where anybody moved their face or fingers, expressions
 body.npz                 rest_joints and, where known, rest_vertices, faces, blend_weights,
@@ -198,12 +198,13 @@ def _open_frames(folder: Path) -> FolderFrames:
             arrays["expressions"] = values_of_any_version(arrays["expressions"])
         motion = Motion(**arrays)
         distortion = stored.get("distortion")
+        sizes = np.broadcast_to(stored["size"], (len(stored["intrinsics"]), 2))
         cameras = tuple(
             Camera(
                 stored["intrinsics"][i],
                 stored["world_to_camera"][i],
-                int(stored["size"][0]),
-                int(stored["size"][1]),
+                int(sizes[i, 0]),
+                int(sizes[i, 1]),
                 None if distortion is None else distortion[i],
             )
             for i in range(len(stored["intrinsics"]))
@@ -288,10 +289,11 @@ def _write_frames(
     if motion.expressions.any():  # else the bytes, and so the hash, are those of older files
         moved["expressions"] = motion.expressions
     np.savez_compressed(folder / "motion.npz", **moved)
+    sizes = np.array([[c.width, c.height] for c in cameras])
     arrays: dict[str, Any] = {  # Any: numpy's stubs take a mapping's values for its options
         "intrinsics": np.stack([c.intrinsics for c in cameras]),
         "world_to_camera": np.stack([c.world_to_camera for c in cameras]),
-        "size": np.array([cameras[0].width, cameras[0].height]),
+        "size": sizes[0] if (sizes == sizes[0]).all() else sizes,
     }
     if cameras[0].distortion is not None:
         arrays["distortion"] = np.stack([c.distortion for c in cameras if c.distortion is not None])

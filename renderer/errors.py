@@ -4,6 +4,7 @@ RendererError (SceneError)
 ├── BrokenModel        a model file can't be read
 ├── UnknownPreset      no preset of that name
 ├── TrainingError      training failed for good; says why
+│   └── ForgotTooMuch  what was learnt made a model worse at what it knew
 └── TrainingStopped    somebody asked to stop; a checkpoint was written where one was wanted
 """
 
@@ -26,6 +27,10 @@ class UnknownPreset(RendererError):
 
 class TrainingError(RendererError):
     """Training failed for good."""
+
+
+class ForgotTooMuch(TrainingError):
+    """A model that went on learning is worse than before at what it knew."""
 
 
 class TrainingStopped(RendererError):

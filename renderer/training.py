@@ -107,6 +107,7 @@ def train(
     start: PerformerModel | None = None,
     find_light: bool = False,
     size: Size = "full",
+    held_to: int = 0,
     on_progress: Callable[[Progress], None] = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
     checkpoint: Path | None = None,
@@ -123,10 +124,13 @@ def train(
         earlier model of the person, of this clip or another, to go on from (splats). find_light:
         learn albedos, by the light that the clip was captured in (splats); seconds more. size: how
         many splats are kept; `auto`, as few as the clip shows a need for; a field has none.
+        held_to: so many frames of the sequence, its first, that `start` knows too and must come out
+        as well as of `start` (splats of full size); 0: none.
         checkpoint: where a stopped run is kept, and where this one goes on from if it is there.
         clock: monotonic seconds.
     Raises:
-        UnknownPreset, TrainingError (diverged for good), TrainingStopped (checkpoint written).
+        UnknownPreset, TrainingError (diverged for good), ForgotTooMuch (see `held_to`),
+        TrainingStopped (checkpoint written).
     """
     if (budget_s is None) == (iterations is None):
         raise TrainingError(
@@ -134,7 +138,14 @@ def train(
         )
     chosen = find_preset(preset) if isinstance(preset, str) else preset
     trainer = _make_trainer(
-        chosen, sequence, seed, lpips_backbone, start, find_light=find_light, size=size
+        chosen,
+        sequence,
+        seed,
+        lpips_backbone,
+        start,
+        find_light=find_light,
+        size=size,
+        held_to=held_to,
     )
     run = _Run(trainer, chosen.name, sequence.data_hash, seed)
     run.resume(checkpoint)
@@ -160,6 +171,7 @@ def _make_trainer(
     *,
     find_light: bool,
     size: Size,
+    held_to: int,
 ) -> Trainer:
     if lpips_backbone is not None and not preset.trains_on_patches:
         raise TrainingError(
@@ -180,6 +192,10 @@ def _make_trainer(
     from renderer.splats.training.trainer import SplatTrainer
 
     splat_trainer = SplatTrainer(sequence, preset.settings, seed, splats, find_light=find_light)
+    if held_to:
+        from renderer.splats.training.held_to import HeldToTrainer
+
+        return HeldToTrainer(splat_trainer, held_to)
     if size == "full":
         return splat_trainer
     from renderer.splats.training.sized_trainer import SizedTrainer

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,6 +62,14 @@ class Body:
     def has_surface(self) -> bool:
         """Whether a surface with blend weights is known."""
         return self.rest_vertices is not None
+
+    def on(self, skeleton: Skeleton) -> Body:
+        """The same body with the bone lengths of `skeleton`; its surface follows the joints."""
+        if self.rest_vertices is None or self.blend_weights is None:
+            return replace(self, skeleton=skeleton)
+        longer = skeleton.rest_joints - self.skeleton.rest_joints
+        surface = self.rest_vertices + self.blend_weights @ longer
+        return replace(self, skeleton=skeleton, rest_vertices=surface)
 
     def posed_vertices(self, pose: Pose) -> Float[Array, "V 3"]:
         """The surface in `pose`, world metres: x = sum_k w_k M_k (x_rest + sum_s e_s d_s).

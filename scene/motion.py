@@ -116,6 +116,11 @@ class Motion:
             self.expressions[kept],
         )
 
+    def followed_by(self, later: Motion) -> Motion:
+        """These poses and those of `later`, whose times come after."""
+        both = zip(vars(self).values(), vars(later).values(), strict=True)
+        return Motion(*(np.concatenate(pair) for pair in both))
+
     def pose_at(self, time_s: float) -> Pose:
         """The pose at `time_s`: slerp between neighbours, the first or last pose outside."""
         after = int(np.searchsorted(self.times_s, time_s))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from collections.abc import Sequence as Many
 from dataclasses import dataclass, field, replace
@@ -20,6 +21,8 @@ NOVEL_VIEW = "novel_view"
 """Test split: moments of the training motion from unseen cameras."""
 UNSEEN_POSE = "unseen_pose"
 """Test split: other motion, unseen cameras."""
+_APART_S = 60.0
+"""Between the frames of two sequences that are joined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +126,24 @@ class Sequence:
         train = _SomeFrames(self.train, tuple(indices))
         return replace(self, train=train, motion=self.motion.part(indices))
 
+    def followed_by(self, other: Sequence) -> Sequence:
+        """The same with the training frames of `other`, of the same person in the same clothes,
+        behind its own, long after them: no motion leads from these to those.
+
+        Poses of `other` are brought to this body: its pelvis stays where it was.
+        """
+        pelvis = other.body.skeleton.rest_joints[0] - self.body.skeleton.rest_joints[0]
+        late_s = self.motion.times_s[-1] + _APART_S - other.motion.times_s[0]
+        moved = replace(
+            other.motion,
+            times_s=other.motion.times_s + late_s,
+            root_translation=other.motion.root_translation + pelvis,
+        )
+        motion = self.motion.followed_by(moved)
+        digest = hashlib.sha256(f"{self.data_hash} {other.data_hash}".encode()).hexdigest()
+        train = _SuccessiveFrames(self.train, other.train, motion)
+        return replace(self, train=train, motion=motion, data_hash=digest)
+
 
 @dataclass(frozen=True, eq=False)
 class _SomeFrames:
@@ -145,6 +166,38 @@ class _SomeFrames:
 
     def mask(self, index: int) -> Float[Array, "H W"]:
         return self.source.mask(self.indices[index])
+
+
+@dataclass(frozen=True, eq=False)
+class _SuccessiveFrames:
+    """Frames of one source behind those of another (a `FrameSource`)."""
+
+    first: FrameSource
+    then: FrameSource
+    motion: Motion
+    """Of all."""
+
+    def __len__(self) -> int:
+        return len(self.motion)
+
+    def camera(self, index: int) -> Camera:
+        source, own = self._place(index)
+        return source.camera(own)
+
+    def pose(self, index: int) -> Pose:
+        return self.motion.pose(index)
+
+    def image(self, index: int) -> Float[Array, "H W 3"]:
+        source, own = self._place(index)
+        return source.image(own)
+
+    def mask(self, index: int) -> Float[Array, "H W"]:
+        source, own = self._place(index)
+        return source.mask(own)
+
+    def _place(self, index: int) -> tuple[FrameSource, int]:
+        count = len(self.first)
+        return (self.first, index) if index < count else (self.then, index - count)
 
 
 def read_frame(source: FrameSource, index: int) -> Frame:

@@ -81,6 +81,18 @@ def test_body_of_joints_alone_and_distortion_round_trip(tmp_path):
     np.testing.assert_array_equal(sequence.train.camera(1).distortion, bent)
 
 
+def test_frames_of_several_sizes_round_trip(tmp_path):
+    frames = make_frames(3, np.random.default_rng(5))
+    small = frames[1]
+    camera = small.camera.cropped(2, 1, WIDTH - 4, HEIGHT - 3)
+    cut = slice(1, HEIGHT - 2), slice(2, WIDTH - 2)
+    frames[1] = replace(small, image=small.image[cut], mask=small.mask[cut], camera=camera)
+    source = open_sequence(write_small(tmp_path / "seq", train=frames)).train
+    sizes = [(source.camera(i).width, source.camera(i).height) for i in range(3)]
+    assert sizes == [(WIDTH, HEIGHT), (WIDTH - 4, HEIGHT - 3), (WIDTH, HEIGHT)]
+    np.testing.assert_allclose(source.image(1), frames[1].image, atol=HALF_A_STEP)
+
+
 def test_pictures_are_read_only_when_asked_for(folder):
     shutil.rmtree(folder / "test" / NOVEL_VIEW / "images")
     sequence = open_sequence(folder)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,3 +51,38 @@ def test_a_part_has_the_frames_and_poses_that_were_asked_for():
     np.testing.assert_array_equal(part.frame(0).image, clip.frame(1).image)
     assert part.data_hash == clip.data_hash
     assert clip.part(range(5)) is clip
+
+
+def test_frames_of_another_sequence_come_long_after_and_stand_where_they_stood():
+    clip, later = make_sequence(frames=4), make_sequence(frames=3)
+    taller = Skeleton(later.body.skeleton.rest_joints + np.array([0.0, 0.1, 0.0]))
+    later = replace(later, body=later.body.on(taller), data_hash="later")
+    both = clip.followed_by(later)
+    assert len(both.train) == len(both.motion) == 7
+    times = both.motion.times_s
+    assert (np.diff(times) > 0.0).all()
+    assert times[4] - times[3] > 10.0
+    np.testing.assert_allclose(np.diff(times[4:]), np.diff(later.motion.times_s))
+    for index, (source, own) in {1: (clip, 1), 5: (later, 1)}.items():
+        np.testing.assert_array_equal(both.frame(index).image, source.frame(own).image)
+        np.testing.assert_array_equal(both.frame(index).mask, source.frame(own).mask)
+        assert both.train.camera(index) is source.train.camera(own)
+    pelvis = clip.body.skeleton.rest_joints[0] + both.train.pose(5).root_translation
+    np.testing.assert_allclose(pelvis, taller.rest_joints[0] + later.train.pose(1).root_translation)
+    assert both.data_hash not in (clip.data_hash, later.data_hash)
+    assert clip.followed_by(replace(later, data_hash="other")).data_hash != both.data_hash
+
+
+def test_a_surface_follows_the_joints_to_other_bone_lengths():
+    body = make_sequence(frames=1).body
+    longer = Skeleton(1.1 * body.skeleton.rest_joints)
+    moved = body.on(longer)
+    assert moved.skeleton is longer
+    assert body.rest_vertices is not None
+    assert body.blend_weights is not None
+    shift = longer.rest_joints - body.skeleton.rest_joints
+    of_joint = body.blend_weights.argmax(axis=1)
+    np.testing.assert_allclose(moved.rest_vertices, body.rest_vertices + shift[of_joint])
+    joints_alone = Body(body.skeleton).on(longer)
+    assert joints_alone.skeleton is longer
+    assert not joints_alone.has_surface
