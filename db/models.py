@@ -47,6 +47,8 @@ class SequenceKind(StrEnum):
     VIDEO = "video"
     FRAMES = "frames"
     KEYPOINTS = "keypoints"
+    LIVE = "live"
+    """Not uploaded: pictures of live look that were kept."""
 
 
 class SequenceState(StrEnum):
@@ -144,6 +146,8 @@ class SequenceRow(Base):
     quality: Mapped[dict[str, Any] | None]
     model_only: Mapped[bool] = mapped_column(default=False)
     """Whether the clip, its frames and its thumbnail go once a model was trained from them."""
+    clip_id: Mapped[str | None] = mapped_column(Id)
+    """Of pictures of live look: the sequence of their model, with which they are trained on."""
 
 
 class MotionRow(Base):

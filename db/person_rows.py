@@ -20,6 +20,8 @@ class Purpose(StrEnum):
     """Recordings hold what they move, say and write, once they agreed to each."""
     DRIVING = "driving"
     """Whoever is in a meeting with it may drive it; without, its owner alone."""
+    LEARNING = "learning"
+    """It learns from pictures of live look that its owner has chosen to keep."""
 
 
 class ConsentState(StrEnum):

@@ -30,7 +30,7 @@ from services.api import (
     uploads,
 )
 from services.api.body_limit import LimitBodies
-from services.api.signalling import voice, whep, whip
+from services.api.signalling import kept_frames, voice, whep, whip
 from services.container import Services
 from services.control import messages
 from services.gateway import build_gateway, gateway_of
@@ -53,6 +53,7 @@ ROUTERS = (
     landmarks.router,
     operation.router,
     whep.router,
+    kept_frames.router,
     voice.router,
     whip.router,
     control_channel.router,

@@ -156,6 +156,14 @@ class DrivenElsewhere(WrongState):
     """A newer channel drives the performer."""
 
 
+class NotKeepable(WrongState):
+    """No pictures can be kept of whom the connection drives, if it drives anybody."""
+
+
+class NothingKept(WrongState):
+    """There are no pictures to learn from."""
+
+
 class WrongOffset(WrongState):
     """A piece does not begin where the last piece of its upload ended."""
 

@@ -17,6 +17,7 @@ from starlette.exceptions import HTTPException
 
 from db.errors import Conflict, DatabaseAway, DatabaseError, NotFound, StoreAway, StoreFull
 from db.objects import no_space
+from renderer.errors import ForgotTooMuch
 from scene.errors import SceneError
 from services import errors
 from services.problem_details import Problem
@@ -82,6 +83,8 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
         errors.StillRecording: "still-recording",
         errors.NoOwnPerson: "nobody-of-yours",
         errors.DrivenElsewhere: "driven-elsewhere",
+        errors.NotKeepable: "not-keepable",
+        errors.NothingKept: "nothing-kept",
         errors.WrongOffset: "wrong-offset",
         errors.HelloRepeated: "greeted-already",
     },
@@ -94,6 +97,7 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
         errors.Unusable: "invalid-input",
         errors.WrongHash: "wrong-hash",
         errors.KeypointsOnly: "keypoints-only",
+        ForgotTooMuch: "forgot-too-much",
         errors.OfferRefused: "invalid-input",
         errors.InvalidForm: "invalid-form",
         errors.HelloExpected: "hello-first",

@@ -16,6 +16,8 @@ from services.api.dependencies import CurrentGateway, Provided, Reader, Writer
 from services.auth import Principal
 from services.container import Services
 from services.gateway import Gateway
+from services.jobs.kept_frames import forget_kept
+from services.jobs.queue import drop_orphans
 from services.problems import PROBLEMS
 
 router = APIRouter(prefix="/v1/people", tags=["people"], responses=PROBLEMS)
@@ -86,6 +88,7 @@ def _commit(
 ) -> tuple[shapes.Consent, list[str]]:
     """Note the change and make it so; the consent, and the meetings in which it is to be seen."""
     now = services.clock()
+    orphans = forget_kept(unit, person, now)
     details: dict[str, Any] = likeness.consent_details(person)
     unit.audit.add(
         AuditEventRow(
@@ -93,4 +96,5 @@ def _commit(
         )
     )
     unit.commit()
+    drop_orphans(services, orphans)
     return shapes.Consent.of(person, now), unit.meetings.where_performs(person.id)

@@ -90,6 +90,11 @@ def train_model(
             )
         if body.improves is not None:
             _require_improvable(model_of(unit, caller, body.improves), sequence, preset.name)
+        elif sequence.kind is SequenceKind.LIVE:
+            raise InvalidInput(
+                "improves must name the model that learns from pictures of live look; got none; "
+                "name the person's model"
+            )
         sequence.model_only = sequence.model_only or body.model_only
         params = body.model_dump() | {"preset": preset.name}
         job = enqueue(unit, JobKind.TRAIN, sequence, params, services.clock())

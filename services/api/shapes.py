@@ -38,7 +38,8 @@ class NewConsent(Body):
         max_length=len(Purpose),
         description="`meetings`: it is shown in meetings. `recordings`: recordings hold what they "
         "move, say and write, once they agreed to each. `driving`: others in a meeting may drive "
-        "it, not the owner alone. Empty: nobody but the owner sees it.",
+        "it, not the owner alone. `learning`: it learns from pictures of live look that the owner "
+        "kept. Empty: nobody but the owner sees it.",
     )
     until: AwareDatetime | None = Field(
         default=None, description="From then on it holds no longer; empty: no end is set."
@@ -284,6 +285,26 @@ class Job(BaseModel):
             model_id=row.model_id,
             error=Problem(**row.error) if row.error else None,
         )
+
+
+class KeepFrames(Body):
+    """Whether pictures of live look are to be kept."""
+
+    on: bool
+
+
+class KeptFrame(BaseModel):
+    """One picture that is kept."""
+
+    picture: str = Field(description="A small PNG, as a data URL.")
+    sides: list[str] = Field(description="That the model had not seen, in words.")
+
+
+class KeptFrames(BaseModel):
+    """Pictures of live look that are kept until their owner says what becomes of them."""
+
+    on: bool
+    frames: list[KeptFrame]
 
 
 class Guest(BaseModel):

@@ -170,7 +170,8 @@ def fail(
 
 
 def discard(unit: UnitOfWork, sequence: SequenceRow) -> list[Orphan]:
-    """Remove a clip with its frames, its motion and its jobs' pictures of it; models stay.
+    """Remove a clip with its frames, its motion, its jobs' pictures of it, and the pictures of live
+    look that were kept to be trained on with it; models stay.
 
     Raises SequenceInUse while a job works on it.
     """
@@ -185,6 +186,9 @@ def discard(unit: UnitOfWork, sequence: SequenceRow) -> list[Orphan]:
     objects = {sequence.source_sha256, sequence.packed_sha256, sequence.thumbnail_sha256}
     objects.add(motion.sha256 if motion else None)
     orphans = [(sequence.person_id, sha256) for sha256 in objects if sha256 is not None]
+    for kept in unit.sequences.of_person(sequence.person_id):
+        if kept.clip_id == sequence.id:  # nobody could train from them any more
+            orphans += discard(unit, kept)
     for job in jobs:
         orphans += drop_checkpoint(job)
         job.sequence_id, job.preview, job.preview_version = None, None, 0
@@ -220,7 +224,12 @@ def _forget_frames(unit: UnitOfWork, job: JobRow) -> list[Orphan]:
     made = any(one.kind is JobKind.TRAIN and one.state is JobState.SUCCEEDED for one in jobs)
     if not (sequence.model_only and made) or any(not one.state.final for one in jobs):
         return []
-    gone = (sequence.source_sha256, sequence.packed_sha256, sequence.thumbnail_sha256)
+    return forget(sequence, jobs)
+
+
+def forget(sequence: SequenceRow, jobs: list[JobRow]) -> list[Orphan]:
+    """Let go of a sequence's pictures, and of those that its `jobs` show; the row stays."""
+    gone = {sequence.source_sha256, sequence.packed_sha256, sequence.thumbnail_sha256}
     orphans = [(sequence.person_id, sha256) for sha256 in gone if sha256 is not None]
     # not even the clip's fingerprint stays; what takes its place names no object
     sequence.source_sha256 = hashlib.sha256(f"forgotten {sequence.id}".encode()).hexdigest()

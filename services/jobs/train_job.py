@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from capture.storage import open_sequence
 from db.errors import NotFound
-from db.models import JobRow, ModelRow, new_id
+from db.models import JobRow, ModelRow, Purpose, SequenceKind, SequenceRow, new_id
 from db.objects import fetch
 from db.repositories import UnitOfWork
 from renderer.errors import TrainingStopped
+from renderer.live_look.learning import with_kept
 from renderer.performer_model import PerformerModel
 from renderer.training import Progress, train
 from scene.sequence import Sequence
@@ -26,6 +28,7 @@ from services.jobs.packing import unpack
 from services.jobs.queue import clip_gone, frames_of
 from services.jobs.report import JobStopped, Reporter
 from services.jobs.results import Results
+from services.likeness import require_consent
 from services.meetings import measure
 from services.person_models import store_files, write_files
 
@@ -42,9 +45,10 @@ def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path)
 
     An earlier attempt's last round is gone on from, by the checkpoint that it left in the store.
     """
-    _fetch_sequence(services, job, folder / "sequence")
-    training = _Training(services, job, reporter, folder)
-    ends = round_ends(str(job.params["preset"]), float(job.params["budget_s"]))
+    lesson = _fetch_lesson(services, job, folder)
+    training = _Training(services, job, reporter, folder, lesson)
+    budget_s = float(job.params["budget_s"])
+    ends = [budget_s] if lesson.kept else round_ends(str(job.params["preset"]), budget_s)
     model, done = training.start()
     for number in range(done, len(ends)):
         model = training.round(number, ends, model)
@@ -60,13 +64,30 @@ def round_ends(preset: str, budget_s: float) -> list[float]:
     return [*ends, budget_s]
 
 
+@dataclass(frozen=True, eq=False)
+class _Lesson:
+    """What is learnt from."""
+
+    clip: Sequence
+    clip_id: str | None
+    kept: list[Sequence]
+    """Pictures of live look, with which an earlier model goes on to learn."""
+
+
 class _Training:
     """The rounds of one attempt at a job."""
 
-    def __init__(self, services: Services, job: JobRow, reporter: Reporter, folder: Path) -> None:
+    def __init__(
+        self,
+        services: Services,
+        job: JobRow,
+        reporter: Reporter,
+        folder: Path,
+        lesson: _Lesson,
+    ) -> None:
         self._services, self._job, self._reporter = services, job, reporter
         self._folder, self._model_id = folder, job.model_id
-        self._clip: Sequence = open_sequence(folder / "sequence")
+        self._lesson = lesson
         self._left = job.checkpoint_sha256
 
     def start(self) -> tuple[PerformerModel | None, int]:
@@ -103,14 +124,20 @@ class _Training:
             share = (begun + step.fraction * length) / ends[-1]
             self._reporter.progress(share, step.message, step.preview)
 
+        clip, held_to = self._lesson.clip, 0
+        if self._lesson.kept:
+            if start is None:
+                raise clip_gone()
+            clip, held_to = with_kept(clip, self._lesson.kept, start), len(clip.train)
         try:
             model = train(
-                self._clip,
+                clip,
                 preset=str(self._job.params["preset"]),
                 budget_s=length,
                 seed=int(self._job.params["seed"]),
                 start=start,
                 find_light=number + 1 == len(ends),
+                held_to=held_to,
                 on_progress=on_progress,
                 should_stop=self._reporter.should_stop,
                 checkpoint=checkpoint,
@@ -127,9 +154,12 @@ class _Training:
         meetings: list[str] = []
         with Results(self._services, self._job) as results:
             row = stored_model(self._services, self._job, results, model, self._folder)
+            row.sequence_id = self._lesson.clip_id
             worse = self._model_id or self._job.params.get("improves")
 
             def write(unit: UnitOfWork, training: JobRow) -> str:
+                if self._lesson.kept:
+                    _require_learning(self._services, unit, self._job)
                 unit.models.add(row)
                 unit.flush()
                 if worse is not None:
@@ -175,10 +205,47 @@ def _measure_performers(
                 measure(performer, model.skeleton, model.motion)
 
 
-def _fetch_sequence(services: Services, job: JobRow, folder: Path) -> None:
+def _fetch_lesson(services: Services, job: JobRow, folder: Path) -> _Lesson:
+    """What `job` is to learn from, fetched into `folder`. Raises ClipGone, NoConsent."""
     with services.reading() as unit:
-        packed_sha256 = frames_of(unit, job)
+        frames, clip_id, kept = frames_of(unit, job), job.sequence_id, list[str]()
+        row = unit.sequences.get(clip_id) if clip_id is not None else None
+        if row is not None and row.kind is SequenceKind.LIVE:
+            _require_learning(services, unit, job)
+            clip_id = row.clip_id
+            clip = unit.sequences.get(clip_id) if clip_id is not None else None
+            if clip is None or clip.packed_sha256 is None:
+                raise clip_gone()
+            frames, kept = clip.packed_sha256, _kept_with(unit, row)
+    return _Lesson(
+        _fetch_sequence(services, job, frames, folder / "sequence"),
+        clip_id,
+        [
+            _fetch_sequence(services, job, sha256, folder / f"kept-{number}")
+            for number, sha256 in enumerate(kept)
+        ],
+    )
+
+
+def _kept_with(unit: UnitOfWork, newest: SequenceRow) -> list[str]:
+    """sha256 of the pictures kept for the same clip until `newest`, in the order of their being
+    kept: what an earlier round learnt is not to be forgotten."""
+    rows = [
+        one
+        for one in unit.sequences.of_person(newest.person_id)
+        if one.clip_id == newest.clip_id and one.created_at <= newest.created_at
+    ]
+    rows.sort(key=lambda one: (one.created_at, one.id))
+    return [one.packed_sha256 for one in rows if one.packed_sha256 is not None]
+
+
+def _require_learning(services: Services, unit: UnitOfWork, job: JobRow) -> None:
+    require_consent(unit.people.get(job.person_id), Purpose.LEARNING, services.clock())
+
+
+def _fetch_sequence(services: Services, job: JobRow, packed_sha256: str, folder: Path) -> Sequence:
     try:
         unpack(services.objects, job.person_id, packed_sha256, folder)
     except NotFound as error:
         raise clip_gone() from error
+    return open_sequence(folder)

@@ -38,6 +38,8 @@ class MeetingPerformer:
     """The account that owns the person and may drive them live; empty: nobody."""
     lent: bool = False
     """Whether the person consents to being driven by whoever is in the meeting."""
+    learns: bool = False
+    """Whether the person consents to learning from pictures that are kept."""
 
     @classmethod
     def at_place(

@@ -78,6 +78,7 @@ def test_a_surface_follows_the_joints_to_other_bone_lengths():
     longer = Skeleton(1.1 * body.skeleton.rest_joints)
     moved = body.on(longer)
     assert moved.skeleton is longer
+    assert moved.rest_vertices is not None
     assert body.rest_vertices is not None
     assert body.blend_weights is not None
     shift = longer.rest_joints - body.skeleton.rest_joints

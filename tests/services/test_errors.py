@@ -49,6 +49,8 @@ WIRE: dict[type[SceneError], tuple[int, str]] = {
     errors.NoSeatFree: (503, "no-seat"),
     errors.NotCaptured: (409, "not-captured"),
     errors.NotHost: (403, "not-host"),
+    errors.NotKeepable: (409, "not-keepable"),
+    errors.NothingKept: (409, "nothing-kept"),
     errors.NotInMeeting: (403, "not-in-meeting"),
     errors.NotInRecording: (403, "not-in-recording"),
     errors.NotOwner: (403, "not-yours"),

@@ -176,6 +176,25 @@ export type JobKind = "capture" | "train" | "export";
 /** Where a job stands. */
 export type JobState = "queued" | "running" | "succeeded" | "failed" | "cancelled";
 
+/** Whether pictures of live look are to be kept. */
+export interface KeepFrames {
+  on: boolean;
+}
+
+/** One picture that is kept. */
+export interface KeptFrame {
+  /** A small PNG, as a data URL. */
+  picture: string;
+  /** That the model had not seen, in words. */
+  sides: string[];
+}
+
+/** Pictures of live look that are kept until their owner says what becomes of them. */
+export interface KeptFrames {
+  on: boolean;
+  frames: KeptFrame[];
+}
+
 /** Leave the meeting and release the seat. */
 export interface Leave {
   type: "leave";
@@ -290,7 +309,7 @@ export interface Network {
 
 /** What somebody's model may be used for, and until when. */
 export interface NewConsent {
-  /** `meetings`: it is shown in meetings. `recordings`: recordings hold what they move, say and write, once they agreed to each. `driving`: others in a meeting may drive it, not the owner alone. Empty: nobody but the owner sees it. */
+  /** `meetings`: it is shown in meetings. `recordings`: recordings hold what they move, say and write, once they agreed to each. `driving`: others in a meeting may drive it, not the owner alone. `learning`: it learns from pictures of live look that the owner kept. Empty: nobody but the owner sees it. */
   purposes: Purpose[];
   /** From then on it holds no longer; empty: no end is set. */
   until?: string | null;
@@ -467,7 +486,7 @@ export interface Problem {
 }
 
 /** What a person's model may be used for, beside its owner's own pictures of it. */
-export type Purpose = "meetings" | "recordings" | "driving";
+export type Purpose = "meetings" | "recordings" | "driving" | "learning";
 
 /** Raise or lower one's hand. */
 export interface RaiseHand {
@@ -673,7 +692,7 @@ export interface Sequence {
 }
 
 /** What was uploaded. */
-export type SequenceKind = "video" | "frames" | "keypoints";
+export type SequenceKind = "video" | "frames" | "keypoints" | "live";
 
 /** How far a sequence has come. */
 export type SequenceState = "uploaded" | "capturing" | "ready" | "forgotten";

@@ -10,7 +10,7 @@ import { PictureSize } from "../transport/pictureSize";
 import type { RenderSetting, RenderStatus } from "../splats/renderMode";
 import { LatencyMeter } from "../transport/latencyCode";
 import { Sway } from "../viewpoint/sway";
-import type { Meeting, Performer, Seat } from "../api/types";
+import type { Job, KeptFrames, Meeting, Performer, Seat } from "../api/types";
 import { PerformerRoster } from "./performerRoster";
 import { FOV_Y_RAD, Viewpoint, homeOrbit, type CameraPose } from "../viewpoint/viewpoint";
 import { WhepConnection, type WhepStats } from "../transport/whep";
@@ -239,6 +239,20 @@ export class LiveView {
   /** Send pictures of oneself; null: none. */
   setLookTrack(track: MediaStreamTrack | null): void {
     this.connection.setLookTrack(track);
+  }
+
+  /** Switch keeping of pictures of oneself on or off; what is kept. Throws Problem. */
+  async keepFrames(on: boolean): Promise<KeptFrames> {
+    return (await this.connection.keptFrames("PUT", { on })) as KeptFrames;
+  }
+
+  /** Have what is kept stored and learnt from. Throws Problem. */
+  async learnFromKept(): Promise<Job> {
+    return (await this.connection.keptFrames("POST")) as Job;
+  }
+
+  async dropKept(): Promise<void> {
+    await this.connection.keptFrames("DELETE");
   }
 
   close(): void {

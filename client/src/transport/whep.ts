@@ -7,7 +7,7 @@
  */
 
 import { NO_SERVER, Problem, asProblem, problemOf } from "../api/problem";
-import type { Seat } from "../api/types";
+import type { KeepFrames, Seat } from "../api/types";
 import { iceGathered, sleep } from "../api/until";
 import { BATCHES, posesIn } from "./packets";
 
@@ -126,6 +126,18 @@ export class WhepConnection {
     this.lookTrack = track;
     // a connection that has ended takes none; the next one will
     this.lookSender?.replaceTrack(track).catch(() => undefined);
+  }
+
+  /** Ask about the pictures of oneself that are kept of this connection. Throws Problem. */
+  async keptFrames(method: "PUT" | "POST" | "DELETE", body?: KeepFrames): Promise<unknown> {
+    if (this.resource === null || this.seat === null) throw NO_SERVER;
+    const headers = { Authorization: `Bearer ${this.seat.token}`, "Content-Type": "application/json" };
+    const response = await this.request(`${this.resource}/kept-frames`, { method, headers, body: body ? JSON.stringify(body) : null }).catch(() => {
+      throw NO_SERVER;
+    });
+    const text = await response.text();
+    if (!response.ok) throw problemOf(response.status, text, response.headers.get("Retry-After"));
+    return text === "" ? null : JSON.parse(text);
   }
 
   /** The server is there again: the next attempt need not wait, unless the server asked for that. */

@@ -7,6 +7,7 @@ const PURPOSES: readonly [Purpose, string, string][] = [
   ["meetings", "Show my model in meetings", "meetings"],
   ["recordings", "Keep it in recordings; you are still asked before each", "recordings"],
   ["driving", "Let others in a meeting move it", "being moved by others"],
+  ["learning", "Let it learn from pictures of live look that I keep", "learning from live look"],
 ];
 const USUAL: NewConsent = { purposes: ["meetings", "recordings"], until: null };
 

@@ -48,7 +48,7 @@ export function meetingView(live: LiveView, tools: MeetingTools, headset: Headse
     live.canvas,
     tools.screen,
     middle,
-    topBar(live, people, hooks),
+    topBar(live, people, { ...hooks, onLeave: () => void self.settle().then(hooks.onLeave) }),
     h(
       "div",
       { className: "viewport-bottom" },

@@ -6,6 +6,7 @@ import type { LiveView } from "../drawing/live";
 import { Problem } from "../api/problem";
 import type { Performer } from "../api/types";
 import { announce, h } from "./dom";
+import { learningControl, type LearningControl } from "./learning";
 import { liveLookControl, type LiveLookControl } from "./liveLook";
 import { modelButtons, ownPerformers } from "./ownModels";
 import { selfView } from "./selfView";
@@ -30,6 +31,8 @@ interface MotionCaptureView extends View {
   update(): void;
   /** The network has no room for pictures of oneself, or has it again. */
   setPoorNetwork(poor: boolean): void;
+  /** Ask what becomes of the pictures that wait; resolves once that is said. */
+  settle(): Promise<void>;
 }
 
 /**
@@ -37,7 +40,7 @@ interface MotionCaptureView extends View {
  * panel shows one's own model where the meeting's picture is of others.
  */
 export function motionCaptureView(live: LiveView): MotionCaptureView {
-  const toggle = button("Track my movements", () => (pressed() ? rest() : begin()), {
+  const toggle = button("Track my movements", () => (pressed() ? void settle().then(rest) : begin()), {
     look: "glass",
     icon: "camera",
     testId: "motion-capture",
@@ -52,6 +55,7 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
   let capture: MotionCapture | null = null;
   let self: ReturnType<typeof selfView> | null = null;
   let look: LiveLookControl | null = null;
+  let learning: LearningControl | null = null;
   let poorNetwork = false;
   /** Of one's own performer that is shown without a camera. */
   let restingId = "";
@@ -65,9 +69,10 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
 
   const end = (): void => {
     look?.close();
+    learning?.close();
     capture?.close();
     self?.close();
-    look = capture = self = null;
+    look = learning = capture = self = null;
     restingId = "";
     delete element.dataset["tracking"];
     show(false);
@@ -114,7 +119,8 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
     capture = new MotionCapture(() => live.openMotionChannel(id), {
       onTracking: (tracking) => {
         element.dataset["tracking"] = tracking;
-        if (look) look.element.hidden = tracking === "starting";
+        for (const one of [look, learning]) if (one) one.element.hidden = tracking === "starting";
+        if (tracking === "disconnected") learning?.lost();
         status.textContent = WORDS[tracking];
         announce(WORDS[tracking]);
       },
@@ -127,8 +133,10 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
       look = liveLookControl(live, capture, (on) => (line.textContent = on ? animating : `${animating} ${ONLY_MOVEMENTS}`));
       look.element.hidden = true;
       look.setPoorNetwork(poorNetwork);
+      learning = learningControl(live, id);
+      learning.element.hidden = true;
     }
-    const parts = look ? [look.element] : [];
+    const parts = [look, learning].flatMap((one) => (one ? [one.element] : []));
     show(true, h("div", { className: "self-picture" }, self.element, camera), status, line, ...parts);
     void capture.start();
   };
@@ -139,7 +147,8 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
     poorNetwork = poor;
     look?.setPoorNetwork(poor);
   };
-  return { element, toggle, update, setPoorNetwork, close: end, camera: () => capture?.camera ?? null };
+  const settle = (): Promise<void> => learning?.settle() ?? Promise.resolve();
+  return { element, toggle, update, setPoorNetwork, settle, close: end, camera: () => capture?.camera ?? null };
 }
 
 function statusLine(text: string): HTMLElement {

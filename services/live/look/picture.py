@@ -10,6 +10,7 @@ from renderer.performer_model import PerformerModel
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
 from scene.motion import Pose
+from services.live.look.keeping import Keeping
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,11 @@ class PoseRequest:
 class LookSink(Protocol):
     """Shows one performer as they look now."""
 
+    @property
+    def keeping(self) -> Keeping | None:
+        """What is kept of the pictures; None where none can be."""
+        ...
+
     def receive(self, picture: LookPicture, request: PoseRequest | None = None) -> None:
         """Take the newest picture; returns at once. On the event loop."""
         ...
@@ -79,6 +85,11 @@ class ShownLook:
 
 class DroppedPictures(LookSink):
     """Shows none."""
+
+    @property
+    def keeping(self) -> Keeping | None:
+        """None."""
+        return None
 
     def receive(self, picture: LookPicture, request: PoseRequest | None = None) -> None:
         """Nothing."""

@@ -24,6 +24,7 @@ from av.video.codeccontext import VideoCodecContext
 from prometheus_client import Counter
 
 from services.live.look import picture_code
+from services.live.look.keeping import Keeping
 from services.live.look.picture import AlignedPose, LookPicture, LookSink, PoseRequest
 from services.live.look.relay import LookRelay, NoRelay
 
@@ -72,6 +73,11 @@ class LookReceiver:
         self._asked_s = -_KEY_FRAME_INTERVAL_S
         self._silence: asyncio.TimerHandle | None = None
 
+    @property
+    def keeping(self) -> Keeping | None:
+        """What is kept of the pictures; None where they are nobody's, or cannot be kept."""
+        return None if self._sink is None else self._sink.keeping
+
     def attach(self, sink: LookSink, relay: LookRelay | None = None) -> None:
         """Pictures are of whom `sink` shows, once they are announced, and of nobody else; frames go
         on to `relay`."""
@@ -84,6 +90,8 @@ class LookReceiver:
             self.announce(False)
             self._sink, self._relay = None, NoRelay()
         sink.stop()
+        if sink.keeping is not None:
+            sink.keeping.drop()
 
     def announce(self, on: bool) -> None:
         """Say whether the newest keypoints come with live look on; without it pictures end."""

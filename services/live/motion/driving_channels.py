@@ -58,8 +58,13 @@ class _Driver:
     look: LookReceiver | None
     sink: LookSink | None
 
+    def drop_kept(self) -> None:
+        """Nothing is kept of its pictures."""
+        if self.sink is not None and self.sink.keeping is not None:
+            self.sink.keeping.drop()
+
     def stop(self) -> None:
-        """No picture of this connection is shown any more."""
+        """No picture of this connection is shown any more, nor kept."""
         if self.look is not None and self.sink is not None:
             self.look.detach(self.sink)
 
@@ -125,12 +130,14 @@ class DrivingChannels:
 
     def close_refused(self, room: Room) -> None:
         """Close the channels of whoever may not drive in `room` any more: their performer is gone,
-        or lent no longer."""
+        or lent no longer. Pictures of who does not consent to learning from them are dropped."""
         for key, driver in list(self._drivers.items()):
             if key[0] is not room:
                 continue
             try:
-                drivable_performer(room, driver.account, key[1])
+                performer = drivable_performer(room, driver.account, key[1])
+                if not performer.learns:
+                    driver.drop_kept()
             except NotFound:
                 self._reject(driver.channel, NotInMeeting(_SHOWN_NO_LONGER))
                 self._remove(key, driver)

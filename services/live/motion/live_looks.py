@@ -23,6 +23,7 @@ from renderer.performer_model import PerformerModel
 from renderer.splats.model import SplatModel
 from scene.camera import Camera
 from scene.motion import Pose
+from services.live.look.keeping import Keeping
 from services.live.look.picture import (
     AlignedPose,
     LookPicture,
@@ -85,6 +86,12 @@ class PerformerLook(LookSink):
         self._shown: tuple[PerformerModel, ShownLook] | None = None
         self._times_stopped = 0
         self._behind = SettlingMean(0.0)
+        self._keeping = Keeping(clock)
+
+    @property
+    def keeping(self) -> Keeping:
+        """What is kept of the pictures."""
+        return self._keeping
 
     def receive(self, picture: LookPicture, request: PoseRequest | None = None) -> None:
         """Take the newest picture; returns at once."""
@@ -125,7 +132,7 @@ class PerformerLook(LookSink):
     def _show(self, picture: LookPicture, request: PoseRequest | None, stopped: int) -> None:
         begun_s = self._clock()
         drawn = self._drawn_at(begun_s)
-        model = drawn or (request and request.model)
+        model = drawn or (request and request.model) or self._keeping.model
         solved = self._motion.solved(picture.captured_ms)
         splats = None if model is None else model.splats
         if model is None or splats is None or solved is None:
@@ -138,6 +145,7 @@ class PerformerLook(LookSink):
         if request is not None:
             pelvis = splats.skeleton.rest_joints[0] + aligned.pose.root_translation
             request.deliver(AlignedPose(aligned.pose, pelvis, camera, moment_s))
+        self._keeping.look_at(splats, seen, aligned.pose)
         shown = None
         if drawn is not None:
             look.take_colours(seen, aligned)

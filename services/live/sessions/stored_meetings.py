@@ -68,6 +68,7 @@ def load_performers(services: Services, meeting_id: str) -> tuple[MeetingPerform
             yaw(performer),
             performer.account,
             performer.person.consents_to(Purpose.DRIVING, now),
+            performer.person.consents_to(Purpose.LEARNING, now),
         )
         for performer, row, motion in zip(performers, rows, motions, strict=True)
     )

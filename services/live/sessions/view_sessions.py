@@ -24,6 +24,7 @@ from renderer.scene_renderer import warm_up
 from scene.environment import Environment
 from services.errors import OfferRefused, ServerFull
 from services.live.aiortc_compat import on_encoded_frame, on_rtcp_packet, request_key_frame
+from services.live.look.keeping import Keeping
 from services.live.look.receiver import LookReceiver, offers_pictures
 from services.live.motion.driving_channels import (
     KEYPOINTS,
@@ -194,6 +195,16 @@ class ViewSessions:
     def find(self, session_id: str) -> ViewSession | None:
         """A running session."""
         return self._sessions.get(session_id)
+
+    def kept_of(self, session: ViewSession) -> tuple[MeetingPerformer, Keeping] | None:
+        """Whom a session drives, and what is kept of their pictures; None where nothing can be."""
+        room = self._rooms.get(session.meeting_id)
+        keeping = None if session.look is None else session.look.keeping
+        for performer in () if room is None or keeping is None else room.performers:
+            sink = room.looks.get(performer.performer_id) if room else None
+            if keeping is not None and sink is not None and sink.keeping is keeping:
+                return performer, keeping
+        return None
 
     async def close(self, session_id: str) -> bool:
         """End a session; False where there is none of that id."""

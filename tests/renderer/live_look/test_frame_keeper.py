@@ -23,13 +23,12 @@ from renderer.live_look.frame_keeper import (
     sides_shown,
 )
 from renderer.live_look.picture import WebcamPicture
-from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, ROTATION
 from renderer.splats.model import SplatModel
-from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.camera import Camera, look_at
-from scene.motion import Motion, Pose
+from scene.motion import Pose
 from scene.skeleton import HEAD
 from tests.capture.people import body
+from tests.renderer.live_look.people import person_in_checks, seen_from
 
 FIT = Fitness(sharpness=200.0, luma=0.4, clipped=0.0, soft=0.05, overlap=0.95, difference=0.03)
 EMPTY = WebcamPicture(
@@ -137,48 +136,12 @@ def test_a_side_is_where_the_camera_is_from_the_part_however_it_is_turned(
 
 @pytest.fixture(scope="module")
 def model() -> SplatModel:
-    """A person in checks who was filmed from the front alone."""
-    whole = body()
-    assert whole.rest_vertices is not None
-    assert whole.blend_weights is not None
-    rest, weights = whole.rest_vertices, whole.blend_weights
-    checks = np.sin(200.0 * rest).prod(axis=1) > 0.0
-    parameters = np.zeros((len(rest), PARAMETERS), np.float32)
-    parameters[:, :3] = rest
-    parameters[:, LOG_SCALE : LOG_SCALE + 3] = np.log(0.009)
-    parameters[:, ROTATION] = 1.0
-    parameters[:, COLOUR : COLOUR + 3] = np.where(checks, 0.75, 0.2)[:, None]
-    parameters[:, OPACITY] = 6.0
-    joints = np.argsort(-weights, axis=1)[:, :4]
-    most = np.take_along_axis(weights, joints, axis=1).astype(np.float32)
-    middle = whole.skeleton.rest_joints[HEAD, 2]
-    return SplatModel(
-        parameters,
-        joints.astype(np.uint8),
-        most / most.sum(axis=1, keepdims=True),
-        rest[:, 2] > middle,
-        whole.skeleton,
-        Motion.from_poses([Pose.rest()]),
-        data_hash="",
-    )
-
-
-def seen(model: SplatModel, degrees: float) -> WebcamPicture:
-    """What a webcam sees of them from so many degrees to their left, by their own pictures."""
-    at = model.skeleton.rest_joints[HEAD] - [0.0, 0.25, 0.0]
-    angle = np.radians(degrees)
-    eye = at + 1.3 * np.array([np.sin(angle), 0.0, np.cos(angle)])
-    camera = Camera.from_field_of_view(look_at(eye, at), 288, 288, 0.6)
-    pose = Pose.rest(float(degrees))
-    transforms = model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
-    picture = SplatRenderer((model,)).render(camera, [transforms])
-    rgb, matte = ((255.0 * of + 0.5).astype(np.uint8) for of in (picture[..., :3], picture[..., 3]))
-    return WebcamPicture(rgb, matte, camera, pose)
+    return person_in_checks()
 
 
 def test_a_picture_from_the_front_shows_nothing_new_and_one_from_beside_does(model):
     keeper = FrameKeeper(model)
-    front, beside = (keeper.look_at(seen(model, degrees)) for degrees in (0, 90))
+    front, beside = (keeper.look_at(seen_from(model, degrees)) for degrees in (0, 90))
     assert front is not None
     assert beside is not None
     assert front.sides == ()
@@ -189,7 +152,7 @@ def test_a_picture_from_the_front_shows_nothing_new_and_one_from_beside_does(mod
 
 
 def test_a_picture_comes_to_the_exposure_of_the_model_and_its_matte_stays(model):
-    picture = seen(model, 60)
+    picture = seen_from(model, 60)
     darker = replace(picture, rgb=(0.8 * picture.rgb).astype(np.uint8))
     found = FrameKeeper(model).look_at(darker)
     assert found is not None
@@ -201,7 +164,7 @@ def test_a_picture_comes_to_the_exposure_of_the_model_and_its_matte_stays(model)
 
 
 def test_faults_are_found_in_pictures(model):
-    keeper, good = FrameKeeper(model), seen(model, 90)
+    keeper, good = FrameKeeper(model), seen_from(model, 90)
 
     def fit(picture: WebcamPicture) -> bool:
         found = keeper.look_at(picture)

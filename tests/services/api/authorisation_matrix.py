@@ -109,6 +109,7 @@ _OFFER = {"content": b"v=0", "headers": SDP}
 _PIECE = {"content": b"", "headers": {"upload-offset": "0"}}
 _VIEW = {"json": {"width": 16, "height": 16}}
 
+_KEPT = "/whep/{meeting_id}/{session_id}/kept-frames"
 ROWS = (
     Row("GET /healthz", PUBLIC),
     Row("GET /readyz", PUBLIC),
@@ -194,6 +195,10 @@ ROWS = (
         Row(f"DELETE {path}/{{session_id}}", ENDED, 204)
         for path in ("/whep/{meeting_id}", "/whip/{meeting_id}", "/v1/meetings/{meeting_id}/voice")
     ),
+    Row(f"GET {_KEPT}", NOT_THEIRS),
+    Row(f"PUT {_KEPT}", NOT_THEIRS, request={"json": {"on": True}}),
+    Row(f"POST {_KEPT}", NOT_THEIRS),
+    Row(f"DELETE {_KEPT}", NOT_THEIRS),
 )
 """Every route but the control channel, which is no HTTP."""
 

@@ -77,7 +77,7 @@ class Sender:
 
     def __init__(self, room: Room, name: str) -> None:
         (performer_id,) = [one.performer_id for one in room.performers if one.name == name]
-        self.viewer, self.number = Viewer(), 0
+        self.viewer, self.number, self.session_id = Viewer(), 0, ""
         self.channel: RTCDataChannel = self.viewer.peer.createDataChannel(
             "keypoints", ordered=False, maxRetransmits=0, protocol=performer_id
         )
@@ -86,7 +86,7 @@ class Sender:
         """The server's answer."""
         self.viewer.peer.addTransceiver(CodedPictures(FIRST_MS), direction="sendonly")
         offer = await self.viewer.offer()
-        _, answer = await views.open(room.meeting_id, offer, None, account)
+        self.session_id, answer = await views.open(room.meeting_id, offer, None, account)
         await self.viewer.accept(answer)
         for _ in range(200):
             if self.channel.readyState == "open":

@@ -1,0 +1,160 @@
+"""Learning from live look in a real browser: its switch and lamp, what is kept and what is not."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from benchmarks.browser import open_page
+from db.models import Purpose, SequenceKind, SequenceRow, SequenceState, new_id
+from renderer.model_files import save_model
+from renderer.splats.model import SplatModel
+from services.bootstrap import import_model
+from services.gateway import gateway_of
+from services.jobs.packing import pack
+from services.live.look.keeping import Keeping
+from services.live.look.picture import DroppedPictures, LookPicture, PoseRequest
+from services.meetings import create_meeting
+from tests.e2e.serving import Gateway, serving
+from tests.e2e.test_live_look import enter, networks
+from tests.e2e.test_motion_capture import webcam
+from tests.renderer.live_look.people import person_in_checks, seen_from
+from tests.services import seeds
+from tests.services.jobs.waiting import until
+from tests.shared_data import shared_data
+
+pytestmark = pytest.mark.e2e
+SECONDS = 1000
+
+
+class Turned(DroppedPictures):
+    """Has the server see somebody from beside, of whom the page sends pictures."""
+
+    def __init__(self, model: SplatModel) -> None:
+        self._keeping, self._model = Keeping(time.monotonic), model
+
+    @property
+    def keeping(self) -> Keeping:
+        return self._keeping
+
+    def receive(self, picture: LookPicture, request: PoseRequest | None = None) -> None:
+        beside = seen_from(self._model, 120.0, time.monotonic())
+        self._keeping.look_at(self._model, beside, beside.pose)
+
+
+def meeting_of(gateway: Gateway, folder: Path) -> tuple[str, str]:
+    """Where to come into a meeting with a model whose clip is stored; the id of its person."""
+    services = gateway.services
+    save_model(person_in_checks(), folder / "ada.safetensors")
+    row = import_model(services, folder / "ada.safetensors", "ada", "Ada")
+    packed = pack(services.objects, row.person_id, seeds.film(folder / "clip"))
+    clip = SequenceRow(
+        id=new_id(),
+        person_id=row.person_id,
+        kind=SequenceKind.VIDEO,
+        state=SequenceState.READY,
+        created_at=services.clock(),
+        source_name="clip.mp4",
+        source_sha256=packed.sha256,
+        packed_sha256=packed.sha256,
+    )
+    with services.unit_of_work() as unit:
+        unit.sequences.add(clip)
+        unit.flush()
+        model = unit.models.get(row.id)
+        model.sequence_id = clip.id
+        meeting = create_meeting(services, unit, "ada", "Monday", [model])
+        unit.commit()
+    channels = gateway_of(gateway.app).views.keypoint_channels
+    channels.make_look_sink = lambda performer, _: Turned(performer.model)
+    address = f"{gateway.address}?meeting={meeting.id}&size=128#token={gateway.token('ada')}"
+    return address, row.person_id
+
+
+def kept(gateway: Gateway, person_id: str) -> list[SequenceRow]:
+    with gateway.services.reading() as unit:
+        rows = unit.sequences.of_person(person_id)
+        return [one for one in rows if one.kind is SequenceKind.LIVE]
+
+
+def shown_at_the_end(page: Page) -> None:
+    """Learn for a while, then switch it off."""
+    switch, sheet = page.get_by_test_id("learning"), page.get_by_test_id("kept-sheet")
+    # what waits is not known before it is off: until something does, on again
+    for _ in range(20):
+        switch.click()
+        expect(page.locator(".learning.on")).to_be_visible(timeout=20 * SECONDS)
+        expect(page.get_by_test_id("learning-words")).to_contain_text("only if you say so")
+        page.wait_for_timeout(1500)
+        switch.click()
+        expect(page.locator(".learning.on")).to_have_count(0)
+        page.wait_for_timeout(500)
+        if sheet.is_visible():
+            return
+    raise AssertionError("nothing was kept")
+
+
+def test_what_waits_is_shown_at_the_end_and_kept_or_dropped_as_one_says(tmp_path: Path):
+    clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
+    camera = webcam(clip, tmp_path / "webcam.mjpeg")
+    with serving(tmp_path / "data", **networks()) as gateway, open_page(webcam=camera) as page:
+        address, person_id = meeting_of(gateway, tmp_path)
+        enter(page, address)
+        switch, sheet = page.get_by_test_id("learning"), page.get_by_test_id("kept-sheet")
+        words = page.get_by_test_id("learning-words")
+        expect(switch).not_to_be_checked()
+        expect(page.get_by_test_id("live-look")).not_to_be_checked()
+        with gateway.services.reading() as unit:
+            assert Purpose.LEARNING not in unit.people.get(person_id).consent_purposes
+        page.get_by_test_id("live-look").click()
+        expect(page.locator(".learning.on")).to_have_count(0)
+        shown_at_the_end(page)
+        with gateway.services.reading() as unit:
+            assert Purpose.LEARNING in unit.people.get(person_id).consent_purposes
+        expect(words).to_contain_text("head from 120 degrees to their left")
+        assert sheet.locator("img").count() >= 1
+        assert sheet.locator("img").first.evaluate("one => one.naturalWidth") == 96
+        page.get_by_test_id("kept-drop").click()
+        expect(sheet).to_be_hidden()
+        expect(words).to_contain_text("Dropped")
+        assert kept(gateway, person_id) == []
+        shown_at_the_end(page)
+        page.get_by_test_id("kept-keep").click()
+        expect(sheet).to_be_hidden()
+        until(lambda: kept(gateway, person_id), "storing")
+        (row,) = kept(gateway, person_id)
+        assert row.frames is not None
+        assert row.frames >= 1
+        expect(words).to_contain_text("learns from them")
+
+
+def test_whoever_leaves_is_asked_first_and_a_page_that_goes_drops_them(tmp_path: Path):
+    clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
+    camera = webcam(clip, tmp_path / "webcam.mjpeg")
+    with serving(tmp_path / "data", **networks()) as gateway, open_page(webcam=camera) as page:
+        address, person_id = meeting_of(gateway, tmp_path)
+        enter(page, address)
+        page.get_by_test_id("live-look").click()
+        sheet = page.get_by_test_id("kept-sheet")
+        page.get_by_test_id("learning").click()
+        expect(page.locator(".learning.on")).to_be_visible(timeout=20 * SECONDS)
+        page.wait_for_timeout(6000)
+        page.get_by_test_id("leave").click()
+        expect(sheet).to_be_visible(timeout=20 * SECONDS)
+        page.get_by_test_id("kept-keep").click()
+        expect(page.get_by_test_id("start-join")).to_be_visible(timeout=20 * SECONDS)
+        until(lambda: kept(gateway, person_id), "storing")
+        before = len(kept(gateway, person_id))
+        page.reload()
+        enter(page, address)
+        page.get_by_test_id("live-look").click()
+        page.get_by_test_id("learning").click()
+        expect(page.locator(".learning.on")).to_be_visible(timeout=20 * SECONDS)
+        page.wait_for_timeout(4000)
+        page.goto("about:blank")
+        views = gateway_of(gateway.app).views
+        until(lambda: len(views) == 0, "the end of the session")
+        assert len(kept(gateway, person_id)) == before
