@@ -18,6 +18,10 @@ from renderer.splats.training.held_out import Errors, WatchedFrames, held_out_fr
 from renderer.splats.training.trainer import SplatTrainer
 from scene.arrays import Array, Float
 
+_LEARNS_FROM = 0.4
+"""Share of the training whose rates it begins with: at first rates, what is known is blurred before
+it is learnt again."""
+
 
 class HeldToTrainer:
     """A `SplatTrainer` whose model must stay as good as the one it starts from (a `Trainer`)."""
@@ -38,8 +42,8 @@ class HeldToTrainer:
         self._trainer.before_step(fraction)
 
     def step(self, fraction: float) -> float:
-        """As of the trainer."""
-        return self._trainer.step(fraction)
+        """As of the trainer, at the rates of one that has come some way."""
+        return self._trainer.step(_LEARNS_FROM + (1.0 - _LEARNS_FROM) * fraction)
 
     def preview(self) -> Float[Array, "H W 3"]:
         """As of the trainer."""
