@@ -4,77 +4,113 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import httpx
 import pytest
 
-from db.models import Purpose, SequenceKind, SequenceRow, SequenceState, new_id
-from services.composition import build_services
+from db.errors import NotFound
+from db.models import (
+    JobKind,
+    JobRow,
+    JobState,
+    Purpose,
+    SequenceKind,
+    SequenceRow,
+    SequenceState,
+    new_id,
+)
+from services.container import Services
+from services.errors import NoConsent
+from services.jobs.lease import JobLease
 from services.jobs.packing import pack
-from services.settings import Settings
+from services.jobs.queue import discard, enqueue
+from services.jobs.report import Reporter
+from services.jobs.train_job import run_train
 from tests.services import seeds
-from tests.services.conftest import changed, serving
-from tests.services.jobs.waiting import job_when
 
 
 @pytest.fixture
-def working(settings: Settings) -> Settings:
-    """Settings of a gateway that runs jobs."""
-    return changed(settings, embedded_worker=True)
+def clip(services: Services, sequence_folder: Path) -> SequenceRow:
+    return seeds.captured(services, sequence_folder)
 
 
 @pytest.fixture
-def rows(working: Settings, sequence_folder: Path) -> tuple[str, str, str]:
-    """Ids of a person, their clip, and pictures kept for it."""
-    services = build_services(working)
-    services.database.migrate()
-    clip = seeds.captured(services, sequence_folder)
+def kept(services: Services, clip: SequenceRow, sequence_folder: Path) -> SequenceRow:
+    """Pictures that were kept for the clip."""
     packed = pack(services.objects, clip.person_id, sequence_folder)
-    kept = SequenceRow(
+    row = SequenceRow(
         id=new_id(),
         person_id=clip.person_id,
         kind=SequenceKind.LIVE,
         state=SequenceState.READY,
         created_at=services.clock(),
         source_name="live look",
-        source_sha256=packed.sha256,
+        source_sha256="1" * 64,
         packed_sha256=packed.sha256,
         clip_id=clip.id,
     )
     with services.unit_of_work() as unit:
-        unit.sequences.add(kept)
+        unit.sequences.add(row)
         unit.commit()
-    services.close()
-    return clip.person_id, clip.id, kept.id
+    return row
 
 
-def test_with_consent_alone_a_model_goes_on_to_learn_and_takes_the_place_of_the_old(
-    working: Settings, rows: tuple[str, str, str]
+def trained(
+    services: Services, folder: Path, sequence: SequenceRow, improves: str | None
+) -> JobRow:
+    """The job once it has run, in this process."""
+    params = {"preset": "splats", "budget_s": 0.5, "seed": 0, "improves": improves}
+    with services.unit_of_work() as unit:
+        enqueue(unit, JobKind.TRAIN, sequence, params, services.clock())
+        unit.commit()
+    with services.unit_of_work() as unit:
+        job = unit.jobs.claim([JobKind.TRAIN], "a test", services.clock())
+        assert job is not None
+        unit.commit()
+    folder.mkdir()
+    with Reporter(services, JobLease(job.id, job.person_id, job.attempt)) as reporter:
+        run_train(services, job, reporter, folder)
+    with services.reading() as unit:
+        return unit.jobs.get(job.id)
+
+
+def models(services: Services, person_id: str) -> list[str]:
+    with services.reading() as unit:
+        rows = unit.models.of_person(person_id)
+        return [one.id for one in rows if one.superseded_at is None]
+
+
+def test_with_consent_alone_a_model_learns_more_and_takes_the_place_of_the_old(
+    services: Services, clip: SequenceRow, kept: SequenceRow, tmp_path: Path
 ):
-    person_id, clip_id, kept_id = rows
+    first = trained(services, tmp_path / "a", clip, None).model_id
+    with pytest.raises(NoConsent):
+        trained(services, tmp_path / "b", kept, first)
+    assert models(services, clip.person_id) == [first]
+    with services.unit_of_work() as unit:
+        unit.people.get(clip.person_id).consent_purposes = [one.value for one in Purpose]
+        unit.commit()
+    job = trained(services, tmp_path / "c", kept, first)
+    assert job.state is JobState.SUCCEEDED
+    assert models(services, clip.person_id) == [job.model_id]
+    with services.reading() as unit:
+        model = unit.models.get(job.model_id or "")
+    assert model.sequence_id == clip.id, "the next round is held to the same clip"
+    assert "held_to" in model.metrics
+    again = trained(services, tmp_path / "d", kept, job.model_id)
+    assert again.state is JobState.SUCCEEDED
 
-    with serving(working) as caller:
 
-        def trained(sequence_id: str, **params: object) -> dict:
-            answer = caller.post(f"/v1/sequences/{sequence_id}/models", json=params)
-            assert answer.status_code == 202, answer.text
-            ended = {"succeeded", "failed"}
-            return job_when(caller, answer.json()["id"], lambda job: job["state"] in ended, "end")
+def test_without_their_clip_they_go_too(services: Services, clip: SequenceRow, kept: SequenceRow):
+    with services.unit_of_work() as unit:
+        orphans = discard(unit, unit.sequences.get(clip.id))
+        unit.commit()
+    assert (kept.person_id, kept.packed_sha256) in orphans
+    with services.reading() as unit, pytest.raises(NotFound):
+        unit.sequences.get(kept.id)
 
-        first = trained(clip_id, budget_s=1.0)["model_id"]
-        alone = caller.post(f"/v1/sequences/{kept_id}/models", json={"budget_s": 1.0})
-        assert alone.status_code == 422, "pictures of a side make no model by themselves"
-        refused = trained(kept_id, budget_s=1.0, improves=first)
-        assert refused["error"]["type"] == "urn:metanerf:no-consent"
-        models = caller.get("/v1/models").json()["items"]
-        assert [one["id"] for one in models] == [first]
-        consent = {"purposes": [one.value for one in Purpose], "until": None}
-        assert caller.put(f"/v1/people/{person_id}/consent", json=consent).status_code == 200
-        learnt = trained(kept_id, budget_s=1.0, improves=first)
-        assert learnt["error"] is None
-        (model,) = caller.get("/v1/models").json()["items"]
-        assert model["id"] == learnt["model_id"] != first
-        assert model["sequence_id"] == clip_id, "the next round holds it to the same clip"
-        assert "held_to" in model["metrics"]
-        again = trained(kept_id, budget_s=1.0, improves=model["id"])
-        assert again["state"] == "succeeded"
-        assert caller.delete(f"/v1/sequences/{clip_id}").status_code == 204
-        assert caller.get(f"/v1/sequences/{kept_id}").status_code == 404
+
+async def test_they_make_no_model_by_themselves(
+    client: httpx.AsyncClient, services: Services, kept: SequenceRow
+):
+    answer = await client.post(f"/v1/sequences/{kept.id}/models", json={"budget_s": 1.0})
+    assert answer.status_code == 422, answer.text
