@@ -71,7 +71,7 @@ def meeting_of(gateway: Gateway, folder: Path) -> tuple[str, str]:
         model.sequence_id = clip.id
         meeting = create_meeting(services, unit, "ada", "Monday", [model])
         unit.commit()
-    channels = gateway_of(gateway.app).views.keypoint_channels
+    channels = gateway_of(gateway.app).views.driving_channels
     channels.make_look_sink = lambda performer, _: Turned(performer.model)
     address = f"{gateway.address}?meeting={meeting.id}&size=128#token={gateway.token('ada')}"
     return address, row.person_id
