@@ -160,6 +160,10 @@ class Jobs(Protocol):
         """The job of that id. Raises NotFound."""
         ...
 
+    def waiting(self, kinds: Collection[JobKind]) -> dict[JobKind, int]:
+        """How many queued jobs of each of `kinds` could be claimed now; none is not listed."""
+        ...
+
     def claim(self, kinds: Collection[JobKind], worker: str, now: datetime) -> JobRow | None:
         """Take the oldest queued job of `kinds`, exclusively; None where there is none.
 

@@ -6,7 +6,17 @@ from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
 from typing import Any, TypeVar, cast
 
-from sqlalchemy import CursorResult, Select, Table, and_, delete, func, select, update
+from sqlalchemy import (
+    ColumnElement,
+    CursorResult,
+    Select,
+    Table,
+    and_,
+    delete,
+    func,
+    select,
+    update,
+)
 from sqlalchemy.orm import Session
 
 from db.errors import NotFound
@@ -217,17 +227,17 @@ class SqlJobs(_Repository):
         """See `Jobs.get`."""
         return self._get(JobRow, job_id, "job")
 
+    def waiting(self, kinds: Collection[JobKind]) -> dict[JobKind, int]:
+        """See `Jobs.waiting`."""
+        query = select(JobRow.kind, func.count()).where(*_claimable(kinds)).group_by(JobRow.kind)
+        return dict(self._session.execute(query).tuples().all())
+
     def claim(self, kinds: Collection[JobKind], worker: str, now: datetime) -> JobRow | None:
         """See `Jobs.claim`."""
-        uncaptured = select(SequenceRow.id).where(
-            SequenceRow.id == JobRow.sequence_id,
-            SequenceRow.state.in_([SequenceState.UPLOADED, SequenceState.CAPTURING]),
-        )
-        waits_for_capture = and_(JobRow.kind == JobKind.TRAIN, uncaptured.exists())
         # PostgreSQL skips rows that another worker holds; SQLite has one writer at a time anyway
         query = (
             select(JobRow)
-            .where(JobRow.state == JobState.QUEUED, JobRow.kind.in_(kinds), ~waits_for_capture)
+            .where(*_claimable(kinds))
             .order_by(JobRow.created_at)
             .limit(1)
             .with_for_update(skip_locked=True)
@@ -417,6 +427,16 @@ class SqlReferences(_Repository):
 def _tables_of_persons() -> list[Table]:
     """Every table with rows of persons, parents before children."""
     return [table for table in Base.metadata.sorted_tables if "person_id" in table.c]
+
+
+def _claimable(kinds: Collection[JobKind]) -> tuple[ColumnElement[bool], ...]:
+    """Queued jobs of `kinds`, but no training whose clip is still to be captured."""
+    uncaptured = select(SequenceRow.id).where(
+        SequenceRow.id == JobRow.sequence_id,
+        SequenceRow.state.in_([SequenceState.UPLOADED, SequenceState.CAPTURING]),
+    )
+    waits_for_capture = and_(JobRow.kind == JobKind.TRAIN, uncaptured.exists())
+    return (JobRow.state == JobState.QUEUED, JobRow.kind.in_(kinds), ~waits_for_capture)
 
 
 def _count(result: object) -> int:

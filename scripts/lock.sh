@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Pins every package with its hash, in two files:
-#   requirements.lock       what metanerf runs on
-#   requirements-dev.lock   the same and what its tests, tools and body asset are made with
-# torch is left out of both: it is installed by version, since its builds differ from machine to machine.
+# Pins every package with its hash, in three files:
+#   requirements.lock           what metanerf runs on
+#   requirements-cluster.lock   the same and Ray, for jobs on a cluster
+#   requirements-dev.lock       all of that and what its tests, tools and body asset are made with
+# torch is left out of all: it is installed by version, since its builds differ from machine to machine.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -24,4 +25,5 @@ PY
 }
 
 pin requirements.lock
-pin requirements-dev.lock --extra dev --constraint requirements.lock
+pin requirements-cluster.lock --extra cluster --constraint requirements.lock
+pin requirements-dev.lock --extra cluster --extra dev --constraint requirements-cluster.lock

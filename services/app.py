@@ -34,6 +34,7 @@ from services.api.signalling import kept_frames, voice, whep, whip
 from services.container import Services
 from services.control import messages
 from services.gateway import build_gateway, gateway_of
+from services.jobs.local_engine import LocalEngine
 from services.jobs.worker import Worker
 from services.page import page_route
 
@@ -140,9 +141,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     worker = None
     if services.settings.jobs.embedded_worker:
         kinds = [JobKind(kind) for kind in services.settings.jobs.worker_kinds]
-        worker = threading.Thread(
-            target=Worker(services, kinds).run, args=(stop,), name="worker", daemon=True
-        )
+        run = Worker(services, kinds, LocalEngine(services.settings)).run
+        worker = threading.Thread(target=run, args=(stop,), name="worker", daemon=True)
         worker.start()
     try:
         yield

@@ -1,5 +1,5 @@
 """The settings of a process, read from variables METANERF_NAME (services.setting_groups,
-services.live_settings).
+services.live_settings, services.cluster_settings).
 
 Built once at the entry point and passed down; nothing else reads the environment.
 """
@@ -14,9 +14,10 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
-from pydantic import SecretStr, ValidationError
+from pydantic import BaseModel, SecretStr, ValidationError
 
 from scene.errors import InvalidInput
+from services.cluster_settings import ClusterSettings
 from services.live_settings import LiveSettings
 from services.setting_groups import (
     DatabaseSettings,
@@ -54,6 +55,7 @@ class Settings:
     live: LiveSettings
     recording: RecordingSettings
     jobs: JobSettings
+    cluster: ClusterSettings
     networks: NetworkSettings
 
     def pose_model_source(self) -> NetworkSource:
@@ -97,6 +99,8 @@ class Settings:
                 continue
             if isinstance(value, SecretStr):
                 value = value.get_secret_value()
+            elif isinstance(value, BaseModel):
+                value = value.model_dump_json()
             values[variable] = json.dumps(value) if isinstance(value, list) else str(value)
         ours = {name for name in os.environ if name.upper().startswith(_PREFIX)}
         return {k: v for k, v in os.environ.items() if k not in ours} | values

@@ -38,10 +38,18 @@ def test_scene_and_renderer_import_with_numpy_and_torch_alone():
 
 
 @pytest.mark.parametrize(
-    "module", ["scene", "services.cli.app", "services.app", "services.jobs.child"]
+    "module",
+    [
+        "scene",
+        "services.cli.app",
+        "services.app",
+        "services.jobs.child",
+        "services.jobs.ray_task",
+        "services.jobs.worker",
+    ],
 )
-def test_what_starts_often_does_not_wait_for_torch(module):
-    slow = "{'torch', 'numba', 'mediapipe', 'scipy'} & set(sys.modules)"
+def test_what_starts_often_does_not_wait_for_torch_nor_ray(module):
+    slow = "{'torch', 'numba', 'mediapipe', 'scipy', 'ray'} & set(sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", f"import sys, {module}; assert not {slow}, {slow}"],
         capture_output=True,

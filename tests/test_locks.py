@@ -1,4 +1,4 @@
-"""The two lock files: what metanerf runs on, and the same with what its tests are made with."""
+"""The lock files: what metanerf runs on, that with Ray, and all with what tests are made with."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
-LOCKS = ["requirements.lock", "requirements-dev.lock"]
+LOCKS = ["requirements.lock", "requirements-cluster.lock", "requirements-dev.lock"]
 _PIN = re.compile(r"^([a-z0-9][a-z0-9.-]*)==(\S+)((?: \\\n    --hash=sha256:[0-9a-f]{64})*)", re.M)
 
 
@@ -35,7 +35,8 @@ def test_every_package_is_pinned_with_hashes_but_torch(lock):
 
 
 def test_what_only_tests_need_is_not_downloaded_to_run():
-    run, dev = (pins(lock) for lock in LOCKS)
-    assert run.items() <= dev.items()
+    run, cluster, dev = (pins(lock) for lock in LOCKS)
+    assert run.items() <= cluster.items() <= dev.items()
+    assert wanted("cluster") <= cluster.keys() - run.keys()
     assert wanted("dev") <= dev.keys()
     assert {"triton", "anny", "warp-lang", "playwright", "pyright", "pytest"}.isdisjoint(run)

@@ -8,8 +8,10 @@ import socket
 import sys
 import threading
 import webbrowser
+from enum import StrEnum
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,10 +19,20 @@ from scene.errors import InvalidInput, SceneError
 from services.setting_groups import ServerSettings
 from services.settings import Settings, load_settings
 
+if TYPE_CHECKING:
+    from services.jobs.engine import Engine
+
 app = typer.Typer()
 
 Port = Annotated[int | None, typer.Option(help="Port to listen on.", min=0, max=65535)]
 _DEMO_NAME = "Ada"
+
+
+class EngineName(StrEnum):
+    """Homes of jobs."""
+
+    LOCAL = "local"
+    RAY = "ray"
 
 
 class PortTaken(SceneError):
@@ -63,8 +75,14 @@ def worker(
     kinds: Annotated[
         list[str] | None, typer.Argument(help="Kinds of jobs to take: capture, train, export.")
     ] = None,
+    engine: Annotated[
+        EngineName,
+        typer.Option(
+            help="Where jobs run: child processes, or the cluster of METANERF_RAY_ADDRESS."
+        ),
+    ] = EngineName.LOCAL,
 ) -> None:
-    """Run jobs in child processes, for a gateway that does not (METANERF_EMBEDDED_WORKER=false)."""
+    """Run jobs for a gateway that does not run them itself (METANERF_EMBEDDED_WORKER=false)."""
     from db.models import JobKind
     from services.composition import build_services
     from services.jobs.worker import Worker
@@ -76,8 +94,25 @@ def worker(
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    Worker(services, [JobKind(kind) for kind in settings.jobs.worker_kinds]).run(stop)
+    taken = [JobKind(kind) for kind in settings.jobs.worker_kinds]
+    Worker(services, taken, _open_engine(engine, settings)).run(stop)
     services.close()
+
+
+def _open_engine(name: EngineName, settings: Settings) -> Engine:
+    """The engine of that name. Raises InvalidInput where Ray is not installed."""
+    if name is EngineName.LOCAL:
+        from services.jobs.local_engine import LocalEngine
+
+        return LocalEngine(settings)
+    if find_spec("ray") is None:
+        raise InvalidInput(
+            "Ray must be installed for --engine ray; got a Python without it; "
+            "install it with `pip install '.[cluster]'`"
+        )
+    from services.jobs.ray_engine import RayEngine
+
+    return RayEngine(settings)
 
 
 def _serve(settings: Settings, listener: socket.socket) -> None:

@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -82,7 +83,8 @@ def _run(services: Services, settings: Settings, job_id: str, attempt: int) -> i
     reporter = Reporter(services, JobLease(job_id, job.person_id, attempt))
     signal.signal(signal.SIGTERM, lambda *_: reporter.stop())
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    threading.Thread(target=_stop_with_parent, args=(reporter,), daemon=True).start()
+    stop_with_parent = (reporter, settings.jobs.stop_grace_s)
+    threading.Thread(target=_stop_with_parent, args=stop_with_parent, daemon=True).start()
     try:
         with scratch_folder(settings.folders.scratch_dir) as folder, reporter:
             _RUNS[job.kind](services, job, reporter, folder)
@@ -97,10 +99,12 @@ def _run(services: Services, settings: Settings, job_id: str, attempt: int) -> i
     return 0
 
 
-def _stop_with_parent(reporter: Reporter) -> None:
+def _stop_with_parent(reporter: Reporter, grace_s: float) -> None:
     while os.read(sys.stdin.fileno(), 1):  # unbuffered: a lock would be held at the end
         pass
     reporter.stop()
+    time.sleep(grace_s)
+    os._exit(os.EX_SOFTWARE)  # it hangs, and nobody is left to kill it
 
 
 def _end(services: Services, claimed: JobRow, error: Exception) -> None:

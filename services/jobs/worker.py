@@ -1,65 +1,64 @@
-"""Claims jobs and runs each in a child process of its own.
+"""Leases jobs from the queue and has an engine run them: children of this process, or a cluster.
 
-A child that crashes, or hangs, or is killed for its memory takes nobody with it; being nicer than
-the gateway, it yields the cores to live meetings. A worker that dies no longer renews its leases
-(`services.jobs.lease`), and others take over its jobs.
+A worker that dies takes no job with it: what it ran leaves a checkpoint and goes, or loses its
+lease (`services.jobs.lease`), and others take over.
 """
 
 from __future__ import annotations
 
 import logging
 import os
-import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from datetime import datetime
 
 from db.errors import DatabaseError, NotFound
 from db.models import JobKind, JobRow, JobState
 from db.repositories import UnitOfWork
 from db.sweep import sweep
 from services.container import Services
+from services.jobs.engine import Ended, Engine, EngineAway, Execution
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.lease import JobLease, reclaim_expired
-from services.jobs.queue import STORE_AWAY, Orphan, crashed, drop_orphans, interrupted
-from services.jobs.scratch import clear_abandoned
+from services.jobs.queue import Orphan, crashed, drop_orphans, interrupted
 
 log = logging.getLogger(__name__)
 
-_START_S = 60.0
-"""Time a child has to import what it needs; its worker's signs of life count for it till then."""
+_START_S = 90.0
+"""Time an execution has to give its first sign of life; its worker's count for it till then."""
 _POLL_S = 0.5
-"""How often children and the queue are looked at."""
-_STORE_PAUSE_S = 3.0
-"""After a store went away under a job, before another job is begun."""
+"""How often executions and the queue are looked at."""
+_PAUSE_S = 3.0
+"""After an execution ended for no fault of its job, before another job is begun."""
+_LAST_WORDS_S = 5.0
+"""Beyond the grace of a stopped execution, until a worker that stops goes without its end."""
 
 
 @dataclass(eq=False)
-class _Child:
+class _Running:
     lease: JobLease
-    process: subprocess.Popen[bytes]
+    execution: Execution
+    renewed_at: datetime | None
+    """Our last sign of life for it: a heartbeat that is another is the execution's own."""
     started_s: float = field(default_factory=time.monotonic)
-    asked_to_stop_s: float | None = field(default=None)
 
 
 class Worker:
     """Runs jobs of some kinds until it is stopped."""
 
-    def __init__(self, services: Services, kinds: Collection[JobKind]) -> None:
-        self._services, self._kinds = services, list(kinds)
+    def __init__(self, services: Services, kinds: Collection[JobKind], engine: Engine) -> None:
+        self._services, self._kinds, self._engine = services, list(kinds), engine
         self._name = f"{socket.gethostname()}:{os.getpid()}"
-        self._children: list[_Child] = []
+        self._running: list[_Running] = []
         self._swept_s: float | None = None
         self._rests_until_s = 0.0
+        self._engine_is_away = False
 
     def run(self, stop: threading.Event) -> None:
-        """Work until `stop` is set; then let children leave their checkpoints and go."""
-        settings = self._services.settings
-        clear_abandoned(settings.folders.scratch_dir)
+        """Work until `stop` is set; then let executions leave their checkpoints and go."""
         try:
             while not stop.is_set():
                 try:
@@ -68,23 +67,47 @@ class Worker:
                     log.warning("the queue can't be read: %s", error)
                 self._services.events.wait(QUEUE, _POLL_S)
         finally:
-            self._stop_children()
+            self._stop_all()
+            self._engine.close()
 
     def _poll(self) -> None:
-        for child in list(self._children):
-            self._watch(child)
+        for one in list(self._running):
+            self._watch(one)
         self._reclaim_expired()
-        slots = self._services.settings.jobs.worker_slots
-        while len(self._children) < slots and time.monotonic() >= self._rests_until_s:
-            job = self._claim()
-            if job is None:
-                break
-            self._children.append(self._start(job))
+        if time.monotonic() >= self._rests_until_s:
+            self._take_jobs()
         self._sweep_now_and_then()
 
-    def _claim(self) -> JobRow | None:
+    def _take_jobs(self) -> None:
+        with self._services.reading() as unit:
+            waiting = unit.jobs.waiting(self._kinds)
+        while True:
+            kinds = self._kinds_with_room(waiting)
+            job = self._claim(kinds) if kinds else None
+            if job is None:
+                return
+            log.info("job %s (%s), attempt %d", job.id, job.kind, job.attempt)
+            lease = JobLease(job.id, job.person_id, job.attempt)
+            self._running.append(_Running(lease, self._engine.start(job), job.heartbeat_at))
+            waiting[job.kind] -= 1
+
+    def _kinds_with_room(self, waiting: dict[JobKind, int]) -> set[JobKind]:
+        """Empty while the engine is away, which is told once as it goes and once as it is back."""
+        try:
+            kinds = self._engine.kinds_with_room({k: n for k, n in waiting.items() if n > 0})
+        except EngineAway as error:
+            if not self._engine_is_away:
+                log.error("jobs wait: %s", error)
+            self._engine_is_away = True
+            return set()
+        if self._engine_is_away:
+            log.warning("jobs are run again")
+        self._engine_is_away = False
+        return kinds
+
+    def _claim(self, kinds: Collection[JobKind]) -> JobRow | None:
         with self._services.unit_of_work() as unit:
-            job = unit.jobs.claim(self._kinds, self._name, self._services.clock())
+            job = unit.jobs.claim(kinds, self._name, self._services.clock())
             if job is not None:
                 job.message = "starting"
             unit.commit()
@@ -92,74 +115,60 @@ class Worker:
             self._services.events.publish(job_topic(job.id))
         return job
 
-    def _start(self, job: JobRow) -> _Child:
-        log.info("job %s (%s), attempt %d", job.id, job.kind, job.attempt)
-        process = subprocess.Popen(
-            [sys.executable, "-m", "services.jobs.child", job.id, str(job.attempt)],
-            env=self._services.settings.child_environment(),
-            stdin=subprocess.PIPE,  # its end tells the child that we are gone
-            start_new_session=True,
-        )
-        return _Child(JobLease(job.id, job.person_id, job.attempt), process)
-
-    def _watch(self, child: _Child) -> None:
-        code = child.process.poll()
-        if code is None:
-            if not self._is_wanted(child):
-                self._stop(child)
-            elif time.monotonic() - child.started_s < _START_S:
-                self._renew_lease(child)
+    def _watch(self, running: _Running) -> None:
+        ended = running.execution.ended()
+        if ended is not None:
+            self._running.remove(running)
+            self._reap(running, ended)
             return
-        self._children.remove(child)
-        self._reap(child, code)
+        job = self._wanted(running)
+        if job is None:
+            running.execution.stop()
+        elif job.heartbeat_at == running.renewed_at:
+            if time.monotonic() - running.started_s < _START_S:
+                self._renew_lease(running)
+            else:
+                running.execution.stop()
 
-    def _renew_lease(self, child: _Child) -> None:
+    def _renew_lease(self, running: _Running) -> None:
         with self._services.unit_of_work() as unit:
             now = self._services.clock()
-            child.lease.renew(unit, now)
+            # locks the row: a heartbeat that came meanwhile is seen, and is not ours
+            if running.lease.renew(unit, now):
+                running.renewed_at = now
             unit.commit()
 
-    def _is_wanted(self, child: _Child) -> bool:
+    def _wanted(self, running: _Running) -> JobRow | None:
+        """The row of a job that is still ours and is to go on."""
         with self._services.reading() as unit:
             try:
-                job = unit.jobs.get(child.lease.job_id)
+                job = unit.jobs.get(running.lease.job_id)
             except NotFound:
-                return False
-        ours = job.state is JobState.RUNNING and job.attempt == child.lease.attempt
-        return ours and not job.cancel_requested
+                return None
+        ours = job.state is JobState.RUNNING and job.attempt == running.lease.attempt
+        return job if ours and not job.cancel_requested else None
 
-    def _stop(self, child: _Child) -> None:
-        now = time.monotonic()
-        if child.asked_to_stop_s is None:
-            child.asked_to_stop_s = now
-            child.process.terminate()
-        elif now - child.asked_to_stop_s > self._services.settings.jobs.stop_grace_s:
-            os.killpg(child.process.pid, signal.SIGKILL)
-
-    def _reap(self, child: _Child, code: int) -> None:
-        if child.process.stdin is not None:
-            child.process.stdin.close()
-        clear_abandoned(self._services.settings.folders.scratch_dir)
+    def _reap(self, running: _Running, ended: Ended) -> None:
         orphans: list[Orphan] = []
         with self._services.unit_of_work() as unit:
-            # locks the row; matches only where the child left no end of its own
-            left = child.lease.renew(unit, self._services.clock())
+            # locks the row; matches only where the execution left no end of its own
+            left = running.lease.renew(unit, self._services.clock())
             if left:
-                orphans = self._given_back(unit, unit.jobs.get(child.lease.job_id), code)
+                orphans = self._given_back(unit, unit.jobs.get(running.lease.job_id), ended)
             unit.commit()
         drop_orphans(self._services, orphans)
-        self._services.events.publish(job_topic(child.lease.job_id))
+        self._services.events.publish(job_topic(running.lease.job_id))
 
-    def _given_back(self, unit: UnitOfWork, job: JobRow, code: int) -> list[Orphan]:
-        """What to delete of a job whose child ended with `code` and left no end of its own."""
+    def _given_back(self, unit: UnitOfWork, job: JobRow, ended: Ended) -> list[Orphan]:
+        """What to delete of a job whose execution left no end of its own."""
         now = self._services.clock()
-        if code == STORE_AWAY:
-            self._rests_until_s = time.monotonic() + _STORE_PAUSE_S
-            return interrupted(unit, job, "the database or the object store was away", now)
+        if not ended.is_crash:
+            self._rests_until_s = time.monotonic() + _PAUSE_S
+            return interrupted(unit, job, ended.reason, now)
         return crashed(
             unit,
             job,
-            _cause(code),
+            ended.reason,
             now,
             self._services.describe_failure,
             at_most=self._services.settings.jobs.max_crashes,
@@ -190,28 +199,19 @@ class Worker:
         if swept.objects or swept.incoming or swept.uploads:
             log.info("%s", swept)
 
-    def _stop_children(self) -> None:
-        for child in self._children:
-            child.process.terminate()
-        deadline = time.monotonic() + self._services.settings.jobs.stop_grace_s
-        for child in self._children:
-            try:
-                code = child.process.wait(max(0.1, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                os.killpg(child.process.pid, signal.SIGKILL)
-                code = child.process.wait()
-            try:
-                self._reap(child, code)
-            except DatabaseError as error:
-                log.warning(
-                    "job %s stays as it is until it is taken back: %s", child.lease.job_id, error
-                )
-        self._children.clear()
-
-
-def _cause(code: int) -> str:
-    if code == -signal.SIGKILL:
-        return "its process was killed, as happens when memory runs out"
-    if code < 0:
-        return f"its process died of {signal.Signals(-code).name}"
-    return f"its process ended with code {code}"
+    def _stop_all(self) -> None:
+        grace_s = self._services.settings.jobs.stop_grace_s
+        give_up_s = time.monotonic() + grace_s + _LAST_WORDS_S
+        while self._running and time.monotonic() < give_up_s:
+            for one in list(self._running):
+                one.execution.stop()
+                if (ended := one.execution.ended()) is None:
+                    continue
+                self._running.remove(one)
+                try:
+                    self._reap(one, ended)
+                except DatabaseError as error:
+                    log.warning(
+                        "job %s stays as it is until it is taken back: %s", one.lease.job_id, error
+                    )
+            time.sleep(0.05)

@@ -13,6 +13,7 @@ from pydantic import SecretStr
 
 from capture.detection.network_files import NetworkSource
 from scene.errors import InvalidInput
+from services.cluster_settings import TaskResources
 from services.settings import Settings, load_settings
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -59,6 +60,10 @@ DEFAULTS = {
     "METANERF_JOB_CRASHES": 3,
     "METANERF_MAX_BUDGET_S": 3600.0,
     "METANERF_SWEEP_INTERVAL_S": 3600.0,
+    "METANERF_RAY_ADDRESS": "127.0.0.1:6379",
+    "METANERF_CAPTURE_RESOURCES": TaskResources(memory=4_294_967_296),
+    "METANERF_TRAIN_RESOURCES": TaskResources(memory=2_147_483_648),
+    "METANERF_EXPORT_RESOURCES": TaskResources(memory=2_147_483_648),
     "METANERF_POSE_MODEL": None,
     "METANERF_POSE_MODEL_URL": None,
     "METANERF_POSE_MODEL_SHA256": None,
@@ -187,12 +192,28 @@ def test_a_child_reads_the_same_settings(monkeypatch: pytest.MonkeyPatch, tmp_pa
         jwt_secret="x" * 40,
         port=4321,
         worker_kinds=["train"],
+        train_resources='{"num_cpus": 2, "num_gpus": 0.5}',
         pose_model=tmp_path / "a.task",
     )
     environment = made.child_environment()
     for name in list(environment):
         monkeypatch.setenv(name, environment[name])
     assert load_settings() == made
+    assert made.cluster.resources("train") == TaskResources(num_cpus=2.0, num_gpus=0.5)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("2 cores", "must be a JSON object"),
+        ('{"cpus": 2}', "Extra inputs are not permitted"),
+        ('{"num_gpus": 1.5}', "must be whole above 1"),
+    ],
+)
+def test_what_a_job_takes_of_a_cluster_is_checked(given: str, said: str):
+    with pytest.raises(InvalidInput, match=said) as refused:
+        load_settings(train_resources=given)
+    assert "METANERF_TRAIN_RESOURCES" in str(refused.value)
 
 
 @pytest.mark.parametrize("name", ["pose", "face", "hand"])
