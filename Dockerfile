@@ -1,5 +1,5 @@
 # One image for every process: gateway, capture worker, training worker (metanerf); the same for a
-# machine with a CUDA device (gpu); and the proxy in front.
+# machine with a CUDA device (gpu), and with Ray for the nodes of a cluster (cluster); and the proxy in front.
 FROM caddy:2.10.0 AS proxy
 # its volumes are root's unless the image says otherwise
 RUN adduser -D -H -u 10002 proxy && chown proxy /data /config
@@ -41,6 +41,12 @@ USER root
 # gcc: Triton compiles its launchers with it
 RUN apt-get update && apt-get install -y --no-install-recommends gcc libc6-dev && rm -rf /var/lib/apt/lists/* \
     && pip install --no-cache-dir --force-reinstall torch==2.13.0
+USER metanerf
+
+FROM metanerf AS cluster
+USER root
+COPY requirements-cluster.lock ./
+RUN pip install --no-cache-dir --no-deps --require-hashes -r requirements-cluster.lock
 USER metanerf
 
 # what is built where nobody names a stage

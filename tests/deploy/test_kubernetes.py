@@ -1,0 +1,204 @@
+"""deploy/kubernetes: valid manifests, with commands and settings that there are.
+
+No cluster is needed: Kubernetes' own schemas judge its kinds. Of KubeRay's kind, whose schema no
+package holds, the fields' names are listed here, and its pods are judged as any other pod.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import kubernetes_validate
+import pytest
+import typer
+import yaml
+
+from services.cli.app import app
+from services.settings import load_settings
+from tests.deploy.composed import ROOT, make_secrets
+
+FOLDER = ROOT / "deploy" / "kubernetes"
+VERSION = "1.34"
+"""Of Kubernetes, by whose schemas all is judged."""
+_MOUNTED = "/run/secrets/metanerf"
+RAY_CLUSTER = {
+    "": {
+        "rayVersion",
+        "enableInTreeAutoscaling",
+        "autoscalerOptions",
+        "headGroupSpec",
+        "workerGroupSpecs",
+    },
+    "autoscalerOptions": {"upscalingMode", "idleTimeoutSeconds", "securityContext", "resources"},
+    "headGroupSpec": {"rayStartParams", "template"},
+    "workerGroupSpecs": {
+        "groupName",
+        "replicas",
+        "minReplicas",
+        "maxReplicas",
+        "rayStartParams",
+        "template",
+    },
+}
+"""Fields of `ray.io/v1` RayCluster's spec that we use, by where they stand."""
+
+
+def documents() -> list[dict[str, Any]]:
+    """Every resource."""
+    paths = sorted(path for path in FOLDER.rglob("*.yaml") if path.name != "kustomization.yaml")
+    return [one for path in paths for one in yaml.safe_load_all(path.read_text())]
+
+
+def of_kind(kind: str) -> list[dict[str, Any]]:
+    return [one for one in documents() if one["kind"] == kind]
+
+
+def groups() -> list[dict[str, Any]]:
+    """Head and nodes of the Ray cluster."""
+    (cluster,) = of_kind("RayCluster")
+    return [cluster["spec"]["headGroupSpec"], *cluster["spec"]["workerGroupSpecs"]]
+
+
+def pods() -> list[dict[str, Any]]:
+    """Every pod's template."""
+    deployed = [one["spec"]["template"] for one in of_kind("Deployment")]
+    return deployed + [group["template"] for group in groups()]
+
+
+def containers() -> Iterator[dict[str, Any]]:
+    for pod in pods():
+        yield from pod["spec"]["containers"]
+
+
+def test_every_resource_is_valid_by_kubernetes_schemas():
+    for one in documents():
+        if one["kind"] != "RayCluster":
+            kubernetes_validate.validate(one, VERSION, strict=True)
+
+
+def test_the_ray_cluster_is_one_by_its_fields_and_its_pods_are_pods():
+    (cluster,) = of_kind("RayCluster")
+    assert cluster["apiVersion"] == "ray.io/v1"
+    spec = cluster["spec"]
+    assert set(spec) == RAY_CLUSTER[""]
+    assert set(spec["autoscalerOptions"]) == RAY_CLUSTER["autoscalerOptions"]
+    assert set(spec["headGroupSpec"]) == RAY_CLUSTER["headGroupSpec"]
+    for group in spec["workerGroupSpecs"]:
+        assert set(group) == RAY_CLUSTER["workerGroupSpecs"]
+    for group in groups():
+        judged = {"apiVersion": "v1", "kind": "PodTemplate", "metadata": {"name": "one"}}
+        kubernetes_validate.validate(judged | {"template": group["template"]}, VERSION, strict=True)
+
+
+def test_the_cluster_runs_the_version_of_ray_that_is_pinned_by_options_that_it_has():
+    from ray.scripts.scripts import start
+
+    (cluster,) = of_kind("RayCluster")
+    pinned = f"ray=={cluster['spec']['rayVersion']}"
+    assert pinned in (ROOT / "requirements-cluster.lock").read_text()
+    options = {name for option in start.params for name in option.opts}
+    for group in groups():
+        values = group["rayStartParams"]
+        assert {f"--{name}" for name in values} <= options
+        assert all(isinstance(value, str) for value in values.values())
+
+
+def test_nodes_go_and_come_as_jobs_do():
+    (cluster,) = of_kind("RayCluster")
+    spec = cluster["spec"]
+    assert spec["enableInTreeAutoscaling"]
+    assert spec["headGroupSpec"]["rayStartParams"]["num-cpus"] == "0"
+    for group in spec["workerGroupSpecs"]:
+        assert (group["replicas"], group["minReplicas"]) == (0, 0)
+
+
+def test_kustomizations_name_what_is_there():
+    for path in FOLDER.rglob("kustomization.yaml"):
+        written = yaml.safe_load(path.read_text())
+        assert written["kind"] == "Kustomization"
+        beside = {one.name for one in path.parent.glob("*.yaml")} - {path.name}
+        assert beside == {name for name in written["resources"] if name.endswith(".yaml")}
+        for name in written["resources"]:
+            assert (path.parent / name).exists(), name
+        named = {(one["kind"], one["metadata"]["name"]) for one in documents()}
+        for patch in written.get("patches", ()):
+            gone = yaml.safe_load(patch["patch"])
+            assert (gone["kind"], gone["metadata"]["name"]) in named
+
+
+def test_every_command_of_ours_parses():
+    commands = [one["command"] for one in containers() if "command" in one]
+    assert len(commands) == 3
+    group = typer.main.get_command(app)
+    for program, name, *words in commands:
+        assert program == "metanerf"
+        with group.make_context(program, [name, *words], resilient_parsing=False) as context:
+            command = group.get_command(context, name)  # pyright: ignore[reportAttributeAccessIssue]
+            assert command is not None, name
+            command.make_context(name, list(words))
+
+
+def test_every_setting_is_one_and_is_valid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (shared,) = of_kind("ConfigMap")
+    secrets = make_secrets(tmp_path)
+    known = set(load_settings().by_variable())
+    for one in containers():
+        own = {given["name"]: given["value"] for given in one.get("env", ())}
+        given = (shared["data"] if "envFrom" in one else {}) | own
+        with monkeypatch.context() as patch:
+            for name, value in given.items():
+                if name.startswith("METANERF_"):
+                    assert name.removesuffix("_FILE") in known, name
+                    patch.setenv(name, value.replace(_MOUNTED, str(secrets)))
+            load_settings(data_dir=tmp_path)
+
+
+def test_secrets_are_referred_to_and_mounted_where_they_are_read():
+    for pod in pods():
+        volumes = {one["name"]: one for one in pod["spec"]["volumes"]}
+        for one in pod["spec"]["containers"]:
+            mounts = {mount["mountPath"]: mount["name"] for mount in one["volumeMounts"]}
+            assert set(mounts.values()) <= set(volumes)
+            if "envFrom" in one:
+                assert one["envFrom"] == [{"configMapRef": {"name": "metanerf"}}]
+                assert volumes[mounts[_MOUNTED]]["secret"]["secretName"] == "metanerf"
+    assert of_kind("Secret") == []
+
+
+def test_pods_may_do_no_more_than_they_have_to():
+    for pod in pods():
+        spec = pod["spec"]
+        assert spec["securityContext"]["runAsNonRoot"]
+        assert not spec.get("hostNetwork")
+        for one in spec["containers"]:
+            security = one["securityContext"]
+            assert security["readOnlyRootFilesystem"]
+            assert not security["allowPrivilegeEscalation"]
+            assert security["capabilities"] == {"drop": ["ALL"]}
+            assert {"requests", "limits"} == set(one["resources"])
+            assert "memory" in one["resources"]["limits"]
+
+
+def test_a_gateway_lives_by_its_own_health_and_is_drained_before_it_ends():
+    (gateway,) = (one for one in of_kind("Deployment") if one["metadata"]["name"] == "gateway")
+    spec = gateway["spec"]["template"]["spec"]
+    (container,) = spec["containers"]
+    assert container["livenessProbe"]["httpGet"]["path"] == "/healthz"
+    assert container["readinessProbe"]["httpGet"]["path"] == "/readyz"
+    waits_s = container["lifecycle"]["preStop"]["sleep"]["seconds"]
+    assert waits_s > container["readinessProbe"]["periodSeconds"]
+    assert spec["terminationGracePeriodSeconds"] > waits_s + load_settings().jobs.stop_grace_s
+    (budget,) = of_kind("PodDisruptionBudget")
+    assert budget["spec"]["selector"] == gateway["spec"]["selector"]
+
+
+def test_only_the_cluster_itself_reaches_ray():
+    (policy,) = of_kind("NetworkPolicy")
+    label = policy["spec"]["podSelector"]["matchLabels"]
+    assert policy["spec"]["ingress"] == [{"from": [{"podSelector": {"matchLabels": label}}]}]
+    for group in groups():
+        assert group["template"]["metadata"]["labels"].items() >= label.items()
+    exposed = [one["spec"]["selector"] for one in of_kind("Service")]
+    assert label not in exposed
