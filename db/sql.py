@@ -230,7 +230,7 @@ class SqlJobs(_Repository):
     def waiting(self, kinds: Collection[JobKind]) -> dict[JobKind, int]:
         """See `Jobs.waiting`."""
         query = select(JobRow.kind, func.count()).where(*_claimable(kinds)).group_by(JobRow.kind)
-        return dict(self._session.execute(query).tuples().all())
+        return {kind: int(count) for kind, count in self._session.execute(query)}
 
     def claim(self, kinds: Collection[JobKind], worker: str, now: datetime) -> JobRow | None:
         """See `Jobs.claim`."""
