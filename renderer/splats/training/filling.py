@@ -130,15 +130,12 @@ def _guesses(
     means = light[known] / total[known, None]
     cell_kinds, places = cells[known, 0], (cells[known, 1:] + 0.5) * _CELL_M
     hairy = _hairy(cell_kinds, means)
-    places = np.concatenate([_with(places, 0.0), _with(places * (-1.0, 1.0, 1.0), _MIRRORED_M)])
-    cell_kinds, hairy = np.tile(cell_kinds, 2), np.tile(hairy, 2)
-    means = np.concatenate([means, means])
     guesses = np.empty((3, *colours.shape))
     for kind in np.unique(kinds):
         mine, same = kinds == kind, cell_kinds == kind
         same = same if same.any() else np.ones_like(same)
-        axes = _with(_axes(int(kind)), 1.0)
-        at, seen = _with(rest[mine], 0.0) * axes, places * axes
+        axes = _axes(int(kind))
+        at, seen = rest[mine] * axes, places * axes
         guesses[:, mine] = np.percentile(
             _nearest(at, seen[same], means[same]), (50.0, *_RANGE), axis=1
         )
@@ -147,20 +144,22 @@ def _guesses(
     return guesses
 
 
-def _with(places: Float[Array, "*batch 3"], farther_m: float) -> Float[Array, "*batch 4"]:
-    """`places`, all of them `farther_m` from others than they are in space."""
-    return np.pad(places, [(0, 0)] * (places.ndim - 1) + [(0, 1)], constant_values=farther_m)
-
-
 def _nearest(
-    at: Float[Array, "N 4"], places: Float[Array, "C 4"], means: Float[Array, "C 3"]
+    at: Float[Array, "N 3"], places: Float[Array, "C 3"], means: Float[Array, "C 3"]
 ) -> Float[Array, "N K 3"]:
-    """`means` of the cubes whose `places` are nearest to each."""
+    """`means` of the cubes whose `places`, or mirrored places, are nearest to each."""
     from scipy.spatial import KDTree
 
     count = min(_CELLS, len(places))
-    _, near = KDTree(places).query(at, k=count)
-    return means[np.reshape(near, (-1, count))]
+    apart, near = KDTree(places).query(at, k=count)
+    beyond, opposite = KDTree(places * (-1.0, 1.0, 1.0)).query(at, k=count)
+    apart, near, beyond, opposite = (
+        np.reshape(one, (-1, count)) for one in (apart, near, beyond, opposite)
+    )
+    distances = np.concatenate([apart, np.hypot(beyond, _MIRRORED_M)], axis=1)
+    both = np.concatenate([near, opposite], axis=1)
+    chosen = np.argsort(distances, axis=1, kind="stable")[:, :_CELLS]
+    return means[np.take_along_axis(both, chosen, axis=1)]
 
 
 def _hairy(cell_kinds: Int[Array, "C"], means: Float[Array, "C 3"]) -> Bool[Array, "C"]:
