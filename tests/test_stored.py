@@ -178,8 +178,8 @@ def test_the_light_that_was_found_is_read():
     assert splats.normals is not None
 
 
-@pytest.mark.parametrize(("kind", "levels", "share"), [("splats", 4.0, 0.97), ("field", 2.0, 0.98)])
-def test_stopped_training_goes_on(kind, levels, share, sequence, expected, tmp_path):
+@pytest.mark.parametrize(("kind", "levels"), [("splats", 4.0), ("field", 2.0)])
+def test_stopped_training_goes_on(kind, levels, sequence, expected, tmp_path):
     wanted = expected[f"{kind}-stopped"]
     path = tmp_path / "run.checkpoint"
     path.write_bytes((STORED / f"{kind}-stopped.checkpoint").read_bytes())
@@ -197,10 +197,10 @@ def test_stopped_training_goes_on(kind, levels, share, sequence, expected, tmp_p
     assert steps == [iterations]
     assert model.metrics["steps"] == wanted["metrics"]["steps"]
     # rounding differs between processors and grows from step to step, and of splats a step is
-    # another one than it was, and so is what is guessed of sides that no frame shows; a run of the
-    # remaining steps alone, from scratch, differs in 5 to 8 % of the pixels
+    # another one than it was; a run of the remaining steps alone, from scratch, differs in 5 to 8 %
+    # of the pixels
     assert model.metrics["loss"] == pytest.approx(wanted["metrics"]["loss"], rel=0.1)
-    assert share_alike(model, sequence, f"{kind}-stopped", levels) >= share
+    assert share_alike(model, sequence, f"{kind}-stopped", levels) >= 0.98
 
 
 @pytest.mark.parametrize("layout", ["smpl24", "mediapipe33"])

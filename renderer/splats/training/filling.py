@@ -48,7 +48,10 @@ _COLOURS, _PLACE = slice(COLOUR, COLOUR + 3), slice(POSITION, POSITION + 3)
 
 
 def fill_unseen(
-    parameters: Float[Array, "N P"], evidence: Evidence, kinds: Int[Array, "N"]
+    parameters: Float[Array, "N P"],
+    evidence: Evidence,
+    kinds: Int[Array, "N"],
+    under_hair: Bool[Array, "N"] | None = None,
 ) -> Float[Array, "N P"]:
     """`parameters` with the smoothest colours that agree with what frames determine.
 
@@ -61,6 +64,8 @@ def fill_unseen(
 
     Args:
         kinds: index into `KINDS`, as of `surface_kinds`.
+        under_hair: splats of the kind `scalp` that take hair's colour without any of the skin's
+            beside them: hair ends, it does not fade.
     """
     from scipy.sparse import diags
     from scipy.sparse.linalg import splu
@@ -74,7 +79,9 @@ def fill_unseen(
     guesses, lowest, highest = _guesses(parameters[:, _PLACE], colours, trust, kinds)
     rim = _only_at_rim(evidence)
     colours[rim] = np.clip(colours[rim], lowest[rim], highest[rim])
-    edges = _within(kinds == _SCALP, neighbours_at_rest(parameters[:, _PLACE]))
+    edges = neighbours_at_rest(parameters[:, _PLACE])
+    if under_hair is not None:
+        edges = _without_skin(edges, under_hair, kinds != _SCALP)
     diagonal = np.asarray(edges.sum(axis=1)).ravel() + weights + _GUESS
     # a sparse direct solver: far from all evidence, conjugate gradients take thousands of steps
     factors = splu(
@@ -87,10 +94,11 @@ def fill_unseen(
     return filled
 
 
-def _within(some: Bool[Array, "N"], edges):
-    """`edges` but those between `some` and others: hair ends, it does not fade into skin."""
+def _without_skin(edges, hair: Bool[Array, "N"], skin: Bool[Array, "N"]):
+    """`edges` but those between `hair` and `skin`."""
     pairs = edges.tocoo()
-    pairs.data[some[pairs.row] != some[pairs.col]] = 0.0
+    a, b = pairs.row, pairs.col
+    pairs.data[(hair[a] & skin[b]) | (skin[a] & hair[b])] = 0.0
     return pairs.tocsr()
 
 

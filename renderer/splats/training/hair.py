@@ -14,7 +14,7 @@ import numpy as np
 
 from renderer.splats.layout import LOG_SCALE, POSITION
 from renderer.splats.training.initialisation import FirstSplats
-from renderer.splats.training.neighbours import neighbours_at_rest
+from renderer.splats.training.neighbours import mean_of_neighbours, neighbours_at_rest
 from renderer.splats.training.surface_kinds import HEAD_KINDS, KINDS
 from renderer.splats.training.views import View
 from scene.arrays import Array, Bool, Float, Int
@@ -99,8 +99,7 @@ class _Head:
         rest, neck = surface[:, POSITION : POSITION + 3], skeleton.rest_joints[_NECK]
         nape = (rest[:, 1] > neck[1] - below) & (np.abs(rest[:, 0] - neck[0]) < beside)
         splats = np.flatnonzero(np.isin(kinds, HEAD_KINDS) | ((kinds == _TRUNK) & nape))
-        edges = neighbours_at_rest(rest[splats])
-        mean = edges.multiply(1.0 / edges.sum(axis=1)).tocsr()
+        mean = mean_of_neighbours(rest[splats])
         normals = first.normals[splats].astype(np.float64)
         for _ in range(_SMOOTHING_ROUNDS):
             normals = 0.5 * (normals + mean @ normals)
@@ -184,7 +183,7 @@ def hair_of_unseen_sides(
         return none
     for view, transforms in frames:
         outlines.look(view, transforms)
-    if not outlines.distances:
+    if not any(len(pixels) for pixels in outlines.skin):
         return none
     distances, share = _spread(outlines, skeleton)
     joint = skeleton.rest_joints[HEAD]

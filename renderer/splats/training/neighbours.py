@@ -21,3 +21,9 @@ def neighbours_at_rest(rest: Float[Array, "N 3"]):
     pairs = (np.ones(len(others)), (np.repeat(np.arange(size), count), others))
     edges = csr_matrix(pairs, shape=(size, size))
     return edges.maximum(edges.T)
+
+
+def mean_of_neighbours(rest: Float[Array, "N 3"]):
+    """[N N]: times what splats have, the mean of it beside each (scipy's CSR)."""
+    edges = neighbours_at_rest(rest)
+    return edges.multiply(1.0 / edges.sum(axis=1)).tocsr()

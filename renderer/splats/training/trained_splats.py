@@ -26,7 +26,7 @@ from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.settings import SplatSettings
 from renderer.splats.training.hair import Hair
 from renderer.splats.training.initialisation import FirstSplats, moved_with_bones
-from renderer.splats.training.neighbours import neighbours_at_rest
+from renderer.splats.training.neighbours import mean_of_neighbours
 from renderer.splats.training.occlusion import limb_splats
 from renderer.splats.training.spanned_hollows import spanned
 from renderer.splats.training.surface_kinds import HEAD_KINDS, surface_kinds
@@ -187,9 +187,8 @@ class TrainedSplats:
 
     @cached_property
     def _neighbourhood(self):
-        """[N N]: times what splats have, the mean of it beside each (scipy's CSR)."""
-        edges = neighbours_at_rest(self.first.parameters[:, _PLACE])
-        return edges.multiply(1.0 / edges.sum(axis=1)).tocsr()
+        """See `mean_of_neighbours`."""
+        return mean_of_neighbours(self.first.parameters[:, _PLACE])
 
     def follow_bones(self, before: Skeleton, after: Skeleton) -> None:
         """Move from the skeleton `before` to the one of other bone lengths `after`."""
