@@ -10,12 +10,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from benchmarks.browser import open_page
-from db.models import Purpose, SequenceKind, SequenceRow, SequenceState, new_id
+from db.models import Purpose, SequenceKind, SequenceRow
 from renderer.model_files import save_model
 from renderer.splats.model import SplatModel
-from services.bootstrap import import_model
 from services.gateway import gateway_of
-from services.jobs.packing import pack
 from services.live.look.keeping import Keeping
 from services.live.look.picture import DroppedPictures, LookPicture, PoseRequest
 from services.meetings import create_meeting
@@ -52,24 +50,10 @@ def meeting_of(gateway: Gateway, folder: Path) -> tuple[str, str]:
     """Where to come into a meeting with a model whose clip is stored; the id of its person."""
     services = gateway.services
     save_model(person_in_checks(), folder / "ada.safetensors")
-    row = import_model(services, folder / "ada.safetensors", "ada", "Ada")
-    packed = pack(services.objects, row.person_id, seeds.film(folder / "clip"))
-    clip = SequenceRow(
-        id=new_id(),
-        person_id=row.person_id,
-        kind=SequenceKind.VIDEO,
-        state=SequenceState.READY,
-        created_at=services.clock(),
-        source_name="clip.mp4",
-        source_sha256=packed.sha256,
-        packed_sha256=packed.sha256,
-    )
+    clip = seeds.film(folder / "clip")
+    row = seeds.with_clip(services, folder / "ada.safetensors", clip, "ada")
     with services.unit_of_work() as unit:
-        unit.sequences.add(clip)
-        unit.flush()
-        model = unit.models.get(row.id)
-        model.sequence_id = clip.id
-        meeting = create_meeting(services, unit, "ada", "Monday", [model])
+        meeting = create_meeting(services, unit, "ada", "Monday", [unit.models.get(row.id)])
         unit.commit()
     channels = gateway_of(gateway.app).views.driving_channels
     channels.make_look_sink = lambda performer, _: Turned(performer.model)

@@ -25,6 +25,7 @@ from db.models import (
     SequenceState,
     new_id,
 )
+from services.bootstrap import import_model
 from services.container import Services
 from services.jobs.packing import pack
 from services.jobs.queue import enqueue
@@ -91,6 +92,28 @@ def captured(services: Services, folder: Path, account: str = "house") -> Sequen
         )
         unit.commit()
     return sequence
+
+
+def with_clip(services: Services, model: Path, clip: Path, account: str = "house") -> ModelRow:
+    """The model in the file `model`, of Ada, whose sequence is stored from the folder `clip`."""
+    row = import_model(services, model, account, "Ada")
+    packed = pack(services.objects, row.person_id, clip)
+    sequence = SequenceRow(
+        id=new_id(),
+        person_id=row.person_id,
+        kind=SequenceKind.VIDEO,
+        state=SequenceState.READY,
+        created_at=services.clock(),
+        source_name="clip.mp4",
+        source_sha256=packed.sha256,
+        packed_sha256=packed.sha256,
+    )
+    with services.unit_of_work() as unit:
+        unit.sequences.add(sequence)
+        unit.flush()
+        unit.models.get(row.id).sequence_id = sequence.id
+        unit.commit()
+    return row
 
 
 def uploaded(services: Services, state: SequenceState = SequenceState.UPLOADED) -> SequenceRow:

@@ -15,10 +15,9 @@ from db.models import JobKind, Purpose, SequenceKind, SequenceRow, SequenceState
 from renderer.model_files import save_model
 from services.app import create_app
 from services.auth import ALL_SCOPES
-from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
-from services.jobs.packing import pack, unpack
+from services.jobs.packing import unpack
 from services.live.look.keeping import Keeping
 from services.live.room import Room
 from services.live.sessions.view_sessions import ViewSessions
@@ -47,22 +46,10 @@ def views(app: FastAPI) -> ViewSessions:
 async def room(services: Services, views: ViewSessions, tmp_path: Path) -> Room:
     """Ada of account `house`, whose model has a clip, and who consents to all."""
     save_model(person_in_checks(), tmp_path / "ada.safetensors")
-    row = import_model(services, tmp_path / "ada.safetensors", "house", "Ada")
-    packed = pack(services.objects, row.person_id, seeds.film(tmp_path / "clip"))
-    clip = SequenceRow(
-        person_id=row.person_id,
-        kind=SequenceKind.VIDEO,
-        state=SequenceState.READY,
-        created_at=services.clock(),
-        source_name="clip.mp4",
-        source_sha256=packed.sha256,
-        packed_sha256=packed.sha256,
-    )
+    clip = seeds.film(tmp_path / "clip")
+    row = seeds.with_clip(services, tmp_path / "ada.safetensors", clip)
     with services.unit_of_work() as unit:
         unit.people.get(row.person_id).consent_purposes = EVERY_PURPOSE
-        unit.sequences.add(clip)
-        unit.flush()
-        unit.models.get(row.id).sequence_id = clip.id
         meeting = create_meeting(services, unit, "house", "Monday", [unit.models.get(row.id)])
         unit.commit()
     return await views.room(meeting.id)

@@ -107,6 +107,26 @@ def test_unseen_hair_is_like_neither_a_high_forehead_nor_a_lamp_on_the_crown():
     np.testing.assert_allclose(filled[scalp & seen], trained[scalp & seen, COLOUR], atol=0.02)
 
 
+def test_what_no_frame_shows_is_like_its_mirror_image():
+    """The other side of orange cloth, with grey cloth halfway to it."""
+    places = [(1.0 + 0.02 * i, 0.02 * j) for i in range(8) for j in range(8)]
+    rows = [(x, y, z, grey) for x, grey in ((0.3, 0.9), (0.0, 0.2), (-0.3, 0.5)) for y, z in places]
+    filled = filled_greys(splats(*rows), np.repeat([5.0, 5.0, 0.0], len(places)))
+    np.testing.assert_allclose(filled[-len(places) :], 0.9, atol=0.05)
+
+
+def test_hair_over_a_neck_takes_nothing_of_the_skin_below_it():
+    trained = line_of(*[0.1] * 10, *[0.5] * 20, *[0.8] * 10)
+    evidence = np.repeat([5.0, 0.0, 5.0], [10, 20, 10])
+    kinds = np.repeat([HAIR, HAIR, FACE], [10, 10, 20])
+    found, under_hair = Evidence.of(evidence, evidence), np.arange(40) < 20
+    filled = fill_unseen(trained, found, kinds, under_hair)[:, COLOUR]
+    np.testing.assert_allclose(filled[:20], 0.1, atol=0.01)
+    np.testing.assert_allclose(filled[20:], 0.8, atol=0.01)
+    blended = fill_unseen(trained, found, kinds)[:, COLOUR]
+    assert blended[19] > 0.15
+
+
 def test_seen_splats_keep_their_colour():
     trained, evidence, kinds = head_and_trunk()
     filled, seen = filled_greys(trained, evidence, kinds=kinds), evidence > 0.0
