@@ -48,7 +48,7 @@ def test_what_make_unit_runs_asks_for_no_server(tmp_path: Path):
 
 def test_addresses_of_servers_are_known_in_one_place():
     """So that nobody reaches one without its fixture."""
-    addresses = re.compile(r"METANERF_TEST_(POSTGRES|REDIS)|127\.0\.0\.1:(5432|6379)\b")
+    addresses = re.compile(r"METANERF_TEST_(POSTGRES|REDIS)|[/@]127\.0\.0\.1:(5432|6379)\b")
     found = [
         path.name for path in (ROOT / "tests").rglob("*.py") if addresses.search(path.read_text())
     ]
