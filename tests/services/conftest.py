@@ -38,6 +38,7 @@ def settings(tmp_path: Path) -> Settings:
         embedded_worker=False,
         client_dir=tmp_path / "no-page",
         max_upload_bytes=20_000_000,
+        job_niceness=0,  # other tests would starve the jobs
     )
 
 

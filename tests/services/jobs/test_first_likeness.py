@@ -71,7 +71,8 @@ def test_a_meeting_sees_a_first_likeness_while_the_clip_is_captured_and_then_the
     model = caller.get(f"/v1/models/{done['model_id']}").json()
     assert (model["metrics"]["round"], model["sequence_id"]) == (1, sequence_id)
     # clip, packed sequence, motion, thumbnail and three files of each model: nothing else is left
-    assert len(stored_files(working)) == 10
+    # once the job's process has ended, a moment after its row
+    until(lambda: len(stored_files(working)) == 10, "the end of all other files")
 
 
 def listed(caller: httpx.Client) -> list[str]:
