@@ -35,11 +35,13 @@ _RANGE = (5.0, 95.0)
 """Percentiles of those cubes' colours between which that of a splat lies which only rims show."""
 _FACED = 0.5
 """Share of its evidence from frames that a splat faces, below which only rims show it."""
-_LITTLE_PX = 0.5
-"""Evidence below which the rim shows little of a splat, where one that lies open has 1 px."""
+_SLIVER_PX = 0.15
+"""Evidence below which the rim shows a sliver of a splat, where one that lies open has 1 px."""
+_FORWARD = 0.4
+"""Depth of a normal at rest from which it belongs to the front of the face, not to a cheek."""
 _ACROSS = 0.45
 """How much a distance across a limb counts, against one along it: clothes end along it."""
-_SCALP, _FACE = KINDS.index("scalp"), KINDS.index("face")
+_SCALP, _FACE, _HANDS = (KINDS.index(kind) for kind in ("scalp", "face", "hands"))
 _OVEREXPOSED = 0.75
 """Brightest channel from which a cube of the scalp shows a lamp's light rather than hair."""
 _SIDEWAYS = [KINDS.index(kind) for kind in ("arms", "hands")]
@@ -102,12 +104,21 @@ def _without_skin(edges, hair: Bool[Array, "N"], skin: Bool[Array, "N"]):
     return pairs.tocsr()
 
 
-def held_colours(evidence: Evidence, kinds: Int[Array, "N"]) -> Bool[Array, "N"]:
+def held_colours(
+    evidence: Evidence, kinds: Int[Array, "N"], normals: Float[Array, "N 3"]
+) -> Bool[Array, "N"]:
     """Splats whose colour stays as filled while training goes on: those that no frame shows, and
-    of the scalp those of which the rim shows little. Its splats are large where hair turns away;
-    trained, they take the colour of the outline's last pixel all over."""
-    little = evidence.pixels < _LITTLE_PX * evidence.open_px
-    return ~evidence.seen | (little & _only_at_rim(evidence) & (kinds == _SCALP))
+    those that only the rim shows. Trained, they take the colour of the outline's last pixel all
+    over, background and all. Hands and the front of the face, whose poses are followed most
+    closely, learn on, but for splats of which the rim shows a sliver.
+
+    Args:
+        normals: at rest, outward, unit length.
+    """
+    front = (kinds == _FACE) & (normals[:, 2] > _FORWARD)
+    sliver = evidence.pixels < _SLIVER_PX * evidence.open_px
+    followed = (front | (kinds == _HANDS)) & ~sliver
+    return ~evidence.seen | (_only_at_rim(evidence) & ~followed)
 
 
 def _only_at_rim(evidence: Evidence) -> Bool[Array, "N"]:

@@ -39,6 +39,7 @@ from renderer.splats.training.merging import Grouping
 from renderer.splats.training.occlusion import hidden_by_limbs
 from renderer.splats.training.resizing import Resizing
 from renderer.splats.training.step_views import StepViews
+from renderer.splats.training.strands import with_strands
 from renderer.splats.training.trained_splats import TrainedSplats, adam_rates
 from renderer.splats.training.unseen_sides import guess_sides
 from renderer.splats.training.views import View, read_views
@@ -74,6 +75,7 @@ class SplatTrainer:
         self._find_light = find_light
         self._found: Evidence | None = None
         self._held = np.zeros(0, bool)
+        self._covered = np.zeros(0, bool)
         self._light: CapturedLight | None = None
         self._rng = np.random.default_rng(seed)
         self._looks = StepViews(filmed, sequence, settings)
@@ -255,9 +257,10 @@ class SplatTrainer:
             self._resizing.refine(planned, split)
             self._resize(lambda surface: planned.parameters(split, filled, surface))
         self.splats.raise_hair(hair)
+        self._covered = hair.covered
         if self._estimated and self._sequence.body.has_surface:
             self.splats.span_hollows(self._found.seen)
-        self._held = held_colours(self._found, self.splats.kinds)
+        self._held = held_colours(self._found, self.splats.kinds, self.splats.first.normals)
         self.splats.hold_colours(self._held)
 
     def _finer_layer(self) -> FirstSplats:
@@ -392,9 +395,10 @@ class SplatTrainer:
             parameters = fill_unseen(parameters, evidence, self.splats.kinds)
         seen = evidence.seen
         seen_share = round(float(seen.mean()), 4)
-        return self._model(
-            parameters, seen, {**metrics, "splats": len(seen), "seen_share": seen_share}
-        )
+        model = self._model(parameters, seen, {**metrics, "seen_share": seen_share})
+        if self._found is not None and self.adds_sides:
+            model = with_strands(model, self._covered)
+        return replace(model, metrics={**model.metrics, "splats": len(model)})
 
     def _model(
         self, parameters: Float[Array, "N P"], seen: Bool[Array, "N"], metrics: dict[str, Any]

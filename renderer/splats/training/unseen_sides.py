@@ -33,7 +33,7 @@ def guess_sides(
         splats.surface,
         splats.first,
         splats.kinds,
-        held_colours(found, splats.kinds),
+        held_colours(found, splats.kinds, splats.first.normals),
         skeleton,
     )
     kinds = np.where(hair.covered, KINDS.index("scalp"), splats.kinds)

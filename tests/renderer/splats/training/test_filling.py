@@ -15,7 +15,7 @@ from renderer.splats.training.trainer import SplatTrainer
 from scene.arrays import Array, Float
 from tests.renderer.studio import make_sequence
 
-HAIR, CLOTH, FACE = (KINDS.index(kind) for kind in ("scalp", "trunk", "face"))
+HAIR, CLOTH, FACE, HANDS = (KINDS.index(kind) for kind in ("scalp", "trunk", "face", "hands"))
 
 
 def splats(*rows: tuple[float, float, float, float]) -> np.ndarray:
@@ -211,9 +211,11 @@ def test_filled_colours_hold_while_training_ends():
     assert changed[seen].mean() > 0.5
 
 
-def test_hair_that_only_a_rim_shows_a_little_keeps_what_it_was_filled_with():
-    pixels = np.array([0.0, 0.3, 0.3, 0.8, 0.3, 1.0])
-    facing = np.array([0.0, 0.0, 0.3, 0.0, 0.0, 1.0])
-    kinds = np.array([CLOTH, HAIR, HAIR, HAIR, CLOTH, CLOTH])
-    held = held_colours(Evidence.of(pixels, facing), kinds)
-    assert held.tolist() == [True, True, False, False, False, False]
+def test_what_only_a_rim_shows_keeps_what_it_was_filled_with_but_for_hands_and_the_face():
+    pixels = np.array([0.0, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.1, 0.1, 1.0])
+    facing = np.array([0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1, 1.0])
+    kinds = np.array([CLOTH, HAIR, HAIR, CLOTH, FACE, FACE, HANDS, FACE, FACE, CLOTH])
+    normals = np.tile((0.0, 0.0, 1.0), (10, 1))
+    normals[5] = (1.0, 0.0, 0.0)
+    held = held_colours(Evidence.of(pixels, facing), kinds, normals)
+    assert np.flatnonzero(held).tolist() == [0, 1, 3, 5, 7]

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from capture.body.model import load_body_model
 from renderer.splats.layout import COLOUR, OPACITY, POSITION
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.training.hair import Hair, hair_of_unseen_sides
-from renderer.splats.training.initialisation import FirstSplats, SurfacePlaces, splats_at
-from renderer.splats.training.surface_kinds import KINDS, surface_kinds
+from renderer.splats.training.surface_kinds import KINDS
 from renderer.splats.training.views import View
 from scene.arrays import Bool, Float
-from scene.body import Body
 from scene.camera import orbit_camera
 from scene.motion import Motion, Pose
 from scene.skeleton import HEAD, JOINT_COUNT, JOINT_NAMES
+from tests.renderer.splats.training.heads import bald_head
 
 PLACE = slice(POSITION, POSITION + 3)
 SKIN, DARK = (0.8, 0.6, 0.5), (0.15, 0.1, 0.08)
@@ -27,19 +23,9 @@ SCALP, NECK, FACE = (KINDS.index(kind) for kind in ("scalp", "neck", "face"))
 POSES = np.tile(np.eye(4, dtype=np.float32), (JOINT_COUNT, 1, 1))
 
 
-@cache
-def person() -> tuple[Body, FirstSplats, np.ndarray]:
-    """The mean body, splats on its surface, and their kinds."""
-    body = load_body_model().body(np.zeros(5))
-    places = SurfacePlaces.even(body, 14_000.0, np.random.default_rng(0))
-    first = splats_at(places, body, 1.0 / np.sqrt(14_000.0), 0.2)
-    rest = first.parameters[:, PLACE]
-    return body, first, surface_kinds(rest, first.joints, first.weights, body.skeleton)
-
-
 def curtain() -> Bool[np.ndarray, "N"]:
     """The head and neck behind the face, ears and all, down to where a bob ends."""
-    body, first, kinds = person()
+    body, first, kinds = bald_head()
     x, y, z = (first.parameters[:, PLACE] - body.skeleton.rest_joints[HEAD]).T
     behind = (z < 0.03) & ((kinds == NECK) | ((kinds == FACE) & (np.abs(x) > 0.04)))
     return (kinds == SCALP) | (behind & (y > -0.06))
@@ -48,7 +34,7 @@ def curtain() -> Bool[np.ndarray, "N"]:
 def found(hair_m: float, worn: Bool[np.ndarray, "N"], colour: tuple[float, ...] = DARK) -> Hair:
     """What is told of the sides that face away from three frames from the front, of somebody on
     whom hair lies `hair_m` above the splats `worn`."""
-    body, first, kinds = person()
+    body, first, kinds = bald_head()
     parameters = first.parameters.copy()
     parameters[:, COLOUR : COLOUR + 3], parameters[:, OPACITY] = SKIN, 4.0
     parameters[worn, PLACE] += np.float32(hair_m) * first.normals[worn]
@@ -77,14 +63,14 @@ def stands_off(hair: Hair, where: Bool[np.ndarray, "N"]) -> Float[np.ndarray, "M
 
 
 def back_of(kind: int, above_m: float = -1.0) -> Bool[np.ndarray, "N"]:
-    body, first, kinds = person()
+    body, first, kinds = bald_head()
     above = first.parameters[:, PLACE] - body.skeleton.rest_joints[HEAD]
     return (kinds == kind) & (first.normals[:, 2] < -0.7) & (above[:, 1] > above_m)
 
 
 @pytest.mark.parametrize("hair_m", [0.015, 0.03])
 def test_the_back_of_a_head_has_the_hair_that_outlines_show(hair_m):
-    _, _, kinds = person()
+    _, _, kinds = bald_head()
     hair = found(hair_m, kinds == SCALP)
     off = stands_off(hair, back_of(SCALP, 0.03))
     assert np.median(off) == pytest.approx(hair_m, abs=0.005)
@@ -92,13 +78,13 @@ def test_the_back_of_a_head_has_the_hair_that_outlines_show(hair_m):
 
 
 def test_a_bald_head_stays_as_it_is():
-    hair = found(0.0, np.zeros(len(person()[2]), bool))
+    hair = found(0.0, np.zeros(len(bald_head()[2]), bool))
     assert np.percentile(stands_off(hair, back_of(SCALP)), 95) < 0.005
     assert not hair.covered[back_of(NECK)].any()
 
 
 def test_a_bob_hangs_over_the_neck_and_short_hair_does_not():
-    nape, (_, _, kinds) = back_of(NECK, -0.05), person()
+    nape, (_, _, kinds) = back_of(NECK, -0.05), bald_head()
     assert found(0.03, curtain()).covered[nape].mean() > 0.8
     assert found(0.015, kinds == SCALP).covered[nape].mean() < 0.2
 
@@ -109,7 +95,7 @@ def test_what_has_the_colour_of_skin_beside_a_neck_is_no_hair():
 
 
 def test_hair_hangs_no_farther_out_than_it_stands_on_the_skull():
-    body, first, kinds = person()
+    body, first, kinds = bald_head()
     hair = found(0.03, curtain())
     across = (first.parameters[:, PLACE] - body.skeleton.rest_joints[HEAD]) * (1.0, 0.0, 1.0)
     moved = np.linalg.norm(across + hair.moves * (1.0, 0.0, 1.0), axis=1)
@@ -118,7 +104,7 @@ def test_hair_hangs_no_farther_out_than_it_stands_on_the_skull():
 
 
 def test_faces_and_what_frames_show_stay():
-    _, first, kinds = person()
+    _, first, kinds = bald_head()
     hair = found(0.03, curtain())
     assert not hair.covered[first.normals[:, 2] >= 0.2].any()
     joints = [JOINT_NAMES.index(name) for name in ("head", "neck")]
@@ -128,7 +114,7 @@ def test_faces_and_what_frames_show_stay():
 
 
 def test_splats_of_a_larger_surface_are_larger():
-    _, _, kinds = person()
+    _, _, kinds = bald_head()
     hair = found(0.03, kinds == SCALP)
     back = hair.covered & back_of(SCALP, 0.03)
     assert 1.1 < np.exp(np.median(hair.growth[back])) < 1.5
@@ -144,7 +130,7 @@ def test_each_of_the_splats_that_take_ones_place_is_covered_as_it_was():
 
 
 def test_nothing_is_told_where_no_side_is_unseen_or_no_frame_shows_a_head():
-    body, first, kinds = person()
+    body, first, kinds = bald_head()
     none = np.zeros(len(kinds), bool)
     seen = hair_of_unseen_sides([], first.parameters, first, kinds, none, body.skeleton)
     assert not seen.covered.any()
