@@ -25,7 +25,8 @@ from services.container import Services
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.queue import Orphan, drop_orphans, enqueue, resume
 from services.motions import motion_bytes
-from services.uploads.check import Checked, check_upload
+from services.uploads.apart import check_upload_apart
+from services.uploads.check import Checked
 
 _LONGEST_NAME = 80
 """Characters, so that the name of a file is at most 255 bytes long in UTF-8."""
@@ -103,7 +104,7 @@ def safe_name(filename: str) -> str:
 
 def _check(path: Path, name: str) -> Checked:
     try:
-        return check_upload(path, name)
+        return check_upload_apart(path, name)
     except CaptureError as error:  # FFmpeg's messages contain the path on this server
         raise type(error)(str(error).replace(f"{path.parent}/", "")) from error
 

@@ -1,0 +1,139 @@
+"""A hostile file can take nothing along but the process that looks at it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import httpx
+import pytest
+
+from capture.errors import UnreadableClip
+from db.models import SequenceKind
+from services.settings import Settings
+from services.uploads.apart import check_upload_apart
+from tests.services import seeds
+from tests.services.conftest import serving, stored_files
+
+
+@pytest.fixture
+def clip(tmp_path: Path) -> Path:
+    path = tmp_path / "clip.zip"
+    path.write_bytes(seeds.real_frames())
+    return path
+
+
+@pytest.fixture
+def instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Has a shell script run in the place of the process that looks."""
+
+    def set_up(script: str) -> None:
+        program = tmp_path / "looks"
+        program.write_text(f"#!/bin/sh\n{script}\n")
+        program.chmod(0o755)
+        monkeypatch.setattr(sys, "executable", str(program))
+
+    return set_up
+
+
+def confined(code: str) -> subprocess.CompletedProcess[str]:
+    """What a confined process does."""
+    begun = "from services.uploads.confined import confine; confine(0)\n"
+    return subprocess.run(
+        [sys.executable, "-c", begun + code],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    )
+
+
+def test_frames_are_found_to_be_frames(clip: Path):
+    assert check_upload_apart(clip, "clip.zip").kind is SequenceKind.FRAMES
+
+
+def test_a_refusal_comes_through_as_it_was_said(tmp_path: Path):
+    path = tmp_path / "empty.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("readme.txt", "nothing")
+    with pytest.raises(UnreadableClip, match="must hold"):
+        check_upload_apart(path, "empty.zip")
+
+
+@pytest.mark.parametrize(
+    ("script", "told"),
+    [
+        ("kill -SEGV $$", "SIGSEGV"),
+        ("echo 'MemoryError' >&2; exit 1", "MemoryError"),
+        ("kill -XCPU $$", "SIGXCPU"),
+    ],
+)
+def test_a_crash_is_told_and_harms_nobody(instead, clip: Path, script: str, told: str):
+    instead(script)
+    with pytest.raises(UnreadableClip, match=f"got {told} while it was looked at; export it again"):
+        check_upload_apart(clip, "clip.zip")
+
+
+def test_a_full_disk_is_no_fault_of_the_clip(instead, clip: Path):
+    instead(f"""echo '{{"errno": {errno.ENOSPC}}}'""")
+    with pytest.raises(OSError, match="No space left") as full:
+        check_upload_apart(clip, "clip.zip")
+    assert full.value.errno == errno.ENOSPC
+
+
+def test_no_secret_is_told(instead, clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("METANERF_JWT_SECRET", "of the server")
+    instead(f"""env > {tmp_path / "told"}; echo '{{"kind": "frames"}}'""")
+    check_upload_apart(clip, "clip.zip")
+    told = (tmp_path / "told").read_text()
+    assert "PATH=" in told
+    assert "of the server" not in told
+
+
+def test_memory_files_and_time_are_bounded():
+    assert "MemoryError" in confined("bytearray(4 << 30)").stderr
+    assert (
+        "File too large"
+        in confined(
+            "import tempfile\nwith tempfile.TemporaryFile() as file:\n    file.truncate(65 << 20)"
+        ).stderr
+    )
+    assert (
+        "Too many open files" in confined("files = [open('/dev/null') for _ in range(99)]").stderr
+    )
+    asked = confined("import resource; print(resource.getrlimit(resource.RLIMIT_CPU))")
+    assert asked.stdout == "(60, 60)\n"
+
+
+def test_there_is_no_network_but_files_can_be_made():
+    """Where the system lets a process leave it, as Linux lets root, and mostly everybody."""
+    code = (
+        "import socket, tempfile\n"
+        "tempfile.NamedTemporaryFile()\n"
+        "server = socket.create_server(('127.0.0.1', 0))\n"
+        "socket.create_connection(server.getsockname(), timeout=2)"
+    )
+    if os.geteuid() != 0:
+        pytest.skip("not root: the system may not let a process leave its network")
+    assert "Network is unreachable" in confined(code).stderr
+
+
+def test_an_upload_that_crashes_its_reader_is_refused_and_leaves_nothing(
+    instead, settings: Settings
+):
+    with serving(settings) as caller:
+        person_id = caller.post("/v1/people", json={"name": "Ada"}).json()["id"]
+        instead("kill -SEGV $$")
+        answer = upload(caller, person_id)
+        assert (answer.status_code, answer.json()["type"]) == (422, "urn:metanerf:invalid-input")
+        assert "SIGSEGV" in answer.json()["detail"]
+        assert stored_files(settings) == []
+
+
+def upload(caller: httpx.Client, person_id: str) -> httpx.Response:
+    files = {"file": ("frames.zip", seeds.real_frames())}
+    return caller.post(f"/v1/people/{person_id}/sequences", files=files)
