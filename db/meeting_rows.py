@@ -70,6 +70,8 @@ class MeetingRow(Base):
     created_at: Mapped[datetime]
     lobby: Mapped[bool] = mapped_column(default=False)
     """Whoever comes waits until the host lets them in."""
+    sealed: Mapped[bool] = mapped_column(default=False)
+    """Motion travels end-to-end encrypted, by a key that only its pages know."""
     invitation: Mapped[int] = mapped_column(default=0)
     """How often its invitation was renewed; at 0, its id is the invitation."""
     environment: Mapped[str] = mapped_column(String(32), default="studio")

@@ -136,6 +136,10 @@ class MeetingFull(WrongState):
     """The meeting has as many performers as it may."""
 
 
+class MeetingSealed(WrongState):
+    """The server cannot do this in a sealed meeting, whose motion it cannot read."""
+
+
 class TargetIsHost(WrongState):
     """The host cannot do this to themselves."""
 

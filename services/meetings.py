@@ -20,11 +20,12 @@ from services.arrangement import (
 )
 from services.auth import INVITED
 from services.container import Services
-from services.errors import MeetingFull
+from services.errors import MeetingFull, MeetingSealed
 from services.likeness import require_consent
 from services.live.eye_level import with_level_gaze
 from services.live.room import eye_height, facing_yaw
 from services.motions import motion_of
+from services.person_models import VIEWER_FILE
 
 DEMO = "demo"
 """Label of the meeting that the demo shows."""
@@ -40,10 +41,13 @@ def create_meeting(
     models: list[ModelRow],
     label: str | None = None,
     lobby: bool = False,
+    sealed: bool = False,
 ) -> MeetingRow:
-    """A new meeting with `models` standing in it; with `lobby`, who comes waits to be let in.
+    """A new meeting with `models` standing in it; with `lobby`, who comes waits to be let in; with
+    `sealed`, motion travels encrypted between pages.
 
-    Raises NoConsent for a model whose person does not consent to meetings.
+    Raises NoConsent for a model whose person does not consent to meetings, and MeetingSealed for
+    one that pages cannot draw where it is sealed.
     """
     meeting = MeetingRow(
         id=new_id(),
@@ -52,6 +56,7 @@ def create_meeting(
         label=label,
         created_at=services.clock(),
         lobby=lobby,
+        sealed=sealed,
     )
     unit.meetings.add(meeting)
     unit.flush()
@@ -70,7 +75,8 @@ def add_performer(
     """One more performer at the first free place, who moves by a sequence's motion or by the
     model's own.
 
-    Raises MeetingFull, NotCaptured where the sequence has no motion, or NoConsent.
+    Raises MeetingFull, NotCaptured where the sequence has no motion, NoConsent, or MeetingSealed
+    where the meeting is sealed and a page can't draw the model, or a sequence is to move it.
     """
     if len(meeting.performers) >= MOST_PERFORMERS:
         raise MeetingFull(
@@ -173,6 +179,8 @@ def _add(
     model: ModelRow,
     motion_sequence_id: str | None,
 ) -> PerformerRow:
+    if meeting.sealed:
+        _require_sealable(model, motion_sequence_id)
     person = unit.people.get(model.person_id)
     require_consent(person, Purpose.MEETINGS, services.clock())
     performer = PerformerRow(
@@ -187,3 +195,17 @@ def _add(
     measure(performer, skeleton, performed_motion(services, unit, performer))
     meeting.performers.append(performer)
     return performer
+
+
+def _require_sealable(model: ModelRow, motion_sequence_id: str | None) -> None:
+    """Raises MeetingSealed for whom pages alone cannot draw, or cannot move."""
+    if all(one.name != VIEWER_FILE for one in model.files):
+        raise MeetingSealed(
+            "whoever stands in a sealed meeting must have a model of splats, which pages draw; "
+            f"got one of the preset {model.preset!r}; train one with the preset splats"
+        )
+    if motion_sequence_id is not None:
+        raise MeetingSealed(
+            "whoever stands in a sealed meeting must move by their own page; got a stored motion, "
+            "which this server would have to play; leave motion_sequence_id out"
+        )

@@ -78,6 +78,7 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
         errors.SequenceInUse: "sequence-in-use",
         errors.NotCaptured: "not-captured",
         errors.MeetingFull: "meeting-full",
+        errors.MeetingSealed: "meeting-sealed",
         errors.TargetIsHost: "host-stays",
         errors.NothingRecorded: "nothing-recorded",
         errors.StillRecording: "still-recording",

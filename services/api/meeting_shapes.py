@@ -44,6 +44,11 @@ class NewMeeting(Body):
     lobby: bool = Field(
         default=False, description="Whoever joins waits until the host admits them."
     )
+    sealed: bool = Field(
+        default=False,
+        description="Motion travels end-to-end encrypted, by a key that pages put into the link "
+        "and this server never gets: it neither draws nor records the meeting.",
+    )
 
 
 class NewPerformer(Body):
@@ -100,6 +105,7 @@ class Meeting(BaseModel):
     performers: list[Performer]
     viewpoint: Viewpoint = Field(description="From where the caller looks at first.")
     lobby: bool = Field(description="Whoever joins waits until the host admits them.")
+    sealed: bool = Field(description="Motion travels end-to-end encrypted.")
     recording: bool = Field(
         default=False, description="Whoever joins is asked to agree to being recorded."
     )
@@ -114,6 +120,7 @@ class Meeting(BaseModel):
             performers=[Performer.of(one, caller, now) for one in row.shown_at(now)],
             viewpoint=Viewpoint.of(meetings.default_viewpoint(row, caller.account, now)),
             lobby=row.lobby,
+            sealed=row.sealed,
         )
 
 

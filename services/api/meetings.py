@@ -26,7 +26,13 @@ def open_meeting(
     with services.unit_of_work() as unit:
         models = [model_of(unit, caller, model_id) for model_id in body.model_ids]
         meeting = meetings.create_meeting(
-            services, unit, caller.account, body.name, models, lobby=body.lobby
+            services,
+            unit,
+            caller.account,
+            body.name,
+            models,
+            lobby=body.lobby,
+            sealed=body.sealed,
         )
         unit.commit()
         link = meetings.join_url(services, meeting)

@@ -45,6 +45,7 @@ from services.control.roster import host_of, performers_by_participant, presente
 from services.errors import (
     AwaitingAdmission,
     HostCommand,
+    MeetingSealed,
     NoSeat,
     SeatReleased,
     TargetIsHost,
@@ -181,6 +182,11 @@ def _record(
     _require_host(me, command)
     under_way = unit.recordings.under_way(meeting.id)
     if command.on:
+        if meeting.sealed:
+            raise MeetingSealed(
+                "a meeting that is recorded must not be sealed; got one whose motion this server "
+                "cannot read; open another meeting to record it"
+            )
         consent.ask(unit, meeting, me, performer_id, now)
     elif under_way is not None:
         consent.end(under_way, "the host ended it", now)

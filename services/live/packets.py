@@ -8,7 +8,8 @@ pictures. Unknown bits are ignored.
 View, 36 bytes: f32 position[3] (world, m), f32 quaternion wxyz of camera_to_world (OpenCV axes),
 f32 vertical field of view (rad), u16 width, u16 height (px).
 Keypoints: `services.live.keypoints_packet`. Live look, which comes in order and whole and has a
-header of its own: `services.live.look.packets`.
+header of its own: `services.live.look.packets`. Sealed motion:
+`services.live.sealed_packet`.
 Flags of a pose: how old, ms, the picture of the landmarks that it follows was when they left their
 page, at least 1; 0 where it follows none.
 Pose, 160 bytes: u8 index of the performer, u8 count of performers, u16 low bits of the
@@ -63,7 +64,7 @@ _POSE_SIZES = tuple(
 
 BATCHES = "batches"
 """Protocol of a channel `pose` whose viewer takes batches."""
-_LONGEST_BATCH = 1200
+LONGEST_BATCH = 1200
 """Bytes of one SCTP chunk, which a longer message would be cut into."""
 
 
@@ -79,6 +80,8 @@ class Kind(IntEnum):
     BATCH = 7
     MOTION = 8
     BODY = 9
+    SEALED_MOTION = 10
+    SEALED_BATCH = 11
 
 
 _BATCH_HEAD = bytes([VERSION, Kind.BATCH])
@@ -240,7 +243,7 @@ def batches_of(packets: Iterable[bytes]) -> list[bytes]:
     """The pose packets of one tick in as few messages as fit into a packet of the network each."""
     batches = [_BATCH_HEAD]
     for packet in packets:
-        if len(batches[-1]) + 1 + len(packet) > _LONGEST_BATCH:
+        if len(batches[-1]) + 1 + len(packet) > LONGEST_BATCH:
             batches.append(_BATCH_HEAD)
         batches[-1] += bytes([len(packet)]) + packet
     return batches if len(batches[0]) > len(_BATCH_HEAD) else []

@@ -87,6 +87,10 @@ class Room:
     """By performer id, of those who are driven live now."""
     looks: dict[str, LookSink] = field(default_factory=dict)
     """By performer id, of those whose page may send pictures of them now."""
+    sealed: bool = False
+    """Whether motion is encrypted: it is passed on as it came, and nothing can be drawn."""
+    sealed_motions: dict[str, bytes] = field(default_factory=dict)
+    """By performer id, the newest sealed packet that was not passed on yet."""
 
     def scene_at(
         self, now_s: float, *, hide_unseen: bool = False, live_look: bool = False

@@ -141,6 +141,25 @@ def test_whoever_waited_in_the_lobby_before_the_rename_still_waits(url: str):
     assert [tuple(row) for row in kept] == [("p", "waiting"), ("q", "admitted")]
 
 
+def test_a_meeting_from_before_there_were_sealed_ones_is_not_sealed(url: str):
+    migrations.migrate(url)
+    migrations.downgrade(url, "0014")
+    engine = make_engine(url)
+    with engine.begin() as connection:
+        connection.execute(
+            text(
+                "INSERT INTO meeting (id, account, name, created_at, lobby, invitation, "
+                "environment) VALUES ('m', 'a', 'Room', '2026-01-01', true, 0, 'studio')"
+            )
+        )
+    migrations.migrate(url)
+    migrations.check(url)
+    with engine.begin() as connection:
+        sealed = connection.execute(text("SELECT sealed FROM meeting")).scalar()
+    engine.dispose()
+    assert bool(sealed) is False
+
+
 def test_a_meeting_from_before_invitations_keeps_who_is_in_it_both_ways(url: str):
     migrations.migrate(url)
     migrations.downgrade(url, "0011")

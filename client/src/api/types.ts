@@ -240,6 +240,8 @@ export interface Meeting {
   viewpoint: Viewpoint;
   /** Whoever joins waits until the host admits them. */
   lobby: boolean;
+  /** Motion travels end-to-end encrypted. */
+  sealed: boolean;
   /** Whoever joins is asked to agree to being recorded. */
   recording?: boolean;
 }
@@ -321,6 +323,8 @@ export interface NewMeeting {
   model_ids?: string[];
   /** Whoever joins waits until the host admits them. */
   lobby?: boolean;
+  /** Motion travels end-to-end encrypted, by a key that pages put into the link and this server never gets: it neither draws nor records the meeting. */
+  sealed?: boolean;
 }
 
 /** What to train. */
@@ -401,6 +405,8 @@ export interface OpenedMeeting {
   viewpoint: Viewpoint;
   /** Whoever joins waits until the host admits them. */
   lobby: boolean;
+  /** Motion travels end-to-end encrypted. */
+  sealed: boolean;
   /** Whoever joins is asked to agree to being recorded. */
   recording?: boolean;
   /** Join with it to be the host; keep it to yourself. */

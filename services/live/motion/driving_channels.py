@@ -15,20 +15,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 from aiortc import RTCDataChannel
 from prometheus_client import Gauge
 
 from db.errors import NotFound
 from services.auth import GUEST, INVITED
-from services.errors import DrivenElsewhere, NotInMeeting, NotOwner
+from services.errors import DrivenElsewhere, MeetingSealed, NotInMeeting, NotOwner
 from services.likeness import may_drive
 from services.live.look.picture import DroppedPictures, LookSink
 from services.live.look.receiver import LookReceiver
 from services.live.look.relay import LookRelay, NoRelay
 from services.live.motion.body_packet import encode_body
 from services.live.motion.live_motion import LiveMotion, warm_up
-from services.live.motion.receivers import KeypointReceiver, MotionReceiver
+from services.live.motion.receivers import KeypointReceiver, MotionReceiver, SealedReceiver
 from services.live.room import MeetingPerformer, Room, facing_yaw
 
 MOTION, KEYPOINTS = "motion", "keypoints"
@@ -94,38 +95,26 @@ class DrivingChannels:
     ) -> None:
         """Have `channel` drive the performer of `room` that it names, if `account` may.
 
-        Pictures that come by `look` are of that performer, if `account` owns them.
+        Pictures that come by `look` are of that performer, if `account` owns them. In a sealed room
+        packets are passed on unread.
         """
         try:
+            if room.sealed and channel.label != MOTION:
+                raise MeetingSealed(_LANDMARKS_SEALED)
             performer = drivable_performer(room, account, channel.protocol)
             key = (room, performer.performer_id)
             before = self._drivers.get(key)
             if before is not None and _owner_goes_on(performer, before.account, account):
                 raise DrivenElsewhere(_OWNER_DRIVES)
-        except (NotFound, NotOwner, DrivenElsewhere) as refusal:
+        except (NotFound, NotOwner, DrivenElsewhere, MeetingSealed) as refusal:
             self._reject(channel, refusal)
             return
         if before is not None:
             before.stop()
             self._reject(before.channel, DrivenElsewhere(_TAKEN_OVER))
-        skeleton, yaw_rad = performer.model.skeleton, -facing_yaw(performer.motion)
-        motion = LiveMotion(skeleton, yaw_rad)
-        receiver: MotionReceiver | KeypointReceiver
-        if channel.label == MOTION:
-            receiver = MotionReceiver(
-                motion, self._clock, lambda: _send(channel, encode_body(skeleton, yaw_rad))
-            )
-        else:
-            receiver = KeypointReceiver(motion, self._executor, self._clock)
-        sink = None
-        if look is not None and owns_alone(account, performer):
-            sink = room.looks[performer.performer_id] = self.make_look_sink(performer, motion)
-            look.attach(sink, self._make_look_relay(room, performer.performer_id))
-            receiver.on_live_look = look.announce
-        driver = self._drivers[key] = _Driver(account, channel, look, sink)
-        room.live_motions[performer.performer_id] = motion
+        connect = self._relay if room.sealed else self._follow
+        driver = self._drivers[key] = connect(room, performer, account, channel, look)
         DRIVEN.set(len(self._drivers))
-        channel.on("message", receiver.receive)
         channel.on("close", lambda: self._remove(key, driver))
 
     def close_refused(self, room: Room) -> None:
@@ -153,6 +142,45 @@ class DrivingChannels:
         """Stop the thread."""
         self._executor.shutdown(wait=False, cancel_futures=True)
 
+    def _relay(
+        self,
+        room: Room,
+        performer: MeetingPerformer,
+        account: str | None,
+        channel: RTCDataChannel,
+        _: LookReceiver | None,
+    ) -> _Driver:
+        """Keep what comes, unread, for the room's viewers."""
+        keep = partial(room.sealed_motions.__setitem__, performer.performer_id)
+        receiver = SealedReceiver(keep, self._clock, partial(_send_body, channel, performer))
+        channel.on("message", receiver.receive)
+        return _Driver(account, channel, None, None)
+
+    def _follow(
+        self,
+        room: Room,
+        performer: MeetingPerformer,
+        account: str | None,
+        channel: RTCDataChannel,
+        look: LookReceiver | None,
+    ) -> _Driver:
+        """Have the performer move as what comes says."""
+        motion = LiveMotion(performer.model.skeleton, -facing_yaw(performer.motion))
+        receiver: MotionReceiver | KeypointReceiver
+        if channel.label == MOTION:
+            send_body = partial(_send_body, channel, performer)
+            receiver = MotionReceiver(motion, self._clock, send_body)
+        else:
+            receiver = KeypointReceiver(motion, self._executor, self._clock)
+        sink = None
+        if look is not None and owns_alone(account, performer):
+            sink = room.looks[performer.performer_id] = self.make_look_sink(performer, motion)
+            look.attach(sink, self._make_look_relay(room, performer.performer_id))
+            receiver.on_live_look = look.announce
+        room.live_motions[performer.performer_id] = motion
+        channel.on("message", receiver.receive)
+        return _Driver(account, channel, look, sink)
+
     def _reject(self, channel: RTCDataChannel, refusal: Exception) -> None:
         _send(channel, self._describe_error(refusal))
         channel.close()
@@ -164,6 +192,7 @@ class DrivingChannels:
             del self._drivers[key]
             room.live_motions.pop(performer_id, None)
             room.looks.pop(performer_id, None)
+            room.sealed_motions.pop(performer_id, None)
         DRIVEN.set(len(self._drivers))
 
 
@@ -172,14 +201,21 @@ def _send(channel: RTCDataChannel, message: str | bytes) -> None:
         channel.send(message)
 
 
+def _send_body(channel: RTCDataChannel, performer: MeetingPerformer) -> None:
+    _send(channel, encode_body(performer.model.skeleton, -facing_yaw(performer.motion)))
+
+
 _TAKEN_OVER = (
     "a performer must be driven from one place at a time; got a newer one; close the other page "
     "or switch the camera on here again",
 )
-
 _SHOWN_NO_LONGER = (
     "whoever is driven must be shown in the meeting; got a performer who is shown no longer: their "
     "consent has ended, or they were taken out; see Your consent under More"
+)
+_LANDMARKS_SEALED = (
+    "a page in a sealed meeting must solve poses itself and seal them, on the channel motion; got "
+    "landmarks, which this server would have to read; use the page, with the whole link"
 )
 _OWNER_DRIVES = (
     "a performer must be driven from one place at a time; got another one while the owner drives; "

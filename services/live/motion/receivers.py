@@ -1,7 +1,8 @@
 """What comes over a driving channel: motion that a page has solved, or landmarks to be solved here.
 
-Packets are read on the event loop. Motion is checked and followed at once; landmarks are solved on
-a thread of their own, and of each performer only the newest waits.
+Packets are read on the event loop. Motion is checked and followed at once, or kept to be passed on
+where it is sealed; landmarks are solved on a thread of their own, and of each performer only the
+newest waits.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from services.live.motion.live_motion import LiveMotion
 from services.live.motion.motion_packet import decode_motion, require_plausible
 from services.live.motion.solved_motion import SolvedMotion
 from services.live.packets import PacketError, is_newer
+from services.live.sealed_packet import require_sealed
 
 log = logging.getLogger(__name__)
 
@@ -29,8 +31,8 @@ MOTIONS = Counter(
     "Motion packets, which pages have solved, by what became of them.",
     ["outcome"],
 )
-"""followed; malformed; late (a newer one had come); implausible (faster than anybody moves); flood
-(more of one performer in a second than any webcam gives)."""
+"""followed; sealed (passed on unread); malformed; late (a newer one had come); implausible (faster
+than anybody moves); flood (more of one performer in a second than any webcam gives)."""
 _MOST_A_SECOND = 130
 """Motion packets of one performer: of the fastest webcams, 120."""
 PACKETS = Counter(
@@ -45,6 +47,49 @@ TO_POSE_SECONDS = Histogram(
 )
 
 
+class _PacketRate:
+    """Counts the packets of one performer in each second."""
+
+    def __init__(self) -> None:
+        self._second, self._packets = -1, 0
+
+    def exceeded(self, now_s: float) -> bool:
+        """Whether one more is more than any webcam gives."""
+        if int(now_s) != self._second:
+            self._second, self._packets = int(now_s), 0
+        self._packets += 1
+        return self._packets > _MOST_A_SECOND
+
+
+class SealedReceiver:
+    """Keeps one performer's newest sealed packet. Every method runs on the event loop."""
+
+    def __init__(
+        self, keep: Callable[[bytes], None], clock: Clock, send_body: Callable[[], None]
+    ) -> None:
+        """`keep` takes a packet to be passed on; `send_body` answers as for `MotionReceiver`."""
+        self._keep, self._clock, self._send_body = keep, clock, send_body
+        self._rate = _PacketRate()
+
+    def receive(self, message: object) -> None:
+        """Take a message off the channel; returns at once, whatever it holds."""
+        if self._rate.exceeded(self._clock()):
+            MOTIONS.labels("flood").inc()
+            return
+        if isinstance(message, str):
+            self._send_body()
+            return
+        packet = message if isinstance(message, bytes) else b""
+        try:
+            require_sealed(packet)
+        except PacketError as error:
+            MOTIONS.labels("malformed").inc()
+            log.debug("sealed packet dropped: %s", error)
+            return
+        self._keep(packet)
+        MOTIONS.labels("sealed").inc()
+
+
 class MotionReceiver:
     """Follows one performer's motion, as far as it is one. Every method runs on the event loop."""
 
@@ -57,12 +102,12 @@ class MotionReceiver:
         """Told of each packet, in order, whether it says that live look is on."""
         self._newest: int | None = None
         self._last: SolvedMotion | None = None
-        self._second, self._packets = -1, 0
+        self._rate = _PacketRate()
 
     def receive(self, message: object) -> None:
         """Take a message off the channel; returns at once, whatever it holds."""
         arrived_s = self._clock()
-        if self._floods(arrived_s):
+        if self._rate.exceeded(arrived_s):
             MOTIONS.labels("flood").inc()
             return
         if isinstance(message, str):
@@ -88,12 +133,6 @@ class MotionReceiver:
         self._last = packet.motion
         self._motion.follow(packet.motion, arrived_s)
         MOTIONS.labels("followed").inc()
-
-    def _floods(self, now_s: float) -> bool:
-        if int(now_s) != self._second:
-            self._second, self._packets = int(now_s), 0
-        self._packets += 1
-        return self._packets > _MOST_A_SECOND
 
 
 class KeypointReceiver:

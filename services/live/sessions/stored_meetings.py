@@ -33,6 +33,10 @@ class StoredMeetings:
         """The environment that a meeting is held in. Raises NotFound."""
         return await to_thread.run_sync(load_environment, self._services, meeting_id)
 
+    async def sealed(self, meeting_id: str) -> bool:
+        """Whether motion in a meeting is encrypted. Raises NotFound."""
+        return await to_thread.run_sync(_sealed, self._services, meeting_id)
+
     async def renew_seats(self, participant_ids: set[str]) -> None:
         """Note that these seats are in use."""
         await self._change_seats(seats.renew_seats, participant_ids)
@@ -78,3 +82,8 @@ def load_environment(services: Services, meeting_id: str) -> Environment:
     """The environment that a meeting is held in. Raises NotFound."""
     with services.reading() as unit:
         return environment_in(unit, meeting_id)
+
+
+def _sealed(services: Services, meeting_id: str) -> bool:
+    with services.reading() as unit:
+        return unit.meetings.get(meeting_id).sealed

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import re
 import secrets
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -22,7 +23,7 @@ from aiortc import (
 
 from renderer.scene_renderer import warm_up
 from scene.environment import Environment
-from services.errors import OfferRefused, ServerFull
+from services.errors import MeetingSealed, OfferRefused, ServerFull
 from services.live.aiortc_compat import on_encoded_frame, on_rtcp_packet, request_key_frame
 from services.live.look.keeping import Keeping
 from services.live.look.receiver import LookReceiver, offers_pictures
@@ -53,6 +54,13 @@ CONNECT_S = 15.0
 
 Clock = Callable[[], float]
 
+_MEDIA = re.compile(r"^m=(?:audio|video)", re.MULTILINE)
+_NO_PICTURES = (
+    "an offer for a sealed meeting must be of data channels alone; got one of pictures: this "
+    "server cannot read how people move there, so it neither draws them nor shows live look; join "
+    "by the page, with the whole link"
+)
+
 
 class MeetingSource(Protocol):
     """Where meetings are stored; see services.live.sessions.stored_meetings."""
@@ -63,6 +71,10 @@ class MeetingSource(Protocol):
 
     async def environment(self, meeting_id: str) -> Environment:
         """The environment that a meeting is held in. Raises NotFound."""
+        ...
+
+    async def sealed(self, meeting_id: str) -> bool:
+        """Whether motion in a meeting is encrypted. Raises NotFound."""
         ...
 
     async def renew_seats(self, participant_ids: set[str]) -> None:
@@ -164,10 +176,13 @@ class ViewSessions:
         Performers of `account`, and those that are lent, may be driven by a `keypoints` channel of
         this connection. The seat
         of `participant_id` is released when the session ends, however it ends. Raises ServerFull
-        where there are too many viewers, OfferRefused for an SDP that can't be answered.
+        where there are too many viewers, OfferRefused for an SDP that can't be answered,
+        MeetingSealed for one that asks for pictures where nothing can be drawn.
         """
         self._require_capacity()
         room = await self.room(meeting_id)
+        if room.sealed and _MEDIA.search(sdp_offer):
+            raise MeetingSealed(_NO_PICTURES)
         self._require_capacity()  # others may have come while the performers were loaded
         connection = RTCPeerConnection(RTCConfiguration(iceServers=self._ice_servers))
         view = NewestView()
@@ -179,7 +194,8 @@ class ViewSessions:
         self._sessions[session_id] = session
         self._listen(session_id, session, room, view)
         try:
-            self._add_transceivers(session, sdp_offer)
+            if not room.sealed:
+                self._add_transceivers(session, sdp_offer)
             answer = await _answer(connection, sdp_offer)
         except Exception as error:
             await self.close(session_id)
@@ -227,8 +243,11 @@ class ViewSessions:
         if meeting_id not in self._rooms:
             performers = await self._meetings.performers(meeting_id)
             environment = await self._meetings.environment(meeting_id)
+            sealed = await self._meetings.sealed(meeting_id)
             # two viewers who come at once share a room
-            self._rooms.setdefault(meeting_id, Room(meeting_id, performers, environment))
+            self._rooms.setdefault(
+                meeting_id, Room(meeting_id, performers, environment, sealed=sealed)
+            )
         return self._rooms[meeting_id]
 
     def is_watched(self, meeting_id: str) -> bool:

@@ -2,7 +2,7 @@
 
 Poses of all rooms are encoded together, once for all viewers, and go to each viewer in one message
 where they take batches. Where no viewer draws for themselves nothing is encoded and nothing is
-sent.
+sent. In a sealed room the packets of pages are passed on in place of poses, unread.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from services.live.packets import (
     performer_check,
 )
 from services.live.room import Room
+from services.live.sealed_packet import take_batches
 from services.live.streaming.instrumentation import Instrumentation
 
 POSES_PER_SECOND = 30
@@ -79,12 +80,14 @@ class PoseFeed:
         }
         self._sequence = (self._sequence + 1) % (1 << 32)
         taking = [one for one in self._subscribers.values() if one.takes_more]
-        packets = self._packets({one.room for one in taking})
+        rooms = {one.room for one in taking}
+        packets = self._packets(room for room in rooms if not room.sealed)
+        sealed = {room: take_batches(room) for room in rooms if room.sealed}
         batches: dict[Room, list[bytes]] = {}
         for subscriber in taking:
             room, channel = subscriber.room, subscriber.channel
-            messages = packets[room]
-            if channel.protocol == BATCHES:
+            messages = sealed[room] if room.sealed else packets[room]
+            if channel.protocol == BATCHES and not room.sealed:
                 if room not in batches:
                     batches[room] = batches_of(messages)
                 messages = batches[room]

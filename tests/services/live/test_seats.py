@@ -47,6 +47,9 @@ class EmptyMeetings:
     async def environment(self, meeting_id: str) -> Environment:
         return Environment()
 
+    async def sealed(self, meeting_id: str) -> bool:
+        return False
+
     async def renew_seats(self, participant_ids: set[str]) -> None:
         self.kept.append(participant_ids)
 
