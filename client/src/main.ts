@@ -13,6 +13,7 @@ import "./style/more.css";
 import "./style/devices.css";
 import "./style/self.css";
 import "./style/screens.css";
+import "./style/sealed.css";
 import { Api, type TokenStore } from "./api/api";
 import { chosenDevices } from "./capture/devices";
 import { Enrolment, type Bookmark, type Clip, type UploadsUnderWay } from "./enrolment/enrol";
@@ -22,6 +23,8 @@ import { LiveView } from "./drawing/live";
 import { MeetingSession, type StoredSeat, type SeatStore } from "./meeting/session";
 import type { ControlState } from "./meeting/controlConnection";
 import { localParticipant } from "./meeting/state";
+import { MeetingKey } from "./sealing/meetingKey";
+import { Sealing, canSeal } from "./sealing/sealing";
 import { Problem, asProblem } from "./api/problem";
 import type { Meeting, NewPerson } from "./api/types";
 import { h, prefersReducedMotion } from "./views/dom";
@@ -37,6 +40,7 @@ const TOKEN_KEY = "metanerf.token";
 const BOOKMARK_KEY = "metanerf.enrolment";
 const UPLOAD_KEY = "metanerf.upload.";
 const HOST_KEY = "metanerf.host.";
+const SEALED_KEY = "metanerf.key.";
 const SEAT_KEY = "metanerf.seat";
 const NAME_KEY = "metanerf.name";
 const GUEST = "Guest";
@@ -72,8 +76,8 @@ let live: LiveView | null = null;
 let session: MeetingSession | null = null;
 let activeProgress: ProgressView | null = null;
 
-takeTokenFromAddress();
-addEventListener("hashchange", () => takeTokenFromAddress() && location.reload());
+takeSecretsFromAddress();
+addEventListener("hashchange", () => takeSecretsFromAddress() && location.reload());
 const bookmark = readStored<Bookmark>(BOOKMARK_KEY);
 if (query.has("recording")) void showRecording(query.get("recording") ?? "");
 else if (query.has("recordings")) void showRecordings();
@@ -90,12 +94,13 @@ async function start(): Promise<void> {
     // a reload keeps the seat
     if (meeting && stored?.meetingId === meeting.id) return joinMeeting(meeting, stored.name, stored);
     if (meeting) session = new MeetingSession(api, meeting, seatStore);
-    if (session && !meeting?.lobby) {
+    const sealing = meeting && sealingOf(meeting);
+    if (session && !meeting?.lobby && !sealing) {
       live = createLiveView(session);
       live.swaying = true;
     }
     const name = localStorage.getItem(NAME_KEY) ?? "";
-    const hooks = { name, onJoin: join, onEnrol: enrol, listPeople: () => animatablePeople(api), onAnimate: animate };
+    const hooks = { name, sealing, onJoin: join, onEnrol: enrol, listPeople: () => animatablePeople(api), onAnimate: animate, onSeal: openSealed };
     show(startView(api, meeting, live, hooks));
     live?.start();
   } catch (error) {
@@ -135,7 +140,22 @@ function createLiveView(current: MeetingSession): LiveView {
   // once we have joined, the control connection renews the seat
   const seat = (stale: boolean): ReturnType<MeetingSession["getSeat"]> =>
     current.getSeat(stale && !current.joined);
-  return new LiveView(api, current.meeting, { seat, pinned, stamped: query.has("stamp"), inertia: !prefersReducedMotion() });
+  const sealing = sealingOf(current.meeting);
+  return new LiveView(api, current.meeting, { seat, pinned, stamped: query.has("stamp"), inertia: !prefersReducedMotion(), sealing });
+}
+
+/** A link with a key means a sealed meeting, whatever the server says of it. */
+function sealingOf(meeting: Meeting): Sealing | null {
+  const told = sessionStorage.getItem(SEALED_KEY + meeting.id);
+  return meeting.sealed || told !== null ? new Sealing(meeting, canSeal() ? MeetingKey.read(told) : null) : null;
+}
+
+/** Into a new meeting whose key this page draws. */
+async function openSealed(person: AnimatablePerson | null): Promise<void> {
+  const meeting = await api.createMeeting("Sealed meeting", person ? [person.modelId] : [], true);
+  sessionStorage.setItem(SEALED_KEY + meeting.id, MeetingKey.random().text);
+  setMeeting(meeting.id);
+  joinMeeting(meeting, localStorage.getItem(NAME_KEY) || person?.name || GUEST);
 }
 
 /** From the preview into the meeting: same seat, same connection, larger picture. */
@@ -334,11 +354,13 @@ function setMeeting(id: string | null): void {
   history.replaceState(null, "", query.size ? `/?${query.toString()}` : "/");
 }
 
-/** An invitation brings its token after the #, which browsers never send anywhere. */
-function takeTokenFromAddress(): boolean {
-  const token = new URLSearchParams(location.hash.slice(1)).get("token");
-  if (!token) return false;
-  sessionStorage.setItem(TOKEN_KEY, token);
+/** An invitation brings its token, and a sealed meeting's key, after the #, which browsers never send anywhere. */
+function takeSecretsFromAddress(): boolean {
+  const secrets = new URLSearchParams(location.hash.slice(1));
+  const [token, key] = [secrets.get("token"), secrets.get("key")];
+  if (token) sessionStorage.setItem(TOKEN_KEY, token);
+  if (key) sessionStorage.setItem(SEALED_KEY + (query.get("meeting") ?? ""), key);
+  if (!token && !key) return false;
   history.replaceState(null, "", location.pathname + location.search);
   return true;
 }

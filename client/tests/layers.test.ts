@@ -9,6 +9,7 @@ const FLOORS = [
   "landmarks",
   "motion",
   "transport",
+  "sealing",
   "splats",
   "recolouring",
   "drawing",

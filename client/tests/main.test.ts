@@ -108,6 +108,29 @@ describe("opening the page", () => {
     expect([sessionStorage.getItem("metanerf.token"), localStorage.getItem("metanerf.token")]).toEqual(["invited", null]);
   });
 
+  it("takes a sealed meeting's key from the address, out of sight and into no request", async () => {
+    await open("/?meeting=m#token=invited&key=AAECAwQFBgcICQoLDA0ODw");
+    expect(location.hash).toBe("");
+    expect(sessionStorage.getItem("metanerf.key.m")).toBe("AAECAwQFBgcICQoLDA0ODw");
+    expect(sessionStorage.getItem("metanerf.token")).toBe("invited");
+    expect(JSON.stringify(calls)).not.toContain("AAECAwQF");
+  });
+
+  it("shows no picture of a sealed meeting before one is in it, though the server denies that it is one", async () => {
+    answer = ({ path }) => (path === "/v1/meetings/m" ? json({ ...MEETING, lobby: false }) : null);
+    const page = await open("/?meeting=m#key=AAECAwQFBgcICQoLDA0ODw");
+    expect(find(page, "start-join").textContent).toBe("Join the meeting");
+    expect(page.textContent).toContain("only people with the whole link see each other move");
+    expect(calls.some(({ path }) => path.includes("whep"))).toBe(false);
+  });
+
+  it("says before one joins that a sealed meeting's link lacks its key, or has none that is one", async () => {
+    answer = ({ path }) => (path === "/v1/meetings/m" ? json({ ...MEETING, sealed: true }) : null);
+    for (const address of ["/?meeting=m", "/?meeting=m#key=cut"]) {
+      expect((await open(address)).textContent).toContain("This link lacks the meeting’s key");
+    }
+  });
+
   it("starts with one's own model where the server runs no demo", async () => {
     answer = ({ path }) => (path === "/v1/demo" ? json({ meeting_id: null }) : null);
     const page = await open("/");

@@ -209,8 +209,8 @@ export class Api implements UploadRoutes {
     return (await this.send("POST", `/v1/models/${modelId}/views`, body)).blob();
   }
 
-  async createMeeting(name: string, modelIds: string[]): Promise<Meeting> {
-    const body = { name, model_ids: modelIds } satisfies NewMeeting;
+  async createMeeting(name: string, modelIds: string[], sealed = false): Promise<Meeting> {
+    const body = { name, model_ids: modelIds, sealed } satisfies NewMeeting;
     const { host_token, ...meeting } = await this.json<OpenedMeeting>("POST", "/v1/meetings", body);
     this.tokens.setHost(meeting.id, host_token);
     return meeting;

@@ -4,6 +4,8 @@ import type { Api } from "../api/api";
 import type { Vec3 } from "../viewpoint/geometry";
 import { MIN_USABLE_FPS, SIDES } from "../viewpoint/framing";
 import { LocalRendering } from "./localRendering";
+import type { Channel } from "../motion/channel";
+import type { Sealing } from "../sealing/sealing";
 import { Pacer, StallDetector, decodePose, encodeView, type PosePacket } from "../transport/packets";
 import { VideoAdaptation } from "../transport/videoAdaptation";
 import { PictureSize } from "../transport/pictureSize";
@@ -33,6 +35,8 @@ const HEAD_ABOVE_PELVIS_M = 0.65;
 export class LiveView {
   readonly video = document.createElement("video");
   readonly viewpoint: Viewpoint;
+  /** What there is of a sealed meeting's key; null: the meeting is not sealed. */
+  readonly sealing: Sealing | null;
   onState: (state: LiveState) => void = () => undefined;
   onStats: (numbers: LiveStats) => void = () => undefined;
   onPerformers: (performers: readonly Performer[]) => void = () => undefined;
@@ -72,6 +76,7 @@ export class LiveView {
     readonly meeting: Meeting,
     private readonly options: LiveOptions,
   ) {
+    this.sealing = options.sealing;
     this.viewpoint = new Viewpoint(homeOrbit(meeting.viewpoint, 1), options.inertia);
     this.latency = options.stamped ? new LatencyMeter(this.video) : null;
     this.video.autoplay = this.video.muted = this.video.playsInline = true;
@@ -85,8 +90,12 @@ export class LiveView {
       },
       onShownChange: () => this.restartAdaptation(),
       onUnknownPerformers: () => void this.roster.refresh(),
+      onPose: (packet) => {
+        const pose = this.poseWatcher && decodePose(packet);
+        if (pose) this.poseWatcher?.(pose);
+      },
       trialView: () => ({ camera: this.viewpoint.camera, size: this.size.requested }),
-    });
+    }, this.sealing?.motions); // prettier-ignore
     this.roster = new PerformerRoster(api, meeting, {
       token: () => (this.live ? this.localRendering.token : ""),
       onPerformers: (performers, viewpoint) => {
@@ -101,6 +110,7 @@ export class LiveView {
       onEnvironment: (name) => void this.showEnvironment(name),
     });
     this.connection = new WhepConnection({
+      dataOnly: this.sealing !== null,
       seat: (stale) => this.seat(stale),
       onState: (state) => {
         // a new connection knows nothing of the viewpoint yet
@@ -114,7 +124,7 @@ export class LiveView {
         this.video.srcObject = stream;
         this.play();
       },
-      onPose: (packet) => this.onPose(packet),
+      onPose: (packet) => this.localRendering.acceptPose(packet),
       onLook: (packet) => this.localRendering.acceptLook(packet),
     });
   }
@@ -231,9 +241,10 @@ export class LiveView {
     this.viewpointUnsent = true;
   }
 
-  /** A channel that moves a performer of ours by keypoints; null while there is no connection. */
-  openMotionChannel(performerId: string): RTCDataChannel | null {
-    return this.connection.openMotionChannel(performerId);
+  /** A channel that moves a performer of ours; null while there is no connection. */
+  openMotionChannel(performerId: string): Channel | null {
+    const channel = this.connection.openMotionChannel(performerId);
+    return this.sealing ? this.sealing.channel(channel, performerId) : channel;
   }
 
   /** Send pictures of oneself; null: none. */
@@ -267,16 +278,11 @@ export class LiveView {
     this.video.remove();
   }
 
-  private onPose(packet: ArrayBuffer): void {
-    this.localRendering.acceptPose(packet);
-    const pose = this.poseWatcher && decodePose(packet);
-    if (pose) this.poseWatcher?.(pose);
-  }
-
   private readonly onPageHide = (): void => this.connection.close();
 
   /** Connected, and no picture is there yet. */
   private get stateWithoutPicture(): LiveState {
+    if (this.sealing) return { kind: "live" }; // no picture comes, ever: this device draws
     return this.adaptation.audioOnly ? { kind: "audio-only" } : { kind: "preparing", firstStart: this.firstStart };
   }
 
@@ -325,7 +331,7 @@ export class LiveView {
       rendersLocally: this.localRendering.ready,
       posesToo: this.poseWatcher !== null,
       audioOnly: this.adaptation.audioOnly && !this.localRendering.headsetView,
-      stalled: this.connected && !this.adaptation.audioOnly && !document.hidden && this.stalls.stalled(performance.now()),
+      stalled: this.connected && !this.sealing && !this.adaptation.audioOnly && !document.hidden && this.stalls.stalled(performance.now()),
       ...(this.localRendering.headsetView?.size ?? this.size.requested),
     });
     // what could not be sent is still news at the next tick
@@ -376,6 +382,7 @@ export class LiveView {
   }
 
   private get timeoutS(): number {
+    if (this.sealing) return Infinity;
     if (this.state.kind === "live") return STALLED_S;
     return this.firstStart ? FIRST_START_TIMEOUT_S : FIRST_PICTURE_TIMEOUT_S;
   }

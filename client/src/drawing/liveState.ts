@@ -1,6 +1,7 @@
 /** What a live view is given, and what it tells of itself. */
 
 import type { Seat } from "../api/types";
+import type { Sealing } from "../sealing/sealing";
 import type { WhepState } from "../transport/whep";
 
 export interface LiveStats {
@@ -15,6 +16,8 @@ export interface LiveOptions {
   /** A seat in the meeting; `stale` when the last one is no longer accepted. */
   seat(stale: boolean): Promise<Seat>;
   inertia: boolean;
+  /** Null: the meeting is not sealed. */
+  sealing: Sealing | null;
   /** A fixed square size, px, in place of the adaptive one: for measuring. */
   pinned: number | null;
   /** Whether pictures show when they were captured: for measuring, too. */

@@ -9,6 +9,7 @@ import { LocalRoom } from "../splats/localRoom";
 import { PacedRoom } from "../splats/pacedRoom";
 import { screenPlace, type LoadedEnvironment } from "../splats/room";
 import { Recolouring } from "../recolouring/recolouring";
+import type { SealedMotions } from "../sealing/sealedMotions";
 import { RenderModeSelector, type RenderSetting, type RenderStatus } from "../splats/renderMode";
 import { drawLatencyCode } from "../transport/latencyCode";
 import { poseHead } from "../transport/packets";
@@ -29,6 +30,8 @@ export interface LocalRenderingHooks {
   onShownChange(): void;
   /** The server speaks of people whom the meeting's roster doesn't name. */
   onUnknownPerformers(): void;
+  /** A pose of somebody came, or of a sealed meeting, followed from what came. */
+  onPose(packet: ArrayBuffer): void;
   /** The view that a trial is to draw. */
   trialView(): { camera: CameraPose; size: Size };
 }
@@ -65,11 +68,15 @@ export class LocalRendering {
   private unanswered = 0;
   private unknownPerformersMs = -Infinity;
 
+  /** `motions`: of a sealed meeting, which this device alone can draw; else the server tells poses. */
   constructor(
     private readonly api: Api,
     private readonly meeting: Meeting,
     private readonly hooks: LocalRenderingHooks,
-  ) {}
+    private readonly motions?: SealedMotions,
+  ) {
+    if (motions) this.modeSelector.choose("local");
+  }
 
   /** Try, from now on, whether this device can draw the page's picture. */
   begin(): void {
@@ -150,8 +157,14 @@ export class LocalRendering {
     for (const room of [this.room, this.headsetView?.room]) room?.drop(gone);
   }
 
-  /** A pose from the server. */
+  /** A packet of the channel `pose`. */
   acceptPose(packet: ArrayBuffer): void {
+    if (this.motions) void this.motions.accept(packet, performance.now());
+    else this.takePose(packet);
+  }
+
+  private takePose(packet: ArrayBuffer): void {
+    this.hooks.onPose(packet);
     const head = poseHead(packet);
     if (head) this.recolouring.notePose(head.captureTimeMs, performance.now());
     this.lipSync.accept(packet, performance.now());
@@ -164,6 +177,8 @@ export class LocalRendering {
 
   /** Show the poses whose voices are heard by now. */
   advancePoses(): void {
+    const people = (this.headsetView?.room ?? this.room)?.people ?? [];
+    this.motions?.due(performance.now(), people.map(({ restJoints }) => restJoints)).forEach((packet) => this.takePose(packet));
     this.recolouring.update(performance.now());
     this.lipSync.advance(performance.now());
   }

@@ -9,17 +9,17 @@ import { writeQuaternion, type Numbers } from "./rotations";
 
 export const MOTION_BYTES = 278;
 export const LONGEST_MOTION_BYTES = 360;
-const VERSION = 1;
-const KIND_MOTION = 8;
+export const VERSION = 1;
+export const KIND_MOTION = 8;
 /** The highest bit of the header's u16; the others hold the picture's age. */
-const LIVE_LOOK = 0x8000;
+export const LIVE_LOOK = 0x8000;
 const REACH = Math.SQRT1_2;
-const STEPS = 2 ** 15 - 1;
-const ROTATION_BYTES = 6;
-const TURN_STEPS = 127;
-const ROTATIONS_AT = 44;
-const TURNS_AT = ROTATIONS_AT + ROTATION_BYTES * JOINT_COUNT;
-const EXPRESSION_AT = TURNS_AT + 3 * JOINT_COUNT;
+export const ROTATION_STEPS = 2 ** 15 - 1;
+export const ROTATION_BYTES = 6;
+export const TURN_STEPS = 127;
+export const ROTATIONS_AT = 44;
+export const TURNS_AT = ROTATIONS_AT + ROTATION_BYTES * JOINT_COUNT;
+export const EXPRESSION_AT = TURNS_AT + 3 * JOINT_COUNT;
 /** Joints that stand on the floor and look level where they are shown: before the camera they did not. */
 const SEEN_JOINTS = [
   0, LEFT.hip, LEFT.knee, LEFT.ankle, LEFT.foot, RIGHT.hip, RIGHT.knee, RIGHT.ankle, RIGHT.foot, NECK, HEAD,
@@ -70,7 +70,7 @@ export function withoutLook(packet: ArrayBuffer): ArrayBuffer {
 const quaternion = new Float64Array(4);
 
 /** Three components of 15 bits, of a quaternion without its largest one, then which that is. */
-function writeRotation(data: DataView, at: number, rotations: Numbers, joint: number): void {
+export function writeRotation(data: DataView, at: number, rotations: Numbers, joint: number): void {
   writeQuaternion(rotations, 9 * joint, quaternion);
   let largest = 0;
   for (let c = 1; c < 4; c++) if (Math.abs(quaternion[c]!) > Math.abs(quaternion[largest]!)) largest = c;
@@ -83,5 +83,5 @@ function writeRotation(data: DataView, at: number, rotations: Numbers, joint: nu
 }
 
 function level(component: number): number {
-  return Math.min(Math.max(Math.round((component / REACH + 1) * 0.5 * STEPS), 0), STEPS);
+  return Math.min(Math.max(Math.round((component / REACH + 1) * 0.5 * ROTATION_STEPS), 0), ROTATION_STEPS);
 }

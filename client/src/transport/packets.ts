@@ -34,8 +34,10 @@ const AUDIO_ONLY = 8;
 const POSES_TOO = 16;
 export const POSE_BYTES = 176;
 const JOINTS = 24;
-const ROTATIONS_AT = 32;
+export const ROTATIONS_AT = 32;
 const ROTATION_STEPS = 32767;
+/** Of face and both hands. */
+const ALL_KNOWN = 7;
 /** Of a pose alone, with an expression, and with one of an earlier version. */
 const POSE_LENGTHS = [POSE_BYTES, ...[EXPRESSION_COUNT, ...EARLIER_COUNTS].map((count) => POSE_BYTES + count + 1)];
 
@@ -152,6 +154,24 @@ export function decodePose(bytes: ArrayBuffer): PosePacket | null {
     rotations: turns,
     expression: expressionOf(bytes),
   };
+}
+
+/** A pose whose rotations are still to be written, from `ROTATIONS_AT` on. `ageMs` nil: it follows no picture. */
+export function encodePoseHead(pose: Omit<PosePacket, "pelvis" | "rotations" | "expression"> & { pelvis: ArrayLike<number>; expression: ArrayLike<number>; ageMs: number }): ArrayBuffer {
+  const bytes = new ArrayBuffer(POSE_BYTES + EXPRESSION_COUNT + 1);
+  const data = new DataView(bytes);
+  data.setUint8(0, VERSION);
+  data.setUint8(1, KIND_POSE);
+  data.setUint16(2, pose.ageMs, true);
+  data.setUint32(4, pose.sequence, true);
+  data.setFloat64(8, pose.captureTimeMs, true);
+  data.setUint8(16, pose.index);
+  data.setUint8(17, pose.count);
+  data.setUint16(18, pose.check, true);
+  for (let c = 0; c < 3; c++) data.setFloat32(20 + 4 * c, pose.pelvis[c]!, true);
+  for (let i = 0; i < pose.expression.length; i++) data.setUint8(POSE_BYTES + i, Math.round(255 * pose.expression[i]!));
+  data.setUint8(bytes.byteLength - 1, ALL_KNOWN);
+  return bytes;
 }
 
 function expressionOf(bytes: ArrayBuffer): Float32Array {

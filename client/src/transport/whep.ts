@@ -18,6 +18,8 @@ export type WhepState =
   | { kind: "refused"; problem: Problem };
 
 export interface WhepHooks {
+  /** Poses alone are wanted and sent: in a sealed meeting the server has no pictures, nor takes any. */
+  readonly dataOnly: boolean;
   /** A seat in the meeting; asked for each session, and with `stale` when it is no longer accepted. */
   seat(stale: boolean): Promise<Seat>;
   onState(state: WhepState): void;
@@ -186,11 +188,7 @@ export class WhepConnection {
     const poses = peer.createDataChannel("pose", { ordered: false, maxRetransmits: 0, protocol: BATCHES });
     poses.binaryType = "arraybuffer";
     poses.addEventListener("message", ({ data }) => posesIn(data as ArrayBuffer).forEach((one) => this.hooks.onPose(one)));
-    this.openLooks(peer);
-    const { receiver } = peer.addTransceiver("video", { direction: "recvonly" });
-    // show each picture as it comes: nobody is talking in it that it would have to wait for
-    if ("jitterBufferTarget" in receiver) receiver.jitterBufferTarget = 0;
-    await this.reserveLook(peer);
+    if (!this.hooks.dataOnly) await this.addPictures(peer);
     peer.addEventListener("track", (event) => {
       this.hooks.onStream(event.streams[0] ?? new MediaStream([event.track]));
     });
@@ -202,6 +200,14 @@ export class WhepConnection {
     const sdp = await this.exchange(seat, peer.localDescription?.sdp ?? "");
     await peer.setRemoteDescription({ type: "answer", sdp });
     await connected;
+  }
+
+  private async addPictures(peer: RTCPeerConnection): Promise<void> {
+    this.openLooks(peer);
+    const { receiver } = peer.addTransceiver("video", { direction: "recvonly" });
+    // show each picture as it comes: nobody is talking in it that it would have to wait for
+    if ("jitterBufferTarget" in receiver) receiver.jitterBufferTarget = 0;
+    await this.reserveLook(peer);
   }
 
   /** Others' pictures of themselves, where this browser decodes for pages: on those that come encrypted, or from this device. */

@@ -47,6 +47,13 @@ export function announce(words: string): void {
   while (announcer.childElementCount > ANNOUNCEMENTS_KEPT) announcer.firstElementChild?.remove();
 }
 
+/** Moves that begin here are none of the viewpoint. */
+export function keepFromViewport(element: HTMLElement): void {
+  for (const kind of ["pointerdown", "wheel", "dblclick", "contextmenu", "keydown"]) {
+    element.addEventListener(kind, (event) => event.stopPropagation());
+  }
+}
+
 export function prefersReducedMotion(): boolean {
   return matchMedia("(prefers-reduced-motion: reduce)").matches;
 }

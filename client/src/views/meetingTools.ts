@@ -4,7 +4,7 @@ import type { Api } from "../api/api";
 import type { MeetingSession } from "../meeting/session";
 import { admittedMembers, waitingMembers } from "../meeting/state";
 import { chatPanel } from "./chatPanel";
-import { announce, h } from "./dom";
+import { announce, h, keepFromViewport } from "./dom";
 import type { IconName } from "./icons";
 import { morePanel } from "./morePanel";
 import { notifications, type Notifications } from "./notifications";
@@ -127,11 +127,4 @@ function badge(on: HTMLButtonElement, count: number, strong: boolean, words: str
   mark.classList.toggle("strong", strong);
   const told = on.querySelector(".visually-hidden");
   if (told) told.textContent = count > 0 ? `, ${words}` : "";
-}
-
-/** Moves that begin here are none of the viewpoint. */
-function keepFromViewport(element: HTMLElement): void {
-  for (const kind of ["pointerdown", "wheel", "dblclick", "contextmenu", "keydown"]) {
-    element.addEventListener(kind, (event) => event.stopPropagation());
-  }
 }

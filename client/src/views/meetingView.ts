@@ -3,6 +3,7 @@
 import { attachControls } from "../viewpoint/controls";
 import type { LiveView } from "../drawing/live";
 import type { LiveStats, LiveState } from "../drawing/liveState";
+import { linkWithKey } from "../sealing/meetingKey";
 import type { RenderSetting, RenderStatus } from "../splats/renderMode";
 import type { Performer } from "../api/types";
 import { moveFocusByArrows } from "./arrowFocus";
@@ -11,6 +12,7 @@ import { announce, h, isNarrow, usesTouch } from "./dom";
 import { icon } from "./icons";
 import { improveModelView } from "./improveModel";
 import type { MeetingTools } from "./meetingTools";
+import { sealedNote } from "./sealedNote";
 import { button, notice, viewportTitle, type View } from "./shell";
 import { waitingNote } from "./waitingNote";
 
@@ -39,6 +41,9 @@ export function meetingView(live: LiveView, tools: MeetingTools, headset: Headse
   const numbers = statsLine();
   const middle = h("div", { className: "viewport-centre" });
   const way = renderModeSelect((choice) => live.chooseRenderMode(choice));
+  // nobody else can draw a sealed meeting
+  way.element.hidden = live.sealing !== null;
+  const sealed = sealedNote(live.sealing);
   const self = motionCaptureView(live);
   const better = improveModelView(live, self.camera);
   const element = h(
@@ -48,7 +53,7 @@ export function meetingView(live: LiveView, tools: MeetingTools, headset: Headse
     live.canvas,
     tools.screen,
     middle,
-    topBar(live, people, { ...hooks, onLeave: () => void self.settle().then(hooks.onLeave) }),
+    topBar(live, people, sealed?.element ?? null, { ...hooks, onLeave: () => void self.settle().then(hooks.onLeave) }),
     h(
       "div",
       { className: "viewport-bottom" },
@@ -90,6 +95,8 @@ export function meetingView(live: LiveView, tools: MeetingTools, headset: Headse
   };
   live.onRenderStatus = (drawing) => {
     way.show(drawing);
+    // that nobody is here hinders nothing
+    sealed?.setObstacle(live.meeting.performers.length > 0 ? drawing.obstacle : null);
     // where this device draws, a shared screen hangs in the room
     element.classList.toggle("renders-locally", drawing.mode === "local");
   };
@@ -105,16 +112,17 @@ export function meetingView(live: LiveView, tools: MeetingTools, headset: Headse
 }
 
 /** Which meeting it is, who stands in it, the ways out and for others in. */
-function topBar(live: LiveView, people: HTMLElement, hooks: MeetingViewHooks): HTMLElement {
+function topBar(live: LiveView, people: HTMLElement, sealed: HTMLElement | null, hooks: MeetingViewHooks): HTMLElement {
   return h(
     "div",
     { className: "viewport-top" },
-    viewportTitle(live.meeting.name || "Meeting"),
+    h("div", { className: "viewport-head" }, viewportTitle(live.meeting.name || "Meeting"), sealed),
     people,
     h(
       "div",
       { className: "viewport-actions" },
-      inviteButton(() => live.meeting.join_url),
+      // without the key a link shows nobody moving
+      !(live.sealing && !live.sealing.key) && inviteButton(() => linkWithKey(live.meeting.join_url, live.sealing?.key ?? null)),
       button("Leave", hooks.onLeave, { look: "glass", icon: "leave", testId: "leave" }),
     ),
   );
@@ -252,7 +260,7 @@ function showPerformers(people: HTMLElement, performers: readonly Performer[], l
   );
 }
 
-/** The server writes the link, with a token where one is needed; the address is this page's own. */
+/** The server writes the link, with a token where one is needed, and this page the key; the address is this page's own. */
 function inviteButton(joinUrl: () => string): HTMLElement {
   const invite = button("Copy invite link", () => void copy(), { look: "glass", icon: "link" });
   const label = invite.querySelector("span");

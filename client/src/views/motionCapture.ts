@@ -9,6 +9,7 @@ import { announce, h } from "./dom";
 import { learningControl, type LearningControl } from "./learning";
 import { liveLookControl, type LiveLookControl } from "./liveLook";
 import { modelButtons, ownPerformers } from "./ownModels";
+import { keyProblem } from "./sealedNote";
 import { selfView } from "./selfView";
 import { button, notice, type View } from "./shell";
 
@@ -19,6 +20,7 @@ const WORDS: Record<Tracking, string> = {
   tracking: "Your movements are shown in the meeting",
 };
 const ONLY_MOVEMENTS = "Only your movements leave this device.";
+const ONLY_SEALED = "Only your movements leave this device, sealed.";
 const NO_OWN_MODEL = new Problem(
   "You have no model in this meeting",
   "Create a model on the start page, then come back.",
@@ -102,6 +104,8 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
 
   const begin = (): void => {
     end();
+    const keyless = live.sealing && keyProblem(live.sealing);
+    if (keyless) return showProblem(new Problem("Your movements cannot be sealed", keyless));
     const mine = ownPerformers(live.meeting.performers);
     const [first] = mine;
     if (!first) return showProblem(NO_OWN_MODEL);
@@ -115,7 +119,7 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
     const canvas = h("canvas", { attributes: { "aria-hidden": "true" } });
     self = selfView(live, id);
     const animating = `Animating ${name}.`;
-    const line = h("p", { className: "self-detail" }, `${animating} ${ONLY_MOVEMENTS}`);
+    const line = h("p", { className: "self-detail" }, `${animating} ${live.sealing ? ONLY_SEALED : ONLY_MOVEMENTS}`);
     capture = new MotionCapture(() => live.openMotionChannel(id), {
       onTracking: (tracking) => {
         element.dataset["tracking"] = tracking;
@@ -128,8 +132,8 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
       onProblem: showProblem,
     });
     const camera = h("div", { className: "self-camera" }, capture.video, canvas);
-    // a lent model is nobody's likeness
-    if (owner === "own") {
+    // a lent model is nobody's likeness; and pictures are not sealed
+    if (owner === "own" && !live.sealing) {
       look = liveLookControl(live, capture, (on) => (line.textContent = on ? animating : `${animating} ${ONLY_MOVEMENTS}`));
       look.element.hidden = true;
       look.setPoorNetwork(poorNetwork);

@@ -44,7 +44,8 @@ export function recordingControls(session: MeetingSession): RecordingControls {
     update: () => {
       const recording = asked();
       const mine = recording?.agreed.includes(session.state.me ?? "") ?? false;
-      element.hidden = !isHost(session.state);
+      // whose motion the server can't read, it can't record
+      element.hidden = !isHost(session.state) || session.meeting.sealed;
       element.setAttribute("aria-pressed", String(recording !== null));
       note.hidden = recording === null && watched === null;
       agree.hidden = recording === null || mine;

@@ -1,6 +1,7 @@
 /** The first screen: the meeting that is on, and the way to bring oneself in. */
 
 import type { Api } from "../api/api";
+import type { Sealing } from "../sealing/sealing";
 import type { LiveView } from "../drawing/live";
 import { deviceCheck } from "./deviceCheck";
 import { privacyPanel } from "./privacy";
@@ -8,19 +9,23 @@ import { enrolForm, type EnrolHooks } from "./enrolForm";
 import { h } from "./dom";
 import type { Meeting } from "../api/types";
 import { mark, turningFigure } from "./icons";
+import { keyProblem } from "./sealedNote";
+import { sealedForm, type SealedFormHooks } from "./sealedForm";
 import { button, type View } from "./shell";
 import { waitingNote } from "./waitingNote";
 
-interface StartHooks extends EnrolHooks {
+interface StartHooks extends EnrolHooks, SealedFormHooks {
   /** Come in by this name. */
   onJoin(name: string): void;
   /** The name of last time. */
   name: string;
+  /** Of the meeting, if it is sealed. */
+  sealing: Sealing | null;
 }
 
 const LONGEST_NAME = 60;
 
-/** `live` is a first look into `meeting`; null where the host lets people in one by one. */
+/** `live` is a first look into `meeting`; null where the host lets people in one by one, or the meeting is sealed. */
 export function startView(api: Api, meeting: Meeting | null, live: LiveView | null, hooks: StartHooks): View {
   const form = enrolForm(hooks);
   const check = deviceCheck(api);
@@ -53,6 +58,7 @@ export function startView(api: Api, meeting: Meeting | null, live: LiveView | nu
       ),
       form.element,
     ),
+    sealedForm(hooks),
     h("footer", { className: "start-footer" }, privacy.element),
   );
   void privacy.load();
@@ -83,7 +89,7 @@ function meetingHero(meeting: Meeting, live: LiveView | null, check: HTMLElement
         h("a", { href: "/?recordings" }, "Recorded meetings"),
       ),
     ),
-    live ? livePreview(live) : lobbyNotice(meeting),
+    live ? livePreview(live) : closedNotice(meeting, hooks.sealing),
   );
 }
 
@@ -121,9 +127,13 @@ function joinForm(meeting: Meeting, hooks: StartHooks): HTMLElement {
   return form;
 }
 
-/** Where the host lets people in, there is nothing to see before. */
-function lobbyNotice(meeting: Meeting): HTMLElement {
-  const words = h("p", {}, h("strong", {}, meeting.name), h("br"), "The host admits participants one at a time.");
+const ADMITS = "The host admits participants one at a time.";
+const SEALED = "This meeting is sealed: only people with the whole link see each other move.";
+
+/** Where the host lets people in, or only pages that are in can draw it, there is nothing to see before. */
+function closedNotice(meeting: Meeting, sealing: Sealing | null): HTMLElement {
+  const why = [meeting.lobby && ADMITS, sealing && (keyProblem(sealing) ?? SEALED)];
+  const words = h("p", {}, h("strong", {}, meeting.name), ...why.flatMap((one) => (one ? [h("br"), one] : [])));
   return h("div", { className: "live-preview lobby-only" }, mark(), words);
 }
 

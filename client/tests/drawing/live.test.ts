@@ -2,6 +2,7 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Api } from "../../src/api/api";
 import type { Meeting, Performer, Seat } from "../../src/api/types";
+import { Sealing } from "../../src/sealing/sealing";
 import { LiveView } from "../../src/drawing/live";
 import type { LiveState } from "../../src/drawing/liveState";
 import { fakeFetch, json, tokenStore, type Call } from "../fakes";
@@ -57,7 +58,7 @@ class FakePeer extends EventTarget {
 
 let videoFrame: () => void = () => undefined;
 
-function setUp(answer: (call: Call) => Response = () => new Response("answer", { status: 201, headers: { Location: "/whep/m/1" } }), seat: Partial<Seat> = {}) {
+function setUp(answer: (call: Call) => Response = () => new Response("answer", { status: 201, headers: { Location: "/whep/m/1" } }), seat: Partial<Seat> = {}, sealing: Sealing | null = null) {
   const roster = { performers: [ADA, BO], viewpoint: FRONT, environment: "studio" };
   const { request, calls } = fakeFetch((call) => {
     if (call.method === "DELETE") return new Response();
@@ -72,6 +73,7 @@ function setUp(answer: (call: Call) => Response = () => new Response("answer", {
     inertia: false,
     pinned: null,
     stamped: false,
+    sealing,
   });
   Object.defineProperties(live.video, {
     clientWidth: { value: 800 },
@@ -128,6 +130,19 @@ describe("the state of a live view", () => {
     expect(kinds()).toEqual(["connecting", "preparing"]);
     videoFrame();
     expect(kinds().at(-1)).toBe("live");
+    live.close();
+  });
+
+  it("waits for no picture of the server in a sealed meeting, and asks for none", async () => {
+    const { live, kinds, seconds, flags } = setUp(undefined, {}, new Sealing({ id: "m", performers: [] }, null));
+    await seconds(60);
+    expect(kinds()).toEqual(["connecting", "live"]);
+    expect(FakePeer.made).toHaveLength(1);
+    expect([...FakePeer.made[0]!.channels.keys()]).toEqual(["view", "pose"]);
+    // neither stalled nor sound alone
+    expect(flags() & 12).toBe(0);
+    // and nothing that moves us leaves without a key
+    expect(live.openMotionChannel("a")).toBeNull();
     live.close();
   });
 

@@ -45,6 +45,7 @@ function drawing(place: () => Promise<unknown> = async () => STUDIO) {
     onModeChange: (one) => told.push(one),
     onShownChange: () => undefined,
     onUnknownPerformers: onUnknownPerformers,
+    onPose: () => undefined,
     trialView: () => ({ camera: CAMERA, size: SIZE }),
   });
   return { local, told, asked, onUnknownPerformers };

@@ -95,7 +95,7 @@ const SEAT: Seat = {
   viewpoint: FRONT,
 };
 
-function setUp(answer: (call: Call, attempt: number) => Response) {
+function setUp(answer: (call: Call, attempt: number) => Response, dataOnly = false) {
   const peers: FakePeer[] = [];
   const states: WhepState[] = [];
   const heard: ArrayBuffer[] = [];
@@ -106,6 +106,7 @@ function setUp(answer: (call: Call, attempt: number) => Response) {
     call.method === "DELETE" ? new Response() : answer(call, attempt++),
   );
   const hooks = {
+    dataOnly,
     // as a MeetingSession keeps it
     seat: async (stale: boolean) => ({ ...SEAT, token: `seat${stale || seats === 0 ? ++seats : seats}` }),
     onState: (state: WhepState) => states.push(state),
@@ -148,6 +149,18 @@ describe("WhepConnection", () => {
     expect(peer?.channel?.options).toEqual({ ordered: false, maxRetransmits: 0 });
     expect(calls[0]).toMatchObject({ method: "POST", path: "/whep/m", token: "Bearer seat1" });
     expect(calls[0]?.body).toBe("offer");
+    expect(kinds()).toEqual(["connecting", "live"]);
+    link.close();
+  });
+
+  it("offers channels alone where poses alone are wanted, and sends no picture however it is asked to", async () => {
+    const { link, peers, kinds } = setUp(accepted, true);
+    link.setLookTrack({} as MediaStreamTrack);
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    expect(peers[0]?.steps).toEqual(["view", "pose", "offer", "answer"]);
+    link.setLookTrack({} as MediaStreamTrack);
+    expect(peers[0]?.look.track).toBeNull();
     expect(kinds()).toEqual(["connecting", "live"]);
     link.close();
   });
