@@ -46,6 +46,8 @@ class RayEngine:
         self._cluster, self._grace_s = settings.cluster, settings.jobs.stop_grace_s
         self._tasks: list[_Task] = []
         self._asked: list[dict[str, float]] | None = None
+        self._too_large: set[JobKind] = set()
+        """Kinds of which it was said that no node can hold them."""
         self._heard_s = time.monotonic()
 
     def kinds_with_room(self, waiting: Mapping[JobKind, int]) -> set[JobKind]:
@@ -56,11 +58,9 @@ class RayEngine:
         free = self._free()
         nodes = [node["Resources"] for node in ray.nodes() if node["Alive"]]
         wanted = {kind: _amounts(self._cluster.resources(kind)) for kind in waiting}
-        return {
-            kind
-            for kind, amounts in wanted.items()
-            if _fits(amounts, free) and any(_fits(amounts, node) for node in nodes)
-        }
+        held = {k for k, amounts in wanted.items() if any(_fits(amounts, one) for one in nodes)}
+        self._tell_of(wanted.keys() - held, nodes)
+        return {kind for kind in held if _fits(wanted[kind], free)}
 
     def start(self, job: JobRow) -> _Task:
         """See `Engine.start`."""
@@ -71,13 +71,13 @@ class RayEngine:
     def close(self) -> None:
         """See `Engine.close`."""
         if ray.is_initialized():
-            if self._answers():
+            if _answers(self._cluster.ray_address):
                 request_resources(bundles=[])
             ray.shutdown()
 
     def _connect(self) -> None:
         """Be connected. Raises EngineAway."""
-        if self._answers():
+        if _answers(self._cluster.ray_address):
             self._heard_s = time.monotonic()
         else:
             if ray.is_initialized() and time.monotonic() - self._heard_s > _AWAY_S:
@@ -101,15 +101,6 @@ class RayEngine:
             signal.signal(signal.SIGTERM, before)  # Ray puts its own in its place
         self._asked = None
 
-    def _answers(self) -> bool:
-        """Whether the head does; Ray itself would try for minutes."""
-        host, _, port = self._cluster.ray_address.rpartition(":")
-        try:
-            socket.create_connection((host, int(port)), _ANSWER_S).close()
-        except OSError:
-            return False
-        return True
-
     def _give_up(self) -> None:
         for task in self._tasks:
             task.lose()
@@ -125,6 +116,20 @@ class RayEngine:
         if bundles != self._asked:
             request_resources(bundles=bundles)
             self._asked = bundles
+
+    def _tell_of(self, too_large: set[JobKind], nodes: list[dict[str, float]]) -> None:
+        """Say once of each kind that it is too large for all nodes; one that is empty may grow."""
+        there = [f"{one['CPU']:g} CPU, {one.get('GPU', 0):g} GPU" for one in nodes if "CPU" in one]
+        for kind in sorted(too_large - self._too_large) if there else ():
+            self._too_large.add(kind)
+            log.warning(
+                "a node must have what a %s takes, %s; got nodes with %s; such jobs wait for a "
+                "larger node: add one, or correct METANERF_%s_RESOURCES",
+                kind,
+                self._cluster.resources(kind).model_dump_json(),
+                "; ".join(sorted(set(there))),
+                kind.upper(),
+            )
 
     def _free(self) -> dict[str, float]:
         """What no task holds. Ray tells it with a lag, within which our own tasks are known."""
@@ -144,6 +149,8 @@ class _Task:
         self._grace_s = grace_s
         self._asked_to_stop_s: float | None = None
         self._ended: Ended | None = None
+        self._nodes = _nodes()
+        """Those of which one runs it."""
         task = ray.remote(
             num_cpus=resources.num_cpus,
             num_gpus=resources.num_gpus,
@@ -184,10 +191,34 @@ class _Task:
         except exceptions.OutOfMemoryError:
             return Ended("its node ran out of memory", is_crash=True)
         except exceptions.WorkerCrashedError:
+            # the end of a worker is heard of before that of its node
+            if any(
+                _nodes().get(node) != at or not _answers(at) for node, at in self._nodes.items()
+            ):
+                return Ended("its node is gone", is_crash=False)
             return Ended("its Ray worker died", is_crash=True)
         except exceptions.RayError as error:
             reason = str(error).strip().rpartition("\n")[2]
             return Ended(f"its node could not run it: {reason}", is_crash=True)
+
+
+def _nodes() -> dict[str, str]:
+    """Where each node that is there listens, HOST:PORT, by its id."""
+    return {
+        node["NodeID"]: f"{node['NodeManagerAddress']}:{node['NodeManagerPort']}"
+        for node in ray.nodes()
+        if node["Alive"]
+    }
+
+
+def _answers(address: str) -> bool:
+    """Whether somebody listens at HOST:PORT; Ray itself would try for minutes."""
+    host, _, port = address.rpartition(":")
+    try:
+        socket.create_connection((host, int(port)), _ANSWER_S).close()
+    except OSError:
+        return False
+    return True
 
 
 def _amounts(resources: TaskResources) -> dict[str, float]:
