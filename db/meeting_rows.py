@@ -80,6 +80,8 @@ class MeetingRow(Base):
     """The participant who may share a screen; it counts while they are there."""
     presenter_asks_id: Mapped[str | None] = mapped_column(Id)
     """The participant who asks to share in that one's place."""
+    home_id: Mapped[str | None] = mapped_column(Id)
+    """The gateway that its voices and pictures are on; it counts while that one's lease runs."""
     ended_at: Mapped[datetime | None]
     performers: Mapped[list[PerformerRow]] = relationship(
         order_by="PerformerRow.place",

@@ -17,6 +17,7 @@ from sqlalchemy.orm import Mapped, mapped_column, relationship
 from db.base import Base as Base
 from db.base import Id, Sha256, enum_column
 from db.base import new_id as new_id
+from db.gateway_rows import GatewayRow as GatewayRow
 from db.meeting_rows import Admission as Admission
 from db.meeting_rows import BanRow as BanRow
 from db.meeting_rows import Connection as Connection

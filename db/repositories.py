@@ -13,6 +13,7 @@ from typing import Any, Protocol, Self
 
 from db.models import (
     AuditEventRow,
+    GatewayRow,
     JobKind,
     JobRow,
     MeetingRow,
@@ -262,6 +263,26 @@ class Meetings(Protocol):
         ...
 
 
+class Gateways(Protocol):
+    """Gateways that have an address of their own."""
+
+    def renew(self, gateway: GatewayRow) -> None:
+        """Store a gateway's sign of life, its first one too, as the transaction commits."""
+        ...
+
+    def renewed_since(self, moment: datetime) -> list[GatewayRow]:
+        """The gateways that gave a sign of life since `moment`, by id."""
+        ...
+
+    def forget(self, gateway_id: str) -> None:
+        """Delete the row of a gateway that ends."""
+        ...
+
+    def forget_silent(self, since: datetime) -> None:
+        """Delete the rows of gateways that gave no sign of life since then."""
+        ...
+
+
 class Recordings(Protocol):
     """Recordings of meetings."""
 
@@ -363,6 +384,7 @@ class UnitOfWork(Protocol):
     models: Models
     jobs: Jobs
     meetings: Meetings
+    gateways: Gateways
     recordings: Recordings
     audit: AuditLog
     references: References

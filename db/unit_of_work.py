@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 from db import repositories, sql
 from db.engine import make_engine
 from db.errors import Conflict, DatabaseAway, StoreFull
+from db.gateway_sql import SqlGateways
 from db.recording_sql import SqlRecordings
 from scene.errors import InvalidInput
 
@@ -75,6 +76,7 @@ class SqlUnitOfWork:
         self.models: repositories.Models = sql.SqlModels(self._session)
         self.jobs: repositories.Jobs = sql.SqlJobs(self._session)
         self.meetings: repositories.Meetings = sql.SqlMeetings(self._session)
+        self.gateways: repositories.Gateways = SqlGateways(self._session)
         self.recordings: repositories.Recordings = SqlRecordings(self._session)
         self.audit: repositories.AuditLog = sql.SqlAuditLog(self._session)
         self.references: repositories.References = sql.SqlReferences(self._session)
