@@ -10,7 +10,6 @@ from typing import Any
 
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
-from fastapi.middleware.cors import CORSMiddleware
 
 from db.models import JobKind
 from services import metrics, problems
@@ -33,6 +32,7 @@ from services.api.body_limit import LimitBodies
 from services.api.signalling import kept_frames, voice, whep, whip
 from services.container import Services
 from services.control import messages
+from services.cross_origin import AllowOrigins
 from services.gateway import build_gateway, gateway_of
 from services.jobs.local_engine import LocalEngine
 from services.jobs.worker import Worker
@@ -110,20 +110,9 @@ def create_app(services: Services) -> FastAPI:
     problems.install(app)
     app.add_middleware(LimitBodies)
     app.add_middleware(metrics.CountRequests)
-    if settings.server.allowed_origins:
+    if settings.server.allowed_origins or settings.server.gateway_url:
         app.add_middleware(
-            CORSMiddleware,
-            allow_origins=settings.server.allowed_origins,
-            allow_methods=["*"],
-            allow_headers=["*"],
-            expose_headers=[
-                "Location",
-                "ETag",
-                "Link",
-                "Accept-Patch",
-                "Retry-After",
-                "Upload-Offset",
-            ],
+            AllowOrigins, always=settings.server.allowed_origins, known=gateway.homes.origins
         )
     for router in ROUTERS:
         app.include_router(router)
@@ -136,7 +125,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     gateway = gateway_of(app)
     services = gateway.services
     await run_in_threadpool(services.database.migrate)
-    gateway.views.warm_up()
+    gateway.begin()
     stop = threading.Event()
     worker = None
     if services.settings.jobs.embedded_worker:

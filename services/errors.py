@@ -9,6 +9,7 @@
         ├── TooLarge                 more bytes, or entries, than are taken
         ├── TooManyRequests          more often than is allowed
         ├── Unavailable              not now; later
+        ├── LivesElsewhere           another gateway answers this
         ├── Unusable                 what was sent cannot be used for this
         ├── ProtocolViolation        a client does not keep to the protocol it speaks
         └── WorkerDied               a job's process ended too often
@@ -220,8 +221,21 @@ class ServerFull(Unavailable):
         super().__init__(message, retry_after_s)
 
 
+class Draining(Unavailable):
+    """This gateway is about to end."""
+
+
 class LandmarkModelMissing(Unavailable):
     """The server has no landmark network and cannot get it."""
+
+
+class LivesElsewhere(ServiceError):
+    """The meeting's voices and pictures are on another gateway."""
+
+    def __init__(self, message: str, address: str) -> None:
+        super().__init__(message)
+        self.address = address
+        """Where the same is answered."""
 
 
 class Unusable(ServiceError):

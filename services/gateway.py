@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import time
 from dataclasses import dataclass
 
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
 
+from db.errors import DatabaseError
 from services.container import Services
 from services.control.hub import Hub
+from services.homes import Homes
 from services.jobs.events import meeting_topic
 from services.limits import RateLimit
 from services.live.motion.live_looks import LiveLooks
@@ -20,6 +24,9 @@ from services.live.streaming.latency_code import LatencyCode
 from services.problems import problem_of
 from services.recording.recorder import Recorders
 
+log = logging.getLogger(__name__)
+
+_LOOK_S = 0.1
 COMMANDS_PER_MINUTE = 120
 """Messages that one participant may send on the control channel."""
 
@@ -33,6 +40,7 @@ class Gateway:
     voices: VoiceSessions
     looks: LiveLooks
     hub: Hub
+    homes: Homes
     command_limit: RateLimit
 
     async def show_anew(self, meeting_id: str) -> None:
@@ -42,8 +50,29 @@ class Gateway:
         self.hub.notify(meeting_id)
         await run_in_threadpool(self.services.events.publish, meeting_topic(meeting_id))
 
+    def begin(self) -> None:
+        """Serve from now on; on the event loop."""
+        self.views.warm_up()
+        self.homes.start()
+
+    async def drain(self, within_s: float) -> None:
+        """Have everybody go elsewhere; returns once nobody is here, or after `within_s`."""
+        give_up_s = time.monotonic() + within_s
+        self.homes.draining = True
+        try:
+            await run_in_threadpool(self.homes.renew)
+        except DatabaseError as error:
+            log.warning("other gateways hear late that this one ends: %s", error)
+        self.hub.notify_all()
+        while time.monotonic() < give_up_s and self._is_in_use():
+            await asyncio.sleep(_LOOK_S)
+
+    def _is_in_use(self) -> bool:
+        return any(len(one) > 0 for one in (self.hub, self.views, self.voices))
+
     async def close(self) -> None:
         """End every live session, at shutdown. The services stay open."""
+        await self.homes.close()
         await self.hub.close()
         await self.voices.close_all()
         await self.views.close_all()
@@ -68,9 +97,10 @@ def build_gateway(services: Services) -> Gateway:
         max_connections=settings.live.max_voices,
     )
     recorders = Recorders(services, views.pose_packets, voices.packet_listeners, time.monotonic)
-    hub = Hub(services, views, voices, recorders)
+    homes = Homes(services, lambda: settings.live.max_viewers - len(views))
+    hub = Hub(services, views, voices, recorders, homes)
     command_limit = RateLimit("messages of one person", COMMANDS_PER_MINUTE, services.clock)
-    return Gateway(services, views, voices, looks, hub, command_limit)
+    return Gateway(services, views, voices, looks, hub, homes, command_limit)
 
 
 def gateway_of(app: FastAPI) -> Gateway:

@@ -46,6 +46,7 @@ class ProblemKind(NamedTuple):
 
 
 NAMES: dict[int, dict[type[SceneError], str]] = {
+    307: {errors.LivesElsewhere: "lives-elsewhere"},
     400: {errors.BadCandidate: "bad-candidate", errors.ProtocolViolation: "bad-request"},
     401: {errors.Unauthorized: "unauthorized"},
     403: {
@@ -113,6 +114,7 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
         errors.Unavailable: "unavailable",
         errors.NoSeatFree: "no-seat",
         errors.ServerFull: "server-full",
+        errors.Draining: "draining",
         errors.LandmarkModelMissing: "landmark-model-missing",
     },
     507: {StoreFull: "no-space-left"},
@@ -148,6 +150,8 @@ def headers_of(error: Exception) -> dict[str, str]:
             return {"Retry-After": str(RETRY_AFTER_S)}
         case errors.Unavailable() | errors.TooManyRequests():
             return {"Retry-After": str(error.retry_after_s)}
+        case errors.LivesElsewhere():
+            return {"Location": error.address}
         case errors.Unauthorized():
             return {"WWW-Authenticate": "Bearer"}
         case errors.ScopeMissing():

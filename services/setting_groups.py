@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
+from urllib.parse import urlsplit
 
 from pydantic import BeforeValidator, Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 _SHORTEST_SECRET = 32
 """Characters; RFC 7518, section 3.2: an HS256 key must have at least 256 bits."""
 _PLACEHOLDERS = ("change", "secret", "example", "placeholder", "password", "xxxx", "0000")
+_WEB = ("http", "https")
 _REPOSITORY = Path(__file__).resolve().parents[1]
 
 
@@ -58,6 +60,17 @@ class ServerSettings(Group):
         validation_alias="METANERF_PUBLIC_URL",
         description="Address in links sent to others; empty: relative.",
     )
+    gateway_url: str = Field(
+        default="",
+        validation_alias="METANERF_GATEWAY_URL",
+        description="Address at which browsers reach this gateway and no other; empty: none.",
+    )
+    drain_s: float = Field(
+        default=20.0,
+        ge=0.0,
+        validation_alias="METANERF_DRAIN_S",
+        description="Longest time in which people go elsewhere when it is told to end, s.",
+    )
     client_dir: Path = Field(
         default=_REPOSITORY / "client" / "dist",
         validation_alias="METANERF_CLIENT_DIR",
@@ -71,6 +84,17 @@ class ServerSettings(Group):
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         default="info", validation_alias="METANERF_LOG_LEVEL", description="How much is logged."
     )
+
+    @field_validator("gateway_url")
+    @classmethod
+    def _scheme_and_host(cls, value: str) -> str:
+        url = value.rstrip("/")
+        parts = urlsplit(url)
+        if url and (f"{parts.scheme}://{parts.netloc}" != url or parts.scheme not in _WEB):
+            raise ValueError(
+                f"must be scheme and host, such as https://one.meet.example.org; got {value!r}"
+            )
+        return url
 
 
 class SecuritySettings(Group):

@@ -141,7 +141,8 @@ function createLiveView(current: MeetingSession): LiveView {
   const seat = (stale: boolean): ReturnType<MeetingSession["getSeat"]> =>
     current.getSeat(stale && !current.joined);
   const sealing = sealingOf(current.meeting);
-  return new LiveView(api, current.meeting, { seat, pinned, stamped: query.has("stamp"), inertia: !prefersReducedMotion(), sealing });
+  const address = (lost: boolean): Promise<string> => current.addressOf(`/whep/${current.meeting.id}`, lost);
+  return new LiveView(api, current.meeting, { seat, address, pinned, stamped: query.has("stamp"), inertia: !prefersReducedMotion(), sealing });
 }
 
 /** A link with a key means a sealed meeting, whatever the server says of it. */
@@ -206,10 +207,12 @@ function showMeeting(current: MeetingSession): void {
   view.startInteractive();
   if (isNew) view.start();
   let wasOpen = true;
+  let { home } = current;
   current.subscribe(() => {
     const isOpen = current.connectionState.kind === "open";
-    if (isOpen && !wasOpen) view.retryNow();
-    wasOpen = isOpen;
+    const elsewhere = home !== null && home !== current.home;
+    if (elsewhere || (isOpen && !wasOpen)) view.retryNow(elsewhere);
+    [wasOpen, home] = [isOpen, current.home];
     if (!current.admitted) return;
     void view.showEnvironment(current.state.environment);
     if (current.state.performers) view.roster.showOnly(current.state.performers);

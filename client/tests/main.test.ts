@@ -4,7 +4,7 @@ import { fakeFetch, json, type Call } from "./fakes";
 import { FRONT } from "./viewpoint/front";
 
 const MEETING = { id: "m", name: "Monday", join_url: "/?meeting=m", environment: "studio", performers: [], viewpoint: FRONT, lobby: true };
-const SEAT = { token: "seat", control_url: "/v1/meetings/m/control", whep_url: "/whep/m", ice_servers: [], ready: true, performers: [], viewpoint: FRONT };
+const SEAT = { token: "seat", gateway_url: "", control_url: "/v1/meetings/m/control", whep_url: "/whep/m", ice_servers: [], ready: true, performers: [], viewpoint: FRONT };
 
 class FakeSocket extends EventTarget {
   static OPEN = 1;
@@ -37,6 +37,7 @@ function server({ path }: Call): Response {
   if (path === "/v1/demo") return json({ meeting_id: "m" });
   if (path === "/v1/meetings/m") return json(MEETING);
   if (path.endsWith("/join")) return json(SEAT);
+  if (path.endsWith("/home")) return json({ gateway_url: "" });
   return json({ items: [] });
 }
 

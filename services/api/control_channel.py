@@ -3,6 +3,7 @@
 Every message is a JSON object (services.control.messages). Both sides send a heartbeat once a
 second; after five seconds without a message the connection counts as lost. Within 30 s of that,
 `hello` with the same token resumes the seat: after a reload, an outage, or on another gateway.
+Where the meeting lives elsewhere (services.homes), goodbye says `moved`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from starlette.websockets import WebSocketDisconnected
 
 from scene.errors import InvalidInput
 from services.api.dependencies import CurrentGateway
-from services.container import Services
 from services.control import messages
 from services.control.commands import connect, execute, read_caller
 from services.control.hub import ControlConnection
@@ -33,7 +33,14 @@ from services.control.messages import (
     Welcome,
 )
 from services.control.roster import SILENCE_S
-from services.errors import HelloExpected, HelloRepeated, SeatReleased, TooLarge
+from services.errors import (
+    Draining,
+    HelloExpected,
+    HelloRepeated,
+    LivesElsewhere,
+    SeatReleased,
+    TooLarge,
+)
 from services.gateway import Gateway
 from services.jobs.events import meeting_topic
 from services.problem_details import Problem
@@ -52,7 +59,7 @@ async def control(socket: WebSocket, meeting_id: str, gateway: CurrentGateway) -
     """The channel of one page, from hello to goodbye."""
     await socket.accept()
     with contextlib.suppress(*_GONE, TimeoutError):
-        connection = await _greet(socket, gateway.services, meeting_id)
+        connection = await _greet(socket, gateway, meeting_id)
         if connection is not None:
             async with gateway.hub.attached(connection):
                 await _exchange(socket, gateway, connection)
@@ -60,28 +67,37 @@ async def control(socket: WebSocket, meeting_id: str, gateway: CurrentGateway) -
             await socket.close()
 
 
-async def _greet(
-    socket: WebSocket, services: Services, meeting_id: str
-) -> ControlConnection | None:
+async def _greet(socket: WebSocket, gateway: Gateway, meeting_id: str) -> ControlConnection | None:
     """Seat the page; None where it was refused."""
+    services = gateway.services
     try:
         async with asyncio.timeout(SILENCE_S):
             hello = _read(await _receive(socket))
         if not isinstance(hello, Hello):
             raise HelloExpected(f"the first message must be 'hello'; got {hello.type!r}")
         caller = await run_in_threadpool(read_caller, services, meeting_id, hello)
+        await run_in_threadpool(gateway.homes.require_here, meeting_id, socket.url.path)
         me = await run_in_threadpool(connect, services, meeting_id, caller, hello.name)
     except (*_GONE, TimeoutError):
         raise
     except Exception as error:
-        reason: Reason = "given-back" if isinstance(error, SeatReleased) else "refused"
-        goodbye = Goodbye(reason=reason, problem=_logged_problem(error))
+        goodbye = Goodbye(reason=_why_refused(error), problem=_logged_problem(error))
         await socket.send_text(goodbye.model_dump_json())
         return None
     await run_in_threadpool(services.events.publish, meeting_topic(meeting_id))
     connection = ControlConnection(meeting_id, me.id, services.clock(), hello.after)
     connection.send(Welcome(participant_id=me.id, seat=me.seat, silence_s=SILENCE_S))
     return connection
+
+
+def _why_refused(error: Exception) -> Reason:
+    match error:
+        case SeatReleased():
+            return "given-back"
+        case LivesElsewhere() | Draining():
+            return "moved"
+        case _:
+            return "refused"
 
 
 async def _exchange(socket: WebSocket, gateway: Gateway, connection: ControlConnection) -> None:

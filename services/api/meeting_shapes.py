@@ -157,6 +157,10 @@ class Seat(BaseModel):
     ice_servers: list[IceServer] = Field(
         description="For RTCConfiguration; credentials of TURN last as long as the token."
     )
+    gateway_url: str = Field(
+        description="Address of the gateway that the meeting lives on; empty: whichever you ask. "
+        "Your view and your control channel are there, and after a loss may be elsewhere."
+    )
     whep_url: str
     control_url: str
     ready: bool = Field(
@@ -164,6 +168,12 @@ class Seat(BaseModel):
     )
     performers: list[Performer]
     viewpoint: Viewpoint = Field(description="From where you look at first.")
+
+
+class MeetingHome(BaseModel):
+    """Where the voices and pictures of a meeting are."""
+
+    gateway_url: str = Field(description="As in `Seat`.")
 
 
 class DemoMeeting(BaseModel):

@@ -119,6 +119,7 @@ def join_meeting(
     with services.unit_of_work() as unit:
         meeting = unit.meetings.get_for_change(meeting_id)
         seat, token = seats.take_seat(services, unit, meeting, caller, body.display_name)
+        home = gateway.homes.settle(unit, meeting)
         unit.commit()
     return shapes.Seat(
         token=token,
@@ -127,12 +128,23 @@ def join_meeting(
         role=seat.role,
         admission=seat.admission,
         ice_servers=ice_servers(services.settings.live, seat.id, now),
-        whep_url=f"/whep/{meeting_id}",
-        control_url=f"/v1/meetings/{meeting_id}/control",
+        gateway_url=home.url,
+        whep_url=f"{home.url}/whep/{meeting_id}",
+        control_url=f"{home.url}/v1/meetings/{meeting_id}/control",
         ready=gateway.views.ready,
         performers=[shapes.Performer.of(one, caller, now) for one in meeting.shown_at(now)],
         viewpoint=shapes.Viewpoint.of(meetings.default_viewpoint(meeting, caller.account, now)),
     )
+
+
+@router.get("/meetings/{meeting_id}/home", summary="Find a meeting's home")
+def find_home(meeting_id: str, gateway: CurrentGateway, caller: Joiner) -> shapes.MeetingHome:
+    """The gateway to connect to, at first and whenever a connection was lost; one that has ended
+    is replaced by another."""
+    caller.require_meeting(meeting_id)
+    with gateway.services.reading() as unit:
+        seats.require_not_removed(unit.meetings.get(meeting_id), caller)
+    return shapes.MeetingHome(gateway_url=gateway.homes.find(meeting_id).url)
 
 
 @router.get("/demo", summary="The demo's meeting")

@@ -9,7 +9,7 @@ from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST
 from pydantic import BaseModel, Field
 
-from services.api.dependencies import Provided
+from services.api.dependencies import CurrentGateway, Provided
 from services.api.scraping import FiguresReader
 from services.metrics import exposition
 from services.problems import RETRY_AFTER_S, problems
@@ -38,12 +38,15 @@ async def healthz() -> Health:
 
 
 @router.get("/readyz", summary="Check readiness", responses={503: {"model": Readiness}})
-def readyz(services: Provided) -> JSONResponse:
+def readyz(gateway: CurrentGateway) -> JSONResponse:
     """Whether database, object store and Redis answer; names those that do not.
 
-    Without database or object store it is `unready` (503); without Redis only `degraded` (200).
+    Without database or object store it is `unready` (503), and so is a gateway that drains; without
+    Redis it is only `degraded` (200).
     """
-    checks = check_stores(services)
+    checks = check_stores(gateway.services)
+    if gateway.homes.draining:
+        checks["gateway"] = "drains: it was told to end, and its meetings go on elsewhere"
     answer = Readiness(status=status_of(checks), checks=checks)
     unready = answer.status == "unready"
     headers = {"Retry-After": str(RETRY_AFTER_S)} if unready else None

@@ -120,15 +120,19 @@ def _serve(settings: Settings, listener: socket.socket) -> None:
 
     from services.app import create_app
     from services.composition import build_services
+    from services.draining_server import DrainingServer
+    from services.gateway import gateway_of
 
     _log(settings)
+    app = create_app(build_services(settings))
     config = uvicorn.Config(
-        create_app(build_services(settings)),
+        app,
         log_level="warning",
         timeout_graceful_shutdown=5,
         lifespan="on",
     )
-    uvicorn.Server(config).run(sockets=[listener])
+    server = DrainingServer(config, gateway_of(app), settings.server.drain_s)
+    server.run(sockets=[listener])
 
 
 def _listen(server: ServerSettings) -> socket.socket:

@@ -37,6 +37,7 @@ from services.control.roster import (
     presenter_of,
     roster_for,
 )
+from services.homes import Homes
 from services.jobs.events import meeting_topic
 from services.live.sessions.view_sessions import ViewSessions
 from services.live.sessions.voice_sessions import VoiceSessions
@@ -105,8 +106,10 @@ class Hub:
         views: ViewSessions,
         voices: VoiceSessions,
         recorders: Recorders,
+        homes: Homes,
     ) -> None:
         self._services, self._views, self._voices = services, views, voices
+        self._homes = homes
         self.recorders = recorders
         """Of this process; who takes their place goes on with what they kept."""
         self._connections: dict[str, set[ControlConnection]] = {}
@@ -146,6 +149,11 @@ class Hub:
             task = asyncio.create_task(self._watch(meeting_id, notified))
             self._watches[meeting_id] = (task, notified)
         self._watches[meeting_id][1].set()
+
+    def notify_all(self) -> None:
+        """Poll every meeting now that this process serves anybody in."""
+        for meeting_id in list(self._watches):
+            self.notify(meeting_id)
 
     async def close(self) -> None:
         """End everything, at shutdown; pages come back to the next process."""
@@ -204,6 +212,9 @@ class Hub:
             await asyncio.sleep(_POLL_INTERVAL_S)
 
     async def _synchronise(self, meeting_id: str) -> None:
+        if self._homes.draining:
+            await self._send_away(meeting_id)
+            return
         connections = [
             connection
             for connection in self._connections.get(meeting_id, ())
@@ -224,9 +235,12 @@ class Hub:
             if _heartbeat_due(connection)
         }
         newest = min((connection.number for connection in connections), default=None)
-        meeting, said, recording = await to_thread.run_sync(
-            _read, self._services, meeting_id, moments, newest
+        meeting, said, recording, has_moved = await to_thread.run_sync(
+            self._read, meeting_id, moments, newest
         )
+        if has_moved:
+            await self._send_away(meeting_id)
+            return
         for connection in connections:
             if connection.leaving:
                 continue
@@ -258,6 +272,32 @@ class Hub:
             meeting, present, performers_by_participant(meeting, now), recording, said
         )
 
+    async def _send_away(self, meeting_id: str) -> None:
+        """End all that people of a meeting have here; they go on at its home."""
+        for connection in self._connections.get(meeting_id, ()):
+            connection.end("moved")
+        await self._views.close_unless(meeting_id, lambda _: False)
+        await self._voices.set_permissions(
+            meeting_id, listeners=set(), speakers=set(), presenter=None
+        )
+        await self.recorders.pause(meeting_id)
+
+    def _read(
+        self, meeting_id: str, moments: dict[str, datetime], newest: int | None
+    ) -> tuple[MeetingRow, list[MessageRow], RecordingRow | None, bool]:
+        """The meeting, what was said after `newest`, what is recorded, and whether it lives
+        elsewhere; stores heartbeats."""
+        with self._services.unit_of_work() if moments else self._services.reading() as unit:
+            if moments:
+                unit.meetings.heard(moments)
+            meeting = unit.meetings.get(meeting_id)
+            said = [] if newest is None else unit.meetings.messages_after(meeting_id, newest)
+            recording = unit.recordings.under_way(meeting_id)
+            has_moved = self._homes.has_moved(unit, meeting)
+            if moments:
+                unit.commit()
+        return meeting, said, recording, has_moved
+
     async def _show(self, meeting: MeetingRow, now: datetime) -> None:
         """Have pictures follow what was changed, maybe on another gateway or by the time alone."""
         performers = []
@@ -275,21 +315,6 @@ def _heartbeat_due(connection: ControlConnection) -> bool:
         connection.heartbeat_stored_at is None
         or connection.heard_at - connection.heartbeat_stored_at >= timedelta(seconds=_BEAT_S)
     )
-
-
-def _read(
-    services: Services, meeting_id: str, moments: dict[str, datetime], newest: int | None
-) -> tuple[MeetingRow, list[MessageRow], RecordingRow | None]:
-    """The meeting, what was said after `newest`, what is recorded; stores heartbeats."""
-    with services.unit_of_work() if moments else services.reading() as unit:
-        if moments:
-            unit.meetings.heard(moments)
-        meeting = unit.meetings.get(meeting_id)
-        said = [] if newest is None else unit.meetings.messages_after(meeting_id, newest)
-        recording = unit.recordings.under_way(meeting_id)
-        if moments:
-            unit.commit()
-    return meeting, said, recording
 
 
 def _send_updates(

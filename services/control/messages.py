@@ -19,7 +19,7 @@ Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max
 CaptionText = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=500)]
 Reaction = Literal["applause", "heart", "laugh", "surprise", "agree", "party"]
 Reason = Literal[
-    "left", "given-back", "denied", "removed", "ended", "replaced", "silent", "refused"
+    "left", "given-back", "denied", "removed", "ended", "replaced", "silent", "refused", "moved"
 ]
 
 

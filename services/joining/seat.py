@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs, urljoin, urlsplit
 
 import httpx
 
@@ -73,7 +73,7 @@ def take_seat(
         seat = _ask(client, "POST", f"/v1/meetings/{meeting_id}/join", json={"display_name": name})
     driven = _driven(seat["performers"], performer, live_look=live_look)
     return Seat(
-        link.server + seat["whep_url"],
+        urljoin(link.server, seat["whep_url"]),
         seat["token"],
         seat["ice_servers"],
         driven["id"],

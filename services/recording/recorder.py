@@ -118,7 +118,7 @@ class Recorders:
         if active is not None and (
             recording is None or not runs or active.recording.id != recording.id
         ):
-            await self._pause(meeting.id)
+            await self.pause(meeting.id)
             active = None
         if recording is None or not runs:
             return
@@ -138,7 +138,7 @@ class Recorders:
     async def close(self) -> None:
         """Keep what there is, at shutdown; the next gateway goes on."""
         for meeting_id in list(self._active):
-            await self._pause(meeting_id)
+            await self.pause(meeting_id)
 
     async def _start(
         self, meeting_id: str, recording: RecordingRow, said: list[MessageRow]
@@ -164,7 +164,8 @@ class Recorders:
         active.task = asyncio.create_task(self._run(meeting_id, active), name=name)
         return active
 
-    async def _pause(self, meeting_id: str) -> None:
+    async def pause(self, meeting_id: str) -> None:
+        """Keep what there is of one meeting; whichever gateway records it next goes on."""
         active = self._active.pop(meeting_id, None)
         if active is None:
             return

@@ -32,6 +32,7 @@ WIRE: dict[type[SceneError], tuple[int, str]] = {
     errors.AwaitingAdmission: (403, "not-let-in-yet"),
     errors.BadCandidate: (400, "bad-candidate"),
     errors.ClipGone: (410, "clip-gone"),
+    errors.Draining: (503, "draining"),
     errors.DrivenElsewhere: (409, "driven-elsewhere"),
     errors.HelloExpected: (422, "hello-first"),
     errors.HelloRepeated: (409, "greeted-already"),
@@ -41,6 +42,7 @@ WIRE: dict[type[SceneError], tuple[int, str]] = {
     errors.JobOver: (409, "job-over"),
     errors.KeypointsOnly: (422, "keypoints-only"),
     errors.LandmarkModelMissing: (503, "landmark-model-missing"),
+    errors.LivesElsewhere: (307, "lives-elsewhere"),
     errors.MeetingFull: (409, "meeting-full"),
     errors.MeetingOver: (410, "meeting-over"),
     errors.NoIceRestart: (422, "no-ice-restart"),
@@ -80,6 +82,7 @@ WIRE: dict[type[SceneError], tuple[int, str]] = {
 }
 """What clients have been told since the first release; a status or type never changes."""
 _DATA = {
+    errors.LivesElsewhere: ("https://one.example/whep/m",),
     errors.ScopeMissing: ("write",),
     errors.TooManyRequests: (7,),
     errors.Unavailable: (15,),

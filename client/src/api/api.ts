@@ -16,6 +16,7 @@ import type {
   Job,
   ListedPerson,
   Meeting,
+  MeetingHome,
   Model,
   Models,
   NewConsent,
@@ -236,6 +237,12 @@ export class Api implements UploadRoutes {
     // a host's token that has run out is no worse than none
     if (response.status === 401) return this.json("POST", path, body);
     return (await checked(response)).json() as Promise<Seat>;
+  }
+
+  /** The gateway that a meeting lives on, by its address; empty: whichever is asked. */
+  async home(meetingId: string, token: string): Promise<string> {
+    const asked = await checked(await this.attempt("GET", `/v1/meetings/${meetingId}/home`, token, undefined));
+    return ((await asked.json()) as MeetingHome).gateway_url;
   }
 
   /** What a clip is known by to `uploadSequence`. Throws a Problem where it cannot be read. */

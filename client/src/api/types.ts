@@ -116,7 +116,7 @@ export type FromServer = Welcome | Beat | Roster | Said | Reacted | Captioned | 
 /** The last message: why the channel is closed. */
 export interface Goodbye {
   type: "goodbye";
-  reason: "left" | "given-back" | "denied" | "removed" | "ended" | "replaced" | "silent" | "refused";
+  reason: "left" | "given-back" | "denied" | "removed" | "ended" | "replaced" | "silent" | "refused" | "moved";
   /** Why `hello` was refused; empty for other reasons. */
   problem: Problem | null;
 }
@@ -244,6 +244,12 @@ export interface Meeting {
   sealed: boolean;
   /** Whoever joins is asked to agree to being recorded. */
   recording?: boolean;
+}
+
+/** Where the voices and pictures of a meeting are. */
+export interface MeetingHome {
+  /** As in `Seat`. */
+  gateway_url: string;
 }
 
 /** A participant in the meeting or in its lobby. */
@@ -669,6 +675,8 @@ export interface Seat {
   admission: Admission;
   /** For RTCConfiguration; credentials of TURN last as long as the token. */
   ice_servers: IceServer[];
+  /** Address of the gateway that the meeting lives on; empty: whichever you ask. Your view and your control channel are there, and after a loss may be elsewhere. */
+  gateway_url: string;
   whep_url: string;
   control_url: string;
   /** False while the renderer compiles, on its first start on a machine. */

@@ -112,6 +112,7 @@ export class LiveView {
     this.connection = new WhepConnection({
       dataOnly: this.sealing !== null,
       seat: (stale) => this.seat(stale),
+      address: options.address,
       onState: (state) => {
         // a new connection knows nothing of the viewpoint yet
         this.viewpointUnsent = true;
@@ -173,8 +174,9 @@ export class LiveView {
     return this.localRendering.canvas;
   }
 
-  /** The control connection is back: so may be the picture. */
-  retryNow(): void {
+  /** The control connection is back, at the same gateway or `elsewhere`: so may be the picture. */
+  retryNow(elsewhere: boolean): void {
+    if (elsewhere) this.connection.reconnect();
     this.connection.retryNow();
   }
 

@@ -15,6 +15,8 @@ export interface LiveStats {
 export interface LiveOptions {
   /** A seat in the meeting; `stale` when the last one is no longer accepted. */
   seat(stale: boolean): Promise<Seat>;
+  /** Where pictures are asked for; `lost`: the last connection was lost, or did not come about. */
+  address(lost: boolean): Promise<string>;
   inertia: boolean;
   /** Null: the meeting is not sealed. */
   sealing: Sealing | null;

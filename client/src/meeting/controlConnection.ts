@@ -99,7 +99,7 @@ export class ControlConnection {
 
   private reconnectsAfter({ reason }: Goodbye): boolean {
     this.stale = reason === "given-back";
-    return reason === "silent" || reason === "given-back";
+    return reason === "silent" || reason === "given-back" || reason === "moved";
   }
 
   private end(reason: Goodbye["reason"], problem: Goodbye["problem"] | Problem): void {

@@ -19,7 +19,7 @@ export class ScreenShare {
   private resource: string | null = null;
 
   private constructor(
-    private readonly address: string,
+    private readonly address: () => Promise<string>,
     private readonly token: () => Promise<string>,
     readonly stream: MediaStream,
     private readonly request: typeof fetch,
@@ -32,7 +32,7 @@ export class ScreenShare {
 
   /** Ask for a screen; null where the viewer thought better of it. Throws a Problem. */
   static async choose(
-    address: string,
+    address: () => Promise<string>,
     token: () => Promise<string>,
     request: typeof fetch = (input, init) => fetch(input, init),
     makePeer: () => RTCPeerConnection = () => new RTCPeerConnection({ bundlePolicy: "max-bundle" }),
@@ -67,12 +67,15 @@ export class ScreenShare {
     const { signal } = this.closing;
     // who was stopped meanwhile asks for nothing that nobody would end
     signal.throwIfAborted();
-    const response = await this.request(this.address, { method: "POST", headers, body, signal }).catch(() => {
+    const address = await this.address();
+    const init: RequestInit = { method: "POST", headers, body, signal, redirect: "error" };
+    const response = await this.request(address, init).catch(() => {
       throw NOT_SENT;
     });
     const sdp = await response.text();
     if (!response.ok) throw problemOf(response.status, sdp, response.headers.get("Retry-After"));
-    this.resource = response.headers.get("Location");
+    const location = response.headers.get("Location");
+    this.resource = location && new URL(location, address).href;
     await peer.setRemoteDescription({ type: "answer", sdp });
     await waitFor(peer, "connectionstatechange", () => peer.connectionState === "connected", CONNECTING_MS);
     if (peer.connectionState !== "connected") throw NOT_SENT;

@@ -36,6 +36,8 @@ export class MeetingSession {
   onAnnouncement: (words: string) => void = () => undefined;
   onReaction: (reacted: Reacted) => void = () => undefined;
   onRefusal: (refusal: Refusal) => void = () => undefined;
+  /** Address of the gateway that the meeting lives on; null until it is known. */
+  home: string | null = null;
   private seat: Seat | null = null;
   private joining: Promise<Seat> | null = null;
   private name = "Guest";
@@ -61,8 +63,19 @@ export class MeetingSession {
       this.joining = null;
     });
     this.seat = await this.joining;
+    this.setHome(this.seat.gateway_url);
     this.storeSeat();
     return this.seat;
+  }
+
+  /**
+   * Where `path` is answered: at the gateway that the meeting lives on, which is asked for where it is not known, or a
+   * connection to it was `lost`. Throws a Problem.
+   */
+  async addressOf(path: string, lost: boolean): Promise<string> {
+    const { token } = await this.getSeat();
+    if (lost || this.home === null) this.setHome(await this.api.home(this.meeting.id, token));
+    return new URL(path, this.home || location.href).href;
   }
 
   /** Come in by `name`, or wait to be let in; on the seat of `ticket` if there is one. */
@@ -70,11 +83,14 @@ export class MeetingSession {
     this.name = name;
     this.seat = stored?.seat ?? this.seat;
     this.lastRead = stored?.lastRead ?? this.lastRead;
+    let lost = false;
     this.channel = this.makeConnection({
       hello: async (stale) => {
-        const { token, control_url } = await this.getSeat(stale);
+        const { token } = await this.getSeat(stale);
         this.storeSeat();
-        return { address: socketAddress(control_url), token, name, after: this.state.lastMessageNumber };
+        const address = socketAddress(await this.addressOf(`/v1/meetings/${this.meeting.id}/control`, lost));
+        lost = true;
+        return { address, token, name, after: this.state.lastMessageNumber };
       },
       onRoundTrip: (milliseconds) => {
         const connection = this.meter.observe(milliseconds);
@@ -154,6 +170,12 @@ export class MeetingSession {
     this.notify();
   }
 
+  private setHome(home: string): void {
+    const moved = this.home !== home;
+    this.home = home;
+    if (moved) this.notify();
+  }
+
   private storeSeat(): void {
     const { seat, name, lastRead } = this;
     if (seat && this.joined) this.seatStore.set({ meetingId: this.meeting.id, name, seat, lastRead });
@@ -164,9 +186,9 @@ export class MeetingSession {
   }
 }
 
-/** The WebSocket's address beside the page's own. */
-export function socketAddress(path: string, page: string = location.href): string {
-  const address = new URL(path, page);
+/** The address by which a WebSocket is opened. */
+export function socketAddress(url: string): string {
+  const address = new URL(url);
   address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
   return address.href;
 }

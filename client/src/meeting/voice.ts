@@ -15,6 +15,8 @@ import type { VoiceSource } from "./spatialAudio";
 import { reconnectDelayMs } from "./controlConnection";
 
 export interface VoiceHooks {
+  /** Where a connection is asked for; `lost`: the last one was lost, or did not come about. */
+  address(lost: boolean): Promise<string>;
   /** The token of the seat that we talk from. */
   token(): Promise<string>;
   /** `slots` or `screen` has changed. */
@@ -42,9 +44,9 @@ export class VoiceConnection {
   private sender: RTCRtpSender | null = null;
   private microphone: MediaStreamTrack | null = null;
   private resource: string | null = null;
+  private endConnection: () => void = () => undefined;
 
   constructor(
-    private readonly address: string,
     private readonly iceServers: IceServer[],
     private readonly hooks: VoiceHooks,
     private readonly request: typeof fetch = (input, init) => fetch(input, init),
@@ -55,9 +57,10 @@ export class VoiceConnection {
   /** Connect and stay connected, until closed or refused. */
   async run(): Promise<void> {
     const { signal } = this.closing;
+    let lost = false;
     for (let attempt = 0; !signal.aborted; attempt++) {
       try {
-        await this.connect();
+        await this.connect(lost);
         attempt = -1;
         await this.connectionLost();
       } catch (error) {
@@ -65,6 +68,7 @@ export class VoiceConnection {
         if (error instanceof Problem && [403, 404, 410].includes(error.status)) return this.disconnect();
       }
       this.disconnect();
+      lost = true;
       await sleep(reconnectDelayMs(attempt, Math.random()), signal).catch(() => undefined);
     }
   }
@@ -96,6 +100,11 @@ export class VoiceConnection {
     if (this.microphone) this.microphone.enabled = on;
   }
 
+  /** The meeting lives elsewhere: make a new connection. */
+  reconnect(): void {
+    this.endConnection();
+  }
+
   /** `ended`: the server has ended it, or is about to. */
   close(ended = false): void {
     this.closing.abort();
@@ -123,7 +132,8 @@ export class VoiceConnection {
     return found;
   }
 
-  private async connect(): Promise<void> {
+  private async connect(lost: boolean): Promise<void> {
+    const address = await this.hooks.address(lost);
     const peer = this.makePeer({ iceServers: this.iceServers, bundlePolicy: "max-bundle" });
     this.peer = peer;
     this.sender = peer.addTransceiver("audio", { direction: "sendonly" }).sender;
@@ -134,7 +144,7 @@ export class VoiceConnection {
     const screen = receive("video");
     await peer.setLocalDescription(await peer.createOffer());
     await iceGathered(peer, GATHERING_MS);
-    const sdp = await this.exchange(peer.localDescription?.sdp ?? "");
+    const sdp = await this.exchange(address, peer.localDescription?.sdp ?? "");
     await peer.setRemoteDescription({ type: "answer", sdp });
     const connected = (): boolean => peer.connectionState === "connected";
     await waitFor(peer, "connectionstatechange", connected, CONNECTING_MS);
@@ -153,21 +163,24 @@ export class VoiceConnection {
     this.hooks.onChange();
   }
 
-  private async exchange(offer: string): Promise<string> {
+  private async exchange(address: string, offer: string): Promise<string> {
     const headers = { Authorization: `Bearer ${await this.hooks.token()}`, "Content-Type": "application/sdp" };
     const { signal } = this.closing;
-    const response = await this.request(this.address, { method: "POST", headers, body: offer, signal });
+    const response = await this.request(address, { method: "POST", headers, body: offer, signal, redirect: "error" });
     const body = await response.text();
     if (!response.ok) throw problemOf(response.status, body, response.headers.get("Retry-After"));
-    this.resource = response.headers.get("Location");
+    const location = response.headers.get("Location");
+    this.resource = location && new URL(location, address).href;
     return body;
   }
 
   private async connectionLost(): Promise<void> {
     const { peer } = this;
     if (!peer) return;
+    const cut = new Promise<"cut">((resolve) => (this.endConnection = () => resolve("cut")));
     for (;;) {
-      await stateChanged(peer, this.closing.signal);
+      const what = await Promise.race([stateChanged(peer, this.closing.signal), cut]);
+      if (what === "cut") return;
       if (peer.connectionState === "disconnected") await sleep(DISCONNECTED_MS, this.closing.signal);
       if (peer.connectionState !== "connected") return;
     }

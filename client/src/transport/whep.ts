@@ -22,6 +22,8 @@ export interface WhepHooks {
   readonly dataOnly: boolean;
   /** A seat in the meeting; asked for each session, and with `stale` when it is no longer accepted. */
   seat(stale: boolean): Promise<Seat>;
+  /** Where a session is asked for; `lost`: the last one was lost, or did not come about. */
+  address(lost: boolean): Promise<string>;
   onState(state: WhepState): void;
   onStream(stream: MediaStream): void;
   /** A packet of the channel `pose`. */
@@ -59,6 +61,7 @@ export class WhepConnection {
   private readonly closing = new AbortController();
   private seat: Seat | null = null;
   private stale = false;
+  private lost = false;
   private peer: RTCPeerConnection | null = null;
   private channel: RTCDataChannel | null = null;
   private lookSender: RTCRtpSender | null = null;
@@ -91,6 +94,7 @@ export class WhepConnection {
         problem = asProblem(error);
       }
       const released = this.disconnect();
+      this.lost = true;
       if (this.closing.signal.aborted) return;
       const refused = problem !== null && [401, 403].includes(problem.status) && refusals++ === 0;
       this.stale = released || refused;
@@ -180,6 +184,7 @@ export class WhepConnection {
 
   private async connect(): Promise<void> {
     const seat = (this.seat ??= await this.hooks.seat(this.stale));
+    const address = await this.hooks.address(this.lost);
     this.closing.signal.throwIfAborted();
     const peer = this.makePeer({ iceServers: seat.ice_servers, bundlePolicy: "max-bundle" });
     this.peer = peer;
@@ -197,7 +202,7 @@ export class WhepConnection {
     connected.catch(() => undefined);
     await peer.setLocalDescription(await peer.createOffer());
     await iceGathered(peer, GATHERING_MS);
-    const sdp = await this.exchange(seat, peer.localDescription?.sdp ?? "");
+    const sdp = await this.exchange(address, seat, peer.localDescription?.sdp ?? "");
     await peer.setRemoteDescription({ type: "answer", sdp });
     await connected;
   }
@@ -226,15 +231,12 @@ export class WhepConnection {
     await sender.replaceTrack(this.lookTrack);
   }
 
-  private async exchange(seat: Seat, offer: string): Promise<string> {
+  private async exchange(address: string, seat: Seat, offer: string): Promise<string> {
     const headers = { Authorization: `Bearer ${seat.token}`, "Content-Type": "application/sdp" };
     const { signal } = this.closing;
-    const response = await this.request(seat.whep_url, {
-      method: "POST",
-      headers,
-      body: offer,
-      signal,
-    }).catch(() => {
+    // a browser would follow elsewhere without the token; the next attempt asks where to go
+    const init: RequestInit = { method: "POST", headers, body: offer, signal, redirect: "error" };
+    const response = await this.request(address, init).catch(() => {
       throw NO_SERVER;
     });
     const body = await response.text();
@@ -242,7 +244,7 @@ export class WhepConnection {
       throw problemOf(response.status, body, response.headers.get("Retry-After"));
     }
     const location = response.headers.get("Location");
-    this.resource = location && new URL(location, new URL(seat.whep_url, pageAddress())).href;
+    this.resource = location && new URL(location, address).href;
     return body;
   }
 
@@ -287,10 +289,6 @@ export class WhepConnection {
 /** Not worth another attempt: the meeting is gone, or we are not let in. */
 function isFinal(problem: Problem): boolean {
   return problem.status >= 400 && problem.status < 500 && ![408, 409, 429].includes(problem.status);
-}
-
-function pageAddress(): string {
-  return globalThis.location?.href ?? "http://localhost/";
 }
 
 function whenConnected(peer: RTCPeerConnection, signal: AbortSignal): Promise<void> {

@@ -33,7 +33,7 @@ export function screenView(session: MeetingSession, complain: (words: string) =>
   let asked = false;
   let others: MediaStream | null = null;
 
-  const address = `/whip/${session.meeting.id}`;
+  const address = (): Promise<string> => session.addressOf(`/whip/${session.meeting.id}`, false);
   const token = async (): Promise<string> => (await session.getSeat()).token;
 
   const stopSharing = (): void => {

@@ -50,6 +50,7 @@ export function voiceControls(
   /** What the server last said. */
   let serverOn = false;
   let wasOpen = false;
+  let home = session.home;
   let connection: VoiceConnection | null = null;
   const spatialAudio = new SpatialAudio();
   let timers: ReturnType<typeof setInterval>[] = [];
@@ -65,7 +66,8 @@ export function voiceControls(
   const connect = async (): Promise<void> => {
     const { ice_servers } = await session.getSeat();
     if (signal.aborted) return;
-    connection = new VoiceConnection(`/v1/meetings/${session.meeting.id}/voice`, ice_servers, {
+    connection = new VoiceConnection(ice_servers, {
+      address: (lost) => session.addressOf(`/v1/meetings/${session.meeting.id}/voice`, lost),
       token: async () => (await session.getSeat()).token,
       onChange: () => {
         spatialAudio.setVoices(connection?.slots ?? new Map());
@@ -130,6 +132,8 @@ export function voiceControls(
     },
     update: () => {
       connection?.assignSlots(session.state.slots);
+      if (home !== session.home) connection?.reconnect();
+      home = session.home;
       const me = localParticipant(session.state);
       const isOpen = session.connectionState.kind === "open";
       // who comes back after a cut says anew that they want to be heard

@@ -70,6 +70,7 @@ function setUp(answer: (call: Call) => Response = () => new Response("answer", {
   const seats: boolean[] = [];
   const live = new LiveView(new Api(tokenStore("guest"), request), meeting, {
     seat: async (stale) => (seats.push(stale), { ...SEAT, ...seat }),
+    address: async () => "https://one.example/whep/m",
     inertia: false,
     pinned: null,
     stamped: false,

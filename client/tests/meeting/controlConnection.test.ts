@@ -125,7 +125,7 @@ describe("ControlConnection", () => {
     line.close();
   });
 
-  it("asks for another seat where its own was given back, and goes on after a silence", async () => {
+  it("asks for another seat where its own was given back, and goes on after a silence or elsewhere", async () => {
     const { line, newest, asked } = setUp();
     void line.run();
     const first = await newest(1);
@@ -136,8 +136,11 @@ describe("ControlConnection", () => {
     second.welcome();
     second.tell({ type: "goodbye", reason: "silent", problem: null });
     second.close();
-    await newest(3);
-    expect(asked).toEqual([false, true, false]);
+    const third = await newest(3);
+    third.tell({ type: "goodbye", reason: "moved", problem: null });
+    third.close();
+    await newest(4);
+    expect(asked).toEqual([false, true, false, false]);
     line.close();
   });
 

@@ -29,7 +29,7 @@ async function choose(answer: () => Response) {
   vi.stubGlobal("navigator", { mediaDevices: { getDisplayMedia: async () => stream } });
   const peer = new FakePeer();
   const { request, calls } = fakeFetch(answer);
-  const share = await ScreenShare.choose("/whip/m", async () => "seat", request, () => peer as unknown as RTCPeerConnection);
+  const share = await ScreenShare.choose(async () => "https://one.example/whip/m", async () => "seat", request, () => peer as unknown as RTCPeerConnection);
   if (!share) throw new Error("a screen was expected");
   return { share, shown, peer, calls };
 }
@@ -44,9 +44,9 @@ describe("sharing a screen", () => {
     expect(shown.contentHint).toBe("detail");
     await share.send();
     await share.send();
-    expect(calls.map(({ method, path }) => [method, path])).toEqual([["POST", "/whip/m"]]);
+    expect(calls.map(({ method, path }) => [method, path])).toEqual([["POST", "https://one.example/whip/m"]]);
     share.close();
-    await vi.waitFor(() => expect(calls.at(-1)).toMatchObject({ method: "DELETE", path: "/whip/m/1" }));
+    await vi.waitFor(() => expect(calls.at(-1)).toMatchObject({ method: "DELETE", path: "https://one.example/whip/m/1" }));
     expect([shown.stopped, peer.closed]).toEqual([true, true]);
   });
 
@@ -74,10 +74,10 @@ describe("sharing a screen", () => {
   it("is nothing where the viewer thinks better of it, and a problem where no browser can", async () => {
     const refuse = async (): Promise<never> => Promise.reject(new DOMException("", "NotAllowedError"));
     vi.stubGlobal("navigator", { mediaDevices: { getDisplayMedia: refuse } });
-    expect(await ScreenShare.choose("/whip/m", async () => "seat")).toBeNull();
+    expect(await ScreenShare.choose(async () => "https://one.example/whip/m", async () => "seat")).toBeNull();
     vi.stubGlobal("navigator", { mediaDevices: {} });
     expect(ScreenShare.isSupported()).toBe(false);
-    await expect(ScreenShare.choose("/whip/m", async () => "seat")).rejects.toMatchObject({
+    await expect(ScreenShare.choose(async () => "https://one.example/whip/m", async () => "seat")).rejects.toMatchObject({
       title: "This browser can’t share a screen",
     });
   });

@@ -2,17 +2,18 @@ import { describe, expect, it } from "vitest";
 import { Api } from "../../src/api/api";
 import { MeetingSession, socketAddress, type StoredSeat } from "../../src/meeting/session";
 import type { ControlConnection, ControlHooks } from "../../src/meeting/controlConnection";
-import type { Meeting, Seat, ToServer } from "../../src/api/types";
+import type { Meeting, MeetingHome, Seat, ToServer } from "../../src/api/types";
 import { fakeFetch, json, member, tokenStore } from "../fakes";
 
 const MEETING = { id: "m", name: "Monday", join_url: "/", performers: [], lobby: false } as unknown as Meeting;
 
-function setUp(tokens = tokenStore("guest")) {
+/** `homes`: what the server says, one after the other, of where the meeting lives. */
+function setUp(tokens = tokenStore("guest"), homes: string[] = []) {
   let seats = 0;
   const { request, calls } = fakeFetch((call) =>
     call.path.endsWith("/join")
-      ? json({ token: `seat${++seats}`, control_url: "/v1/meetings/m/control" } as Partial<Seat>)
-      : json({ ...MEETING, host_token: "host" }),
+      ? json({ token: `seat${++seats}`, gateway_url: "https://one.example" } as Partial<Seat>)
+      : call.path.endsWith("/home") ? json({ gateway_url: homes.shift() } as MeetingHome) : json({ ...MEETING, host_token: "host" }),
   );
   const api = new Api(tokens, request);
   let ticket: StoredSeat | null = null;
@@ -54,11 +55,27 @@ describe("MeetingSession", () => {
   });
 
   it("goes on from the ticket of an earlier load", async () => {
-    const { session, hooks, calls } = setUp();
-    const seat = { token: "kept", control_url: "/c" } as Seat;
+    const { session, hooks, calls } = setUp(undefined, ["https://two.example"]);
+    const seat = { token: "kept", gateway_url: "https://one.example" } as Seat;
     session.join("Ada", { meetingId: "m", name: "Ada", seat, lastRead: 0 });
-    expect(await hooks().hello(false)).toMatchObject({ token: "kept" });
-    expect(calls).toHaveLength(0);
+    const address = "wss://two.example/v1/meetings/m/control"; // the meeting may have moved since
+    expect(await hooks().hello(false)).toMatchObject({ token: "kept", address });
+    expect(calls.map(({ path, token }) => [path, token])).toEqual([["/v1/meetings/m/home", "Bearer kept"]]);
+  });
+
+  it("goes where the meeting lives, and asks anew once a connection was lost", async () => {
+    const { session, hooks, calls } = setUp(undefined, ["https://two.example", ""]);
+    const heard: (string | null)[] = [];
+    session.subscribe(() => heard.push(session.home));
+    session.join("Ada");
+    expect((await hooks().hello(false)).address).toBe("wss://one.example/v1/meetings/m/control");
+    expect(await session.addressOf("/whep/m", false)).toBe("https://one.example/whep/m");
+    expect(calls.filter(({ path }) => path.endsWith("/home"))).toHaveLength(0);
+    expect((await hooks().hello(false)).address).toBe("wss://two.example/v1/meetings/m/control");
+    expect(await session.addressOf("/whep/m", false)).toBe("https://two.example/whep/m");
+    expect(heard).toEqual([null, "https://one.example", "https://two.example"]);
+    // no gateway has an address of its own: the one that the page comes from
+    expect(await session.addressOf("/whep/m", true)).toBe(new URL("/whep/m", location.href).href);
   });
 
   it("knows after a reload what was read before", async () => {
@@ -130,8 +147,8 @@ describe("MeetingSession", () => {
 });
 
 describe("socketAddress", () => {
-  it("is as safe as the page's own", () => {
-    expect(socketAddress("/c", "https://meet.example/?x#y")).toBe("wss://meet.example/c");
-    expect(socketAddress("/c", "http://127.0.0.1:8000/")).toBe("ws://127.0.0.1:8000/c");
+  it("is as safe as that of the gateway", () => {
+    expect(socketAddress("https://meet.example/c")).toBe("wss://meet.example/c");
+    expect(socketAddress("http://127.0.0.1:8000/c")).toBe("ws://127.0.0.1:8000/c");
   });
 });

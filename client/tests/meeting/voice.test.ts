@@ -51,15 +51,17 @@ function setUp(status = 201) {
       : new Response(),
   );
   const heard: string[] = [];
+  const asked: boolean[] = [];
   const hooks = {
+    address: async (lost: boolean) => (asked.push(lost), "https://one.example/voice"),
     token: async () => "seat",
     onChange: () => heard.push([...link.slots].map(([slot, { memberId }]) => `${slot} ${memberId}`).join()),
   };
-  const link: VoiceConnection = new VoiceConnection("/voice", [], hooks, request, () => {
+  const link: VoiceConnection = new VoiceConnection([], hooks, request, () => {
     peers.push(new FakePeer());
     return peers.at(-1) as unknown as RTCPeerConnection;
   });
-  return { link, peers, calls, heard };
+  return { link, peers, calls, heard, asked };
 }
 
 describe("the voice connection", () => {
@@ -126,6 +128,18 @@ describe("the voice connection", () => {
     link.close();
   });
 
+  it("moves on to where the meeting lives now", async () => {
+    const { link, peers, calls, asked } = setUp();
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    link.reconnect();
+    await vi.advanceTimersByTimeAsync(1000);
+    expect(peers.map(({ closed }) => closed)).toEqual([true, false]);
+    expect(asked).toEqual([false, true]);
+    expect(calls.filter(({ method }) => method === "DELETE").map(({ path }) => path)).toEqual(["https://one.example/voice/1"]);
+    link.close();
+  });
+
   it("tells how long each voice waited since the last time, of those that are heard", async () => {
     const { link, peers } = setUp();
     link.assignSlots([null, "bo", "cy"]);
@@ -150,8 +164,8 @@ describe("the voice connection", () => {
     link.close();
     await vi.advanceTimersByTimeAsync(10);
     expect(calls.map(({ method, path, token }) => `${method} ${path} ${token}`)).toEqual([
-      "POST /voice Bearer seat",
-      "DELETE /voice/1 Bearer seat",
+      "POST https://one.example/voice Bearer seat",
+      "DELETE https://one.example/voice/1 Bearer seat",
     ]);
   });
 

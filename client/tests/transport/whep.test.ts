@@ -87,10 +87,11 @@ const SEAT: Seat = {
   seat: 1,
   role: "speaker",
   admission: "admitted",
-  control_url: "/v1/meetings/m/control",
+  gateway_url: "https://one.example",
+  control_url: "https://one.example/v1/meetings/m/control",
   ready: true,
   ice_servers: [{ urls: ["turn:s"], username: "9:me", credential: "c" }],
-  whep_url: "/whep/m",
+  whep_url: "https://one.example/whep/m",
   performers: [],
   viewpoint: FRONT,
 };
@@ -100,6 +101,7 @@ function setUp(answer: (call: Call, attempt: number) => Response, dataOnly = fal
   const states: WhepState[] = [];
   const heard: ArrayBuffer[] = [];
   const looks: ArrayBuffer[] = [];
+  const asked: boolean[] = [];
   let attempt = 0;
   let seats = 0;
   const { request, calls } = fakeFetch((call) =>
@@ -109,6 +111,7 @@ function setUp(answer: (call: Call, attempt: number) => Response, dataOnly = fal
     dataOnly,
     // as a MeetingSession keeps it
     seat: async (stale: boolean) => ({ ...SEAT, token: `seat${stale || seats === 0 ? ++seats : seats}` }),
+    address: async (lost: boolean) => (asked.push(lost), "https://one.example/whep/m"),
     onState: (state: WhepState) => states.push(state),
     onStream: () => undefined,
     onPose: (packet: ArrayBuffer) => heard.push(packet),
@@ -122,7 +125,7 @@ function setUp(answer: (call: Call, attempt: number) => Response, dataOnly = fal
     return peer as unknown as RTCPeerConnection;
   });
   const kinds = (): string[] => states.map(({ kind }) => kind);
-  return { link, calls, peers, states, kinds, heard, looks, configurations };
+  return { link, calls, peers, states, kinds, heard, looks, configurations, asked };
 }
 
 const accepted = (): Response =>
@@ -147,7 +150,7 @@ describe("WhepConnection", () => {
     expect(peer?.steps).toEqual(["view", "pose", "look", "video recvonly", "video sendonly", "offer", "answer"]);
     expect(peer?.channel?.label).toBe("view");
     expect(peer?.channel?.options).toEqual({ ordered: false, maxRetransmits: 0 });
-    expect(calls[0]).toMatchObject({ method: "POST", path: "/whep/m", token: "Bearer seat1" });
+    expect(calls[0]).toMatchObject({ method: "POST", path: "https://one.example/whep/m", token: "Bearer seat1" });
     expect(calls[0]?.body).toBe("offer");
     expect(kinds()).toEqual(["connecting", "live"]);
     link.close();
@@ -162,6 +165,16 @@ describe("WhepConnection", () => {
     link.setLookTrack({} as MediaStreamTrack);
     expect(peers[0]?.look.track).toBeNull();
     expect(kinds()).toEqual(["connecting", "live"]);
+    link.close();
+  });
+
+  it("asks where to go once a connection was lost", async () => {
+    const { link, peers, asked } = setUp(accepted);
+    void link.run();
+    await vi.advanceTimersByTimeAsync(10);
+    peers[0]?.become("failed");
+    await vi.advanceTimersByTimeAsync(5000);
+    expect(asked).toEqual([false, true]);
     link.close();
   });
 

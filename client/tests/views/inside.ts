@@ -24,7 +24,7 @@ export const ROSTER: Roster = {
 /** Somebody in a meeting: `hear` is what the server says, `sent` what it is asked for. */
 export function inside(answer: (call: Call) => Response = () => json({})) {
   const { request, calls } = fakeFetch((call) =>
-    call.path.endsWith("/join") ? json({ token: "seat", control_url: "/c" }) : answer(call),
+    call.path.endsWith("/join") ? json({ token: "seat", gateway_url: "" }) : answer(call),
   );
   const api = new Api(tokenStore("guest"), request);
   const sent: ToServer[] = [];

@@ -1,8 +1,10 @@
 """SDP over HTTP as in WHIP (RFC 9725) and WHEP (draft-ietf-wish-whep): what all endpoints share.
 
 `POST` of an SDP offer (`application/sdp`) to an endpoint creates a session: 201 with the answer,
-`Location` of the session resource, `ETag`, and a `Link` for each ICE server. `PATCH` of the session
-resource with candidates (`application/trickle-ice-sdpfrag`, RFC 8840) under `If-Match: ETAG`: 204.
+`Location` of the session resource, `ETag`, and a `Link` for each ICE server; 307 with the same
+endpoint's `Location` at the meeting's home (RFC 9725, section 4.5; services.homes). `PATCH` of the
+session resource with candidates (`application/trickle-ice-sdpfrag`, RFC 8840) under
+`If-Match: ETAG`: 204.
 ICE restarts (RFC 8445) are rejected (422): a client that lost its connection posts a new offer.
 `DELETE` of the session resource ends it: 200, and 204 once it has ended.
 """
@@ -10,7 +12,7 @@ ICE restarts (RFC 8445) are rejected (422): a client that lost its connection po
 from __future__ import annotations
 
 import re
-from typing import Protocol
+from typing import Any, Protocol
 
 from aiortc import RTCIceCandidate, RTCPeerConnection
 from fastapi import Request, Response, status
@@ -29,10 +31,16 @@ from services.errors import (
 )
 from services.live.aiortc_compat import candidate_from_sdp
 from services.live.ice_servers import IceServer, ice_servers
+from services.problems import problems
 
 SDP = "application/sdp"
 SDP_FRAGMENT = "application/trickle-ice-sdpfrag"
 MAX_OFFER_BYTES = 64 * 1024
+CREATED: dict[int | str, dict[str, Any]] = {
+    201: {"content": {SDP: {}}, "description": "The SDP answer."},
+    **problems(307),
+}
+"""What an endpoint answers to an offer that it takes, or sends elsewhere."""
 _MAX_FRAGMENT_BYTES = 16 * 1024
 _MAX_CANDIDATES = 64
 """In one request; each is an address to which the server then sends a few packets."""

@@ -25,7 +25,6 @@ from db.models import MeetingRow
 from services import seats
 from services.api.dependencies import CurrentGateway, Joiner
 from services.api.signalling import sdp_http
-from services.api.signalling.sdp_http import SDP
 from services.auth import Principal
 from services.container import Services
 from services.errors import NoSeat
@@ -51,6 +50,7 @@ async def create_voice_session(
     sdp_offer = await sdp_http.read_offer(request)
     meeting = await run_in_threadpool(_meeting, gateway.services, meeting_id)
     seats.require_admitted(meeting, caller)
+    await run_in_threadpool(gateway.homes.require_here, meeting_id, path)
     session_id, answer = await gateway.voices.open(
         meeting_id, caller.participant_id, sdp_offer, endpoint
     )
@@ -65,7 +65,7 @@ async def create_voice_session(
     status_code=status.HTTP_201_CREATED,
     summary="Talk in a meeting",
     response_class=Response,
-    responses={201: {"content": {SDP: {}}, "description": "The SDP answer."}},
+    responses=sdp_http.CREATED,
 )
 async def create_session(
     meeting_id: str, request: Request, gateway: CurrentGateway, caller: Joiner

@@ -13,7 +13,6 @@ from fastapi.concurrency import run_in_threadpool
 from services import seats
 from services.api.dependencies import CurrentGateway, Joiner
 from services.api.signalling import sdp_http
-from services.api.signalling.sdp_http import SDP
 from services.auth import Principal
 from services.container import Services
 from services.problems import PROBLEMS
@@ -26,7 +25,7 @@ router = APIRouter(tags=["meetings"], responses=PROBLEMS)
     status_code=status.HTTP_201_CREATED,
     summary="Watch a meeting",
     response_class=Response,
-    responses={201: {"content": {SDP: {}}, "description": "The SDP answer."}},
+    responses=sdp_http.CREATED,
 )
 async def create_session(
     meeting_id: str, request: Request, gateway: CurrentGateway, caller: Joiner
@@ -35,6 +34,7 @@ async def create_session(
     caller.require_meeting(meeting_id)
     sdp_offer = await sdp_http.read_offer(request)
     await run_in_threadpool(_require_seat, gateway.services, meeting_id, caller)
+    await run_in_threadpool(gateway.homes.require_here, meeting_id, request.url.path)
     room_is_new = not gateway.views.is_watched(meeting_id)
     session_id, sdp_answer = await gateway.views.open(
         meeting_id, sdp_offer, caller.participant_id, caller.account

@@ -13,7 +13,6 @@ from fastapi import APIRouter, Request, Response, status
 
 from services.api.dependencies import CurrentGateway, Joiner
 from services.api.signalling import sdp_http
-from services.api.signalling.sdp_http import SDP
 from services.api.signalling.voice import create_voice_session
 from services.live.sessions.voice_offer import Endpoint
 from services.problems import PROBLEMS
@@ -26,7 +25,7 @@ router = APIRouter(tags=["meetings"], responses=PROBLEMS)
     status_code=status.HTTP_201_CREATED,
     summary="Send a voice or a screen",
     response_class=Response,
-    responses={201: {"content": {SDP: {}}, "description": "The SDP answer."}},
+    responses=sdp_http.CREATED,
 )
 async def create_session(
     meeting_id: str, request: Request, gateway: CurrentGateway, caller: Joiner

@@ -162,6 +162,7 @@ ROWS = (
     ),
     Row("POST /v1/models/{model_id}/views", OWNER, request=_VIEW),
     Row("GET /v1/meetings/{meeting_id}", INVITED),
+    Row("GET /v1/meetings/{meeting_id}/home", INVITED),
     Row("POST /v1/meetings/{meeting_id}/join", INVITED, request={"json": {}}),
     Row("POST /v1/meetings/{meeting_id}/invitation", HOST),
     Row("POST /v1/meetings/{meeting_id}/performers", OWNER, 201, request=_MODEL),

@@ -20,18 +20,20 @@ from tests.services.conftest import bearer
 
 
 @asynccontextmanager
-async def on_a_port(app: FastAPI, services: Services) -> AsyncIterator[httpx.AsyncClient]:
+async def on_a_port(
+    app: FastAPI, services: Services, port: int = 0
+) -> AsyncIterator[httpx.AsyncClient]:
     """A caller of account `house` of a server that is up."""
-    config = uvicorn.Config(app, port=0, log_level="warning", lifespan="off")
+    config = uvicorn.Config(app, port=port, log_level="warning", lifespan="off")
     server = uvicorn.Server(config)
     serving = asyncio.create_task(server.serve())
     while not server.started:
         assert not serving.done(), "the server did not start"
         await asyncio.sleep(0.01)
-    port = server.servers[0].sockets[0].getsockname()[1]
+    bound = server.servers[0].sockets[0].getsockname()[1]
     try:
         async with httpx.AsyncClient(
-            base_url=f"http://127.0.0.1:{port}", headers=bearer(services), timeout=60.0
+            base_url=f"http://127.0.0.1:{bound}", headers=bearer(services), timeout=60.0
         ) as caller:
             yield caller
     finally:
