@@ -53,6 +53,20 @@ class House:
     disk: TinyDisk | None = None
     """Where uploads and jobs keep what is not finished."""
 
+    def start_gateways(self) -> None:
+        """Have both gateways run."""
+        for one in (self.gateway, self.spare):
+            if not one.runs:
+                one.start()
+
+    def home_of(self, meeting_id: str) -> MortalServer:
+        """The gateway that a meeting lives on."""
+        with self.services.reading() as unit:
+            home_id = unit.meetings.get(meeting_id).home_id
+            living = unit.gateways.renewed_since(self.services.clock() - timedelta(minutes=1))
+        (url,) = (one.url for one in living if one.id == home_id)
+        return {self.host.address: self.gateway, self.spare_address: self.spare}[url]
+
     @property
     def header(self) -> dict[str, str]:
         """Of a caller of its account."""
@@ -94,9 +108,9 @@ def a_house(*, deployed: bool) -> Iterator[House]:
         model = import_model(services, DEMO_MODEL, ACCOUNT, "Ada")
         token, _ = services.tokens.issue(ACCOUNT, ALL_SCOPES, timedelta(hours=2))
         address, environment = f"http://127.0.0.1:{port}", settings.child_environment()
-        gateway = _gateway(address, environment)
+        gateway = gateway_at(address, environment)
         spare_address = f"http://127.0.0.1:{free_port()}"
-        spare = _gateway(spare_address, environment)
+        spare = gateway_at(spare_address, environment)
         worker = MortalServer(
             [*_METANERF, "worker", "train"], lambda: True, environment=environment
         )
@@ -108,9 +122,11 @@ def a_house(*, deployed: bool) -> Iterator[House]:
         yield House(host, services, gateway, spare, spare_address, worker, **parts)
 
 
-def _gateway(address: str, environment: dict[str, str]) -> MortalServer:
+def gateway_at(address: str, environment: dict[str, str]) -> MortalServer:
+    """`metanerf serve` at an address of its own, with settings by `environment`; not started."""
     port = address.rpartition(":")[2]
     command = [*_METANERF, "serve", "--port", port]
+    environment = environment | {"METANERF_GATEWAY_URL": address}
     return MortalServer(command, lambda: _answers(address), environment=environment)
 
 

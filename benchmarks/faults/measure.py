@@ -25,6 +25,7 @@ from benchmarks.reporting.figures import FigureWriter
 MEETINGS, PEOPLE = 1, 3
 _AWAY_S = 5.0
 """Before what does not start by itself is mended."""
+_DRAINED_S = 60.0
 _COMPILED_S = 600.0
 _SETTLED_S = 2.0
 _MOVING_S = 60.0
@@ -81,10 +82,17 @@ FAULTS = (
     ),
     Fault(
         "one of two gateways is killed",
-        lambda house, crowd, work: house.gateway.kill(),
-        lambda house: house.gateway.start(),
+        lambda house, crowd, work: house.home_of(crowd.meeting_ids[0]).kill(),
+        House.start_gateways,
         _AWAY_S,
-        prepare=lambda house: house.spare.start(),
+        prepare=House.start_gateways,
+    ),
+    Fault(
+        "one of two gateways is drained",
+        lambda house, crowd, work: house.home_of(crowd.meeting_ids[0]).end(_DRAINED_S),
+        House.start_gateways,
+        deployed=False,
+        prepare=House.start_gateways,
     ),
     Fault(
         "everybody's network is cut",

@@ -70,6 +70,11 @@ class MortalServer:
         if wait:
             self.wait()
 
+    @property
+    def runs(self) -> bool:
+        """Whether it was started and has not ended."""
+        return self._process is not None and self._process.poll() is None
+
     def wait(self) -> None:
         """Return once it answers. Raises RuntimeError where it ends instead, or takes too long."""
         deadline = time.monotonic() + _STARTED_S
@@ -87,6 +92,15 @@ class MortalServer:
             with contextlib.suppress(ProcessLookupError):  # ended by itself
                 os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait()
+
+    def end(self, within_s: float) -> None:
+        """Told to end (SIGTERM), it does. Raises RuntimeError where it does not."""
+        assert self._process is not None
+        self._process.terminate()
+        try:
+            self._process.wait(within_s)
+        except subprocess.TimeoutExpired as error:
+            raise RuntimeError(f"{self._command[0]} must end when it is told to") from error
 
     def hang(self) -> None:
         """It keeps its connections and answers nobody, until it is killed."""

@@ -43,6 +43,7 @@ class Crowd:
     """Everybody of a load test, in as many processes as are asked for."""
 
     def __init__(self, plan: Plan, processes: int) -> None:
+        self.meeting_ids = [meeting_id for meeting_id, _ in plan.meetings]
         spawn = multiprocessing.get_context("spawn")
         self._parts: list[tuple[Any, Connection]] = []
         for number in range(min(processes, len(plan.meetings))):
@@ -55,6 +56,10 @@ class Crowd:
     def wait(self) -> None:
         """Until everybody has seen somebody move. Raises InvalidInput where somebody does not."""
         self._ask("wait")
+
+    def meet(self) -> None:
+        """Until everybody sees everybody of their meeting move. Raises InvalidInput as `wait`."""
+        self._ask("meet")
 
     def collect(self) -> Tally:
         """What everybody counted since the last time."""
@@ -113,8 +118,9 @@ async def _serve(plan: Plan, pipe: Connection) -> None:
         starting = asyncio.create_task(_start(people))
         busy_s = time.process_time()
         while (word := await _heard(pipe)) is not None:
-            if word == "wait":
-                pipe.send(await _all_connected(people, plan.patience_s))
+            if word in ("wait", "meet"):
+                events = [one.sees_all if word == "meet" else one.connected for one in people]
+                pipe.send(await _all_set(people, events, plan.patience_s))
                 continue
             if word.startswith("cut "):
                 for one in people:
@@ -152,15 +158,17 @@ async def _start(people: Sequence[Person]) -> None:
         connecting.add(asyncio.create_task(person.connected.wait()))
 
 
-async def _all_connected(people: Sequence[Person], patience_s: float) -> str | None:
-    """None once everybody is there, or what is to be said of those who are not."""
+async def _all_set(
+    people: Sequence[Person], events: Sequence[asyncio.Event], patience_s: float
+) -> str | None:
+    """None once the event of each has happened, or what is to be said of those whose has not."""
     try:
         async with asyncio.timeout(patience_s):
-            for person in people:
-                await person.connected.wait()
+            for event in events:
+                await event.wait()
     except TimeoutError:
         answers = sum((one.tally.answers for one in people), start=Tally().answers)
-        missing = sum(not one.connected.is_set() for one in people)
+        missing = sum(not event.is_set() for event in events)
         return (
             f"everybody must be let in within {patience_s:.0f} s; got {missing} of {len(people)} "
             f"who were not, and the answers {dict(answers)}; let the server take more viewers "

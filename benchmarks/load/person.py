@@ -17,6 +17,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from urllib.parse import urljoin
 
 import httpx
 from aiortc import (
@@ -55,7 +56,8 @@ class SharedMeeting:
     """What the people of one meeting, all of one process, know together."""
 
     addresses: Sequence[str]
-    """Of the gateways that serve it; the first that answers is taken."""
+    """Of the gateways that serve it. Each person asks another first, as at a load balancer that
+    knows nobody, and goes where they are sent."""
     meeting_id: str
     performer_ids: Sequence[str]
     sent_s: dict[int, list[float]] = field(default_factory=dict)
@@ -107,6 +109,9 @@ class Person:
         """When anybody moved last."""
         self.connected = asyncio.Event()
         """Set while somebody is seen to move."""
+        self.sees_all = asyncio.Event()
+        """Set once everybody is seen to move on one connection."""
+        self._seen: set[int] = set()
         self.tally = Tally()
         self._new = 0
         self._gap_s = 0.0
@@ -157,6 +162,8 @@ class Person:
                 self._seat = None
             finally:
                 self.connected.clear()
+                self.sees_all.clear()
+                self._seen.clear()
             attempt += 1
             away_s = self._away_until_s - time.monotonic()
             if away_s > 0.0:
@@ -167,7 +174,7 @@ class Person:
     async def _visit(self) -> None:
         """One connection, until it is lost."""
         address, seat = self._seat = self._seat or await self._join()
-        url = address.replace("http", "ws", 1) + seat["control_url"]
+        url = urljoin(address, seat["control_url"]).replace("http", "ws", 1)
         peer = RTCPeerConnection(
             RTCConfiguration(iceServers=[RTCIceServer(**one) for one in seat["ice_servers"]])
         )
@@ -198,10 +205,11 @@ class Person:
             await peer.close()
 
     async def _join(self) -> tuple[str, dict]:
-        """A seat at the first gateway that answers, and that one's address."""
+        """A seat, and the address of the gateway that the meeting lives on."""
+        at = self._index % len(self._meeting.addresses)
         path = f"/v1/meetings/{self._meeting.meeting_id}/join"
         away: httpx.TransportError | None = None
-        for address in self._meeting.addresses:
+        for address in (*self._meeting.addresses[at:], *self._meeting.addresses[:at]):
             try:
                 answer = await self._caller.post(address + path, json={"display_name": "Load"})
             except httpx.TransportError as error:
@@ -209,7 +217,8 @@ class Person:
                 continue
             if answer.status_code != 200:
                 raise Refused(answer)
-            return address, answer.json()
+            seat = answer.json()
+            return seat["gateway_url"] or address, seat
         raise away or httpx.TransportError("no gateway has an address")
 
     async def _open(
@@ -229,7 +238,7 @@ class Person:
         peer.addTransceiver("video", direction="recvonly")
         await peer.setLocalDescription(await peer.createOffer())
         answer = await self._caller.post(
-            address + seat["whep_url"],
+            urljoin(address, seat["whep_url"]),
             content=peer.localDescription.sdp,
             headers={
                 "Authorization": f"Bearer {seat['token']}",
@@ -299,6 +308,9 @@ class Person:
         self._gap_s = max(self._gap_s, now_s - self.moved_s)
         self.moved_s = now_s
         self.connected.set()
+        self._seen.add(index)
+        if len(self._seen) == len(self._meeting.performer_ids):
+            self.sees_all.set()
 
     async def _until_lost(self, peer: RTCPeerConnection) -> None:
         """Raises _Lost as soon as a browser would find the connection lost."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,6 +11,8 @@ import pytest
 from benchmarks.faults.house import a_house
 from benchmarks.faults.measure import FAULTS, strike_all
 from benchmarks.faults.work import Film, Ledger
+from benchmarks.load.crowd import gathered
+from tests.services.jobs.waiting import until
 
 KILLED = ("the training's process is killed", "the gateway is killed")
 
@@ -27,6 +31,30 @@ def test_what_is_killed_loses_nothing_and_comes_back(monkeypatch: pytest.MonkeyP
     # the meeting does not notice a training's end; a gateway's it does, and goes on
     assert rows[0]["still_s"] < rows[1]["still_s"]
     assert rows[1]["kept"] == 4
+
+
+def test_people_meet_on_one_gateway_and_go_on_together_when_it_is_drained():
+    """No balancer is sticky here: the two ask different gateways first."""
+    with a_house(deployed=False) as house:
+        house.start_gateways()
+        plan = house.host.plan(meetings=1, people=2)
+        plan = replace(plan, addresses=(house.host.address, house.spare_address), patience_s=300.0)
+        with gathered(plan, 1) as crowd:
+            crowd.meet()
+            connections = Counter(crowd.collect().answers)
+            drained = house.home_of(crowd.meeting_ids[0])
+            drained.end(within_s=60.0)
+
+            def anew() -> bool:
+                connections.update(crowd.collect().answers)
+                return connections["201"] >= 4
+
+            until(anew, "new connections of both")
+            crowd.meet()
+            left = house.home_of(crowd.meeting_ids[0])
+            assert left is not drained
+            assert left.runs
+            assert not drained.runs
 
 
 def test_what_is_lost_is_told(tmp_path: Path):
