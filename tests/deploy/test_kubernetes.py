@@ -63,8 +63,8 @@ def groups() -> list[dict[str, Any]]:
 
 def pods() -> list[dict[str, Any]]:
     """Every pod's template."""
-    deployed = [one["spec"]["template"] for one in of_kind("Deployment")]
-    return deployed + [group["template"] for group in groups()]
+    deployed = [*of_kind("Deployment"), *of_kind("StatefulSet")]
+    return [one["spec"]["template"] for one in deployed] + [group["template"] for group in groups()]
 
 
 def containers() -> Iterator[dict[str, Any]]:
@@ -145,7 +145,7 @@ def test_every_setting_is_one_and_is_valid(tmp_path: Path, monkeypatch: pytest.M
     secrets = make_secrets(tmp_path)
     known = set(load_settings().by_variable())
     for one in containers():
-        own = {given["name"]: given["value"] for given in one.get("env", ())}
+        own = {given["name"]: given["value"] for given in one.get("env", ()) if "value" in given}
         given = (shared["data"] if "envFrom" in one else {}) | own
         with monkeypatch.context() as patch:
             for name, value in given.items():
@@ -182,16 +182,34 @@ def test_pods_may_do_no_more_than_they_have_to():
 
 
 def test_a_gateway_lives_by_its_own_health_and_is_drained_before_it_ends():
-    (gateway,) = (one for one in of_kind("Deployment") if one["metadata"]["name"] == "gateway")
+    (gateway,) = of_kind("StatefulSet")
     spec = gateway["spec"]["template"]["spec"]
     (container,) = spec["containers"]
     assert container["livenessProbe"]["httpGet"]["path"] == "/healthz"
     assert container["readinessProbe"]["httpGet"]["path"] == "/readyz"
     waits_s = container["lifecycle"]["preStop"]["sleep"]["seconds"]
     assert waits_s > container["readinessProbe"]["periodSeconds"]
-    assert spec["terminationGracePeriodSeconds"] > waits_s + load_settings().jobs.stop_grace_s
+    settings = load_settings()
+    ends_s = settings.server.drain_s + settings.jobs.stop_grace_s
+    assert spec["terminationGracePeriodSeconds"] > waits_s + ends_s
     (budget,) = of_kind("PodDisruptionBudget")
     assert budget["spec"]["selector"] == gateway["spec"]["selector"]
+
+
+def test_each_gateway_is_reached_by_an_address_of_its_own():
+    (gateway,) = of_kind("StatefulSet")
+    (container,) = gateway["spec"]["template"]["spec"]["containers"]
+    given = {one["name"]: one for one in container["env"]}
+    url = given["METANERF_GATEWAY_URL"]["value"]
+    assert url.startswith("https://$(POD_NAME).")
+    assert given["POD_NAME"]["valueFrom"]["fieldRef"]["fieldPath"] == "metadata.name"
+    names = list(given)
+    assert names.index("POD_NAME") < names.index("METANERF_GATEWAY_URL")  # or it is not put in
+    services = {one["metadata"]["name"]: one["spec"] for one in of_kind("Service")}
+    for number in range(gateway["spec"]["replicas"]):
+        pod = f"gateway-{number}"
+        assert services[pod]["selector"] == {"statefulset.kubernetes.io/pod-name": pod}
+    assert services[gateway["spec"]["serviceName"]]["selector"] == {"app": "gateway"}
 
 
 def test_only_the_cluster_itself_reaches_ray():
