@@ -31,9 +31,9 @@ from services.errors import Draining, LivesElsewhere, ServerFull
 
 log = logging.getLogger(__name__)
 
-LEASE_S = 3.0
+LEASE_S = 2.5
 """A gateway that was silent for so long is nobody's home; short, for people wait until then."""
-RENEW_S = 0.75
+RENEW_S = 0.5
 _FORGOTTEN_S = 3600.0
 """After which the row of a gateway that died is deleted."""
 

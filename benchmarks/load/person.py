@@ -49,6 +49,8 @@ _LOST_S = 5.0
 """Without a pose for so long a browser finds the connection lost."""
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.5, 8.0
 """Between attempts to connect, as the page's."""
+_LONGEST_AWAY_S = 1.0
+"""While nobody answers: a page's control channel tries so often, and its picture follows."""
 
 
 @dataclass(eq=False)
@@ -159,7 +161,7 @@ class Person:
                 pause_s = max(pause_s, refusal.retry_after_s)
             except (httpx.TransportError, OSError, TimeoutError, WebSocketException):
                 self.tally.answers["away"] += 1
-                self._seat = None
+                self._seat, pause_s = None, min(pause_s, _LONGEST_AWAY_S)
             finally:
                 self.connected.clear()
                 self.sees_all.clear()

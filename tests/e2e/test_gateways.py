@@ -63,8 +63,7 @@ def gateways(tmp_path: Path) -> Iterator[Gateways]:
 
 
 def test_two_people_meet_on_one_gateway_and_go_on_when_it_is_drained(gateways: Gateways):
-    size = {"width": 512, "height": 512}
-    with open_page(**size) as ada, beside(ada, viewport=size) as bo:
+    with open_page(512, 512) as ada, beside(ada, viewport={"width": 512, "height": 512}) as bo:
         people: dict[str, Page] = {"Ada": ada, "Bo": bo}
         for name, page in people.items():
             come(page, f"{gateways.common}/?size=128", name)
