@@ -137,6 +137,15 @@ def test_a_relay_that_could_not_work_is_refused(values: dict[str, Any], words: s
         load_settings(**values)
 
 
+def test_a_gateways_address_is_scheme_and_host():
+    given = {"https://one.example.org/": "https://one.example.org", "": ""}
+    for url, kept in given.items():
+        assert load_settings(gateway_url=url).server.gateway_url == kept
+    for wrong in ("one.example.org", "https://example.org/one", "ftp://example.org", "https://"):
+        with pytest.raises(InvalidInput, match="METANERF_GATEWAY_URL.*must be scheme and host"):
+            load_settings(gateway_url=wrong)
+
+
 def test_a_secret_may_stand_in_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     secret = tmp_path / "turn_secret"
     secret.write_text("of a file\n")

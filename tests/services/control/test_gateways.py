@@ -20,7 +20,7 @@ from tests.fakes import Clock
 from tests.servers import free_port
 from tests.services.conftest import changed
 from tests.services.control.conftest import on_a_port
-from tests.services.control.page import Page
+from tests.services.control.page import Page, join
 from tests.services.control.test_voices import Headset
 from tests.services.live.viewer import Viewer
 
@@ -176,6 +176,21 @@ async def test_a_gateway_that_drains_sends_everybody_away_and_takes_nobody(
         await again.opened()
     for peer in (viewer.peer, voice.peer, again.peer):
         await peer.close()
+
+
+async def test_a_lone_gateway_that_drains_asks_for_patience(
+    app: FastAPI, caller: httpx.AsyncClient, meeting: dict
+):
+    async with await join(caller, meeting["id"], "Ada") as ada:
+        await ada.roster(lambda who: "Ada" in who)
+        async with asyncio.timeout(20.0):
+            await gateway_of(app).drain(60.0)
+        assert (await ada.gone())["reason"] == "moved"
+        async with Page(ada.url, ada.token, "Ada") as again:
+            assert (await again.gone())["problem"]["type"] == "urn:metanerf:draining"
+    for method, what in (("POST", "join"), ("GET", "home")):
+        answer = await caller.request(method, f"/v1/meetings/{meeting['id']}/{what}", json={})
+        assert (answer.status_code, answer.headers["retry-after"]) == (503, "1")
 
 
 async def test_draining_ends_at_its_deadline_where_nobody_goes(
