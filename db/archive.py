@@ -1,4 +1,5 @@
-"""The format of a backup: one tar with every row and every object that a row names.
+"""The format of a backup: one tar with every row, but for leases of gateways, and every object that
+a row names.
 
 | entry | what |
 | --- | --- |
@@ -22,6 +23,8 @@ from db.errors import BrokenArchive
 FORMAT, VERSION = "metanerf-backup", 1
 MANIFEST = "manifest.json"
 ROWS, OBJECTS = "rows/", "objects/"
+LEASES = "gateway"
+"""The table that no archive holds: its rows are of the moment."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from typing import Any
 from sqlalchemy import Connection, Engine, MetaData, select, text
 from sqlalchemy.exc import DBAPIError
 
-from db.archive import MANIFEST, OBJECTS, ROWS, Manifest, encode_row
+from db.archive import LEASES, MANIFEST, OBJECTS, ROWS, Manifest, encode_row
 from db.errors import MigrationFailed, NotFound, StoreAway
 from db.models import Base, SequenceState
 from db.objects import Objects, fetch
@@ -138,7 +138,7 @@ def _write_rows(
 ) -> tuple[Named, dict[str, int], dict[str, str]]:
     """Every row; which objects they name, how many there are of each table, its entry's hash."""
     stored = MetaData()
-    stored.reflect(connection, only=list(Base.metadata.tables))
+    stored.reflect(connection, only=[name for name in Base.metadata.tables if name != LEASES])
     named: Named = set()
     counts: dict[str, int] = {}
     hashes: dict[str, str] = {}

@@ -11,7 +11,7 @@ from typing import IO
 
 from sqlalchemy import Engine, MetaData, func, insert, inspect, select
 
-from db.archive import MANIFEST, OBJECTS, ROWS, Manifest, decode_row
+from db.archive import LEASES, MANIFEST, OBJECTS, ROWS, Manifest, decode_row
 from db.errors import ArchiveExpired, BrokenArchive, Conflict
 from db.objects import CHUNK_BYTES, Objects
 from db.unit_of_work import Database
@@ -107,7 +107,8 @@ def _require_empty(engine: Engine, objects: Objects) -> None:
             f"the object store must be empty to restore into; got objects of {len(owners)} owners; "
             "name an empty one (METANERF_OBJECT_STORE_URL)"
         )
-    known = [name for name in inspect(engine).get_table_names() if name != _VERSION_TABLE]
+    aside = (_VERSION_TABLE, LEASES)
+    known = [name for name in inspect(engine).get_table_names() if name not in aside]
     stored = MetaData()
     stored.reflect(engine, only=known)
     with engine.connect() as connection:

@@ -12,7 +12,7 @@ from sqlalchemy import select
 from db import migrations
 from db.backup import back_up
 from db.errors import ArchiveExpired, BrokenArchive, Conflict, MigrationFailed
-from db.models import Base
+from db.models import Base, GatewayRow
 from db.objects import ObstoreObjects, open_objects
 from db.restore import restore
 from db.unit_of_work import Database
@@ -182,6 +182,32 @@ def test_a_schema_of_another_version_is_refused(url: str, tmp_path: Path, object
     ):
         back_up(database, objects, tmp_path / "all.tar", NOW, MONTH)
     database.close()
+
+
+def test_leases_of_gateways_are_neither_kept_nor_in_the_way(
+    url: str, objects: ObstoreObjects, tmp_path: Path
+):
+    def with_a_gateway(at: str) -> Database:
+        database = Database(at)
+        database.migrate()
+        row = GatewayRow(
+            id="one", url="https://one.example", renewed_at=NOW, free=1, draining=False
+        )
+        with database.unit_of_work() as unit:
+            unit.gateways.renew(row)
+            unit.commit()
+        return database
+
+    database = with_a_gateway(url)
+    full_life(database, objects)
+    path = tmp_path / "all.tar"
+    assert "gateway" not in back_up(database, objects, path, NOW, MONTH).rows
+    back = with_a_gateway(f"sqlite:///{tmp_path}/new.db")
+    restore(back, open_objects(f"file://{tmp_path}/new"), path, NOW)
+    with back.reading() as unit:
+        assert len(unit.people.of_account("house")) == 1
+    for each in (database, back):
+        each.close()
 
 
 def test_an_archive_of_an_earlier_schema_is_brought_to_this_one(
