@@ -142,7 +142,7 @@ def test_a_gateways_address_is_scheme_and_host():
     for url, kept in given.items():
         assert load_settings(gateway_url=url).server.gateway_url == kept
     for wrong in ("one.example.org", "https://example.org/one", "ftp://example.org", "https://"):
-        with pytest.raises(InvalidInput, match="METANERF_GATEWAY_URL.*must be scheme and host"):
+        with pytest.raises(InvalidInput, match=r"METANERF_GATEWAY_URL.*must be scheme and host"):
             load_settings(gateway_url=wrong)
 
 
