@@ -69,6 +69,7 @@ def test_two_people_meet_on_one_gateway_and_go_on_when_it_is_drained(gateways: G
             come(page, f"{gateways.common}/?size=128", name)
         for page in people.values():
             expect(page.get_by_test_id("live-video")).to_be_visible(timeout=MINUTE)
+            page.get_by_test_id("render-mode").select_option("server", force=True)
             page.get_by_test_id("open-people").click()
             for name in people:
                 expect(page.get_by_test_id("members")).to_contain_text(name, timeout=MINUTE)
