@@ -5,7 +5,7 @@ Rows of a person hang on `person.id` as everywhere (db.models).
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import datetime, timedelta
 from enum import StrEnum
 from typing import Any
 
@@ -57,6 +57,10 @@ class Connection(StrEnum):
     POOR = "poor"
 
 
+SEAT_LAPSES_S = 30.0
+"""Silence after which a seat is free."""
+
+
 class MeetingRow(Base):
     """A room with performers in it."""
 
@@ -100,11 +104,30 @@ class MeetingRow(Base):
     )
 
     def shown_at(self, now: datetime) -> list[PerformerRow]:
-        """The performers who may be shown at `now`: those whose person consents to it then.
+        """The performers who may be shown at `now`: those whose person consents to it then and,
+        where they were brought by somebody invited, is there themselves.
 
-        The others keep their place, should the consent be given again.
+        The others keep their place, should the consent be given again, or their owner come back.
         """
-        return [one for one in self.performers if one.person.consents_to(Purpose.MEETINGS, now)]
+        there = self.accounts_at(now)
+        return [
+            one
+            for one in self.performers
+            if one.person.consents_to(Purpose.MEETINGS, now)
+            and (one.account in there or not one.brought)
+        ]
+
+    def accounts_at(self, now: datetime) -> set[str]:
+        """Of those who take part at `now`, or came or were lost a moment ago; not of who only looks
+        on, with a role or before joining."""
+        lapsed = now - timedelta(seconds=SEAT_LAPSES_S)
+        return {
+            one.account
+            for one in self.participants
+            if one.admission is Admission.ADMITTED
+            and one.role is not Role.VIEWER
+            and (one.heard_at or one.joined_at) >= lapsed
+        }
 
 
 class BanRow(Base):
@@ -135,6 +158,8 @@ class PerformerRow(Base):
     )
     """Whose motion they move by; empty: their model's own."""
     name: Mapped[str] = mapped_column(String(120))
+    brought: Mapped[bool] = mapped_column(default=False)
+    """By somebody invited, with whom they go; others are there until they are taken out."""
     place: Mapped[int]
     """Number of their place in the room, from 0; see services.arrangement."""
     front_yaw_rad: Mapped[float]

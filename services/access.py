@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from db.models import (
     JobRow,
-    MeetingRow,
     ModelRow,
     PersonRow,
     RecordingMemberRow,
@@ -14,7 +13,6 @@ from db.models import (
 from db.repositories import UnitOfWork
 from services.auth import INVITED, Principal
 from services.errors import NotInRecording
-from services.seats import require_not_removed
 
 
 def person_of(unit: UnitOfWork, caller: Principal, person_id: str) -> PersonRow:
@@ -43,14 +41,6 @@ def job_of(unit: UnitOfWork, caller: Principal, job_id: str) -> JobRow:
     job = unit.jobs.get(job_id)
     person_of(unit, caller, job.person_id)
     return job
-
-
-def meeting_of(unit: UnitOfWork, caller: Principal, meeting_id: str) -> MeetingRow:
-    """The meeting, locked for a change, if the caller may use it."""
-    meeting = unit.meetings.get_for_change(meeting_id)
-    caller.require_use(meeting.account)
-    require_not_removed(meeting, caller)
-    return meeting
 
 
 def recording_of(unit: UnitOfWork, caller: Principal, recording_id: str) -> RecordingRow:

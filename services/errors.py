@@ -93,6 +93,10 @@ class HostCommand(Forbidden):
     """Only the host may send this command."""
 
 
+class NotTakingPart(Forbidden):
+    """The caller has no seat in the meeting, or only looks on."""
+
+
 class NotHost(Forbidden):
     """Only the host of a meeting may change where it is held."""
 

@@ -71,19 +71,38 @@ def add_performer(
     meeting: MeetingRow,
     model: ModelRow,
     motion_sequence_id: str | None = None,
+    *,
+    brought: bool = False,
 ) -> PerformerRow:
     """One more performer at the first free place, who moves by a sequence's motion or by the
     model's own.
 
+    One who is `brought` by their owner, who is invited, takes the place of whom they brought
+    before. Brought performers whose owner is gone make room.
+
     Raises MeetingFull, NotCaptured where the sequence has no motion, NoConsent, or MeetingSealed
     where the meeting is sealed and a page can't draw the model, or a sequence is to move it.
     """
+    stay = meeting.accounts_at(services.clock())
+    if brought:
+        stay -= {unit.people.get(model.person_id).account}
+    for one in [one for one in meeting.performers if one.brought and one.account not in stay]:
+        meeting.performers.remove(one)
+    unit.flush()
     if len(meeting.performers) >= MOST_PERFORMERS:
         raise MeetingFull(
             f"a meeting must have at most {MOST_PERFORMERS} performers; got one more; "
             "remove somebody first",
         )
-    return _add(services, unit, meeting, model, motion_sequence_id)
+    return _add(services, unit, meeting, model, motion_sequence_id, brought)
+
+
+def take_along(meeting: MeetingRow, account: str, now: datetime) -> None:
+    """Whom somebody brought who has just left goes with them, but for another seat of theirs."""
+    if account in meeting.accounts_at(now):
+        return
+    for one in [one for one in meeting.performers if one.brought and one.account == account]:
+        meeting.performers.remove(one)
 
 
 def remove_performer(meeting: MeetingRow, performer_id: str) -> None:
@@ -178,6 +197,7 @@ def _add(
     meeting: MeetingRow,
     model: ModelRow,
     motion_sequence_id: str | None,
+    brought: bool = False,
 ) -> PerformerRow:
     if meeting.sealed:
         _require_sealable(model, motion_sequence_id)
@@ -189,6 +209,7 @@ def _add(
         model_id=model.id,
         motion_sequence_id=motion_sequence_id,
         name=person.name,
+        brought=brought,
         place=first_free([one.place for one in meeting.performers]),
     )
     skeleton = services.models.load_row(model).skeleton

@@ -64,6 +64,7 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
         errors.InvitationRenewed: "invitation-renewed",
         errors.ViewerMayNotSpeak: "viewers-look-on",
         errors.HostCommand: "host-only",
+        errors.NotTakingPart: "not-taking-part",
         errors.NotHost: "not-host",
         errors.NotPresenting: "not-presenting",
         errors.NotInMeeting: "not-in-meeting",

@@ -13,6 +13,7 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 from itertools import count
 
+from db.meeting_rows import SEAT_LAPSES_S
 from db.models import Admission, BanRow, MeetingRow, ParticipantRow, Role, new_id
 from db.repositories import UnitOfWork
 from services.auth import GUEST, INVITED, Principal
@@ -25,13 +26,13 @@ from services.errors import (
     MeetingOver,
     NoSeatFree,
     NotHost,
+    NotTakingPart,
     RemovedFromMeeting,
     SeatReleased,
 )
 
 MOST_SEATS = 100
 """Viewers of one meeting, of all gateways."""
-SEAT_LAPSES_S = 30.0
 BEAT_S = 10.0
 _RETRY_AFTER_S = 15
 TOKEN_LIFETIME = timedelta(hours=12)
@@ -153,6 +154,20 @@ def require_not_removed(meeting: MeetingRow, caller: Principal) -> None:
     if any(ban.account == caller.account for ban in meeting.bans):
         raise RemovedFromMeeting(
             "whoever comes must not have been sent out; got somebody who was; ask the host",
+        )
+
+
+def require_taking_part(meeting: MeetingRow, caller: Principal, now: datetime) -> None:
+    """Raise RemovedFromMeeting, MeetingOver or NotTakingPart unless the caller opened the meeting,
+    or their account has a seat in it and may be seen and heard."""
+    require_open(meeting)
+    require_not_removed(meeting, caller)
+    if caller.may_use(meeting.account):
+        return
+    if caller.account in {GUEST, INVITED} or caller.account not in meeting.accounts_at(now):
+        raise NotTakingPart(
+            "whoever brings somebody must sit in the meeting with the account that owns them, let "
+            "in and as more than a viewer; got one who does not; join the meeting first",
         )
 
 

@@ -289,27 +289,40 @@ function showEnrolment(clip: Clip | null, begin: (enrolment: Enrolment) => Promi
 /** Into the meeting that is on, with the new model; else into one of its own. */
 async function meet(modelId: string, name: string): Promise<void> {
   try {
-    const meeting = (await addToMeeting(modelId)) ?? (await api.createMeeting(`${name}’s meeting`, [modelId]));
+    const meeting = (await addToMeeting(modelId, name)) ?? (await api.createMeeting(`${name}’s meeting`, [modelId]));
     writeStored(BOOKMARK_KEY, null);
     setMeeting(meeting.id);
-    joinMeeting(meeting, name);
+    const stored = seatStore.get();
+    joinMeeting(meeting, name, stored?.meetingId === meeting.id ? stored : null);
   } catch (error) {
     showProblem(asProblem(error), () => void meet(modelId, name));
   }
 }
 
-async function addToMeeting(modelId: string): Promise<Meeting | null> {
+async function addToMeeting(modelId: string, name: string): Promise<Meeting | null> {
   try {
     const meeting = await meetingToJoin();
     if (!meeting) return null;
     if (!meeting.performers.some((performer) => performer.model_id === modelId)) {
-      await api.addPerformer(meeting.id, modelId);
+      await bring(meeting, modelId, name);
     }
     return await api.meeting(meeting.id);
   } catch (error) {
     // a meeting that is over, full or closed to us is no reason not to meet
     if (error instanceof Problem && [403, 404, 409].includes(error.status)) return null;
     throw error;
+  }
+}
+
+/** In somebody else's meeting only who sits in it may stand; who has to wait for that brings their model once they are in. */
+async function bring(meeting: Meeting, modelId: string, name: string): Promise<void> {
+  try {
+    await api.addPerformer(meeting.id, modelId);
+  } catch (error) {
+    if (!(error instanceof Problem) || error.status !== 403) throw error;
+    const seat = await api.join(meeting.id, name);
+    seatStore.set({ meetingId: meeting.id, name, seat, lastRead: 0 });
+    if (!meeting.lobby) await api.addPerformer(meeting.id, modelId);
   }
 }
 

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Response, status
 from fastapi.concurrency import run_in_threadpool
 
 from services import meetings, seats
-from services.access import meeting_of, model_of, sequence_of
+from services.access import model_of, sequence_of
 from services.api import meeting_shapes as shapes
 from services.api.dependencies import CurrentGateway, Joiner, Provided, Writer
 from services.auth import Principal
@@ -81,7 +81,11 @@ async def add_performer(
     services: Provided,
     caller: Writer,
 ) -> shapes.Performer:
-    """Place a model in the meeting; the other performers stay where they are."""
+    """Place a model in the meeting; the other performers stay where they are.
+
+    Whoever sits in a meeting that another account opened brings one of their own: the next takes
+    that one's place. They are shown while their owner is there.
+    """
     performer = await run_in_threadpool(_add, services, caller, meeting_id, body)
     await gateway.show_anew(meeting_id)
     return performer
@@ -169,20 +173,30 @@ def _add(
     services: Services, caller: Principal, meeting_id: str, body: shapes.NewPerformer
 ) -> shapes.Performer:
     with services.unit_of_work() as unit:
-        meeting = meeting_of(unit, caller, meeting_id)
+        meeting = unit.meetings.get_for_change(meeting_id)
+        seats.require_taking_part(meeting, caller, services.clock())
         model = model_of(unit, caller, body.model_id)
+        brought = not caller.may_use(meeting.account)
+        if brought:  # what the demo lends is nobody's to bring along
+            caller.require_account(unit.people.get(model.person_id).account)
         if body.motion_sequence_id is not None:
             sequence_of(unit, caller, body.motion_sequence_id)
-        performer = meetings.add_performer(services, unit, meeting, model, body.motion_sequence_id)
+        moved_by = body.motion_sequence_id
+        performer = meetings.add_performer(
+            services, unit, meeting, model, moved_by, brought=brought
+        )
         unit.commit()
         return shapes.Performer.of(performer, caller, services.clock())
 
 
 def _remove(services: Services, caller: Principal, meeting_id: str, performer_id: str) -> None:
     with services.unit_of_work() as unit:
-        meeting = meeting_of(unit, caller, meeting_id)
-        found = [one.account for one in meeting.performers if one.id == performer_id]
-        if meeting.account != caller.account and found:
-            caller.require_account(found[0])  # a guest sends out nobody else's
+        meeting = unit.meetings.get_for_change(meeting_id)
+        seats.require_not_removed(meeting, caller)
+        owners = {one.account for one in meeting.performers if one.id == performer_id}
+        if caller.account not in owners | {meeting.account}:
+            caller.require_use(meeting.account)
+            for owner in owners:  # a guest sends out nobody else's
+                caller.require_account(owner)
         meetings.remove_performer(meeting, performer_id)
         unit.commit()

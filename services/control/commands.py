@@ -14,7 +14,7 @@ from db.models import (
     Role,
 )
 from db.repositories import UnitOfWork
-from services import seats
+from services import meetings, seats
 from services.auth import Principal
 from services.container import Services
 from services.control.messages import (
@@ -100,6 +100,7 @@ def execute(services: Services, meeting_id: str, participant_id: str, command: C
         me = _find(meeting, participant_id)
         if isinstance(command, Leave):
             meeting.participants.remove(me)
+            meetings.take_along(meeting, me.account, services.clock())
         elif me.admission is not Admission.ADMITTED:
             raise AwaitingAdmission(
                 f"a command must come from somebody let in; got {command.type!r} from one who "

@@ -3,11 +3,12 @@
 import { MotionCapture, type Tracking } from "../motion/motionCapture";
 import { drawSkeleton } from "../landmarks/skeleton";
 import type { LiveView } from "../drawing/live";
-import { Problem } from "../api/problem";
+import { Problem, asProblem } from "../api/problem";
 import type { Performer } from "../api/types";
 import { announce, h } from "./dom";
 import { learningControl, type LearningControl } from "./learning";
 import { liveLookControl, type LiveLookControl } from "./liveLook";
+import { animatablePeople, type AnimatablePerson } from "../enrolment/keypoints";
 import { modelButtons, ownPerformers } from "./ownModels";
 import { keyProblem } from "./sealedNote";
 import { selfView } from "./selfView";
@@ -22,7 +23,7 @@ const WORDS: Record<Tracking, string> = {
 const ONLY_MOVEMENTS = "Only your movements leave this device.";
 const ONLY_SEALED = "Only your movements leave this device, sealed.";
 const NO_OWN_MODEL = new Problem(
-  "You have no model in this meeting",
+  "You have no model yet",
   "Create a model on the start page, then come back.",
 );
 
@@ -108,10 +109,31 @@ export function motionCaptureView(live: LiveView): MotionCaptureView {
     if (keyless) return showProblem(new Problem("Your movements cannot be sealed", keyless));
     const mine = ownPerformers(live.meeting.performers);
     const [first] = mine;
-    if (!first) return showProblem(NO_OWN_MODEL);
+    if (!first) return void bring();
     if (mine.length === 1) return captureAs(first);
-    const models = mine.map((one) => ({ ...one, modelId: one.model_id }));
-    show(true, statusLine("Which model is yours?"), modelButtons(live.api, models, captureAs));
+    choose(mine.map((one) => ({ ...one, modelId: one.model_id })), captureAs);
+  };
+
+  const choose = <Choice extends { name: string; modelId: string }>(models: Choice[], onChoice: (one: Choice) => void): void =>
+    show(true, statusLine("Which model is yours?"), modelButtons(live.api, models, onChoice));
+
+  /** Stand in the meeting with a model that was made before. */
+  const bring = async (): Promise<void> => {
+    show(true, statusLine("Looking for your model…"));
+    const standAs = async ({ modelId }: AnimatablePerson): Promise<void> => {
+      const performer = await live.api.addPerformer(live.meeting.id, modelId);
+      if (pressed()) captureAs(performer);
+    };
+    try {
+      const models = (await animatablePeople(live.api)).filter(({ mine }) => mine);
+      const [first] = models;
+      if (!pressed()) return;
+      if (!first) return showProblem(NO_OWN_MODEL);
+      if (models.length === 1) return await standAs(first);
+      choose(models, (one) => void standAs(one).catch((error: unknown) => showProblem(asProblem(error))));
+    } catch (error) {
+      showProblem(asProblem(error));
+    }
   };
 
   const captureAs = ({ id, name, owner }: Pick<Performer, "id" | "name" | "owner">): void => {

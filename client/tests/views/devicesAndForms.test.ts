@@ -175,12 +175,18 @@ describe("trying camera and microphone", () => {
 });
 
 describe("motion capture in the meeting", () => {
+  /** What the server answers where it is not asked for pictures. */
+  let stored: Record<string, Response> = {};
+  const list = (...items: object[]): Response => json({ items });
+  beforeEach(() => {
+    stored = { "/v1/people": list(), "/v1/models": list() };
+  });
   function view(...performers: Performer[]) {
     const getUserMedia = vi.fn(() => new Promise(() => undefined)); // the browser still asks
     vi.stubGlobal("navigator", Object.assign(Object.create(navigator), { mediaDevices: { getUserMedia } }));
-    const { request, calls } = fakeFetch(() => new Response(new Blob(["picture"])));
+    const { request, calls } = fakeFetch(({ path }) => stored[path] ?? new Response(new Blob(["picture"])));
     const watchPoses = vi.fn();
-    const live = { api: new Api(tokenStore("guest"), request), meeting: { performers }, watchPoses };
+    const live = { api: new Api(tokenStore("guest"), request), meeting: { id: "m", performers }, watchPoses };
     const made = motionCaptureView(live as unknown as LiveView);
     document.body.append(made.toggle, made.element);
     const start = async (): Promise<void> => {
@@ -257,10 +263,31 @@ describe("motion capture in the meeting", () => {
     expect(view(...performers).element.hidden).toBe(true);
   });
 
-  it("says what to do where one has no model here", async () => {
+  it("says what to do where one has no model", async () => {
     const { element, start, getUserMedia } = view(performer("Cy"));
     await start();
-    expect(element.textContent).toContain("You have no model in this meeting");
+    await soon();
+    expect(element.textContent).toContain("You have no model yet");
     expect(getUserMedia).not.toHaveBeenCalled();
+  });
+
+  it("stands in somebody else's meeting with the model that one has, without a question", async () => {
+    stored["/v1/people"] = list({ id: "p", name: "Bo", mine: true });
+    stored["/v1/models"] = list({ id: "m-Bo", person_id: "p" });
+    stored["/v1/meetings/m/performers"] = json(performer("Bo", own), 201);
+    const { element, start, getUserMedia, calls } = view(performer("Cy"));
+    await start();
+    await vi.waitFor(() => expect(element.textContent).toContain("Animating Bo."));
+    expect(calls.find(({ method }) => method === "POST")?.body).toBe(JSON.stringify({ model_id: "m-Bo", motion_sequence_id: null }));
+    expect(getUserMedia).toHaveBeenCalledTimes(1);
+  });
+
+  it("says why one may not stand there", async () => {
+    stored["/v1/people"] = list({ id: "p", name: "Bo", mine: true });
+    stored["/v1/models"] = list({ id: "m-Bo", person_id: "p" });
+    stored["/v1/meetings/m/performers"] = json({ title: "The meeting is full", detail: "at most 12" }, 409);
+    const { element, start } = view(performer("Cy"));
+    await start();
+    await vi.waitFor(() => expect(element.textContent).toContain("The meeting is full"));
   });
 });
