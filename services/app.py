@@ -20,6 +20,7 @@ from services.api import (
     environments,
     jobs,
     landmarks,
+    login,
     meetings,
     models,
     operation,
@@ -42,6 +43,7 @@ log = logging.getLogger(__name__)
 
 ROUTERS = (
     access.router,
+    login.router,
     people.router,
     consents.router,
     uploads.router,

@@ -6,11 +6,13 @@ from db.objects import Objects, open_objects
 from db.unit_of_work import Database
 from services.auth import Tokens
 from services.container import Clock, Services, utc_now
+from services.identity_provider import IdentityProvider
 from services.jobs.events import open_events
 from services.limits import RateLimit
 from services.person_models import ModelCache
 from services.problems import stored_failure
 from services.settings import Settings
+from services.tickets import Tickets
 
 
 def build_services(
@@ -33,9 +35,14 @@ def build_services(
         objects=store,
         events=open_events(settings.events.redis_url),
         tokens=Tokens(settings.signing_key(), clock),
+        tickets=Tickets(settings.signing_key(), clock),
+        identity_provider=IdentityProvider(settings.login) if settings.login.issuer else None,
         models=ModelCache(database, store, settings.models.max_cached),
         guest_limit=RateLimit(
             "guest tokens from one address", settings.security.guest_tokens_per_minute, clock
+        ),
+        login_limit=RateLimit(
+            "logins from one address", settings.security.guest_tokens_per_minute, clock
         ),
         clock=clock,
         describe_failure=stored_failure,

@@ -10,10 +10,12 @@ from typing import Any
 from db.objects import Objects
 from db.unit_of_work import Database, SqlUnitOfWork
 from services.auth import Tokens
+from services.identity_provider import IdentityProvider
 from services.jobs.events import Events
 from services.limits import RateLimit
 from services.person_models import ModelCache
 from services.settings import Settings
+from services.tickets import Tickets
 
 Clock = Callable[[], datetime]
 
@@ -28,7 +30,11 @@ class Services:
     events: Events
     tokens: Tokens
     models: ModelCache
+    tickets: Tickets
+    identity_provider: IdentityProvider | None
+    """By which people log in, if the settings name one."""
     guest_limit: RateLimit
+    login_limit: RateLimit
     clock: Clock
     describe_failure: Callable[[Exception], dict[str, Any]]
     """What the row of a job keeps of the error that ended it."""

@@ -10,6 +10,7 @@
         ├── TooManyRequests          more often than is allowed
         ├── Unavailable              not now; later
         ├── LivesElsewhere           another gateway answers this
+        ├── ProviderFault            what the provider of logins says cannot be trusted
         ├── Unusable                 what was sent cannot be used for this
         ├── ProtocolViolation        a client does not keep to the protocol it speaks
         └── WorkerDied               a job's process ended too often
@@ -55,6 +56,14 @@ class OtherMeeting(Forbidden):
 
 class AccessNotOpen(Forbidden):
     """This server has no guests."""
+
+
+class LoginNotOffered(Forbidden):
+    """Nobody logs in at this server by a provider."""
+
+
+class LoginDenied(Forbidden):
+    """The provider has not logged the caller in."""
 
 
 class NoSeat(Forbidden):
@@ -229,6 +238,10 @@ class Draining(Unavailable):
     """This gateway is about to end."""
 
 
+class ProviderAway(Unavailable):
+    """The provider by which people log in does not answer."""
+
+
 class LandmarkModelMissing(Unavailable):
     """The server has no landmark network and cannot get it."""
 
@@ -240,6 +253,10 @@ class LivesElsewhere(ServiceError):
         super().__init__(message)
         self.address = address
         """Where the same is answered."""
+
+
+class ProviderFault(ServiceError):
+    """The provider by which people log in does not answer as it must."""
 
 
 class Unusable(ServiceError):
@@ -264,6 +281,10 @@ class ProtocolViolation(ServiceError):
 
 class InvalidForm(ProtocolViolation):
     """The body is not a form with a file."""
+
+
+class LoginStale(ProtocolViolation):
+    """The caller comes back from a login that this browser did not begin, or too late."""
 
 
 class HelloExpected(ProtocolViolation):

@@ -47,7 +47,11 @@ class ProblemKind(NamedTuple):
 
 NAMES: dict[int, dict[type[SceneError], str]] = {
     307: {errors.LivesElsewhere: "lives-elsewhere"},
-    400: {errors.BadCandidate: "bad-candidate", errors.ProtocolViolation: "bad-request"},
+    400: {
+        errors.BadCandidate: "bad-candidate",
+        errors.LoginStale: "login-stale",
+        errors.ProtocolViolation: "bad-request",
+    },
     401: {errors.Unauthorized: "unauthorized"},
     403: {
         errors.Forbidden: "forbidden",
@@ -55,6 +59,8 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
         errors.NotOwner: "not-yours",
         errors.OtherMeeting: "other-meeting",
         errors.AccessNotOpen: "access-not-open",
+        errors.LoginNotOffered: "login-not-offered",
+        errors.LoginDenied: "login-denied",
         errors.NoSeat: "no-seat",
         errors.SeatReleased: "seat-given-back",
         errors.AwaitingAdmission: "not-let-in-yet",
@@ -109,6 +115,7 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
     428: {errors.PreconditionRequired: "precondition-required"},
     429: {errors.TooManyRequests: "too-many-requests"},
     500: {errors.WorkerDied: "worker-died"},
+    502: {errors.ProviderFault: "provider-fault"},
     503: {
         StoreAway: "store-away",
         DatabaseAway: "database-away",
@@ -116,6 +123,7 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
         errors.NoSeatFree: "no-seat",
         errors.ServerFull: "server-full",
         errors.Draining: "draining",
+        errors.ProviderAway: "provider-away",
         errors.LandmarkModelMissing: "landmark-model-missing",
     },
     507: {StoreFull: "no-space-left"},
@@ -163,6 +171,11 @@ def headers_of(error: Exception) -> dict[str, str]:
     return {}
 
 
+def problem_response(error: Exception) -> JSONResponse:
+    """The answer to `error`."""
+    return _response(problem_of(error), headers_of(error))
+
+
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Responses that a route may give, for the API's description."""
     return {
@@ -182,11 +195,11 @@ def install(app: FastAPI) -> None:
     """Answer every error of `app` as a problem."""
 
     async def on_error(_request: Request, error: Exception) -> JSONResponse:
-        return _response(problem_of(error), headers_of(error))
+        return problem_response(error)
 
     async def on_surprise(request: Request, error: Exception) -> JSONResponse:
         log.exception("%s %s failed", request.method, request.url.path, exc_info=error)
-        return _response(problem_of(error), headers_of(error))
+        return problem_response(error)
 
     async def on_invalid(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)

@@ -131,7 +131,7 @@ class SecuritySettings(Group):
         default=60,
         ge=1,
         validation_alias="METANERF_GUEST_TOKENS_PER_MINUTE",
-        description="Guests' tokens given to one address, a minute.",
+        description="Guests' tokens given to one address, and logins from it, a minute.",
     )
 
     @model_validator(mode="after")

@@ -1,5 +1,5 @@
 """The settings of a process, read from variables METANERF_NAME (services.setting_groups,
-services.live_settings, services.cluster_settings).
+services.live_settings, services.login_settings, services.cluster_settings).
 
 Built once at the entry point and passed down; nothing else reads the environment.
 """
@@ -19,6 +19,7 @@ from pydantic import BaseModel, SecretStr, ValidationError
 from scene.errors import InvalidInput
 from services.cluster_settings import ClusterSettings
 from services.live_settings import LiveSettings
+from services.login_settings import LoginSettings
 from services.setting_groups import (
     DatabaseSettings,
     EventSettings,
@@ -46,6 +47,7 @@ class Settings:
 
     server: ServerSettings
     security: SecuritySettings
+    login: LoginSettings
     folders: FolderSettings
     database: DatabaseSettings
     objects: ObjectSettings

@@ -1,4 +1,4 @@
-"""Tokens for guests, where access is open."""
+"""How one is let in, and tokens for guests, where access is open."""
 
 from __future__ import annotations
 
@@ -15,6 +15,15 @@ from services.limits import network_of
 from services.problems import problems
 
 router = APIRouter(prefix="/v1", tags=["access"], responses=problems(403, 422, 429))
+
+
+@router.get("/access", summary="See how one is let in")
+async def how_one_is_let_in(services: Provided) -> shapes.Access:
+    """Whether anybody may come as a guest, and whether one may log in."""
+    return shapes.Access(
+        guests=services.settings.security.open_access,
+        login=services.identity_provider is not None,
+    )
 
 
 @router.post("/guest", status_code=status.HTTP_201_CREATED, summary="Get a guest's token")

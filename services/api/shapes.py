@@ -307,6 +307,24 @@ class KeptFrames(BaseModel):
     frames: list[KeptFrame]
 
 
+class Access(BaseModel):
+    """How this server lets people in who were not invited."""
+
+    guests: bool
+    """Anybody may come as a guest."""
+    login: bool
+    """Whom its provider knows may log in."""
+
+
+class LoggedIn(BaseModel):
+    """A token for the page of somebody who has logged in."""
+
+    token: str
+    expires_at: datetime
+    name: str
+    """As the provider calls them; empty where it does not say."""
+
+
 class Guest(BaseModel):
     """A token for the page."""
 

@@ -34,6 +34,9 @@ DEFAULTS = {
     "METANERF_OPEN_ACCESS": False,
     "METANERF_METRICS_TOKEN": None,
     "METANERF_GUEST_TOKENS_PER_MINUTE": 60,
+    "METANERF_OIDC_ISSUER": None,
+    "METANERF_OIDC_CLIENT_ID": None,
+    "METANERF_OIDC_CLIENT_SECRET": None,
     "METANERF_DATA_DIR": Path("metanerf-data"),
     "METANERF_DATABASE_URL": "",
     "METANERF_OBJECT_STORE_URL": "",
@@ -144,6 +147,30 @@ def test_a_gateways_address_is_scheme_and_host():
     for wrong in ("one.example.org", "https://example.org/one", "ftp://example.org", "https://"):
         with pytest.raises(InvalidInput, match=r"METANERF_GATEWAY_URL.*must be scheme and host"):
             load_settings(gateway_url=wrong)
+
+
+def test_a_provider_is_given_with_id_and_secret_or_not_at_all():
+    whole = {
+        "oidc_issuer": "https://login.example.org",
+        "oidc_client_id": "meetings",
+        "oidc_client_secret": "of the provider",
+    }
+    made = load_settings(**whole).login
+    assert (made.issuer, made.client_id) == ("https://login.example.org", "meetings")
+    # deployments leave empty what they do not use
+    assert load_settings(**dict.fromkeys(whole, "")).login.issuer is None
+    for missing in whole:
+        with pytest.raises(InvalidInput, match=r"must be set together; got none for"):
+            load_settings(**(whole | {missing: ""}))
+
+
+def test_a_provider_is_asked_over_encrypted_lines_alone():
+    rest = {"oidc_client_id": "meetings", "oidc_client_secret": "of the provider"}
+    for right in ("https://login.example.org/realms/one", "http://127.0.0.1:9000", "http://[::1]"):
+        assert load_settings(oidc_issuer=right, **rest).login.issuer == right
+    for wrong in ("http://login.example.org", "login.example.org", "https://", "https://x/?a=b"):
+        with pytest.raises(InvalidInput, match=r"METANERF_OIDC_ISSUER: .*provider's issuer"):
+            load_settings(oidc_issuer=wrong, **rest)
 
 
 def test_a_secret_may_stand_in_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):

@@ -4,6 +4,12 @@
  * services/control/messages.py and run that, never this file.
  */
 
+/** How this server lets people in who were not invited. */
+export interface Access {
+  guests: boolean;
+  login: boolean;
+}
+
 /** Whether somebody is let into a meeting; with a lobby, the host decides. */
 export type Admission = "waiting" | "admitted" | "denied" | "removed" | "ended";
 
@@ -226,6 +232,13 @@ export interface ListedPerson {
   consent: Consent;
   /** Whether the token's account owns them, and may change and erase them. */
   mine: boolean;
+}
+
+/** A token for the page of somebody who has logged in. */
+export interface LoggedIn {
+  token: string;
+  expires_at: string;
+  name: string;
 }
 
 /** A meeting and the performers who are shown in it. */

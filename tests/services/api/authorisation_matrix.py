@@ -120,6 +120,12 @@ ROWS = (
     Row("GET /redoc", PUBLIC),
     Row("GET /", PUBLIC),
     Row("POST /v1/guest", PUBLIC, 201),
+    Row("GET /v1/access", PUBLIC),
+    # without a provider nobody logs in; with one: test_login
+    Row("GET /v1/login", PUBLIC, 403),
+    Row("GET /v1/login/callback", PUBLIC, 403),
+    Row("POST /v1/login/token", PUBLIC, 403),
+    Row("GET /v1/logout", PUBLIC, 302),
     Row("GET /v1/demo", PUBLIC),
     Row("GET /v1/landmarks/model", PUBLIC),
     Row("GET /v1/landmarks/face-model", PUBLIC),
