@@ -14,9 +14,11 @@ import "./style/devices.css";
 import "./style/self.css";
 import "./style/screens.css";
 import "./style/sealed.css";
-import { Api, type TokenStore } from "./api/api";
+import { Api } from "./api/api";
+import { SignIn } from "./api/signIn";
+import { TOKEN_KEY, browserTokens as tokens } from "./api/tokenStore";
 import { chosenDevices } from "./capture/devices";
-import { Enrolment, type Bookmark, type Clip, type UploadsUnderWay } from "./enrolment/enrol";
+import { Enrolment, browserUploads, type Bookmark, type Clip } from "./enrolment/enrol";
 import { animatablePeople, createKeypointsMeeting, type AnimatablePerson } from "./enrolment/keypoints";
 import { guideStore } from "./enrolment/recordedSteps";
 import { LiveView } from "./drawing/live";
@@ -25,8 +27,9 @@ import type { ControlState } from "./meeting/controlConnection";
 import { localParticipant } from "./meeting/state";
 import { MeetingKey } from "./sealing/meetingKey";
 import { Sealing, canSeal } from "./sealing/sealing";
-import { Problem, asProblem } from "./api/problem";
+import { NO_GUESTS, Problem, asProblem } from "./api/problem";
 import type { Meeting, NewPerson } from "./api/types";
+import { accountControl, signInView } from "./views/account";
 import { h, prefersReducedMotion } from "./views/dom";
 import { goodbyeView, lobbyView } from "./views/lobby";
 import { meetingTools } from "./views/meetingTools";
@@ -36,53 +39,41 @@ import { meetingView } from "./views/meetingView";
 import { startView } from "./views/start";
 import { enterVrButton } from "./xr/enterButton";
 
-const TOKEN_KEY = "metanerf.token";
 const BOOKMARK_KEY = "metanerf.enrolment";
-const UPLOAD_KEY = "metanerf.upload.";
-const HOST_KEY = "metanerf.host.";
 const SEALED_KEY = "metanerf.key.";
 const SEAT_KEY = "metanerf.seat";
 const NAME_KEY = "metanerf.name";
 const GUEST = "Guest";
 
-const tokens: TokenStore = {
-  // an invitation's token is for this tab; who we are as a guest, for this browser
-  get: () => sessionStorage.getItem(TOKEN_KEY) ?? localStorage.getItem(TOKEN_KEY),
-  set: (token) => {
-    sessionStorage.removeItem(TOKEN_KEY);
-    if (token === null) localStorage.removeItem(TOKEN_KEY);
-    else localStorage.setItem(TOKEN_KEY, token);
-  },
-  getHost: (meetingId) => sessionStorage.getItem(HOST_KEY + meetingId),
-  setHost: (meetingId, token) => sessionStorage.setItem(HOST_KEY + meetingId, token),
-};
 const seatStore: SeatStore = {
   get: () => readStored<StoredSeat>(SEAT_KEY),
   set: (stored) => writeStored(SEAT_KEY, stored),
 };
-const uploads: UploadsUnderWay = {
-  get: (sha256) => localStorage.getItem(UPLOAD_KEY + sha256),
-  set: (sha256, personId) => {
-    if (personId === null) localStorage.removeItem(UPLOAD_KEY + sha256);
-    else localStorage.setItem(UPLOAD_KEY + sha256, personId);
-  },
-};
 const query = new URLSearchParams(location.search);
 const api = new Api(tokens);
+const signIn = new SignIn(tokens);
+const access = signIn.access();
 const page = document.getElementById("page") as HTMLElement;
 
 let shown: View | null = null;
 let live: LiveView | null = null;
 let session: MeetingSession | null = null;
 let activeProgress: ProgressView | null = null;
+let signInWord: string | null = null;
 
 takeSecretsFromAddress();
 addEventListener("hashchange", () => takeSecretsFromAddress() && location.reload());
-const bookmark = readStored<Bookmark>(BOOKMARK_KEY);
-if (query.has("recording")) void showRecording(query.get("recording") ?? "");
-else if (query.has("recordings")) void showRecordings();
-else if (bookmark) showEnrolment(null, (enrolment) => enrolment.continueFrom(bookmark));
-else void start();
+void open();
+
+async function open(): Promise<void> {
+  const problem = signInWord === null ? null : await signIn.finish(signInWord);
+  const bookmark = readStored<Bookmark>(BOOKMARK_KEY);
+  if (problem) await showSignIn(problem);
+  else if (query.has("recording")) await showRecording(query.get("recording") ?? "");
+  else if (query.has("recordings")) await showRecordings();
+  else if (bookmark) showEnrolment(null, (enrolment) => enrolment.continueFrom(bookmark));
+  else await start();
+}
 
 /** The start screen, with a live preview of the meeting if there is one. */
 async function start(): Promise<void> {
@@ -99,7 +90,7 @@ async function start(): Promise<void> {
       live = createLiveView(session);
       live.swaying = true;
     }
-    const name = localStorage.getItem(NAME_KEY) ?? "";
+    const name = localStorage.getItem(NAME_KEY) ?? tokens.account() ?? "";
     const hooks = { name, sealing, onJoin: join, onEnrol: enrol, listPeople: () => animatablePeople(api), onAnimate: animate, onSeal: openSealed };
     show(startView(api, meeting, live, hooks));
     live?.start();
@@ -268,7 +259,7 @@ function showEnrolment(clip: Clip | null, begin: (enrolment: Enrolment) => Promi
     // the clip has arrived: no copy of it stays in the browser
     if (mark) void guideStore.forget();
   };
-  const enrolment = new Enrolment(api, (state) => view.show(state), onBookmark, uploads);
+  const enrolment = new Enrolment(api, (state) => view.show(state), onBookmark, browserUploads);
   const view = progressView(api, enrolment, clip, {
     onMeet: (modelId) => {
       enrolment.leave(); // the server goes on; the meeting is told of better models
@@ -337,7 +328,7 @@ function show(view: View): void {
   shown = view;
   activeProgress = null;
   const fullWindow = view.element.classList.contains("viewport");
-  page.replaceChildren(...(fullWindow ? [] : [header(home)]), view.element);
+  page.replaceChildren(...(fullWindow ? [] : [header(home, accountControl(access, tokens.account(), { onSignIn, onSignOut }))]), view.element);
   scrollTo(0, 0);
   // whoever uses a keyboard or a screen reader goes on from the top of the new screen
   const first = fullWindow ? view.element : view.element.querySelector<HTMLElement>("h1[tabindex]");
@@ -351,6 +342,31 @@ function home(): void {
 }
 
 function showProblem(problem: Problem, again: () => void = () => void start()): void {
+  if (problem.needsAccount) return void showSignIn(problem);
+  showNotice(problem, again);
+}
+
+/** The way in for whom `problem` keeps out, where the server has one. */
+async function showSignIn(problem: Problem): Promise<void> {
+  const { login, guests } = await access;
+  if (!login) return showNotice(problem, () => void start());
+  const onGuest = (): void => (tokens.signOut(), void start());
+  show(signInView(problem === NO_GUESTS ? null : problem, onSignIn, guests ? onGuest : null));
+}
+
+function onSignIn(): void {
+  location.assign(SignIn.address(location.pathname + location.search));
+}
+
+function onSignOut(): void {
+  giveSeatBack();
+  void guideStore.forget().finally(() => {
+    tokens.signOut();
+    location.assign("/v1/logout");
+  });
+}
+
+function showNotice(problem: Problem, again: () => void): void {
   const element = h(
     "main",
     { className: "problem-screen" },
@@ -374,9 +390,10 @@ function setMeeting(id: string | null): void {
 function takeSecretsFromAddress(): boolean {
   const secrets = new URLSearchParams(location.hash.slice(1));
   const [token, key] = [secrets.get("token"), secrets.get("key")];
+  signInWord = secrets.get("login");
   if (token) sessionStorage.setItem(TOKEN_KEY, token);
   if (key) sessionStorage.setItem(SEALED_KEY + (query.get("meeting") ?? ""), key);
-  if (!token && !key) return false;
+  if (!token && !key && signInWord === null) return false;
   history.replaceState(null, "", location.pathname + location.search);
   return true;
 }

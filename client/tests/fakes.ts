@@ -1,17 +1,21 @@
 /** Stand-ins for what only a browser or a server has. */
 
-import type { TokenStore } from "../src/api/api";
+import type { TokenStore } from "../src/api/tokenStore";
 import { Sha256 } from "../src/api/sha256";
 import type { Job, Member, Sequence } from "../src/api/types";
 import type { HashedClip } from "../src/api/upload";
 
-export function tokenStore(token: string | null): TokenStore {
+/** Of whoever has signed in by the name `account`, if by any. */
+export function tokenStore(token: string | null, account: string | null = null): TokenStore {
   const hosts = new Map<string, string>();
   return {
     get: () => token,
     set: (next) => {
       token = next;
     },
+    account: () => account,
+    signIn: (next, name) => void ([token, account] = [next, name]),
+    signOut: () => void (token = account = null),
     getHost: (id) => hosts.get(id) ?? null,
     setHost: (id, host) => void hosts.set(id, host),
   };

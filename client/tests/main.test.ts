@@ -105,7 +105,7 @@ describe("opening the page", () => {
   it("takes an invitation's token from the address, for this tab only, and out of sight", async () => {
     await open("/?meeting=m#token=invited");
     expect(location.hash).toBe("");
-    expect(calls[0]).toMatchObject({ path: "/v1/meetings/m", token: "Bearer invited" });
+    expect(calls.find(({ path }) => path !== "/v1/access")).toMatchObject({ path: "/v1/meetings/m", token: "Bearer invited" });
     expect([sessionStorage.getItem("metanerf.token"), localStorage.getItem("metanerf.token")]).toEqual(["invited", null]);
   });
 
@@ -167,6 +167,111 @@ describe("opening the page", () => {
     expect(page.textContent).toContain("The clip is gone");
     // what can't be taken up again does not come back
     expect(sessionStorage.getItem("metanerf.enrolment")).toBeNull();
+  });
+});
+
+describe("signing in", () => {
+  const keys = (store: Storage): string[] => Object.keys(store).filter((key) => key.startsWith("metanerf."));
+  /** A server with a provider; who brings this token is signed in. */
+  const provider = (guests: boolean) => ({ path, token }: Call): Response | null => {
+    if (path === "/v1/access") return json({ guests, login: true });
+    if (path === "/v1/login/token") return json({ token: "signed-in", expires_at: "", name: "Ada <b>" });
+    if (path === "/v1/guest") return guests ? json({ token: "guest" }) : json({ title: "No" }, 403);
+    return token === "Bearer old" ? json({ title: "Over" }, 401) : null;
+  };
+  let left: string[];
+
+  beforeEach(() => {
+    left = [];
+    vi.spyOn(location, "assign").mockImplementation((address) => void left.push(String(address)));
+  });
+  afterEach(() => void vi.restoreAllMocks());
+
+  it("is offered where guests are not let in, and leads back to where one was", async () => {
+    answer = provider(false);
+    const page = await open("/?meeting=m&size=256#key=AAECAwQFBgcICQoLDA0ODw");
+    expect(page.textContent).toContain("Sign in to meet");
+    expect(page.querySelector("[data-testid=as-guest]")).toBeNull();
+    find(page, "sign-in-here").click();
+    expect(left).toEqual(["/v1/login?to=%2F%3Fmeeting%3Dm%26size%3D256"]);
+    // the key of a sealed meeting waits here, and goes nowhere
+    expect(sessionStorage.getItem("metanerf.key.m")).toBe("AAECAwQFBgcICQoLDA0ODw");
+  });
+
+  it("takes the token on the way back, shows the name as text, and lets no token into an address", async () => {
+    answer = provider(false);
+    const page = await open("/?meeting=m#login=done");
+    expect([location.hash, location.search]).toEqual(["", "?meeting=m"]);
+    expect(calls.find(({ path }) => path === "/v1/meetings/m")?.token).toBe("Bearer signed-in");
+    expect(find(page, "account").textContent).toBe("Ada <b>Sign out");
+    expect(find(page, "account").querySelector("b")).toBeNull();
+    expect(find<HTMLInputElement>(page, "join-name").value).toBe("Ada <b>");
+    expect(calls.some(({ path }) => path === "/v1/guest")).toBe(false);
+    expect(find((await open("/?meeting=m")), "sign-out")).toBeTruthy();
+  });
+
+  it("ends with nothing left of whoever was here", async () => {
+    answer = provider(true);
+    const page = await open("/?meeting=m#login=done");
+    sessionStorage.setItem("metanerf.host.m", "host");
+    localStorage.setItem("another", "page");
+    find(page, "sign-out").click();
+    await vi.advanceTimersByTimeAsync(50);
+    expect(left).toEqual(["/v1/logout"]);
+    expect([...keys(sessionStorage), ...keys(localStorage)]).toEqual([]);
+    expect(localStorage.getItem("another")).toBe("page");
+  });
+
+  it.each([
+    ["denied", "You were not signed in"],
+    ["stale", "You are not signed in yet"],
+    ["away", "Nobody can sign in at the moment"],
+    ["fault", "Signing in does not work"],
+    ["<img>", "You are not signed in yet"],
+  ])("says why it came to nothing: %s", async (word, words) => {
+    answer = provider(true);
+    const page = await open(`/?meeting=m#login=${encodeURIComponent(word)}`);
+    expect(find(page, "error").textContent).toContain(words);
+    expect(localStorage.getItem("metanerf.token")).toBeNull();
+    find(page, "as-guest").click();
+    await vi.advanceTimersByTimeAsync(50);
+    expect(localStorage.getItem("metanerf.token")).toBe("guest");
+    expect(find(page, "sign-in").textContent).toBe("Sign in");
+  });
+
+  it("is not done by a link that somebody else has sent", async () => {
+    answer = (call) => (call.path === "/v1/login/token" ? json({ title: "Login stale" }, 400) : provider(true)(call));
+    const page = await open("/?meeting=m#login=done");
+    expect(find(page, "error").textContent).toContain("You are not signed in yet");
+    expect(localStorage.getItem("metanerf.token")).toBeNull();
+  });
+
+  it("is asked for again once it is over: nobody becomes a guest unasked", async () => {
+    answer = provider(true);
+    localStorage.setItem("metanerf.token", "old");
+    localStorage.setItem("metanerf.account", "Ada");
+    for (let visit = 0; visit < 2; visit++) {
+      const page = await open("/?meeting=m");
+      expect(find(page, "error").textContent).toContain("You are no longer signed in");
+      expect(calls.some(({ path }) => path === "/v1/guest")).toBe(false);
+    }
+    find(document.body, "as-guest").click();
+    await vi.advanceTimersByTimeAsync(50);
+    expect(localStorage.getItem("metanerf.token")).toBe("guest");
+  });
+
+  it("is out of sight for whoever comes by an invitation's token", async () => {
+    answer = provider(false);
+    localStorage.setItem("metanerf.token", "signed-in");
+    localStorage.setItem("metanerf.account", "Ada");
+    const page = await open("/?meeting=m#token=invited");
+    expect(calls.find(({ path }) => path === "/v1/meetings/m")?.token).toBe("Bearer invited");
+    expect(find(page, "account").textContent).toBe("Sign in");
+  });
+
+  it("is not offered where the server has no provider", async () => {
+    const page = await open("/");
+    expect(find(page, "account").textContent).toBe("");
   });
 });
 

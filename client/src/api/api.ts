@@ -1,8 +1,9 @@
 /** The server's REST calls, typed. Every failure is thrown as a Problem. */
 
-import { NO_SERVER, Problem, problemOf } from "./problem";
+import { NO_GUESTS, NO_SERVER, Problem, SIGNED_OUT, problemOf } from "./problem";
 import { loadSplats } from "./splats";
 import { readEvents } from "./sse";
+import type { TokenStore } from "./tokenStore";
 import { hashClip, sendClip, type HashedClip, type UploadProgress, type UploadRoutes } from "./upload";
 import { sleep } from "./until";
 import type {
@@ -40,15 +41,6 @@ import type {
   Upload,
   Visitor,
 } from "./types";
-
-/** Keeps the bearer token between calls (and, in the page, between reloads). */
-export interface TokenStore {
-  get(): string | null;
-  set(token: string | null): void;
-  /** What makes us the host of a meeting that we opened. */
-  getHost(meetingId: string): string | null;
-  setHost(meetingId: string, token: string): void;
-}
 
 const FINAL: ReadonlySet<Job["state"]> = new Set(["succeeded", "failed", "cancelled"]);
 
@@ -346,6 +338,8 @@ export class Api implements UploadRoutes {
   private async token(): Promise<string> {
     const known = this.tokens.get();
     if (known !== null) return known;
+    // who was signed in is not made a guest unasked
+    if (this.tokens.account() !== null) throw SIGNED_OUT;
     this.pendingToken ??= this.requestGuestToken().finally(() => {
       this.pendingToken = null;
     });
@@ -354,13 +348,7 @@ export class Api implements UploadRoutes {
 
   private async requestGuestToken(): Promise<string> {
     const response = await reached(this.request("/v1/guest", { method: "POST", headers: this.expiredToken ? { Authorization: `Bearer ${this.expiredToken}` } : {} }));
-    if (response.status === 401 || response.status === 403) {
-      throw new Problem(
-        "You need an invitation",
-        "This server lets in only people who were invited; open the link that you were sent.",
-        response.status,
-      );
-    }
+    if (response.status === 401 || response.status === 403) throw NO_GUESTS;
     if (!response.ok) {
       throw problemOf(response.status, await response.text(), response.headers.get("Retry-After"));
     }

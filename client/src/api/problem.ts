@@ -20,6 +20,11 @@ export class Problem extends Error {
     return this === NO_SERVER;
   }
 
+  /** Whoever signs in may go on. */
+  get needsAccount(): boolean {
+    return this === SIGNED_OUT || this === NO_GUESTS;
+  }
+
   static from(details: ProblemDetails): Problem {
     return new Problem(details.title, sentence(details.detail), details.status);
   }
@@ -29,6 +34,13 @@ export const NO_SERVER = new Problem(
   "The server does not answer",
   "Check that it is running and that you are connected, then try again.",
 );
+
+export const NO_GUESTS = new Problem(
+  "You need an invitation",
+  "This server lets in only people who were invited; open the link that you were sent.",
+  403,
+);
+export const SIGNED_OUT = new Problem("You are no longer signed in", "Sign in again to go on.", 401);
 
 /** The problem that an answer with an error status tells, whatever its body is. */
 export function problemOf(status: number, body: string, retryAfter: string | null = null): Problem {

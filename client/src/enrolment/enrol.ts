@@ -53,6 +53,16 @@ export interface UploadsUnderWay {
   set(sha256: string, personId: string | null): void;
 }
 
+const UPLOAD_KEY = "metanerf.upload.";
+
+export const browserUploads: UploadsUnderWay = {
+  get: (sha256) => localStorage.getItem(UPLOAD_KEY + sha256),
+  set: (sha256, personId) => {
+    if (personId === null) localStorage.removeItem(UPLOAD_KEY + sha256);
+    else localStorage.setItem(UPLOAD_KEY + sha256, personId);
+  },
+};
+
 const TRAINING: NewModel = { preset: "splats", budget_s: 20, seed: 0 };
 
 export class Enrolment {

@@ -10,10 +10,11 @@ export interface View {
   close(): void;
 }
 
-export function header(onHome: () => void): HTMLElement {
+/** `account` says who is signed in. */
+export function header(onHome: () => void, account: HTMLElement): HTMLElement {
   const home = h("button", { className: "wordmark", type: "button", onclick: onHome }, mark(), "MetaNeRF");
   home.setAttribute("aria-label", "MetaNeRF, to the start");
-  return h("header", { className: "page-header" }, home);
+  return h("header", { className: "page-header" }, home, account);
 }
 
 /** Over a picture of people: what it shows, and that a machine made it, as whoever sees it must know (EU AI Act, article 50). */
