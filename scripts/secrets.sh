@@ -19,6 +19,8 @@ secret postgres_password "$(openssl rand -hex 24)"
 secret s3_secret "$(openssl rand -hex 24)"
 secret turn_secret "$(openssl rand -hex 24)"
 secret grafana_password "$(openssl rand -hex 12)"
+# the provider's own, by which people log in; empty without one
+secret oidc_client_secret ""
 secret database_url "postgresql+psycopg://metanerf:$(cat secrets/postgres_password)@postgres:5432/metanerf"
 
 [ -e .env ] || cat > .env <<'DOTENV'
@@ -27,6 +29,9 @@ secret database_url "postgresql+psycopg://metanerf:$(cat secrets/postgres_passwo
 DOMAIN=localhost
 # Whether anybody may be a guest; otherwise only who has a token.
 OPEN_ACCESS=true
+# The OpenID provider by which people log in, and what it calls this server; its secret is secrets/oidc_client_secret.
+OIDC_ISSUER=
+OIDC_CLIENT_ID=
 # cpu or gpu: where models are trained. Add ",observe" for Prometheus and Grafana.
 COMPOSE_PROFILES=cpu
 DOTENV
