@@ -16,6 +16,7 @@ import "./style/screens.css";
 import "./style/sealed.css";
 import { Api } from "./api/api";
 import { SignIn } from "./api/signIn";
+import { readStored, writeStored } from "./api/stored";
 import { TOKEN_KEY, browserTokens as tokens } from "./api/tokenStore";
 import { chosenDevices } from "./capture/devices";
 import { Enrolment, browserUploads, type Bookmark, type Clip } from "./enrolment/enrol";
@@ -342,8 +343,7 @@ function home(): void {
 }
 
 function showProblem(problem: Problem, again: () => void = () => void start()): void {
-  if (problem.needsAccount) return void showSignIn(problem);
-  showNotice(problem, again);
+  void (problem.needsAccount ? showSignIn(problem) : showNotice(problem, again));
 }
 
 /** The way in for whom `problem` keeps out, where the server has one. */
@@ -360,10 +360,7 @@ function onSignIn(): void {
 
 function onSignOut(): void {
   giveSeatBack();
-  void guideStore.forget().finally(() => {
-    tokens.signOut();
-    location.assign("/v1/logout");
-  });
+  void guideStore.forget().finally(() => (tokens.signOut(), location.assign("/v1/logout")));
 }
 
 function showNotice(problem: Problem, again: () => void): void {
@@ -396,16 +393,6 @@ function takeSecretsFromAddress(): boolean {
   if (!token && !key && signInWord === null) return false;
   history.replaceState(null, "", location.pathname + location.search);
   return true;
-}
-
-function readStored<T>(key: string): T | null {
-  const text = sessionStorage.getItem(key);
-  return text === null ? null : (JSON.parse(text) as T);
-}
-
-function writeStored(key: string, value: unknown): void {
-  if (value === null) sessionStorage.removeItem(key);
-  else sessionStorage.setItem(key, JSON.stringify(value));
 }
 
 function nothing(): void {
