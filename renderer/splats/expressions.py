@@ -42,6 +42,18 @@ def moving_splats(
     return splats.astype(np.int32), offsets[splats].astype(np.float32)
 
 
+def moving_rows(
+    splats: Int[Array, "M"], rows: Int[Array, "G"], count: int
+) -> tuple[Int[Array, "K"], Int[Array, "K"]]:
+    """Of `count` splats, those of `rows` are taken, each as often as it is named: which of them
+    are among `splats`, which expressions move, and the place of each in these."""
+    places = np.full(count, -1)
+    places[splats] = np.arange(len(splats))
+    places = places[rows]
+    moving = np.flatnonzero(places >= 0)
+    return moving.astype(np.int32), places[moving]
+
+
 class BlendShapes:
     """Expression blend shapes of a set of models, applied in place without allocating."""
 

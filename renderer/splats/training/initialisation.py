@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from renderer.splats.cloth.hanging import on_no_cloth
-from renderer.splats.expressions import moving_splats, no_offsets, no_splats
+from renderer.splats.expressions import moving_rows, moving_splats, no_offsets, no_splats
 from renderer.splats.layout import COLOUR, LOG_SCALE, OPACITY, PARAMETERS, POSITION, ROTATION
 from renderer.splats.model import SplatModel
 from renderer.splats.settings import SplatSettings
@@ -65,17 +65,14 @@ class FirstSplats:
 
     def taken(self, rows: Int[Array, "G"]) -> FirstSplats:
         """Those of `rows`, each as often as it is named."""
-        moves = np.full(len(self.parameters), -1)
-        moves[self.expression_splats] = np.arange(len(self.expression_splats))
-        moves = moves[rows]
-        moving = np.flatnonzero(moves >= 0)
+        moving, places = moving_rows(self.expression_splats, rows, len(self.parameters))
         return FirstSplats(
             self.parameters[rows],
             self.joints[rows],
             self.weights[rows],
             self.normals[rows],
-            moving.astype(np.int32),
-            self.expression_offsets[moves[moving]],
+            moving,
+            self.expression_offsets[places],
             self.quads[rows],
         )
 

@@ -10,11 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from renderer.splats.expressions import moving_rows
 from renderer.splats.layout import COLOUR, LOG_SCALE, POSITION, ROTATION
 from renderer.splats.model import SplatModel
 from renderer.splats.training.neighbours import mean_of_neighbours
 from renderer.splats.training.surface_kinds import KINDS, surface_kinds
-from scene.arrays import Array, Bool, Float, Int
+from scene.arrays import Array, Bool, Float
 from scene.rotations import matrix_to_quaternion, quaternion_to_matrix
 from scene.skeleton import HEAD
 
@@ -71,6 +72,7 @@ def with_strands(model: SplatModel, covered: Bool[Array, "N"]) -> SplatModel:
     if albedo is not None:
         albedo = albedo[origins]
         albedo[strands] = np.clip(albedo[strands] * tones**2, 0.0, 1.0)
+    moving, moves = moving_rows(model.expression_splats, origins, len(model))
     return replace(
         model,
         parameters=parameters,
@@ -80,7 +82,8 @@ def with_strands(model: SplatModel, covered: Bool[Array, "N"]) -> SplatModel:
         albedo=albedo,
         normals=None if model.normals is None else model.normals[origins],
         quads=model.quads[origins],
-        **_expressions(model, origins),
+        expression_splats=moving,
+        expression_offsets=model.expression_offsets[moves],
     )
 
 
@@ -131,15 +134,3 @@ def _tones(places: Float[Array, "K 3"], chance: np.random.Generator) -> Float[Ar
     tones /= max(tones.std(), 1e-9)
     tones += _GRAIN * chance.standard_normal(len(tones))
     return (tones - tones.mean()) / max(tones.std(), 1e-9)
-
-
-def _expressions(model: SplatModel, origins: Int[Array, "G"]) -> dict[str, Array]:
-    """Which of the splats that come of `origins` expressions move, and how."""
-    moves = np.full(len(model), -1)
-    moves[model.expression_splats] = np.arange(len(model.expression_splats))
-    moves = moves[origins]
-    moving = np.flatnonzero(moves >= 0)
-    return {
-        "expression_splats": moving.astype(np.int32),
-        "expression_offsets": model.expression_offsets[moves[moving]],
-    }
