@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from contextlib import AbstractContextManager
 
-from benchmarks.faults.line import running
+from benchmarks.faults.line import pour, running
 
 _MOST_BYTES = 16_384
 _HOST = "127.0.0.1"
@@ -48,7 +48,7 @@ class CutLine:
             return
         back, far = await asyncio.open_connection(_HOST, self._far_port)
         self._near.add(near)
-        await asyncio.gather(self._to_service(reader, far), _pour(back, near))
+        await asyncio.gather(self._to_service(reader, far), pour(back, near))
         self._near.discard(near)
 
     async def _to_service(self, reader: asyncio.StreamReader, far: asyncio.StreamWriter) -> None:
@@ -65,16 +65,6 @@ class CutLine:
         if self.is_cut:
             for near in self._near:
                 near.transport.abort()
-
-
-async def _pour(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    try:
-        while data := await reader.read(_MOST_BYTES):
-            writer.write(data)
-            await writer.drain()
-    except ConnectionError:
-        pass
-    writer.close()
 
 
 def cut_line(port: int) -> AbstractContextManager[CutLine]:

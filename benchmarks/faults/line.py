@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol, TypeVar
+
+_MOST_BYTES = 16_384
 
 
 class Line(Protocol):
@@ -33,3 +36,14 @@ def running(line: Kind) -> Iterator[Kind]:
     finally:
         line.end()
         thread.join(10.0)
+
+
+async def pour(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Carry one way until either end of a connection is gone; closes `writer`."""
+    try:
+        while data := await reader.read(_MOST_BYTES):
+            writer.write(data)
+            await writer.drain()
+    except ConnectionError:
+        pass
+    writer.close()

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from itertools import count
 
-from benchmarks.faults.line import running
+from benchmarks.faults.line import pour, running
 
-_MOST_BYTES = 16_384
 _HOST = "127.0.0.1"
 
 
@@ -41,19 +40,9 @@ class Turns:
                 back, far = await asyncio.open_connection(_HOST, port)
             except ConnectionError:
                 continue
-            await asyncio.gather(_pour(reader, far), _pour(back, near))
+            await asyncio.gather(pour(reader, far), pour(back, near))
             return
         near.transport.abort()
-
-
-async def _pour(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    try:
-        while data := await reader.read(_MOST_BYTES):
-            writer.write(data)
-            await writer.drain()
-    except ConnectionError:
-        pass
-    writer.close()
 
 
 def turns(ports: Sequence[int]) -> AbstractContextManager[Turns]:
