@@ -18,10 +18,10 @@ from services.live.packets import (
     performer_check,
 )
 from services.live.streaming.pose_feed import PoseFeed
-from tests.services.live.test_whep import app, caller, model, open_meeting
+from tests.services.live.test_whep import model, open_meeting
 from tests.services.live.viewer import Viewer
 
-__all__ = ["app", "caller", "model"]  # fixtures
+__all__ = ["model"]  # a fixture
 
 
 def view(sequence: int, *, draws_itself: bool, sound_only: bool = False) -> bytes:

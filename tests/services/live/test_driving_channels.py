@@ -6,7 +6,7 @@ import asyncio
 import json
 import struct
 import threading
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,6 @@ from fastapi import FastAPI
 from prometheus_client import REGISTRY
 
 from db.models import Purpose
-from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
@@ -55,13 +54,6 @@ async def until(look: Callable[[], bool], what: str) -> None:
             return
         await asyncio.sleep(0.05)
     raise AssertionError(f"{what} did not happen")
-
-
-@pytest.fixture
-async def app(services: Services) -> AsyncIterator[FastAPI]:
-    made = create_app(services)
-    yield made
-    await gateway_of(made).close()
 
 
 @pytest.fixture

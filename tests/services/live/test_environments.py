@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from services.bootstrap import import_model
-from tests.services.live.test_whep import app, caller, open_meeting  # noqa: F401
+from tests.services.live.test_whep import open_meeting
 from tests.services.live.viewer import Viewer
 
 
-async def test_everybody_who_looks_sees_the_new_place(app, caller, services, model_file):  # noqa: F811
+async def test_everybody_who_looks_sees_the_new_place(app, caller, services, model_file):
     model = import_model(services, model_file, "house", "Ada")
     meeting_id, header = await open_meeting(caller, model)
     viewers = [Viewer(), Viewer()]

@@ -13,7 +13,6 @@ from fastapi import FastAPI
 from capture.storage import open_sequence
 from db.models import JobKind, Purpose, SequenceKind, SequenceRow, SequenceState
 from renderer.model_files import save_model
-from services.app import create_app
 from services.auth import ALL_SCOPES
 from services.container import Services
 from services.gateway import gateway_of
@@ -28,18 +27,6 @@ from tests.services.api.authorisation_world import DAY
 from tests.services.live.test_live_look import Sender
 
 EVERY_PURPOSE = [purpose.value for purpose in Purpose]
-
-
-@pytest.fixture
-async def app(services: Services) -> AsyncIterator[FastAPI]:
-    made = create_app(services)
-    yield made
-    await gateway_of(made).close()
-
-
-@pytest.fixture
-def views(app: FastAPI) -> ViewSessions:
-    return gateway_of(app).views
 
 
 @pytest.fixture

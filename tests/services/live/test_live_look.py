@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from aiortc import RTCDataChannel
-from fastapi import FastAPI
 
-from services.app import create_app
 from services.auth import GUEST, new_guest
 from services.bootstrap import import_model
 from services.container import Services
-from services.gateway import gateway_of
 from services.live.keypoints_packet import KeypointsPacket, encode_keypoints
 from services.live.look.packets import HEADER
 from services.live.look.receiver import FRAME_SIZE, SILENCE_S, key_frame_size
@@ -32,18 +28,6 @@ from tests.services.live.test_look_receiver import count
 from tests.services.live.viewer import Viewer
 
 FIRST_MS = 65_000
-
-
-@pytest.fixture
-async def app(services: Services) -> AsyncIterator[FastAPI]:
-    made = create_app(services)
-    yield made
-    await gateway_of(made).close()
-
-
-@pytest.fixture
-def views(app: FastAPI) -> ViewSessions:
-    return gateway_of(app).views
 
 
 @pytest.fixture

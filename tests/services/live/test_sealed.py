@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
 from functools import cache
 from typing import Any
 
-import httpx
 import pytest
 from aiortc import RTCConfiguration, RTCDataChannel, RTCPeerConnection, RTCSessionDescription
 from cryptography.exceptions import InvalidTag
 from fastapi import FastAPI
 
 from db.models import ModelRow
-from services.app import create_app
 from services.bootstrap import DEMO_MODEL, import_model
 from services.container import Services
 from services.gateway import gateway_of
@@ -36,7 +33,6 @@ from services.meetings import create_meeting
 from services.person_models import VIEWER_FILE
 from tests.renderer.studio import make_model, make_motion
 from tests.services import seeds
-from tests.services.conftest import bearer
 from tests.services.live.test_driving_channels import consent, motions, outcome, until
 from tests.services.live.viewer import Viewer
 from tools.build_sealed_cases import SEALED_CASES, cases, seal, unseal
@@ -88,22 +84,6 @@ class SealedPage:
 @pytest.fixture
 def ada(services: Services) -> ModelRow:
     return import_model(services, DEMO_MODEL, "house", "Ada")
-
-
-@pytest.fixture
-async def app(services: Services) -> AsyncIterator[FastAPI]:
-    made = create_app(services)
-    yield made
-    await gateway_of(made).close()
-
-
-@pytest.fixture
-async def caller(app: FastAPI, services: Services) -> AsyncIterator[httpx.AsyncClient]:
-    transport = httpx.ASGITransport(app, raise_app_exceptions=False)
-    async with httpx.AsyncClient(
-        transport=transport, base_url="http://test", headers=bearer(services)
-    ) as client:
-        yield client
 
 
 @pytest.fixture

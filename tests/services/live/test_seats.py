@@ -9,7 +9,6 @@ from pathlib import Path
 
 import httpx
 import pytest
-from fastapi import FastAPI
 
 from db.models import ModelRow
 from scene import Environment
@@ -60,22 +59,6 @@ class EmptyMeetings:
 @pytest.fixture
 def model(services: Services, model_file: Path) -> ModelRow:
     return import_model(services, model_file, "house", "Ada")
-
-
-@pytest.fixture
-async def app(services: Services) -> AsyncIterator[FastAPI]:
-    made = create_app(services)
-    yield made
-    await gateway_of(made).close()
-
-
-@pytest.fixture
-async def caller(app: FastAPI, services: Services) -> AsyncIterator[httpx.AsyncClient]:
-    transport = httpx.ASGITransport(app, raise_app_exceptions=False)
-    async with httpx.AsyncClient(
-        transport=transport, base_url="http://test", headers=bearer(services)
-    ) as client:
-        yield client
 
 
 @pytest.fixture

@@ -42,23 +42,6 @@ class Screen(MediaStreamTrack):
         return frame
 
 
-@pytest.fixture
-async def app(services: Services, changes: dict[str, int]):
-    settings = changed(services.settings, **changes)
-    made = create_app(replace(services, settings=settings))
-    yield made
-    await gateway_of(made).close()
-
-
-@pytest.fixture
-async def caller(app, services: Services):
-    transport = httpx.ASGITransport(app, raise_app_exceptions=False)
-    async with httpx.AsyncClient(
-        transport=transport, base_url="http://test", headers=bearer(services)
-    ) as client:
-        yield client
-
-
 class Client:
     """A WHIP client: plain aiortc and HTTP."""
 

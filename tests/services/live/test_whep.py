@@ -4,43 +4,23 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from dataclasses import replace
 from pathlib import Path
 
 import httpx
 import pytest
 
 from db.models import ModelRow
-from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
 from services.live.sessions import view_sessions
 from services.live.sessions.view_sessions import ViewSessions
-from tests.services.conftest import bearer, changed
 from tests.services.live.viewer import Viewer, view
 
 
 @pytest.fixture
 def model(services: Services, model_file: Path) -> ModelRow:
     return import_model(services, model_file, "house", "Ada")
-
-
-@pytest.fixture
-async def app(services: Services, changes: dict[str, int]):
-    settings = changed(services.settings, **changes)
-    made = create_app(replace(services, settings=settings))
-    yield made
-    await gateway_of(made).close()
-
-
-@pytest.fixture
-async def caller(app, services: Services):
-    transport = httpx.ASGITransport(app, raise_app_exceptions=False)
-    async with httpx.AsyncClient(
-        transport=transport, base_url="http://test", headers=bearer(services)
-    ) as client:
-        yield client
 
 
 async def open_meeting(caller: httpx.AsyncClient, model: ModelRow) -> tuple[str, dict[str, str]]:
