@@ -129,6 +129,11 @@ def test_a_touch_device_is_told_of_touches_and_follows_them(tmp_path):
         hint = page.locator("#controls-help")
         expect(hint).to_contain_text("Pinch")
         expect(hint).not_to_contain_text("W A S D")
+        title = page.locator(".viewport-title").bounding_box()
+        actions = page.locator(".viewport-top .viewport-actions").bounding_box()
+        assert title is not None
+        assert actions is not None
+        assert title["x"] + title["width"] <= actions["x"], "a title makes room for the buttons"
         # a page that draws people by itself leaves the video as it is
         page.get_by_test_id("render-mode").select_option("server", force=True)
         watch(page, 30)
