@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import ConsoleMessage, Page, sync_playwright
 
 from benchmarks.service import BUSY as BUSY
 from benchmarks.service import RESIDENT as RESIDENT
@@ -36,7 +36,7 @@ def chromium() -> str | None:
 
 @contextmanager
 def open_page(width: int = 1024, height: int = 768, webcam: Path | None = None) -> Iterator[Page]:
-    """A page of a fresh browser; errors of its scripts are raised.
+    """A page of a fresh browser, which must not fail (faults_of).
 
     With `webcam`, a file of Motion JPEG, its camera is allowed and shows that, over and over.
     """
@@ -46,12 +46,25 @@ def open_page(width: int = 1024, height: int = 768, webcam: Path | None = None) 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium(), args=[*_FLAGS, *camera])
         page = browser.new_page(viewport={"width": width, "height": height})
-        faults: list[str] = []
-        page.on("pageerror", lambda error: faults.append(str(error)))
+        faults = faults_of(page)
         yield page
         browser.close()
         if faults:
             raise RuntimeError(f"the page failed: {faults}")
+
+
+def faults_of(page: Page) -> list[str]:
+    """What goes wrong on `page` from now on: errors of its scripts, and what its security policy
+    keeps it from."""
+    faults: list[str] = []
+
+    def heed(message: ConsoleMessage) -> None:
+        if "Content Security Policy" in message.text:
+            faults.append(message.text)
+
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("console", heed)
+    return faults
 
 
 def processor_seconds() -> float:

@@ -10,6 +10,7 @@ from typing import Any
 
 from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
+from starlette.types import ASGIApp
 
 from db.models import JobKind
 from services import metrics, problems
@@ -17,6 +18,7 @@ from services.api import (
     access,
     consents,
     control_channel,
+    description,
     environments,
     jobs,
     landmarks,
@@ -32,6 +34,7 @@ from services.api import (
 from services.api.body_limit import LimitBodies
 from services.api.signalling import kept_frames, voice, whep, whip
 from services.container import Services
+from services.content_policy import ClosedByDefault
 from services.control import messages
 from services.cross_origin import AllowOrigins
 from services.gateway import build_gateway, gateway_of
@@ -55,6 +58,7 @@ ROUTERS = (
     recordings.router,
     landmarks.router,
     operation.router,
+    description.router,
     whep.router,
     kept_frames.router,
     voice.router,
@@ -91,6 +95,10 @@ class _Application(FastAPI):
             schemas.setdefault(name, schema)
         return document
 
+    def build_middleware_stack(self) -> ASGIApp:
+        """FastAPI's, with a policy on every answer, also on one that no route knows of."""
+        return ClosedByDefault(super().build_middleware_stack())
+
 
 def create_app(services: Services) -> FastAPI:
     """The gateway over `services`, which it closes when it ends.
@@ -103,6 +111,8 @@ def create_app(services: Services) -> FastAPI:
         description=_ABOUT,
         openapi_tags=_TAGS,
         lifespan=_lifespan,
+        docs_url=None,  # services.api.description is in its place
+        redoc_url=None,
         separate_input_output_schemas=False,
     )
     settings = services.settings
@@ -118,7 +128,7 @@ def create_app(services: Services) -> FastAPI:
         )
     for router in ROUTERS:
         app.include_router(router)
-    app.router.routes.append(page_route(settings.server.client_dir))
+    app.router.routes.append(page_route(settings.server.client_dir, gateway.homes.origins))
     return app
 
 

@@ -24,6 +24,7 @@ import { animatablePeople, createKeypointsMeeting, type AnimatablePerson } from 
 import { guideStore } from "./enrolment/recordedSteps";
 import { LiveView } from "./drawing/live";
 import { MeetingSession, type StoredSeat, type SeatStore } from "./meeting/session";
+import { reloadForNewGateways } from "./meeting/newGateways";
 import type { ControlState } from "./meeting/controlConnection";
 import { localParticipant } from "./meeting/state";
 import { MeetingKey } from "./sealing/meetingKey";
@@ -64,6 +65,7 @@ let signInWord: string | null = null;
 
 takeSecretsFromAddress();
 addEventListener("hashchange", () => takeSecretsFromAddress() && location.reload());
+reloadForNewGateways(() => location.reload());
 void open();
 
 async function open(): Promise<void> {

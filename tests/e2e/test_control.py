@@ -10,7 +10,7 @@ import httpx
 import pytest
 from playwright.sync_api import Page, expect
 
-from benchmarks.browser import open_page
+from benchmarks.browser import faults_of, open_page
 
 pytestmark = pytest.mark.e2e
 MINUTE = 60_000
@@ -22,13 +22,12 @@ _SERIOUS = """async () => (await axe.run()).violations
 
 @contextmanager
 def beside(page: Page, **look) -> Iterator[Page]:
-    """A page of somebody else, in the same browser; errors of its scripts are raised."""
+    """A page of somebody else, in the same browser, which must not fail (faults_of)."""
     browser = page.context.browser
     assert browser is not None
     context = browser.new_context(**look)
     other = context.new_page()
-    faults: list[str] = []
-    other.on("pageerror", lambda error: faults.append(str(error)))
+    faults = faults_of(other)
     yield other
     context.close()
     assert faults == []
@@ -37,7 +36,7 @@ def beside(page: Page, **look) -> Iterator[Page]:
 def serious_faults(page: Page) -> list[str]:
     """What axe finds on the page that keeps people out."""
     if not page.evaluate("'axe' in window"):
-        page.add_script_tag(path=AXE)
+        page.evaluate(AXE.read_text())  # the page itself lets no foreign script in
     return page.evaluate(_SERIOUS)
 
 

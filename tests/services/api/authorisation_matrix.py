@@ -116,8 +116,6 @@ ROWS = (
     Row("GET /metrics", PUBLIC),  # who may scrape is told apart by address: test_scraping
     Row("GET /openapi.json", PUBLIC),
     Row("GET /docs", PUBLIC),
-    Row("GET /docs/oauth2-redirect", PUBLIC),
-    Row("GET /redoc", PUBLIC),
     Row("GET /", PUBLIC),
     Row("POST /v1/guest", PUBLIC, 201),
     Row("GET /v1/access", PUBLIC),
