@@ -238,6 +238,10 @@ class JobRow(Base):
     """How often the job was claimed; only the latest attempt may write."""
     crashes: Mapped[int] = mapped_column(default=0)
     """How often its process died without a word."""
+    not_before: Mapped[datetime | None]
+    """When a job that waits for room on a full disk may be claimed."""
+    full_disks: Mapped[int] = mapped_column(default=0)
+    """How often it found a disk full."""
     worker: Mapped[str | None] = mapped_column(String(120))
     heartbeat_at: Mapped[datetime | None]
     finished_at: Mapped[datetime | None]

@@ -161,14 +161,14 @@ class Jobs(Protocol):
         """The job of that id. Raises NotFound."""
         ...
 
-    def waiting(self, kinds: Collection[JobKind]) -> dict[JobKind, int]:
+    def waiting(self, kinds: Collection[JobKind], now: datetime) -> dict[JobKind, int]:
         """How many queued jobs of each of `kinds` could be claimed now; none is not listed."""
         ...
 
     def claim(self, kinds: Collection[JobKind], worker: str, now: datetime) -> JobRow | None:
         """Take the oldest queued job of `kinds`, exclusively; None where there is none.
 
-        A training waits until its clip is captured.
+        A training waits until its clip is captured, and what found a disk full for its moment.
         """
         ...
 

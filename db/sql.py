@@ -14,6 +14,7 @@ from sqlalchemy import (
     and_,
     delete,
     func,
+    or_,
     select,
     update,
 )
@@ -227,9 +228,10 @@ class SqlJobs(_Repository):
         """See `Jobs.get`."""
         return self._get(JobRow, job_id, "job")
 
-    def waiting(self, kinds: Collection[JobKind]) -> dict[JobKind, int]:
+    def waiting(self, kinds: Collection[JobKind], now: datetime) -> dict[JobKind, int]:
         """See `Jobs.waiting`."""
-        query = select(JobRow.kind, func.count()).where(*_claimable(kinds)).group_by(JobRow.kind)
+        query = select(JobRow.kind, func.count()).where(*_claimable(kinds, now))
+        query = query.group_by(JobRow.kind)
         return {kind: int(count) for kind, count in self._session.execute(query)}
 
     def claim(self, kinds: Collection[JobKind], worker: str, now: datetime) -> JobRow | None:
@@ -237,7 +239,7 @@ class SqlJobs(_Repository):
         # PostgreSQL skips rows that another worker holds; SQLite has one writer at a time anyway
         query = (
             select(JobRow)
-            .where(*_claimable(kinds))
+            .where(*_claimable(kinds, now))
             .order_by(JobRow.created_at)
             .limit(1)
             .with_for_update(skip_locked=True)
@@ -245,6 +247,7 @@ class SqlJobs(_Repository):
         job = self._session.scalars(query).first()
         if job is not None:
             job.state, job.worker, job.heartbeat_at = JobState.RUNNING, worker, now
+            job.not_before = job.error = None
             job.attempt += 1
         return job
 
@@ -429,14 +432,16 @@ def _tables_of_persons() -> list[Table]:
     return [table for table in Base.metadata.sorted_tables if "person_id" in table.c]
 
 
-def _claimable(kinds: Collection[JobKind]) -> tuple[ColumnElement[bool], ...]:
-    """Queued jobs of `kinds`, but no training whose clip is still to be captured."""
+def _claimable(kinds: Collection[JobKind], now: datetime) -> tuple[ColumnElement[bool], ...]:
+    """Queued jobs of `kinds`, but no training whose clip is still to be captured, and none that
+    still waits for room."""
     uncaptured = select(SequenceRow.id).where(
         SequenceRow.id == JobRow.sequence_id,
         SequenceRow.state.in_([SequenceState.UPLOADED, SequenceState.CAPTURING]),
     )
     waits_for_capture = and_(JobRow.kind == JobKind.TRAIN, uncaptured.exists())
-    return (JobRow.state == JobState.QUEUED, JobRow.kind.in_(kinds), ~waits_for_capture)
+    may_begin = or_(JobRow.not_before.is_(None), JobRow.not_before <= now)
+    return (JobRow.state == JobState.QUEUED, JobRow.kind.in_(kinds), ~waits_for_capture, may_begin)
 
 
 def _count(result: object) -> int:

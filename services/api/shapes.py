@@ -270,7 +270,12 @@ class Job(BaseModel):
         description="What was trained; until the job ends, the best there is so far: while its "
         "clip is being captured, a first likeness."
     )
-    error: Problem | None
+    error: Problem | None = Field(
+        description="Why it failed; of a queued job, why it waits for room on a full disk."
+    )
+    retry_at: datetime | None = Field(
+        description="When a job that waits for room is tried again, if nobody resumes it before."
+    )
 
     @classmethod
     def of(cls, row: JobRow) -> Job:
@@ -284,6 +289,7 @@ class Job(BaseModel):
             sequence_id=row.sequence_id,
             model_id=row.model_id,
             error=Problem(**row.error) if row.error else None,
+            retry_at=row.not_before,
         )
 
 

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from db.errors import DatabaseAway, NotFound, StoreAway
+from db.errors import DatabaseAway, NotFound, StoreAway, StoreFull
 from db.models import JobKind, JobRow, JobState
 from scene.errors import SceneError
 from services.composition import build_services
@@ -25,7 +25,16 @@ from services.jobs.capture_job import run_capture
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.export_job import run_export
 from services.jobs.lease import JobLease
-from services.jobs.queue import STORE_AWAY, Orphan, drop_orphans, fail, finish, requeue
+from services.jobs.queue import (
+    STORE_AWAY,
+    Orphan,
+    drop_orphans,
+    fail,
+    finish,
+    is_full,
+    requeue,
+    wait_for_room,
+)
 from services.jobs.report import JobStopped, Reporter
 from services.jobs.scratch import scratch_folder
 from services.jobs.train_job import run_train
@@ -56,7 +65,7 @@ def main(arguments: list[str]) -> int:
     services = build_services(settings)
     try:
         return _run(services, settings, job_id, attempt)
-    except (StoreAway, DatabaseAway) as error:
+    except (StoreAway, DatabaseAway, StoreFull) as error:  # full: the database's own disk
         log.warning("job %s could not go on: %s", job_id, error)
         return STORE_AWAY
     finally:
@@ -117,7 +126,9 @@ def _end(services: Services, claimed: JobRow, error: Exception) -> None:
             return
         if job.state is not JobState.RUNNING or job.attempt != claimed.attempt:
             return
-        if not isinstance(error, JobStopped):
+        if is_full(error):
+            orphans = wait_for_room(unit, job, error, now, services.describe_failure)
+        elif not isinstance(error, JobStopped):
             orphans = fail(unit, job, error, now, services.describe_failure)
         elif job.cancel_requested:
             orphans = finish(unit, job, JobState.CANCELLED, now, message="cancelled")

@@ -33,7 +33,7 @@ class Ended:
     def with_code(cls, code: int) -> Ended:
         """How a job's process ended that left this exit code; negative: by that signal."""
         if code == STORE_AWAY:
-            return cls("the database or the object store was away", is_crash=False)
+            return cls("the database or the object store was away or full", is_crash=False)
         if code == -signal.SIGKILL:
             return cls("its process was killed, as happens when memory runs out", is_crash=True)
         if code < 0:

@@ -2,10 +2,10 @@
 
 A training may be queued before its clip is captured, and waits for that. A capture that fails or
 is cancelled takes its sequence and such trainings with it, since there is nothing to be had from
-it; the jobs stay and say why. Only a full disk is not the clip's fault: then the clip stays and the
-capture can be resumed. All functions work within the caller's transaction; those that end a job
-return the objects that nothing points at afterwards, for the caller to delete once the transaction
-is committed.
+it; the jobs stay and say why. Only a full disk is not the clip's fault: then the clip stays, and
+the job waits for room and is tried again. All functions work within the caller's transaction; those
+that end a job return the objects that nothing points at afterwards, for the caller to delete once
+the transaction is committed.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from db.errors import NotFound, StoreFull
@@ -30,6 +30,11 @@ Orphan = tuple[str, str]
 DescribeFailure = Callable[[Exception], dict[str, Any]]
 """What a job's row keeps of the error that ended it, with what people read as `detail`."""
 _WAITING, _WAITING_FOR_CAPTURE = "waiting for a worker", "waiting for the capture"
+
+
+_SHORTEST_WAIT_S, _LONGEST_WAIT_S = 5.0, 300.0
+_MOST_FULL_DISKS = 290
+"""After which a job fails that found a disk full each time; with the longest wait, a day."""
 
 
 def enqueue(
@@ -88,20 +93,25 @@ def clip_gone() -> ClipGone:
 
 
 def resume(unit: UnitOfWork, job: JobRow) -> None:
-    """Queue a cancelled or failed job again; a training goes on from its checkpoint.
+    """Queue a cancelled or failed job again, or one that waits for room at once; a training goes
+    on from its checkpoint.
 
     Raises NotResumable for a job that is not over, or whose sequence is gone; ClipGone where that
     was only for a model that is made.
     """
-    if job.state not in (JobState.CANCELLED, JobState.FAILED) or job.sequence_id is None:
+    waits_for_room = job.state is JobState.QUEUED and job.not_before is not None
+    over = job.state in (JobState.CANCELLED, JobState.FAILED)
+    if not (over or waits_for_room) or job.sequence_id is None:
         raise NotResumable(
-            "only a cancelled or failed job of a stored sequence can be resumed; got a "
+            "only a job of a stored sequence that was cancelled, failed or waits for room can be "
+            "resumed; got a "
             f"{job.kind} job that is {job.state}; start a new one",
         )
     if unit.sequences.get(job.sequence_id).state is SequenceState.FORGOTTEN:
         raise clip_gone()
     job.state, job.error, job.finished_at = JobState.QUEUED, None, None
-    job.cancel_requested, job.crashes = False, 0
+    job.cancel_requested, job.crashes, job.full_disks = False, 0, 0
+    job.not_before = None
     job.message = _WAITING
 
 
@@ -116,6 +126,29 @@ def interrupted(unit: UnitOfWork, job: JobRow, reason: str, now: datetime) -> li
     if job.cancel_requested:
         return finish(unit, job, JobState.CANCELLED, now, message="cancelled")
     requeue(job, f"{reason}; trying again")
+    return []
+
+
+def is_full(error: Exception) -> bool:
+    """Whether `error` is that a disk is full."""
+    return isinstance(error, StoreFull) or no_space(error) is not None
+
+
+def wait_for_room(
+    unit: UnitOfWork, job: JobRow, error: Exception, now: datetime, describe: DescribeFailure
+) -> list[Orphan]:
+    """A running job found a disk full: keep its clip and checkpoint, and try again, after twice as
+    long each time. It fails once it has waited for about a day."""
+    if job.cancel_requested:
+        return finish(unit, job, JobState.CANCELLED, now, message="cancelled")
+    job.full_disks += 1
+    if job.full_disks > _MOST_FULL_DISKS:
+        return fail(unit, job, error, now, describe)
+    job.error = described = describe(error)
+    requeue(job, f"waiting for room: {described['detail']}"[:500])
+    doubled_s = _SHORTEST_WAIT_S * 2.0 ** min(job.full_disks - 1, 10)
+    job.not_before = now + timedelta(seconds=min(doubled_s, _LONGEST_WAIT_S))
+    _keep_clip(unit, job)
     return []
 
 
@@ -142,7 +175,7 @@ def finish(
     unit: UnitOfWork, job: JobRow, state: JobState, now: datetime, *, message: str = ""
 ) -> list[Orphan]:
     """End a job that succeeded or was cancelled."""
-    job.state, job.finished_at = state, now
+    job.state, job.finished_at, job.not_before = state, now, None
     job.message, job.error = message[:500], None
     if state is JobState.SUCCEEDED:
         job.progress = 1.0
@@ -163,8 +196,8 @@ def fail(
     job.message = described["detail"][:500]
     if job.kind is not JobKind.CAPTURE:
         return _forget_frames(unit, job)
-    if job.sequence_id is not None and (isinstance(error, StoreFull) or no_space(error)):
-        unit.sequences.get(job.sequence_id).state = SequenceState.UPLOADED
+    if is_full(error):
+        _keep_clip(unit, job)
         return []
     return _discard_sequence(unit, job)
 
@@ -239,6 +272,12 @@ def forget(sequence: SequenceRow, jobs: list[JobRow]) -> list[Orphan]:
         orphans += drop_checkpoint(one)
         one.preview, one.preview_version = None, 0
     return orphans
+
+
+def _keep_clip(unit: UnitOfWork, job: JobRow) -> None:
+    """Have the clip of a capture that could not go on be there for the next attempt."""
+    if job.kind is JobKind.CAPTURE and job.sequence_id is not None:
+        unit.sequences.get(job.sequence_id).state = SequenceState.UPLOADED
 
 
 def _discard_sequence(unit: UnitOfWork, job: JobRow) -> list[Orphan]:

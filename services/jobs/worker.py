@@ -80,7 +80,7 @@ class Worker:
 
     def _take_jobs(self) -> None:
         with self._services.reading() as unit:
-            waiting = unit.jobs.waiting(self._kinds)
+            waiting = unit.jobs.waiting(self._kinds, self._services.clock())
         while True:
             kinds = self._kinds_with_room(waiting)
             job = self._claim(kinds) if kinds else None

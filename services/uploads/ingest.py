@@ -46,12 +46,13 @@ class ReceivedFile:
 def existing_sequence(services: Services, person_id: str, sha256: str) -> SequenceRow | None:
     """The sequence that was made of the same bytes before, if any: a retry is free.
 
-    Where its capture failed and can be resumed, that is what whoever sends it again wants.
+    Where its capture failed or waits for room, it is tried at once, which is what whoever sends
+    the clip again wants.
     """
     with services.unit_of_work() as unit:
         known = unit.sequences.with_source(person_id, sha256)
         capture = known and unit.jobs.latest(known.id, JobKind.CAPTURE)
-        if capture and capture.state is JobState.FAILED:
+        if capture and (capture.state is JobState.FAILED or capture.not_before is not None):
             resume(unit, capture)
         unit.commit()
     if capture:

@@ -173,7 +173,10 @@ export interface Job {
   sequence_id: string | null;
   /** What was trained; until the job ends, the best there is so far: while its clip is being captured, a first likeness. */
   model_id: string | null;
+  /** Why it failed; of a queued job, why it waits for room on a full disk. */
   error: Problem | null;
+  /** When a job that waits for room is tried again, if nobody resumes it before. */
+  retry_at: string | null;
 }
 
 /** What a job does. */

@@ -1,4 +1,4 @@
-"""A full disk ends a job with the reason, leaves nothing half-written, and can be mended."""
+"""A job that finds a disk full says so, leaves nothing half-written, and goes on by itself."""
 
 from __future__ import annotations
 
@@ -45,12 +45,16 @@ def _end(caller: httpx.Client, job_id: str) -> dict:
     return job_when(caller, job_id, lambda job: job["state"] in _OVER, "the end of the job")
 
 
-def _is_told(job: dict) -> None:
-    assert job["state"] == "failed", job
+def _waits(caller: httpx.Client, job_id: str) -> dict:
+    """The job, as it waits for room and says so."""
+    job = job_when(caller, job_id, lambda job: job["retry_at"] or job["state"] in _OVER, "the wait")
+    assert job["state"] == "queued", job
+    assert job["message"].startswith("waiting for room: the disk needs free space")
     assert job["error"]["type"] == "urn:metanerf:no-space-left"
     assert job["error"]["status"] == 507
     assert "the disk needs free space" in job["error"]["detail"]
     assert "free some and retry" in job["error"]["detail"]
+    return job
 
 
 @pytest.mark.parametrize(
@@ -63,7 +67,7 @@ def _is_told(job: dict) -> None:
     ],
     indirect=["disk"],
 )
-def test_a_training_says_what_is_full_and_is_resumed(
+def test_a_training_says_what_is_full_and_goes_on_by_itself(
     working: Settings, disk: TinyDisk, sequence_folder: Path, room_bytes: int
 ):
     services = build_services(working)
@@ -75,17 +79,17 @@ def test_a_training_says_what_is_full_and_is_resumed(
         disk.leave(room_bytes)
         answer = caller.post(f"/v1/sequences/{sequence.id}/models", json={"budget_s": 1.0})
         job_id = answer.json()["id"]
-        _is_told(_end(caller, job_id))
+        _waits(caller, job_id)
         assert set(stored_files(working)) == before
         disk.resize(PLENTY)
-        assert caller.post(f"/v1/jobs/{job_id}/resume").status_code == 202
         mended = _end(caller, job_id)
         assert (mended["state"], mended["error"]) == ("succeeded", None)
+        assert mended["retry_at"] is None
         assert caller.get(f"/v1/models/{mended['model_id']}").status_code == 200
 
 
 @pytest.mark.parametrize("disk", ["scratch"], indirect=True)
-def test_a_capture_keeps_the_clip_and_is_tried_again(
+def test_a_capture_keeps_the_clip_and_is_tried_at_once_on_request(
     working: Settings, disk: TinyDisk, pose_model: Path
 ):
     clip = seeds.real_frames()
@@ -94,11 +98,12 @@ def test_a_capture_keeps_the_clip_and_is_tried_again(
         uploaded = upload(caller, "frames.zip", clip)
         job_id = uploaded["job_id"]
         disk.leave(500_000)  # the clip fits, the sequence that is made of it does not
-        _is_told(_end(caller, job_id))
+        first = _waits(caller, job_id)
         assert caller.get(f"/v1/sequences/{uploaded['id']}").json()["state"] == "uploaded"
         disk.leave(20_000)  # not even the clip
         assert caller.post(f"/v1/jobs/{job_id}/resume").status_code == 202
-        _is_told(_end(caller, job_id))
+        job_when(caller, job_id, lambda job: job["retry_at"] != first["retry_at"], "a try")
+        _waits(caller, job_id)
         assert [path.name for path in stored_files(working)] == [uploaded["sha256"]]
         disk.resize(PLENTY)
         path = f"/v1/people/{uploaded['person_id']}/sequences"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,7 +13,17 @@ from db.models import JobKind, JobRow, JobState, SequenceState
 from services.composition import build_services
 from services.container import Services
 from services.jobs.lease import reclaim_expired
-from services.jobs.queue import crashed, drop_orphans, enqueue, fail, finish, interrupted
+from services.jobs.queue import (
+    cancel,
+    crashed,
+    drop_orphans,
+    enqueue,
+    fail,
+    finish,
+    interrupted,
+    resume,
+    wait_for_room,
+)
 from services.problems import stored_failure
 from services.settings import Settings
 from tests.fakes import Clock
@@ -165,3 +176,81 @@ def test_a_cancelled_job_that_crashes_is_cancelled(services: Services, sequence_
         crashed(unit, job, "it died", services.clock(), stored_failure, at_most=3)
         unit.commit()
     assert job.state is JobState.CANCELLED
+
+
+FULL = OSError(errno.ENOSPC, "No space left on device")
+
+
+def _finds_it_full(services: Services) -> JobRow:
+    """The job that is claimed now, after it found a disk full."""
+    job_id = _claim(services).id
+    with services.unit_of_work() as unit:
+        job = unit.jobs.get(job_id)
+        wait_for_room(unit, job, FULL, services.clock(), stored_failure)
+        unit.commit()
+    return job
+
+
+def _claimable(services: Services) -> dict[JobKind, int]:
+    with services.reading() as unit:
+        return unit.jobs.waiting(list(JobKind), services.clock())
+
+
+def test_a_job_waits_for_room_longer_each_time_and_gives_up_after_a_day(
+    services: Services, clock: Clock, sequence_folder: Path
+):
+    seeds.queued_training(services, seeds.captured(services, sequence_folder))
+    waits: list[float] = []
+    job = _finds_it_full(services)
+    while job.state is JobState.QUEUED:
+        assert job.error is not None
+        assert job.error["status"] == 507
+        assert job.not_before is not None
+        waits.append((job.not_before - clock()).total_seconds())
+        assert _claimable(services) == {}
+        clock.advance(seconds=waits[-1])
+        assert _claimable(services) == {JobKind.TRAIN: 1}
+        job = _finds_it_full(services)
+    assert waits[:8] == [5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 300.0, 300.0]
+    assert 23 * 3600.0 < sum(waits) < 25 * 3600.0
+    assert job.state is JobState.FAILED
+    with services.unit_of_work() as unit:
+        job = unit.jobs.get(job.id)
+        resume(unit, job)  # by hand it gets another day
+        unit.commit()
+    assert (job.state, job.full_disks, job.error) == (JobState.QUEUED, 0, None)
+
+
+def test_what_waits_for_room_keeps_its_checkpoint_and_may_be_hurried_or_cancelled(
+    services: Services, sequence_folder: Path
+):
+    sequence = seeds.captured(services, sequence_folder)
+    job_id = seeds.queued_training(services, sequence)
+    stored = services.objects.put(sequence.person_id, [b"where it stood"])
+    with services.unit_of_work() as unit:
+        unit.jobs.get(job_id).checkpoint_sha256 = stored.sha256
+        unit.commit()
+    assert _finds_it_full(services).checkpoint_sha256 == stored.sha256
+    with services.unit_of_work() as unit:
+        resume(unit, unit.jobs.get(job_id))
+        unit.commit()
+    again = _finds_it_full(services)
+    assert (again.full_disks, again.checkpoint_sha256) == (1, stored.sha256)
+    with services.unit_of_work() as unit:
+        job = unit.jobs.get(job_id)
+        cancel(unit, job, services.clock())
+        unit.commit()
+    assert (job.state, job.not_before) == (JobState.CANCELLED, None)
+
+
+def test_who_cancels_while_the_disk_is_found_full_is_heard(
+    services: Services, sequence_folder: Path
+):
+    job_id = seeds.queued_training(services, seeds.captured(services, sequence_folder))
+    claimed = _claim(services)
+    with services.unit_of_work() as unit:
+        job = unit.jobs.get(claimed.id)
+        job.cancel_requested = True
+        wait_for_room(unit, job, FULL, services.clock(), stored_failure)
+        unit.commit()
+    assert (job.id, job.state) == (job_id, JobState.CANCELLED)
