@@ -276,7 +276,7 @@ class Hub:
         """End all that people of a meeting have here; they go on at its home."""
         for connection in self._connections.get(meeting_id, ()):
             connection.end("moved")
-        await self._views.close_unless(meeting_id, lambda _: False)
+        await self._views.send_away(meeting_id)
         await self._voices.set_permissions(
             meeting_id, listeners=set(), speakers=set(), presenter=None
         )

@@ -2,7 +2,7 @@
 
 They open one WHEP connection, as a page does, and drive their performer over its channel
 `keypoints`; with live look their cut-out pictures go up beside it (docs/live-look.md). They look at
-nothing, so that the server draws nothing for them.
+nothing, so that the server draws nothing for them. Where the meeting moves, `presence` follows.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import httpx
@@ -23,7 +23,7 @@ from aiortc import (
 )
 
 from services.joining.look_track import LookTrack
-from services.joining.seat import NotJoined, Seat, told
+from services.joining.seat import MeetingAway, NotJoined, Seat, refusal
 from services.live.aiortc_compat import on_encoded_frame, on_key_frame_request
 from services.live.keypoints_packet import (
     LONGEST_KEYPOINTS_BYTES,
@@ -41,11 +41,18 @@ _NO_VIEW = ViewPacket(0, 0.0, (0.0, 1.0, 3.0), (0.0, 1.0, 0.0, 0.0), 0.7, 128, 1
 
 
 class MeetingMember:
-    """A connection that drives one performer. Every method runs on its event loop."""
+    """A connection that drives one performer, at the gateway that the meeting lives on. Every
+    method runs on its event loop."""
 
     def __init__(
-        self, seat: Seat, *, live_look: bool, clock: Callable[[], float] = time.monotonic
+        self,
+        seat: Seat,
+        gateway_url: str,
+        *,
+        live_look: bool,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        self._whep_url = seat.whep_url(gateway_url)
         servers = [RTCIceServer(**one) for one in seat.ice_servers]
         self._seat, self._peer = seat, RTCPeerConnection(RTCConfiguration(iceServers=servers))
         self._view = self._peer.createDataChannel("view", **_NEWEST)
@@ -63,43 +70,49 @@ class MeetingMember:
         self._sequence = 0
         self._refused: str | None = None
         self._watching: asyncio.Task[None] | None = None
+        self._location: str | None = None
+        """The session's, to end it."""
 
-    async def connect(self) -> str | None:
-        """Be in the meeting; returns the session's address, to end it. Raises NotJoined."""
+    @property
+    def is_cut_off(self) -> bool:
+        """Whether a connection that came about is over."""
+        gone = self._peer.connectionState in ("failed", "closed")
+        return gone or self._keypoints.readyState == "closed"
+
+    async def connect(self) -> None:
+        """Be in the meeting. Raises NotJoined, MeetingAway."""
         await self._peer.setLocalDescription(await self._peer.createOffer())
         try:
             async with httpx.AsyncClient(timeout=_AT_WORST_S) as caller:
                 answer = await caller.post(
-                    self._seat.whep_url,
+                    self._whep_url,
                     content=self._peer.localDescription.sdp,
                     headers=self._headers() | {"Content-Type": "application/sdp"},
                 )
         except httpx.TransportError as error:
-            raise NotJoined(f"the meeting's server must answer; got {error!r}") from error
+            raise MeetingAway(f"the meeting's server must answer; got {error!r}") from error
         if answer.status_code != httpx.codes.CREATED:
-            raise NotJoined(told(answer))
+            raise refusal(answer)
+        self._location = answer.headers.get("Location")
         await self._peer.setRemoteDescription(RTCSessionDescription(answer.text, "answer"))
         deadline_s = time.monotonic() + _AT_WORST_S
         while self._keypoints.readyState != "open" or self._view.readyState != "open":
             if time.monotonic() > deadline_s or self._peer.connectionState == "failed":
-                raise NotJoined(
+                raise MeetingAway(
                     "a connection must come about within "
                     f"{_AT_WORST_S:g} s; got none; a firewall may keep UDP from the server"
                 )
             await asyncio.sleep(0.02)
         self._watching = asyncio.create_task(self._stay())
-        return answer.headers.get("Location")
 
     def send(self, packet: KeypointsPacket) -> bool:
         """Send what the webcam saw, if it can go out at once; says whether it did.
 
         The packet's sequence and whether live look is on are filled in. Raises NotJoined once the
-        meeting has refused, or is cut off.
+        meeting has refused.
         """
         if self._refused is not None:
             raise NotJoined(self._refused)
-        if self._peer.connectionState in ("failed", "closed"):
-            raise NotJoined("the connection must last; got one that was cut off; join again")
         channel = self._keypoints
         if channel.readyState != "open" or channel.bufferedAmount > _MOST_BUFFERED:
             return False
@@ -108,16 +121,20 @@ class MeetingMember:
         channel.send(encode_keypoints(replace(packet, sequence=self._sequence, live_look=on)))
         return True
 
-    async def close(self, location: str | None) -> None:
-        """Leave; the performer goes back to their recorded motion."""
-        if self._watching is not None:
-            self._watching.cancel()
-        if location is not None:
+    async def leave(self) -> None:
+        """Give the seat back; the performer goes back to their recorded motion."""
+        if self._location is not None:
             # the server notices by itself, too
             with suppress(httpx.HTTPError):
                 async with httpx.AsyncClient(timeout=_AT_WORST_S) as caller:
-                    address = httpx.URL(self._seat.whep_url).join(location)
+                    address = httpx.URL(self._whep_url).join(self._location)
                     await caller.delete(address, headers=self._headers())
+        await self.close()
+
+    async def close(self) -> None:
+        """End the connection alone."""
+        if self._watching is not None:
+            self._watching.cancel()
         await self._peer.close()
 
     def _headers(self) -> dict[str, str]:
@@ -134,14 +151,3 @@ class MeetingMember:
             sequence += 1
             self._view.send(encode_view(replace(_NO_VIEW, sequence=sequence)))
             await asyncio.sleep(_VIEW_S)
-
-
-@asynccontextmanager
-async def membership(seat: Seat, *, live_look: bool) -> AsyncIterator[MeetingMember]:
-    """In the meeting, from connecting to leaving. Raises NotJoined."""
-    member, location = MeetingMember(seat, live_look=live_look), None
-    try:
-        location = await member.connect()
-        yield member
-    finally:
-        await member.close(location)

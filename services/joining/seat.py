@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import parse_qs, urljoin, urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 import httpx
 
@@ -15,6 +15,10 @@ _TIMEOUT_S = 20.0
 
 class NotJoined(SceneError):
     """The meeting cannot be joined, or had to be left."""
+
+
+class MeetingAway(NotJoined):
+    """The meeting's server does not answer now; in a moment, it or another may."""
 
 
 @dataclass(frozen=True)
@@ -43,14 +47,22 @@ class MeetingLink:
 
 @dataclass(frozen=True)
 class Seat:
-    """What its owner needs to be in the meeting."""
+    """What its owner needs to be in the meeting, and to be there again after an outage."""
 
-    whep_url: str
+    server: str
+    """By which they came, as scheme and host."""
+    meeting_id: str
+    gateway_url: str
+    """Where the meeting lived then; empty: at the server."""
     token: str
     ice_servers: list[dict[str, Any]]
     """As in `RTCConfiguration`."""
     performer_id: str
     performer_name: str
+
+    def whep_url(self, gateway_url: str) -> str:
+        """Where to be driven from while the meeting lives at `gateway_url`."""
+        return f"{gateway_url or self.server}/whep/{self.meeting_id}"
 
 
 def take_seat(
@@ -73,7 +85,9 @@ def take_seat(
         seat = _ask(client, "POST", f"/v1/meetings/{meeting_id}/join", json={"display_name": name})
     driven = _driven(seat["performers"], performer, live_look=live_look)
     return Seat(
-        urljoin(link.server, seat["whep_url"]),
+        link.server,
+        meeting_id,
+        seat["gateway_url"],
         seat["token"],
         seat["ice_servers"],
         driven["id"],
@@ -104,13 +118,19 @@ def _ask(client: httpx.Client, method: str, path: str, **options: Any) -> dict[s
     try:
         answer = client.request(method, path, **options)
     except httpx.TransportError as error:
-        raise NotJoined(
+        raise MeetingAway(
             "the meeting's server must answer; got nothing from "
             f"{client.base_url} ({error or type(error).__name__})"
         ) from error
     if not answer.is_success:
-        raise NotJoined(told(answer))
+        raise refusal(answer)
     return answer.json()
+
+
+def refusal(answer: httpx.Response) -> NotJoined:
+    """What is wrong, by what the server answered."""
+    away = answer.is_server_error or answer.is_redirect
+    return (MeetingAway if away else NotJoined)(told(answer))
 
 
 def told(answer: httpx.Response) -> str:

@@ -223,20 +223,32 @@ class ViewSessions:
         return None
 
     async def close(self, session_id: str) -> bool:
-        """End a session; False where there is none of that id."""
+        """End a session, and release its seat; False where there is none of that id."""
         session = self._sessions.pop(session_id, None)
         if session is None:
             return False
-        session.track.stop()
-        await session.connection.close()
+        await self._end(session)
         seat = session.participant_id
         if seat is not None and seat not in self._seats_in_use():
             await self._meetings.release_seats({seat})
+        return True
+
+    async def send_away(self, meeting_id: str) -> None:
+        """End all sessions in a meeting, whose viewers go on elsewhere: their seats stay theirs
+        until they lapse."""
+        for session_id, session in list(self._sessions.items()):
+            if session.meeting_id == meeting_id:
+                del self._sessions[session_id]
+                await self._end(session)
+
+    async def _end(self, session: ViewSession) -> None:
+        """Of a session that is no longer among those of this process."""
+        session.track.stop()
+        await session.connection.close()
         if not self.is_watched(session.meeting_id):
             room = self._rooms.pop(session.meeting_id, None)
             if room is not None:
                 self._pictures.pop(room, None)
-        return True
 
     async def room(self, meeting_id: str) -> Room:
         """The live state of a meeting; loaded where nobody watches it yet. Raises NotFound."""
