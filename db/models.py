@@ -247,6 +247,8 @@ class JobRow(Base):
     finished_at: Mapped[datetime | None]
     cancel_requested: Mapped[bool] = mapped_column(default=False)
     checkpoint_sha256: Mapped[str | None] = mapped_column(Sha256, info=OBJECT)
+    traceparent: Mapped[str | None] = mapped_column(String(55))
+    """Of the span in which it was asked for (W3C Trace Context); None where that is not traced."""
 
 
 class AuditEventRow(Base):

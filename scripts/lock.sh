@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Pins every package with its hash, in three files:
-#   requirements.lock           what metanerf runs on
+#   requirements.lock           what metanerf runs on, and tells traces with
 #   requirements-cluster.lock   the same and Ray, for jobs on a cluster
 #   requirements-dev.lock       all of that and what its tests, tools and body asset are made with
 # torch is left out of all: it is installed by version, since its builds differ from machine to machine.
@@ -24,6 +24,6 @@ path.write_text(text)
 PY
 }
 
-pin requirements.lock
-pin requirements-cluster.lock --extra cluster --constraint requirements.lock
-pin requirements-dev.lock --extra cluster --extra dev --constraint requirements-cluster.lock
+pin requirements.lock --extra tracing
+pin requirements-cluster.lock --extra tracing --extra cluster --constraint requirements.lock
+pin requirements-dev.lock --extra tracing --extra cluster --extra dev --constraint requirements-cluster.lock

@@ -32,7 +32,9 @@ OPEN_ACCESS=true
 # The OpenID provider by which people log in, and what it calls this server; its secret is secrets/oidc_client_secret.
 OIDC_ISSUER=
 OIDC_CLIENT_ID=
-# cpu or gpu: where models are trained. Add ",observe" for Prometheus and Grafana.
+# Where traces go; with the profile observe, http://jaeger:4318.
+OTLP_ENDPOINT=
+# cpu or gpu: where models are trained. Add ",observe" for Prometheus, Grafana and Jaeger.
 COMPOSE_PROFILES=cpu
 DOTENV
 echo "secrets and .env are in $PWD"

@@ -41,6 +41,7 @@ from services.gateway import build_gateway, gateway_of
 from services.jobs.local_engine import LocalEngine
 from services.jobs.worker import Worker
 from services.page import page_route
+from services.traced_requests import TraceRequests
 
 log = logging.getLogger(__name__)
 
@@ -122,6 +123,8 @@ def create_app(services: Services) -> FastAPI:
     problems.install(app)
     app.add_middleware(LimitBodies)
     app.add_middleware(metrics.CountRequests)
+    if services.tracing.on:
+        app.add_middleware(TraceRequests, tracing=services.tracing)
     if settings.server.allowed_origins or settings.server.gateway_url:
         app.add_middleware(
             AllowOrigins, always=settings.server.allowed_origins, known=gateway.homes.origins

@@ -13,6 +13,7 @@ from services.person_models import ModelCache
 from services.problems import stored_failure
 from services.settings import Settings
 from services.tickets import Tickets
+from services.tracing import open_tracing
 
 
 def build_services(
@@ -44,6 +45,7 @@ def build_services(
         login_limit=RateLimit(
             "logins from one address", settings.security.guest_tokens_per_minute, clock
         ),
+        tracing=open_tracing(settings.tracing),
         clock=clock,
         describe_failure=stored_failure,
     )

@@ -16,6 +16,7 @@ from services.limits import RateLimit
 from services.person_models import ModelCache
 from services.settings import Settings
 from services.tickets import Tickets
+from services.tracing import Tracing
 
 Clock = Callable[[], datetime]
 
@@ -35,6 +36,7 @@ class Services:
     """By which people log in, if the settings name one."""
     guest_limit: RateLimit
     login_limit: RateLimit
+    tracing: Tracing
     clock: Clock
     describe_failure: Callable[[Exception], dict[str, Any]]
     """What the row of a job keeps of the error that ended it."""
@@ -49,6 +51,7 @@ class Services:
 
     def close(self) -> None:
         """Let go of connections."""
+        self.tracing.close()
         self.events.close()
         self.database.close()
 

@@ -20,7 +20,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 CSP = "Content-Security-Policy"
 _CLOSED = "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 _DEVICES = ("camera", "microphone", "display-capture", "xr-spatial-tracking", "autoplay")
-_UNUSED = ("geolocation", "midi", "payment", "serial", "usb", "hid", "bluetooth")
+_UNUSED = ("geolocation", "midi", "payment", "serial", "usb", "hid")
 PERMISSIONS = ", ".join(
     [*(f"{name}=(self)" for name in _DEVICES), *(f"{name}=()" for name in _UNUSED)]
 )

@@ -20,7 +20,9 @@ from services.live.motion.live_looks import LiveLooks
 from services.live.sessions.stored_meetings import StoredMeetings
 from services.live.sessions.view_sessions import ViewSessions
 from services.live.sessions.voice_sessions import VoiceSessions
+from services.live.streaming.instrumentation import Instrumentation
 from services.live.streaming.latency_code import LatencyCode
+from services.live.streaming.traced_pictures import TracedPictures
 from services.problems import problem_of
 from services.recording.recorder import Recorders
 
@@ -88,7 +90,7 @@ def build_gateway(services: Services) -> Gateway:
         ice_servers=settings.live.ice_servers,
         max_viewers=settings.live.max_viewers,
         describe_error=lambda error: problem_of(error).model_dump_json(),
-        instrumentation=LatencyCode() if settings.live.stamp_pictures else None,
+        instrumentation=_instrumentation(services),
         make_look_sink=looks.sink,
     )
     voices = VoiceSessions(
@@ -101,6 +103,12 @@ def build_gateway(services: Services) -> Gateway:
     hub = Hub(services, views, voices, recorders, homes)
     command_limit = RateLimit("messages of one person", COMMANDS_PER_MINUTE, services.clock)
     return Gateway(services, views, voices, looks, hub, homes, command_limit)
+
+
+def _instrumentation(services: Services) -> Instrumentation:
+    made = LatencyCode() if services.settings.live.stamp_pictures else Instrumentation()
+    tracing = services.tracing
+    return TracedPictures(tracing, made, time.monotonic) if tracing.on else made
 
 
 def gateway_of(app: FastAPI) -> Gateway:

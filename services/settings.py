@@ -1,5 +1,6 @@
 """The settings of a process, read from variables METANERF_NAME (services.setting_groups,
-services.live_settings, services.login_settings, services.cluster_settings).
+services.live_settings, services.login_settings, services.cluster_settings,
+services.tracing_settings).
 
 Built once at the entry point and passed down; nothing else reads the environment.
 """
@@ -34,6 +35,7 @@ from services.setting_groups import (
     ServerSettings,
     UploadSettings,
 )
+from services.tracing_settings import TracingSettings
 
 if TYPE_CHECKING:
     from capture.detection.network_files import NetworkSource
@@ -59,6 +61,7 @@ class Settings:
     jobs: JobSettings
     cluster: ClusterSettings
     networks: NetworkSettings
+    tracing: TracingSettings
 
     def pose_model_source(self) -> NetworkSource:
         """Where captures and pages find the landmark model."""

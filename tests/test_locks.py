@@ -37,6 +37,7 @@ def test_every_package_is_pinned_with_hashes_but_torch(lock):
 def test_what_only_tests_need_is_not_downloaded_to_run():
     run, cluster, dev = (pins(lock) for lock in LOCKS)
     assert run.items() <= cluster.items() <= dev.items()
+    assert wanted("tracing") <= run.keys()
     assert wanted("cluster") <= cluster.keys() - run.keys()
     assert wanted("dev") <= dev.keys()
     assert {"triton", "anny", "warp-lang", "playwright", "pyright", "pytest"}.isdisjoint(run)

@@ -236,6 +236,7 @@ def export_recording(
             attempt=0,
             crashes=0,
             cancel_requested=False,
+            traceparent=services.tracing.here(),
         )
         unit.jobs.add(job)
         unit.commit()

@@ -97,7 +97,8 @@ def train_model(
             )
         sequence.model_only = sequence.model_only or body.model_only
         params = body.model_dump() | {"preset": preset.name}
-        job = enqueue(unit, JobKind.TRAIN, sequence, params, services.clock())
+        within = services.tracing.here()
+        job = enqueue(unit, JobKind.TRAIN, sequence, params, services.clock(), within)
         unit.commit()
     services.events.publish(QUEUE)
     return shapes.Job.of(job)

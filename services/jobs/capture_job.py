@@ -58,7 +58,8 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
         raise JobStopped from stopped
     reporter.progress(_SHARE_OF_CAPTURE, "storing")
     source.unlink()
-    _store(services, job, out)
+    with services.tracing.span("store the sequence"):
+        _store(services, job, out)
 
 
 def _begin(services: Services, job: JobRow) -> tuple[SequenceRow, PersonRow]:

@@ -12,8 +12,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from db.errors import DatabaseAway, NotFound, StoreAway, StoreFull
@@ -39,6 +39,7 @@ from services.jobs.report import JobStopped, Reporter
 from services.jobs.scratch import scratch_folder
 from services.jobs.train_job import run_train
 from services.settings import Settings, load_settings
+from services.tracing import Part
 
 log = logging.getLogger("services.jobs.child")
 
@@ -95,7 +96,11 @@ def _run(services: Services, settings: Settings, job_id: str, attempt: int) -> i
     stop_with_parent = (reporter, settings.jobs.stop_grace_s)
     threading.Thread(target=_stop_with_parent, args=stop_with_parent, daemon=True).start()
     try:
-        with scratch_folder(settings.folders.scratch_dir) as folder, reporter:
+        with (
+            traced(services, job),
+            scratch_folder(settings.folders.scratch_dir) as folder,
+            reporter,
+        ):
             _RUNS[job.kind](services, job, reporter, folder)
     except (StoreAway, DatabaseAway):
         raise  # not the job's fault, nor its end
@@ -106,6 +111,19 @@ def _run(services: Services, settings: Settings, job_id: str, attempt: int) -> i
     services.events.publish(job_topic(job_id))
     services.events.publish(QUEUE)
     return 0
+
+
+@contextmanager
+def traced(services: Services, job: JobRow) -> Iterator[None]:
+    """This attempt as a span of the trace that the job was asked for in, if there is one."""
+    if job.attempt == 1:
+        waited = Part(
+            f"{job.kind} job waits", job.created_at.timestamp(), services.clock().timestamp()
+        )
+        services.tracing.record(waited, parent=job.traceparent)
+    notes = {"job.id": job.id, "job.attempt": job.attempt, "job.worker": job.worker or ""}
+    with services.tracing.span(f"{job.kind} job", parent=job.traceparent, attributes=notes):
+        yield
 
 
 def _stop_with_parent(reporter: Reporter, grace_s: float) -> None:

@@ -113,7 +113,8 @@ def store_kept(
             unit.sequences.add(sequence)
             unit.flush()
             params = {"preset": "splats", "budget_s": BUDGET_S, "seed": 0, "improves": row.id}
-            job = enqueue(unit, JobKind.TRAIN, sequence, params, now)
+            within = services.tracing.here()
+            job = enqueue(unit, JobKind.TRAIN, sequence, params, now, within)
             details: dict[str, Any] = {"kind": str(SequenceKind.LIVE), "frames": len(kept)}
             unit.audit.add(
                 AuditEventRow(

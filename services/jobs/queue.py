@@ -43,8 +43,9 @@ def enqueue(
     sequence: SequenceRow,
     params: dict[str, Any],
     now: datetime,
+    traceparent: str | None = None,
 ) -> JobRow:
-    """Queue work on `sequence`."""
+    """Queue work on `sequence`; `traceparent`: within which span it was asked for."""
     captured = sequence.state is SequenceState.READY or kind is not JobKind.TRAIN
     job = JobRow(
         id=new_id(),
@@ -60,6 +61,7 @@ def enqueue(
         attempt=0,
         crashes=0,
         cancel_requested=False,
+        traceparent=traceparent,
     )
     unit.jobs.add(job)
     return job

@@ -45,14 +45,17 @@ def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path)
 
     An earlier attempt's last round is gone on from, by the checkpoint that it left in the store.
     """
-    lesson = _fetch_lesson(services, job, folder)
+    with services.tracing.span("fetch the frames"):
+        lesson = _fetch_lesson(services, job, folder)
     training = _Training(services, job, reporter, folder, lesson)
     budget_s = float(job.params["budget_s"])
     ends = [budget_s] if lesson.kept else round_ends(str(job.params["preset"]), budget_s)
     model, done = training.start()
     for number in range(done, len(ends)):
-        model = training.round(number, ends, model)
-        training.store(model, last=number + 1 == len(ends))
+        with services.tracing.span("train", attributes={"train.round": number}):
+            model = training.round(number, ends, model)
+        with services.tracing.span("store the model"):
+            training.store(model, last=number + 1 == len(ends))
 
 
 def round_ends(preset: str, budget_s: float) -> list[float]:

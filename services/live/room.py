@@ -71,6 +71,11 @@ class MotionSource(Protocol):
         ...
 
     @property
+    def arrived_s(self) -> float | None:
+        """When these came, by the view sessions' clock; None until some came."""
+        ...
+
+    @property
     def landmarks_age_ms(self) -> int:
         """How old their picture was when they left their page, at least 1; 0 until some came."""
         ...

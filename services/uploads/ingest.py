@@ -155,7 +155,7 @@ def _write(
             )
         )
     if checked.kind is not SequenceKind.KEYPOINTS:
-        enqueue(unit, JobKind.CAPTURE, sequence, {}, now)
+        enqueue(unit, JobKind.CAPTURE, sequence, {}, now, services.tracing.here())
     unit.audit.add(
         AuditEventRow(
             person_id=received.person_id,

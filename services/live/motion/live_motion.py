@@ -53,6 +53,8 @@ class _MotionState:
     """Since when the person is seen without a longer gap."""
     back_share: float
     """How far from rest they were shown then."""
+    arrived_s: float
+    """When it came, by our clock."""
 
     @property
     def time_s(self) -> float:
@@ -130,6 +132,12 @@ class LiveMotion:
         return None if state is None else 1e3 * state.time_s
 
     @property
+    def arrived_s(self) -> float | None:
+        """When the newest of what was followed came, by our clock."""
+        state = self._state
+        return None if state is None else state.arrived_s
+
+    @property
     def landmarks_age_ms(self) -> int:
         """How old the newest picture was when its landmarks left their page, at least 1; 0 until
         some came."""
@@ -165,7 +173,9 @@ class LiveMotion:
             back_s, back_share = last.back_s, last.back_share
             if step_s > AT_MOST_S:
                 back_s, back_share = time_s, last.share(time_s)
-        self._states.append(_MotionState(motion, clock_offset_s, self._stance, back_s, back_share))
+        self._states.append(
+            _MotionState(motion, clock_offset_s, self._stance, back_s, back_share, arrived_s)
+        )
 
 
 def warm_up() -> None:

@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from av import VideoFrame
 
 from services.live.room import Room
+
+
+class PictureTimes(Protocol):
+    """Is told how a picture goes on; times are of the view sessions' clock, s."""
+
+    def drawn(self, now_s: float) -> None:
+        """It has been drawn."""
+        ...
+
+    def coded(self, now_s: float, width: int, height: int) -> None:
+        """It has been encoded, and goes out."""
+        ...
 
 
 class Instrumentation:
@@ -12,6 +26,10 @@ class Instrumentation:
 
     A subclass is passed to the view sessions where something is to be measured.
     """
+
+    def begin_picture(self, room: Room, now_s: float) -> PictureTimes | None:
+        """A picture of `room` is about to be drawn as it is now; None: nobody asks how it goes."""
+        return None
 
     def on_picture(self, room: Room, frame: VideoFrame) -> None:
         """Take a picture of `room` (yuv420p) that has just been drawn; may write into it."""

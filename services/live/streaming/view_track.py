@@ -26,7 +26,7 @@ from scene.environment import Scene
 from services.live.packets import NewestView
 from services.live.room import Room
 from services.live.streaming.encoding import BitrateSteps, PictureEncoder
-from services.live.streaming.instrumentation import Instrumentation
+from services.live.streaming.instrumentation import Instrumentation, PictureTimes
 from services.live.streaming.pacing import (
     TICK_S,
     DetailGovernor,
@@ -80,6 +80,10 @@ class SharedPictures:
         self._tick = -1
         self._scenes: dict[bool, Scene[PerformerModel]] = {}
         self._frames: dict[tuple[bool, int, int, bytes], VideoFrame] = {}
+
+    def begin(self, now_s: float) -> PictureTimes | None:
+        """A picture is about to be drawn; see `Instrumentation.begin_picture`."""
+        return self._instrumentation.begin_picture(self.room, now_s)
 
     def frame(
         self, renderer: FrameRenderer, tick: int, now_s: float, camera: Camera, *, hide_unseen: bool
@@ -170,12 +174,17 @@ class ViewTrack(MediaStreamTrack):
         tick = self._pacer.begin(started)
         packet = self._view.packet
         hide_unseen = packet is not None and packet.hide_unseen
+        times = self._pictures.begin(started)
         frame = self._pictures.frame(
             self._renderer, tick, started, self._camera(), hide_unseen=hide_unseen
         )
+        if times is not None:
+            times.drawn(self._clock())
         key = self._key_due(started)
         coded = self._encoder.encode(frame, tick, self.bitrate.bitrate, key=key)
         done = self._clock()
+        if times is not None:
+            times.coded(done, frame.width, frame.height)
         self.render_seconds.append(done - started)
         self._pictures.work_s += done - started
         self._detail_governor.add_picture(done, self._pictures.work_s, self._governor.scale)

@@ -50,6 +50,7 @@ class Driven:
     """Somebody whose webcam saw them at a known time."""
 
     captured_ms = 1.7e12 + 4321.0
+    arrived_s = 50.0
     landmarks_age_ms = 35
 
     def pose_at(self, now_s: float) -> Pose:
