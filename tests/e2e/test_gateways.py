@@ -16,11 +16,13 @@ from benchmarks.faults.house import gateway_at
 from benchmarks.faults.servers import MortalServer
 from services.bootstrap import DEMO_MODEL, ensure_demo
 from services.composition import build_services
+from services.content_policy import CSP
 from services.settings import load_settings
 from tests.e2e.test_control import MINUTE, beside, come
 from tests.e2e.test_meeting import watch
 from tests.e2e.turns import turns
 from tests.servers import free_port
+from tests.services.jobs.waiting import until
 
 pytestmark = pytest.mark.e2e
 
@@ -81,3 +83,26 @@ def test_two_people_meet_on_one_gateway_and_go_on_when_it_is_drained(gateways: G
             watch(page, 10)
             for name in people:
                 expect(page.get_by_test_id("members")).to_contain_text(name)
+
+
+def test_a_page_goes_on_at_a_gateway_that_came_after_it(gateways: Gateways):
+    """Its policy names the gateways of its loading: to talk to another it loads itself anew."""
+    (first, first_server), (later, later_server) = gateways.servers.items()
+    later_server.kill()
+    until(lambda: later not in httpx.get(first).headers[CSP], "the end of its lease")
+    with open_page(512, 512) as careful:
+        browser = careful.context.browser
+        assert browser is not None
+        page = browser.new_page(viewport={"width": 512, "height": 512})  # a violation is no fault
+        come(page, f"{gateways.common}/?size=128", "Ada")
+        expect(page.get_by_test_id("live-video")).to_be_visible(timeout=MINUTE)
+        assert gateways.home() == first
+        later_server.start()
+        first_server.end(within_s=60.0)
+        page.wait_for_function("() => sessionStorage.getItem('metanerf.reloaded')", timeout=MINUTE)
+        expect(page.get_by_test_id("live-video")).to_be_visible(timeout=MINUTE)
+        page.get_by_test_id("render-mode").select_option("server", force=True)
+        watch(page, 10)
+        page.get_by_test_id("open-people").click()
+        expect(page.get_by_test_id("members")).to_contain_text("Ada (you)")
+        assert gateways.home() == later
