@@ -15,12 +15,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
 from sqlalchemy import Connection, Engine, MetaData, select, text
 from sqlalchemy.exc import DBAPIError
 
 from db.archive import LEASES, MANIFEST, OBJECTS, ROWS, Manifest, encode_row
+from db.encrypted_file import EncryptingWriter
 from db.errors import MigrationFailed, NotFound, StoreAway
 from db.models import Base, SequenceState
 from db.objects import Objects, fetch
@@ -38,8 +39,10 @@ def back_up(
     now: datetime,
     keep_for: timedelta,
     on_progress: Callable[[float, str], None] = lambda _share, _what: None,
+    secret: bytes | None = None,
 ) -> Manifest:
-    """Write everything to `path`, whole or not at all; only this user may read it.
+    """Write everything to `path`, whole or not at all; only this user may read it. With a
+    `secret` it is encrypted (db.encrypted_file).
 
     Raises MigrationFailed for a schema of another version, DatabaseAway, StoreFull, StoreAway also
     where objects keep going meanwhile.
@@ -48,7 +51,11 @@ def back_up(
     part = path.with_name(f"{path.name}.part")
     try:
         for _ in range(_ATTEMPTS):
-            with _private(part) as file, tarfile.open(fileobj=file, mode="w") as archive:
+            with (
+                _private(part) as file,
+                _encrypted(file, secret) as content,
+                tarfile.open(fileobj=content, mode="w") as archive,
+            ):
                 made = _written(database, objects, archive, now, keep_for, on_progress)
             if made is not None:
                 part.replace(path)
@@ -106,6 +113,16 @@ def _private(path: Path) -> Iterator[io.BufferedWriter]:
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(descriptor, "wb") as file:
         yield file
+
+
+@contextmanager
+def _encrypted(file: IO[bytes], secret: bytes | None) -> Iterator[IO[bytes]]:
+    """What to write the content of `file` to."""
+    if secret is None:
+        yield file
+        return
+    with EncryptingWriter(file, secret) as writer:
+        yield cast("IO[bytes]", writer)
 
 
 @contextmanager

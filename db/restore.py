@@ -5,16 +5,20 @@ from __future__ import annotations
 import hashlib
 import tarfile
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import IO
+from typing import IO, cast
 
 from sqlalchemy import Engine, MetaData, func, insert, inspect, select
 
 from db.archive import LEASES, MANIFEST, OBJECTS, ROWS, Manifest, decode_row
+from db.encrypted_file import DecryptingReader, is_encrypted
 from db.errors import ArchiveExpired, BrokenArchive, Conflict
 from db.objects import CHUNK_BYTES, Objects
 from db.unit_of_work import Database
+from scene.errors import InvalidInput
 
 _AGAIN = "make another, or take an older one"
 _VERSION_TABLE = "alembic_version"
@@ -26,20 +30,25 @@ def restore(
     path: Path,
     now: datetime,
     on_progress: Callable[[float, str], None] = lambda _share, _what: None,
+    secret: bytes | None = None,
 ) -> Manifest:
     """Put everything in `path` into an empty database and store, on whatever engines they are.
 
+    `secret` is that of an encrypted archive, and None of one that is not.
+
     Raises BrokenArchive for half an archive or a damaged one, ArchiveExpired, Conflict where
-    something is there already, MigrationFailed for a newer version's. Then nothing has changed.
+    something is there already, MigrationFailed for a newer version's, InvalidInput for another
+    secret. Then nothing has changed.
     """
     database.ping()
-    manifest = examine(path, now, on_progress)
+    archive = _Archive(path, secret)
+    manifest = _examined(archive, now, on_progress)
     _require_empty(database.engine, objects)
     database.migrate(manifest.revision)
     put: set[str] = set()
     try:
-        _put_objects(objects, path, manifest, put, on_progress)
-        _insert_rows(database.engine, path)
+        _put_objects(objects, archive, put, on_progress)
+        _insert_rows(database.engine, archive)
     except BaseException:
         for owner in put:
             objects.delete_all(owner)
@@ -48,14 +57,40 @@ def restore(
     return manifest
 
 
-def examine(
-    path: Path,
-    now: datetime,
-    on_progress: Callable[[float, str], None] = lambda _share, _what: None,
+@dataclass(frozen=True)
+class _Archive:
+    """A file, and what it was encrypted with."""
+
+    path: Path
+    secret: bytes | None
+
+    @contextmanager
+    def content(self) -> Iterator[IO[bytes]]:
+        """The tar. Raises InvalidInput, BrokenArchive."""
+        name, encrypted = self.path.name, is_encrypted(self.path)
+        if encrypted and self.secret is None:
+            raise InvalidInput(
+                f"{name} is encrypted: its key must be named; got none; add --key-file"
+            )
+        if not encrypted and self.secret is not None:
+            raise InvalidInput(
+                f"{name} must be encrypted where a key is named; got one that is not, or whose "
+                "beginning is damaged; leave out --key-file if you know where it comes from"
+            )
+        with self.path.open("rb") as file:
+            if self.secret is None:
+                yield file
+            else:
+                yield cast("IO[bytes]", DecryptingReader(file, self.secret, name))
+
+
+def _examined(
+    archive: _Archive, now: datetime, on_progress: Callable[[float, str], None]
 ) -> Manifest:
     """What an archive holds, every byte of it checked. Raises BrokenArchive, ArchiveExpired."""
+    path = archive.path
     try:
-        manifest = _checked(path, on_progress)
+        manifest = _checked(archive, on_progress)
     except tarfile.TarError as error:
         raise BrokenArchive(
             f"{path.name} must be a whole archive; got one that breaks off or is none ({error}); "
@@ -70,11 +105,12 @@ def examine(
     return manifest
 
 
-def _checked(path: Path, on_progress: Callable[[float, str], None]) -> Manifest:
+def _checked(archive: _Archive, on_progress: Callable[[float, str], None]) -> Manifest:
+    path = archive.path
     manifest: Manifest | None = None
     hashes: dict[str, str] = {}
     objects = size = 0
-    for name, file, at in _entries(path):
+    for name, file, at in _entries(archive):
         on_progress(at, "checking")
         if manifest is not None:
             raise BrokenArchive(f"{MANIFEST} must be an archive's last entry; got {name} after it")
@@ -122,12 +158,11 @@ def _require_empty(engine: Engine, objects: Objects) -> None:
 
 def _put_objects(
     objects: Objects,
-    path: Path,
-    manifest: Manifest,
+    archive: _Archive,
     put: set[str],
     on_progress: Callable[[float, str], None],
 ) -> None:
-    for name, file, at in _entries(path):
+    for name, file, at in _entries(archive):
         if not name.startswith(OBJECTS):
             continue
         on_progress(at, "objects")
@@ -137,13 +172,13 @@ def _put_objects(
             raise BrokenArchive(f"{name} must be as it was put; got other bytes; {_AGAIN}")
 
 
-def _insert_rows(engine: Engine, path: Path) -> None:
+def _insert_rows(engine: Engine, archive: _Archive) -> None:
     """In one transaction, parents before children."""
     stored = MetaData()
     stored.reflect(engine)
     lines = {
         name.removeprefix(ROWS).removesuffix(".jsonl"): file.read().splitlines()
-        for name, file, _ in _entries(path)
+        for name, file, _ in _entries(archive)
         if name.startswith(ROWS)
     }
     with engine.begin() as connection:
@@ -152,15 +187,15 @@ def _insert_rows(engine: Engine, path: Path) -> None:
                 connection.execute(insert(table).values(**decode_row(line)))
 
 
-def _entries(path: Path) -> Iterator[tuple[str, IO[bytes], float]]:
+def _entries(archive: _Archive) -> Iterator[tuple[str, IO[bytes], float]]:
     """Name, content and the share of the archive that is behind each entry's beginning.
 
     Raises tarfile.TarError, also where the content is read.
     """
-    whole = path.stat().st_size
-    with tarfile.open(path, "r:") as archive:
-        for entry in archive:
-            file = archive.extractfile(entry)
+    whole = archive.path.stat().st_size
+    with archive.content() as content, tarfile.open(fileobj=content, mode="r:") as tar:
+        for entry in tar:
+            file = tar.extractfile(entry)
             if file is None:
                 raise BrokenArchive(f"an archive must hold files alone; got {entry.name}")
             yield entry.name, file, entry.offset / max(whole, 1)

@@ -14,6 +14,11 @@ from services.settings import load_settings
 app = typer.Typer()
 
 _NAME = "metanerf-%Y%m%d-%H%M%SZ.tar"
+_ENCRYPTED = ".encrypted"
+KeyFile = Annotated[
+    Path | None,
+    typer.Option(help="A file with the key, 32 bytes or more; without, nothing is encrypted."),
+]
 _DAYS = 30
 
 
@@ -23,20 +28,24 @@ def backup(
     days: Annotated[
         int, typer.Option(help="Days after which it can't be restored any more.", min=1)
     ] = _DAYS,
+    key_file: KeyFile = None,
 ) -> None:
     """Copy all rows and objects into one archive, while the server runs.
 
     In a folder, archives of before that are older than `--days` are deleted.
     """
     from db.backup import back_up
+    from db.encrypted_file import read_secret
     from services.composition import build_services
 
+    secret = None if key_file is None else read_secret(key_file)
     services = build_services(load_settings())
     now, keep_for = services.clock(), timedelta(days=days)
-    path = out / now.strftime(_NAME) if out.is_dir() else out
+    name = now.strftime(_NAME) + ("" if secret is None else _ENCRYPTED)
+    path = out / name if out.is_dir() else out
     require_writable(path)
     with progress_bar("backup") as report:
-        made = back_up(services.database, services.objects, path, now, keep_for, report)
+        made = back_up(services.database, services.objects, path, now, keep_for, report, secret)
     services.close()
     typer.echo(
         f"{path}: {sum(made.rows.values())} rows, {made.objects} objects, {made.bytes} bytes; "
@@ -54,14 +63,18 @@ def backup(
 @app.command()
 def restore(
     archive: Annotated[Path, typer.Argument(help="What `metanerf backup` has written.")],
+    key_file: KeyFile = None,
 ) -> None:
     """Put an archive into an empty database and store, once all of it is found whole."""
+    from db.encrypted_file import read_secret
     from db.restore import restore as put_back
     from services.composition import build_services
 
+    secret = None if key_file is None else read_secret(key_file)
     services = build_services(load_settings())
     with progress_bar("restore") as report:
-        made = put_back(services.database, services.objects, archive, services.clock(), report)
+        now = services.clock()
+        made = put_back(services.database, services.objects, archive, now, report, secret)
     services.close()
     typer.echo(
         f"{sum(made.rows.values())} rows and {made.objects} objects of {made.made_at} are back; "
@@ -72,9 +85,11 @@ def restore(
 def _expired(folder: Path, before: datetime) -> list[Path]:
     """Archives that were made before a moment, by their names."""
     found = []
-    for path in sorted(folder.glob("metanerf-*.tar")):
+    for path in sorted(folder.glob("metanerf-*.tar*")):
         try:
-            made = datetime.strptime(path.name, _NAME).replace(tzinfo=before.tzinfo)
+            made = datetime.strptime(path.name.removesuffix(_ENCRYPTED), _NAME).replace(
+                tzinfo=before.tzinfo
+            )
         except ValueError:  # of another's making
             continue
         if made < before:

@@ -16,10 +16,12 @@ from db.models import Base, GatewayRow
 from db.objects import ObstoreObjects, open_objects
 from db.restore import restore
 from db.unit_of_work import Database
+from scene.errors import InvalidInput
 from tests.db.rows import NOW, full_life
 from tests.servers import DATABASES, fresh_database
 
 MONTH = timedelta(days=30)
+SECRET = b"a secret for tests only, long enough"
 
 
 def _store(kind: str, folder: Path, request: pytest.FixtureRequest) -> ObstoreObjects:
@@ -89,11 +91,53 @@ def made(database: Database, objects: ObstoreObjects, tmp_path: Path) -> Path:
     return path
 
 
-def _is_refused(path: Path, folder: Path, kind: type[Exception], says: str) -> None:
+@pytest.fixture
+def made_encrypted(database: Database, objects: ObstoreObjects, tmp_path: Path) -> Path:
+    full_life(database, objects)
+    path = tmp_path / "all.tar.encrypted"
+    back_up(database, objects, path, NOW, MONTH, secret=SECRET)
+    return path
+
+
+def test_an_encrypted_archive_shows_nothing_and_comes_back(
+    made_encrypted: Path, database: Database, objects: ObstoreObjects, tmp_path: Path
+):
+    whole = made_encrypted.read_bytes()
+    for told in (b"Ada", b"manifest.json", *(one[:20] for one in _bytes(objects).values())):
+        assert told not in whole
+    assert made_encrypted.stat().st_mode & 0o077 == 0
+    empty, back = Database(f"sqlite:///{tmp_path}/new.db"), open_objects(f"file://{tmp_path}/new")
+    restore(empty, back, made_encrypted, NOW, secret=SECRET)
+    assert (_rows(empty), _bytes(back)) == (_rows(database), _bytes(objects))
+    empty.close()
+
+
+@pytest.mark.parametrize("secret", [None, b"another secret for tests, long enough"])
+def test_without_its_key_an_encrypted_archive_is_refused(
+    made_encrypted: Path, tmp_path: Path, secret: bytes | None
+):
+    says = "its key must be named" if secret is None else "got another"
+    _is_refused(made_encrypted, tmp_path, InvalidInput, says, secret)
+
+
+def test_a_plain_archive_is_none_that_was_encrypted(made: Path, tmp_path: Path):
+    _is_refused(made, tmp_path, InvalidInput, "must be encrypted where a key is named", SECRET)
+
+
+@pytest.mark.parametrize("share", [0.001, 0.3, 0.6, 0.999])
+def test_half_an_encrypted_archive_is_refused(made_encrypted: Path, tmp_path: Path, share: float):
+    whole = made_encrypted.read_bytes()
+    made_encrypted.write_bytes(whole[: max(30, int(share * len(whole)))])
+    _is_refused(made_encrypted, tmp_path, BrokenArchive, "must be whole", SECRET)
+
+
+def _is_refused(
+    path: Path, folder: Path, kind: type[Exception], says: str, secret: bytes | None = None
+) -> None:
     """And leaves nothing behind, so that a whole archive goes in afterwards."""
     empty, objects = Database(f"sqlite:///{folder}/new.db"), open_objects(f"file://{folder}/new")
     with pytest.raises(kind, match=says):
-        restore(empty, objects, path, NOW)
+        restore(empty, objects, path, NOW, secret=secret)
     assert objects.owners() == []
     empty.close()
 
