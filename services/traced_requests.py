@@ -7,8 +7,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from services.tracing import Tracing
 
-_UNTRACED = frozenset({"/healthz", "/readyz", "/metrics"})
-"""Asked every few seconds, by machines."""
+_TRACED = ("/v1/", "/whep/", "/whip/")
+"""Beginnings of traced paths: neither the page's files nor what machines ask every second."""
 
 
 class TraceRequests:
@@ -18,7 +18,7 @@ class TraceRequests:
         self._app, self._tracing = app, tracing
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or scope["path"] in _UNTRACED:
+        if scope["type"] != "http" or not scope["path"].startswith(_TRACED):
             await self._app(scope, receive, send)
             return
         method = scope["method"]

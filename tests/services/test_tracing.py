@@ -83,7 +83,8 @@ async def test_a_request_that_fails_says_so_and_tells_no_ids(
     meeting_id = "0123456789abcdef" * 2
     answer = await _ask(traced, "GET", f"/v1/meetings/{meeting_id}?token=secret")
     assert answer.status_code == 404
-    await _ask(traced, "GET", "/healthz")
+    for path in ("/healthz", "/", "/docs"):
+        await _ask(traced, "GET", path)
     traced.tracing.close()
     (span,) = collector.spans
     assert span.name == "GET /v1/meetings/{meeting_id}"
