@@ -39,6 +39,7 @@ export function job(part: Partial<Job> = {}): Job {
     progress: 0,
     message: "",
     has_preview: false,
+    retry_at: null,
     sequence_id: "s",
     model_id: null,
     error: null,
