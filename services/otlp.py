@@ -21,7 +21,7 @@ from opentelemetry.sdk.trace.export import BatchSpanProcessor
 from opentelemetry.trace import SpanKind, Status, StatusCode
 from opentelemetry.trace.propagation.tracecontext import TraceContextTextMapPropagator
 
-from services.tracing import Part, Tell, Tracing, Value
+from services.tracing import PastSpan, Tell, Tracing, Value
 
 _PATH = "/v1/traces"
 _TIMEOUT_S = 2.0
@@ -90,8 +90,8 @@ class OtlpTracing(Tracing):
 
     def record(
         self,
-        whole: Part,
-        parts: Sequence[Part] = (),
+        whole: PastSpan,
+        parts: Sequence[PastSpan] = (),
         *,
         parent: str | None = None,
         attributes: Mapping[str, Value] | None = None,

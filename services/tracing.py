@@ -1,6 +1,6 @@
 """Traces: what one request or one movement passes through, and for how long, in all processes.
 
-Off unless METANERF_OTLP_ENDPOINT is set: then nothing of OpenTelemetry is imported, no request
+Off unless METANERF_OTLP_ENDPOINT is set: else nothing here imports OpenTelemetry, no request
 passes by anything of this, and a job's row names no trace. Spans name kinds, never people, meetings
 or tokens: a meeting's id is its invitation.
 """
@@ -20,7 +20,7 @@ Tell = Callable[[str, Value], None]
 """Adds to a span, by key and value."""
 
 
-class Part(NamedTuple):
+class PastSpan(NamedTuple):
     """A span that has been: its name, and from when to when, s since 1970."""
 
     name: str
@@ -51,8 +51,8 @@ class Tracing:
 
     def record(
         self,
-        whole: Part,
-        parts: Sequence[Part] = (),
+        whole: PastSpan,
+        parts: Sequence[PastSpan] = (),
         *,
         parent: str | None = None,
         attributes: Mapping[str, Value] | None = None,

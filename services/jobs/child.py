@@ -39,7 +39,7 @@ from services.jobs.report import JobStopped, Reporter
 from services.jobs.scratch import scratch_folder
 from services.jobs.train_job import run_train
 from services.settings import Settings, load_settings
-from services.tracing import Part
+from services.tracing import PastSpan
 
 log = logging.getLogger("services.jobs.child")
 
@@ -117,7 +117,7 @@ def _run(services: Services, settings: Settings, job_id: str, attempt: int) -> i
 def traced(services: Services, job: JobRow) -> Iterator[None]:
     """This attempt as a span of the trace that the job was asked for in, if there is one."""
     if job.attempt == 1:
-        waited = Part(
+        waited = PastSpan(
             f"{job.kind} job waits", job.created_at.timestamp(), services.clock().timestamp()
         )
         services.tracing.record(waited, parent=job.traceparent)

@@ -62,16 +62,16 @@ class ClipPlayer:
         """
         # networks and decoder work on a thread, so that the connection is kept up meanwhile
         with ThreadPoolExecutor(max_workers=1, thread_name_prefix="find") as executor:
-            async with present(seat, live_look=self._cut_out is not None) as presence:
+            async with present(seat, live_look=self._cut_out is not None) as visit:
                 again = True
                 while again and not should_stop():
-                    await self._play_once(presence, executor, should_stop)
+                    await self._play_once(visit, executor, should_stop)
                     again = loop
         return self.played
 
     async def _play_once(
         self,
-        presence: Presence,
+        visit: Presence,
         executor: ThreadPoolExecutor,
         should_stop: Callable[[], bool],
     ) -> None:
@@ -86,11 +86,11 @@ class ClipPlayer:
             captured_ms = 1e3 * (begun_s + frame.time_s)
             looked = await running.run_in_executor(executor, self._look, frame, captured_ms)
             self.played.frames += 1
-            if looked.packet is None or not presence.send(looked.packet):
+            if looked.packet is None or not visit.send(looked.packet):
                 continue
             self.played.sent += 1
             if looked.picture is not None:
-                presence.show(looked.picture)
+                visit.show(looked.picture)
                 self.played.pictures += 1
 
     def _look(self, frame: FilmedFrame, captured_ms: float) -> _Looked:

@@ -15,7 +15,7 @@ from services.app import create_app
 from services.composition import build_services
 from services.container import Services
 from services.settings import Settings, load_settings
-from services.tracing import Part, Tracing, open_tracing
+from services.tracing import PastSpan, Tracing, open_tracing
 from tests.servers import free_port
 from tests.services import seeds
 from tests.services.collector import Collector, collecting
@@ -117,9 +117,9 @@ def test_spans_within_spans_and_spans_that_are_over(traced: Services, collector:
         within = traced.tracing.here()
         with traced.tracing.span("inner"):
             # of its own, whatever it is within
-            traced.tracing.record(Part("past", 10.0, 12.0), [Part("half", 10.0, 11.0)])
+            traced.tracing.record(PastSpan("past", 10.0, 12.0), [PastSpan("half", 10.0, 11.0)])
     assert traced.tracing.here() is None
-    traced.tracing.record(Part("late", 20.0, 21.0), parent=within)
+    traced.tracing.record(PastSpan("late", 20.0, 21.0), parent=within)
     traced.tracing.close()
     outer, inner, past, half, late = (
         collector.named(name)[0] for name in ("outer", "inner", "past", "half", "late")

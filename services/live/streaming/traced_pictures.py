@@ -15,7 +15,7 @@ from av import VideoFrame
 
 from services.live.room import Room
 from services.live.streaming.instrumentation import Instrumentation, PictureTimes
-from services.tracing import Part, Tracing
+from services.tracing import PastSpan, Tracing
 
 INTERVAL_S = 5.0
 """Between two traced pictures of this process: people move thirty times a second each."""
@@ -55,22 +55,22 @@ class TracedPictures(Instrumentation):
 
 
 class _Traced(PictureTimes):
-    def __init__(self, tracing: Tracing, epoch_s: float, arrived_s: float, begun_s: float) -> None:
+    def __init__(self, tracing: Tracing, epoch_s: float, arrived_s: float, began_s: float) -> None:
         self._tracing, self._epoch_s = tracing, epoch_s
-        self._arrived_s, self._begun_s, self._drawn_s = arrived_s, begun_s, begun_s
+        self._arrived_s, self._began_s, self._drawn_s = arrived_s, began_s, began_s
 
     def drawn(self, now_s: float) -> None:
         self._drawn_s = now_s
 
     def coded(self, now_s: float, width: int, height: int) -> None:
-        moments = (self._arrived_s, self._begun_s, self._drawn_s, now_s)
-        arrived_s, begun_s, drawn_s, coded_s = (self._epoch_s + one for one in moments)
+        moments = (self._arrived_s, self._began_s, self._drawn_s, now_s)
+        arrived_s, began_s, drawn_s, coded_s = (self._epoch_s + one for one in moments)
         self._tracing.record(
-            Part(NAME, arrived_s, coded_s),
+            PastSpan(NAME, arrived_s, coded_s),
             [
-                Part("solve and wait", arrived_s, begun_s),
-                Part("draw", begun_s, drawn_s),
-                Part("encode", drawn_s, coded_s),
+                PastSpan("solve and wait", arrived_s, began_s),
+                PastSpan("draw", began_s, drawn_s),
+                PastSpan("encode", drawn_s, coded_s),
             ],
             attributes={"picture.width": width, "picture.height": height},
         )

@@ -74,19 +74,19 @@ def house(tmp_path: Path) -> Iterator[House]:
         yield House(common, made, services, meeting.id)
 
 
-async def stand(presence: Presence) -> None:
+async def stand(visit: Presence) -> None:
     """Ten packets a second, as long as they are taken."""
     pose = standing(2).pose(0)
     for number in count(1):
-        presence.send(seen(replace(pose, time_s=0.1 * number), number))
+        visit.send(seen(replace(pose, time_s=0.1 * number), number))
         await asyncio.sleep(0.1)
 
 
 @asynccontextmanager
-async def moving(presence: Presence) -> AsyncIterator[None]:
+async def moving(visit: Presence) -> AsyncIterator[None]:
     """Ada stands there."""
 
-    sending = asyncio.create_task(stand(presence))
+    sending = asyncio.create_task(stand(visit))
     yield
     assert not sending.done(), "Ada was sent out"
     sending.cancel()
@@ -112,15 +112,15 @@ async def test_a_drained_and_a_killed_gateway_are_left_for_the_next(house: House
         one.start()
     seat = await asyncio.to_thread(house.seat)
     (taken,) = house.seats_taken()
-    async with present(seat, live_look=False) as presence, moving(presence):
-        first = presence.home
+    async with present(seat, live_look=False) as visit, moving(visit):
+        first = visit.home
         (second,) = set(house.gateways) - {first}
         async with asyncio.timeout(PATIENCE_S):
             while await solved_at(first) == 0.0:
                 await asyncio.sleep(0.2)
 
         await asyncio.to_thread(house.gateways[first].end, 60.0)
-        await until(lambda: presence.home == second, "the move from a gateway that drained")
+        await until(lambda: visit.home == second, "the move from a gateway that drained")
         async with asyncio.timeout(PATIENCE_S):
             while await solved_at(second) == 0.0:
                 await asyncio.sleep(0.2)
@@ -129,7 +129,7 @@ async def test_a_drained_and_a_killed_gateway_are_left_for_the_next(house: House
         house.gateways[first].start(wait=False)
         await asyncio.to_thread(house.gateways[first].wait)
         house.gateways[second].kill()
-        await until(lambda: presence.home == first, "the move from a gateway that died")
+        await until(lambda: visit.home == first, "the move from a gateway that died")
         async with asyncio.timeout(PATIENCE_S):
             while await solved_at(first) == 0.0:
                 await asyncio.sleep(0.2)
@@ -141,7 +141,7 @@ async def test_whoever_was_sent_out_does_not_come_again(house: House):
     one, two = house.gateways.values()
     one.start()
     seat = await asyncio.to_thread(house.seat)
-    async with present(seat, live_look=False) as presence:
+    async with present(seat, live_look=False) as visit:
         with house.services.unit_of_work() as unit:
             meeting = unit.meetings.get(house.meeting_id)
             meeting.ended_at = house.services.clock()
@@ -149,5 +149,5 @@ async def test_whoever_was_sent_out_does_not_come_again(house: House):
         two.start()
         one.kill()
         with pytest.raises(NotJoined) as told:
-            await asyncio.wait_for(stand(presence), PATIENCE_S)
+            await asyncio.wait_for(stand(visit), PATIENCE_S)
         assert not isinstance(told.value, MeetingAway)
