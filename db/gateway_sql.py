@@ -1,20 +1,17 @@
-"""Gateways and their leases, by SQLAlchemy; see `db.repositories.Gateways`."""
+"""Gateways and their leases, by SQLAlchemy; see `db.meeting_repositories.Gateways`."""
 
 from __future__ import annotations
 
 from datetime import datetime
 
 from sqlalchemy import delete, select
-from sqlalchemy.orm import Session
 
 from db.models import GatewayRow
+from db.sql_repository import SqlRepository
 
 
-class SqlGateways:
+class SqlGateways(SqlRepository):
     """Gateways that serve meetings."""
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
 
     def renew(self, gateway: GatewayRow) -> None:
         """See `Gateways.renew`."""

@@ -1,13 +1,11 @@
-"""The repository of recordings on SQLAlchemy; see `db.repositories.Recordings`."""
+"""The repository of recordings on SQLAlchemy; see `db.meeting_repositories.Recordings`."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 
 from sqlalchemy import delete, select
-from sqlalchemy.orm import Session
 
-from db.errors import NotFound
 from db.models import (
     PersonRow,
     RecordingChunkRow,
@@ -16,13 +14,11 @@ from db.models import (
     RecordingRow,
     RecordingState,
 )
+from db.sql_repository import SqlRepository
 
 
-class SqlRecordings:
+class SqlRecordings(SqlRepository):
     """Recordings of meetings."""
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
 
     def add(self, recording: RecordingRow) -> None:
         """See `Recordings.add`."""
@@ -30,12 +26,11 @@ class SqlRecordings:
 
     def get(self, recording_id: str) -> RecordingRow:
         """See `Recordings.get`."""
-        return self._found(self._session.get(RecordingRow, recording_id), recording_id)
+        return self._get(RecordingRow, recording_id, "recording")
 
     def get_for_change(self, recording_id: str) -> RecordingRow:
         """See `Recordings.get_for_change`."""
-        row = self._session.get(RecordingRow, recording_id, with_for_update=True)
-        return self._found(row, recording_id)
+        return self._get(RecordingRow, recording_id, "recording", locked=True)
 
     def of_meeting(self, meeting_id: str) -> list[RecordingRow]:
         """See `Recordings.of_meeting`."""
@@ -115,10 +110,3 @@ class SqlRecordings:
     def remove(self, recording: RecordingRow) -> None:
         """See `Recordings.remove`."""
         self._session.delete(recording)
-
-    def _found(self, row: RecordingRow | None, recording_id: str) -> RecordingRow:
-        if row is None:
-            raise NotFound(
-                f"id must be that of a recording; got {recording_id!r}; list them to see which are"
-            )
-        return row

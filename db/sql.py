@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from datetime import datetime
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 from sqlalchemy import (
     ColumnElement,
@@ -18,22 +18,15 @@ from sqlalchemy import (
     select,
     update,
 )
-from sqlalchemy.orm import Session
 
-from db.errors import NotFound
 from db.models import (
     AuditEventRow,
     Base,
     JobKind,
     JobRow,
     JobState,
-    MeetingRow,
-    MessageKind,
-    MessageRow,
     ModelRow,
     MotionRow,
-    PanoramaRow,
-    ParticipantRow,
     PerformerRow,
     PersonRow,
     RecordingChunkRow,
@@ -41,26 +34,10 @@ from db.models import (
     SequenceState,
     UploadRow,
 )
-
-Row = TypeVar("Row", bound=Base)
-_MOST_MESSAGES = 300
-"""Of a meeting's messages handed out at once."""
+from db.sql_repository import SqlRepository
 
 
-class _Repository:
-    def __init__(self, session: Session) -> None:
-        self._session = session
-
-    def _get(self, kind: type[Row], key: str, noun: str) -> Row:
-        row = self._session.get(kind, key)
-        if row is None:
-            raise NotFound(
-                f"id must be that of a {noun}; got {key!r}; list them to see what exists"
-            )
-        return row
-
-
-class SqlPeople(_Repository):
+class SqlPeople(SqlRepository):
     """Persons."""
 
     def add(self, person: PersonRow) -> None:
@@ -99,7 +76,7 @@ class SqlPeople(_Repository):
         return sum(self._session.scalar(query) or 0 for query in queries)
 
 
-class SqlUploads(_Repository):
+class SqlUploads(SqlRepository):
     """Resumable uploads under way."""
 
     def add(self, upload: UploadRow) -> None:
@@ -126,7 +103,7 @@ class SqlUploads(_Repository):
         return list(self._session.scalars(select(UploadRow).where(UploadRow.created_at < moment)))
 
 
-class SqlSequences(_Repository):
+class SqlSequences(SqlRepository):
     """Clips."""
 
     def add(self, sequence: SequenceRow) -> None:
@@ -154,7 +131,7 @@ class SqlSequences(_Repository):
         self._session.delete(sequence)
 
 
-class SqlMotions(_Repository):
+class SqlMotions(SqlRepository):
     """Motions of sequences."""
 
     def add(self, motion: MotionRow) -> None:
@@ -167,7 +144,7 @@ class SqlMotions(_Repository):
         return self._session.scalars(query).one_or_none()
 
 
-class SqlModels(_Repository):
+class SqlModels(SqlRepository):
     """Trained models."""
 
     def add(self, model: ModelRow) -> None:
@@ -217,7 +194,7 @@ class SqlModels(_Repository):
         return list(self._session.scalars(query))
 
 
-class SqlJobs(_Repository):
+class SqlJobs(SqlRepository):
     """The queue, and what became of its jobs."""
 
     def add(self, job: JobRow) -> None:
@@ -292,109 +269,7 @@ class SqlJobs(_Repository):
         return {(kind, state): count for kind, state, count in self._session.execute(query)}
 
 
-class SqlMeetings(_Repository):
-    """Meetings with their performers and participants."""
-
-    def add(self, meeting: MeetingRow) -> None:
-        """See `Meetings.add`."""
-        self._session.add(meeting)
-
-    def get(self, meeting_id: str) -> MeetingRow:
-        """See `Meetings.get`."""
-        return self._get(MeetingRow, meeting_id, "meeting")
-
-    def get_for_change(self, meeting_id: str) -> MeetingRow:
-        """See `Meetings.get_for_change`."""
-        row = self._session.get(MeetingRow, meeting_id, with_for_update=True)
-        return row if row is not None else self.get(meeting_id)
-
-    def with_label(self, label: str) -> MeetingRow | None:
-        """See `Meetings.with_label`."""
-        return self._session.scalars(
-            select(MeetingRow).where(MeetingRow.label == label)
-        ).one_or_none()
-
-    def moved_by(self, sequence_id: str) -> list[str]:
-        """See `Meetings.moved_by`."""
-        query = select(PerformerRow.meeting_id)
-        query = query.where(PerformerRow.motion_sequence_id == sequence_id)
-        return list(self._session.scalars(query.distinct()))
-
-    def where_performs(self, person_id: str) -> list[str]:
-        """See `Meetings.where_performs`."""
-        theirs = select(SequenceRow.id).where(SequenceRow.person_id == person_id)
-        query = select(PerformerRow.meeting_id).where(
-            (PerformerRow.person_id == person_id) | PerformerRow.motion_sequence_id.in_(theirs)
-        )
-        return list(self._session.scalars(query.distinct()))
-
-    def seen(self, participant_ids: Collection[str], now: datetime) -> set[str]:
-        """See `Meetings.seen`."""
-        named = ParticipantRow.id.in_(participant_ids)
-        self._session.execute(update(ParticipantRow).where(named).values(seen_at=now))
-        return set(self._session.scalars(select(ParticipantRow.id).where(named)))
-
-    def heard(self, moments: Mapping[str, datetime]) -> None:
-        """See `Meetings.heard`."""
-        for participant_id, at in moments.items():
-            statement = update(ParticipantRow).where(ParticipantRow.id == participant_id)
-            self._session.execute(statement.values(heard_at=at, seen_at=at))
-
-    def drop_participants(
-        self, participant_ids: Collection[str], *, unless_heard_since: datetime | None = None
-    ) -> None:
-        """See `Meetings.drop_participants`."""
-        dropped = delete(ParticipantRow).where(ParticipantRow.id.in_(participant_ids))
-        if unless_heard_since is not None:
-            silent = ParticipantRow.heard_at.is_(None) | (
-                ParticipantRow.heard_at < unless_heard_since
-            )
-            dropped = dropped.where(silent)
-        self._session.execute(dropped)
-
-    def panorama(self, meeting_id: str) -> PanoramaRow | None:
-        """See `Meetings.panorama`."""
-        return self._session.get(PanoramaRow, meeting_id)
-
-    def panorama_picture(self, meeting_id: str) -> bytes | None:
-        """See `Meetings.panorama_picture`."""
-        query = select(PanoramaRow.picture).where(PanoramaRow.meeting_id == meeting_id)
-        return self._session.scalar(query)
-
-    def set_panorama(self, panorama: PanoramaRow) -> None:
-        """See `Meetings.set_panorama`."""
-        self._session.merge(panorama)
-
-    def say(self, message: MessageRow) -> None:
-        """See `Meetings.say`."""
-        newest = select(func.max(MessageRow.number)).where(
-            MessageRow.meeting_id == message.meeting_id
-        )
-        message.number = (self._session.scalar(newest) or 0) + 1
-        self._session.add(message)
-
-    def messages_after(self, meeting_id: str, number: int) -> list[MessageRow]:
-        """See `Meetings.messages_after`."""
-        query = (
-            select(MessageRow)
-            .where(MessageRow.meeting_id == meeting_id, MessageRow.number > number)
-            .order_by(MessageRow.number.desc())
-            .limit(_MOST_MESSAGES)
-        )
-        return list(self._session.scalars(query))[::-1]
-
-    def forget_said(self, meeting_id: str, kind: MessageKind, before: datetime) -> None:
-        """See `Meetings.forget_said`."""
-        self._session.execute(
-            delete(MessageRow).where(
-                MessageRow.meeting_id == meeting_id,
-                MessageRow.kind == kind,
-                MessageRow.at < before,
-            )
-        )
-
-
-class SqlAuditLog(_Repository):
+class SqlAuditLog(SqlRepository):
     """Who did what, when."""
 
     def add(self, event: AuditEventRow) -> None:
@@ -407,7 +282,7 @@ class SqlAuditLog(_Repository):
         return list(self._session.scalars(query.order_by(AuditEventRow.at)))
 
 
-class SqlReferences(_Repository):
+class SqlReferences(SqlRepository):
     """Which objects of the store rows point at, read off the tables themselves."""
 
     def of_owner(self, owner: str) -> set[str]:

@@ -10,10 +10,11 @@ from sqlalchemy.exc import DataError, DBAPIError, IntegrityError, OperationalErr
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import Session
 
-from db import repositories, sql
+from db import meeting_repositories, repositories, sql
 from db.engine import make_engine
 from db.errors import Conflict, DatabaseAway, StoreFull
 from db.gateway_sql import SqlGateways
+from db.meeting_sql import SqlMeetings
 from db.recording_sql import SqlRecordings
 from scene.errors import InvalidInput
 
@@ -75,9 +76,9 @@ class SqlUnitOfWork:
         self.motions: repositories.Motions = sql.SqlMotions(self._session)
         self.models: repositories.Models = sql.SqlModels(self._session)
         self.jobs: repositories.Jobs = sql.SqlJobs(self._session)
-        self.meetings: repositories.Meetings = sql.SqlMeetings(self._session)
-        self.gateways: repositories.Gateways = SqlGateways(self._session)
-        self.recordings: repositories.Recordings = SqlRecordings(self._session)
+        self.meetings: meeting_repositories.Meetings = SqlMeetings(self._session)
+        self.gateways: meeting_repositories.Gateways = SqlGateways(self._session)
+        self.recordings: meeting_repositories.Recordings = SqlRecordings(self._session)
         self.audit: repositories.AuditLog = sql.SqlAuditLog(self._session)
         self.references: repositories.References = sql.SqlReferences(self._session)
 
