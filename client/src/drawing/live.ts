@@ -2,6 +2,7 @@
 
 import type { Api } from "../api/api";
 import type { Vec3 } from "../viewpoint/geometry";
+import { headAbove, pelvisAt } from "../viewpoint/head";
 import { MIN_USABLE_FPS, SIDES } from "../viewpoint/framing";
 import { LocalRendering } from "./localRendering";
 import type { Channel } from "../motion/channel";
@@ -10,27 +11,20 @@ import { Pacer, StallDetector, decodePose, encodeView, type PosePacket } from ".
 import { VideoAdaptation } from "../transport/videoAdaptation";
 import { PictureSize } from "../transport/pictureSize";
 import type { RenderSetting, RenderStatus } from "../splats/renderMode";
+import { KeptPictures } from "../transport/keptPictures";
 import { LatencyMeter } from "../transport/latencyCode";
 import { Sway } from "../viewpoint/sway";
-import type { Job, KeptFrames, Meeting, Performer, Seat } from "../api/types";
+import type { Meeting, Performer, Seat } from "../api/types";
 import { PerformerRoster } from "./performerRoster";
 import { FOV_Y_RAD, Viewpoint, homeOrbit, type CameraPose } from "../viewpoint/viewpoint";
 import { WhepConnection, type WhepStats } from "../transport/whep";
+import { FrameCount } from "./frameCount";
 import type { HeadsetView } from "./headsetView";
-import type { LiveOptions, LiveState, LiveStats } from "./liveState";
+import { picturePatienceS, type LiveOptions, type LiveState, type LiveStats } from "./liveState";
 
-/** No picture for so long while the page is seen: the connection is dead, whatever it says. */
-const STALLED_S = 4;
-/** The very first picture may take longer: the server may have to load the people first. */
-const FIRST_PICTURE_TIMEOUT_S = 20;
-/** On its first start on a machine, the server compiles its renderer before the first picture. */
-const FIRST_START_TIMEOUT_S = 180;
 /** Browsers show tiny black pictures before the first real one. */
 const SMALLEST_PX = 16;
 const ROSTER_S = 10;
-/** Of somebody of usual height who stands. */
-const PELVIS_M = 0.95;
-const HEAD_ABOVE_PELVIS_M = 0.65;
 
 export class LiveView {
   readonly video = document.createElement("video");
@@ -53,6 +47,8 @@ export class LiveView {
   private readonly adaptation = new VideoAdaptation();
   private readonly localRendering: LocalRendering;
   readonly roster: PerformerRoster;
+  /** Of this connection. */
+  readonly kept: KeptPictures;
   private readonly pacer = new Pacer();
   private readonly stalls = new StallDetector();
   private readonly latency: LatencyMeter | null;
@@ -64,12 +60,11 @@ export class LiveView {
   /** The server has said that its first picture takes longer. */
   private firstStart = false;
   private sequence = 0;
-  private framesThisSecond = 0;
   private lastTickMs = 0;
   private readonly sway = new Sway();
   private animationFrame = 0;
   private videoFrame = 0;
-  private framesDrawn = 0;
+  private readonly frames = new FrameCount();
 
   constructor(
     readonly api: Api,
@@ -128,6 +123,7 @@ export class LiveView {
       onPose: (packet) => this.localRendering.acceptPose(packet),
       onLook: (packet) => this.localRendering.acceptLook(packet),
     });
+    this.kept = new KeptPictures(this.connection);
   }
 
   start(): void {
@@ -206,8 +202,7 @@ export class LiveView {
     this.send(true);
     this.localRendering.advancePoses();
     if (!withPeople) return;
-    this.framesDrawn += 1;
-    this.framesThisSecond += 1;
+    this.frames.drawn();
     this.onPicture();
   }
 
@@ -227,9 +222,7 @@ export class LiveView {
     const index = this.meeting.performers.findIndex(({ id }) => id === performerId);
     const performer = this.meeting.performers[index];
     if (!performer) return null;
-    const pelvis = this.localRendering.pelvisOf(index);
-    const [x, y, z] = pelvis ?? [performer.position[0], performer.position[1] + PELVIS_M, performer.position[2]];
-    return [x, y + HEAD_ABOVE_PELVIS_M, z];
+    return headAbove(this.localRendering.pelvisOf(index) ?? pelvisAt(performer.position));
   }
 
   /** How late the voices are heard of the performers who are heard now, ms: their lips wait as long. */
@@ -252,20 +245,6 @@ export class LiveView {
   /** Send pictures of oneself; null: none. */
   setLookTrack(track: MediaStreamTrack | null): void {
     this.connection.setLookTrack(track);
-  }
-
-  /** Switch keeping of pictures of oneself on or off; what is kept. Throws Problem. */
-  async keepFrames(on: boolean): Promise<KeptFrames> {
-    return (await this.connection.keptFrames("PUT", { on })) as KeptFrames;
-  }
-
-  /** Have what is kept stored and learnt from. Throws Problem. */
-  async learnFromKept(): Promise<Job> {
-    return (await this.connection.keptFrames("POST")) as Job;
-  }
-
-  async dropKept(): Promise<void> {
-    await this.connection.keptFrames("DELETE");
   }
 
   close(): void {
@@ -311,8 +290,7 @@ export class LiveView {
     this.send(moved);
     this.localRendering.advancePoses();
     if (this.localRendering.draw(this.viewpoint.camera, this.size.requested, this.hideUnseen)) {
-      this.framesDrawn += 1;
-      this.framesThisSecond += 1;
+      this.frames.drawn();
       // the code goes into the picture, and is read from it as it is seen
       if (this.latency && this.localRendering.stampLatencyCode()) this.latency.look(this.canvas);
       this.localRendering.showLocal(true);
@@ -360,7 +338,7 @@ export class LiveView {
     if (this.video.videoWidth >= SMALLEST_PX) {
       // a last picture that was on its way when this device took over is not shown any more
       if (!this.localRendering.shown) {
-        this.framesThisSecond += 1;
+        this.frames.shown();
         this.latency?.look(this.video);
       }
       if (this.localRendering.ready) this.stalls.pause();
@@ -383,15 +361,8 @@ export class LiveView {
     return this.state.kind === "live" || this.state.kind === "audio-only";
   }
 
-  private get timeoutS(): number {
-    if (this.sealing) return Infinity;
-    if (this.state.kind === "live") return STALLED_S;
-    return this.firstStart ? FIRST_START_TIMEOUT_S : FIRST_PICTURE_TIMEOUT_S;
-  }
-
   private async everySecond(): Promise<void> {
-    const fps = this.framesThisSecond;
-    this.framesThisSecond = 0;
+    const fps = this.frames.take();
     const numbers = await this.connection.stats();
     this.publishStats(fps, numbers);
     if (!this.connected || document.hidden) return this.adaptation.resetPatience(); // hidden pages show no pictures
@@ -404,7 +375,7 @@ export class LiveView {
     const drawn = this.localRendering.shown ? this.size.requested : { width: videoWidth, height: videoHeight };
     const { width, height } = this.localRendering.headsetView?.size ?? drawn;
     if (width >= SMALLEST_PX) {
-      this.onStats({ fps, framesDecoded: framesDecoded + this.framesDrawn, width, height, roundTripMs });
+      this.onStats({ fps, framesDecoded: framesDecoded + this.frames.drawnHere, width, height, roundTripMs });
     }
   }
 
@@ -413,10 +384,10 @@ export class LiveView {
     const { live } = this;
     const [pinned, visits] = [this.size.pinned !== null, this.localRendering.headsetView !== null];
     if (live && this.localRendering.shown && !visits) this.localRendering.observeSpeed(fps, pinned || this.adaptation.side === SIDES[0]);
-    const adapts = !pinned && !visits;
     const { highest } = this.size;
     const { coarse } = this.localRendering;
-    const step = this.adaptation.observe({ fps, received, lost, live, adapts, highest, coarse, patienceS: this.timeoutS });
+    const patienceS = this.sealing ? Infinity : picturePatienceS(this.state, this.firstStart);
+    const step = this.adaptation.observe({ fps, received, lost, live, adapts: !pinned && !visits, highest, coarse, patienceS });
     if (step === "reconnect") this.connection.reconnect();
     if (step === "request") {
       this.fit();

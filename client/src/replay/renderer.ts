@@ -3,6 +3,7 @@
 import type { Api } from "../api/api";
 import { ResolutionLadder, fitSize, highestStep, type Size } from "../viewpoint/framing";
 import type { Vec3 } from "../viewpoint/geometry";
+import { headAbove } from "../viewpoint/head";
 import { performerCheck } from "../transport/packets";
 import { LocalRoom, type DrawnPerformer } from "../splats/localRoom";
 import { PacedRoom } from "../splats/pacedRoom";
@@ -14,7 +15,6 @@ import type { Player } from "./player";
 import { indexAt, poseAt, type RoomRecord } from "./tracks";
 
 const COUNTING_MS = 1000;
-const HEAD_ABOVE_PELVIS_M = 0.65;
 /** In recordings that tell no viewpoint, everybody stands within a metre of the origin. */
 const ROUND_THE_ORIGIN: DefaultViewpoint = { target: [0, 1.2, 0], azimuth_rad: 0, elevation_rad: 0.08, distance_m: 3, width_m: 3, depth_m: 1 };
 
@@ -88,8 +88,7 @@ export class ReplayRenderer {
     const room = rooms.items[Math.max(0, indexAt(rooms.times, this.player.ms))];
     const pose = poseAt(this.loaded.motions.get(room?.standing_for[memberId] ?? ""), this.player.ms);
     if (!pose) return null;
-    const [x, y, z] = pose.pelvis;
-    return [x, y + HEAD_ABOVE_PELVIS_M, z];
+    return headAbove(pose.pelvis);
   }
 
   close(): void {

@@ -15,6 +15,7 @@ import { ArrivingFiles, type LoadSplats } from "./arriving";
 import { withoutOwnHead } from "./ownHead";
 import { contactShadows, type LoadedEnvironment, type ScreenPlace, type Shadow } from "./room";
 import { forwardKinematics, restRotations, TRANSFORM } from "./skeleton";
+import { SharedScreen } from "./sharedScreen";
 import { allocateOrder, depthOrder, depthRows, depths, displaced } from "./sort";
 import type { Sorted, SortTask } from "./sortWorker";
 
@@ -56,8 +57,10 @@ export class LocalRoom {
   private drawnKey = "";
   /** Of the page's last picture. */
   private camera: PassCamera | null = null;
-  private screen: HTMLVideoElement | null = null;
-  private videoCallback = 0;
+  private readonly screen = new SharedScreen((video) => {
+    this.pass?.setScreen(video, video?.videoWidth, video?.videoHeight);
+    this.drawnKey = "";
+  });
   /** Counts what was to be seen so far, and says which of it the worker was given last. */
   private version = 0;
   private sortedVersion = 0;
@@ -127,10 +130,7 @@ export class LocalRoom {
 
   /** A screen that is shared now, each of its pictures with the next of the room; null: none. */
   setScreen(video: HTMLVideoElement | null): void {
-    this.screen?.cancelVideoFrameCallback(this.videoCallback);
-    this.screen = video;
-    if (!video) this.pass?.setScreen(null);
-    else this.watchScreen(video);
+    this.screen.set(video);
     this.drawnKey = "";
   }
 
@@ -138,15 +138,6 @@ export class LocalRoom {
   placeScreen(place: ScreenPlace): void {
     this.pass?.placeScreen(place);
     this.drawnKey = "";
-  }
-
-  private watchScreen(video: HTMLVideoElement): void {
-    this.videoCallback = video.requestVideoFrameCallback(() => {
-      if (this.screen !== video) return;
-      this.pass?.setScreen(video, video.videoWidth, video.videoHeight);
-      this.drawnKey = "";
-      this.watchScreen(video);
-    });
   }
 
   /** Another connection: what it sends has nothing to do with the numbers of the last one. */
@@ -293,8 +284,7 @@ export class LocalRoom {
   }
 
   close(): void {
-    this.screen?.cancelVideoFrameCallback(this.videoCallback);
-    this.screen = null;
+    this.screen.stop();
     this.worker.terminate();
     this.pass?.close();
     this.canvas.remove();

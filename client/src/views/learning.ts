@@ -18,7 +18,7 @@ const LEARNT = "Your model has learnt new sides of you.";
 const PENDING_KEY = "metanerf.learning";
 const NOT_YOURS = new Problem("Your model cannot learn", "It must be a model of splats that you made, and be in this meeting.");
 
-type Live = Pick<LiveView, "keepFrames" | "learnFromKept" | "dropKept" | "meeting"> & { api: Pick<Api, "people" | "models" | "giveConsent" | "watchJob"> };
+type Live = Pick<LiveView, "kept" | "meeting"> & { api: Pick<Api, "people" | "models" | "giveConsent" | "watchJob"> };
 
 export interface LearningControl {
   element: HTMLElement;
@@ -61,7 +61,7 @@ export function learningControl(live: Live, performerId: string, memory: Storage
   const begin = async (): Promise<void> => {
     try {
       await giveConsent(live, performerId);
-      await live.keepFrames(true);
+      await live.kept.keep(true);
       lamp(true);
       say(ON);
     } catch (error) {
@@ -77,13 +77,13 @@ export function learningControl(live: Live, performerId: string, memory: Storage
   };
   const drop = async (): Promise<void> => {
     // what the server does not hear of, it drops when the connection ends
-    await live.dropKept().catch(() => undefined);
+    await live.kept.drop().catch(() => undefined);
     say(DROPPED);
     hide();
   };
   const keep = async (): Promise<void> => {
     try {
-      const job = await live.learnFromKept();
+      const job = await live.kept.learn();
       memory.setItem(PENDING_KEY, job.id);
       say(LEARNING);
       void follow(job.id);
@@ -96,9 +96,9 @@ export function learningControl(live: Live, performerId: string, memory: Storage
   const finish = async (): Promise<void> => {
     lamp(false);
     try {
-      const kept = await live.keepFrames(false);
+      const kept = await live.kept.keep(false);
       if (kept.frames.length === 0) {
-        await live.dropKept();
+        await live.kept.drop();
         say(NOTHING);
         return;
       }

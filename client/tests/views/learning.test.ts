@@ -28,9 +28,11 @@ function setUp(kept = KEPT, job: Partial<Job> = { state: "succeeded", error: nul
   const live = {
     api,
     meeting: { performers: [{ id: "one", name: "Ada", model_id: "m" }] },
-    keepFrames: vi.fn((on: boolean) => Promise.resolve(on ? { ...NONE, on: true } : kept)),
-    learnFromKept: vi.fn(() => Promise.resolve({ id: "j" })),
-    dropKept: vi.fn(() => Promise.resolve()),
+    kept: {
+      keep: vi.fn((on: boolean) => Promise.resolve(on ? { ...NONE, on: true } : kept)),
+      learn: vi.fn(() => Promise.resolve({ id: "j" })),
+      drop: vi.fn(() => Promise.resolve()),
+    },
   };
   const control = learningControl(live as never, "one", held);
   document.body.append(control.element);
@@ -55,14 +57,14 @@ describe("learning from live look", () => {
   it("is off at first, and asks the server nothing", () => {
     const { box, element, live, sheet } = setUp();
     expect([box.checked, element.classList.contains("on"), sheet.hidden]).toEqual([false, false, true]);
-    expect(live.keepFrames).not.toHaveBeenCalled();
+    expect(live.kept.keep).not.toHaveBeenCalled();
   });
 
   it("gives the consent for learning beside the others, and lights its lamp", async () => {
     const { press, element, api, live } = setUp();
     await press();
     expect(api.giveConsent).toHaveBeenCalledWith("p", { purposes: ["meetings", "learning"], until: null });
-    expect(live.keepFrames).toHaveBeenCalledWith(true);
+    expect(live.kept.keep).toHaveBeenCalledWith(true);
     expect(element.classList.contains("on")).toBe(true);
     expect(element.textContent).toContain("stored only if you say so");
   });
@@ -73,9 +75,9 @@ describe("learning from live look", () => {
     await press();
     expect([sheet.hidden, sheet.querySelectorAll("img").length]).toEqual([false, 1]);
     expect(element.textContent).toContain("head from 60 degrees to their left");
-    expect(live.learnFromKept).not.toHaveBeenCalled();
+    expect(live.kept.learn).not.toHaveBeenCalled();
     await click(element, "kept-keep");
-    expect(live.learnFromKept).toHaveBeenCalledOnce();
+    expect(live.kept.learn).toHaveBeenCalledOnce();
     expect(sheet.hidden).toBe(true);
     expect(element.textContent).toContain("has learnt new sides");
     expect(held.getItem("metanerf.learning")).toBeNull();
@@ -86,7 +88,7 @@ describe("learning from live look", () => {
     await press();
     await press();
     await click(element, "kept-drop");
-    expect([live.dropKept.mock.calls.length, live.learnFromKept.mock.calls.length, sheet.hidden]).toEqual([1, 0, true]);
+    expect([live.kept.drop.mock.calls.length, live.kept.learn.mock.calls.length, sheet.hidden]).toEqual([1, 0, true]);
   });
 
   it("has whoever leaves decide first, and drops what waits for who leaves again", async () => {
@@ -98,7 +100,7 @@ describe("learning from live look", () => {
     expect([sheet.hidden, left.mock.calls.length]).toEqual([false, 0]);
     await settle();
     await Promise.resolve();
-    expect([live.dropKept.mock.calls.length, live.learnFromKept.mock.calls.length, left.mock.calls.length]).toEqual([1, 0, 1]);
+    expect([live.kept.drop.mock.calls.length, live.kept.learn.mock.calls.length, left.mock.calls.length]).toEqual([1, 0, 1]);
   });
 
   it("lets go at once where nothing was kept", async () => {
@@ -128,7 +130,7 @@ describe("learning from live look", () => {
 
   it("stays off and says why where it may not", async () => {
     const { press, live, box, element } = setUp();
-    live.keepFrames.mockRejectedValueOnce(new Problem("Clip gone", "The clip must be stored.", 410));
+    live.kept.keep.mockRejectedValueOnce(new Problem("Clip gone", "The clip must be stored.", 410));
     await press();
     expect(box.checked).toBe(false);
     expect(element.textContent).toContain("The clip must be stored.");
