@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scene.arrays import Array, Float, Int
-from scene.errors import InvalidInput, require_finite, require_shape
+from scene.checks import require_finite, require_shape
+from scene.errors import InvalidInput
 from scene.expression import BLEND_SHAPE_COUNT, blend_shape_weights
 from scene.motion import Pose
 from scene.skeleton import Skeleton

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scene.arrays import Array, Float
-from scene.errors import InvalidInput, require_finite, require_shape
+from scene.checks import require_finite, require_shape
+from scene.errors import InvalidInput
 from scene.rotations import axis_angle_to_matrix
 
 _UNDISTORT_ROUNDS = 20

@@ -8,10 +8,6 @@ Other packages derive their own trees from SceneError.
 
 from __future__ import annotations
 
-import numpy as np
-
-from scene.arrays import Array
-
 
 class SceneError(ValueError):
     """Root of every error that MetaNeRF raises on purpose."""
@@ -19,24 +15,3 @@ class SceneError(ValueError):
 
 class InvalidInput(SceneError):
     """A value breaks a rule of this package."""
-
-
-def require_shape(name: str, value: Array, shape: tuple[int | None, ...]) -> None:
-    """Raise InvalidInput unless `value` has `shape` (None: any length)."""
-    fits = value.ndim == len(shape) and all(
-        want is None or have == want for have, want in zip(value.shape, shape, strict=True)
-    )
-    if not fits:
-        wanted = " x ".join("N" if side is None else str(side) for side in shape)
-        raise InvalidInput(f"{name} must be {wanted}; got {' x '.join(map(str, value.shape))}")
-
-
-def require_finite(name: str, value: Array) -> None:
-    """Raise InvalidInput naming the first NaN or infinity of `value` by its index."""
-    bad = ~np.isfinite(value)
-    if bad.any():
-        place = [int(i) for i in np.argwhere(bad)[0]]
-        found = value[tuple(place)]
-        raise InvalidInput(
-            f"{name} must be finite; got {found} at index {place}; remove that entry"
-        )

@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scene.arrays import Array, Float
-from scene.errors import InvalidInput, require_finite, require_shape
+from scene.checks import require_finite, require_shape
+from scene.errors import InvalidInput
 
 HARMONICS = 9
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from scene.arrays import Array, Float
-from scene.errors import InvalidInput, require_finite, require_shape
+from scene.checks import require_finite, require_shape
+from scene.errors import InvalidInput
 from scene.expression import EXPRESSION_COUNT, neutral
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle, slerp
 from scene.skeleton import JOINT_COUNT

@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Mapping
 from collections.abc import Sequence as Many
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -16,6 +15,7 @@ from scene.body import Body
 from scene.camera import Camera
 from scene.errors import InvalidInput
 from scene.motion import Motion, Pose
+from scene.pose_trust import PoseTrust
 
 NOVEL_VIEW = "novel_view"
 """Test split: moments of the training motion from unseen cameras."""
@@ -58,18 +58,6 @@ class FrameSource(Protocol):
     def mask(self, index: int) -> Float[Array, "H W"]:
         """float32 alpha in [0, 1]."""
         ...
-
-
-class PoseTrust(StrEnum):
-    """How far the poses of a sequence are believed."""
-
-    EXACT = "exact"
-    """They are known, from a studio or markers: nothing moves them."""
-    GIVEN = "given"
-    """They came with the data, by an estimator that may be some degrees off. They say how the
-    person will be driven, so their skeleton and their means over the clip hold."""
-    ESTIMATED = "estimated"
-    """Our own capture found them, and the skeleton with them: all may be refined."""
 
 
 @dataclass(frozen=True, eq=False)

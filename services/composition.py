@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from db.objects import Objects, open_objects
 from db.unit_of_work import Database
 from services.auth import Tokens
@@ -10,7 +12,6 @@ from services.identity_provider import IdentityProvider
 from services.jobs.events import open_events
 from services.limits import RateLimit
 from services.person_models import ModelCache
-from services.problems import stored_failure
 from services.settings import Settings
 from services.tickets import Tickets
 from services.tracing import open_tracing
@@ -47,5 +48,13 @@ def build_services(
         ),
         tracing=open_tracing(settings.tracing),
         clock=clock,
-        describe_failure=stored_failure,
+        describe_failure=_described,
     )
+
+
+def _described(error: Exception) -> dict[str, Any]:
+    from services.problems import (
+        stored_failure,  # here, for jobs do without FastAPI until one fails
+    )
+
+    return stored_failure(error)

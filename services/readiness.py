@@ -11,8 +11,6 @@ import time
 from collections.abc import Callable
 from typing import Literal
 
-import redis
-
 from db.errors import DatabaseError
 from services.container import Services
 
@@ -58,6 +56,6 @@ def status_of(checks: dict[str, str]) -> Status:
 def _state(ping: Callable[[], None]) -> str:
     try:
         ping()
-    except (DatabaseError, redis.RedisError) as error:
+    except (DatabaseError, ConnectionError) as error:
         return str(error)
     return OK

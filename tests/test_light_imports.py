@@ -37,20 +37,24 @@ def test_scene_and_renderer_import_with_numpy_and_torch_alone():
     assert "scene.camera" in done.stdout
 
 
+# services.otlp, not OpenTelemetry: the Redis client loads its SDK itself where it is installed
+_HEAVY = {"torch", "numba", "mediapipe", "scipy", "ray", "services.otlp"}
+_NETWORK = {"fastapi", "redis", "aiortc"}
+
+
 @pytest.mark.parametrize(
-    "module",
+    ("module", "more"),
     [
-        "scene",
-        "services.cli.app",
-        "services.app",
-        "services.jobs.child",
-        "services.jobs.ray_task",
-        "services.jobs.worker",
+        ("scene", {"numpy"}),
+        ("services.cli.app", _NETWORK | {"numpy", "pydantic", "sqlalchemy"}),
+        ("services.app", {"redis"}),
+        ("services.jobs.child", _NETWORK),
+        ("services.jobs.ray_task", _NETWORK),
+        ("services.jobs.worker", _NETWORK),
     ],
 )
-def test_what_starts_often_does_not_wait_for_torch_nor_ray(module):
-    # the Redis client loads OpenTelemetry's SDK itself where that is installed
-    slow = "{'torch', 'numba', 'mediapipe', 'scipy', 'ray', 'services.otlp'} & set(sys.modules)"
+def test_what_starts_often_does_not_wait_for_torch_nor_ray(module: str, more: set[str]):
+    slow = f"{_HEAVY | more} & set(sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", f"import sys, {module}; assert not {slow}, {slow}"],
         capture_output=True,
@@ -58,3 +62,11 @@ def test_what_starts_often_does_not_wait_for_torch_nor_ray(module):
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_every_word_of_scene_is_found_where_it_is_asked_for():
+    import scene
+
+    assert all(getattr(scene, name) is not None for name in scene.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'Nothing'"):
+        _ = scene.Nothing

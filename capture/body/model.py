@@ -17,7 +17,8 @@ import numpy as np
 from capture.body.eyes import gaze_directions
 from scene.arrays import Array, Float, Int
 from scene.body import Body
-from scene.errors import InvalidInput, require_shape
+from scene.checks import require_shape
+from scene.errors import InvalidInput
 from scene.expression import GAZE, offsets_of_any_version
 from scene.skeleton import Skeleton
 

@@ -17,7 +17,7 @@ from capture.detection.landmarks import Landmarks
 from scene.arrays import Array, Float
 from scene.body import Body
 from scene.camera import Camera
-from scene.errors import require_shape
+from scene.checks import require_shape
 from scene.motion import Pose
 
 

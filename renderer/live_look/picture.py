@@ -8,7 +8,7 @@ import numpy as np
 
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
-from scene.errors import require_shape
+from scene.checks import require_shape
 from scene.motion import Pose
 
 

@@ -16,7 +16,8 @@ from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
 from renderer.splats.unseen import fade_unseen
 from scene.arrays import Array, Bool, Float, Int, UInt8
 from scene.camera import Camera
-from scene.errors import InvalidInput, require_finite, require_shape
+from scene.checks import require_finite, require_shape
+from scene.errors import InvalidInput
 from scene.expression import BLEND_SHAPE_COUNT, offsets_of_any_version
 from scene.lighting import HARMONICS
 from scene.motion import Motion, Pose

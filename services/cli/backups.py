@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from services.cli.terminal import progress_bar, require_writable
-from services.settings import load_settings
 
 app = typer.Typer()
 
@@ -37,6 +36,7 @@ def backup(
     from db.backup import back_up
     from db.encrypted_file import read_secret
     from services.composition import build_services
+    from services.settings import load_settings
 
     secret = None if key_file is None else read_secret(key_file)
     services = build_services(load_settings())
@@ -69,6 +69,7 @@ def restore(
     from db.encrypted_file import read_secret
     from db.restore import restore as put_back
     from services.composition import build_services
+    from services.settings import load_settings
 
     secret = None if key_file is None else read_secret(key_file)
     services = build_services(load_settings())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import typer
 
 from services.cli.terminal import print_table
-from services.settings import load_settings
 
 app = typer.Typer()
 
@@ -18,6 +17,7 @@ def doctor() -> None:
     missing are fetched) and the page. Exit code 1: something is to be mended.
     """
     from services.doctor import examine
+    from services.settings import load_settings
 
     findings = list(examine(load_settings()))
     print_table((one.what, one.found, one.advice or "good") for one in findings)

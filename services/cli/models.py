@@ -7,13 +7,12 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scene.arrays import Array, UInt8
 from scene.errors import InvalidInput, SceneError
-from scene.sequence import PoseTrust
+from scene.pose_trust import PoseTrust
 from services.cli.terminal import (
     Report,
     progress_bar,
@@ -23,12 +22,13 @@ from services.cli.terminal import (
     stop_on_interrupt,
 )
 
+if TYPE_CHECKING:
+    from scene.arrays import Array, UInt8
+
 app = typer.Typer()
 
 _FETCHED = Path("vgg16")
 """In place of a file: the backbone of the paper's figures."""
-
-Picture = UInt8[Array, "H W 3"]
 
 ModelPath = Annotated[Path, typer.Argument(help="A trained model (.safetensors).")]
 SequencePath = Annotated[
@@ -166,7 +166,9 @@ def render(
     typer.echo(str(out))
 
 
-def _told(frames: Iterator[Picture], total: int, report: Report) -> Iterator[Picture]:
+def _told(
+    frames: Iterator[UInt8[Array, "H W 3"]], total: int, report: Report
+) -> Iterator[UInt8[Array, "H W 3"]]:
     for number, frame in enumerate(frames, start=1):
         report(number / total, f"frame {number} of {total}")
         yield frame

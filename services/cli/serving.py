@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scene.errors import InvalidInput, SceneError
-from services.setting_groups import ServerSettings
-from services.settings import Settings, load_settings
 
 if TYPE_CHECKING:
     from services.jobs.engine import Engine
+    from services.setting_groups import ServerSettings
+    from services.settings import Settings
 
 app = typer.Typer()
 
@@ -49,6 +49,7 @@ def demo(
     typer.echo("\n  MetaNeRF is starting")
     from services.bootstrap import DEMO_MODEL, ensure_demo
     from services.composition import build_services
+    from services.settings import load_settings
 
     settings = load_settings(open_access=True, **_given(port=port, data_dir=data_dir))
     listener = _listen(settings.server)
@@ -66,6 +67,8 @@ def demo(
 @app.command()
 def serve(port: Port = None) -> None:
     """Run the gateway: REST, WebRTC and the page. Settings come from METANERF_* variables."""
+    from services.settings import load_settings
+
     settings = load_settings(**_given(port=port))
     _serve(settings, _listen(settings.server))
 
@@ -86,6 +89,7 @@ def worker(
     from db.models import JobKind
     from services.composition import build_services
     from services.jobs.worker import Worker
+    from services.settings import load_settings
 
     settings = load_settings(**_given(worker_kinds=kinds))
     _log(settings)

@@ -14,7 +14,7 @@ from db.unit_of_work import Database
 from services import readiness
 from services.app import create_app
 from services.container import Services
-from services.jobs.events import RedisEvents
+from services.jobs.redis_events import RedisEvents
 from tests.fakes import AwayObjects
 from tests.services.conftest import bearer, changed
 

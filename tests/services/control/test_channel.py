@@ -13,7 +13,7 @@ from services.auth import ALL_SCOPES
 from services.container import Services
 from services.control.roster import SILENCE_S
 from services.gateway import COMMANDS_PER_MINUTE, gateway_of
-from services.jobs.events import RedisEvents
+from services.jobs.redis_events import RedisEvents
 from services.limits import RateLimit
 from services.seats import SEAT_LAPSES_S
 from tests.fakes import Clock

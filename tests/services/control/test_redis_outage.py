@@ -9,7 +9,7 @@ import httpx
 
 from services.app import create_app
 from services.bootstrap import import_model
-from services.jobs.events import RedisEvents
+from services.jobs.redis_events import RedisEvents
 from tests.servers import MortalRedis
 from tests.services.conftest import bearer, changed
 from tests.services.control.conftest import on_a_port

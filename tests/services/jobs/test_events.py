@@ -8,7 +8,8 @@ import time
 
 import pytest
 
-from services.jobs.events import Events, LocalEvents, RedisEvents
+from services.jobs.events import Events, LocalEvents
+from services.jobs.redis_events import RedisEvents
 from tests.servers import MortalRedis
 
 
