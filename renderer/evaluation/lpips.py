@@ -1,6 +1,6 @@
 """LPIPS (Zhang et al. 2018): distance of deep features, without torchvision and without `lpips`.
 
-The linear layers are those in the torchmetrics wheel (version 0.1 weights); the backbone's
+The linear layers (version 0.1) ship with this package, made by `tools.build_lpips`; the backbone's
 convolutions come from a .pth or .safetensors file with torchvision's names, `features.*`:
 SqueezeNet 1.1 (which ships with this package), AlexNet or VGG-16, told apart by the shapes inside.
 Pictures are sRGB in [0, 1] and go to the network in [-1, 1]; 0 means equal, about 0.3 is plainly
@@ -9,7 +9,6 @@ different.
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 
 import torch
@@ -19,14 +18,17 @@ from torch.nn import functional
 from renderer.errors import RendererError
 from scene.arrays import Float, Tensor
 
-PACKAGED_BACKBONE = Path(__file__).parents[1] / "assets" / "squeezenet1_1.safetensors"
+_ASSETS = Path(__file__).parents[1] / "assets"
+PACKAGED_BACKBONE = _ASSETS / "squeezenet1_1.safetensors"
 """SqueezeNet 1.1, which ships with this package: figures without a network."""
+LINEAR_LAYERS = _ASSETS / "lpips_linear.safetensors"
+"""What the channels of each compared layer weigh, by `BACKBONE.PLACE`."""
 
 _SHIFT = (-0.030, -0.088, -0.188)
 _SCALE = (0.458, 0.448, 0.450)
 """Mean and spread of ImageNet in the range [-1, 1], as LPIPS has them."""
 _FIRE = (3, 4, 6, 7, 9, 10, 11, 12)
-_TAPS = {
+TAPS = {
     "squeeze": (1, 4, 7, 9, 10, 11, 12),
     "alex": (1, 4, 7, 9, 11),
     "vgg": (3, 8, 15, 22, 29),
@@ -89,7 +91,7 @@ class Lpips(nn.Module):
     def _features(self, pictures: Tensor) -> list[Tensor]:
         value = (2.0 * pictures - 1.0 - self.shift) / self.scale
         kind, taps = self.backbone, []
-        for layer in range(_TAPS[kind][-1] + 1):
+        for layer in range(TAPS[kind][-1] + 1):
             if layer in _CONVOLUTIONS[kind]:
                 stride, padding = _CONVOLUTIONS[kind][layer]
                 value = self._convolve(value, f"features_{layer}", stride, padding)
@@ -100,7 +102,7 @@ class Lpips(nn.Module):
                 value = self._fire(value, f"features_{layer}")
             else:
                 value = functional.relu(value)
-            if layer in _TAPS[kind]:
+            if layer in TAPS[kind]:
                 taps.append(value)
         return taps
 
@@ -155,9 +157,5 @@ def _kind(weights: dict[str, Tensor], path: Path) -> str:
 
 
 def _linear_layers(kind: str) -> list[Tensor]:
-    found = find_spec("torchmetrics")  # located, not imported: the import alone takes seconds
-    if found is None or not found.submodule_search_locations:
-        raise RendererError("LPIPS needs torchmetrics, which carries its linear layers; install it")
-    folder = Path(found.submodule_search_locations[0]) / "functional" / "image" / "lpips_models"
-    stored = torch.load(folder / f"{kind}.pth", map_location="cpu", weights_only=True)
-    return [stored[f"lin{place}.model.1.weight"] for place in range(len(_TAPS[kind]))]
+    stored = _read_weights(LINEAR_LAYERS)
+    return [stored[f"{kind}.{place}"] for place in range(len(TAPS[kind]))]
