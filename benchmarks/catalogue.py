@@ -49,6 +49,7 @@ class Benchmark:
 
 CATALOGUE = (
     Benchmark("reading", ("reading",)),
+    Benchmark("install", ("install",)),
     Benchmark("live-capture", ("live-capture",), (require_browser,)),
     Benchmark("masks", ("masks",)),
     Benchmark("enrolment", ("enrolment",), (require_webcam_clip,)),

@@ -1,4 +1,4 @@
-"""`metanerf bench parsimony`."""
+"""`metanerf bench parsimony` and `bench install`: no more model and code than is needed."""
 
 from __future__ import annotations
 
@@ -58,3 +58,16 @@ def parsimony(
         require_real_footage(footage)
         networks = Networks(*landmark_models(), backbone)
     run(writer, OutsideData(motion, assets, footage, networks), clock, only, quick=quick)
+
+
+@app.command()
+def install(
+    commits: Commits = False,
+    fresh: Annotated[
+        bool, typer.Option(help="Install everything from nothing, too; asks PyPI and npm.")
+    ] = True,
+) -> None:
+    """What the code weighs: packages, start-up, lines, settings, a new installation."""
+    from benchmarks.install.measure import run
+
+    run(start("install", commits, narrowed=not fresh), fresh=fresh)
