@@ -1,18 +1,19 @@
 .PHONY: demo test unit check format lock audit setup
+PYTEST = .venv/bin/python -m pytest
 
 # The main job: everything is set up, then the meeting opens in the browser.
 demo: setup
 	.venv/bin/metanerf demo $(ARGS)
 
 # Everything that continuous integration checks: format, lint, types, imports, all tests.
-test: setup-test check
-	cd client && npm test --silent
-	.venv/bin/python -m pytest -m "not e2e" -n 2 --dist loadfile $(ARGS)
-	.venv/bin/python -m pytest -m e2e $(ARGS)
+test: setup-test
+	$(MAKE) --jobs=2 check test-page
+	$(PYTEST) -m "not e2e" -n 2 --dist loadfile --no-loadscope-reorder $(ARGS); \
+	rest=$$?; $(PYTEST) -m e2e $(ARGS) && exit $$rest
 
 # Tests without a browser, without servers and without long trainings: under two minutes, while you work.
 unit: setup-test
-	.venv/bin/python -m pytest -m "not e2e and not server and not slow" -x -q $(ARGS)
+	$(PYTEST) -m "not e2e and not server and not slow" -x -q $(ARGS)
 
 check:
 	.venv/bin/ruff format --check .
@@ -20,6 +21,10 @@ check:
 	.venv/bin/pyright
 	.venv/bin/lint-imports
 	cd client && npm run check --silent
+
+.PHONY: test-page
+test-page:
+	cd client && npm test --silent
 
 format:
 	.venv/bin/ruff format .

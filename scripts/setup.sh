@@ -62,11 +62,13 @@ compile_renderer() {
   echo "$wanted" > "$stamp"
 }
 
+can_apt() { command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; }
+
 install_chromium() {
   [ -n "${CHROMIUM:-}" ] && return
   command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null && return
   echo "setup: installing Chromium for the browser tests"
-  if command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then
+  if can_apt; then
     apt-get update -qq && apt-get install -y -qq chromium >/dev/null
   else
     .venv/bin/python -m playwright install chromium
@@ -76,7 +78,7 @@ install_chromium() {
 # servers of docker-compose.yml that tests run as they are deployed; without them those tests are skipped
 install_servers() {
   command -v turnserver >/dev/null && command -v caddy >/dev/null && command -v promtool >/dev/null && return
-  command -v apt-get >/dev/null && [ "$(id -u)" = 0 ] || return 0
+  can_apt || return 0
   echo "setup: installing the servers that the deployment's tests run"
   apt-get update -qq && apt-get install -y -qq --no-install-recommends coturn caddy prometheus >/dev/null
 }
@@ -90,7 +92,21 @@ install_s3() {
   ln -sf ../s3/bin/moto_server .venv/bin/moto_server
 }
 
-if [ "${1:-}" = test ]; then install_python requirements-dev.lock; else install_python requirements.lock; fi
-build_client
-compile_renderer
-if [ "${1:-}" = test ]; then install_chromium; install_servers; install_s3; fi
+demo_environment() { install_python requirements.lock; compile_renderer; }
+# without apt, the Python environment brings Chromium
+test_environment() { install_python requirements-dev.lock; compile_renderer; install_s3; can_apt || install_chromium; }
+system_packages() { if can_apt; then install_chromium; install_servers; fi; }
+
+# each waits for another registry or for one core: all at once. Fails where one does.
+together() {
+  local started=() step status=0
+  for step in "$@"; do "$step" & started+=($!); done
+  for step in "${started[@]}"; do wait "$step" || status=1; done
+  return "$status"
+}
+
+if [ "${1:-}" = test ]; then
+  together build_client test_environment system_packages
+else
+  together build_client demo_environment
+fi
