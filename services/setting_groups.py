@@ -318,12 +318,6 @@ class JobSettings(Group):
         validation_alias="METANERF_MAX_BUDGET_S",
         description="Longest training on request, s.",
     )
-    sweep_interval_s: float = Field(
-        default=3600.0,
-        gt=0.0,
-        validation_alias="METANERF_SWEEP_INTERVAL_S",
-        description="Time between sweeps, s.",
-    )
 
 
 class NetworkSettings(Group):
@@ -332,37 +326,17 @@ class NetworkSettings(Group):
     pose_model: Path | None = Field(
         default=None,
         validation_alias="METANERF_POSE_MODEL",
-        description="The landmark model's file.",
-    )
-    pose_model_url: str | None = Field(
-        default=None,
-        validation_alias="METANERF_POSE_MODEL_URL",
-        description="Where to fetch the landmark model.",
-    )
-    pose_model_sha256: str | None = Field(
-        default=None, validation_alias="METANERF_POSE_MODEL_SHA256", description="Its sha256."
+        description="The landmark model's file; fetched once where none is named.",
     )
     face_model: Path | None = Field(
         default=None,
         validation_alias="METANERF_FACE_MODEL",
-        description="The face landmarker's file, for expressions.",
-    )
-    face_model_url: str | None = Field(
-        default=None, validation_alias="METANERF_FACE_MODEL_URL", description="Where to fetch that."
-    )
-    face_model_sha256: str | None = Field(
-        default=None, validation_alias="METANERF_FACE_MODEL_SHA256", description="Its sha256."
+        description="The face landmarker's, for expressions.",
     )
     hand_model: Path | None = Field(
         default=None,
         validation_alias="METANERF_HAND_MODEL",
-        description="The hand landmarker's file, for expressions.",
-    )
-    hand_model_url: str | None = Field(
-        default=None, validation_alias="METANERF_HAND_MODEL_URL", description="Where to fetch that."
-    )
-    hand_model_sha256: str | None = Field(
-        default=None, validation_alias="METANERF_HAND_MODEL_SHA256", description="Its sha256."
+        description="The hand landmarker's, for expressions.",
     )
     lpips_backbone: Path | None = Field(
         default=None,
@@ -379,7 +353,4 @@ class NetworkSettings(Group):
         """Where a landmark network is found."""
         from capture.detection.network_files import NetworkSource
 
-        path, url, sha256 = (
-            getattr(self, f"{network.name}_model{part}") for part in ("", "_url", "_sha256")
-        )
-        return NetworkSource(path, url, sha256, cache_dir, network)
+        return NetworkSource(getattr(self, f"{network.name}_model"), cache_dir, network)

@@ -1,4 +1,4 @@
-"""The landmark models' files: given by path, or fetched once by url and checked by hash."""
+"""The landmark models' files: given by path, or fetched once from its maker and checked by hash."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class LandmarkNetwork:
     url: str
     """Where its maker publishes it."""
     known_sha256: Mapping[str, str]
-    """Files that are known to be good, and what they are; others are accepted by their hash."""
+    """Files that are known to be good, and what they are: no others are taken from there."""
     timeout_s: float = 30.0
     """How long a server may stay silent while the file is fetched."""
 
@@ -75,11 +75,7 @@ class NetworkSource:
     """Where the model file comes from."""
 
     path: Path | None = None
-    """The file itself, used as it is (unless `sha256` says which it must be)."""
-    url: str | None = None
-    """Where it is fetched from if there is no `path`; None: from its maker."""
-    sha256: str | None = None
-    """The hash that the file must have; None accepts any of `model.known_sha256`."""
+    """The file itself, used as it is; None: it is fetched from its maker."""
     folder: Path = Path.home() / ".cache" / "metanerf"
     """Where a fetched file is kept."""
     model: LandmarkNetwork = POSE_MODEL
@@ -95,13 +91,12 @@ def landmark_network_file(source: NetworkSource | Path) -> Path:
     if source.path is not None:
         _require_file(source, source.path)
         return source.path
-    url = source.url or source.model.url
-    kept = source.folder / url.rsplit("/", 1)[-1]
+    kept = source.folder / source.model.file_name
     if kept.is_file():
-        if _accepted(_sha256(kept), source):
+        if _sha256(kept) in source.model.known_sha256:
             return kept
         kept.unlink()
-    return _fetch(source, url, kept)
+    return _fetch(source.model, kept)
 
 
 def optional_network_file(source: NetworkSource | Path) -> Path | None:
@@ -136,24 +131,22 @@ def _require_file(source: NetworkSource, path: Path) -> None:
             f"the {model.name} model must be a file; got {path}; set {model.setting} to "
             f"a {model.file_name}, or unset it to have it fetched"
         )
-    if source.sha256 is not None:
-        _require_hash(_sha256(path), source, str(path))
 
 
-def _fetch(source: NetworkSource, url: str, kept: Path) -> Path:
+def _fetch(model: LandmarkNetwork, kept: Path) -> Path:
     kept.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f".{kept.name}.", dir=kept.parent)
-    arriving, model = Path(name), source.model
+    arriving = Path(name)
     try:
         with os.fdopen(handle, "wb") as file:
-            digest = _download(model, url, file)
-        _require_hash(digest, source, url)
+            digest = _download(model, file)
+        _require_known(digest, model)
         arriving.replace(kept)
     except (OSError, ValueError, http.client.HTTPException) as error:
         if isinstance(error, PoseModelMissing):
             raise
         raise PoseModelMissing(
-            f"the {model.name} model must be fetched once from {url}; got {error}; check the "
+            f"the {model.name} model must be fetched once from {model.url}; got {error}; check the "
             f"network, or download it elsewhere and set {model.setting} to the file"
         ) from error
     finally:
@@ -161,15 +154,15 @@ def _fetch(source: NetworkSource, url: str, kept: Path) -> Path:
     return kept
 
 
-def _download(model: LandmarkNetwork, url: str, file) -> str:
+def _download(model: LandmarkNetwork, file) -> str:
     digest, size = hashlib.sha256(), 0
-    with urllib.request.urlopen(url, timeout=model.timeout_s) as response:
+    with urllib.request.urlopen(model.url, timeout=model.timeout_s) as response:
         while block := response.read(_BLOCK):
             size += len(block)
             if size > MAX_BYTES:
                 raise PoseModelMissing(
                     f"the {model.name} model must have at most {MAX_BYTES} bytes; got more from "
-                    f"{url}"
+                    f"{model.url}"
                 )
             digest.update(block)
             file.write(block)
@@ -181,17 +174,10 @@ def _sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _accepted(found: str, source: NetworkSource) -> bool:
-    if source.sha256 is not None:
-        return found == source.sha256.lower()
-    return found in source.model.known_sha256
-
-
-def _require_hash(found: str, source: NetworkSource, where: str) -> None:
-    if not _accepted(found, source):
-        model = source.model
-        wanted = source.sha256 or "one of the known " + ", ".join(model.known_sha256)
+def _require_known(found: str, model: LandmarkNetwork) -> None:
+    if found not in model.known_sha256:
         raise PoseModelMissing(
-            f"the {model.name} model's sha256 must be {wanted}; got {found} from {where}; if you "
-            f"trust that file, set {model.setting}_SHA256 to its hash"
+            f"the {model.name} model's sha256 must be one of the known "
+            f"{', '.join(model.known_sha256)}; got {found} from {model.url}; if you trust that "
+            f"file, download it and set {model.setting} to its path"
         )

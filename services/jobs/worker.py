@@ -33,6 +33,7 @@ _POLL_S = 0.5
 """How often executions and the queue are looked at."""
 _PAUSE_S = 3.0
 """After an execution ended for no fault of its job, before another job is begun."""
+_SWEEP_INTERVAL_S = 3600.0
 _LAST_WORDS_S = 5.0
 """Beyond the grace of a stopped execution, until a worker that stops goes without its end."""
 
@@ -191,8 +192,8 @@ class Worker:
             self._services.events.publish(job_topic(job_id))
 
     def _sweep_now_and_then(self) -> None:
-        settings, now = self._services.settings, time.monotonic()
-        if self._swept_s is not None and now - self._swept_s < settings.jobs.sweep_interval_s:
+        now = time.monotonic()
+        if self._swept_s is not None and now - self._swept_s < _SWEEP_INTERVAL_S:
             return
         self._swept_s = now
         swept = sweep(self._services.unit_of_work, self._services.objects, self._services.clock())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -302,7 +303,8 @@ def test_a_real_clip_with_others_behind_becomes_a_sequence(pose_model, tmp_path)
 def test_an_upper_body_is_captured_standing(pose_model, face_model, tmp_path):
     clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
     with silent_server() as address:
-        hands = NetworkSource(url=f"{address}/m.task", folder=tmp_path / "kept", model=HAND_MODEL)
+        away = replace(HAND_MODEL, url=f"{address}/m.task")
+        hands = NetworkSource(folder=tmp_path / "kept", model=away)
         options = CaptureOptions(
             person="p",
             pose_model=pose_model,

@@ -65,20 +65,13 @@ DEFAULTS = {
     "METANERF_JOB_STOP_GRACE_S": 15.0,
     "METANERF_JOB_CRASHES": 3,
     "METANERF_MAX_BUDGET_S": 3600.0,
-    "METANERF_SWEEP_INTERVAL_S": 3600.0,
     "METANERF_RAY_ADDRESS": "127.0.0.1:6379",
     "METANERF_CAPTURE_RESOURCES": TaskResources(memory=4_294_967_296),
     "METANERF_TRAIN_RESOURCES": TaskResources(memory=2_147_483_648),
     "METANERF_EXPORT_RESOURCES": TaskResources(memory=2_147_483_648),
     "METANERF_POSE_MODEL": None,
-    "METANERF_POSE_MODEL_URL": None,
-    "METANERF_POSE_MODEL_SHA256": None,
     "METANERF_FACE_MODEL": None,
-    "METANERF_FACE_MODEL_URL": None,
-    "METANERF_FACE_MODEL_SHA256": None,
     "METANERF_HAND_MODEL": None,
-    "METANERF_HAND_MODEL_URL": None,
-    "METANERF_HAND_MODEL_SHA256": None,
     "METANERF_LPIPS_BACKBONE": None,
     "METANERF_LPIPS_BACKBONE_URL": None,
 }
@@ -256,12 +249,16 @@ def test_what_a_job_takes_of_a_cluster_is_checked(given: str, said: str):
 
 
 @pytest.mark.parametrize("name", ["pose", "face", "hand"])
-def test_a_models_source_follows_the_settings(tmp_path: Path, name: str):
-    given = {"": tmp_path / "a.task", "_url": "http://a/b.task", "_sha256": "ab"}
-    settings = load_settings(
-        data_dir=tmp_path, **{f"{name}_model{part}": value for part, value in given.items()}
-    )
-    source: NetworkSource = getattr(settings, f"{name}_model_source")()
-    assert (source.path, source.url, source.sha256) == tuple(given.values())
-    assert source.model.name == name
-    assert source.folder.is_relative_to(tmp_path)
+def test_a_models_source_follows_the_settings(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.delenv(f"METANERF_{name.upper()}_MODEL", raising=False)
+    given = {f"{name}_model": tmp_path / "a.task"}
+    for path, settings in (
+        (None, load_settings(data_dir=tmp_path)),
+        (tmp_path / "a.task", load_settings(data_dir=tmp_path, **given)),
+    ):
+        source: NetworkSource = getattr(settings, f"{name}_model_source")()
+        assert source.path == path
+        assert source.model.name == name
+        assert source.folder.is_relative_to(tmp_path)
