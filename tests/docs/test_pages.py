@@ -40,10 +40,15 @@ def _missing(dotted: str) -> bool:
 
 
 def _defined(file: Path) -> set[str]:
-    """Names at the top of a module: functions, classes, assignments and imports."""
+    """Names at the top of a module: functions, classes, assignments and imports, those for type
+    checkers too."""
     names = set[str]()
-    for node in ast.parse(file.read_text()).body:
+    nodes = list(ast.parse(file.read_text()).body)
+    while nodes:
+        node = nodes.pop()
         match node:
+            case ast.If(test=ast.Name(id="TYPE_CHECKING"), body=body):
+                nodes += body
             case (
                 ast.FunctionDef(name=name)
                 | ast.AsyncFunctionDef(name=name)
