@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from scene.expression import EXPRESSION_COUNT, EXPRESSION_NAMES
     from scene.lighting import Lighting, lighting_of
     from scene.motion import Motion, Pose
+    from scene.pose_trust import PoseTrust
     from scene.sequence import (
         NOVEL_VIEW,
         UNSEEN_POSE,
         Frame,
         FrameSource,
-        PoseTrust,
         Sequence,
         body_crop,
         read_frame,
@@ -54,24 +54,31 @@ __all__ = [
     "read_frame",
 ]
 
-_MODULES = (
-    "errors",
-    "pose_trust",
-    "expression",
-    "skeleton",
-    "camera",
-    "motion",
-    "body",
-    "lighting",
-    "environment",
-    "sequence",
-)
+_HOMES = {
+    "body": ("Body",),
+    "camera": ("Camera", "look_at", "orbit_camera"),
+    "environment": ("Environment", "Performer", "Scene", "placement"),
+    "errors": ("InvalidInput", "SceneError"),
+    "expression": ("EXPRESSION_COUNT", "EXPRESSION_NAMES"),
+    "lighting": ("Lighting", "lighting_of"),
+    "motion": ("Motion", "Pose"),
+    "pose_trust": ("PoseTrust",),
+    "sequence": (
+        "NOVEL_VIEW",
+        "UNSEEN_POSE",
+        "Frame",
+        "FrameSource",
+        "Sequence",
+        "body_crop",
+        "read_frame",
+    ),
+    "skeleton": ("JOINT_COUNT", "JOINT_NAMES", "PARENTS", "Skeleton"),
+}
 
 
 def __getattr__(name: str) -> Any:
     # whoever wants the errors alone, such as `metanerf --help`, waits for no numpy
-    if name in __all__:
-        for module in _MODULES:
-            if hasattr(found := import_module(f"scene.{module}"), name):
-                return getattr(found, name)
+    for module, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(f"scene.{module}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -3,8 +3,11 @@ what starts often does not wait for heavy packages."""
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -64,9 +67,18 @@ def test_what_starts_often_does_not_wait_for_torch_nor_ray(module: str, more: se
     assert done.returncode == 0, done.stderr
 
 
-def test_every_word_of_scene_is_found_where_it_is_asked_for():
+def test_every_word_of_scene_is_that_of_its_module():
     import scene
 
-    assert all(getattr(scene, name) is not None for name in scene.__all__)
+    tree = ast.parse(Path(scene.__file__).read_text())
+    homes = {
+        alias.name: node.module
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("scene.")
+        for alias in node.names
+    }
+    assert sorted(homes) == sorted(scene.__all__)
+    for name, module in homes.items():
+        assert getattr(scene, name) is getattr(import_module(module), name)
     with pytest.raises(AttributeError, match="no attribute 'Nothing'"):
         _ = scene.Nothing
