@@ -9,7 +9,7 @@ demo: setup
 test: setup-test
 	$(MAKE) --jobs=2 check test-page
 	$(PYTEST) -m "not e2e" -n 2 --dist loadfile --no-loadscope-reorder $(ARGS); \
-	rest=$$?; $(PYTEST) -m e2e $(ARGS) && exit $$rest
+	rest=$$?; $(PYTEST) tests/e2e tests/benchmarks -m e2e $(ARGS) && exit $$rest
 
 # Tests without a browser, without servers and without long trainings: under two minutes, while you work.
 unit: setup-test

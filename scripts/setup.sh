@@ -62,6 +62,19 @@ compile_renderer() {
   echo "$wanted" > "$stamp"
 }
 
+# half a minute that tests would spend several times over: each of their processes compiles what it finds uncompiled
+compile_training() {
+  local stamp=.venv/.compiled-training wanted folder
+  wanted=$(find scene capture renderer -name '*kernels.py' -print0 | sort -z | xargs -0 cat requirements.lock | sha256sum)
+  [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
+  echo "setup: compiling what trains"
+  folder=$(mktemp -d)
+  .venv/bin/metanerf studio --out "$folder/clip" --frames 8 --size 64 --test-cameras 1 --look plain >/dev/null
+  .venv/bin/metanerf train "$folder/clip" --out "$folder/model.safetensors" --preset splats --budget 1s >/dev/null
+  rm -r "$folder"
+  echo "$wanted" > "$stamp"
+}
+
 can_apt() { command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; }
 
 install_chromium() {
@@ -94,7 +107,7 @@ install_s3() {
 
 demo_environment() { install_python requirements.lock; compile_renderer; }
 # without apt, the Python environment brings Chromium
-test_environment() { install_python requirements-dev.lock; compile_renderer; install_s3; can_apt || install_chromium; }
+test_environment() { install_python requirements-dev.lock; compile_renderer; compile_training; install_s3; can_apt || install_chromium; }
 system_packages() { if can_apt; then install_chromium; install_servers; fi; }
 
 # each waits for another registry or for one core: all at once. Fails where one does.
