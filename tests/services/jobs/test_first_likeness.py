@@ -9,20 +9,26 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
+from capture.storage import open_sequence
 from db.models import JobKind, JobRow, JobState, SequenceState
 from renderer.errors import TrainingError
+from scene.sequence import Sequence
 from services.composition import build_services
 from services.container import Services
 from services.jobs.first_likeness import make_first_likeness
 from services.jobs.lease import JobLease
+from services.jobs.packing import unpack
 from services.jobs.queue import enqueue
 from services.jobs.report import Reporter
 from services.settings import Settings
 from tests.services import seeds
 from tests.services.conftest import changed, serving, stored_files
 from tests.services.jobs.waiting import child_of, job_when, until
+
+HEIGHT_M = 1.9
 
 
 @pytest.fixture
@@ -38,7 +44,8 @@ def caller(working: Settings) -> Iterator[httpx.Client]:
 
 def enrol(caller: httpx.Client, **training: Any) -> tuple[str, str, str]:
     """Real frames are sent, and its training queued at once: ids of clip, capture and training."""
-    person_id = caller.post("/v1/people", json={"name": "Ada"}).json()["id"]
+    person = {"name": "Ada", "height_m": HEIGHT_M}
+    person_id = caller.post("/v1/people", json=person).json()["id"]
     files = {"file": ("frames.zip", seeds.real_frames())}
     sequence = caller.post(f"/v1/people/{person_id}/sequences", files=files).json()
     answer = caller.post(f"/v1/sequences/{sequence['id']}/models", json=training)
@@ -51,7 +58,7 @@ def has_model(job: dict[str, Any]) -> bool:
 
 
 def test_a_meeting_sees_a_first_likeness_while_the_clip_is_captured_and_then_the_model(
-    caller: httpx.Client, working: Settings
+    caller: httpx.Client, working: Settings, tmp_path: Path
 ):
     sequence_id, capture_id, training_id = enrol(caller, budget_s=1.0)
     waiting = job_when(caller, training_id, has_model, "a first likeness")
@@ -73,6 +80,28 @@ def test_a_meeting_sees_a_first_likeness_while_the_clip_is_captured_and_then_the
     # clip, packed sequence, motion, thumbnail and three files of each model: nothing else is left
     # once the job's process has ended, a moment after its row
     until(lambda: len(stored_files(working)) == 10, "the end of all other files")
+    sequence = caller.get(f"/v1/sequences/{sequence_id}").json()
+    assert sequence["state"] == "ready"
+    assert sequence["frames"] >= 8
+    assert sequence["duration_s"] > 0.0
+    assert sequence["quality"]
+    thumbnail = caller.get(sequence["thumbnail_url"])
+    assert thumbnail.content.startswith(b"\x89PNG")
+    vertices = stored(working, sequence_id, tmp_path / "sequence").body.rest_vertices
+    assert vertices is not None
+    # they are as tall as they told
+    assert np.ptp(vertices[:, 1]) == pytest.approx(HEIGHT_M, abs=0.01)
+
+
+def stored(settings: Settings, sequence_id: str, folder: Path) -> Sequence:
+    """What the capture of a clip left in the store."""
+    services = build_services(settings)
+    with services.reading() as unit:
+        row = unit.sequences.get(sequence_id)
+    assert row.packed_sha256 is not None
+    unpack(services.objects, row.person_id, row.packed_sha256, folder)
+    services.close()
+    return open_sequence(folder)
 
 
 def listed(caller: httpx.Client) -> list[str]:
