@@ -19,13 +19,13 @@ from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from capture.body.landmarks import MIRROR
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
 from capture.detection.lifter import WEIGHTS_FILE, Inputs, inputs_of
-from capture.detection.lifter_network import LifterNetwork, forward_kinematics, local_rotations
 from capture.studio.performer import make_performer, render_performer
-from capture.studio.poses import random_pose
 from capture.studio.room import room_background
 from scene.arrays import Array, Float, Tensor
 from scene.camera import Camera, orbit_camera
 from scene.skeleton import JOINT_NAMES
+from tools.lifter_network import LifterNetwork, forward_kinematics, local_rotations
+from tools.lifter_poses import random_pose
 
 FIRST_SEED = 5000
 """Performers; named performers, demo and benchmarks use smaller numbers."""

@@ -8,11 +8,11 @@ import torch
 
 from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from capture.detection.lifter import WEIGHTS_FILE, closed_form, inputs_of, lift
-from capture.detection.lifter_network import LifterNetwork, forward_kinematics, local_rotations
-from capture.studio.poses import random_pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from tests.capture.people import body, landmark_positions, up_is_down
 from tools.build_lifter import Shard, learn, mirrored, read_shard
+from tools.lifter_network import LifterNetwork, forward_kinematics, local_rotations
+from tools.lifter_poses import random_pose
 
 FOCAL_PX, SIZE_PX = 600.0, 512.0
 

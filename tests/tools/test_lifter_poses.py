@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from capture.studio.poses import random_pose
 from tests.capture.people import JOINT, body
+from tools.lifter_poses import random_pose
 
 FEET = [JOINT[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")]
 
