@@ -9,27 +9,40 @@ from benchmarks.install.fresh import fresh_install
 from benchmarks.install.packages import dependencies, files_of, megabytes, pulled_in, weights
 from benchmarks.install.start_up import first_answer, help_ms, import_ms
 from benchmarks.reporting.figures import FigureWriter
+from benchmarks.reporting.origin import ORIGIN
 
 
 def run(writer: FigureWriter, *, fresh: bool) -> None:
     """Measure and report; `fresh`: with an installation from nothing, which asks registries."""
-    direct = dependencies()
-    rows = weights(direct)
-    for row in rows:
-        if row["module"]:
-            row["import"] = import_ms(row["module"])
+    cache, direct = writer.cache(), dependencies()
+    modules = [one.module for one in direct if one.module]
+    parts = {
+        "imports": (modules, lambda: {one: import_ms(one) for one in modules}),
+        "start-up": ("", lambda: {"help": help_ms(), "server": first_answer()}),
+    }
+    if fresh:
+        parts["fresh"] = ("", fresh_install)
+    found = {}
+    for name, (of, measure) in parts.items():
+        found[name] = cache.measured(name, {"of": of}, measure)
     installed = pulled_in(one.requirement for one in direct)
     figures: dict[str, Any] = {
-        "dependencies": rows,
+        "dependencies": [
+            {**row, "import": found["imports"].get(row["module"])} for row in weights(direct)
+        ],
         "packages": len(installed),
         "packages_mb": megabytes(files_of(installed)),
-        "help": help_ms(),
-        "server": first_answer(),
+        **_figures(found["start-up"]),
         "lines": lines_by_package(),
         "settings": settings_count(),
         "operations": operations_count(),
         **commands(),
     }
     if fresh:
-        figures["fresh"] = fresh_install()
+        figures["fresh"] = _figures(found["fresh"])
     writer.write(figures)
+
+
+def _figures(measured: dict[str, Any]) -> dict[str, Any]:
+    """Without where they come from, which is the same for all."""
+    return {name: value for name, value in measured.items() if name not in ORIGIN}

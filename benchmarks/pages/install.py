@@ -32,7 +32,7 @@ def _dependencies(figures: Figures) -> str:
                 row["use"],
                 f"{row['own_mb']:,.1f}",
                 f"{row['goes_with_it_mb']:,.1f}",
-                f"{row['import']['processor_ms']:,.0f}" if "import" in row else "-",
+                f"{row['import']['processor_ms']:,.0f}" if row["import"] else "-",
                 row["instead"],
             ]
             for row in rows
