@@ -77,12 +77,15 @@ compile_training() {
 
 can_apt() { command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; }
 
+updated=""
+apt_update_once() { [ -n "$updated" ] || apt-get update -qq && updated=yes; }
+
 install_chromium() {
   [ -n "${CHROMIUM:-}" ] && return
   command -v chromium >/dev/null || command -v chromium-browser >/dev/null || command -v google-chrome >/dev/null && return
   echo "setup: installing Chromium for the browser tests"
   if can_apt; then
-    apt-get update -qq && apt-get install -y -qq chromium >/dev/null
+    apt_update_once && apt-get install -y -qq chromium >/dev/null
   else
     .venv/bin/python -m playwright install chromium
   fi
@@ -93,7 +96,7 @@ install_servers() {
   command -v turnserver >/dev/null && command -v caddy >/dev/null && command -v promtool >/dev/null && return
   can_apt || return 0
   echo "setup: installing the servers that the deployment's tests run"
-  apt-get update -qq && apt-get install -y -qq --no-install-recommends coturn caddy prometheus >/dev/null
+  apt_update_once && apt-get install -y -qq --no-install-recommends coturn caddy prometheus >/dev/null
 }
 
 # the S3 store of the tests has an environment of its own: it takes no python-dateutil of version 4
