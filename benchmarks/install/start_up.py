@@ -15,7 +15,7 @@ import httpx
 from benchmarks.reporting.checkout import ROOT
 from benchmarks.service import RESIDENT, metric, running_demo
 
-_TRIES = 5
+_TRIES = 3
 _IMPORT = """
 import sys, time
 wall, processor = time.perf_counter(), time.process_time()
