@@ -49,7 +49,7 @@ class Benchmark:
 
 CATALOGUE = (
     Benchmark("reading", ("reading",)),
-    Benchmark("install", ("install",)),
+    Benchmark("install", ("install", "--fresh")),
     Benchmark("live-capture", ("live-capture",), (require_browser,)),
     Benchmark("masks", ("masks",)),
     Benchmark("enrolment", ("enrolment",), (require_webcam_clip,)),

@@ -64,10 +64,10 @@ def parsimony(
 def install(
     commits: Commits = False,
     fresh: Annotated[
-        bool, typer.Option(help="Install everything from nothing, too; asks PyPI and npm.")
-    ] = True,
+        bool, typer.Option("--fresh", help="Install all of it from nothing, too: by PyPI and npm.")
+    ] = False,
 ) -> None:
     """What the code weighs: packages, start-up, lines, settings, a new installation."""
     from benchmarks.install.measure import run
 
-    run(start("install", commits, narrowed=not fresh), fresh=fresh)
+    run(start("install", commits), fresh=fresh)

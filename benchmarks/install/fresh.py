@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -20,13 +19,12 @@ _WARM_UP_LIVE = "from services.live.motion.live_motion import warm_up; warm_up()
 
 def fresh_install(root: Path = ROOT) -> dict[str, Any]:
     """Seconds and megabytes of the packages (torch, whose build differs by machine, left out), of
-    the page with what it is built with, and of the compiled kernels."""
+    the page with what it is built with, and of the compiled kernels: of the last commit."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        environment, client, kernels = folder / "venv", folder / "client", folder / "kernels"
-        shutil.copytree(
-            root / "client", client, ignore=shutil.ignore_patterns("node_modules", "dist")
-        )
+        checkout, environment, kernels = folder / "checkout", folder / "venv", folder / "kernels"
+        _run(["git", "clone", "--quiet", "--depth=1", root.as_uri(), str(checkout)])
+        client = checkout / "client"
         return {
             "packages_s": _seconds(lambda: _packages(environment, root / "requirements.lock")),
             "packages_mb": _folder_mb(environment),

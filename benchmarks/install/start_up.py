@@ -42,9 +42,9 @@ def import_ms(module: str, tries: int = _TRIES) -> dict[str, float]:
 
 
 def help_ms(tries: int = _TRIES) -> dict[str, float]:
-    """`metanerf --help` as a whole, from the start of its process to its end, and its memory."""
+    """`metanerf --help` as a whole, from the start of its process to its end."""
     command = [sys.executable, "-m", "services.cli", "--help"]
-    walls, processors, peaks = [], [], []
+    walls, processors = [], []
     for _ in range(tries):
         began = time.perf_counter()
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=ROOT)
@@ -54,12 +54,7 @@ def help_ms(tries: int = _TRIES) -> dict[str, float]:
             raise RuntimeError(f"`metanerf --help` must work; got code {process.returncode}")
         walls.append(time.perf_counter() - began)
         processors.append(used.ru_utime + used.ru_stime)
-        peaks.append(used.ru_maxrss * 1024)
-    return {
-        "wall_ms": _ms(min(walls)),
-        "processor_ms": _ms(min(processors)),
-        "peak_mb": round(min(peaks) / 1e6, 1),
-    }
+    return {"wall_ms": _ms(min(walls)), "processor_ms": _ms(min(processors))}
 
 
 def first_answer() -> dict[str, Any]:
