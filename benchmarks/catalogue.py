@@ -49,7 +49,6 @@ class Benchmark:
 
 CATALOGUE = (
     Benchmark("reading", ("reading",)),
-    Benchmark("install", ("install", "--fresh")),
     Benchmark("live-capture", ("live-capture",), (require_browser,)),
     Benchmark("masks", ("masks",)),
     Benchmark("enrolment", ("enrolment",), (require_webcam_clip,)),
