@@ -28,6 +28,7 @@ from renderer.splats.training.hair import Hair
 from renderer.splats.training.initialisation import FirstSplats, moved_with_bones
 from renderer.splats.training.neighbours import mean_of_neighbours
 from renderer.splats.training.occlusion import limb_splats
+from renderer.splats.training.smooth_hands import SmoothHands
 from renderer.splats.training.spanned_hollows import spanned
 from renderer.splats.training.surface_kinds import HEAD_KINDS, surface_kinds
 from scene.arrays import Array, Bool, Float
@@ -154,6 +155,10 @@ class TrainedSplats:
         back = np.float32(_ROUGHNESS_PULL) * gap[:, None]
         self.parameters[moved, _PLACE] += back * self.first.normals[moved]
 
+    def pull_hands(self, moved: Bool[Array, "N"]) -> None:
+        """Keep those of hands that `moved` like their neighbours."""
+        self._hands.pull(self.parameters, self.surface, moved)
+
     def smooth(self) -> Float[Array, "N P"]:
         """Parameters of flat splats on the smooth surface that their neighbourhoods make."""
         if not len(self._displacement):
@@ -189,6 +194,10 @@ class TrainedSplats:
     def _neighbourhood(self):
         """See `mean_of_neighbours`."""
         return mean_of_neighbours(self.first.parameters[:, _PLACE])
+
+    @cached_property
+    def _hands(self) -> SmoothHands:
+        return SmoothHands(self.kinds, self._neighbourhood)
 
     def follow_bones(self, before: Skeleton, after: Skeleton) -> None:
         """Move from the skeleton `before` to the one of other bone lengths `after`."""

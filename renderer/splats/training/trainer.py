@@ -197,6 +197,7 @@ class SplatTrainer:
         if self._estimated:
             splats.pull_to_surface(moved, 1.0 - fraction)
             splats.pull_to_neighbours(moved)
+            splats.pull_hands(moved)
         return float(self._losses.sum()) / (3.0 * view.rgba[..., 0].size)
 
     def _draw(
