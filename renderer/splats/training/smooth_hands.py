@@ -1,11 +1,12 @@
 """Hands that stay hands in poses that no frame shows.
 
-Fingers are small, blurred by their motion, and hardly ever where the estimated pose has them. Splats
-that may take any colour, place and size learn whatever pixels lie there instead: in the frames of
-the clip that looks right, in any other pose it is a scab. So each step draws what moved towards its
-neighbours: colours, and how far a splat lies off the surface; sizes, rotations and opacities go back
-to those of the surface. The pull is a share of the difference, Adam's own steps are the shorter the
-less frames agree: what all of them show, such as nails, a ring or a cuff, resists.
+Fingers are small, blurred by their motion, and hardly ever where the estimated pose has them.
+Splats that may take any colour, place and size learn whatever pixels lie there instead: in the
+frames of the clip that looks right, in any other pose it is a scab. So each step draws what moved
+towards its neighbours: colours, and how far a splat lies off the surface; sizes, rotations and
+opacities go back to those of the surface. The pull is a share of the difference, and Adam's own
+steps are the shorter the less frames agree: what all of them show, such as nails or a ring,
+resists.
 """
 
 from __future__ import annotations
