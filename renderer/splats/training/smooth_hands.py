@@ -19,11 +19,7 @@ from scene.arrays import Array, Bool, Float, Int
 
 _HANDS = KINDS.index("hands")
 _COLOURS, _PLACE = slice(COLOUR, COLOUR + 3), slice(POSITION, POSITION + 3)
-_SHAPES = [
-    *range(LOG_SCALE, LOG_SCALE + 3),
-    *range(ROTATION, ROTATION + 4),
-    OPACITY,
-]
+_SHAPES = (slice(LOG_SCALE, LOG_SCALE + 3), slice(ROTATION, ROTATION + 4), OPACITY)
 _COLOUR_PULL, _PLACE_PULL, _SHAPE_PULL = np.float32(0.05), np.float32(0.05), np.float32(0.005)
 """Shares of the difference that a step takes back."""
 _ROUGHNESS_M = 0.003
@@ -59,8 +55,8 @@ class SmoothHands:
         length = np.linalg.norm(gap, axis=1, keepdims=True)
         gap *= np.maximum(1.0 - _ROUGHNESS_M / np.maximum(length, 1e-9), 0.0)
         parameters[rows, _PLACE] += _PLACE_PULL * gap.astype(np.float32)
-        back = _SHAPE_PULL * (first - own)[np.ix_(moving, _SHAPES)]
-        parameters[np.ix_(rows, _SHAPES)] += back
+        for shape in _SHAPES:
+            parameters[rows, shape] += _SHAPE_PULL * (first - own)[moving, shape]
 
     def _towards_neighbours(self, values: Float[Array, "M C"]) -> Float[Array, "M C"]:
         """From each value to the mean of those beside its neighbours."""

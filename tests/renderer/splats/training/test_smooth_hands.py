@@ -38,7 +38,7 @@ def test_noise_goes_and_a_change_that_all_share_stays():
     hands, rng = make_hands(surface), np.random.default_rng(0)
     trained = surface.copy()
     trained[:, COLOURS] += rng.normal(0.0, 0.1, (COUNT, 3)).astype(np.float32)
-    trained[:, PLACE] += np.float32([0.01, 0.0, 0.03])
+    trained[:, PLACE] += np.array([0.01, 0.0, 0.03], np.float32)
     trained[:, PLACE] += rng.normal(0.0, 0.006, (COUNT, 3)).astype(np.float32)
     before = trained.copy()
     for _ in range(200):
@@ -53,7 +53,7 @@ def test_noise_goes_and_a_change_that_all_share_stays():
 def test_sizes_turns_and_opacities_go_back_to_the_surface():
     surface = make_surface()
     trained = surface.copy()
-    trained[:, LOG_SCALE : LOG_SCALE + 3] += np.float32([1.5, -1.0, 0.5])
+    trained[:, LOG_SCALE : LOG_SCALE + 3] += np.array([1.5, -1.0, 0.5], np.float32)
     trained[:, ROTATION : ROTATION + 4] = (0.6, 0.8, 0.0, 0.0)
     trained[:, OPACITY] = -3.0
     hands = make_hands(surface)
