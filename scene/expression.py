@@ -66,7 +66,7 @@ def blend_shape_weights(expression: Float[Array, "*F E"]) -> Float[Array, "*F S"
 def gaze_of(expression: Float[Array, "*F E"]) -> Float[Array, "*F"]:
     """How far aside the eyes look, to the person's left, rad from straight ahead."""
     left, right = np.moveaxis(expression[..., GAZE], -1, 0)
-    return (left - right) * GAZE_RAD
+    return np.asarray((left - right) * GAZE_RAD)
 
 
 def gaze_numbers(gaze: Float[Array, "*F"]) -> Float[Array, "*F 2"]:
