@@ -34,7 +34,7 @@ OPERATIONS = sorted(
     (route.path, method)
     for router in ROUTERS
     for route in router.routes
-    if isinstance(route, APIRoute)
+    if isinstance(route, APIRoute) and route.include_in_schema
     for method in route.methods or ()
 )
 _CALLERS = (Caller.GUEST, Caller.HOST, Caller.SPEAKER)
