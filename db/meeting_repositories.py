@@ -95,6 +95,14 @@ class Gateways(Protocol):
         """Store a gateway's sign of life, its first one too, as the transaction commits."""
         ...
 
+    def promise(self, gateway_id: str) -> None:
+        """Count one more place of a gateway as taken, by somebody who is on the way to it."""
+        ...
+
+    def free_places(self, gateway_id: str) -> int | None:
+        """How many places a gateway's row says are free; None: it has none yet."""
+        ...
+
     def renewed_since(self, moment: datetime) -> list[GatewayRow]:
         """The gateways that gave a sign of life since `moment`, by id."""
         ...

@@ -34,6 +34,10 @@ log = logging.getLogger(__name__)
 LEASE_S = 2.5
 """A gateway that was silent for so long is nobody's home; short, for people wait until then."""
 RENEW_S = 0.5
+_RETURNED = 1
+"""Places that a row may have more of with each renewal. Whoever is sent somewhere takes a place of
+the row at once, but of the gateway only seconds later: if it said meanwhile that the place is free,
+all meetings that begin at one moment would go to one gateway."""
 _FORGOTTEN_S = 3600.0
 """After which the row of a gateway that died is deleted."""
 
@@ -101,15 +105,16 @@ class Homes:
         """Give a sign of life, and learn which gateways there are."""
         if not self._url:
             return
-        now = self._services.clock()
-        row = GatewayRow(
-            id=self.id,
-            url=self._url,
-            renewed_at=now,
-            free=max(0, self._free()),
-            draining=self.draining,
-        )
+        now, free = self._services.clock(), max(0, self._free())
         with self._services.unit_of_work() as unit:
+            said = unit.gateways.free_places(self.id)
+            row = GatewayRow(
+                id=self.id,
+                url=self._url,
+                renewed_at=now,
+                free=free if said is None else min(free, said + _RETURNED),
+                draining=self.draining,
+            )
             unit.gateways.renew(row)
             unit.gateways.forget_silent(now - timedelta(seconds=_FORGOTTEN_S))
             living = unit.gateways.renewed_since(now - timedelta(seconds=LEASE_S))
@@ -147,6 +152,7 @@ class Homes:
             )
         chosen = least_loaded_of_two(able, self._random)
         meeting.home_id = chosen.id
+        unit.gateways.promise(chosen.id)
         return Home(chosen.id, chosen.url)
 
     def require_here(self, meeting_id: str, path: str) -> None:

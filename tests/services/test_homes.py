@@ -96,8 +96,31 @@ def test_of_two_gateways_the_one_with_more_room_is_chosen(gateway: Gateways, sha
     drawn = Counter(least_loaded_of_two(rows, Random(seed)).id for seed in range(300))
     assert set(drawn) == {"half", "empty"}  # of any two, the fullest of all is never the roomier
     assert drawn["empty"] > drawn["half"]
-    small, large = gateway(ONE, free=1), gateway(TWO, free=5)
+    small, large = gateway(ONE, free=1), gateway(TWO, free=7)
     assert {small.find(opened(shared)).gateway_id for _ in range(5)} == {large.id}
+
+
+def test_meetings_that_begin_at_one_moment_are_spread(gateway: Gateways, shared: Services):
+    gateways = [gateway(ONE, free=20), gateway(TWO, free=20)]
+    homes = Counter(gateways[0].find(opened(shared)).gateway_id for _ in range(5))
+    for one in gateways:
+        one.renew()  # nobody has come yet
+    homes += Counter(gateways[1].find(opened(shared)).gateway_id for _ in range(5))
+    assert sorted(homes.values()) == [5, 5]
+
+
+def test_a_place_that_was_promised_is_free_again_if_nobody_comes(
+    gateway: Gateways, shared: Services
+):
+    one = gateway(ONE, free=3)
+    for _ in range(3):
+        one.find(opened(shared))
+    with pytest.raises(ServerFull):
+        one.find(opened(shared))
+    for _ in range(5):
+        one.renew()
+    with shared.reading() as unit:
+        assert unit.gateways.free_places(one.id) == 3
 
 
 def test_a_gateway_without_room_is_nobodys_new_home(gateway: Gateways, shared: Services):
