@@ -22,9 +22,9 @@ from sqlalchemy import create_engine, text
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import OperationalError
 
-from benchmarks.faults.servers import MortalRedis as MortalRedis
-from benchmarks.faults.servers import free_port as free_port
-from benchmarks.faults.servers import program_path
+from benchmarks.servers import MortalRedis as MortalRedis
+from benchmarks.servers import free_port as free_port
+from benchmarks.servers import program_path
 from capture.detection.network_files import FACE_MODEL, HAND_MODEL, POSE_MODEL
 from tests.landmark_models import landmark_model
 

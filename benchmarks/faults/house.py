@@ -7,7 +7,6 @@ S3 store, the last behind a line that can be cut. Else it has a database and a s
 from __future__ import annotations
 
 import secrets
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,23 +15,22 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
-import httpx
-
 from benchmarks.faults.cut_line import CutLine, cut_line
 from benchmarks.faults.disks import TinyDisk
-from benchmarks.faults.servers import (
+from benchmarks.load.host import Host
+from benchmarks.servers import (
+    METANERF,
     MortalObjects,
     MortalPostgres,
     MortalRedis,
     MortalServer,
     free_port,
+    gateway_at,
 )
-from benchmarks.load.host import Host
 from services.container import Services
 
 ACCOUNT = "house"
 DISK_BYTES = 256 << 20
-_METANERF = (sys.executable, "-c", "from services.cli import main; main()")
 
 
 @dataclass(frozen=True)
@@ -111,23 +109,13 @@ def a_house(*, deployed: bool) -> Iterator[House]:
         gateway = gateway_at(address, environment)
         spare_address = f"http://127.0.0.1:{free_port()}"
         spare = gateway_at(spare_address, environment)
-        worker = MortalServer(
-            [*_METANERF, "worker", "train"], lambda: True, environment=environment
-        )
+        worker = MortalServer([*METANERF, "worker", "train"], lambda: True, environment=environment)
         for one in (gateway, spare, worker):
             stack.callback(one.kill)
         gateway.start()
         worker.start()
         host = Host(address, token, model.id)
         yield House(host, services, gateway, spare, spare_address, worker, **parts)
-
-
-def gateway_at(address: str, environment: dict[str, str]) -> MortalServer:
-    """`metanerf serve` at an address of its own, with settings by `environment`; not started."""
-    port = address.rpartition(":")[2]
-    command = [*_METANERF, "serve", "--port", port]
-    environment = environment | {"METANERF_GATEWAY_URL": address}
-    return MortalServer(command, lambda: _answers(address), environment=environment)
 
 
 def _stores(folder: Path, stack: ExitStack) -> dict[str, Any]:
@@ -153,10 +141,3 @@ def _addresses(parts: dict[str, Any]) -> dict[str, str]:
         "s3_access_key_id": "nobody",
         "s3_secret_access_key": secrets.token_hex(16),
     }
-
-
-def _answers(address: str) -> bool:
-    try:
-        return httpx.get(f"{address}/healthz", timeout=2.0).status_code == 200
-    except httpx.TransportError:
-        return False

@@ -29,6 +29,9 @@ def loadtest(
     processes: Annotated[
         int, typer.Option(help="That people are spread over; each fills a core at most.", min=1)
     ] = 1,
+    gateways: Annotated[
+        int, typer.Option(help="Of a server of its own; from 2 on over PostgreSQL.", min=1)
+    ] = 1,
     largest: Annotated[
         bool, typer.Option("--largest", help="Find how many meetings hold, from 1 to --meetings.")
     ] = False,
@@ -47,8 +50,10 @@ def loadtest(
             "--token and --model must come with --server; got them without; a server of its own "
             "has a model and lets guests in"
         )
+    if server is not None and gateways > 1:
+        raise InvalidInput("--gateways must be of a server of its own; got it with --server")
     effort = LoadEffort(seconds, most_meetings=meetings, processes=processes)
-    with at_hand(server, token, model, most_people=meetings * people) as host:
+    with at_hand(server, token, model, most_people=meetings * people, gateways=gateways) as host:
         if largest:
             found, rows = find_largest(host, people, effort)
         else:

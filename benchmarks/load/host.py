@@ -20,7 +20,7 @@ _COMPILED_S = 600.0
 
 @dataclass(frozen=True)
 class Usage:
-    """What the server's process has used so far."""
+    """What the server's processes have used so far."""
 
     processor_s: float
     resident_bytes: float
@@ -34,17 +34,30 @@ class Host:
     """Without a path or a slash at its end."""
     token: str
     model_id: str
+    others: tuple[str, ...] = ()
+    """Addresses of more gateways of the same service."""
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Of all its gateways."""
+        return (self.address, *self.others)
 
     def plan(self, meetings: int, people: int) -> Plan:
         """So many new meetings of so many people. Raises InvalidInput where it opens none."""
-        return Plan((self.address,), self.token, tuple(self._open(people) for _ in range(meetings)))
+        opened = tuple(self._open(people) for _ in range(meetings))
+        return Plan(self.addresses, self.token, opened)
 
     def usage(self) -> Usage | None:
-        """By its own figures; None where it tells them to others alone."""
+        """By its own figures, of all gateways together; None where it tells them to others
+        alone."""
         try:
-            return Usage(*(metric(f"{self.address}/", name) for name in (BUSY, RESIDENT)))
+            busy, resident = (
+                sum(metric(f"{address}/", name) for address in self.addresses)
+                for name in (BUSY, RESIDENT)
+            )
         except OSError:
             return None
+        return Usage(busy, resident)
 
     def _open(self, people: int) -> tuple[str, tuple[str, ...]]:
         body = {"name": "Load", "model_ids": [self.model_id] * people}
@@ -79,13 +92,16 @@ def host_at(address: str, token: str | None, model_id: str | None) -> Host:
 
 @contextmanager
 def at_hand(
-    address: str | None, token: str | None, model_id: str | None, most_people: int
+    address: str | None, token: str | None, model_id: str | None, most_people: int, gateways: int
 ) -> Iterator[Host]:
-    """The server at `address`, or one of its own that is warm."""
+    """The server at `address`, or one of its own that is warm, of so many gateways."""
+    from benchmarks.load.gateways import several_gateways
+
     if address is not None:
         yield host_at(address, token, model_id)
         return
-    with own_host(most_people) as host:
+    own = own_host(most_people) if gateways == 1 else several_gateways(gateways, most_people)
+    with own as host:
         yield host
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.load.crowd import Crowd, gathered
+from benchmarks.load.gateways import several_gateways
 from benchmarks.load.host import Host, Usage, own_host
 from benchmarks.load.person import RATE_HZ
 from benchmarks.reporting.figures import FigureWriter
@@ -40,6 +41,8 @@ class LoadEffort:
     """Of the memory's slope."""
     most_meetings: int = 32
     processes: int = 1
+    gateways: int = 2
+    """On one machine, once what one holds is known."""
 
 
 def measured(host: Host, meetings: int, people: int, seconds: float, processes: int) -> dict:
@@ -153,25 +156,46 @@ def memory(host: Host, meetings: int, people: int, effort: LoadEffort) -> dict[s
 def run(writer: FigureWriter, effort: LoadEffort) -> None:
     """Measure the goal, the largest number, memory and overload, and report."""
     cache, about = writer.cache(), {**vars(effort), "people": GOAL_PEOPLE}
+
+    def tried(host: Host) -> dict[str, Any]:
+        found, rows = largest(host, GOAL_PEOPLE, effort)
+        return {"meetings": found, "rows": rows}
+
     with own_host(effort.most_meetings * GOAL_PEOPLE) as host:
         goal = cache.measured(
             "goal",
             about,
             lambda: measured(host, GOAL_MEETINGS, GOAL_PEOPLE, effort.seconds, effort.processes),
         )
-
-        def tried() -> dict[str, Any]:
-            found, rows = largest(host, GOAL_PEOPLE, effort)
-            return {"meetings": found, "rows": rows}
-
-        found = cache.measured("largest", about, tried)
+        found = cache.measured("largest", about, lambda: tried(host))
         assert goal is not None
         assert found is not None
         held = max(found["meetings"], 1)
         grown = cache.measured("memory", about, lambda: memory(host, held, GOAL_PEOPLE, effort))
     with own_host(held * GOAL_PEOPLE) as host:
         full = cache.measured("overload", about, lambda: overload(host, held, GOAL_PEOPLE, effort))
-    writer.write({**about, "goal": goal, "largest": found, "memory": grown, "overload": full})
+    places = effort.most_meetings * GOAL_PEOPLE
+    with several_gateways(effort.gateways, places) as host:
+        spread = cache.measured(
+            "several",
+            about,
+            lambda: {
+                "goal": measured(
+                    host, GOAL_MEETINGS, GOAL_PEOPLE, effort.seconds, effort.processes
+                ),
+                **tried(host),
+            },
+        )
+    writer.write(
+        {
+            **about,
+            "goal": goal,
+            "largest": found,
+            "memory": grown,
+            "overload": full,
+            "several": spread,
+        }
+    )
 
 
 def _watched(host: Host, crowd: Crowd, seconds: float) -> dict[str, Any]:

@@ -12,8 +12,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from benchmarks.browser import open_page
-from benchmarks.faults.house import gateway_at
-from benchmarks.faults.servers import MortalServer
+from benchmarks.servers import MortalServer, gateway_at
 from services.bootstrap import DEMO_MODEL, ensure_demo
 from services.composition import build_services
 from services.content_policy import CSP

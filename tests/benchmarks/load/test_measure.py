@@ -9,8 +9,10 @@ import pytest
 
 from benchmarks.load import measure
 from benchmarks.load.crowd import gathered
+from benchmarks.load.gateways import several_gateways
 from benchmarks.load.host import host_at, warm_up
 from benchmarks.load.measure import LoadEffort, measured, overload
+from benchmarks.service import metric
 from scene.errors import InvalidInput
 from services.bootstrap import DEMO_MODEL, ensure_demo
 from tests.e2e.serving import serving
@@ -28,6 +30,18 @@ def test_every_motion_comes_to_every_viewer(tmp_path: Path):
     assert 0.0 < row["relay_p50_ms"] <= row["relay_p95_ms"] <= row["relay_p99_ms"]
     assert row["rate_slowest"] > 5
     assert row["generator_cores"] > 0.0
+    assert row["server_cores"] > 0.0
+
+
+def test_meetings_spread_over_several_gateways():
+    with several_gateways(2, most_people=8) as host:
+        meetings, people = 4, 2
+        with gathered(host.plan(meetings, people), 1):
+            held = [metric(f"{address}/", "metanerf_viewers") for address in host.addresses]
+        row = measured(host, 2, 2, 2.0, 1)
+    assert sum(held) == meetings * people
+    assert min(held) > 0
+    assert row["rate_slowest"] > 5
     assert row["server_cores"] > 0.0
 
 

@@ -13,8 +13,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from benchmarks.faults.house import gateway_at
-from benchmarks.faults.servers import MortalServer
+from benchmarks.servers import MortalServer, gateway_at
 from services.auth import ALL_SCOPES
 from services.bootstrap import DEMO_MODEL, import_model
 from services.composition import build_services

@@ -16,6 +16,8 @@ from pathlib import Path
 from scene.errors import InvalidInput
 
 _STARTED_S = 60.0
+METANERF = (sys.executable, "-c", "from services.cli import main; main()")
+"""The program, before its command."""
 _ELSEWHERE = "/usr/sbin:/usr/local/sbin"
 
 
@@ -186,3 +188,20 @@ class MortalObjects(MortalServer):
             return httpx.put(f"http://127.0.0.1:{self.port}/test").is_success
         except httpx.TransportError:
             return False
+
+
+def gateway_at(address: str, environment: dict[str, str]) -> MortalServer:
+    """`metanerf serve` at an address of its own, with settings by `environment`; not started."""
+    port = address.rpartition(":")[2]
+    command = [*METANERF, "serve", "--port", port]
+    environment = environment | {"METANERF_GATEWAY_URL": address}
+    return MortalServer(command, lambda: _healthy(address), environment=environment)
+
+
+def _healthy(address: str) -> bool:
+    import httpx
+
+    try:
+        return httpx.get(f"{address}/healthz", timeout=2.0).status_code == 200
+    except httpx.TransportError:
+        return False
