@@ -23,7 +23,9 @@ def pytest_collection_finish(session):
 
 def selection() -> str:
     """The marks by which the Makefile selects."""
-    found = re.search(r'^unit:.*\n\t.*pytest -m "([^"]+)"', (ROOT / "Makefile").read_text(), re.M)
+    found = re.search(
+        r'^unit:.*\n\t\$\(PYTEST\) -m "([^"]+)"', (ROOT / "Makefile").read_text(), re.M
+    )
     assert found is not None
     return found[1]
 
