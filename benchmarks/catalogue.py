@@ -73,6 +73,7 @@ CATALOGUE = (
         ("parsimony",),
         (require_motion, require_human_assets, require_real_footage),
     ),
+    Benchmark("install", ("install", "--fresh")),
     Benchmark("field-speed", ("field",)),
     Benchmark("foreign", ("foreign",), takes_backbone=True),
     Benchmark("kernels", ("kernels",), (require_cuda,)),

@@ -12,6 +12,7 @@ from benchmarks.pages import capture, splats, stability
 from benchmarks.pages.faults import faults
 from benchmarks.pages.frontier import frontier
 from benchmarks.pages.gpu import gpu
+from benchmarks.pages.install import install
 from benchmarks.pages.levels import levels_room, levels_small
 from benchmarks.pages.lipsync import lipsync
 from benchmarks.pages.live_look import live_look, local_look
@@ -78,6 +79,7 @@ BLOCKS = (
     Block("docs/load.md", "estimate", ("load",), estimate),
     Block("docs/faults.md", "faults", ("faults",), faults),
     Block("docs/parsimony.md", "parsimony", ("parsimony",), parsimony),
+    Block("docs/parsimony.md", "install", ("install",), install),
     Block(_FIGURES_PAGE, "trainings", ("expressions",), splats.trainings),
     Block(_FIGURES_PAGE, "expressions", ("expressions",), splats.expressions),
     Block(_FIGURES_PAGE, "local-view", ("local-view",), splats.local_view),
