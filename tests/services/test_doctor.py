@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from pydantic import SecretStr
 
-from services.cli import examination
+from services import settings
 from services.cli.app import app
 from services.container import Services
 from services.doctor import Finding, examine
@@ -70,7 +70,7 @@ def test_what_is_missing_is_named_with_how_to_mend_it(equipped: Settings, tmp_pa
 def test_the_command_says_all_and_ends_with_1(
     equipped: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(examination, "load_settings", lambda: equipped)
+    monkeypatch.setattr(settings, "load_settings", lambda: equipped)
     done = runner.invoke(app, ["doctor"])
     assert "H264 encoder" in done.output
     assert done.exit_code == (1 if "give it 2 or more" in done.output else 0)
