@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import Any
 
 from db.objects import Objects, open_objects
 from db.unit_of_work import Database
+from scene.errors import InvalidInput
 from services.auth import Tokens
 from services.container import Clock, Services, utc_now
 from services.identity_provider import IdentityProvider
-from services.jobs.events import open_events
+from services.jobs.events import Events, LocalEvents
 from services.limits import RateLimit
 from services.person_models import ModelCache
 from services.settings import Settings
 from services.tickets import Tickets
-from services.tracing import open_tracing
+from services.tracing import Tracing
+from services.tracing_settings import TracingSettings
 
 
 def build_services(
@@ -58,3 +61,26 @@ def _described(error: Exception) -> dict[str, Any]:
     )
 
     return stored_failure(error)
+
+
+def open_events(redis_url: str | None) -> Events:
+    """Events by Redis where there is one, else within this process."""
+    if not redis_url:
+        return LocalEvents()
+    from services.jobs.redis_events import RedisEvents  # here, for Redis' client loads slowly
+
+    return RedisEvents(redis_url)
+
+
+def open_tracing(settings: TracingSettings) -> Tracing:
+    """As `settings` say. Raises InvalidInput where OpenTelemetry is wanted and not installed."""
+    if not settings.endpoint:
+        return Tracing()
+    if find_spec("opentelemetry") is None or find_spec("opentelemetry.sdk") is None:
+        raise InvalidInput(
+            "OpenTelemetry must be installed for METANERF_OTLP_ENDPOINT; got a Python without it; "
+            "install it with `pip install '.[tracing]'`, or unset the variable"
+        )
+    from services.otlp import OtlpTracing
+
+    return OtlpTracing(settings.endpoint)

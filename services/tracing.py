@@ -9,11 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from importlib.util import find_spec
 from typing import NamedTuple
-
-from scene.errors import InvalidInput
-from services.tracing_settings import TracingSettings
 
 Value = str | int | float
 Tell = Callable[[str, Value], None]
@@ -70,17 +66,3 @@ class Tracing:
 @contextmanager
 def _untraced() -> Iterator[Tell]:
     yield lambda _key, _value: None
-
-
-def open_tracing(settings: TracingSettings) -> Tracing:
-    """As `settings` say. Raises InvalidInput where OpenTelemetry is wanted and not installed."""
-    if not settings.endpoint:
-        return Tracing()
-    if find_spec("opentelemetry") is None or find_spec("opentelemetry.sdk") is None:
-        raise InvalidInput(
-            "OpenTelemetry must be installed for METANERF_OTLP_ENDPOINT; got a Python without it; "
-            "install it with `pip install '.[tracing]'`, or unset the variable"
-        )
-    from services.otlp import OtlpTracing
-
-    return OtlpTracing(settings.endpoint)

@@ -41,7 +41,7 @@ def loadtest(
     Told are packets a second, how long each motion took from its sender to its viewers, what was
     lost, and what the server and, apart from it, these people cost.
     """
-    from benchmarks.load.host import at_hand
+    from benchmarks.load.gateways import at_hand
     from benchmarks.load.measure import LoadEffort, measured
     from benchmarks.load.measure import largest as find_largest
 

@@ -1,4 +1,4 @@
-"""Several gateways of this machine, each a process, over one PostgreSQL and one Redis."""
+"""The server of a load test where it may be several gateways: processes over one PostgreSQL."""
 
 from __future__ import annotations
 
@@ -9,10 +9,23 @@ from contextlib import ExitStack, contextmanager
 from datetime import timedelta
 from pathlib import Path
 
-from benchmarks.load.host import Host, warm_up
+from benchmarks.load.host import Host, host_at, own_host, warm_up
 from benchmarks.servers import MortalPostgres, MortalRedis, free_port, gateway_at
 
 _ACCOUNT = "crowd"
+
+
+@contextmanager
+def at_hand(
+    address: str | None, token: str | None, model_id: str | None, most_people: int, gateways: int
+) -> Iterator[Host]:
+    """The server at `address`, or one of its own that is warm, of so many gateways."""
+    if address is not None:
+        yield host_at(address, token, model_id)
+        return
+    own = own_host(most_people) if gateways == 1 else several_gateways(gateways, most_people)
+    with own as host:
+        yield host
 
 
 @contextmanager

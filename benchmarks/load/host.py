@@ -91,21 +91,6 @@ def host_at(address: str, token: str | None, model_id: str | None) -> Host:
 
 
 @contextmanager
-def at_hand(
-    address: str | None, token: str | None, model_id: str | None, most_people: int, gateways: int
-) -> Iterator[Host]:
-    """The server at `address`, or one of its own that is warm, of so many gateways."""
-    from benchmarks.load.gateways import several_gateways
-
-    if address is not None:
-        yield host_at(address, token, model_id)
-        return
-    own = own_host(most_people) if gateways == 1 else several_gateways(gateways, most_people)
-    with own as host:
-        yield host
-
-
-@contextmanager
 def own_host(most_people: int) -> Iterator[Host]:
     """A server of this machine with a temporary store, which takes so many people.
 

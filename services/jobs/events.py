@@ -90,12 +90,3 @@ class LocalEvents:
 class _Poll:
     async def wait(self, timeout_s: float) -> None:
         await asyncio.sleep(min(timeout_s, POLL_S))
-
-
-def open_events(redis_url: str | None) -> Events:
-    """Events by Redis where there is one, else within this process."""
-    if not redis_url:
-        return LocalEvents()
-    from services.jobs.redis_events import RedisEvents  # here, for Redis' client loads slowly
-
-    return RedisEvents(redis_url)

@@ -12,10 +12,10 @@ import pytest
 from scene.errors import InvalidInput
 from services import tracing
 from services.app import create_app
-from services.composition import build_services
+from services.composition import build_services, open_tracing
 from services.container import Services
 from services.settings import Settings, load_settings
-from services.tracing import PastSpan, Tracing, open_tracing
+from services.tracing import PastSpan, Tracing
 from tests.servers import free_port
 from tests.services import seeds
 from tests.services.collector import Collector, collecting
