@@ -151,7 +151,9 @@ def _replayed(page: Page, talk: Talk, recording: str) -> tuple[Sound, Shown]:
     listen(page)
     page.add_init_script(f"sessionStorage.setItem('metanerf.token', '{talk.token}')")
     page.goto(f"{talk.address}?recording={recording}")
-    page.wait_for_function(f"Number(document.querySelector('{_REPLAY}')?.dataset.frames ?? 0) > 0")
+    page.wait_for_function(
+        f"() => Number(document.querySelector('{_REPLAY}')?.dataset.frames ?? 0) > 0"
+    )
     watch(page, _REPLAY, _HEAD)
     page.get_by_test_id("replay-play").click()
     return witnessed(page, _RECORDED_S - 1.0)

@@ -22,7 +22,9 @@ def test_what_the_server_has_ended_the_page_may_end_again(tmp_path: Path):
         page.on("response", lambda answer: answers.append(answer))
         enter(page, gateway)
         expect(page.get_by_test_id("live-video")).to_be_visible(timeout=MINUTE)
-        page.wait_for_function("document.querySelector('video').videoWidth > 0", timeout=MINUTE)
+        page.wait_for_function(
+            "() => document.querySelector('video').videoWidth > 0", timeout=MINUTE
+        )
         views = gateway_of(gateway.app).views
         (offer,) = created(answers)
         gateway.do(views.close(offer.headers["location"].rpartition("/")[2]))

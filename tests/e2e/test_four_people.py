@@ -191,7 +191,7 @@ def the_host_mutes(pages: dict[str, Page]) -> None:
     bo.get_by_test_id("microphone").click()
     for page in others:
         expect(page.get_by_test_id("active-speakers")).to_have_text("Bo", timeout=MINUTES)
-        page.wait_for_function(f"({LOUDNESS})() > 0.05", timeout=MINUTES)
+        page.wait_for_function(f"() => ({LOUDNESS})() > 0.05", timeout=MINUTES)
     ada.get_by_test_id("open-people").click()
     ada.get_by_role("button", name="More about Bo").click()
     ada.get_by_role("button", name="Mute: Bo").click()

@@ -87,6 +87,7 @@ def test_two_people_meet_on_one_gateway_and_go_on_when_it_is_drained(gateways: G
 def test_a_page_goes_on_at_a_gateway_that_came_after_it(gateways: Gateways):
     """Its policy names the gateways of its loading: to talk to another it loads itself anew."""
     (first, first_server), (later, later_server) = gateways.servers.items()
+    until(lambda: later in httpx.get(first).headers[CSP], "the first sign of its life")
     later_server.kill()
     until(lambda: later not in httpx.get(first).headers[CSP], "the end of its lease")
     with open_page(512, 512) as careful:

@@ -59,7 +59,7 @@ def _passes(page: Page, step: str) -> None:
 def _is_wrong_and_skipped(page: Page, step: str) -> None:
     """Go to a step that is not what the webcam shows."""
     page.get_by_test_id(f"step-{step}").click()
-    is_told = f"told.some((line) => /^{step}: ({FAILURES[step]})/.test(line))"
+    is_told = f"() => told.some((line) => /^{step}: ({FAILURES[step]})/.test(line))"
     page.wait_for_function(is_told, timeout=MINUTES)
     page.get_by_test_id("guide-skip").click()
     skipped = page.get_by_test_id(f"step-{step}")
@@ -114,7 +114,7 @@ def test_each_step_is_checked_live_and_a_reload_costs_one_step_at_most(tmp_path:
         page.get_by_test_id("enrol-submit").click()
         heading = page.get_by_role("heading", level=1)
         expect(heading).to_have_text("Detecting you in the clip", timeout=MINUTES)
-        page.wait_for_function(f"({KEPT})().then((kept) => kept === 0)")
+        page.wait_for_function(f"() => ({KEPT})().then((kept) => kept === 0)")
         _is_whole(gateway, tmp_path)
 
 

@@ -33,7 +33,8 @@ KEEP_PICTURES = (
 def shown(page: Page, frames: int) -> list[int]:
     """Pixels of the replay, once so many pictures were drawn."""
     page.wait_for_function(
-        f"Number(document.querySelector('[data-testid=replay]')?.dataset.frames ?? 0) >= {frames}",
+        "() => Number(document.querySelector('[data-testid=replay]')?.dataset.frames ?? 0)"
+        f" >= {frames}",
         timeout=MINUTE,
     )
     return page.evaluate(_PICTURE)
