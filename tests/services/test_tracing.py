@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from scene.errors import InvalidInput
-from services import tracing
+from services import composition
 from services.app import create_app
 from services.composition import build_services, open_tracing
 from services.container import Services
@@ -149,7 +149,7 @@ async def test_off_nothing_is_noted(services: Services, sequence_folder: Path):
 
 
 def test_without_the_library_the_setting_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(tracing, "find_spec", lambda _name: None)
+    monkeypatch.setattr(composition, "find_spec", lambda _name: None)
     wanted = load_settings(otlp_endpoint="http://127.0.0.1:4318").tracing
     with pytest.raises(InvalidInput, match=r"pip install '\.\[tracing\]'"):
         open_tracing(wanted)
