@@ -8,7 +8,6 @@ import typer
 
 from benchmarks.cli_options import (
     Assets,
-    ClockName,
     Commits,
     Footage,
     LpipsBackbone,
@@ -24,35 +23,32 @@ from benchmarks.inputs import (
     require_human_assets,
     require_real_footage,
 )
-from services.cli.terminal import seconds
+from benchmarks.real.cases import ITERATIONS
 
-Budget = Annotated[str, typer.Option(help="Training time of each model.")]
-_USUAL = ("processor", "60s")
+Iterations = Annotated[int, typer.Option(min=1, help="Steps of each training.")]
 
 
 def real(
     commits: Commits = False,
     footage: Footage = FOOTAGE,
     backbone: LpipsBackbone = LPIPS_BACKBONE,
-    clock: ClockName = "processor",
-    budget: Budget = "60s",
+    iterations: Iterations = ITERATIONS,
     only: Only = "",
 ) -> None:
     """Models of real people on frames, clips and cameras that they never saw, and how they look."""
     require_real_footage(footage)
-    from benchmarks.real.measure import Effort, Networks, run
+    from benchmarks.real.measure import Networks, run
 
     networks = Networks(*landmark_models(), backbone)
-    writer = start("real", commits, narrowed=bool(only) or (clock, budget) != _USUAL)
-    run(writer, footage, networks, clock, only, effort=Effort(seconds(budget)))
+    writer = start("real", commits, narrowed=bool(only) or iterations != ITERATIONS)
+    run(writer, footage, networks, iterations, only)
 
 
 def live_look(
     commits: Commits = False,
     footage: Footage = FOOTAGE,
     backbone: LpipsBackbone = LPIPS_BACKBONE,
-    clock: ClockName = "processor",
-    budget: Budget = "60s",
+    iterations: Iterations = ITERATIONS,
     only: Only = "",
     assets: Assets = HUMAN_ASSETS,
 ) -> None:
@@ -61,12 +57,11 @@ def live_look(
     require_real_footage(footage)
     require_human_assets(assets)
     from benchmarks.real.live_look import run
-    from benchmarks.real.measure import Effort, Networks
+    from benchmarks.real.measure import Networks
 
     networks = Networks(*landmark_models(), backbone)
-    writer = start("live-look", commits, narrowed=bool(only) or (clock, budget) != _USUAL)
-    effort = Effort(seconds(budget))
-    run(writer, footage, networks, clock, only, effort=effort, assets=assets)
+    writer = start("live-look", commits, narrowed=bool(only) or iterations != ITERATIONS)
+    run(writer, footage, networks, iterations, only, assets=assets)
 
 
 def levels(

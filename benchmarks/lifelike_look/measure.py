@@ -12,7 +12,6 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +30,9 @@ from benchmarks.lifelike_look.performances import (
 )
 from benchmarks.lifelike_look.sheet import LookedAt, draw_sheet
 from benchmarks.lifelike_look.webcam import AS_FOUND, GivenTruth, SyntheticWebcam
-from benchmarks.real.measure import Effort, Networks, trained_model
+from benchmarks.real.measure import Networks, trained_model
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.measurements import MeasurementCache
-from benchmarks.reporting.timing import Clock
 from capture.studio.lifelike.performer import make_lifelike_performer
 from capture.studio.named_performers import LIFELIKE_PERFORMERS
 from renderer.evaluation.lpips import Lpips
@@ -65,8 +63,7 @@ def measure_cast(
     cache: MeasurementCache,
     assets: Path,
     networks: Networks,
-    effort: Effort,
-    clock: Clock,
+    iterations: int,
 ) -> dict[str, Any]:
     """Measure who was not measured yet; the figures of all, by name."""
     conditions = {
@@ -81,8 +78,8 @@ def measure_cast(
         sheet = writer.picture(f"live-look-{name}.jpg")
         found = cache.measured(
             name,
-            {**conditions, **asdict(effort), "lpips": networks.lpips.name, **clock.about()},
-            lambda n=name, s=sheet: measure_performer(n, assets, networks, effort, clock, s),
+            {**conditions, "iterations": iterations, "lpips": networks.lpips.name},
+            lambda n=name, s=sheet: measure_performer(n, assets, networks, iterations, s),
         )
         if found is not None:
             cast[name] = found
@@ -93,8 +90,7 @@ def measure_performer(
     name: str,
     assets: Path,
     networks: Networks,
-    effort: Effort,
-    clock: Clock,
+    iterations: int,
     sheet: Path,
     given: GivenTruth = AS_FOUND,
 ) -> dict[str, Any]:
@@ -103,7 +99,7 @@ def measure_performer(
     lpips, looked_at = Lpips(networks.lpips), dict[str, list[LookedAt]]()
     with tempfile.TemporaryDirectory() as folder:
         clip = trained_clip(performer, name, Path(folder) / "clip")
-        model = trained_model(clip, effort, clock).splats
+        model = trained_model(clip, iterations).splats
     assert model is not None
     milliseconds: list[float] = []
     for performance in performances(performer):

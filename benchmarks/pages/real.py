@@ -22,13 +22,8 @@ def real(figures: Figures) -> str:
 
 
 def _description(figures: Figures) -> str:
-    counted = (
-        "one thread's own time"
-        if figures["clock"] == "processor"
-        else f"the clock on the wall, {figures['threads']} cores"
-    )
     return (
-        f"Training takes {figures['budget_s']:g} s of {counted}; LPIPS is on "
+        f"Each model is trained in {figures['iterations']:,} steps; LPIPS is on "
         f"`{figures['lpips'].removesuffix('.pth')}`. A cell is PSNR (dB) / LPIPS of that crop, the "
         "mean over so many frames; later frames and other clips are aligned by their own pictures "
         "first (`metanerf bench real`):"
@@ -85,5 +80,7 @@ def _effort(figures: Figures) -> str:
             f"{about['capture_s']:.0f} s"
             for clip, about in case["clips"].items()
         ]
-        rows.append([name, f"{case['splats']:,}", str(case["trained_frames"]), "; ".join(clips)])
-    return markdown_table(["person", "splats", "frames trained on", "clips"], rows)
+        trained_in = f"{case['training_s']:.0f}"
+        splats, frames = f"{case['splats']:,}", str(case["trained_frames"])
+        rows.append([name, splats, frames, trained_in, "; ".join(clips)])
+    return markdown_table(["person", "splats", "frames trained on", "trained in, s", "clips"], rows)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+ITERATIONS = 1500
+"""Steps that each model is trained: as many on every machine, so that figures compare."""
+
 
 @dataclass(frozen=True)
 class Case:

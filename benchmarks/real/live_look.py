@@ -27,7 +27,6 @@ from benchmarks.real.judge import Figures, Judge, TestFrame, changes, mean
 from benchmarks.real.live_look_clip import PlayedFrame, draw_clip
 from benchmarks.real.live_look_sheet import draw_sheet
 from benchmarks.real.measure import (
-    Effort,
     Networks,
     captured_clips,
     means,
@@ -35,7 +34,6 @@ from benchmarks.real.measure import (
 )
 from benchmarks.real.parts import part_finder
 from benchmarks.reporting.figures import FigureWriter
-from benchmarks.reporting.timing import Clock, clock_named
 from renderer.evaluation.lpips import Lpips
 from renderer.live_look.live_look import LiveLook
 from renderer.live_look.picture import WebcamPicture
@@ -68,23 +66,21 @@ def run(
     writer: FigureWriter,
     footage: Path,
     networks: Networks,
-    clock_name: str,
+    iterations: int,
     only: str = "",
     cases: tuple[Case, ...] = LIVE_CASES,
-    effort: Effort | None = None,
     assets: Path | None = None,
 ) -> None:
     """Measure what was not measured yet of `cases`, draw a sheet of each, and report.
 
     With MakeHuman's `assets`, also of lifelike performers (`benchmarks.lifelike_look`).
     """
-    cache, clock, effort = writer.cache(only), clock_named(clock_name), effort or Effort()
+    cache = writer.cache(only)
     conditions = {
-        **asdict(effort),
+        "iterations": iterations,
         "lpips": networks.lpips.name,
         "picture_px": PICTURE_PX,
         "pictures_a_second": PICTURES_A_SECOND,
-        **clock.about(),
     }
     rows: dict[str, Any] = {}
     for case in cases:
@@ -92,18 +88,18 @@ def run(
         found = cache.measured(
             case.name,
             {"case": asdict(case), **conditions},
-            lambda c=case, s=sheet: measure(c, footage, networks, effort, clock, s),
+            lambda c=case, s=sheet: measure(c, footage, networks, iterations, s),
         )
         if found is not None:
             rows[case.name] = found
     lifelike: dict[str, Any] = {}
     if assets is not None:
-        lifelike["lifelike"] = measure_cast(writer, cache, assets, networks, effort, clock)
+        lifelike["lifelike"] = measure_cast(writer, cache, assets, networks, iterations)
     writer.write({**conditions, "cases": rows, **lifelike})
 
 
 def measure(
-    case: Case, footage: Path, networks: Networks, effort: Effort, clock: Clock, sheet: Path
+    case: Case, footage: Path, networks: Networks, iterations: int, sheet: Path
 ) -> dict[str, Any]:
     """The figures of one case; its contact sheet is written to `sheet`."""
     face_and_hand = part_finder(networks.face, networks.hand)
@@ -111,7 +107,7 @@ def measure(
         judge = Judge(Lpips(networks.lpips), finder)
         clips = captured_clips(case, footage, networks, Path(folder))
         part, numbers = clips[case.trained].training_part(case.trained_share)
-        model = trained_model(part, effort, clock).splats
+        model = trained_model(part, iterations).splats
         assert model is not None
         milliseconds: list[float] = []
         webcam: list[ColouredFrame] = []

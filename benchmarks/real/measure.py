@@ -9,6 +9,7 @@ that training saw (`own_views`, in the poses that training left), later frames o
 from __future__ import annotations
 
 import tempfile
+import time
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -24,7 +25,6 @@ from benchmarks.real.posture import head_pitch_deg, trunk_lean_deg
 from benchmarks.real.ruler import Ruler
 from benchmarks.real.sheet import draw_sheet
 from benchmarks.reporting.figures import FigureWriter
-from benchmarks.reporting.timing import Clock, clock_named
 from capture.pipeline import CaptureOptions
 from renderer.evaluation.lpips import Lpips
 from renderer.evaluation.pose_alignment import Aligner
@@ -33,7 +33,6 @@ from renderer.training import train
 from scene.motion import Pose
 from scene.sequence import Frame, Sequence
 
-TRAINING_S = 60.0
 _REPORTED = ("landmark_error_px", "landmark_error_mm", "mask_overlap", "person_px")
 
 
@@ -47,39 +46,32 @@ class Networks:
     lpips: Path
 
 
-@dataclass(frozen=True)
-class Effort:
-    """How long each model is trained: seconds, or steps in their place."""
-
-    budget_s: float | None = TRAINING_S
-    iterations: int | None = None
-
-
 def run(
     writer: FigureWriter,
     footage: Path,
     networks: Networks,
-    clock_name: str,
+    iterations: int,
     only: str = "",
     cases: tuple[Case, ...] = CASES,
-    effort: Effort = Effort(),
 ) -> None:
     """Measure what was not measured yet of `cases`, draw a sheet of each, and report."""
-    cache, clock = writer.cache(only), clock_named(clock_name)
+    cache = writer.cache(only)
+    conditions = {"lpips": networks.lpips.name, "iterations": iterations}
     rows: dict[str, Any] = {}
     for case in cases:
-        of = {"case": asdict(case), **asdict(effort), "lpips": networks.lpips.name, **clock.about()}
         sheet = writer.picture(f"{case.name}.jpg")
         found = cache.measured(
-            case.name, of, lambda c=case, s=sheet: measure(c, footage, networks, effort, clock, s)
+            case.name,
+            {"case": asdict(case), **conditions},
+            lambda c=case, s=sheet: measure(c, footage, networks, iterations, s),
         )
         if found is not None:
             rows[case.name] = found
-    writer.write({"lpips": networks.lpips.name, **asdict(effort), **clock.about(), "cases": rows})
+    writer.write({**conditions, "cases": rows})
 
 
 def measure(
-    case: Case, footage: Path, networks: Networks, effort: Effort, clock: Clock, sheet: Path
+    case: Case, footage: Path, networks: Networks, iterations: int, sheet: Path
 ) -> dict[str, Any]:
     """The figures of one case; its contact sheet is written to `sheet`."""
     face_and_hand = part_finder(networks.face, networks.hand)
@@ -88,9 +80,9 @@ def measure(
         clips = captured_clips(case, footage, networks, Path(folder))
         clip = clips[case.trained]
         part, numbers = clip.training_part(case.trained_share)
-        begun = clock.now()
-        model = trained_model(part, effort, clock)
-        training_s = clock.now() - begun
+        begun = time.perf_counter()
+        model = trained_model(part, iterations)
+        training_s = time.perf_counter() - begun
         frames = list(test_frames(case, clips, model, set(numbers), footage))
         require_unseen(
             (clip.footage.images[number] for number in numbers),
@@ -136,15 +128,10 @@ def captured_clips(
     }
 
 
-def trained_model(part: Sequence, effort: Effort, clock: Clock) -> PerformerModel:
+def trained_model(part: Sequence, iterations: int) -> PerformerModel:
     """A model of `part` as the product trains it."""
     return train(
-        part,
-        preset="splats",
-        budget_s=effort.budget_s,
-        iterations=effort.iterations,
-        find_light=True,
-        clock=clock.now,
+        part, preset="splats", iterations=iterations, find_light=True, clock=time.perf_counter
     )
 
 

@@ -8,8 +8,6 @@ import cv2
 
 from benchmarks.real.cases import Case
 from benchmarks.real.live_look import measure
-from benchmarks.real.measure import Effort
-from benchmarks.reporting.timing import clock_named
 from tests.benchmarks.real.test_measure import networks
 from tests.shared_data import shared_data
 
@@ -19,8 +17,7 @@ CLIP = "patterned_shirt_eat"
 def test_live_look_comes_nearer_to_the_frames_than_the_model(tmp_path):
     footage, sheet = shared_data("real-webcam-people").parent, tmp_path / "sheet.jpg"
     case = Case("quick", CLIP, other_clips=(CLIP,))
-    effort, clock = Effort(None, 150), clock_named("processor")
-    figures = measure(case, footage, networks(), effort, clock, sheet)
+    figures = measure(case, footage, networks(), 150, sheet)
     json.dumps(figures, allow_nan=False)
     model, live = figures["webcam"]["model"], figures["webcam"]["live"]
     assert model["frames"] == live["frames"] == 12

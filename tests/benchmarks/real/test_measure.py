@@ -7,8 +7,7 @@ import json
 import cv2
 
 from benchmarks.real.cases import Case
-from benchmarks.real.measure import Effort, Networks, measure
-from benchmarks.reporting.timing import clock_named
+from benchmarks.real.measure import Networks, measure
 from tests.shared_data import shared_data
 
 CASE = Case("quick", "patterned_shirt_eat", trained_share=0.8)
@@ -28,7 +27,7 @@ def networks() -> Networks:
 def test_a_real_person_is_captured_trained_and_judged(tmp_path):
     footage = shared_data("real-webcam-people").parent
     sheet = tmp_path / "sheet.jpg"
-    figures = measure(CASE, footage, networks(), Effort(None, 150), clock_named("processor"), sheet)
+    figures = measure(CASE, footage, networks(), 150, sheet)
     json.dumps(figures, allow_nan=False)
     assert figures["trained_frames"] == 37
     assert figures["clips"]["patterned_shirt_eat"]["frames"] == 47
