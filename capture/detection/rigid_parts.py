@@ -29,8 +29,8 @@ HEAD_MIRROR = (
 )
 """Places in `HEAD_POINTS` of their partners on the other side."""
 HEAD_POINTS_FILE = Path(__file__).parents[1] / "assets" / "head_landmarks.npz"
-_PALM_POINTS = (0, 5, 9, 13, 17)
-"""Wrist and knuckles."""
+PALM_POINTS = (0, 5, 9, 13, 17)
+"""Landmarks of a hand: wrist and knuckles."""
 _LEFT_PALM_M = np.array(
     [
         [0.0, 0.0, 0.0],
@@ -52,11 +52,15 @@ class RigidParts:
 
     middles_px: Float[Array, "F 3 2"]
     """Mean of each part's landmarks in the picture."""
+    palms_px: Float[Array, "F 2 5 2"]
+    """`PALM_POINTS` of the left and the right hand."""
     rotations: Float[Array, "F 3 3 3"]
     """From rest to the camera."""
     found: Bool[Array, "F 3"]
     turned: Bool[Array, "F 3"]
     """Where the rotation can be believed, too."""
+    palms_found: Bool[Array, "F 2"]
+    """Hands of the side that the network takes them for: of others, knuckles may be mirrored."""
 
 
 @cache
@@ -73,6 +77,8 @@ def rigid_parts(parts: ClipParts, focal_px: float, centre: Float[Array, "2"]) ->
     frames = len(parts.faces)
     found = np.zeros((frames, len(PARTS)), bool)
     turned, middles = found.copy(), np.zeros((frames, len(PARTS), 2))
+    palms = np.zeros((frames, len(PARTS) - 1, len(PALM_POINTS), 2))
+    palms_found = np.zeros((frames, len(PARTS) - 1), bool)
     rotations = np.tile(np.eye(3), (frames, len(PARTS), 1, 1))
     for frame in range(frames):
         hands = [side[frame] for side in parts.hands]
@@ -81,14 +87,17 @@ def rigid_parts(parts: ClipParts, focal_px: float, centre: Float[Array, "2"]) ->
         for part, landmarks in enumerate(seen):
             if landmarks is None:
                 continue
-            chosen = list(HEAD_POINTS if part == 0 else _PALM_POINTS)
+            chosen = list(HEAD_POINTS if part == 0 else PALM_POINTS)
             found[frame, part] = True
             turned[frame, part] = part == 0 or (
                 agreed[part] and _palm_px(landmarks) >= _LEAST_PALM_PX
             )
             middles[frame, part] = landmarks.pixels[chosen].mean(axis=0)
+            if part > 0:
+                palms[frame, part - 1] = landmarks.pixels[chosen]
+                palms_found[frame, part - 1] = agreed[part]
             rotations[frame, part] = _rotation(landmarks, chosen, PARTS[part], focal_px, centre)
-    return RigidParts(middles, rotations, found, turned)
+    return RigidParts(middles, palms, rotations, found, turned, palms_found)
 
 
 def _palm_px(hand: PartLandmarks) -> float:

@@ -35,12 +35,16 @@ class PartObservations:
     """Head, left and right palm, by the landmarkers of faces and hands."""
 
     middles_px: Float[Tensor, "F 3 2"]
+    palms_px: Float[Tensor, "F 2 5 2"]
+    """Wrist and knuckles of the left and the right hand."""
     rotations: Float[Tensor, "F 3 3 3"]
     """From rest to the camera."""
     found: Float[Tensor, "F 3"]
     """1 where the middle is known,"""
     turned: Float[Tensor, "F 3"]
     """1 where the rotation is, too."""
+    palms_found: Float[Tensor, "F 2"]
+    """1 where the points of a palm are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,9 +168,11 @@ def _observed_parts(
     found = rigid_parts(parts, focal_px, centre)
     return PartObservations(
         _tensor(found.middles_px),
+        _tensor(found.palms_px),
         _tensor(found.rotations),
         _tensor(found.found),
         _tensor(found.turned),
+        _tensor(found.palms_found),
     )
 
 

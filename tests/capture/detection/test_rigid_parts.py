@@ -61,13 +61,22 @@ def test_a_hand_taken_for_the_other_side_keeps_its_place_alone():
     found = rigid_parts(seen_clip(seen_hand(np.eye(3), CENTRE), agreed=False), FOCAL_PX, CENTRE)
     assert found.found[0, 1]
     assert not found.turned[0, 1]
+    assert not found.palms_found[0, 0]
 
 
-def test_a_small_hand_keeps_its_place_alone():
+def test_a_small_hand_keeps_its_points_alone():
     small = seen_hand(np.eye(3), CENTRE, palm_px=20.0)
     found = rigid_parts(seen_clip(small), FOCAL_PX, CENTRE)
     assert found.found[0, 1]
+    assert found.palms_found[0, 0]
     assert not found.turned[0, 1]
+
+
+def test_wrist_and_knuckles_are_where_they_were_seen():
+    hand = seen_hand(np.eye(3), CENTRE)
+    found = rigid_parts(seen_clip(hand), FOCAL_PX, CENTRE)
+    assert found.palms_found.tolist() == [[True, False]]
+    assert found.palms_px[0, 0] == pytest.approx(hand.pixels[[0, 5, 9, 13, 17]])
 
 
 def test_points_of_the_head_and_palms_mirror_each_other():
