@@ -32,10 +32,11 @@ install_python() {
   grep -qsx "$wanted" "$installed" && return
   [ -x .venv/bin/python ] || "$(python_for_venv)" -m venv .venv
   echo "setup: installing Python packages (about a minute)"
+  # what is imported is compiled then; of 17,000 files that is the smaller part
   # torch by version alone: its builds differ from machine to machine, so no hash can be pinned
   # shellcheck disable=SC2046  # several words, or none
-  .venv/bin/python -m pip install -qq --disable-pip-version-check $(torch_index) torch==2.13.0
-  .venv/bin/python -m pip install -q --disable-pip-version-check --no-deps --require-hashes -r "$lock"
+  .venv/bin/python -m pip install -qq --disable-pip-version-check --no-compile $(torch_index) torch==2.13.0
+  .venv/bin/python -m pip install -q --disable-pip-version-check --no-compile --no-deps --require-hashes -r "$lock"
   .venv/bin/python -m pip install -q --disable-pip-version-check --no-deps --no-build-isolation -e .
   cat requirements.lock pyproject.toml | sha256sum > "$installed"
   echo "$wanted" >> "$installed"
@@ -51,14 +52,16 @@ build_client() {
   echo "$wanted" > "$stamp"
 }
 
+draw_once() { .venv/bin/python -c "from renderer.scene_renderer import warm_up; warm_up()"; }
+move_once() { .venv/bin/python -c "from services.live.motion.live_motion import warm_up; warm_up()"; }
+
 # so that the first meeting is alive at once; where it is not done, the page says what it waits for
 compile_renderer() {
   local stamp=.venv/.compiled wanted
   wanted=$(find renderer capture -name '*kernels.py' -print0 | sort -z | xargs -0 cat requirements.lock | sha256sum)
   [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
   echo "setup: compiling the renderer (half a minute)"
-  .venv/bin/python -c "from renderer.scene_renderer import warm_up; warm_up()"
-  .venv/bin/python -c "from services.live.motion.live_motion import warm_up; warm_up()"
+  together draw_once move_once
   echo "$wanted" > "$stamp"
 }
 
@@ -104,13 +107,17 @@ install_s3() {
   command -v moto_server >/dev/null || [ -x .venv/bin/moto_server ] && return
   echo "setup: installing the S3 store that tests run"
   .venv/bin/python -m venv .venv/s3
-  .venv/s3/bin/pip install -q --disable-pip-version-check 'moto[server]==5.2.1'
+  .venv/s3/bin/pip install -q --disable-pip-version-check --no-compile 'moto[server]==5.2.1'
   ln -sf ../s3/bin/moto_server .venv/bin/moto_server
 }
 
 demo_environment() { install_python requirements.lock; compile_renderer; }
 # without apt, the Python environment brings Chromium
-test_environment() { install_python requirements-dev.lock; compile_renderer; compile_training; install_s3; can_apt || install_chromium; }
+test_environment() {
+  install_python requirements-dev.lock
+  together compile_renderer compile_training install_s3
+  can_apt || install_chromium
+}
 system_packages() { if can_apt; then install_chromium; install_servers; fi; }
 
 # each waits for another registry or for one core: all at once. Fails where one does.
