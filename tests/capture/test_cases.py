@@ -25,6 +25,7 @@ from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix
 from tests.capture.people import JOINT, LANDMARK, body, camera, picture, seen_by, standing
 
+pytestmark = pytest.mark.usefixtures("fewer_steps")
 FRAMES = 5
 
 

@@ -119,29 +119,11 @@ def test_the_overlay_shows_the_whole_pictures(captured):
     np.testing.assert_allclose(corner, 120.0, atol=12.0)  # the grey wall, which is not stored
 
 
-def test_the_person_is_stored_as_large_as_filmed(tmp_path, monkeypatch):
-    monkeypatch.setattr("capture.pipeline.MAX_SIDE_PX", 128)
-    motion, frames = standing(MIN_FRAMES), range(MIN_FRAMES)
-    fitted, filmed = (
-        [seen_by(camera(size), body(), motion.pose(index)) for index in frames]
-        for size in (128, 160)
-    )
-    with zipfile.ZipFile(tmp_path / "large.zip", "w") as archive:
-        for index in frames:
-            archive.writestr(f"{index:03d}.png", encoded(picture(filmed[index], COLOUR)))
-    options = CaptureOptions(person="p", estimator=FakeEstimator({COLOUR: fitted}))
-    capture_clip(tmp_path / "large.zip", tmp_path / "seq", options)
-    frame = open_sequence(tmp_path / "seq").frame(0)
-    assert height_px(frame.mask) == pytest.approx(height_px(filmed[0].mask), abs=4)
-    covered = project_surface(frame.camera, open_sequence(tmp_path / "seq").body, frame.pose) > 0
-    person = frame.mask > 0.5
-    assert (covered & person).sum() / (covered | person).sum() > 0.8
-
-
 def height_px(mask: Array) -> int:
     return int(np.ptp(np.flatnonzero((mask > 0.5).any(axis=1)))) + 1
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_a_draft_shows_the_person_before_the_fit_is_finished(zipped, estimator, tmp_path):
     stages: list[str] = []
     drafts: list[tuple[int, float, tuple[int, int]]] = []
@@ -166,7 +148,8 @@ def test_a_draft_shows_the_person_before_the_fit_is_finished(zipped, estimator, 
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
-def test_a_draft_of_a_large_clip_is_small(tmp_path, monkeypatch):
+@pytest.mark.usefixtures("fewer_steps")
+def test_a_large_clip_is_stored_as_large_as_filmed_and_its_draft_is_small(tmp_path, monkeypatch):
     monkeypatch.setattr("capture.pipeline.MAX_SIDE_PX", 128)
     motion = standing(MIN_FRAMES)
     fitted, filmed = (
@@ -177,20 +160,26 @@ def test_a_draft_of_a_large_clip_is_small(tmp_path, monkeypatch):
     for index, person in enumerate(filmed):
         (tmp_path / "clip" / f"{index:03d}.png").write_bytes(encoded(picture(person, COLOUR)))
     drafts: list[tuple[int, float]] = []
-
-    def on_draft(folder: Path) -> None:
-        draft = open_sequence(folder)
-        frame = draft.frame(0)
-        covered = project_surface(frame.camera, draft.body, frame.pose) > 0
-        person = frame.mask > 0.5
-        overlap = float((covered & person).sum() / (covered | person).sum())
-        drafts.append((height_px(frame.mask), overlap))
-
     options = CaptureOptions(person="p", estimator=FakeEstimator({COLOUR: fitted}))
-    capture_clip(tmp_path / "clip", tmp_path / "out" / "seq", options, on_draft=on_draft)
+    out = tmp_path / "out" / "seq"
+    capture_clip(
+        tmp_path / "clip", out, options, on_draft=lambda folder: drafts.append(shown_in(folder))
+    )
     ((tall_px, overlap),) = drafts
     assert tall_px == pytest.approx(height_px(fitted[0].mask), abs=3)
     assert overlap > 0.75
+    tall_px, overlap = shown_in(out)
+    assert tall_px == pytest.approx(height_px(filmed[0].mask), abs=4)
+    assert overlap > 0.8
+
+
+def shown_in(folder: Path) -> tuple[int, float]:
+    """How tall (px) the person of a sequence's first frame is, and how far the body covers them."""
+    sequence = open_sequence(folder)
+    frame = sequence.frame(0)
+    covered = project_surface(frame.camera, sequence.body, frame.pose) > 0
+    person = frame.mask > 0.5
+    return height_px(frame.mask), float((covered & person).sum() / (covered | person).sum())
 
 
 def test_an_overlay_must_be_an_mp4(zipped, estimator, tmp_path):

@@ -87,6 +87,7 @@ def theirs(tmp_path_factory) -> Sequence:
     return open_folder(folder / "humannerf")
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_another_estimator_and_another_body_model_make_a_sequence(theirs, tmp_path):
     clip = tmp_path / "frames"
     clip.mkdir()

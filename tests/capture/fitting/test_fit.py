@@ -119,12 +119,14 @@ def test_the_turn_of_the_body_is_found(fit, motion):
     assert np.rad2deg(np.arccos(np.clip(0.5 * (cosine - 1.0), -1, 1))).max() < 8.0
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_the_same_input_gives_the_same_fit(motion):
     few = _people(standing(3))
     first, second = (_fit(list(few), standing(3)) for _ in range(2))
     assert np.array_equal(first.joint_angles, second.joint_angles)
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_lost_frames_are_bridged_and_trusted_in_nothing(fit, motion):
     people: list[Landmarks | None] = list(_people(motion))
     people[4] = people[5] = None
@@ -156,6 +158,7 @@ def test_poses_that_the_outline_contradicts_are_taken_from_their_neighbours(moti
     assert not fit.outlier_frames().any()
 
 
+@pytest.mark.usefixtures("fewer_steps")
 @pytest.mark.parametrize("cut", ["by the picture", "by a table"])
 def test_an_upper_body_keeps_its_legs_straight_and_stands(cut):
     slow = standing(FRAMES)
@@ -208,6 +211,7 @@ def test_nobody_and_a_stop_are_told(motion):
         _fit(list(_people(standing(2))), standing(2), should_stop=lambda: True)
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_standing_feet_neither_slide_nor_sink():
     motion, rng = standing(16, frames_per_second=15.0), np.random.default_rng(0)
     noisy: list[Landmarks | None] = [

@@ -21,9 +21,8 @@ from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix
 from tests.capture.people import JOINT, LANDMARK, body, seen_by, standing
 
+pytestmark = pytest.mark.usefixtures("fewer_steps")
 FRAMES = 4
-STEPS = {"_LANDMARK_STEPS": 150, "_SILHOUETTE_STEPS": 60}
-"""Enough for people who hold still."""
 MISTAKEN_RAD = 0.2
 """By which the estimator takes people to lean towards the camera."""
 
@@ -55,8 +54,6 @@ def captured(
         return replace(observe(*args, **options), up=torch.tensor(up, dtype=torch.float32))
 
     monkeypatch.setattr(fitting, "observe", told)
-    for name, steps in STEPS.items():
-        monkeypatch.setattr(fitting, name, steps)
     fit = fit_clip(
         people,
         [person.mask for person in people],
