@@ -47,11 +47,11 @@ from scene.motion import Pose
 from scene.sequence import NOVEL_VIEW, Sequence, body_crop
 from services.arrangement import view_from_the_front
 from services.bootstrap import DEMO_MODEL
+from services.live.rendering.drawing import FrameRenderer
 from services.live.room import MeetingPerformer, Room
 from services.live.streaming.encoding import Codec, PictureEncoder
 from services.live.streaming.pacing import DetailGovernor
 from services.live.streaming.pose_feed import pose_packets
-from services.live.streaming.view_track import FrameRenderer
 
 SHARES = (1.0, 0.5, 0.25)
 WEBCAM_CLIP = "grey_shirt_sorry"

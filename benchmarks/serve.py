@@ -112,9 +112,9 @@ def _drawing(count: int, performers: int, size: int) -> dict[str, Any]:
 
 def _encoding(size: int, performers: int, moving: bool) -> dict[str, Any]:
     """Processor ms a picture: drawing into a frame, and each codec; by a still or moving viewer."""
+    from services.live.rendering.drawing import FrameRenderer
     from services.live.room import MeetingPerformer, Room
     from services.live.streaming.encoding import Codec, PictureEncoder
-    from services.live.streaming.view_track import FrameRenderer
 
     model = surface_model(10_000)
     cast = (MeetingPerformer.at_place(str(n), "", model, n) for n in range(performers))

@@ -1,4 +1,4 @@
-"""Settings of `metanerf worker --engine ray`: where the cluster is, and what a job takes of it."""
+"""Settings of a Ray cluster: where it is, and what a job or a renderer takes of it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _GIB = 1024**3
 
 
 class TaskResources(BaseModel):
-    """What Ray keeps for one job while it runs, by Ray's own names."""
+    """What Ray keeps for one job or renderer while it runs, by Ray's own names."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -46,7 +46,7 @@ Resources = Annotated[TaskResources, NoDecode, BeforeValidator(_object_of)]
 
 
 class ClusterSettings(Group):
-    """A Ray cluster that jobs run on."""
+    """A Ray cluster that jobs run on, or renderers."""
 
     ray_address: str = Field(
         default="127.0.0.1:6379",
@@ -68,6 +68,11 @@ class ClusterSettings(Group):
         default_factory=TaskResources,
         validation_alias="METANERF_EXPORT_RESOURCES",
         description="What the export of a video takes of it.",
+    )
+    renderer_resources: Resources = Field(
+        default_factory=lambda: TaskResources(num_cpus=0.5, memory=_GIB),
+        validation_alias="METANERF_RENDERER_RESOURCES",
+        description="What a renderer takes of it; see METANERF_RENDERERS.",
     )
 
     def resources(self, kind: str) -> TaskResources:

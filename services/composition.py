@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from db.objects import Objects, open_objects
 from db.unit_of_work import Database
@@ -18,6 +18,12 @@ from services.settings import Settings
 from services.tickets import Tickets
 from services.tracing import Tracing
 from services.tracing_settings import TracingSettings
+
+if TYPE_CHECKING:  # jobs do without what is live
+    from collections.abc import Callable
+
+    from services.live.rendering.homes import RendererHome
+    from services.live.streaming.pictures import Renderers
 
 
 def build_services(
@@ -84,3 +90,45 @@ def open_tracing(settings: TracingSettings) -> Tracing:
     from services.otlp import OtlpTracing
 
     return OtlpTracing(settings.endpoint)
+
+
+def open_renderers(settings: Settings, clock: Callable[[], float]) -> Renderers:
+    """What draws for viewers, by the view sessions' `clock`. Raises InvalidInput where Ray is
+    wanted and not installed."""
+    live = settings.live
+    if live.renderers == "here":
+        from services.live.rendering.here import RenderersHere
+
+        return RenderersHere(clock)
+    from services.live.rendering.pool import RendererPool
+
+    home = _open_ray_home(settings) if live.renderers == "ray" else _open_process_home(settings)
+    return RendererPool(
+        home,
+        clock,
+        most=live.renderer_count,
+        viewers_each=live.renderer_viewers,
+        idle_s=live.renderer_idle_s,
+    )
+
+
+def _open_process_home(settings: Settings) -> RendererHome:
+    from services.live.rendering.processes import ProcessHome
+
+    return ProcessHome(settings.live.renderer_count)
+
+
+def _open_ray_home(settings: Settings) -> RendererHome:
+    require_ray("METANERF_RENDERERS=ray")
+    from services.live.rendering.ray_home import RayHome
+
+    return RayHome(settings.cluster.ray_address, settings.cluster.renderer_resources)
+
+
+def require_ray(wanted_for: str) -> None:
+    """Raises InvalidInput where Ray is not installed."""
+    if find_spec("ray") is None:
+        raise InvalidInput(
+            f"Ray must be installed for {wanted_for}; got a Python without it; "
+            "install it with `pip install '.[cluster]'`"
+        )

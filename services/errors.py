@@ -234,6 +234,10 @@ class ServerFull(Unavailable):
         super().__init__(message, retry_after_s)
 
 
+class RenderersAway(Unavailable):
+    """What draws for viewers cannot be started."""
+
+
 class Draining(Unavailable):
     """This gateway is about to end."""
 

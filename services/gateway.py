@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from fastapi.concurrency import run_in_threadpool
 
 from db.errors import DatabaseError
+from services.composition import open_renderers
 from services.container import Services
 from services.control.hub import Hub
 from services.homes import Homes
@@ -87,6 +88,7 @@ def build_gateway(services: Services) -> Gateway:
     views = ViewSessions(
         StoredMeetings(services),
         time.monotonic,
+        open_renderers(settings, time.monotonic),
         ice_servers=settings.live.ice_servers,
         max_viewers=settings.live.max_viewers,
         describe_error=lambda error: problem_of(error).model_dump_json(),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field, SecretStr, model_validator
 
 from services.setting_groups import Group, Texts
@@ -21,6 +23,30 @@ class LiveSettings(Group):
         ge=1,
         validation_alias="METANERF_MAX_VOICES",
         description="Voice connections served at once by this process.",
+    )
+    renderers: Literal["here", "processes", "ray"] = Field(
+        default="here",
+        validation_alias="METANERF_RENDERERS",
+        description="What draws for viewers: a thread of the gateway, children of it, or actors "
+        "of the cluster of METANERF_RAY_ADDRESS.",
+    )
+    renderer_count: int = Field(
+        default=1,
+        ge=1,
+        validation_alias="METANERF_RENDERER_COUNT",
+        description="Children or actors that draw at once; one more is kept warm.",
+    )
+    renderer_viewers: int = Field(
+        default=4,
+        ge=1,
+        validation_alias="METANERF_RENDERER_VIEWERS",
+        description="Viewers that each of them draws for.",
+    )
+    renderer_idle_s: float = Field(
+        default=60.0,
+        ge=0.0,
+        validation_alias="METANERF_RENDERER_IDLE_S",
+        description="Time without anybody to draw for after which they end, s.",
     )
     ice_servers: Texts = Field(
         default_factory=list,

@@ -123,6 +123,7 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
         errors.NoSeatFree: "no-seat",
         errors.ServerFull: "server-full",
         errors.Draining: "draining",
+        errors.RenderersAway: "renderers-away",
         errors.ProviderAway: "provider-away",
         errors.LandmarkModelMissing: "landmark-model-missing",
     },

@@ -9,7 +9,6 @@ import sys
 import threading
 import webbrowser
 from enum import StrEnum
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -109,11 +108,9 @@ def _open_engine(name: EngineName, settings: Settings) -> Engine:
         from services.jobs.local_engine import LocalEngine
 
         return LocalEngine(settings)
-    if find_spec("ray") is None:
-        raise InvalidInput(
-            "Ray must be installed for --engine ray; got a Python without it; "
-            "install it with `pip install '.[cluster]'`"
-        )
+    from services.composition import require_ray
+
+    require_ray("--engine ray")
     from services.jobs.ray_engine import RayEngine
 
     return RayEngine(settings)

@@ -12,8 +12,6 @@ One dispatcher serves a cluster, for the last to ask for a size is the one that 
 from __future__ import annotations
 
 import logging
-import signal
-import socket
 import time
 from collections.abc import Mapping
 
@@ -25,15 +23,11 @@ from db.models import JobKind, JobRow
 from services.cluster_settings import TaskResources
 from services.jobs.engine import Ended, EngineAway
 from services.jobs.ray_task import run_attempt
+from services.ray_cluster import ANSWER_S, AWAY_S, ClusterAway, answers, connect
 from services.settings import Settings
 
 log = logging.getLogger(__name__)
 
-_ANSWER_S = 2.0
-"""The head answers in milliseconds or is away."""
-_AWAY_S = 10.0
-"""Silence of the head after which its tasks are given up: Ray's own library ends the whole process
-after 60 s."""
 _MOST_ASKED = 100
 """Jobs that the cluster's size is asked for at once; its own bounds are far lower."""
 _LOST = Ended("the Ray cluster was away", is_crash=False)
@@ -71,35 +65,20 @@ class RayEngine:
     def close(self) -> None:
         """See `Engine.close`."""
         if ray.is_initialized():
-            if _answers(self._cluster.ray_address):
+            if answers(self._cluster.ray_address):
                 request_resources(bundles=[])
             ray.shutdown()
 
     def _connect(self) -> None:
         """Be connected. Raises EngineAway."""
-        if _answers(self._cluster.ray_address):
-            self._heard_s = time.monotonic()
-        else:
-            if ray.is_initialized() and time.monotonic() - self._heard_s > _AWAY_S:
-                self._give_up()
-            raise EngineAway(
-                f"the head of the Ray cluster must answer at {self._cluster.ray_address}; got no "
-                "answer; start it (`ray start --head`), or correct METANERF_RAY_ADDRESS"
-            )
-        if ray.is_initialized():
-            return
-        before = signal.getsignal(signal.SIGTERM)
         try:
-            ray.init(address=self._cluster.ray_address, logging_level=logging.WARNING)
-        except (ConnectionError, RuntimeError) as error:
-            raise EngineAway(
-                f"this machine must be a node of the Ray cluster at {self._cluster.ray_address}, "
-                f"with its versions of Ray and Python; got: {error}; run the dispatcher beside the "
-                "head, or first `ray start --address` here"
-            ) from error
-        finally:
-            signal.signal(signal.SIGTERM, before)  # Ray puts its own in its place
-        self._asked = None
+            if connect(self._cluster.ray_address):
+                self._asked = None
+        except ClusterAway as error:
+            if ray.is_initialized() and time.monotonic() - self._heard_s > AWAY_S:
+                self._give_up()
+            raise EngineAway(str(error)) from error
+        self._heard_s = time.monotonic()
 
     def _give_up(self) -> None:
         for task in self._tasks:
@@ -174,7 +153,7 @@ class _Task:
         if self._asked_to_stop_s is None:
             self._asked_to_stop_s = now
             ray.cancel(self._ref, force=False)
-        elif now - self._asked_to_stop_s > self._grace_s + _ANSWER_S:
+        elif now - self._asked_to_stop_s > self._grace_s + ANSWER_S:
             ray.cancel(self._ref, force=True)
 
     def lose(self) -> None:
@@ -192,9 +171,7 @@ class _Task:
             return Ended("its node ran out of memory", is_crash=True)
         except exceptions.WorkerCrashedError:
             # the end of a worker is heard of before that of its node
-            if any(
-                _nodes().get(node) != at or not _answers(at) for node, at in self._nodes.items()
-            ):
+            if any(_nodes().get(node) != at or not answers(at) for node, at in self._nodes.items()):
                 return Ended("its node is gone", is_crash=False)
             return Ended("its Ray worker died", is_crash=True)
         except exceptions.RayError as error:
@@ -209,16 +186,6 @@ def _nodes() -> dict[str, str]:
         for node in ray.nodes()
         if node["Alive"]
     }
-
-
-def _answers(address: str) -> bool:
-    """Whether somebody listens at HOST:PORT; Ray itself would try for minutes."""
-    host, _, port = address.rpartition(":")
-    try:
-        socket.create_connection((host, int(port)), _ANSWER_S).close()
-    except OSError:
-        return False
-    return True
 
 
 def _amounts(resources: TaskResources) -> dict[str, float]:

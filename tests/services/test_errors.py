@@ -72,6 +72,7 @@ WIRE: dict[type[SceneError], tuple[int, str]] = {
     errors.PreconditionFailed: (412, "precondition-failed"),
     errors.PreconditionRequired: (428, "precondition-required"),
     errors.RemovedFromMeeting: (403, "removed"),
+    errors.RenderersAway: (503, "renderers-away"),
     errors.ScopeMissing: (403, "scope-missing"),
     errors.SeatReleased: (403, "seat-given-back"),
     errors.SequenceInUse: (409, "sequence-in-use"),

@@ -7,7 +7,7 @@ import logging
 import re
 import secrets
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -21,7 +21,6 @@ from aiortc import (
     RTCSessionDescription,
 )
 
-from renderer.scene_renderer import warm_up
 from scene.environment import Environment
 from services.errors import MeetingSealed, OfferRefused, ServerFull
 from services.live.aiortc_compat import on_encoded_frame, on_rtcp_packet, request_key_frame
@@ -37,12 +36,13 @@ from services.live.motion.driving_channels import (
 )
 from services.live.packets import NewestView, PacketError, decode_view
 from services.live.room import MeetingPerformer, Room
-from services.live.streaming.encoding import Codec, PictureEncoder, negotiated_codec
+from services.live.streaming.encoding import Codec, negotiated_codec
 from services.live.streaming.instrumentation import Instrumentation
 from services.live.streaming.look_feed import LookFeed
+from services.live.streaming.pictures import Renderers
 from services.live.streaming.pose_feed import PoseFeed, pose_packets
 from services.live.streaming.rtcp_feedback import apply_feedback
-from services.live.streaming.view_track import SharedPictures, ViewTrack
+from services.live.streaming.view_track import ViewTrack
 from services.seats import BEAT_S
 
 log = logging.getLogger(__name__)
@@ -117,6 +117,7 @@ class ViewSessions:
         self,
         meetings: MeetingSource,
         clock: Clock,
+        renderers: Renderers,
         *,
         ice_servers: list[str],
         max_viewers: int,
@@ -124,39 +125,35 @@ class ViewSessions:
         instrumentation: Instrumentation | None = None,
         make_look_sink: MakeLookSink = drop_pictures,
     ) -> None:
-        """`describe_error` words why a keypoint channel is closed; `instrumentation` is called for
-        all that is sent to viewers; `make_look_sink` gives what takes pictures of a performer."""
-        self._meetings, self._clock = meetings, clock
+        """`renderers` are closed with the sessions; `describe_error` words why a keypoint channel
+        is closed; `instrumentation` is called for all that is sent to viewers; `make_look_sink`
+        gives what takes pictures of a performer."""
+        self._meetings, self._clock, self._renderers = meetings, clock, renderers
         self._ice_servers = [RTCIceServer(urls=url) for url in ice_servers]
         self._max_viewers = max_viewers
         self._instrumentation = instrumentation or Instrumentation()
         self._rooms: dict[str, Room] = {}
-        self._pictures: dict[Room, SharedPictures] = {}
         self._sessions: dict[str, ViewSession] = {}
         self._pose_feed = PoseFeed(clock, self._instrumentation)
         self._look_feed = LookFeed()
         self.driving_channels = DrivingChannels(
             clock, describe_error, make_look_sink, self._look_feed.relay
         )
-        # one thread renders for all: a picture already uses every core
-        self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="render")
         self._look_executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="look")
-        self._warming_up: Future[None] | None = None
         self._monitoring: asyncio.Task[None] | None = None
 
     def __len__(self) -> int:
         return len(self._sessions)
 
     def warm_up(self) -> None:
-        """Prepare the renderer before the first viewer comes; returns at once."""
-        self._warming_up = self._executor.submit(warm_up)
-        self._warming_up.add_done_callback(_log_failure)
+        """Prepare what draws before the first viewer comes; returns at once."""
+        self._renderers.warm_up()
         self.driving_channels.warm_up()
 
     @property
     def ready(self) -> bool:
-        """Whether pictures come at once; on its first start on a machine the renderer compiles."""
-        return self._warming_up is None or self._warming_up.done()
+        """Whether pictures come at once."""
+        return self._renderers.ready
 
     def render_milliseconds(self) -> list[float]:
         """Times of the latest renders of all sessions, ms."""
@@ -184,11 +181,10 @@ class ViewSessions:
         if room.sealed and _MEDIA.search(sdp_offer):
             raise MeetingSealed(_NO_PICTURES)
         self._require_capacity()  # others may have come while the performers were loaded
+        pictures = self._renderers.open(room, negotiated_codec(sdp_offer))
         connection = RTCPeerConnection(RTCConfiguration(iceServers=self._ice_servers))
         view = NewestView()
-        pictures = self._pictures.setdefault(room, SharedPictures(room, self._instrumentation))
-        encoder = PictureEncoder(negotiated_codec(sdp_offer))
-        track = ViewTrack(pictures, view, encoder, self._executor, self._clock)
+        track = ViewTrack(room, pictures, view, self._instrumentation, self._clock)
         session = ViewSession(meeting_id, connection, track, self._clock(), participant_id, account)
         session_id = secrets.token_urlsafe(12)
         self._sessions[session_id] = session
@@ -246,9 +242,7 @@ class ViewSessions:
         session.track.stop()
         await session.connection.close()
         if not self.is_watched(session.meeting_id):
-            room = self._rooms.pop(session.meeting_id, None)
-            if room is not None:
-                self._pictures.pop(room, None)
+            self._rooms.pop(session.meeting_id, None)
 
     async def room(self, meeting_id: str) -> Room:
         """The live state of a meeting; loaded where nobody watches it yet. Raises NotFound."""
@@ -303,7 +297,7 @@ class ViewSessions:
             await asyncio.wait([self._monitoring])
         await asyncio.gather(*(self.close(session_id) for session_id in list(self._sessions)))
         await self._pose_feed.close()
-        self._executor.shutdown(wait=False)
+        await self._renderers.close()
         self._look_executor.shutdown(wait=False)
         self.driving_channels.close()
 
@@ -371,11 +365,6 @@ class ViewSessions:
             if now_s - renewed_s >= BEAT_S:
                 renewed_s = now_s
                 await self._meetings.renew_seats(self._seats_in_use())
-
-
-def _log_failure(warming_up: Future[None]) -> None:
-    if not warming_up.cancelled() and (error := warming_up.exception()):
-        log.error("the renderer could not be prepared", exc_info=error)
 
 
 def _prefer(transceiver: RTCRtpTransceiver, codec: Codec) -> None:

@@ -102,9 +102,7 @@ class PictureEncoder:
         frame.pict_type = PictureType.I if key else PictureType.NONE
         frame.pts, frame.time_base = tick, _TICKS
         packets = self._context.encode(frame)
-        packet = packets[0] if len(packets) == 1 else _concatenated(packets)
-        packet.pts, packet.time_base = tick * _CLOCK_RATE // FRAMES_PER_SECOND, _TIME_BASE
-        return packet
+        return timed(packets[0] if len(packets) == 1 else _concatenated(packets), tick)
 
     def release(self) -> None:
         """Give back what encoding holds, some 15 MiB; the next picture begins anew."""
@@ -146,6 +144,12 @@ class PictureEncoder:
                 "static-thresh": "1",
             }
         return context
+
+
+def timed(packet: Packet, tick: int) -> Packet:
+    """`packet`, shown at `tick` (1/30 s)."""
+    packet.pts, packet.time_base = tick * _CLOCK_RATE // FRAMES_PER_SECOND, _TIME_BASE
+    return packet
 
 
 def _concatenated(packets: Many[Packet]) -> Packet:

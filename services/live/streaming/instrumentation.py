@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from av import VideoFrame
-
 from services.live.room import Room
 
 
@@ -31,8 +29,10 @@ class Instrumentation:
         """A picture of `room` is about to be drawn as it is now; None: nobody asks how it goes."""
         return None
 
-    def on_picture(self, room: Room, frame: VideoFrame) -> None:
-        """Take a picture of `room` (yuv420p) that has just been drawn; may write into it."""
+    def stamp_ms(self, room: Room) -> float | None:
+        """The capture time to write into the corner of a picture of `room`
+        (services.live.streaming.latency_code); None: nothing is written."""
+        return None
 
     def pose_time_ms(self, room: Room, now_s: float) -> float:
         """The capture time, ms, that pose packets of `room` carry when sent at `now_s`."""

@@ -29,11 +29,9 @@ _GREY = 128
 class LatencyCode(Instrumentation):
     """Marks what viewers receive with the capture time of the newest keypoints in it."""
 
-    def on_picture(self, room: Room, frame: VideoFrame) -> None:
-        """Write the code; nothing where nobody is driven live."""
-        captured_ms = _newest_capture_ms(room)
-        if captured_ms is not None:
-            write(frame, captured_ms)
+    def stamp_ms(self, room: Room) -> float | None:
+        """That of the newest keypoints; None where nobody is driven live."""
+        return _newest_capture_ms(room)
 
     def pose_time_ms(self, room: Room, now_s: float) -> float:
         """The capture time of the newest keypoints, by the camera's clock; else the time now."""

@@ -11,8 +11,6 @@ import time
 from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
-from av import VideoFrame
-
 from services.live.room import Room
 from services.live.streaming.instrumentation import Instrumentation, PictureTimes
 from services.tracing import PastSpan, Tracing
@@ -34,9 +32,9 @@ class TracedPictures(Instrumentation):
         self._shown_s: WeakKeyDictionary[Room, float] = WeakKeyDictionary()
         self._traced_s = -math.inf
 
-    def on_picture(self, room: Room, frame: VideoFrame) -> None:
-        """See `Instrumentation.on_picture`."""
-        self._inner.on_picture(room, frame)
+    def stamp_ms(self, room: Room) -> float | None:
+        """See `Instrumentation.stamp_ms`."""
+        return self._inner.stamp_ms(room)
 
     def pose_time_ms(self, room: Room, now_s: float) -> float:
         """See `Instrumentation.pose_time_ms`."""

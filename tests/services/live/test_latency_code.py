@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from av import CodecContext, VideoFrame
 
+from scene import Pose
+from services.live.room import Room
 from services.live.streaming import latency_code
 from services.live.streaming.encoding import BITRATES, Codec, PictureEncoder
 from services.live.streaming.yuv_planes import plane_rows
@@ -47,3 +49,21 @@ def test_one_wrong_cell_is_noticed():
         wrong = code.copy()
         wrong.flat[cell] ^= True
         assert latency_code.read(np.kron(wrong, np.full((16, 16), 235)).astype(np.uint8)) is None
+
+
+class Driven:
+    """Somebody whose webcam saw them at a known time."""
+
+    captured_ms = 1.7e12 + 4321.0
+    arrived_s = 50.0
+    landmarks_age_ms = 35
+
+    def pose_at(self, now_s: float) -> Pose:
+        return Pose.rest(now_s)
+
+
+def test_pictures_are_stamped_once_somebody_is_driven():
+    code, room = latency_code.LatencyCode(), Room("m", ())
+    assert code.stamp_ms(room) is None
+    room.live_motions["p"] = Driven()
+    assert code.stamp_ms(room) == Driven.captured_ms

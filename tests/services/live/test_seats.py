@@ -17,6 +17,7 @@ from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
+from services.live.rendering.here import RenderersHere
 from services.live.sessions.view_sessions import CONNECT_S, SILENCE_S, ViewSession, ViewSessions
 from tests.fakes import Clock
 from tests.services.conftest import bearer
@@ -148,7 +149,9 @@ async def test_a_meeting_with_every_seat_taken_says_when_to_come_back(
 @pytest.fixture
 async def watched() -> AsyncIterator[tuple[ViewSessions, Seconds, EmptyMeetings]]:
     clock, noted = Seconds(), EmptyMeetings()
-    views = ViewSessions(noted, clock, ice_servers=[], max_viewers=2, describe_error=str)
+    views = ViewSessions(
+        noted, clock, RenderersHere(clock), ice_servers=[], max_viewers=2, describe_error=str
+    )
     yield views, clock, noted
     await views.close_all()
 

@@ -8,7 +8,6 @@ import itertools
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from aiortc.rtp import (
     RTCP_PSFB_APP,
@@ -22,16 +21,15 @@ from aiortc.rtp import (
     pack_remb_fci,
 )
 
-from scene import Pose
 from services.live.packets import NewestView, ViewPacket
+from services.live.rendering.drawing import RoomPictures, ViewerDrawing, Workload
+from services.live.rendering.here import PicturesHere
 from services.live.room import MeetingPerformer, Room
-from services.live.streaming import latency_code
 from services.live.streaming.encoding import BITRATES, Codec, PictureEncoder
 from services.live.streaming.instrumentation import Instrumentation
 from services.live.streaming.pacing import TICK_S
 from services.live.streaming.rtcp_feedback import apply_feedback
-from services.live.streaming.view_track import FrameRenderer, SharedPictures, ViewTrack, frame_size
-from services.live.streaming.yuv_planes import plane_rows
+from services.live.streaming.view_track import ViewTrack, frame_size
 from tests.renderer.studio import make_model, make_motion
 
 VIEW = ViewPacket(1, 0.0, (0.0, 1.0, 3.0), (0.0, 1.0, 0.0, 0.0), 0.7, 128, 128)
@@ -44,17 +42,6 @@ class Clock:
 
     def __call__(self) -> float:
         return self.now_s
-
-
-class Driven:
-    """Somebody whose webcam saw them at a known time."""
-
-    captured_ms = 1.7e12 + 4321.0
-    arrived_s = 50.0
-    landmarks_age_ms = 35
-
-    def pose_at(self, now_s: float) -> Pose:
-        return Pose(np.zeros((24, 3)), np.zeros(3), now_s)
 
 
 class CountingView(NewestView):
@@ -82,9 +69,9 @@ def threads():
 
 
 def track_of(room: Room, threads, clock: Clock, view: NewestView | None = None) -> ViewTrack:
-    shared = SharedPictures(room, Instrumentation())
-    newest = view or NewestView()
-    return ViewTrack(shared, newest, PictureEncoder(Codec.H264), threads, clock)
+    drawing = ViewerDrawing(PictureEncoder(Codec.H264), Workload(), clock)
+    pictures = PicturesHere(room, RoomPictures(), drawing, threads)
+    return ViewTrack(room, pictures, view or NewestView(), Instrumentation(), clock)
 
 
 async def keys(track: ViewTrack, clock: Clock, count: int) -> list[bool]:
@@ -162,7 +149,9 @@ async def test_who_draws_by_themselves_holds_no_encoder_until_they_want_pictures
 ):
     clock, view = Clock(), CountingView()
     encoder = ReleasedEncoder(Codec.H264)
-    track = ViewTrack(SharedPictures(room, Instrumentation()), view, encoder, threads, clock)
+    drawing = ViewerDrawing(encoder, Workload(), clock)
+    pictures = PicturesHere(room, RoomPictures(), drawing, threads)
+    track = ViewTrack(room, pictures, view, Instrumentation(), clock)
     await keys(track, clock, 2)
     assert not encoder.released
     view.receive(replace(VIEW, draws_itself=True))
@@ -234,40 +223,6 @@ def test_a_request_for_lost_packets_keeps_those_that_are_sent_again(room, thread
     apply_feedback(asked, track, 3)
     assert 20 <= len(asked.lost) <= 100
     assert asked.lost[-1] == 999
-
-
-def test_who_looks_from_one_place_at_one_instant_shares_a_picture(room):
-    shared = SharedPictures(room, Instrumentation())
-    camera, other = room.initial_camera(128, 128), room.initial_camera(144, 128)
-    one, two = FrameRenderer(), FrameRenderer()
-    frame = shared.frame(one, 1, 0.0, camera, hide_unseen=False)
-    assert shared.frame(two, 1, 0.01, room.initial_camera(128, 128), hide_unseen=False) is frame
-    assert shared.frame(two, 1, 0.0, other, hide_unseen=False) is not frame
-    assert shared.frame(two, 1, 0.0, camera, hide_unseen=True) is not frame
-    assert shared.frame(two, 2, 0.0, camera, hide_unseen=False) is not frame
-
-
-def test_a_renderer_that_was_left_out_for_a_while_shows_the_whole_picture(room):
-    """What it holds is older than what others saw; only its own last picture counts."""
-    camera, mine, fresh = room.initial_camera(160, 128), FrameRenderer(), FrameRenderer()
-    shared = SharedPictures(room, Instrumentation())
-    for tick, renderer in enumerate((mine, fresh, fresh, mine)):
-        seen = shared.frame(renderer, tick, 0.3 * tick, camera, hide_unseen=False)
-    whole = FrameRenderer().render(room.scene_at(0.9), camera)
-    for ours, theirs in zip(seen.planes, whole.planes, strict=True):
-        difference = (
-            plane_rows(ours)[:, : ours.width].astype(int) - plane_rows(theirs)[:, : ours.width]
-        )
-        assert np.abs(difference).max() <= 2
-
-
-def test_with_a_latency_code_pictures_show_when_the_newest_was_captured(room):
-    shared, camera = SharedPictures(room, latency_code.LatencyCode()), room.initial_camera(256, 256)
-    frame = shared.frame(FrameRenderer(), 1, 0.0, camera, hide_unseen=False)
-    assert latency_code.read(plane_rows(frame.planes[0])) is None  # nobody is driven
-    room.live_motions["p"] = Driven()
-    frame = shared.frame(FrameRenderer(), 2, 0.0, camera, hide_unseen=False)
-    assert latency_code.read(plane_rows(frame.planes[0])) == int(Driven.captured_ms) % 65536
 
 
 def test_sizes_shrink_in_blocks_and_keep_their_shape():

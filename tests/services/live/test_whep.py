@@ -13,7 +13,7 @@ from db.models import ModelRow
 from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
-from services.live.sessions import view_sessions
+from services.live.rendering import here
 from services.live.sessions.view_sessions import ViewSessions
 from tests.services.live.viewer import Viewer, view
 
@@ -106,7 +106,7 @@ async def test_who_joins_is_told_while_the_renderer_gets_ready(
     views: ViewSessions = gateway_of(app).views
     ready = threading.Event()
     # as long as kernels are compiled
-    monkeypatch.setattr(view_sessions, "warm_up", lambda: ready.wait(20.0))
+    monkeypatch.setattr(here, "warm_up", lambda: ready.wait(20.0))
     views.warm_up()
     join = f"/v1/meetings/{meeting_id}/join"
     assert (await caller.post(join, json={})).json()["ready"] is False
