@@ -56,6 +56,7 @@ CATALOGUE = (
     Benchmark("local-look", ("local-look",), (require_browser,)),
     Benchmark("serve", ("serve",), (require_browser,)),
     Benchmark("meeting", ("meeting",), (require_browser, require_webcam_clip)),
+    Benchmark("renderers", ("renderers",)),
     Benchmark("load", ("load",)),
     Benchmark("faults", ("faults",)),
     Benchmark("lipsync", ("lipsync",), (require_browser,)),

@@ -21,7 +21,7 @@ from benchmarks.cli_options import (
     start,
 )
 from benchmarks.cli_real import levels, live_look, real
-from benchmarks.cli_service import faults, load
+from benchmarks.cli_service import faults, load, renderers
 from benchmarks.cli_stability import stability
 from benchmarks.inputs import (
     FOOTAGE,
@@ -47,6 +47,7 @@ app.command("live-look")(live_look)
 app.command()(levels)
 app.command()(load)
 app.command()(faults)
+app.command()(renderers)
 
 _CLIPS = 10
 

@@ -33,3 +33,10 @@ def faults(
     from benchmarks.faults.measure import run
 
     run(start("faults", commits, narrowed=quick), quick=quick)
+
+
+def renderers(commits: Commits = False) -> None:
+    """Drawing for a viewer in the gateway and outside it: the cost, and the end of a renderer."""
+    from benchmarks.renderers import run
+
+    run(start("renderers", commits))

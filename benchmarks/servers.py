@@ -77,6 +77,11 @@ class MortalServer:
         """Whether it was started and has not ended."""
         return self._process is not None and self._process.poll() is None
 
+    @property
+    def process_id(self) -> int | None:
+        """Of the process that was started last; None: none was."""
+        return None if self._process is None else self._process.pid
+
     def wait(self) -> None:
         """Return once it answers. Raises RuntimeError where it ends instead, or takes too long."""
         deadline = time.monotonic() + _STARTED_S

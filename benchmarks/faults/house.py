@@ -94,6 +94,8 @@ def a_house(*, deployed: bool) -> Iterator[House]:
             open_access=False,
             embedded_worker=False,
             max_viewers=32,
+            renderers="processes",
+            renderer_viewers=32,
             client_dir=folder / "no-page",
             **_addresses(parts),
         )

@@ -12,12 +12,14 @@ import os
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from benchmarks.faults.house import DISK_BYTES, House, a_house
+from benchmarks.faults.spectator import Spectator, looking_on
 from benchmarks.faults.work import Film, Ledger, Work
 from benchmarks.load.crowd import Crowd, gathered
 from benchmarks.reporting.figures import FigureWriter
@@ -46,10 +48,20 @@ class Fault:
     """Happens only to a service with servers behind it."""
     prepare: Callable[[House], None] = lambda house: None
     """Before anything goes on."""
+    drawn: bool = False
+    """Whether what counts is what somebody sees for whom the server draws."""
 
 
 def _kill_child(house: House, crowd: Crowd, work: Work) -> None:
     os.kill(_child_of(work.job_id), signal.SIGKILL)
+
+
+def _kill_renderer(house: House, crowd: Crowd, work: Work) -> None:
+    """Of the gateway's, the one that draws: it has worked most."""
+    gateways = {house.gateway.process_id, house.spare.process_id}
+    renderers = _processes(b"services.live.rendering.child")
+    found = [one for one in renderers if int(_state(one)[1]) in gateways]
+    os.kill(max(found, key=_worked), signal.SIGKILL)
 
 
 def _cut_objects(house: House, *, cut: bool) -> None:
@@ -80,6 +92,7 @@ FAULTS = (
         lambda house: house.gateway.start(),
         deployed=False,
     ),
+    Fault("a renderer is killed", _kill_renderer, deployed=False, drawn=True),
     Fault(
         "one of two gateways is killed",
         lambda house, crowd, work: house.home_of(crowd.meeting_ids[0]).kill(),
@@ -146,13 +159,27 @@ def strike_all(faults: Sequence[Fault], *, deployed: bool) -> list[dict[str, Any
             rows = []
             for number, fault in enumerate(faults):
                 fault.prepare(house)
-                rows.append(_struck(fault, house, crowd, Work(ledger, film, number), ledger))
+                with ExitStack() as stack:
+                    eyes = stack.enter_context(_eyes(house, crowd)) if fault.drawn else None
+                    work = Work(ledger, film, number)
+                    rows.append(_struck(fault, house, crowd, work, ledger, eyes))
             return rows
 
 
-def _struck(fault: Fault, house: House, crowd: Crowd, work: Work, ledger: Ledger) -> dict[str, Any]:
+def _struck(
+    fault: Fault,
+    house: House,
+    crowd: Crowd,
+    work: Work,
+    ledger: Ledger,
+    eyes: Spectator | None,
+) -> dict[str, Any]:
+    """`eyes`: of whom counts for how long nobody moves, if not of everybody."""
     work.under_way()
     crowd.collect()
+    if eyes is not None:
+        _until_seen(eyes)
+        eyes.collect()
     began = time.monotonic()
     fault.strike(house, crowd, work)
     time.sleep(fault.away_s)
@@ -162,11 +189,12 @@ def _struck(fault: Fault, house: House, crowd: Crowd, work: Work, ledger: Ledger
     ended = work.end()
     time.sleep(_SETTLED_S)
     seen = crowd.collect()
+    gaps_s = seen.longest_gaps_s if eyes is None else [eyes.collect()]
     row = {
         "fault": fault.name,
         "mended_after_s": fault.away_s,
-        "still_s": round(max(seen.longest_gaps_s), 2),
-        "still_least_s": round(min(seen.longest_gaps_s), 2),
+        "still_s": round(max(gaps_s), 2),
+        "still_least_s": round(min(gaps_s), 2),
         "back_s": round(moving_s, 1),
         "answers": dict(seen.answers),
         **ended,
@@ -177,13 +205,42 @@ def _struck(fault: Fault, house: House, crowd: Crowd, work: Work, ledger: Ledger
     return row
 
 
+def _eyes(house: House, crowd: Crowd) -> AbstractContextManager[Spectator]:
+    return looking_on(house.host.address, house.host.token, crowd.meeting_ids[0])
+
+
+def _until_seen(eyes: Spectator) -> None:
+    deadline = time.monotonic() + _COMPILED_S
+    while not eyes.sees:
+        if time.monotonic() > deadline:
+            raise RuntimeError("a spectator must see somebody move; got one who does not")
+        time.sleep(0.1)
+
+
 def _child_of(job_id: str) -> int:
     """The id of the process that runs a job."""
+    for process_id in _processes(b"services.jobs.child", job_id.encode()):
+        return process_id
+    raise RuntimeError(f"job {job_id} must have a process; got none")
+
+
+def _processes(*wanted: bytes) -> Iterator[int]:
+    """Ids of those on whose command line these words stand."""
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             words = (folder / "cmdline").read_bytes().split(b"\0")
         except OSError:  # it has ended meanwhile
             continue
-        if b"services.jobs.child" in words and job_id.encode() in words:
-            return int(folder.name)
-    raise RuntimeError(f"job {job_id} must have a process; got none")
+        if set(wanted) <= set(words):
+            yield int(folder.name)
+
+
+def _worked(process_id: int) -> int:
+    """Ticks of a processor that a process has taken."""
+    state = _state(process_id)
+    return int(state[11]) + int(state[12])
+
+
+def _state(process_id: int) -> list[str]:
+    """What Linux tells of a process after its name (proc_pid_stat(5))."""
+    return Path(f"/proc/{process_id}/stat").read_text().rpartition(") ")[2].split()

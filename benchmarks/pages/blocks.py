@@ -27,6 +27,7 @@ from benchmarks.pages.performers import (
 )
 from benchmarks.pages.provenance import Figures
 from benchmarks.pages.real import real
+from benchmarks.pages.renderers import renderers
 from benchmarks.parsimony.charts import draw_parsimony
 from benchmarks.reporting.markdown import replaced
 from benchmarks.stability import charts as stability_charts
@@ -68,6 +69,7 @@ BLOCKS = (
     Block(_STABILITY_PAGE, "finding", ("stability",), stability.finding),
     Block(_STABILITY_PAGE, "stability", ("stability",), stability.stability),
     Block("docs/gpu.md", "gpu", ("gpu",), gpu),
+    Block("docs/streaming.md", "renderers", ("renderers",), renderers),
     Block("docs/streaming.md", "lipsync", ("lipsync",), lipsync),
     Block("docs/room.md", "relight", ("relight",), splats.relight),
     Block("docs/real-people.md", "real", ("real",), real),

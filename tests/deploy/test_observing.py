@@ -14,7 +14,8 @@ import yaml
 from prometheus_client import REGISTRY
 
 import services.live.motion.driving_channels
-import services.metrics  # noqa: F401  (registers its figures, as the one above does)
+import services.live.rendering.pool
+import services.metrics  # noqa: F401  (registers its figures, as those above do)
 from tests.deploy.composed import ROOT, compose
 from tests.servers import program
 

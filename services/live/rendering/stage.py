@@ -62,11 +62,17 @@ class Stage:
         self._acts: dict[str, Callable[[Header, list[bytes]], bytes]] = {
             "picture": self._picture,
             "forget": self._forget,
-            "ping": lambda header, parts: pack({"process_id": os.getpid()}),
+            "ping": lambda header, parts: pack({"process_id": os.getpid(), **self.held}),
             "room": self._room,
             "model": self._model,
             "environment": self._environment,
         }
+
+    @property
+    def held(self) -> dict[str, int]:
+        """How many rooms, viewers and models it has."""
+        held = {"rooms": self._rooms, "viewers": self._viewers, "models": self._models}
+        return {name: len(things) for name, things in held.items()}
 
     def answer(self, request: bytes) -> bytes:
         """What comes of a request; of one that fails, why: the others go on."""

@@ -1,0 +1,45 @@
+"""Renderers of a process that is killed end by themselves."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+from tests.services.jobs.waiting import until
+from tests.services.live.rendering.watching import is_gone
+
+HOLDER = """
+import asyncio, time
+from services.live.rendering.processes import ProcessHome
+
+async def hold():
+    renderers = [ProcessHome(1).renderer() for _ in range(2)]
+    await renderers[0].start()
+    starting = asyncio.create_task(renderers[1].start())
+    while renderers[1].process_id is None:
+        await asyncio.sleep(0.01)
+    print(*(one.process_id for one in renderers), flush=True)
+    await asyncio.sleep(600.0)
+
+asyncio.run(hold())
+"""
+
+
+@pytest.fixture
+def holder() -> Iterator[subprocess.Popen[str]]:
+    process = subprocess.Popen([sys.executable, "-c", HOLDER], stdout=subprocess.PIPE, text=True)
+    yield process
+    process.kill()
+    process.wait()
+
+
+def test_the_warm_and_the_starting_end_with_a_killed_gateway(holder: subprocess.Popen[str]):
+    assert holder.stdout is not None
+    renderers = [int(word) for word in holder.stdout.readline().split()]
+    assert len(renderers) == 2
+    assert not any(map(is_gone, renderers))
+    holder.kill()
+    until(lambda: all(map(is_gone, renderers)), "the end of its renderers")
