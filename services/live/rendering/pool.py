@@ -140,7 +140,8 @@ class RendererPool(Renderers):
         ready = self.ready_slots
         starting = [slot for slot in self._slots if not slot.ready and not slot.broken]
         found = self._choose(room, ready) or self._choose(room, starting)
-        if found is None and len(self._slots) <= self._most and self._drawing() < self._most:
+        broken = any(slot.broken for slot in self._slots)
+        if found is None and not broken and self._drawing() < self._most:
             found = self._add()
         if found is not None:
             return found
@@ -174,12 +175,11 @@ class RendererPool(Renderers):
         now_s, drawing = self._clock(), self._drawing()
         if drawing:
             self._used_s = now_s
-        wanted = drawing + 1 if now_s - self._used_s < self._idle_s else 0
+        wanted = drawing + 1 if drawing or now_s - self._used_s < self._idle_s else 0
         while len(self._slots) < wanted:
             self._add()
-        for slot in [slot for slot in self._slots if not slot.pictures][
-            : len(self._slots) - wanted
-        ]:
+        unused = [slot for slot in self._slots if not slot.pictures]
+        for slot in unused[: len(self._slots) - wanted]:
             if slot.broken or now_s - slot.idle_s >= self._idle_s:
                 self._slots.remove(slot)
                 self._run(slot.renderer.end())

@@ -39,7 +39,7 @@ _KEY_FRAME_INTERVAL_S = 0.3
 """Least time between two key frames: a connection that lost one loses several in a row sooner."""
 _STALL_INTERVAL_S = 0.5
 """Least time between two key frames sent because the viewer's picture stalls."""
-_REFUSED_S = 1.0
+_REFUSED_S = 5.0
 """Until a room that could not be drawn is tried again: who is in it may have changed."""
 
 

@@ -1,15 +1,20 @@
-"""Renderers of a process that is killed end by themselves."""
+"""Renderers that are child processes: hung ones are killed, and none outlives its gateway."""
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 
 import pytest
 
+from services.live.rendering import processes
+from services.live.rendering.pool import RendererPool
 from tests.services.jobs.waiting import until
-from tests.services.live.rendering.watching import is_gone
+from tests.services.live.rendering.watching import Watcher, a_room, is_gone, process_of
 
 HOLDER = """
 import asyncio, time
@@ -43,3 +48,16 @@ def test_the_warm_and_the_starting_end_with_a_killed_gateway(holder: subprocess.
     assert not any(map(is_gone, renderers))
     holder.kill()
     until(lambda: all(map(is_gone, renderers)), "the end of its renderers")
+
+
+async def test_one_that_hangs_is_killed_and_another_draws(monkeypatch: pytest.MonkeyPatch):
+    home = processes.ProcessHome(1)
+    pool = RendererPool(home, time.monotonic, most=1, viewers_each=1, idle_s=60.0)
+    watcher = Watcher(pool, a_room())
+    await watcher.packet()
+    hung = await process_of(watcher.slot)
+    os.kill(hung, signal.SIGSTOP)
+    monkeypatch.setattr(processes, "_SILENT_S", 3.0)
+    assert (await watcher.packet()).is_keyframe
+    until(lambda: is_gone(hung), "the end of the one that hangs")
+    await pool.close()
