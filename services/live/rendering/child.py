@@ -48,9 +48,9 @@ def main() -> None:
     threading.Thread(target=_read, args=(lanes,), daemon=True).start()
 
     from renderer.scene_renderer import warm_up
-    from services.live.rendering.stage import Stage
+    from services.live.rendering.stage import RenderStage
 
-    stage, writing = Stage(), threading.Lock()
+    stage, writing = RenderStage(), threading.Lock()
 
     def serve(lane: Lane) -> None:
         while True:

@@ -12,7 +12,7 @@ class RendererGone(SceneError):
 
 
 class Renderer(Protocol):
-    """One renderer: a `services.live.rendering.stage.Stage` somewhere. On the event loop."""
+    """One renderer: a `services.live.rendering.stage.RenderStage` somewhere. On the event loop."""
 
     async def start(self) -> None:
         """Returns once it is warm, for the first time or after it was lost. Raises RendererGone

@@ -16,7 +16,7 @@ from services.live.rendering.messages import pack
 _START_S = 180.0
 """The first start on a machine compiles."""
 _SILENT_S = 20.0
-"""A renderer that takes longer for one answer hangs."""
+"""A renderer that takes longer for one answer hangs, however busy its machine."""
 _END_S = 2.0
 _OURS = "METANERF_"
 
@@ -24,8 +24,10 @@ _OURS = "METANERF_"
 class ProcessHome(RendererHome):
     """Each renderer is a process."""
 
-    def __init__(self, most: int) -> None:
-        """`most` of them draw at once, and share the cores."""
+    def __init__(self, most: int, silent_s: float = _SILENT_S) -> None:
+        """`most` of them draw at once, and share the cores; one that takes longer than `silent_s`
+        for an answer is killed."""
+        self._silent_s = silent_s
         cores = os.cpu_count() or 1
         # what it is not told it cannot give away
         environment = {k: v for k, v in os.environ.items() if not k.upper().startswith(_OURS)}
@@ -34,7 +36,7 @@ class ProcessHome(RendererHome):
 
     def renderer(self) -> RendererProcess:
         """See `RendererHome.renderer`."""
-        return RendererProcess(self._environment)
+        return RendererProcess(self._environment, self._silent_s)
 
     async def close(self) -> None:
         """See `RendererHome.close`."""
@@ -43,8 +45,8 @@ class ProcessHome(RendererHome):
 class RendererProcess(Renderer):
     """`services.live.rendering.child`, started anew where it was lost."""
 
-    def __init__(self, environment: dict[str, str]) -> None:
-        self._environment = environment
+    def __init__(self, environment: dict[str, str], silent_s: float) -> None:
+        self._environment, self._silent_s = environment, silent_s
         self._process: Process | None = None
         self._warm = False
         self._reading: asyncio.Task[None] | None = None
@@ -74,11 +76,11 @@ class RendererProcess(Renderer):
 
     async def draw(self, request: bytes) -> bytes:
         """See `Renderer.draw`."""
-        return await self._ask(self._require_warm(), Lane.DRAW, request, _SILENT_S)
+        return await self._ask(self._require_warm(), Lane.DRAW, request, self._silent_s)
 
     async def load(self, request: bytes) -> bytes:
         """See `Renderer.load`."""
-        return await self._ask(self._require_warm(), Lane.LOAD, request, _SILENT_S)
+        return await self._ask(self._require_warm(), Lane.LOAD, request, self._silent_s)
 
     async def end(self) -> None:
         """See `Renderer.end`."""

@@ -12,10 +12,10 @@ class RendererActor:
         """It draws by so many threads."""
         os.environ.setdefault("NUMBA_NUM_THREADS", str(threads))  # before numba is there
         from renderer.scene_renderer import warm_up
-        from services.live.rendering.stage import Stage
+        from services.live.rendering.stage import RenderStage
 
         warm_up()
-        self._stage = Stage()
+        self._stage = RenderStage()
 
     def answer(self, request: bytes) -> bytes:
         """The stage's."""

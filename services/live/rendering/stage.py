@@ -50,7 +50,7 @@ class _StagedRoom:
     pictures: RoomPictures = field(default_factory=RoomPictures)
 
 
-class Stage:
+class RenderStage:
     """The rooms and viewers of one renderer."""
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:

@@ -14,7 +14,7 @@ import pytest
 from services.errors import RenderersAway, ServerFull
 from services.live.rendering.homes import Renderer, RendererGone, RendererHome
 from services.live.rendering.pool import RendererPool
-from services.live.rendering.stage import Stage
+from services.live.rendering.stage import RenderStage
 from tests.services.live.rendering.watching import Watcher, a_room
 
 
@@ -32,12 +32,12 @@ class StageHere(Renderer):
 
     def __init__(self, home: HomeHere) -> None:
         self._home = home
-        self.stage: Stage | None = None
+        self.stage: RenderStage | None = None
 
     async def start(self) -> None:
         if self._home.away:
             raise RendererGone("a node must be there; got none; add one")
-        self.stage = Stage()
+        self.stage = RenderStage()
 
     async def draw(self, request: bytes) -> bytes:
         await asyncio.sleep(0)
@@ -126,7 +126,7 @@ async def test_one_that_began_anew_without_a_word_is_told_all_again(pool: Render
     assert [(await watcher.packet()).is_keyframe for _ in range(2)] == [True, False]
     renderer = watcher.slot.renderer
     assert isinstance(renderer, StageHere)
-    renderer.stage = Stage()
+    renderer.stage = RenderStage()
     assert [(await watcher.packet()).is_keyframe for _ in range(2)] == [True, False]
 
 

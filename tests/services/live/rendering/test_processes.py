@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.live.rendering import processes
 from services.live.rendering.pool import RendererPool
+from services.live.rendering.processes import ProcessHome
 from tests.services.jobs.waiting import until
 from tests.services.live.rendering.watching import Watcher, a_room, is_gone, process_of
 
@@ -50,14 +50,13 @@ def test_the_warm_and_the_starting_end_with_a_killed_gateway(holder: subprocess.
     until(lambda: all(map(is_gone, renderers)), "the end of its renderers")
 
 
-async def test_one_that_hangs_is_killed_and_another_draws(monkeypatch: pytest.MonkeyPatch):
-    home = processes.ProcessHome(1)
+async def test_one_that_hangs_is_killed_and_another_draws():
+    home = ProcessHome(1, silent_s=3.0)
     pool = RendererPool(home, time.monotonic, most=1, viewers_each=1, idle_s=60.0)
     watcher = Watcher(pool, a_room())
     await watcher.packet()
     hung = await process_of(watcher.slot)
     os.kill(hung, signal.SIGSTOP)
-    monkeypatch.setattr(processes, "_SILENT_S", 3.0)
     assert (await watcher.packet()).is_keyframe
     until(lambda: is_gone(hung), "the end of the one that hangs")
     await pool.close()
