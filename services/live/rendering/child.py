@@ -65,11 +65,19 @@ def main() -> None:
 
 
 def _read(lanes: dict[Lane, Requests]) -> None:
-    source = sys.stdin.buffer
-    while len(head := source.read(REQUEST.size)) == REQUEST.size:
+    while len(head := _taken(REQUEST.size)) == REQUEST.size:
         length, number, lane = REQUEST.unpack(head)
-        lanes[Lane(lane)].put((number, source.read(length)))
+        lanes[Lane(lane)].put((number, _taken(length)))
     os._exit(os.EX_OK)  # whatever it does: nobody waits for it
+
+
+def _taken(count: int) -> bytes:
+    """The next bytes, fewer at the end; unbuffered: a lock would be held at the end."""
+    parts, left = list[bytes](), count
+    while left and (part := os.read(sys.stdin.fileno(), left)):
+        parts.append(part)
+        left -= len(part)
+    return b"".join(parts)
 
 
 def _write(answers: BinaryIO, data: bytes) -> None:
