@@ -43,6 +43,8 @@ class RayHome(RendererHome):
         """The cluster's head is at `address`, HOST:PORT; an actor takes `resources`."""
         self._address, self._resources = address, resources
         self._connecting = asyncio.Lock()
+        self.connection = 0
+        """Which connection to the cluster this is: what was made by an earlier one is lost."""
         self._watching: asyncio.Task[None] | None = None
 
     def renderer(self) -> RayRenderer:
@@ -55,15 +57,23 @@ class RayHome(RendererHome):
             self._watching.cancel()
         await asyncio.to_thread(ray.shutdown)
 
-    async def actor(self) -> Any:
-        """A new actor, which is asked for by name of its methods. Raises RendererGone."""
+    @property
+    def is_connected(self) -> bool:
+        """Whether the connection stands."""
+        return ray.is_initialized()
+
+    async def connect(self) -> None:
+        """Have a connection. Raises RendererGone."""
         async with self._connecting:
             try:
-                await asyncio.to_thread(connect, self._address)
+                self.connection += await asyncio.to_thread(connect, self._address)
             except ClusterAway as error:
                 raise RendererGone(str(error)) from error
         if self._watching is None or self._watching.done():
             self._watching = asyncio.create_task(self._watch())
+
+    def actor(self) -> Any:
+        """A new actor, which is asked by the names of its methods; over a connection."""
         wanted = self._resources
         remote: Any = ray.remote  # its types know nothing of concurrency groups
         make = remote(
@@ -92,13 +102,16 @@ class RayRenderer(Renderer):
     def __init__(self, home: RayHome) -> None:
         self._home = home
         self._actor: Any = None
-        self._warm = False
+        self._connection, self._warm = 0, False
 
     async def start(self) -> None:
         """See `Renderer.start`."""
         give_up_s, self._warm = time.monotonic() + _START_S, False
+        await self._home.connect()
+        if self._connection != self._home.connection:
+            self._actor, self._connection = None, self._home.connection
         for actor in (self._actor, None):
-            self._actor = actor or await self._home.actor()
+            self._actor = actor or self._home.actor()
             if await self._gets_warm(give_up_s):
                 self._warm = True
                 return
@@ -118,8 +131,13 @@ class RayRenderer(Renderer):
     async def end(self) -> None:
         """See `Renderer.end`."""
         actor, self._actor, self._warm = self._actor, None, False
-        if actor is not None and ray.is_initialized():
+        if actor is not None and self._is_of_now:
             await asyncio.to_thread(ray.kill, actor)
+
+    @property
+    def _is_of_now(self) -> bool:
+        # asked over none, Ray would begin a cluster of its own
+        return self._home.is_connected and self._connection == self._home.connection
 
     async def _gets_warm(self, give_up_s: float) -> bool:
         """Wait for it while Ray starts it; False once it will not be."""
@@ -137,7 +155,7 @@ class RayRenderer(Renderer):
 
     async def _ask(self, group: str, request: bytes, within_s: float) -> bytes:
         # what is asked while it starts would wait for long, and look like silence
-        if not self._warm or not ray.is_initialized():
+        if not self._warm or not self._is_of_now:
             raise RendererGone("a renderer must run; got one that has ended, or no cluster")
         try:
             return await self._answer(group, request, within_s)
