@@ -62,7 +62,7 @@ async def make_pool(request: pytest.FixtureRequest) -> AsyncIterator[MakePool]:
 
 
 async def until(fits: Callable[[], bool], what: str) -> None:
-    for _ in range(600):
+    for _ in range(1800):
         if fits():
             return
         await asyncio.sleep(0.1)

@@ -74,7 +74,7 @@ class Watcher:
 
     async def packet(self) -> Packet:
         """The next picture, as it would be sent."""
-        made = await asyncio.wait_for(self.pictures.picture(self.order), 120.0)
+        made = await asyncio.wait_for(self.pictures.picture(self.order), 300.0)
         return made.packet
 
     async def shown(self) -> Array:
