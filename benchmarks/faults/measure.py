@@ -23,6 +23,7 @@ from benchmarks.faults.spectator import Spectator, looking_on
 from benchmarks.faults.work import Film, Ledger, Work
 from benchmarks.load.crowd import Crowd, gathered
 from benchmarks.reporting.figures import FigureWriter
+from benchmarks.service import metric
 
 MEETINGS, PEOPLE = 1, 3
 _AWAY_S = 5.0
@@ -30,6 +31,8 @@ _AWAY_S = 5.0
 _DRAINED_S = 60.0
 _COMPILED_S = 600.0
 _SETTLED_S = 2.0
+_WARM = r'metanerf_renderers\{state="warm"\}'
+"""The figure of renderers that wait, as `metric` looks for it."""
 _MOVING_S = 60.0
 """Time in which everybody must see somebody move again."""
 
@@ -178,7 +181,7 @@ def _struck(
     work.under_way()
     crowd.collect()
     if eyes is not None:
-        _until_seen(eyes)
+        _until_settled(house, eyes)
         eyes.collect()
     began = time.monotonic()
     fault.strike(house, crowd, work)
@@ -209,12 +212,14 @@ def _eyes(house: House, crowd: Crowd) -> AbstractContextManager[Spectator]:
     return looking_on(house.host.address, house.host.token, crowd.meeting_ids[0])
 
 
-def _until_seen(eyes: Spectator) -> None:
+def _until_settled(house: House, eyes: Spectator) -> None:
+    """Return once the spectator sees somebody move, and a renderer waits beside the one that
+    draws, as after some seconds it always does."""
     deadline = time.monotonic() + _COMPILED_S
-    while not eyes.sees:
+    while not (eyes.sees and metric(f"{house.host.address}/", _WARM) > 0.0):
         if time.monotonic() > deadline:
             raise RuntimeError("a spectator must see somebody move; got one who does not")
-        time.sleep(0.1)
+        time.sleep(0.5)
 
 
 def _child_of(job_id: str) -> int:
