@@ -21,8 +21,7 @@ from prometheus_client import Counter, Gauge
 from services.errors import RenderersAway, ServerFull
 from services.live.rendering.homes import RendererGone, RendererHome
 from services.live.rendering.messages import pack
-from services.live.rendering.outside_pictures import PicturesOutside
-from services.live.rendering.slot import Slot
+from services.live.rendering.outside_pictures import PicturesOutside, Slot
 from services.live.room import Room
 from services.live.streaming.encoding import Codec
 from services.live.streaming.pacing import TICK_S

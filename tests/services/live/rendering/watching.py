@@ -14,9 +14,8 @@ from renderer.performer_model import PerformerModel
 from renderer.splats.model import SplatModel
 from scene.arrays import Array
 from services.live.rendering.messages import pack, unpack
-from services.live.rendering.outside_pictures import PicturesOutside
+from services.live.rendering.outside_pictures import PicturesOutside, Slot
 from services.live.rendering.pool import RendererPool
-from services.live.rendering.slot import Slot
 from services.live.room import MeetingPerformer, Room
 from services.live.streaming.encoding import Codec
 from services.live.streaming.pictures import PictureOrder
