@@ -16,6 +16,7 @@ from typing import Any
 
 import aiortc
 from aiortc import RTCRtpReceiver, RTCRtpSender
+from aiortc.mediastreams import MediaStreamError
 from aiortc.rtp import (
     RTCP_PSFB_APP,
     RTCP_PSFB_FIR,
@@ -36,6 +37,7 @@ __all__ = [
     "RTCP_PSFB_PLI",
     "AnyRtcpPacket",
     "IncompatibleAiortc",
+    "MediaStreamError",
     "RtcpPsfbPacket",
     "RtcpRrPacket",
     "RtcpRtpfbPacket",

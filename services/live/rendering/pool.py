@@ -15,10 +15,10 @@ import random
 from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
-from aiortc.mediastreams import MediaStreamError
 from prometheus_client import Counter, Gauge
 
 from services.errors import RenderersAway, ServerFull
+from services.live.aiortc_compat import MediaStreamError
 from services.live.rendering.homes import RendererGone, RendererHome
 from services.live.rendering.messages import pack
 from services.live.rendering.outside_pictures import PicturesOutside, Slot

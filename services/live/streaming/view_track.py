@@ -13,10 +13,10 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from aiortc import MediaStreamTrack
-from aiortc.mediastreams import MediaStreamError
 from av import Packet
 
 from scene.camera import Camera
+from services.live.aiortc_compat import MediaStreamError
 from services.live.packets import NewestView
 from services.live.room import Room
 from services.live.streaming.encoding import BitrateSteps
