@@ -37,7 +37,7 @@ class LoadEffort:
 
     seconds: float = 20.0
     """Of each number of meetings."""
-    memory_s: float = 150.0
+    memory_s: float = 600.0
     """Of the memory's slope."""
     most_meetings: int = 32
     processes: int = 1
