@@ -34,8 +34,8 @@ STAGES = ("lifted", "landmarks", "silhouette", "second look")
 """What the fit does, in order. Before either stage with silhouettes, frames in which the body lies
 far off theirs start again from their neighbours."""
 
-_LANDMARK_STEPS, _LANDMARK_RATE = 260, 0.03
-_SILHOUETTE_STEPS, _SILHOUETTE_RATE = 240, 0.03
+LANDMARK_STEPS, _LANDMARK_RATE = 260, 0.03
+SILHOUETTE_STEPS, _SILHOUETTE_RATE = 240, 0.03
 _ASSOCIATE_EVERY = 8
 """Steps between pairings of pictures and body."""
 _OUTLIER_CONFIDENCE = 0.1
@@ -206,13 +206,13 @@ def _minimise(
     should_stop: Callable[[], bool],
 ) -> None:
     """First landmarks alone, then pictures too, twice, each with a falling rate."""
-    total = _LANDMARK_STEPS + 2 * _SILHOUETTE_STEPS
+    total = LANDMARK_STEPS + 2 * SILHOUETTE_STEPS
     done = 0
     on_stage(STAGES[0])
     for stage in STAGES[1:]:
         pictures = stage != STAGES[1]
         steps, rate = (
-            (_SILHOUETTE_STEPS, _SILHOUETTE_RATE) if pictures else (_LANDMARK_STEPS, _LANDMARK_RATE)
+            (SILHOUETTE_STEPS, _SILHOUETTE_RATE) if pictures else (LANDMARK_STEPS, _LANDMARK_RATE)
         )
         if pictures:
             fit.reinitialise(fit.outlier_frames())
