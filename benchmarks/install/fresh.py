@@ -8,6 +8,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ def fresh_install(root: Path = ROOT) -> dict[str, Any]:
 def _packages(environment: Path, lock: Path) -> None:
     _run([sys.executable, "-m", "venv", str(environment)])
     pip = [str(environment / "bin" / "python"), "-m", "pip", "install", "--quiet"]
-    options = ["--disable-pip-version-check", "--no-deps", "--require-hashes"]
+    options = ["--disable-pip-version-check", "--no-compile", "--no-deps", "--require-hashes"]
     _run([*pip, *options, "-r", str(lock)])
 
 
@@ -49,8 +50,11 @@ def _page(client: Path) -> None:
 
 
 def _kernels(root: Path, cache: Path) -> None:
-    for code in (_WARM_UP, _WARM_UP_LIVE):
+    def compiled(code: str) -> None:
         _run([sys.executable, "-c", code], cwd=root, NUMBA_CACHE_DIR=str(cache))
+
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(compiled, (_WARM_UP, _WARM_UP_LIVE)))
 
 
 def _run(command: list[str], cwd: Path | None = None, **environment: str) -> None:
