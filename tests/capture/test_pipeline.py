@@ -149,7 +149,10 @@ def test_a_draft_shows_the_person_before_the_fit_is_finished(zipped, estimator, 
 
 
 @pytest.mark.usefixtures("fewer_steps")
-def test_a_large_clip_is_stored_as_large_as_filmed_and_its_draft_is_small(tmp_path, monkeypatch):
+@pytest.mark.parametrize("container", ["clip", "clip.zip"])
+def test_a_large_clip_is_stored_as_large_as_filmed_and_its_draft_is_small(
+    container, tmp_path, monkeypatch
+):
     monkeypatch.setattr("capture.pipeline.MAX_SIDE_PX", 128)
     motion = standing(MIN_FRAMES)
     fitted, filmed = (
@@ -159,11 +162,14 @@ def test_a_large_clip_is_stored_as_large_as_filmed_and_its_draft_is_small(tmp_pa
     (tmp_path / "clip").mkdir()
     for index, person in enumerate(filmed):
         (tmp_path / "clip" / f"{index:03d}.png").write_bytes(encoded(picture(person, COLOUR)))
+    with zipfile.ZipFile(tmp_path / "clip.zip", "w") as archive:
+        for path in sorted((tmp_path / "clip").iterdir()):
+            archive.write(path, path.name)
     drafts: list[tuple[int, float]] = []
     options = CaptureOptions(person="p", estimator=FakeEstimator({COLOUR: fitted}))
     out = tmp_path / "out" / "seq"
     capture_clip(
-        tmp_path / "clip", out, options, on_draft=lambda folder: drafts.append(shown_in(folder))
+        tmp_path / container, out, options, on_draft=lambda folder: drafts.append(shown_in(folder))
     )
     ((tall_px, overlap),) = drafts
     assert tall_px == pytest.approx(height_px(fitted[0].mask), abs=3)
