@@ -1,6 +1,9 @@
 .PHONY: demo test unit check format lock audit setup
 PYTEST = .venv/bin/python -m pytest
 
+# where it is set, each process would compile anew what it imports: seconds, hundreds of times over
+unexport PYTHONDONTWRITEBYTECODE
+
 # The main job: everything is set up, then the meeting opens in the browser.
 demo: setup
 	.venv/bin/metanerf demo $(ARGS)

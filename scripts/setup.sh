@@ -5,6 +5,8 @@
 #   scripts/setup.sh test     and the tools, the Chromium and the servers that the tests need
 set -euo pipefail
 cd "$(dirname "$0")/.."
+# what is imported here is kept compiled, which is seconds for each process after
+unset PYTHONDONTWRITEBYTECODE
 
 fail() { printf 'setup: %s\n' "$1" >&2; exit 1; }
 
