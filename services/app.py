@@ -40,6 +40,7 @@ from services.cross_origin import AllowOrigins
 from services.gateway import build_gateway, gateway_of
 from services.jobs.local_engine import LocalEngine
 from services.jobs.worker import Worker
+from services.logs import IdentifyRequests
 from services.page import page_route
 from services.traced_requests import TraceRequests
 
@@ -97,8 +98,8 @@ class _Application(FastAPI):
         return document
 
     def build_middleware_stack(self) -> ASGIApp:
-        """FastAPI's, with a policy on every answer, also on one that no route knows of."""
-        return ClosedByDefault(super().build_middleware_stack())
+        """FastAPI's, with a policy and an id on every answer, also where no route is known."""
+        return IdentifyRequests(ClosedByDefault(super().build_middleware_stack()))
 
 
 def create_app(services: Services) -> FastAPI:

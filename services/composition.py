@@ -115,7 +115,7 @@ def open_renderers(settings: Settings, clock: Callable[[], float]) -> Renderers:
 def _open_process_home(settings: Settings) -> RendererHome:
     from services.live.rendering.processes import ProcessHome
 
-    return ProcessHome(settings.live.renderer_count)
+    return ProcessHome(settings.live.renderer_count, settings.server.log_style)
 
 
 def _open_ray_home(settings: Settings) -> RendererHome:

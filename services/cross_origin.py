@@ -11,7 +11,10 @@ from collections.abc import Callable, Collection
 from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp
 
-_EXPOSED = ("Location", "ETag", "Link", "Accept-Patch", "Retry-After", "Upload-Offset")
+_EXPOSED = (
+    *("Location", "ETag", "Link", "Accept-Patch", "Retry-After", "Upload-Offset"),
+    "X-Request-Id",
+)
 
 
 class AllowOrigins(CORSMiddleware):

@@ -199,7 +199,9 @@ def install(app: FastAPI) -> None:
         return problem_response(error)
 
     async def on_surprise(request: Request, error: Exception) -> JSONResponse:
-        log.exception("%s %s failed", request.method, request.url.path, exc_info=error)
+        # the pattern alone: a meeting's id is its invitation
+        route = getattr(request.scope.get("route"), "path", "an address of no route")
+        log.exception("%s %s failed", request.method, route, exc_info=error)
         return problem_response(error)
 
     async def on_invalid(_request: Request, error: Exception) -> JSONResponse:

@@ -6,12 +6,15 @@ The variable of each setting is its `validation_alias`; services.settings reads 
 from __future__ import annotations
 
 import json
+import socket
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 from urllib.parse import urlsplit
 
 from pydantic import BeforeValidator, Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+from services.logs import LogStyle
 
 if TYPE_CHECKING:
     from capture.detection.network_files import LandmarkNetwork, NetworkSource
@@ -84,6 +87,21 @@ class ServerSettings(Group):
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         default="info", validation_alias="METANERF_LOG_LEVEL", description="How much is logged."
     )
+    log_format: Literal["text", "json"] = Field(
+        default="text",
+        validation_alias="METANERF_LOG_FORMAT",
+        description="Lines of the log for people, or as JSON with ids (services.logs).",
+    )
+    node_id: str = Field(
+        default="",
+        validation_alias="METANERF_NODE_ID",
+        description="What this process is called in logs and figures; empty: its host's name.",
+    )
+
+    @property
+    def log_style(self) -> LogStyle:
+        """How a process of these settings logs."""
+        return LogStyle(self.log_format, self.log_level, self.node_id or socket.gethostname())
 
     @field_validator("gateway_url")
     @classmethod

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 import signal
 import socket
-import sys
 import threading
 import webbrowser
 from enum import StrEnum
@@ -15,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scene.errors import InvalidInput, SceneError
+from services import logs
 
 if TYPE_CHECKING:
     from services.jobs.engine import Engine
@@ -91,8 +90,8 @@ def worker(
     from services.settings import load_settings
 
     settings = load_settings(**_given(worker_kinds=kinds))
-    _log(settings)
     services = build_services(settings)
+    logs.configure(settings.server.log_style, trace=services.tracing.here)
     services.database.migrate()
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -124,11 +123,14 @@ def _serve(settings: Settings, listener: socket.socket) -> None:
     from services.draining_server import DrainingServer
     from services.gateway import gateway_of
 
-    _log(settings)
-    app = create_app(build_services(settings))
+    services = build_services(settings)
+    logs.configure(settings.server.log_style, trace=services.tracing.here)
+    app = create_app(services)
     config = uvicorn.Config(
         app,
+        log_config=None,  # its lines look like ours
         log_level="warning",
+        access_log=False,  # addresses of requests hold ids of meetings
         timeout_graceful_shutdown=5,
         lifespan="on",
     )
@@ -150,17 +152,6 @@ def _listen(server: ServerSettings) -> socket.socket:
             f"end the other program or choose another port with --port"
         ) from error
     return listener
-
-
-def _log(settings: Settings) -> None:
-    logging.basicConfig(
-        level=settings.server.log_level.upper(),
-        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
-        stream=sys.stderr,
-    )
-    # at this level they log every packet, request and look at the schema
-    for chatty in ("aioice", "aiortc", "alembic", "httpx"):
-        logging.getLogger(chatty).setLevel(logging.WARNING)
 
 
 def _given(**values: object) -> dict[str, object]:

@@ -41,6 +41,7 @@ from services.homes import Homes
 from services.jobs.events import meeting_topic
 from services.live.sessions.view_sessions import ViewSessions
 from services.live.sessions.voice_sessions import VoiceSessions
+from services.logs import meeting_digest
 from services.recording.recorder import Recorders
 from services.seats import admits_without_seat
 
@@ -205,10 +206,10 @@ class Hub:
             await self._synchronise(meeting_id)
         except DatabaseError as error:
             # live meetings go on without it; what is new is sent when it is back
-            log.warning("meeting %s could not be polled: %s", meeting_id, error)
+            log.warning("meeting %s could not be polled: %s", meeting_digest(meeting_id), error)
             await asyncio.sleep(_POLL_INTERVAL_S)
         except Exception:
-            log.exception("polling meeting %s failed", meeting_id)
+            log.exception("polling meeting %s failed", meeting_digest(meeting_id))
             await asyncio.sleep(_POLL_INTERVAL_S)
 
     async def _synchronise(self, meeting_id: str) -> None:

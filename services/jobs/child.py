@@ -19,6 +19,7 @@ from pathlib import Path
 from db.errors import DatabaseAway, NotFound, StoreAway, StoreFull
 from db.models import JobKind, JobRow, JobState
 from scene.errors import SceneError
+from services import logs
 from services.composition import build_services
 from services.container import Services
 from services.jobs.capture_job import run_capture
@@ -60,10 +61,8 @@ def main(arguments: list[str]) -> int:
     job_id, attempt = arguments[0], int(arguments[1])
     settings = load_settings()
     give_way(settings.jobs.niceness)
-    logging.basicConfig(
-        level=settings.server.log_level.upper(), format="%(name)s %(levelname)s %(message)s"
-    )
     services = build_services(settings)
+    logs.configure(settings.server.log_style, job_id=job_id, trace=services.tracing.here)
     try:
         return _run(services, settings, job_id, attempt)
     except (StoreAway, DatabaseAway, StoreFull) as error:  # full: the database's own disk

@@ -87,7 +87,8 @@ class Worker:
             job = self._claim(kinds) if kinds else None
             if job is None:
                 return
-            log.info("job %s (%s), attempt %d", job.id, job.kind, job.attempt)
+            told = {"job_id": job.id}
+            log.info("job %s (%s), attempt %d", job.id, job.kind, job.attempt, extra=told)
             lease = JobLease(job.id, job.person_id, job.attempt)
             self._running.append(_Running(lease, self._engine.start(job), job.heartbeat_at))
             waiting[job.kind] -= 1
@@ -188,7 +189,8 @@ class Worker:
             unit.commit()
         drop_orphans(self._services, orphans)
         for job_id in reclaimed:
-            log.warning("job %s went silent and was taken back", job_id)
+            told = {"job_id": job_id}
+            log.warning("job %s went silent and was taken back", job_id, extra=told)
             self._services.events.publish(job_topic(job_id))
 
     def _sweep_now_and_then(self) -> None:

@@ -28,6 +28,8 @@ DEFAULTS = {
     "METANERF_CLIENT_DIR": REPOSITORY / "client" / "dist",
     "METANERF_ALLOWED_ORIGINS": [],
     "METANERF_LOG_LEVEL": "info",
+    "METANERF_LOG_FORMAT": "text",
+    "METANERF_NODE_ID": "",
     "METANERF_ENVIRONMENT": "development",
     "METANERF_JWT_SECRET": None,
     "METANERF_TOKEN_LIFETIME_H": 24.0,

@@ -1,4 +1,5 @@
-"""The process of one renderer: `python -m services.live.rendering.child`.
+"""The process of one renderer: `python -m services.live.rendering.child FORMAT LEVEL NODE_ID`,
+which says how it logs (services.logs).
 
 Requests come by standard input, answers go by standard output; the gateway's end of either tells
 when it is gone, however it ended, and so the process ends. It has no settings, no secrets and no
@@ -11,7 +12,6 @@ first answer of the lane `DRAW` the renderer is warm.
 
 from __future__ import annotations
 
-import logging
 import os
 import signal
 import struct
@@ -20,6 +20,8 @@ import threading
 from enum import IntEnum
 from queue import SimpleQueue
 from typing import BinaryIO
+
+from services import logs
 
 REQUEST = struct.Struct("<IIB")
 ANSWER = struct.Struct("<II")
@@ -43,7 +45,7 @@ def main() -> None:
     # the gateway goes on drawing while it drains, and ends this process itself
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, signal.SIG_IGN)
-    logging.basicConfig(format="%(name)s %(levelname)s %(message)s")
+    logs.configure(logs.LogStyle(*sys.argv[1:]))
     lanes: dict[Lane, Requests] = {lane: SimpleQueue() for lane in Lane}
     threading.Thread(target=_read, args=(lanes,), daemon=True).start()
 

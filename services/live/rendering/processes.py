@@ -12,6 +12,7 @@ from contextlib import suppress
 from services.live.rendering.child import ANSWER, REQUEST, Lane
 from services.live.rendering.homes import Renderer, RendererGone, RendererHome
 from services.live.rendering.messages import pack
+from services.logs import LogStyle
 
 _START_S = 180.0
 """The first start on a machine compiles."""
@@ -24,10 +25,10 @@ _OURS = "METANERF_"
 class ProcessHome(RendererHome):
     """Each renderer is a process."""
 
-    def __init__(self, most: int, silent_s: float = _SILENT_S) -> None:
-        """`most` of them draw at once, and share the cores; one that takes longer than `silent_s`
-        for an answer is killed."""
-        self._silent_s = silent_s
+    def __init__(self, most: int, log: LogStyle | None = None, silent_s: float = _SILENT_S) -> None:
+        """`most` of them draw at once, share the cores, and log as `log` says; one that takes
+        longer than `silent_s` for an answer is killed."""
+        self._silent_s, self._log = silent_s, log or LogStyle("text", "warning", "")
         cores = os.cpu_count() or 1
         # what it is not told it cannot give away
         environment = {k: v for k, v in os.environ.items() if not k.upper().startswith(_OURS)}
@@ -36,7 +37,7 @@ class ProcessHome(RendererHome):
 
     def renderer(self) -> RendererProcess:
         """See `RendererHome.renderer`."""
-        return RendererProcess(self._environment, self._silent_s)
+        return RendererProcess(self._environment, self._log, self._silent_s)
 
     async def close(self) -> None:
         """See `RendererHome.close`."""
@@ -45,8 +46,8 @@ class ProcessHome(RendererHome):
 class RendererProcess(Renderer):
     """`services.live.rendering.child`, started anew where it was lost."""
 
-    def __init__(self, environment: dict[str, str], silent_s: float) -> None:
-        self._environment, self._silent_s = environment, silent_s
+    def __init__(self, environment: dict[str, str], log: LogStyle, silent_s: float) -> None:
+        self._environment, self._log, self._silent_s = environment, log, silent_s
         self._process: Process | None = None
         self._warm = False
         self._reading: asyncio.Task[None] | None = None
@@ -65,6 +66,7 @@ class RendererProcess(Renderer):
             sys.executable,
             "-m",
             "services.live.rendering.child",
+            *self._log,
             stdin=PIPE,
             stdout=PIPE,
             env=self._environment,
