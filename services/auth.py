@@ -1,4 +1,4 @@
-"""Bearer tokens (RFC 6750) as signed JWTs (RFC 7519, HS256), with scopes.
+"""Bearer tokens (RFC 6750) as signed JWTs (services.signing_keys), with scopes.
 
 `read` looks, `write` changes, `join` enters meetings; a token with a `meeting` enters only that,
 and says as what: host, speaker or viewer.
@@ -18,8 +18,8 @@ import jwt
 
 from db.models import Role, new_id
 from services.errors import NotOwner, OtherMeeting, Unauthorized
+from services.signing_keys import SigningKeys
 
-_ALGORITHM = "HS256"
 _ISSUER = "metanerf"
 ALL_SCOPES = frozenset({"read", "write", "join"})
 GUEST = "guest"
@@ -85,8 +85,8 @@ class Principal:
 class Tokens:
     """Issues and reads tokens."""
 
-    def __init__(self, key: str, clock: Callable[[], datetime]) -> None:
-        self._key, self._clock = key, clock
+    def __init__(self, keys: SigningKeys, clock: Callable[[], datetime]) -> None:
+        self._keys, self._clock = keys, clock
 
     def issue(
         self,
@@ -116,7 +116,7 @@ class Tokens:
             claims["role"] = role.value
         if invitation:
             claims["invitation"] = invitation
-        return jwt.encode(claims, self._key, _ALGORITHM), expires
+        return self._keys.sign(claims), expires
 
     def guest_of(self, token: str) -> str | None:
         """The guest whose token this is, or lately was; None for anything else."""
@@ -133,10 +133,8 @@ class Tokens:
 
     def _read(self, token: str, good_at: datetime) -> Principal:
         try:
-            claims = jwt.decode(
+            claims = self._keys.read(
                 token,
-                self._key,
-                [_ALGORITHM],
                 issuer=_ISSUER,
                 options={
                     "require": ["sub", "exp", "scope"],

@@ -40,13 +40,14 @@ def build_services(
         access_key_id=settings.objects.s3_access_key_id,
         secret_access_key=secret.get_secret_value() if secret else None,
     )
+    keys = settings.signing_keys()
     return Services(
         settings=settings,
         database=database,
         objects=store,
         events=open_events(settings.events.redis_url),
-        tokens=Tokens(settings.signing_key(), clock),
-        tickets=Tickets(settings.signing_key(), clock),
+        tokens=Tokens(keys, clock),
+        tickets=Tickets(keys, clock),
         identity_provider=IdentityProvider(settings.login) if settings.login.issuer else None,
         models=ModelCache(database, store, settings.models.max_cached),
         guest_limit=RateLimit(

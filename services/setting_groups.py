@@ -128,6 +128,11 @@ class SecuritySettings(Group):
         validation_alias="METANERF_JWT_SECRET",
         description="Signs tokens; made and kept in the data folder where it is not given.",
     )
+    jwt_other_secrets: SecretStr | None = Field(
+        default=None,
+        validation_alias="METANERF_JWT_OTHER_SECRETS",
+        description="Taken beside it: previous secrets, and the next; one a line, or by commas.",
+    )
     token_lifetime_h: float = Field(
         default=24.0,
         gt=0.0,
@@ -157,13 +162,23 @@ class SecuritySettings(Group):
         if self.environment != "production":
             return self
         secret = self.jwt_secret.get_secret_value() if self.jwt_secret else ""
-        if len(secret) < _SHORTEST_SECRET or any(p in secret.lower() for p in _PLACEHOLDERS):
-            raise ValueError(
-                f"jwt_secret must be {_SHORTEST_SECRET} or more random characters in production; "
-                f"got {len(secret)} characters{' of a placeholder' if secret else ''}; set "
-                "METANERF_JWT_SECRET to the output of `openssl rand -base64 48`"
-            )
+        for name, one in (
+            ("jwt_secret", secret),
+            *(("jwt_other_secrets", other) for other in self.other_jwt_secrets),
+        ):
+            if len(one) < _SHORTEST_SECRET or any(p in one.lower() for p in _PLACEHOLDERS):
+                raise ValueError(
+                    f"{name} must be {_SHORTEST_SECRET} or more random characters in production; "
+                    f"got {len(one)} characters{' of a placeholder' if one else ''}; set "
+                    f"METANERF_{name.upper()} to the output of `openssl rand -base64 48`"
+                )
         return self
+
+    @property
+    def other_jwt_secrets(self) -> list[str]:
+        """Each of `jwt_other_secrets`."""
+        given = self.jwt_other_secrets.get_secret_value() if self.jwt_other_secrets else ""
+        return [one.strip() for one in given.replace(",", "\n").splitlines() if one.strip()]
 
 
 class FolderSettings(Group):

@@ -35,6 +35,7 @@ from services.setting_groups import (
     ServerSettings,
     UploadSettings,
 )
+from services.signing_keys import SigningKeys
 from services.tracing_settings import TracingSettings
 
 if TYPE_CHECKING:
@@ -81,11 +82,12 @@ class Settings:
 
         return self.networks.source(HAND_MODEL, self.folders.cache_dir)
 
-    def signing_key(self) -> str:
-        """The secret that signs tokens, made once where it is not set."""
-        if self.security.jwt_secret is not None:
-            return self.security.jwt_secret.get_secret_value()
-        return _kept_secret(self.folders.data_dir / "jwt_secret")
+    def signing_keys(self) -> SigningKeys:
+        """The secrets of tokens; the one that signs is made once where it is not set."""
+        given = self.security.jwt_secret
+        kept = self.folders.data_dir / "jwt_secret"
+        current = given.get_secret_value() if given is not None else _kept_secret(kept)
+        return SigningKeys(current, self.security.other_jwt_secrets)
 
     def by_variable(self) -> dict[str, Any]:
         """Every setting by its variable, such as METANERF_PORT."""

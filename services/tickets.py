@@ -6,37 +6,32 @@ for the other.
 
 from __future__ import annotations
 
-import hashlib
-import hmac
 from collections.abc import Callable
 from datetime import datetime, timedelta
 
 import jwt
 
 from services.errors import LoginStale
-
-_ALGORITHM = "HS256"
+from services.signing_keys import SigningKeys
 
 
 class Tickets:
     """Writes and reads them."""
 
-    def __init__(self, key: str, clock: Callable[[], datetime]) -> None:
-        self._key = hmac.digest(key.encode(), b"metanerf tickets", hashlib.sha256)
+    def __init__(self, keys: SigningKeys, clock: Callable[[], datetime]) -> None:
+        self._keys = keys.for_purpose(b"metanerf tickets")
         self._clock = clock
 
     def write(self, purpose: str, lifetime: timedelta, **notes: str) -> str:
         """A note that is good for `purpose` alone."""
         claims = {"aud": purpose, "exp": self._clock() + lifetime, "notes": notes}
-        return jwt.encode(claims, self._key, _ALGORITHM)
+        return self._keys.sign(claims)
 
     def read(self, purpose: str, ticket: str) -> dict[str, str]:
         """What was noted. Raises LoginStale unless it was written for `purpose` and is not over."""
         try:
-            claims = jwt.decode(
+            claims = self._keys.read(
                 ticket,
-                self._key,
-                [_ALGORITHM],
                 audience=purpose,
                 options={"require": ["exp", "aud"], "verify_exp": False},
             )

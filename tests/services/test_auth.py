@@ -11,13 +11,14 @@ import pytest
 from services.auth import ALL_SCOPES, Tokens
 from services.container import Services
 from services.errors import Unauthorized
+from services.signing_keys import SigningKeys
 from tests.fakes import Clock
 from tests.services.conftest import bearer
 
 
 def test_a_token_is_over_when_its_time_is():
     clock = Clock()
-    tokens = Tokens("k" * 40, clock)
+    tokens = Tokens(SigningKeys("k" * 40), clock)
     token, expires = tokens.issue("house", ALL_SCOPES, timedelta(hours=1))
     assert tokens.read(token).account == "house"
     assert expires - clock() == timedelta(hours=1)
@@ -36,7 +37,7 @@ def test_a_token_is_over_when_its_time_is():
 )
 def test_foreign_tokens_are_refused(token: str):
     with pytest.raises(Unauthorized, match="must be signed by this server"):
-        Tokens("k" * 40, Clock()).read(token)
+        Tokens(SigningKeys("k" * 40), Clock()).read(token)
 
 
 async def test_no_token_is_told_how_to_send_one(client: httpx.AsyncClient):

@@ -16,6 +16,7 @@ from services.jobs.queue import drop_orphans, enqueue, finish
 from services.live.motion.driving_channels import drivable_performer
 from services.live.room import Room
 from services.live.sessions.stored_meetings import load_performers
+from services.signing_keys import SigningKeys
 from tests.db.rows import NOW, job, sequence
 from tests.fakes import Clock
 from tests.services.conftest import SECRET, bearer
@@ -74,7 +75,7 @@ async def test_a_guest_who_brings_the_last_token_stays_who_they_were(client, ser
 
 def test_a_token_that_ended_long_ago_says_nothing():
     clock = Clock()
-    tokens = Tokens(SECRET, clock)
+    tokens = Tokens(SigningKeys(SECRET), clock)
     token, _ = tokens.issue("guest-1", ALL_SCOPES, timedelta(hours=1))
     clock.now += timedelta(days=30)
     with pytest.raises(Unauthorized, match="must not be over"):

@@ -32,6 +32,7 @@ DEFAULTS = {
     "METANERF_NODE_ID": "",
     "METANERF_ENVIRONMENT": "development",
     "METANERF_JWT_SECRET": None,
+    "METANERF_JWT_OTHER_SECRETS": None,
     "METANERF_TOKEN_LIFETIME_H": 24.0,
     "METANERF_OPEN_ACCESS": False,
     "METANERF_METRICS_TOKEN": None,
@@ -115,6 +116,16 @@ def test_environment_sets_by_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
 def test_production_refuses_placeholder_secrets(secret: str | None, tmp_path: Path):
     with pytest.raises(InvalidInput, match=r"jwt_secret must be .* in production.*openssl rand"):
         load_settings(environment="production", jwt_secret=secret, data_dir=tmp_path)
+
+
+def test_production_refuses_placeholders_among_other_secrets_too(tmp_path: Path):
+    good = "0123456789abcdef" * 3
+    given = {"environment": "production", "jwt_secret": good, "data_dir": tmp_path}
+    made = load_settings(**given, jwt_other_secrets=f"{good[::-1]},\n {good[4:]}\n")
+    assert made.security.other_jwt_secrets == [good[::-1], good[4:]]
+    for other in ("short", f"{good}\nchange-me-{good}"):
+        with pytest.raises(InvalidInput, match=r"jwt_other_secrets must be .*openssl rand"):
+            load_settings(**given, jwt_other_secrets=other)
 
 
 def test_faults_name_the_variable_and_the_rule(monkeypatch: pytest.MonkeyPatch):
@@ -218,9 +229,9 @@ def test_what_is_given_goes_before_the_environment(monkeypatch: pytest.MonkeyPat
 
 
 def test_the_embedded_default_keeps_its_own_secret(tmp_path: Path):
-    first = load_settings(data_dir=tmp_path).signing_key()
-    assert load_settings(data_dir=tmp_path).signing_key() == first
-    assert len(first) >= 32
+    signed = load_settings(data_dir=tmp_path).signing_keys().sign({"sub": "ada"})
+    assert load_settings(data_dir=tmp_path).signing_keys().read(signed) == {"sub": "ada"}
+    assert len((tmp_path / "jwt_secret").read_text()) >= 32
     assert stat.S_IMODE((tmp_path / "jwt_secret").stat().st_mode) == 0o600
 
 

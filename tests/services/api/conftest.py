@@ -21,7 +21,7 @@ from tests.services.conftest import SECRET, changed
 def _open(settings: Settings) -> Services:
     clock = Clock()
     services = build_services(settings, clock=clock)
-    return replace(services, tokens=Tokens(settings.signing_key(), clock))
+    return replace(services, tokens=Tokens(settings.signing_keys(), clock))
 
 
 @pytest.fixture(scope="session")

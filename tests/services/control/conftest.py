@@ -52,7 +52,7 @@ def timed(services: Services, clock: Clock) -> Services:
     """The services, by the tests' clock: tokens too."""
     from services.auth import Tokens
 
-    tokens = Tokens(services.settings.signing_key(), clock)
+    tokens = Tokens(services.settings.signing_keys(), clock)
     return replace(services, clock=clock, tokens=tokens)
 
 

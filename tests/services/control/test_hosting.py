@@ -151,7 +151,8 @@ async def test_a_host_comes_back_as_host_unless_another_is_there(caller, timed, 
     async with await join(caller, meeting["id"], "Ada", headers=host) as new:
         await new.roster(lambda who: who["Ada"]["role"] == "host")
     assert (
-        Tokens(timed.settings.signing_key(), timed.clock).read(meeting["host_token"]).role == "host"
+        Tokens(timed.settings.signing_keys(), timed.clock).read(meeting["host_token"]).role
+        == "host"
     )
 
 
