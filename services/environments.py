@@ -12,7 +12,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from capture.errors import UnreadableClip
 from capture.sources.archive import decode_picture
 from db.errors import NotFound
 from db.models import PanoramaRow
@@ -20,7 +19,8 @@ from db.repositories import UnitOfWork
 from scene.arrays import Array, Float
 from scene.colour import to_linear, to_srgb
 from scene.environment import Environment
-from scene.lighting import Lighting, require_panorama
+from scene.lighting import Lighting
+from services.uploads.apart import read_panorama_apart
 
 THEMES = Path(__file__).parent / "assets" / "themes"
 STUDIO = "studio"
@@ -77,16 +77,12 @@ def environment(name: str) -> Environment:
 def brought_along(meeting_id: str, picture: bytes) -> PanoramaRow:
     """The place that an equirectangular picture (JPEG, PNG) shows, exposed for people.
 
+    It is decoded in a process of its own; what is stored was encoded here, of its pixels.
+
     Raises UnreadableClip for what is no picture or too large a one, InvalidInput for one that isn't
     twice as wide as high, or black.
     """
-    try:
-        seen = decode_picture("panorama", picture)
-    except AttributeError as error:  # of no known codec: PyAV's stream has no size
-        raise UnreadableClip(f"a panorama must be a JPEG or PNG; got {error}") from error
-    require_panorama(seen.astype(np.float32))
-    if seen.shape[1] > _WIDEST_PX:
-        seen = cv2.resize(seen, (_WIDEST_PX, _WIDEST_PX // 2), interpolation=cv2.INTER_AREA)
+    seen = read_panorama_apart(picture, _WIDEST_PX)
     place = Environment.of_panorama("", to_linear(seen / 255.0))
     assert place.panorama is not None
     assert place.lighting is not None

@@ -1,80 +1,109 @@
-"""The process that looks at one upload: `python -m services.uploads.confined PATH NAME`.
+"""The process that looks at one upload (services.confinement):
 
-Decoders of video and pictures are C code, and a hostile file may crash them, fill the memory, never
-end, or run its own code. So they run here, with little memory and time, few files, no network where
-the system lets a process give it up, and nothing secret in the environment. One line of JSON on
-standard output says what was found (`kind`), or why it is refused (`refused`, `error`), or that the
-disk is full (`errno`).
+    python -m services.uploads.confined PATH NAME
+    python -m services.uploads.confined --panorama WIDEST_PX      the picture by standard input
+
+One line of JSON on standard output says what was found (`kind`; `shape`, which the pixels of a
+panorama follow), or why it is refused (`refused`, `error`), or that the disk is full (`errno`).
 """
 
 from __future__ import annotations
 
-import ctypes
 import json
-import os
-import resource
 import sys
-from contextlib import suppress
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from services.confinement import Limits, confine
+
+if TYPE_CHECKING:  # nothing is loaded before this process is confined
+    from scene.arrays import Array, UInt8
 
 MEMORY_BYTES = 3 << 30
 """Of addresses: a frame of 8K takes a tenth of a gigabyte, libraries half of one."""
 PROCESSOR_S = 60
+PANORAMA = "--panorama"
 _OPEN_FILES = 64
 _LEAST_FILE_BYTES = 64 << 20
 _UNPACKED = 4
 """How much larger than the upload a file may be that is unpacked from it."""
-_NEW_USER, _NEW_NETWORK = 0x10000000, 0x40000000
-"""CLONE_NEWUSER and CLONE_NEWNET of unshare(2)."""
 
 
 def main(path: Path, name: str) -> None:
     """Look at `path` and print what was found."""
-    confine(path.stat().st_size)
-    from db.objects import no_space
-    from scene.errors import SceneError
-    from services.uploads.check import check_upload
+    confine_for(path.stat().st_size)
+
+    def look() -> dict[str, object]:
+        from services.uploads.check import check_upload
+
+        return {"kind": check_upload(path, name).kind}
+
+    _answer(_found(look))
+
+
+def show_panorama(widest_px: int) -> None:
+    """Write what `read_panorama` makes of standard input."""
+    confine_for(0)
+    pixels = bytearray()
+
+    def look() -> dict[str, object]:
+        seen = read_panorama(sys.stdin.buffer.read(), widest_px)
+        pixels.extend(seen.tobytes())
+        return {"shape": seen.shape}
+
+    _answer(_found(look), pixels)
+
+
+def read_panorama(picture: bytes, widest_px: int) -> UInt8[Array, "H W 3"]:
+    """An equirectangular picture (JPEG, PNG), made no wider than `widest_px`.
+
+    Raises UnreadableClip for what is no picture or too large a one, InvalidInput for one that isn't
+    twice as wide as high.
+    """
+    import cv2
+    import numpy as np
+
+    from capture.errors import UnreadableClip
+    from capture.sources.archive import decode_picture
+    from scene.lighting import require_panorama
 
     try:
-        found: dict[str, object] = {"kind": check_upload(path, name).kind}
+        seen = decode_picture("panorama", picture)
+    except AttributeError as error:  # of no known codec: PyAV's stream has no size
+        raise UnreadableClip(f"a panorama must be a JPEG or PNG; got {error}") from error
+    require_panorama(seen.astype(np.float32))
+    if seen.shape[1] <= widest_px:
+        return seen
+    return cv2.resize(seen, (widest_px, widest_px // 2), interpolation=cv2.INTER_AREA)
+
+
+def confine_for(upload_bytes: int) -> None:
+    """Limit this process for good to what an upload of this size may take."""
+    largest = max(_LEAST_FILE_BYTES, _UNPACKED * upload_bytes)
+    confine(Limits(MEMORY_BYTES, PROCESSOR_S, largest, _OPEN_FILES))
+
+
+def _answer(found: dict[str, object], rest: bytes | bytearray = b"") -> None:
+    sys.stdout.buffer.write(f"{json.dumps(found)}\n".encode() + rest)
+
+
+def _found(look: Callable[[], dict[str, object]]) -> dict[str, object]:
+    from db.objects import no_space
+    from scene.errors import SceneError
+
+    try:
+        return look()
     except SceneError as error:
-        found = {"refused": str(error), "error": type(error).__name__}
+        return {"refused": str(error), "error": type(error).__name__}
     except OSError as error:
         if not no_space(error):
             raise
-        found = {"errno": error.errno}
-    print(json.dumps(found))
-
-
-def confine(upload_bytes: int) -> None:
-    """Limit this process for good."""
-    _leave_network()
-    largest = max(_LEAST_FILE_BYTES, _UNPACKED * upload_bytes)
-    for kind, limit in (
-        (resource.RLIMIT_AS, MEMORY_BYTES),
-        (resource.RLIMIT_CPU, PROCESSOR_S),
-        (resource.RLIMIT_FSIZE, largest),
-        (resource.RLIMIT_NOFILE, _OPEN_FILES),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        _, most = resource.getrlimit(kind)
-        limit = limit if most == resource.RLIM_INFINITY else min(limit, most)
-        with suppress(ValueError, OSError):  # macOS takes no limit of addresses
-            resource.setrlimit(kind, (limit, limit))
-
-
-def _leave_network() -> None:
-    """Go where there is no network; stay where the system does not let this process go."""
-    unshare = getattr(ctypes.CDLL(None, use_errno=True), "unshare", None)
-    if unshare is None or unshare(_NEW_NETWORK) == 0:
-        return
-    user, group = os.getuid(), os.getgid()
-    if unshare(_NEW_USER | _NEW_NETWORK) == 0:
-        with suppress(OSError):  # without its own number in there, it can make no files
-            Path("/proc/self/setgroups").write_text("deny")
-            Path("/proc/self/uid_map").write_text(f"{user} {user} 1")
-            Path("/proc/self/gid_map").write_text(f"{group} {group} 1")
+        return {"errno": error.errno}
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2])
+    if sys.argv[1] == PANORAMA:
+        show_panorama(int(sys.argv[2]))
+    else:
+        main(Path(sys.argv[1]), sys.argv[2])

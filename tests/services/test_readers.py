@@ -25,7 +25,6 @@ from db.objects import ObstoreObjects
 from scene.errors import InvalidInput, SceneError
 from scene.expression import EXPRESSION_COUNT
 from scene.motion import Motion
-from services.environments import brought_along
 from services.jobs.packing import pack, unpack
 from services.live.keypoints_packet import (
     KeypointsPacket,
@@ -48,6 +47,7 @@ from services.motions import motion_bytes, motion_from_bytes
 from services.recording import chunks
 from services.recording.ogg import ogg_opus, samples_of, with_silence
 from services.uploads.check import check_upload
+from services.uploads.confined import read_panorama
 from tests.services import seeds
 
 FEW = settings(
@@ -230,7 +230,7 @@ def _panorama() -> bytes:
 @FEW
 @given(data=damaged(_panorama()))
 def test_panoramas(data: bytes):
-    takes_or_refuses(lambda picture: brought_along("m" * 32, picture), data)
+    takes_or_refuses(lambda picture: read_panorama(picture, 2048), data)
 
 
 def _sequence_tar(folder: Path) -> bytes:

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import errno
 import os
+import resource
+import struct
 import subprocess
 import sys
 import zipfile
+import zlib
+from contextlib import suppress
 from pathlib import Path
 
+import cv2
 import httpx
+import numpy as np
 import pytest
 
 from capture.errors import UnreadableClip
 from db.models import SequenceKind
+from scene.errors import SceneError
 from services.settings import Settings
-from services.uploads.apart import check_upload_apart
+from services.uploads.apart import check_upload_apart, read_panorama_apart
 from tests.services import seeds
 from tests.services.conftest import serving, stored_files
 
@@ -42,7 +49,7 @@ def instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 def confined(code: str) -> subprocess.CompletedProcess[str]:
     """What a confined process does."""
-    begun = "from services.uploads.confined import confine; confine(0)\n"
+    begun = "from services.uploads.confined import confine_for; confine_for(0)\n"
     return subprocess.run(
         [sys.executable, "-c", begun + code],
         capture_output=True,
@@ -137,3 +144,76 @@ def test_an_upload_that_crashes_its_reader_is_refused_and_leaves_nothing(
 def upload(caller: httpx.Client, person_id: str) -> httpx.Response:
     files = {"file": ("frames.zip", seeds.real_frames())}
     return caller.post(f"/v1/people/{person_id}/sequences", files=files)
+
+
+def png(width: int, height: int, pixels: bytes) -> bytes:
+    """A picture of grey whose rows are `pixels`, whatever the header says."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        checked = kind + data
+        return struct.pack(">I", len(data)) + checked + struct.pack(">I", zlib.crc32(checked))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    data = zlib.compress(pixels, 9)
+    parts = (chunk(b"IHDR", header), chunk(b"IDAT", data), chunk(b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
+
+def panorama() -> np.ndarray:
+    return np.full((32, 64, 3), 90, np.uint8)
+
+
+def test_a_panoramas_pixels_come_as_they_are_and_no_wider_than_wanted():
+    picture = cv2.imencode(".png", panorama())[1].tobytes()
+    assert np.array_equal(read_panorama_apart(picture, 64), panorama())
+    assert read_panorama_apart(picture, 32).shape == (16, 32, 3)
+
+
+def test_pictures_that_are_bombs_cost_the_server_nothing():
+    # one says it has a gigapixel, one has as many as are taken, and of one the bytes go on
+    declared = png(60_000, 30_000, bytes(6_000_000))
+    square = png(8192, 8192, bytes(8192 * 8193))
+    endless = png(64, 32, bytes(1 << 28))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for picture, said in ((declared, "picture"), (square, "as wide as high")):
+        assert len(picture) < 300_000
+        with pytest.raises(SceneError, match=said):
+            read_panorama_apart(picture, 2048)
+    assert len(endless) < 300_000
+    assert read_panorama_apart(endless, 2048).shape == (32, 64, 3)
+    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    assert grown < 20_000, f"{grown} KiB"
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp"])
+def test_cut_pictures_are_refused_or_taken_and_crash_nobody(suffix: str):
+    noise = np.random.default_rng(1).integers(0, 256, (32, 64, 3), np.uint8)
+    picture = cv2.imencode(suffix, noise)[1].tobytes()
+    for length in (3, 20, len(picture) // 2, len(picture) - 1):
+        with suppress(UnreadableClip):
+            assert read_panorama_apart(picture[:length], 64).shape == (32, 64, 3)
+
+
+@pytest.mark.parametrize(
+    ("script", "told"),
+    [
+        ("kill -SEGV $$", "a panorama must be read within .* got SIGSEGV"),
+        ("""echo '{"shape": [32, 64, 3]}'; echo few""", "twice as wide"),
+        ("""echo '{"shape": [32, 6400, 3]}'""", "twice as wide"),
+        ("""echo '{"refused": "no", "error": "SystemExit"}'""", "no"),
+    ],
+)
+def test_whoever_takes_the_process_over_says_no_more_than_pixels(instead, script: str, told: str):
+    instead(script)
+    with pytest.raises(UnreadableClip, match=told):
+        read_panorama_apart(b"", 2048)
+
+
+def test_a_gateway_decodes_no_panorama_itself(settings: Settings, instead):
+    with serving(settings) as caller:
+        meeting_id = caller.post("/v1/meetings", json={"name": "Monday"}).json()["id"]
+        instead("kill -SEGV $$")
+        picture = cv2.imencode(".png", panorama())[1].tobytes()
+        answer = caller.put(f"/v1/meetings/{meeting_id}/panorama", content=picture)
+        assert (answer.status_code, answer.json()["type"]) == (422, "urn:metanerf:invalid-input")
+        assert caller.get(f"/v1/meetings/{meeting_id}").json()["environment"] == "studio"
