@@ -29,6 +29,7 @@ from scene.camera import Camera, orbit_camera
 from scene.colour import to_srgb
 from scene.environment import Environment, Performer, Scene
 from scene.errors import InvalidInput
+from scene.expression import BLEND_SHAPE_COUNT
 from scene.lighting import HARMONICS, Lighting
 from scene.motion import Motion, Pose
 from scene.skeleton import HEAD, JOINT_COUNT, Skeleton
@@ -214,6 +215,8 @@ def warm_up() -> None:
         Skeleton(np.zeros((JOINT_COUNT, 3))),
         Motion.from_poses([rest]),
         data_hash="",
+        expression_splats=np.zeros(1, np.int32),
+        expression_offsets=np.zeros((1, BLEND_SHAPE_COUNT, 3)),
     )
     performer: Performer[PerformerModel] = Performer("", model, np.zeros(3), 0.0, rest)
     camera = orbit_camera((0.0, 0.0, 0.0), 2.0, 0.0, 0.1, 32, 32)

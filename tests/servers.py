@@ -49,7 +49,7 @@ SERVER_FIXTURES = frozenset(
 )
 
 
-def _unavailable(what: str) -> None:
+def unavailable(what: str) -> None:
     """Skip for want of a server, unless skips are forbidden."""
     if os.environ.get("METANERF_TEST_NO_SKIPS"):
         pytest.fail(what)
@@ -68,7 +68,7 @@ def fresh_database(kind: str, folder: Path) -> Iterator[str]:
         with engine.begin() as connection:
             connection.execute(text(f"CREATE SCHEMA {schema}"))
     except OperationalError as error:
-        _unavailable(f"no PostgreSQL at {_POSTGRES} (METANERF_TEST_POSTGRES): {error.orig}")
+        unavailable(f"no PostgreSQL at {_POSTGRES} (METANERF_TEST_POSTGRES): {error.orig}")
     url = make_url(_POSTGRES).update_query_dict({"options": f"-csearch_path={schema}"})
     try:
         yield url.render_as_string(hide_password=False)
@@ -93,7 +93,7 @@ def redis_url() -> str:
     try:
         redis.Redis.from_url(_REDIS, socket_connect_timeout=1).ping()
     except redis.RedisError as error:
-        _unavailable(f"no Redis at {_REDIS} (METANERF_TEST_REDIS): {error}")
+        unavailable(f"no Redis at {_REDIS} (METANERF_TEST_REDIS): {error}")
     return _REDIS
 
 
@@ -124,7 +124,7 @@ def program(name: str) -> str:
     """The path of a server's program; skips where it is not installed."""
     found = program_path(name)
     if found is None:
-        _unavailable(f"{name} is not installed")
+        unavailable(f"{name} is not installed")
     assert found is not None
     return found
 

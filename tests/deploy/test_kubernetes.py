@@ -6,6 +6,7 @@ package holds, the fields' names are listed here, and its pods are judged as any
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ import yaml
 from services.cli.app import app
 from services.settings import load_settings
 from tests.deploy.composed import ROOT, make_secrets
+from tests.deploy.image import stage
 
 FOLDER = ROOT / "deploy" / "kubernetes"
 VERSION = "1.34"
@@ -105,6 +107,14 @@ def test_the_cluster_runs_the_version_of_ray_that_is_pinned_by_options_that_it_h
         assert all(isinstance(value, str) for value in values.values())
 
 
+def test_a_node_has_its_kernels_before_ray_takes_the_place_of_the_images_entry():
+    [entry] = [json.loads(one.rest) for one in stage("metanerf") if one.word == "ENTRYPOINT"]
+    (cluster,) = of_kind("RayCluster")
+    for group in cluster["spec"]["workerGroupSpecs"]:
+        (node,) = group["template"]["spec"]["containers"]
+        assert node["args"] == [entry[-1].partition(";")[0]]
+
+
 def test_nodes_go_and_come_as_jobs_do():
     (cluster,) = of_kind("RayCluster")
     spec = cluster["spec"]
@@ -129,7 +139,9 @@ def test_kustomizations_name_what_is_there():
 
 
 def test_every_command_of_ours_parses():
-    commands = [one["command"] for one in containers() if "command" in one]
+    # as arguments, so that the image's own entry is kept
+    assert not any("command" in one for one in containers())
+    commands = [one["args"] for one in containers() if one["name"] not in ("ray-head", "ray-node")]
     assert len(commands) == 3
     group = typer.main.get_command(app)
     for program, name, *words in commands:
