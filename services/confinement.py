@@ -26,18 +26,17 @@ class Limits(NamedTuple):
     """What a process may take at most."""
 
     memory_bytes: int
+    """Of addresses."""
     processor_s: int
     file_bytes: int
     open_files: int
-    memory_kind: int = resource.RLIMIT_AS
-    """Of addresses; RLIMIT_DATA where libraries reserve many more than they use."""
 
 
 def confine(limits: Limits) -> None:
     """Limit this process for good; before it has threads."""
     _leave_network()
     for kind, limit in (
-        (limits.memory_kind, limits.memory_bytes),
+        (resource.RLIMIT_AS, limits.memory_bytes),
         (resource.RLIMIT_CPU, limits.processor_s),
         (resource.RLIMIT_FSIZE, limits.file_bytes),
         (resource.RLIMIT_NOFILE, limits.open_files),
@@ -49,9 +48,9 @@ def confine(limits: Limits) -> None:
             resource.setrlimit(kind, (limit, limit))
 
 
-def bare_environment(*also: str) -> dict[str, str]:
-    """The environment of a confined process: how to start Python, `also`, and nothing else."""
-    passed_on = {name: os.environ[name] for name in (*_PASSED_ON, *also) if name in os.environ}
+def bare_environment() -> dict[str, str]:
+    """The environment of a confined process: how to start Python, and nothing else."""
+    passed_on = {name: os.environ[name] for name in _PASSED_ON if name in os.environ}
     return passed_on | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
 
 

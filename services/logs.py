@@ -116,8 +116,9 @@ class _AsJson(logging.Formatter):
             line["request_id"] = asked.request_id
             if meeting_id := asked.scope.get("path_params", {}).get("meeting_id"):
                 line["meeting"] = meeting_digest(meeting_id)
-        # of those who log about another's: a worker, of jobs
-        line |= {name: vars(record)[name] for name in ("job_id", "meeting") if name in vars(record)}
+        # a worker logs about jobs that are not its own process's
+        if "job_id" in vars(record):
+            line["job_id"] = vars(record)["job_id"]
         if traceparent := self._trace():
             line["trace_id"] = traceparent.split("-")[1]
         if record.exc_info:
