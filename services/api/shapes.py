@@ -242,7 +242,7 @@ class NewModel(Body):
 
     preset: str = Field(default="splats", examples=["splats", "fast"])
     budget_s: float = Field(
-        default=20.0, gt=0.0, allow_inf_nan=False, description="Training time, s."
+        default=60.0, gt=0.0, allow_inf_nan=False, description="Training time, s."
     )
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
     improves: str | None = Field(

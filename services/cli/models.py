@@ -42,7 +42,7 @@ def train(
     sequence: SequencePath,
     out: Annotated[Path, typer.Option(help="The model's file (.safetensors).")],
     preset: Annotated[str, typer.Option(help="Kind of model; see `metanerf presets`.")] = "splats",
-    budget: Annotated[str, typer.Option(help="Training time, such as 20s or 2m.")] = "20s",
+    budget: Annotated[str, typer.Option(help="Training time, such as 60s or 2m.")] = "60s",
     iterations: Annotated[
         int | None, typer.Option(help="Number of steps, instead of a time; repeatable to the bit.")
     ] = None,

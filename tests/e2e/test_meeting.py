@@ -16,7 +16,7 @@ import av
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from benchmarks.browser import open_page, running_demo
 from capture.detection.network_files import POSE_MODEL
@@ -46,6 +46,12 @@ def short_clip(source: Path, out: Path, every: int) -> Path:
                 short.mux(stream.encode(small))
         short.mux(stream.encode())
     return out
+
+
+def briefly(route: Route) -> None:
+    """A training as the page asks for, of 12 s."""
+    asked = json.loads(route.request.post_data or "")
+    route.continue_(post_data=json.dumps(asked | {"budget_s": 12.0}))
 
 
 def watch(page: Page, frames: int, minutes: float = 1.0) -> None:
@@ -221,6 +227,7 @@ def test_a_real_clip_becomes_somebody_in_the_meeting_and_only_their_likeness_is_
         open_page() as page,
     ):
         page.goto(address)
+        page.route("**/v1/sequences/*/models", briefly)
         page.get_by_test_id("enrol-name").fill("Test person")
         page.get_by_test_id("enrol-height").fill("178")
         page.get_by_test_id("enrol-file").set_input_files(str(clip))

@@ -63,7 +63,7 @@ export const browserUploads: UploadsUnderWay = {
   },
 };
 
-const TRAINING: NewModel = { preset: "splats", budget_s: 20, seed: 0 };
+const TRAINING: NewModel = { preset: "splats", seed: 0 };
 
 export class Enrolment {
   state: EnrolState = {

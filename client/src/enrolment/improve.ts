@@ -40,7 +40,7 @@ export interface PendingDeletions {
   set(ids: string[]): void;
 }
 
-const TRAINING = { preset: "splats", budget_s: 20, seed: 0, model_only: true } satisfies NewModel;
+const TRAINING = { preset: "splats", seed: 0, model_only: true } satisfies NewModel;
 const NO_RETAKE_NEEDED = "Nothing needs to be filmed again.";
 const NOT_HERE = new Problem(
   "Your model is no longer in this meeting",

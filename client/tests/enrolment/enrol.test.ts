@@ -97,7 +97,7 @@ describe("Enrolment", () => {
     expect(server.calls).toEqual([
       "person Ada 1.78",
       "upload me.mp4 of p",
-      'train s {"preset":"splats","budget_s":20,"seed":0}',
+      'train s {"preset":"splats","seed":0}',
     ]);
     expect(enrolment.state).toMatchObject({ status: "ready", modelId: "m", name: "Ada" });
     expect(enrolment.state.sequence?.quality?.advice).toEqual(["Turn more slowly."]);

@@ -106,7 +106,7 @@ describe("ModelImprovement", () => {
   it("leads from a film to a better model in the place of the one that stands", async () => {
     const { server, states, start, left } = setUp();
     await start();
-    const training = { preset: "splats", budget_s: 20, seed: 0, model_only: true, improves: "m" };
+    const training = { preset: "splats", seed: 0, model_only: true, improves: "m" };
     expect(server.calls).toEqual(["upload p webcam.mp4", `train s ${JSON.stringify(training)}`]);
     const kinds = states.map((state) => (state.kind === "working" ? state.step : state.kind));
     expect(kinds.filter((kind, i) => kind !== kinds[i - 1])).toEqual(["filming", "upload", "capture", "train", "better"]);
