@@ -45,6 +45,14 @@ jaxtyping.install_import_hook(_checked_modules(), "tests.annotations.typecheck")
 _SLOW = frozenset(Path(__file__).with_name("slow.txt").read_text().split())
 
 
+@pytest.fixture
+def fewer_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fits of captures take 270 steps instead of 740: enough for known people who hold still or
+    nearly so, and for whoever asks little of a capture."""
+    monkeypatch.setattr("capture.fitting.fit.LANDMARK_STEPS", 150)
+    monkeypatch.setattr("capture.fitting.fit.SILHOUETTE_STEPS", 60)
+
+
 def pytest_itemcollected(item: pytest.Item) -> None:
     """Mark what needs a server, by its fixtures, and what takes long, by the list of it."""
     assert isinstance(item, pytest.Function)

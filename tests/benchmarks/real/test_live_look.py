@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import cv2
+import pytest
 
 from benchmarks.real.cases import Case
 from benchmarks.real.live_look import measure
@@ -14,6 +15,7 @@ from tests.shared_data import shared_data
 CLIP = "patterned_shirt_eat"
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_live_look_comes_nearer_to_the_frames_than_the_model(tmp_path):
     footage, sheet = shared_data("real-webcam-people").parent, tmp_path / "sheet.jpg"
     case = Case("quick", CLIP, other_clips=(CLIP,))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import cv2
+import pytest
 
 from benchmarks.real.cases import Case
 from benchmarks.real.measure import Networks, measure
@@ -24,6 +25,7 @@ def networks() -> Networks:
     )
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_a_real_person_is_captured_trained_and_judged(tmp_path):
     footage = shared_data("real-webcam-people").parent
     sheet = tmp_path / "sheet.jpg"
