@@ -106,15 +106,13 @@ def covered_torso(
     commits: Commits = False,
     assets: Assets = HUMAN_ASSETS,
     backbone: LpipsBackbone = LPIPS_BACKBONE,
-    clock: ClockName = "processor",
     only: Only = "",
 ) -> None:
     """The torso where hands were in front of it, against the rest of it: lifelike performers."""
     require_human_assets(assets)
     from benchmarks.covered_torso import run
 
-    writer = start("covered-torso", commits, narrowed=bool(only) or clock != "processor")
-    run(writer, assets, backbone, clock, only)
+    run(start("covered-torso", commits, narrowed=bool(only)), assets, backbone, only)
 
 
 @app.command("train")
