@@ -35,11 +35,12 @@ from capture.fitting.world import place_in_world
 from capture.overlay import write_video
 from capture.quality import CaptureQuality, judge
 from capture.segmentation.clip import segment_clip
+from capture.segmentation.exposure import evened, find_gains
 from capture.sources.clips import MIN_FRAMES, read_clip
 from capture.sources.video import MAX_FRAMES, MAX_SIDE_PX, Clip, Window, shrink
 from capture.sources.webcam import record_webcam
 from capture.storage import write_sequence
-from scene.arrays import Array, UInt8
+from scene.arrays import Array, Float, UInt8
 from scene.errors import InvalidInput
 from scene.sequence import PoseTrust
 
@@ -144,6 +145,8 @@ def capture_clip(
     read = reports.part(0.0, 0.08, "reading the clip")
     clip = read_clip(path, options.max_frames, read, should_stop, max_side=MAX_SIDE_PX)
     track, lifter = _track(clip, options, reports)
+    gains = find_gains(clip.images, track.people)
+    clip = replace(clip, images=evened(clip.images, gains))
     with ThreadPoolExecutor(1, "parts") as aside:  # networks leave cores to the masks
         finding = aside.submit(_parts, clip, track, options, should_stop)
         cut_out = reports.part(0.28, 0.38, "cutting out the person")
@@ -187,7 +190,7 @@ def capture_clip(
         on_stage=on_stage,
         should_stop=should_stop,
     )
-    finished = captured(fit, _filmed(path, clip, window, options, reports))
+    finished = captured(fit, _filmed(path, clip, gains, window, options, reports))
     looked_at = finished.shrunk(_JUDGED_PX)
     quality = judge(looked_at, clip.recordings)
     on_written = reports.part(0.95, 1.0, "writing the sequence")
@@ -274,19 +277,25 @@ def _worked_with(clip: Clip, window: Window) -> list[UInt8[Array, "h w 3"]]:
 
 
 def _filmed(
-    path: Path, clip: Clip, window: Window, options: CaptureOptions, reports: _Reports
+    path: Path,
+    clip: Clip,
+    gains: Float[Array, "F 3"],
+    window: Window,
+    options: CaptureOptions,
+    reports: _Reports,
 ) -> Many[UInt8[Array, "H W 3"]]:
     """All frames cut to `window`, as sharp as they were filmed up to the size that is stored."""
     if max(clip.source_size) <= MAX_SIDE_PX:
         return [shrink(image[window], options.size_px) for image in clip.images]
-    return read_clip(
+    again = read_clip(
         path,
         options.max_frames,
         reports.part(0.92, 0.95, "reading the clip again, at its own size"),
         reports.should_stop,
         max_side=options.size_px,
         window=window,
-    ).images
+    )
+    return evened(again.images, gains)
 
 
 def _store(

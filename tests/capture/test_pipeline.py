@@ -40,7 +40,9 @@ from tests.landmark_models import silent_server
 from tests.shared_data import shared_data
 
 FRAMES = 10
-COLOUR = (200, 60, 40)
+COLOUR, DIMMED = (200, 60, 40), (150, 45, 30)
+DARK = (2, 5)
+"""Frames that a camera exposed less than the others."""
 
 
 @pytest.fixture(scope="module")
@@ -154,6 +156,8 @@ def test_a_large_clip_is_stored_as_large_as_filmed_and_its_draft_is_small(
     container, tmp_path, monkeypatch
 ):
     monkeypatch.setattr("capture.pipeline.MAX_SIDE_PX", 128)
+    # a flat colour and the same, exposed less, have nothing in common; filmed clothes do
+    monkeypatch.setattr("capture.detection.tracking.SAME_PERSON", -1.0)
     motion = standing(MIN_FRAMES)
     fitted, filmed = (
         [seen_by(camera(size), body(), motion.pose(index)) for index in range(MIN_FRAMES)]
@@ -161,12 +165,13 @@ def test_a_large_clip_is_stored_as_large_as_filmed_and_its_draft_is_small(
     )
     (tmp_path / "clip").mkdir()
     for index, person in enumerate(filmed):
-        (tmp_path / "clip" / f"{index:03d}.png").write_bytes(encoded(picture(person, COLOUR)))
+        exposed = picture(person, COLOUR) * (0.75 if index in DARK else 1.0)
+        (tmp_path / "clip" / f"{index:03d}.png").write_bytes(encoded(exposed.astype(np.uint8)))
     with zipfile.ZipFile(tmp_path / "clip.zip", "w") as archive:
         for path in sorted((tmp_path / "clip").iterdir()):
             archive.write(path, path.name)
     drafts: list[tuple[int, float]] = []
-    options = CaptureOptions(person="p", estimator=FakeEstimator({COLOUR: fitted}))
+    options = CaptureOptions(person="p", estimator=FakeEstimator({COLOUR: fitted, DIMMED: fitted}))
     out = tmp_path / "out" / "seq"
     capture_clip(
         tmp_path / container, out, options, on_draft=lambda folder: drafts.append(shown_in(folder))
@@ -177,6 +182,10 @@ def test_a_large_clip_is_stored_as_large_as_filmed_and_its_draft_is_small(
     tall_px, overlap = shown_in(out)
     assert tall_px == pytest.approx(height_px(filmed[0].mask), abs=4)
     assert overlap > 0.8
+    for index in DARK:
+        frame = open_sequence(out).frame(index)
+        inside = frame.image[frame.mask > 0.99].mean(axis=0)
+        assert inside == pytest.approx(np.array(COLOUR) / 255.0, abs=0.03)
 
 
 def shown_in(folder: Path) -> tuple[int, float]:
@@ -276,6 +285,7 @@ def test_models_that_are_not_there_are_named(zipped, pose_model, tmp_path):
     assert _nothing_left(tmp_path)
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_a_real_clip_with_others_behind_becomes_a_sequence(pose_model, tmp_path):
     clip = shared_data("real-two-cameras/cam01.mp4")
     options = CaptureOptions(person="p", pose_model=pose_model, max_frames=12)
