@@ -9,9 +9,10 @@ demo: setup
 	.venv/bin/metanerf demo $(ARGS)
 
 # Everything that continuous integration checks: format, lint, types, imports, all tests.
+# Tests in Python wait for servers and processes a third of their time: checks run beside them, and a
+# third of them on two cores. A browser's leave nothing of a core to others.
 test: setup-test
-	$(MAKE) --jobs=2 check test-page
-	$(PYTEST) -m "not e2e" -n 2 --dist loadfile --no-loadscope-reorder $(ARGS); \
+	$(MAKE) --jobs=3 --keep-going check test-page test-python; \
 	rest=$$?; $(PYTEST) tests/e2e tests/benchmarks -m e2e $(ARGS) && exit $$rest
 
 # Tests without a browser, without servers and without long trainings: under two minutes, while you work.
@@ -25,9 +26,12 @@ check:
 	.venv/bin/lint-imports
 	cd client && npm run check --silent
 
-.PHONY: test-page
+.PHONY: test-page test-python
 test-page:
 	cd client && npm test --silent
+
+test-python:
+	$(PYTEST) -m "not e2e" -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 format:
 	.venv/bin/ruff format .
