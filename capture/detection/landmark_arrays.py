@@ -39,10 +39,15 @@ _LANDMARK_OF_JOINT = {
 }
 _SPINE_HIDDEN = 0.15
 """How far the spine counts as hidden where no leg shows the pelvis' tilt."""
-_ALWAYS_SHARE = 0.85
-"""Share of a clip's frames."""
+_ABOUT_S, _ALWAYS_SHARE = 1.0, 0.85
+"""On each side of a frame, and the share of the frames within that."""
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
+_BELOW = [
+    index
+    for name, index in _J.items()
+    if name.endswith(("hip", "knee", "ankle", "foot")) or name.startswith("spine")
+]
 
 
 def landmark_arrays(
@@ -122,12 +127,23 @@ def hidden_joints(weights: Float[Array, "F 33"]) -> Float[Array, "F 24"]:
     return hidden
 
 
-def always_hidden(hidden: Float[Array, "F 24"]) -> Float[Array, "24"]:
-    """How far each joint counts as hidden in the whole clip: as a mean, where nearly always.
+def hidden_for_long(
+    hidden: Float[Array, "F 24"], times_s: Float[Array, "F"], takes: Int[Array, "F"]
+) -> Float[Array, "F 24"]:
+    """How far each joint counts as hidden: as a mean, where nearly always; arms in the whole clip,
+    trunk and legs for a second about.
 
-    Joints hidden for a while follow their neighbours in time and the lifter; joints that are never
-    visible stay at the prior's mean.
+    Joints hidden for a while follow their neighbours in time and the lifter. Arms that are below
+    the picture are guessed well by it, legs not: it has people squat who are filmed close by.
     """
+    lasting = _nearly_always(hidden) * np.ones((len(hidden), 1))
+    for frame, (time_s, take) in enumerate(zip(times_s, takes, strict=True)):
+        about = (takes == take) & (np.abs(times_s - time_s) <= _ABOUT_S)
+        lasting[frame, _BELOW] = _nearly_always(hidden[about][:, _BELOW])
+    return lasting
+
+
+def _nearly_always(hidden: Float[Array, "F J"]) -> Float[Array, "J"]:
     return hidden.mean(axis=0) * ((hidden > 0.0).mean(axis=0) > _ALWAYS_SHARE)
 
 

@@ -148,23 +148,28 @@ def _follow(
     first: Landmarks,
 ) -> Iterable[tuple[int, Landmarks | None]]:
     """The person in the frames `order` but for its first, which shows `first`."""
-    boxes, missed = deque([first.box], maxlen=_HISTORY_FRAMES), 0
+    boxes, missed, elsewhere = deque([first.box], maxlen=_HISTORY_FRAMES), 0, False
     appearance = Appearance()
     appearance.update(images[order[0]], first)
     for before, index in pairwise(order):
-        if takes[index] != takes[before]:  # lighting and visible clothes may differ
-            appearance = Appearance()
+        if takes[index] != takes[before]:
+            # lighting and visible clothes may differ, and where they are and how near
+            appearance, elsewhere = Appearance(), True
         search = _FrameSearch(images[index], estimator, appearance)
-        person = search.in_window(boxes[-1], whole=missed >= _LOST_AFTER)
-        typical_side = float(np.median([_larger_side(box) for box in boxes]))
-        if person is not None and _larger_side(person.box) < _SHRUNK_SHARE * typical_side:
-            person = search.retry(boxes, person)
+        person = search.most_prominent() if elsewhere else None
+        if person is not None:
+            boxes.clear()
+        else:
+            person = search.in_window(boxes[-1], whole=missed >= _LOST_AFTER)
+            typical_side = float(np.median([_larger_side(box) for box in boxes]))
+            if person is not None and _larger_side(person.box) < _SHRUNK_SHARE * typical_side:
+                person = search.retry(boxes, person)
         if person is None:
             missed += 1
         else:
             boxes.append(person.box)
             appearance.update(images[index], person)
-            missed = 0
+            missed, elsewhere = 0, False
         yield index, person
 
 
@@ -176,21 +181,26 @@ class _FrameSearch:
     estimator: PoseEstimator
     appearance: Appearance
 
+    def most_prominent(self) -> Landmarks | None:
+        """Of the people in the whole frame."""
+        height, width = self.image.shape[:2]
+        found = self._detect_same_person(0, 0, width, height)
+        return max(found, key=lambda p: prominence(p, width, height), default=None)
+
     def in_window(self, box: Array, *, whole: bool, grow: float = WINDOW_GROW) -> Landmarks | None:
         """The person in a window around `box`, or in the `whole` frame."""
+        if whole:  # lost for long: the most prominent one of a plausible size
+            person = self.most_prominent()
+            if person is None or person.box[3] - person.box[1] <= 0.4 * (box[3] - box[1]):
+                return None
+            return person
         height, width = self.image.shape[:2]
-        x0, y0, x1, y1 = (0, 0, width, height) if whole else window(box, width, height, grow)
+        x0, y0, x1, y1 = window(box, width, height, grow)
         if x1 - x0 < MIN_SIDE_PX or y1 - y0 < MIN_SIDE_PX:
             return None
         found = self._detect_same_person(x0, y0, x1, y1)
-        if not found:
-            return None
-        if whole:  # lost for long: the most prominent one of a plausible size
-            person = max(found, key=lambda p: prominence(p, width, height))
-            plausible = (person.box[3] - person.box[1]) > 0.4 * (box[3] - box[1])
-            return person if plausible else None
-        person = max(found, key=lambda p: overlap(p.box, box))
-        return person if overlap(person.box, box) >= MIN_OVERLAP else None
+        person = max(found, key=lambda p: overlap(p.box, box), default=None)
+        return person if person and overlap(person.box, box) >= MIN_OVERLAP else None
 
     def retry(self, boxes: Iterable[Array], person: Landmarks) -> Landmarks:
         """The person by other windows around their recent boxes; the largest detection is kept.

@@ -11,7 +11,7 @@ import torch
 from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from capture.detection.face_and_hands import ClipParts
 from capture.detection.landmark_arrays import (
-    always_hidden,
+    hidden_for_long,
     hidden_joints,
     hidden_subtrees,
     interpolate_gaps,
@@ -71,8 +71,8 @@ class Observations:
     lifted_rotations: Float[Tensor, "F 24 3 3"]
     """Local rotations as the lifter believes them; joint 0 to the camera frame."""
     lifted_spread_rad: Float[Tensor, "F 24"]
-    hidden: Float[Tensor, "24"]
-    """How far nothing ever shows each joint's rotation, 0 to 1."""
+    hidden: Float[Tensor, "F 24"]
+    """How far nothing shows each joint's rotation for long, 0 to 1."""
     shown: Float[Tensor, "F 24"]
     """1 for joints that something shows in the frame, as all joints above them."""
     steps_s: Float[Tensor, "F-1"]
@@ -140,7 +140,7 @@ def observe(
         _tensor(weights),
         _tensor(lifted.rotations),
         _tensor(lifted.spread_rad),
-        _tensor(always_hidden(hidden)),
+        _tensor(hidden_for_long(hidden, times_s, takes)),
         _tensor(1.0 - hidden_subtrees(hidden)),
         steps,
         mid_steps,

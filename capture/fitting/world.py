@@ -18,7 +18,9 @@ from scene.skeleton import JOINT_NAMES
 
 OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0])
 """The fit's frame (OpenGL: y up, z towards the viewer) to OpenCV's camera frame."""
-_LEGS_SEEN = 0.3
+_LEGS_SEEN, _LEGS_SHARE = 0.3, 0.2
+"""Confidence in knees and ankles, and the share of the frames that have it: who is filmed close to
+the camera first, and then from head to foot, has legs."""
 _LOWEST_PERCENTILE = 10.0
 
 _J = {name: index for index, name in enumerate(JOINT_NAMES)}
@@ -43,7 +45,8 @@ def place_in_world(fit: Fit, times_s: Float[Array, "F"]) -> PlacedFit:
     """
     body, confidence = fit.body, joint_confidence(fit.weights)
     legs = [_J["left_knee"], _J["right_knee"], _J["left_ankle"], _J["right_ankle"]]
-    legs_seen = bool(np.median(confidence[:, legs]) > _LEGS_SEEN)
+    in_frames = np.median(confidence[:, legs], axis=1) > _LEGS_SEEN
+    legs_seen = bool(in_frames.mean() >= _LEGS_SHARE)
     shift = fit.pelvis - body.skeleton.rest_joints[0]
     joints = body.skeleton.joint_transforms(fit.joint_angles, shift)[..., :3, 3]
     up = fit.up if not legs_seen else upward(joints) if fit.floor is None else fit.floor[:3]

@@ -10,7 +10,7 @@ from scene.arrays import Float, Tensor
 
 
 class JointAnglePrior(Term):
-    """`capture.body.pose_prior`, with joints held at its mean that nothing ever shows."""
+    """`capture.body.pose_prior`, with joints held at its mean that nothing shows for long."""
 
     weight = 0.1
 

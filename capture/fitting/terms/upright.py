@@ -28,8 +28,8 @@ _HIPS = [JOINT_NAMES.index(f"{side}_hip") for side in ("left", "right")]
 
 
 class Upright(Term):
-    """Squared angles of trunk and pelvis from the vertical, robust, as far as nothing shows the
-    legs, which would tell; and of the vertical from what is known of it.
+    """Squared angles of trunk and pelvis from the vertical, robust, where nothing shows the legs,
+    which would tell; and of the vertical from what is known of it.
 
     A pelvis that is upright has its hidden legs straight below.
     """
@@ -38,7 +38,7 @@ class Upright(Term):
 
     def __init__(self, body: FitBody, seen: Observations) -> None:
         super().__init__(body, seen)
-        self._legs_hidden = seen.hidden[_HIPS].min()
+        self._legs_hidden = seen.hidden[:, _HIPS].min(dim=1).values
 
     def energy(self, clip: PosedClip) -> Float[Tensor, ""]:
         up, posed = clip.state.up, clip.posed
@@ -46,7 +46,7 @@ class Upright(Term):
         trunk = torch.nn.functional.normalize(trunk, dim=-1)
         pelvis = posed.global_rotations[:, _PELVIS, :, 1]
         leans = [geman_mcclure(_squared_angle(x, up) / LEAN_RAD**2, LEANS) for x in (trunk, pelvis)]
-        return self._legs_hidden * (leans[0] + leans[1]).mean() + self._of_camera(up)
+        return (self._legs_hidden * (leans[0] + leans[1])).mean() + self._of_camera(up)
 
     def _of_camera(self, up: Float[Tensor, "3"]) -> Float[Tensor, ""]:
         if self.seen.up is not None:

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from capture.body.landmark_names import LANDMARK_COUNT
-from capture.detection.landmark_arrays import LONGEST_GAP_S, hidden_joints, interpolate_gaps
+from capture.detection.landmark_arrays import (
+    LONGEST_GAP_S,
+    hidden_for_long,
+    hidden_joints,
+    interpolate_gaps,
+)
 from capture.detection.landmarks import Landmarks
 from scene.arrays import Array
 from tests.capture.people import JOINT, LANDMARK
@@ -75,3 +80,25 @@ def test_a_joint_is_hidden_when_nothing_beyond_it_is_seen():
     trust[0, LANDMARK["left_ankle"]] = 0.0
     hidden = np.flatnonzero(hidden_joints(trust)[0])
     assert hidden.tolist() == [JOINT["left_knee"]]
+
+
+def test_who_comes_close_for_long_hides_their_legs_and_who_blinks_out_does_not():
+    times_s = np.arange(90) / 10.0
+    takes = np.repeat([0, 1], 45)
+    knee, hip = JOINT["left_knee"], JOINT["left_hip"]
+    hidden = np.zeros((90, 24))
+    hidden[10:40, knee] = 1.0  # three seconds of the first take
+    hidden[60:66, hip] = 1.0  # a moment of the second
+    lasting = hidden_for_long(hidden, times_s, takes)
+    assert not lasting[:, hip].any()
+    assert (lasting[20:30, knee] == 1.0).all()
+    assert not lasting[:8, knee].any()
+    assert not lasting[45:, knee].any()
+
+
+def test_a_recording_that_never_shows_a_joint_hides_it_in_that_recording_alone():
+    takes = np.repeat([0, 1], 6)
+    hidden = np.zeros((12, 24))
+    hidden[takes == 1, JOINT["left_knee"]] = 1.0
+    lasting = hidden_for_long(hidden, np.arange(12) / 10.0, takes)
+    assert lasting[:, JOINT["left_knee"]].tolist() == takes.tolist()

@@ -131,6 +131,21 @@ def test_a_new_take_may_be_of_another_light(subject):
     assert track.found.all()
 
 
+@pytest.mark.parametrize("near_first", [True, False])
+def test_a_new_take_may_be_from_far_nearer_or_farther(subject, near_first: bool):
+    """As a guided enrolment's, whose first recordings are of a face and the next of a body."""
+    far = [_beside(person, 30, 0.25) for person in subject]
+    takes = [subject, far] if near_first else [far, subject]
+    images = [_film(take) for take in takes]
+    images[1] = [np.where(image == 120, np.uint8(60), image) for image in images[1]]
+    track = track_person(images[0] + images[1], FakeEstimator({SUBJECT: [*subject, *far]}))
+    assert set(track.takes) == {0, 1}
+    assert track.found.all()
+    for person, truth in zip(track.people, takes[0] + takes[1], strict=True):
+        assert person is not None
+        assert overlap(person.box, truth.box) > 0.5
+
+
 def test_frames_are_looked_at_in_a_window(subject):
     small = [_beside(person, 0) for person in subject]
     estimator = FakeEstimator({SUBJECT: small})

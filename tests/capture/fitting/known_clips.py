@@ -111,7 +111,7 @@ def seen_of(state: FitState, **changed: Any) -> Observations:
             landmark_weights=torch.ones(frames, 33),
             lifted_rotations=state.local_rotations(),
             lifted_spread_rad=torch.full((frames, 24), SPREAD_RAD),
-            hidden=torch.zeros(24),
+            hidden=torch.zeros(frames, 24),
             shown=torch.ones(frames, 24),
             steps_s=steps_s,
             mid_steps_s=mid_steps_s,

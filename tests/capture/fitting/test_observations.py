@@ -53,8 +53,8 @@ def test_a_joint_is_hidden_that_nothing_ever_shows_and_with_it_what_hangs_on_it(
         visibility[LANDMARK["left_ankle"]] = 0.0
         blind.append(replace(person, visibility=visibility))
     seen = observed(blind)
-    assert seen.hidden[JOINT["left_knee"]] == 1.0
-    assert seen.hidden[JOINT["right_knee"]] == 0.0
+    assert (seen.hidden[:, JOINT["left_knee"]] == 1.0).all()
+    assert (seen.hidden[:, JOINT["right_knee"]] == 0.0).all()
     below = [JOINT[name] for name in ("left_knee", "left_ankle", "left_foot")]
     assert not seen.shown[:, below].any()
     assert seen.shown[:, JOINT["left_hip"]].all()

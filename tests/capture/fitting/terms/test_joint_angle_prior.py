@@ -60,7 +60,7 @@ def test_anybody_may_face_any_way():
 def test_what_nothing_shows_is_held_at_rest():
     off = bent("left_hip", 0, 0.1)
     hidden = seen_of(off)
-    hidden.hidden[JOINT["left_hip"]] = 1.0
+    hidden.hidden[:, JOINT["left_hip"]] = 1.0
     shown = energy_of(JointAnglePrior, off, seen_of(off))
     assert energy_of(JointAnglePrior, off, hidden) > 100.0 * shown
     pull = gradients_of(JointAnglePrior, off, hidden)["joint_angles"]
@@ -74,5 +74,5 @@ def test_a_knee_bends_one_way():
 
 
 def test_gradients_are_slopes():
-    seen = seen_of(USUAL, hidden=torch.linspace(0.0, 1.0, 24).double())
+    seen = seen_of(USUAL, hidden=torch.linspace(0.0, 1.0, 24).expand(FRAMES, 24).double())
     assert_gradients_are_slopes(JointAnglePrior, disturbed(known_state()), seen)

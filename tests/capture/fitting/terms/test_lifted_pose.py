@@ -81,7 +81,7 @@ def test_a_habit_explains_what_is_otherwise_in_all_frames():
 
 def test_what_nothing_shows_has_no_pull():
     hidden = seen_of(REST)
-    hidden.hidden[HEAD] = 1.0
+    hidden.hidden[:, HEAD] = 1.0
     assert energy_of(LiftedPose, nodding(0.4), hidden) == pytest.approx(0.0, abs=1e-12)
     pull = gradients_of(LiftedPose, nodding(0.4), hidden)
     np.testing.assert_allclose(pull["joint_angles"][:, HEAD], 0.0, atol=1e-9)

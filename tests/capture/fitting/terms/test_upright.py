@@ -44,8 +44,8 @@ def vertical(camera_rad: float) -> Tensor:
 
 def legless(state: FitState, camera_rad: float | None = None) -> Observations:
     """A clip that shows no legs, of a scene that shows how far its camera is pitched."""
-    hidden = torch.zeros(24, dtype=torch.float64)
-    hidden[[JOINT_NAMES.index(f"{side}_hip") for side in ("left", "right")]] = 1.0
+    hidden = torch.zeros(FRAMES, 24, dtype=torch.float64)
+    hidden[:, [JOINT_NAMES.index(f"{side}_hip") for side in ("left", "right")]] = 1.0
     up = None if camera_rad is None else vertical(camera_rad)
     return seen_of(state, hidden=hidden, up=up)
 
