@@ -37,6 +37,8 @@ _LANDMARK_OF_JOINT = {
     "foot": "foot_index",
     "collar": "shoulder",
 }
+_SIZE_ABOUT_S = 2.0
+"""On each side of a frame, for which the person's size is taken together."""
 _SPINE_HIDDEN = 0.15
 """How far the spine counts as hidden where no leg shows the pelvis' tilt."""
 _ABOUT_S, _ALWAYS_SHARE = 1.0, 0.85
@@ -155,13 +157,20 @@ def hidden_subtrees(hidden: Float[Array, "F 24"]) -> Float[Array, "F 24"]:
     return subtree
 
 
-def person_height_px(pixels: Float[Array, "F 33 2"]) -> float:
-    """About the standing person's height in px, from the trunk's length (robust over the clip)."""
+def person_height_px(
+    pixels: Float[Array, "F 33 2"], times_s: Float[Array, "F"], takes: Int[Array, "F"]
+) -> Float[Array, "F"]:
+    """About the standing person's height in px, by how long the trunk is in most frames for
+    seconds about: people come close and step back."""
     left, right = LANDMARK_NAMES.index("left_shoulder"), LANDMARK_NAMES.index("right_shoulder")
     hips = [LANDMARK_NAMES.index(n) for n in ("left_hip", "right_hip")]
     shoulders = 0.5 * (pixels[:, left] + pixels[:, right])
     trunk = np.linalg.norm(shoulders - pixels[:, hips].mean(1), axis=1)
-    return height_from_trunk_px(float(np.percentile(trunk, 75)))
+    usual = [
+        np.percentile(trunk[(takes == take) & (np.abs(times_s - time_s) <= _SIZE_ABOUT_S)], 75)
+        for time_s, take in zip(times_s, takes, strict=True)
+    ]
+    return np.array([height_from_trunk_px(float(length)) for length in usual])
 
 
 def height_from_trunk_px(trunk_px: float) -> float:

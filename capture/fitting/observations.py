@@ -79,8 +79,8 @@ class Observations:
     """Between neighbouring frames; infinite at cuts."""
     mid_steps_s: Float[Tensor, "F-2"]
     """Between the middles of neighbouring steps; infinite at cuts."""
-    person_px: float
-    """About the standing person's height in the pictures: the unit of deviations there."""
+    person_px: Float[Tensor, "F"]
+    """About the standing person's height in the picture: the unit of deviations there."""
     parts: PartObservations | None = None
     """None where nobody looked at face and hands."""
     up: Float[Tensor, "3"] | None = None
@@ -144,7 +144,7 @@ def observe(
         _tensor(1.0 - hidden_subtrees(hidden)),
         steps,
         mid_steps,
-        person_height_px(pixels),
+        _tensor(person_height_px(pixels, times_s, takes)),
         None if parts is None else _observed_parts(parts, focal, centre),
         None if up is None else _tensor(up),
     )

@@ -205,12 +205,12 @@ def visible_vertices(
     surface: Float[Tensor, "F V 3"],
     pixels: Float[Tensor, "F V 2"],
     normals: Float[Tensor, "F V 3"],
-    cell_px: float,
+    cell_px: Float[Tensor, "F"],
 ) -> Bool[Tensor, "F V"]:
     """Vertices that face the camera (at the origin) and are not occluded in their cell."""
     facing = (normals * nnf.normalize(-surface, dim=-1)).sum(-1) > _FACING
     depth = -surface[..., 2]
-    cells = (pixels / cell_px).long().clamp(-(2**14), 2**14) + 2**14
+    cells = (pixels / cell_px[:, None, None]).long().clamp(-(2**14), 2**14) + 2**14
     frame = torch.arange(len(surface))[:, None] * 2**32
     _, cell = torch.unique(frame + cells[..., 1] * 2**16 + cells[..., 0], return_inverse=True)
     nearest = torch.full((int(cell.max()) + 1,), torch.inf)
@@ -242,12 +242,13 @@ def flow_targets(
 
 
 def flow_energy(
-    targets: FlowTargets, pixels: Float[Tensor, "F V 2"], deviation_px: float
+    targets: FlowTargets, pixels: Float[Tensor, "F V 2"], deviation_px: Float[Tensor, "F"]
 ) -> Tensor:
     """Mean robust error over pairs, strides and visible vertices, weighted by certainty."""
     total = pixels.new_zeros(())
     for stride, displacements in targets.displacements.items():
-        residual = (pixels[stride:] - pixels[:-stride] - displacements) / deviation_px
+        moved = pixels[stride:] - pixels[:-stride]
+        residual = (moved - displacements) / deviation_px[:-stride, None, None]
         valid = targets.valid[stride]
         (x, y), (xx, xy, yy) = residual.unbind(-1), targets.certainty[stride].unbind(-1)
         squared = xx * x * x + 2.0 * xy * x * y + yy * y * y

@@ -54,7 +54,8 @@ class PartPoses(Term):
         at = clip.posed.joint_positions[:, _JOINTS] + (
             rotations @ self._middles[..., None]
         ).squeeze(-1)
-        error = (clip.project(at) - parts.middles_px) / (DEVIATION * self.seen.person_px)
+        deviation_px = DEVIATION * self.seen.person_px
+        error = (clip.project(at) - parts.middles_px) / deviation_px[:, None, None]
         # |R - S|^2 = 8 sin^2(angle / 2), twice the squared angle where that is small
         angle = 0.5 * (rotations - parts.rotations).square().sum((-1, -2))
         moved = geman_mcclure(error.square().sum(-1), _OUTLIER)
@@ -81,6 +82,6 @@ class PartPoses(Term):
             found = parts.palms_found[..., None, None]
             usual = (shown(1.0).square() * found).sum().clamp_min(1e-6)
             size = ((seen.square() * found).sum() / usual).sqrt().clamp(*_HAND_SIZES)
-        error = (shown(size) - seen) / (DEVIATION * self.seen.person_px)
+        error = (shown(size) - seen) / (DEVIATION * self.seen.person_px)[:, None, None, None]
         energy = geman_mcclure(error.square().sum(-1), _OUTLIER).mean(-1)
         return PALM_WEIGHT * (energy * parts.palms_found).sum(1)

@@ -22,7 +22,7 @@ class ReprojectionError(Term):
         self._has_pictures = True
 
     def energy(self, clip: PosedClip) -> Float[Tensor, ""]:
-        error = clip.reprojection_error_px / (DEVIATION * self.seen.person_px)
+        error = clip.reprojection_error_px / (DEVIATION * self.seen.person_px)[:, None, None]
         squared = error.square().sum(-1)
         loss = geman_mcclure(squared, _OUTLIER) if self._has_pictures else pseudo_huber(squared)
         frames = (loss * self.seen.landmark_weights).sum(1)

@@ -178,7 +178,7 @@ def silhouette_energy(
     reached: Float[Tensor, "F P 2"],
     shown: Float[Tensor, "F V"],
     clothing_px: Float[Tensor, "F"],
-    deviation_px: float,
+    deviation_px: Float[Tensor, "F"],
 ) -> Float[Tensor, "F"]:
     """Mean energy of both directions, a frame.
 
@@ -186,10 +186,10 @@ def silhouette_energy(
     mask); `reached` is where the vertices lie that make the outline, `clothing_px` how much further
     out it is.
     """
-    outside = silhouettes.outside(pixels) / deviation_px
+    outside = silhouettes.outside(pixels) / deviation_px[:, None]
     inwards = _INSIDE_WEIGHT * (pseudo_huber(outside.square()) * shown).mean(1)
     worn = clothing_px[:, None, None] * silhouettes.normals
-    gap = (reached + worn - silhouettes.contour) / deviation_px
+    gap = (reached + worn - silhouettes.contour) / deviation_px[:, None, None]
     across = (gap * silhouettes.normals).sum(-1).square()
     squared = across + _TANGENTIAL**2 * (gap.square().sum(-1) - across)
     reach = geman_mcclure(squared, _OUTLIER) * silhouettes.contour_weight

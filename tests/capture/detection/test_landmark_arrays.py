@@ -11,6 +11,7 @@ from capture.detection.landmark_arrays import (
     hidden_for_long,
     hidden_joints,
     interpolate_gaps,
+    person_height_px,
 )
 from capture.detection.landmarks import Landmarks
 from scene.arrays import Array
@@ -102,3 +103,14 @@ def test_a_recording_that_never_shows_a_joint_hides_it_in_that_recording_alone()
     hidden[takes == 1, JOINT["left_knee"]] = 1.0
     lasting = hidden_for_long(hidden, np.arange(12) / 10.0, takes)
     assert lasting[:, JOINT["left_knee"]].tolist() == takes.tolist()
+
+
+def test_a_persons_size_is_that_of_their_own_recording_and_a_bow_changes_nothing():
+    takes = np.repeat([0, 1], 20)
+    pixels = np.zeros((40, 33, 2))
+    trunk_px = np.where(takes == 0, 300.0, 60.0)
+    trunk_px[25:29] = 20.0  # bowing towards the camera
+    pixels[:, [LANDMARK["left_hip"], LANDMARK["right_hip"]], 1] = trunk_px[:, None]
+    heights = person_height_px(pixels, np.arange(40) / 10.0, takes)
+    np.testing.assert_allclose(heights[takes == 0], 5.0 * heights[-1])
+    np.testing.assert_allclose(heights[takes == 1], 3.4 * 60.0)

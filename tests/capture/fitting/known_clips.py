@@ -115,7 +115,7 @@ def seen_of(state: FitState, **changed: Any) -> Observations:
             shown=torch.ones(frames, 24),
             steps_s=steps_s,
             mid_steps_s=mid_steps_s,
-            person_px=PERSON_PX,
+            person_px=torch.full((frames,), PERSON_PX),
         )
         clip = PosedClip(state, known_body(), blank)
         truth = {"landmarks_px": clip.project(clip.landmarks), "landmarks_m": clip.landmarks}

@@ -113,7 +113,9 @@ def test_vertices_are_seen_that_face_the_camera_with_nothing_before_them():
     pixels = 100.0 + 500.0 * skin[..., :2] / -skin[..., 2:]
     towards, away = [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]
     normals = torch.tensor([[towards, away, towards, towards]])
-    assert visible_vertices(skin, pixels, normals, 6.0).tolist() == [[True, False, False, True]]
+    assert visible_vertices(skin, pixels, normals, torch.tensor([6.0])).tolist() == [
+        [True, False, False, True]
+    ]
 
 
 def test_the_energy_pulls_towards_the_flow_and_lets_go_of_what_is_far_off():
@@ -121,19 +123,19 @@ def test_the_energy_pulls_towards_the_flow_and_lets_go_of_what_is_far_off():
     displacements = torch.tensor([2.0, 0.0]).expand(2, 40, 2).clone()
     sure = torch.tensor([1.0, 0.0, 1.0]).expand(2, 40, 3)
     targets = FlowTargets({1: displacements}, {1: torch.ones(2, 40)}, {1: sure})
-    flow_energy(targets, pixels, 1.0).backward()
+    flow_energy(targets, pixels, torch.ones(3)).backward()
     assert pixels.grad is not None
     assert (pixels.grad[0, :, 0] > 0.0).all()
     assert (pixels.grad[2, :, 0] < 0.0).all()
     met = torch.arange(3.0)[:, None, None] * torch.tensor([2.0, 0.0]).expand(1, 40, 2)
-    assert float(flow_energy(targets, met, 1.0)) == 0.0
+    assert float(flow_energy(targets, met, torch.ones(3))) == 0.0
     far = FlowTargets({1: 100.0 * displacements}, targets.valid, targets.certainty)
     loose = pixels.detach().clone().requires_grad_()
-    flow_energy(far, loose, 1.0).backward()
+    flow_energy(far, loose, torch.ones(3)).backward()
     assert loose.grad is not None
     assert loose.grad.abs().max() < 1e-4
     unseen = FlowTargets(targets.displacements, {1: torch.zeros(2, 40)}, targets.certainty)
-    assert float(flow_energy(unseen, pixels.detach(), 1.0)) == 0.0
+    assert float(flow_energy(unseen, pixels.detach(), torch.ones(3))) == 0.0
 
 
 def test_only_what_texture_shows_of_a_motion_counts():
@@ -157,7 +159,7 @@ def test_only_what_texture_shows_of_a_motion_counts():
             flow_energy(
                 FlowTargets(displacements, {1: torch.ones(1, 40)}, {1: value.expand(1, 40, 3)}),
                 torch.zeros(2, 40, 2),
-                1.0,
+                torch.ones(2),
             )
         )
         for name, value in sure.items()

@@ -58,7 +58,7 @@ def test_energy_grows_with_the_distance_alike_in_all_directions(deviations, dire
 
 
 def test_a_larger_person_may_be_off_by_more_pixels():
-    near = seen_of(STATE, person_px=2.0 * PERSON_PX)
+    near = seen_of(STATE, person_px=torch.full((FRAMES,), 2.0 * PERSON_PX))
     near.landmarks_px[:, KNEE, 0] += 20.0
     assert energy_of(ReprojectionError, STATE, near) == pytest.approx(
         energy_of(ReprojectionError, STATE, seen_off((10.0, 0.0)))

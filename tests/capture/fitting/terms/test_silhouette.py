@@ -15,6 +15,7 @@ from capture.fitting.terms.silhouette import (
 from scene.arrays import Array, Tensor
 
 CENTRE, RADIUS = np.array([150.0, 120.0]), 60.0
+DEVIATION_PX = torch.tensor([2.0])
 
 
 def disc(width: int = 400, height: int = 300) -> Array:
@@ -100,7 +101,9 @@ def test_the_outline_draws_across_and_hardly_along():
 
     def energy(reached: Tensor, worn: float = 0.0) -> float:
         shown = torch.ones(1, 10)
-        return float(silhouette_energy(outline, inside, reached, shown, torch.tensor([worn]), 2.0))
+        return float(
+            silhouette_energy(outline, inside, reached, shown, torch.tensor([worn]), DEVIATION_PX)
+        )
 
     along = outline.normals @ torch.tensor([[0.0, 1.0], [-1.0, 0.0]])
     assert energy(outline.contour) == 0.0
@@ -112,7 +115,7 @@ def test_the_outline_draws_across_and_hardly_along():
     assert (
         float(
             silhouette_energy(
-                outline, outside, outline.contour, torch.zeros(1, 10), torch.zeros(1), 2.0
+                outline, outside, outline.contour, torch.zeros(1, 10), torch.zeros(1), DEVIATION_PX
             )
         )
         == 0.0
@@ -120,7 +123,7 @@ def test_the_outline_draws_across_and_hardly_along():
     assert (
         float(
             silhouette_energy(
-                outline, outside, outline.contour, torch.ones(1, 10), torch.zeros(1), 2.0
+                outline, outside, outline.contour, torch.ones(1, 10), torch.zeros(1), DEVIATION_PX
             )
         )
         > 10.0
