@@ -15,6 +15,8 @@ secret() {
 }
 
 secret jwt_secret "$(openssl rand -base64 48)"
+# one a line: the previous ones, and the next; empty until the first is to be replaced
+secret jwt_other_secrets ""
 secret postgres_password "$(openssl rand -hex 24)"
 secret s3_secret "$(openssl rand -hex 24)"
 secret turn_secret "$(openssl rand -hex 24)"

@@ -22,6 +22,7 @@ from importlib.resources import files
 from pathlib import Path
 
 import jsonschema
+import jwt
 import pytest
 
 from db.models import JobKind, SequenceState
@@ -105,7 +106,13 @@ def test_secrets_are_files_that_are_made_once(tmp_path: Path):
     for service in document["services"].values():
         assert set(service.get("secrets", ())) <= set(document["secrets"])
     before = {one.name: one.read_text() for one in made.iterdir()}
-    assert len(set(before.values())) == len(before)
+    # these come from elsewhere, or later
+    assert {name for name, one in before.items() if not one} == {
+        "oidc_client_secret",
+        "jwt_other_secrets",
+    }
+    given = [one for one in before.values() if one]
+    assert len(set(given)) == len(given)
     assert before["postgres_password"] in before["database_url"]
     make_secrets(tmp_path)
     assert {one.name: one.read_text() for one in made.iterdir()} == before
@@ -114,6 +121,32 @@ def test_secrets_are_files_that_are_made_once(tmp_path: Path):
     assert not re.search(r"(?i)(password|secret|token)(_KEY)?: (?!/run/secrets/)[\"$\w]", text)
     assert "/secrets/" in (ROOT / ".gitignore").read_text()
     assert "secrets" in (ROOT / ".dockerignore").read_text().split()
+
+
+def test_what_a_gateway_signed_before_holds_once_the_secret_is_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    folder = make_secrets(tmp_path)
+    gateway = environment(compose()["services"]["gateway"], tmp_path, 0, "redis://127.0.0.1")
+    for name, value in gateway.items():
+        if name.startswith("METANERF_"):
+            monkeypatch.setenv(name, value)
+    before = load_settings()
+    assert before.security.other_jwt_secrets == []
+    token = before.signing_keys().sign({"sub": "ada"})
+    previous = (folder / "jwt_secret").read_text()
+    (folder / "jwt_secret").write_text(previous[::-1])
+    with pytest.raises(jwt.InvalidSignatureError):
+        load_settings().signing_keys().read(token)
+    (folder / "jwt_other_secrets").write_text(f"{previous}\n")
+    assert load_settings().signing_keys().read(token) == {"sub": "ada"}
+
+
+def test_every_process_of_ours_says_in_its_lines_which_it_is():
+    for name, service in compose()["services"].items():
+        if "METANERF_ENVIRONMENT" in service.get("environment", {}):
+            assert service["environment"]["METANERF_LOG_FORMAT"] == "json"
+            assert service["environment"]["METANERF_NODE_ID"] == name
 
 
 def test_what_is_mounted_is_there():
@@ -202,6 +235,9 @@ def test_each_service_starts_with_its_own_command_and_environment(
         told = {name: process.communicate(timeout=30)[1] for name, process in running.items()}
     for name, process in running.items():
         assert process.returncode in (0, -signal.SIGTERM), told[name]
+        lines = [json.loads(line) for line in told[name].splitlines() if line.startswith("{")]
+        assert lines or name == "gateway", told[name]
+        assert {line["node_id"] for line in lines} <= {name}
 
 
 @dataclass

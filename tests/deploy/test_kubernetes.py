@@ -167,6 +167,16 @@ def test_every_setting_is_one_and_is_valid(tmp_path: Path, monkeypatch: pytest.M
             load_settings(data_dir=tmp_path)
 
 
+def test_every_process_of_ours_says_in_its_lines_which_it_is():
+    (shared,) = of_kind("ConfigMap")
+    assert shared["data"]["METANERF_LOG_FORMAT"] == "json"
+    for one in containers():
+        if "envFrom" in one:
+            given = {variable["name"]: variable for variable in one["env"]}
+            name = given["METANERF_NODE_ID"]["valueFrom"]["fieldRef"]
+            assert name == {"fieldPath": "metadata.name"}
+
+
 def test_secrets_are_referred_to_and_mounted_where_they_are_read():
     for pod in pods():
         volumes = {one["name"]: one for one in pod["spec"]["volumes"]}
@@ -213,10 +223,10 @@ def test_each_gateway_is_reached_by_an_address_of_its_own():
     (container,) = gateway["spec"]["template"]["spec"]["containers"]
     given = {one["name"]: one for one in container["env"]}
     url = given["METANERF_GATEWAY_URL"]["value"]
-    assert url.startswith("https://$(POD_NAME).")
-    assert given["POD_NAME"]["valueFrom"]["fieldRef"]["fieldPath"] == "metadata.name"
+    assert url.startswith("https://$(METANERF_NODE_ID).")
     names = list(given)
-    assert names.index("POD_NAME") < names.index("METANERF_GATEWAY_URL")  # or it is not put in
+    # or it is not put in
+    assert names.index("METANERF_NODE_ID") < names.index("METANERF_GATEWAY_URL")
     services = {one["metadata"]["name"]: one["spec"] for one in of_kind("Service")}
     for number in range(gateway["spec"]["replicas"]):
         pod = f"gateway-{number}"
