@@ -31,6 +31,8 @@ secret database_url "postgresql+psycopg://metanerf:$(cat secrets/postgres_passwo
 DOMAIN=localhost
 # Whether anybody may be a guest; otherwise only who has a token.
 OPEN_ACCESS=true
+# How many viewers a gateway takes at once: docs/operate.md says how to find what yours can.
+MAX_VIEWERS=36
 # The OpenID provider by which people log in, and what it calls this server; its secret is secrets/oidc_client_secret.
 OIDC_ISSUER=
 OIDC_CLIENT_ID=

@@ -37,6 +37,7 @@ from tests.services.seeds import uploaded
 
 SCHEMA = files("check_jsonschema") / "builtin_schemas" / "vendor" / "compose-spec.json"
 OURS = ("gateway", "capture", "worker")
+LOAD = ROOT / "docs" / "load.md"
 AS_THEY_ARE = {"objects", "bucket"}
 """Images of others without a user of their own."""
 
@@ -147,6 +148,20 @@ def test_every_process_of_ours_says_in_its_lines_which_it_is():
         if "METANERF_ENVIRONMENT" in service.get("environment", {}):
             assert service["environment"]["METANERF_LOG_FORMAT"] == "json"
             assert service["environment"]["METANERF_NODE_ID"] == name
+
+
+def test_a_gateway_takes_as_many_as_it_was_measured_to_hold():
+    measured = re.search(
+        r"Largest number that holds: \*\*(\d+)\*\* meetings of (\d+)", LOAD.read_text()
+    )
+    assert measured is not None
+    meetings, people = map(int, measured.groups())
+    taken = compose()["services"]["gateway"]["environment"]["METANERF_MAX_VIEWERS"]
+    assert int(taken) <= meetings * people
+    # the same in .env, and on Kubernetes
+    assert f"MAX_VIEWERS={taken}\n" in (ROOT / "scripts/secrets.sh").read_text()
+    manifest = (ROOT / "deploy/kubernetes/base/gateway.yaml").read_text()
+    assert f'METANERF_MAX_VIEWERS, value: "{taken}"' in manifest
 
 
 def test_what_is_mounted_is_there():
