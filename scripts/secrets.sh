@@ -27,7 +27,8 @@ secret database_url "postgresql+psycopg://metanerf:$(cat secrets/postgres_passwo
 
 [ -e .env ] || cat > .env <<'DOTENV'
 # The name under which browsers reach this machine. A public name gets a public certificate by itself;
-# localhost gets one of an authority of its own, which browsers warn of.
+# localhost gets one of an authority of its own, which browsers warn of. gateway-0.DOMAIN and gateway-1.DOMAIN
+# must lead here, too: a meeting lives on one of two gateways.
 DOMAIN=localhost
 # Whether anybody may be a guest; otherwise only who has a token.
 OPEN_ACCESS=true

@@ -1,22 +1,14 @@
 """docker-compose.yml: valid by the specification, and each of our services' own commands works.
 
-No container engine is needed: the commands run here, with the file's own environment and secrets,
-against a local PostgreSQL and Redis in place of those of the file. The S3 store is a folder.
+How the services work together: test_running.py.
 """
 
 from __future__ import annotations
 
+import ipaddress
 import json
 import re
-import signal
 import subprocess
-import sys
-import time
-import urllib.error
-import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -25,18 +17,13 @@ import jsonschema
 import jwt
 import pytest
 
-from db.models import JobKind, SequenceState
-from services.composition import build_services
-from services.container import Services
-from services.jobs.queue import enqueue
 from services.settings import load_settings
-from tests.deploy.composed import ROOT, compose, environment, make_secrets
+from tests.deploy.composed import ROOT, Stores, compose, gateways, make_secrets
 from tests.servers import free_port, program
 from tests.services.jobs.waiting import until
-from tests.services.seeds import uploaded
 
 SCHEMA = files("check_jsonschema") / "builtin_schemas" / "vendor" / "compose-spec.json"
-OURS = ("gateway", "capture", "worker")
+OURS = (*gateways(), "capture", "worker")
 LOAD = ROOT / "docs" / "load.md"
 AS_THEY_ARE = {"objects", "bucket"}
 """Images of others without a user of their own."""
@@ -69,7 +56,7 @@ def test_models_are_trained_by_the_profile_that_is_chosen():
     )
     assert services["worker"]["command"] == services["worker-gpu"]["command"]
     always = {name for name, one in services.items() if "profiles" not in one}
-    assert always >= {"proxy", "gateway", "capture", "turn", "postgres", "redis", "objects"}
+    assert always >= {"proxy", *gateways(), "capture", "turn", "postgres", "redis", "objects"}
 
 
 def test_images_are_exact_and_services_have_bounds():
@@ -128,8 +115,9 @@ def test_what_a_gateway_signed_before_holds_once_the_secret_is_another(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     folder = make_secrets(tmp_path)
-    gateway = environment(compose()["services"]["gateway"], tmp_path, 0, "redis://127.0.0.1")
-    for name, value in gateway.items():
+    stores = Stores(tmp_path, "redis://127.0.0.1", "http://127.0.0.1")
+    gateway = compose()["services"][gateways()[0]]
+    for name, value in stores.environment(gateway, 0).items():
         if name.startswith("METANERF_"):
             monkeypatch.setenv(name, value)
     before = load_settings()
@@ -156,7 +144,9 @@ def test_a_gateway_takes_as_many_as_it_was_measured_to_hold():
     )
     assert measured is not None
     meetings, people = map(int, measured.groups())
-    taken = compose()["services"]["gateway"]["environment"]["METANERF_MAX_VIEWERS"]
+    [taken] = {
+        compose()["services"][name]["environment"]["METANERF_MAX_VIEWERS"] for name in gateways()
+    }
     assert int(taken) <= meetings * people
     # the same in .env, and on Kubernetes
     assert f"MAX_VIEWERS={taken}\n" in (ROOT / "scripts/secrets.sh").read_text()
@@ -172,12 +162,41 @@ def test_what_is_mounted_is_there():
                 assert (ROOT / source).exists(), (name, source)
 
 
-def test_the_relay_reaches_the_gateway_and_nobody_else():
-    gateway = compose()["services"]["gateway"]
+def test_each_gateway_has_what_is_its_own_and_the_rest_in_common():
+    document, own = compose(DOMAIN="meet.example.org"), gateways()
+    services = [document["services"][name] for name in own]
+    assert len(services) >= 2
+    for name, service in zip(own, services, strict=True):
+        assert service["environment"].pop("METANERF_NODE_ID") == name
+        url = service["environment"].pop("METANERF_GATEWAY_URL")
+        assert url == f"https://{name}.meet.example.org"
+        assert service.pop("volumes") == [f"{name}:/data"]
+        assert document["services"]["proxy"]["depends_on"][name]["condition"] == "service_healthy"
+    [network] = document["networks"]["default"]["ipam"]["config"]
+    by_turns = ipaddress.ip_network(network["ip_range"])
+    addresses = [
+        ipaddress.ip_address(service.pop("networks")["default"]["ipv4_address"])
+        for service in services
+    ]
+    assert len(set(addresses)) == len(own)
+    for address in addresses:
+        assert address in ipaddress.ip_network(network["subnet"])
+        # or whatever starts first might be given it
+        assert address not in by_turns
+    assert all(service == services[0] for service in services)
+    caddyfile = (ROOT / "deploy" / "Caddyfile").read_text()
+    assert f"reverse_proxy {' '.join(f'{name}:8000' for name in own)} {{" in caddyfile
+    for name in own:
+        block = rf"^{name}\.{{\$DOMAIN:localhost}} {{[^}}]+ {name}:8000 {{"
+        assert re.search(block, caddyfile, re.MULTILINE), name
+
+
+def test_the_relay_reaches_the_gateways_and_nobody_else():
+    services = compose()["services"]
     allowed = re.findall(
         r"^allowed-peer-ip=(\S+)", (ROOT / "deploy/turnserver.conf").read_text(), re.MULTILINE
     )
-    assert allowed == [gateway["networks"]["default"]["ipv4_address"]]
+    assert allowed == [services[name]["networks"]["default"]["ipv4_address"] for name in gateways()]
 
 
 @pytest.mark.server
@@ -214,96 +233,3 @@ def passes(health_check: list[str]) -> bool:
         return subprocess.run(health_check, capture_output=True, timeout=1).returncode == 0
     except subprocess.TimeoutExpired:
         return False
-
-
-def test_each_service_starts_with_its_own_command_and_environment(
-    tmp_path: Path, postgres_url: str, redis_url: str
-):
-    (make_secrets(tmp_path) / "database_url").write_text(postgres_url)
-    services, port = compose()["services"], free_port()
-    main = [sys.executable, "-c", "from services.cli import main; main()"]
-    running = {
-        name: subprocess.Popen(
-            [*main, *services[name]["command"][1:]],
-            env=environment(services[name], tmp_path, port, redis_url),
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        for name in OURS
-    }
-    try:
-        checks = wait_ready(f"http://127.0.0.1:{port}/readyz", seconds=60)
-        assert checks == {"database": "ok", "objects": "ok", "redis": "ok"}
-        with one_job_of_each_kind(postgres_url, redis_url, tmp_path) as jobs:
-            takers = {
-                kind: until(partial(jobs.taker, kind), f"taking a {kind}") for kind in JobKind
-            }
-        assert takers == {
-            JobKind.CAPTURE: running["capture"].pid,
-            JobKind.TRAIN: running["worker"].pid,
-            JobKind.EXPORT: running["worker"].pid,
-        }
-        assert {name: process.poll() for name, process in running.items()} == dict.fromkeys(OURS)
-    finally:
-        for process in running.values():
-            process.send_signal(signal.SIGTERM)
-        told = {name: process.communicate(timeout=30)[1] for name, process in running.items()}
-    for name, process in running.items():
-        assert process.returncode in (0, -signal.SIGTERM), told[name]
-        lines = [json.loads(line) for line in told[name].splitlines() if line.startswith("{")]
-        assert lines or name == "gateway", told[name]
-        assert {line["node_id"] for line in lines} <= {name}
-
-
-@dataclass
-class Jobs:
-    """Jobs that no child can do, for want of a clip: enough to see who takes them."""
-
-    services: Services
-    ids: dict[JobKind, str]
-
-    def taker(self, kind: JobKind) -> int | None:
-        """The id of the process that has taken the job of this kind; None: it waits."""
-        with self.services.reading() as unit:
-            worker = unit.jobs.get(self.ids[kind]).worker
-        return None if worker is None else int(worker.rpartition(":")[2])
-
-
-@contextmanager
-def one_job_of_each_kind(database_url: str, redis_url: str, folder: Path) -> Iterator[Jobs]:
-    services = build_services(
-        load_settings(
-            data_dir=folder / "test",
-            object_store_url=f"file://{folder}/objects",
-            database_url=database_url,
-            redis_url=redis_url,
-        )
-    )
-    # nobody takes a training whose clip is still to be captured; one that lacks its frames is tried
-    # again, and the oldest job is taken first
-    states = {
-        JobKind.CAPTURE: SequenceState.UPLOADED,
-        JobKind.EXPORT: SequenceState.UPLOADED,
-        JobKind.TRAIN: SequenceState.READY,
-    }
-    clips = {kind: uploaded(services, state) for kind, state in states.items()}
-    with services.unit_of_work() as unit:
-        ids = {
-            kind: enqueue(unit, kind, clip, {}, services.clock()).id for kind, clip in clips.items()
-        }
-        unit.commit()
-    try:
-        yield Jobs(services, ids)
-    finally:
-        services.close()
-
-
-def wait_ready(address: str, seconds: float) -> dict[str, str]:
-    give_up = time.monotonic() + seconds
-    while time.monotonic() < give_up:
-        try:
-            with urllib.request.urlopen(address, timeout=2) as answer:
-                return json.load(answer)["checks"]
-        except (urllib.error.URLError, OSError):
-            time.sleep(0.3)
-    pytest.fail(f"{address} was not ready in {seconds} s")

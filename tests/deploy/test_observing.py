@@ -16,7 +16,7 @@ from prometheus_client import REGISTRY
 import services.live.motion.driving_channels
 import services.live.rendering.pool
 import services.metrics  # noqa: F401  (registers its figures, as those above do)
-from tests.deploy.composed import ROOT, compose
+from tests.deploy.composed import ROOT, compose, gateways
 from tests.servers import program
 
 DEPLOY = ROOT / "deploy"
@@ -77,8 +77,9 @@ def test_grafana_finds_prometheus_and_the_dashboard():
     assert {services[name]["profiles"][0] for name in ("prometheus", "grafana")} == {"observe"}
 
 
-def test_prometheus_asks_the_gateway_itself():
+def test_prometheus_asks_each_gateway_itself():
     scraped = yaml.safe_load((DEPLOY / "prometheus.yml").read_text())["scrape_configs"]
-    [target] = scraped[0]["static_configs"][0]["targets"]
-    name, _, port = target.partition(":")
-    assert f":{port}/" in compose()["services"][name]["healthcheck"]["test"][-1]
+    asked = [one.partition(":") for one in scraped[0]["static_configs"][0]["targets"]]
+    assert [name for name, _, _ in asked] == gateways()
+    for name, _, port in asked:
+        assert f":{port}/" in compose()["services"][name]["healthcheck"]["test"][-1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import ssl
 import subprocess
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -13,7 +12,8 @@ import pytest
 
 from services.app import create_app
 from services.container import Services
-from tests.deploy.composed import ROOT
+from tests.deploy.composed import gateways
+from tests.deploy.proxied import CADDYFILE, proxy_to
 from tests.servers import free_port, program
 from tests.services.conftest import bearer
 from tests.services.control.conftest import on_a_port
@@ -21,54 +21,28 @@ from tests.services.control.page import join
 from tests.services.seeds import queued_training, uploaded
 
 pytestmark = pytest.mark.server
-CADDYFILE = ROOT / "deploy" / "Caddyfile"
 
 
 @pytest.fixture
 async def proxied(
     services: Services, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> AsyncIterator[httpx.AsyncClient]:
-    """A caller of the gateway by the proxy, who trusts the authority that the proxy made itself."""
-    caddy, https = program("caddy"), free_port()
+    """A caller of the gateway by the proxy."""
     async with on_a_port(create_app(services), services) as direct:
-        configuration = tmp_path / "Caddyfile"
-        text = CADDYFILE.read_text()
-        text = text.replace("{\n", f"{{\n\thttp_port {free_port()}\n", 1)
-        configuration.write_text(text.replace("gateway:8000", f"127.0.0.1:{direct.base_url.port}"))
-        process = subprocess.Popen(
-            [caddy, "run", "--adapter", "caddyfile", "--config", configuration],
-            env={"HOME": str(tmp_path), "DOMAIN": f"localhost:{https}"},
-            stderr=subprocess.DEVNULL,
-        )
-        root = tmp_path / ".local/share/caddy/pki/authorities/local/root.crt"
+        port = direct.base_url.port
+        assert port is not None
+        ports = dict.fromkeys(gateways(), port)
+        places = (tmp_path, free_port(), free_port(), monkeypatch)
+        # the gateway serves on this event loop, which must not wait
+        opened = proxy_to(ports, *places)
+        proxy = await asyncio.to_thread(opened.__enter__)
         try:
-            async with asyncio.timeout(30.0):
-                while not root.exists():
-                    assert process.poll() is None, "the proxy ended"
-                    await asyncio.sleep(0.05)
-            monkeypatch.setenv("SSL_CERT_FILE", str(root))
             async with httpx.AsyncClient(
-                base_url=f"https://localhost:{https}",
-                headers=bearer(services),
-                verify=ssl.create_default_context(cafile=str(root)),
-                timeout=30.0,
+                base_url=proxy.url, headers=bearer(services), verify=proxy.trust(), timeout=30.0
             ) as caller:
-                await answering(caller)
                 yield caller
         finally:
-            process.terminate()
-            process.wait()
-
-
-async def answering(caller: httpx.AsyncClient) -> None:
-    """Return once the proxy has its certificate."""
-    async with asyncio.timeout(30.0):
-        while True:
-            try:
-                await caller.get("/healthz")
-                return
-            except httpx.TransportError:
-                await asyncio.sleep(0.1)
+            opened.__exit__(None, None, None)
 
 
 def test_its_configuration_is_valid(tmp_path: Path):
