@@ -14,6 +14,7 @@ import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -140,21 +141,69 @@ def mortal_redis() -> Iterator[MortalRedis]:
 
 
 @dataclass(frozen=True)
+class SelfSigned:
+    """A certificate that nobody vouches for, in PEM."""
+
+    certificate: bytes
+    key: bytes
+
+
+def self_signed(name: str) -> SelfSigned:
+    """One for a host of this name, good for a day."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+    from cryptography.x509.oid import NameOID
+
+    key, now = ec.generate_private_key(ec.SECP256R1()), datetime.now(UTC)
+    whose = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    made = (
+        x509.CertificateBuilder(whose, whose, key.public_key(), x509.random_serial_number())
+        .not_valid_before(now - timedelta(hours=1))
+        .not_valid_after(now + timedelta(days=1))
+        .add_extension(x509.SubjectAlternativeName([x509.DNSName(name)]), critical=False)
+        .sign(key, hashes.SHA256())
+    )
+    return SelfSigned(
+        made.public_bytes(serialization.Encoding.PEM),
+        key.private_bytes(
+            serialization.Encoding.PEM,
+            serialization.PrivateFormat.PKCS8,
+            serialization.NoEncryption(),
+        ),
+    )
+
+
+@dataclass(frozen=True)
 class TurnServer:
     """A coturn on this machine, as deployed."""
 
     url: str
+    """Without a transport: UDP, or TCP."""
+    tls_url: str
+    """By TLS."""
     secret: str
+    certificate: Path
+    """What is to be trusted for TLS."""
 
 
 @pytest.fixture
 def turn_server(tmp_path: Path) -> Iterator[TurnServer]:
     """A coturn with the configuration that is deployed; its one peer is this machine."""
-    port, own_address = free_port(), get_host_addresses(use_ipv4=True, use_ipv6=False)[0]
-    made = TurnServer(f"turn:127.0.0.1:{port}", uuid.uuid4().hex)
+    port, tls_port = free_port(), free_port()
+    own_address = get_host_addresses(use_ipv4=True, use_ipv6=False)[0]
+    certificate, key = tmp_path / "turn.crt", tmp_path / "turn.key"
+    vouched = self_signed("localhost")
+    certificate.write_bytes(vouched.certificate)
+    key.write_bytes(vouched.key)
+    tls_url = f"turns:localhost:{tls_port}?transport=tcp"
+    made = TurnServer(f"turn:127.0.0.1:{port}", tls_url, uuid.uuid4().hex, certificate)
     options = {
         "listening-ip": "127.0.0.1",
         "listening-port": port,
+        "tls-listening-port": tls_port,
+        "cert": certificate,
+        "pkey": key,
         "relay-ip": own_address,
         "allowed-peer-ip": own_address,
         "static-auth-secret": made.secret,

@@ -7,8 +7,14 @@ from __future__ import annotations
 
 import ipaddress
 import json
+import os
 import re
+import signal
+import socket
+import ssl
 import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -19,7 +25,7 @@ import pytest
 
 from services.settings import load_settings
 from tests.deploy.composed import ROOT, Stores, compose, gateways, make_secrets
-from tests.servers import free_port, program
+from tests.servers import free_port, program, self_signed
 from tests.services.jobs.waiting import until
 
 SCHEMA = files("check_jsonschema") / "builtin_schemas" / "vendor" / "compose-spec.json"
@@ -199,32 +205,125 @@ def test_the_relay_reaches_the_gateways_and_nobody_else():
     assert allowed == [services[name]["networks"]["default"]["ipv4_address"] for name in gateways()]
 
 
-@pytest.mark.server
-def test_the_relay_starts_with_its_own_command_and_hides_its_secret(tmp_path: Path):
-    service, port = compose()["services"]["turn"], free_port()
-    secret = (make_secrets(tmp_path) / "turn_secret").read_text()
-    settings = (ROOT / "deploy/turnserver.conf").read_text()
-    (tmp_path / "turnserver.conf").write_text(settings.replace("port=3478", f"port={port}"))
-    (tmp_path / "tmp").mkdir()
+@dataclass(frozen=True)
+class Relay:
+    """The service `turn` by its own command, below a folder."""
+
+    folder: Path
+    port: int
+    tls_port: int
+    process: subprocess.Popen[bytes]
+
+    def give_certificate(self, name: str) -> bytes:
+        """Put one where the proxy keeps those that `name` gave it; in DER."""
+        at = self.folder / "proxy/caddy/certificates" / name / "localhost"
+        at.mkdir(parents=True)
+        made = self_signed("localhost")
+        (at / "localhost.key").write_bytes(made.key)
+        (at / "localhost.crt").write_bytes(made.certificate)
+        return ssl.PEM_cert_to_DER_cert(made.certificate.decode())
+
+    def certificate(self) -> bytes | None:
+        """What it shows to whoever comes by TLS, in DER."""
+        trusting = ssl.create_default_context()
+        trusting.check_hostname, trusting.verify_mode = False, ssl.CERT_NONE
+        try:
+            with (
+                socket.create_connection(("127.0.0.1", self.tls_port), timeout=2) as line,
+                trusting.wrap_socket(line) as secured,
+            ):
+                return secured.getpeercert(binary_form=True)
+        except OSError:
+            return None
+
+
+@pytest.fixture
+def relay(tmp_path: Path) -> Iterator[Relay]:
+    service, port, tls_port = compose()["services"]["turn"], free_port(), free_port()
     assert program("turnserver")
-    command = service["command"][0].replace("$$", "$")
+    make_secrets(tmp_path)
+    settings = (ROOT / "deploy/turnserver.conf").read_text()
+    settings = settings.replace("port=3478", f"port={port}").replace(
+        "port=5349", f"port={tls_port}"
+    )
+    (tmp_path / "turnserver.conf").write_text(settings)
+    (tmp_path / "tmp").mkdir()
+    shell, script = service["entrypoint"]
+    [source] = [one.split(":")[0] for one in service["volumes"] if one.split(":")[1] == script]
+    text = (ROOT / source).read_text().replace("sleep 10", "sleep 0.1")
     for there, here in {
         "/etc/coturn": tmp_path,
         "/run/secrets": tmp_path / "secrets",
         "/tmp/turn": f"{tmp_path}/tmp/turn",
+        "/proxy": tmp_path / "proxy",
     }.items():
-        command = re.sub(rf"(?<![\w.]){re.escape(there)}", str(here), command)
-    relay = subprocess.Popen([*service["entrypoint"], command], stdout=subprocess.DEVNULL)
+        text = re.sub(rf"(?<![\w.]){re.escape(there)}", str(here), text)
+    (tmp_path / "turn.sh").write_text(text)
+    surroundings = os.environ | service["environment"]
+    process = subprocess.Popen(
+        [shell, str(tmp_path / "turn.sh")], env=surroundings, stdout=subprocess.DEVNULL
+    )
     check = [*service["healthcheck"]["test"][1:]]
     check[check.index("3478")] = str(port)
     try:
         until(partial(passes, check), "a relay that is up")
-        shown = Path(f"/proc/{relay.pid}/cmdline").read_text()
-        assert "turnserver" in shown
-        assert secret not in shown
+        yield Relay(tmp_path, port, tls_port, process)
     finally:
-        relay.kill()
-        relay.wait()
+        process.terminate()
+        assert process.wait(timeout=10) == 128 + signal.SIGTERM
+    assert not passes(check), "the relay outlived its service"
+
+
+@pytest.mark.server
+def test_the_relay_starts_with_its_own_command_and_hides_its_secret(relay: Relay):
+    secret = (relay.folder / "secrets" / "turn_secret").read_text()
+    shown = [
+        path.read_text()
+        for path in Path("/proc").glob("[0-9]*/cmdline")
+        if str(relay.folder) in readable(path)
+    ]
+    assert any("turnserver\0" in one for one in shown)
+    assert not any(secret in one for one in shown)
+
+
+@pytest.mark.server
+def test_the_relay_speaks_tls_by_the_proxys_certificate_once_there_is_one(relay: Relay):
+    assert relay.certificate() is None
+    first = relay.give_certificate("an-authority")
+    until(lambda: relay.certificate() == first, "TLS")
+    # renewed, by another authority
+    second = relay.give_certificate("the-next")
+    started = (relay.folder / "tmp" / "turnserver.pid").stat()
+    until(lambda: relay.certificate() == second, "the next certificate")
+    assert (relay.folder / "tmp" / "turnserver.pid").stat() == started
+
+
+def test_browsers_are_told_of_each_way_to_the_relay():
+    services = compose(DOMAIN="meet.example.org")["services"]
+    settings = (ROOT / "deploy/turnserver.conf").read_text().splitlines()
+    for name in gateways():
+        assert json.loads(services[name]["environment"]["METANERF_TURN_URLS"]) == [
+            "turn:meet.example.org:3478?transport=udp",
+            "turn:meet.example.org:3478?transport=tcp",
+            "turns:meet.example.org:5349?transport=tcp",
+        ]
+    assert {"listening-port=3478", "tls-listening-port=5349"} <= set(settings)
+
+
+def test_the_relay_reads_the_proxys_certificate_as_the_same_user():
+    service = compose()["services"]["turn"]
+    assert "proxy:/proxy:ro" in service["volumes"]
+    user = re.search(r"adduser .* -u (\d+) proxy\b", (ROOT / "Dockerfile").read_text())
+    assert user is not None
+    assert user[1] == service["user"]
+
+
+def readable(path: Path) -> str:
+    """The text of a file of /proc; nothing of a process that has ended."""
+    try:
+        return path.read_text()
+    except OSError:
+        return ""
 
 
 def passes(health_check: list[str]) -> bool:

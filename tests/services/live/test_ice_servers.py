@@ -89,11 +89,17 @@ async def test_whoever_joins_or_connects_gets_them_and_no_log_does(
     await gateway_of(app).close()
 
 
-@pytest.mark.parametrize("transport", ["udp", "tcp"])
+@pytest.mark.parametrize("transport", ["udp", "tcp", "tls"])
 async def test_a_viewer_who_has_only_a_relay_sees(
-    services: Services, model_file, turn_server: TurnServer, transport: str
+    services: Services,
+    model_file,
+    turn_server: TurnServer,
+    transport: str,
+    monkeypatch: pytest.MonkeyPatch,
 ):
-    url = f"{turn_server.url}?transport={transport}"
+    by_tls = transport == "tls"
+    url = turn_server.tls_url if by_tls else f"{turn_server.url}?transport={transport}"
+    monkeypatch.setenv("SSL_CERT_FILE", str(turn_server.certificate))
     settings = settings_with(url, turn_server.secret, services)
     app = create_app(replace(services, settings=settings))
     async with httpx.AsyncClient(
@@ -115,6 +121,17 @@ async def test_a_viewer_who_has_only_a_relay_sees(
         assert (await viewer.frame()).std() > 5
         await viewer.peer.close()
     await gateway_of(app).close()
+
+
+async def test_a_viewer_takes_no_relay_by_tls_that_nobody_vouches_for(
+    services: Services, turn_server: TurnServer
+):
+    settings = settings_with(turn_server.tls_url, turn_server.secret, services)
+    [relay] = ice_servers(settings.live, "ada", datetime.now(UTC))
+    given = {"urls": relay.urls, "username": relay.username, "credential": relay.credential}
+    viewer = Viewer(relayed(given))
+    assert "typ relay" not in await viewer.offer()
+    await viewer.peer.close()
 
 
 @pytest.mark.parametrize(("secret", "age_s"), [("another secret", 0), (None, 86_400)])
