@@ -96,12 +96,14 @@ install_chromium() {
   fi
 }
 
-# servers of docker-compose.yml that tests run as they are deployed; without them those tests are skipped
+# servers of docker-compose.yml that tests run as they are deployed, and what lays networks between them;
+# without them those tests are skipped
 install_servers() {
-  command -v turnserver >/dev/null && command -v caddy >/dev/null && command -v promtool >/dev/null && return
+  command -v turnserver >/dev/null && command -v caddy >/dev/null && command -v promtool >/dev/null \
+    && command -v ip >/dev/null && return
   can_apt || return 0
   echo "setup: installing the servers that the deployment's tests run"
-  apt_update_once && apt-get install -y -qq --no-install-recommends coturn caddy prometheus >/dev/null
+  apt_update_once && apt-get install -y -qq --no-install-recommends coturn caddy prometheus iproute2 >/dev/null
 }
 
 # the S3 store of the tests has an environment of its own: it takes no python-dateutil of version 4

@@ -44,21 +44,26 @@ class Proxy:
         return ssl.create_default_context(cafile=str(self.authority))
 
 
+def proxy_command(folder: Path, addresses: Mapping[str, str], http: int = 80) -> list[str]:
+    """The service's own, by which each gateway is at an address (host and port) of this machine."""
+    configuration = folder / "Caddyfile"
+    text = CADDYFILE.read_text().replace("{\n", f"{{\n\thttp_port {http}\n", 1)
+    for name, address in addresses.items():
+        text = text.replace(f"{name}:8000", address)
+    configuration.write_text(text)
+    first, *words = compose()["services"]["proxy"]["command"]
+    return [program(first), *(w.replace("/etc/caddy/Caddyfile", str(configuration)) for w in words)]
+
+
 @contextmanager
 def proxy_to(
     ports: Mapping[str, int], folder: Path, https: int, http: int, patch: pytest.MonkeyPatch
 ) -> Iterator[Proxy]:
     """One that brings calls to the gateways' ports; this process trusts it, and finds its names."""
-    configuration = folder / "Caddyfile"
-    text = CADDYFILE.read_text().replace("{\n", f"{{\n\thttp_port {http}\n", 1)
-    for name in gateways():
-        text = text.replace(f"{name}:8000", f"127.0.0.1:{ports[name]}")
-    configuration.write_text(text)
     made = Proxy(f"localhost:{https}", folder / ".local/share/caddy/pki/authorities/local/root.crt")
-    first, *words = compose()["services"]["proxy"]["command"]
-    words = [word.replace("/etc/caddy/Caddyfile", str(configuration)) for word in words]
+    command = proxy_command(folder, {name: f"127.0.0.1:{at}" for name, at in ports.items()}, http)
     process = subprocess.Popen(
-        [program(first), *words],
+        command,
         env={"HOME": str(folder), "DOMAIN": made.domain},
         stderr=subprocess.DEVNULL,
     )

@@ -25,7 +25,8 @@ import pytest
 
 from services.settings import load_settings
 from tests.deploy.composed import ROOT, Stores, compose, gateways, make_secrets
-from tests.servers import free_port, program, self_signed
+from tests.deploy.relayed import relay_command
+from tests.servers import free_port, self_signed
 from tests.services.jobs.waiting import until
 
 SCHEMA = files("check_jsonschema") / "builtin_schemas" / "vendor" / "compose-spec.json"
@@ -240,28 +241,11 @@ class Relay:
 @pytest.fixture
 def relay(tmp_path: Path) -> Iterator[Relay]:
     service, port, tls_port = compose()["services"]["turn"], free_port(), free_port()
-    assert program("turnserver")
     make_secrets(tmp_path)
-    settings = (ROOT / "deploy/turnserver.conf").read_text()
-    settings = settings.replace("port=3478", f"port={port}").replace(
-        "port=5349", f"port={tls_port}"
-    )
-    (tmp_path / "turnserver.conf").write_text(settings)
-    (tmp_path / "tmp").mkdir()
-    shell, script = service["entrypoint"]
-    [source] = [one.split(":")[0] for one in service["volumes"] if one.split(":")[1] == script]
-    text = (ROOT / source).read_text().replace("sleep 10", "sleep 0.1")
-    for there, here in {
-        "/etc/coturn": tmp_path,
-        "/run/secrets": tmp_path / "secrets",
-        "/tmp/turn": f"{tmp_path}/tmp/turn",
-        "/proxy": tmp_path / "proxy",
-    }.items():
-        text = re.sub(rf"(?<![\w.]){re.escape(there)}", str(here), text)
-    (tmp_path / "turn.sh").write_text(text)
-    surroundings = os.environ | service["environment"]
     process = subprocess.Popen(
-        [shell, str(tmp_path / "turn.sh")], env=surroundings, stdout=subprocess.DEVNULL
+        relay_command(tmp_path, {3478: port, 5349: tls_port}),
+        env=os.environ | service["environment"],
+        stdout=subprocess.DEVNULL,
     )
     check = [*service["healthcheck"]["test"][1:]]
     check[check.index("3478")] = str(port)
