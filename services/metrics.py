@@ -11,6 +11,7 @@ from db.errors import DatabaseError
 from db.models import JobKind, JobState
 from services.container import Services
 from services.gateway import Gateway
+from services.process_figures import describe_process
 from services.readiness import OK, check_stores
 
 REQUESTS = Counter("metanerf_requests_total", "Answered requests.", ["method", "route", "status"])
@@ -24,6 +25,8 @@ JOBS = Gauge("metanerf_jobs", "Jobs by kind and state.", ["kind", "state"])
 VIEWERS = Gauge("metanerf_viewers", "Viewers served live now.")
 RENDER_MS = Gauge("metanerf_render_milliseconds", "Median of the latest renders, ms.")
 PARTICIPANTS = Gauge("metanerf_participants", "Pages on the control channel now.")
+VOICES = Gauge("metanerf_voices", "Voice connections now.")
+MEETINGS = Gauge("metanerf_meetings", "Meetings that somebody watches here now.")
 STORES = Gauge("metanerf_store_up", "1 where a store answers, else 0.", ["store"])
 
 
@@ -56,7 +59,10 @@ class CountRequests:
 
 def measure(gateway: Gateway) -> None:
     """Have the figures of live sessions read from `gateway` whenever they are asked for."""
+    describe_process(gateway.services.settings.server.log_style.node_id)
     VIEWERS.set_function(lambda: len(gateway.views))
+    VOICES.set_function(lambda: len(gateway.voices))
+    MEETINGS.set_function(lambda: gateway.views.meetings)
     RENDER_MS.set_function(lambda: _median(gateway.views.render_milliseconds()))
     PARTICIPANTS.set_function(lambda: len(gateway.hub))
 

@@ -345,6 +345,13 @@ class JobSettings(Group):
         validation_alias="METANERF_JOB_CRASHES",
         description="Crashes after which a job fails.",
     )
+    metrics_port: int = Field(
+        default=0,
+        ge=0,
+        le=65535,
+        validation_alias="METANERF_WORKER_METRICS_PORT",
+        description="Port of a worker's own /metrics, at METANERF_HOST; 0: none.",
+    )
     max_budget_s: float = Field(
         default=3600.0,
         gt=0.0,

@@ -92,6 +92,7 @@ def worker(
     settings = load_settings(**_given(worker_kinds=kinds))
     services = build_services(settings)
     logs.configure(settings.server.log_style, trace=services.tracing.here)
+    _serve_figures(settings)
     services.database.migrate()
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -99,6 +100,25 @@ def worker(
     taken = [JobKind(kind) for kind in settings.jobs.worker_kinds]
     Worker(services, taken, _open_engine(engine, settings)).run(stop)
     services.close()
+
+
+def _serve_figures(settings: Settings) -> None:
+    """A worker's own, where a port is set. Raises PortTaken."""
+    from prometheus_client import start_http_server
+
+    from services.process_figures import describe_process
+
+    host, port = settings.server.host, settings.jobs.metrics_port
+    if port == 0:
+        return
+    describe_process(settings.server.log_style.node_id)
+    try:
+        start_http_server(port, host)
+    except OSError as error:
+        raise PortTaken(
+            f"port {port} of {host} must be free for a worker's figures; got {error.strerror}; end "
+            "the other program or set METANERF_WORKER_METRICS_PORT to another"
+        ) from error
 
 
 def _open_engine(name: EngineName, settings: Settings) -> Engine:

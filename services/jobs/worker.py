@@ -15,6 +15,8 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from datetime import datetime
 
+from prometheus_client import Gauge, Histogram
+
 from db.errors import DatabaseError, NotFound
 from db.models import JobKind, JobRow, JobState
 from db.repositories import UnitOfWork
@@ -27,6 +29,14 @@ from services.jobs.queue import Orphan, crashed, drop_orphans, interrupted
 
 log = logging.getLogger(__name__)
 
+ATTEMPTS = Histogram(
+    "metanerf_job_attempt_seconds",
+    "Attempts at jobs by this worker, by kind and what became of them, s.",
+    ["kind", "outcome"],
+    buckets=(5, 15, 30, 60, 120, 300, 600, 1800, 3600),
+)
+"""ended (the job's row says how); crashed; interrupted (for no fault of the job)."""
+RUNNING = Gauge("metanerf_job_attempts", "Attempts at jobs by this worker now.", ["kind"])
 _START_S = 90.0
 """Time an execution has to give its first sign of life; its worker's count for it till then."""
 _POLL_S = 0.5
@@ -42,6 +52,7 @@ _LAST_WORDS_S = 5.0
 class _Running:
     lease: JobLease
     execution: Execution
+    kind: JobKind
     renewed_at: datetime | None
     """Our last sign of life for it: a heartbeat that is another is the execution's own."""
     started_s: float = field(default_factory=time.monotonic)
@@ -90,7 +101,9 @@ class Worker:
             told = {"job_id": job.id}
             log.info("job %s (%s), attempt %d", job.id, job.kind, job.attempt, extra=told)
             lease = JobLease(job.id, job.person_id, job.attempt)
-            self._running.append(_Running(lease, self._engine.start(job), job.heartbeat_at))
+            execution = self._engine.start(job)
+            self._running.append(_Running(lease, execution, job.kind, job.heartbeat_at))
+            RUNNING.labels(job.kind.value).inc()
             waiting[job.kind] -= 1
 
     def _kinds_with_room(self, waiting: dict[JobKind, int]) -> set[JobKind]:
@@ -120,7 +133,6 @@ class Worker:
     def _watch(self, running: _Running) -> None:
         ended = running.execution.ended()
         if ended is not None:
-            self._running.remove(running)
             self._reap(running, ended)
             return
         job = self._wanted(running)
@@ -151,6 +163,8 @@ class Worker:
         return job if ours and not job.cancel_requested else None
 
     def _reap(self, running: _Running, ended: Ended) -> None:
+        self._running.remove(running)
+        RUNNING.labels(running.kind.value).dec()
         orphans: list[Orphan] = []
         with self._services.unit_of_work() as unit:
             # locks the row; matches only where the execution left no end of its own
@@ -158,6 +172,9 @@ class Worker:
             if left:
                 orphans = self._given_back(unit, unit.jobs.get(running.lease.job_id), ended)
             unit.commit()
+        outcome = "ended" if not left else "crashed" if ended.is_crash else "interrupted"
+        seconds = time.monotonic() - running.started_s
+        ATTEMPTS.labels(running.kind.value, outcome).observe(seconds)
         drop_orphans(self._services, orphans)
         self._services.events.publish(job_topic(running.lease.job_id))
 
@@ -210,7 +227,6 @@ class Worker:
                 one.execution.stop()
                 if (ended := one.execution.ended()) is None:
                     continue
-                self._running.remove(one)
                 try:
                     self._reap(one, ended)
                 except DatabaseError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -96,6 +97,12 @@ class Room:
     """Whether motion is encrypted: it is passed on as it came, and nothing can be drawn."""
     sealed_motions: dict[str, bytes] = field(default_factory=dict)
     """By performer id, the newest sealed packet that was not passed on yet."""
+
+    @property
+    def newest_arrival_s(self) -> float:
+        """When the newest motion of anybody came, by our clock; -inf before the first."""
+        arrivals = [motion.arrived_s for motion in list(self.live_motions.values())]
+        return max((one for one in arrivals if one is not None), default=-math.inf)
 
     def scene_at(
         self, now_s: float, *, hide_unseen: bool = False, live_look: bool = False

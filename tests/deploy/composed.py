@@ -67,6 +67,7 @@ class Stores:
             "METANERF_S3_ENDPOINT_URL": self.s3_endpoint,
             "METANERF_DATA_DIR": str(self.folder / given["METANERF_NODE_ID"]),
             "METANERF_PORT": str(port),
+            "METANERF_WORKER_METRICS_PORT": str(port),
         }
 
     def start(self, service: Mapping[str, Any], port: int) -> subprocess.Popen[str]:

@@ -13,6 +13,7 @@ import pytest
 import yaml
 from prometheus_client import REGISTRY
 
+import services.jobs.worker
 import services.live.motion.driving_channels
 import services.live.rendering.pool
 import services.metrics  # noqa: F401  (registers its figures, as those above do)
@@ -52,11 +53,25 @@ def test_every_alarm_is_tried_out_and_explained():
 def test_charts_and_alarms_are_about_figures_that_exist():
     known = {sample.name for family in REGISTRY.collect() for sample in family.samples}
     known |= {family.name for family in REGISTRY.collect()}
-    known |= {f"{name}_bucket" for name in known} | {f"{name}_total" for name in known}
+    known |= {f"{name}_{part}" for name in known for part in ("bucket", "count", "total")}
     charted = [target["expr"] for panel in DASHBOARD["panels"] for target in panel["targets"]]
     for expression in [*charted, *(rule["expr"] for rule in RULES)]:
         for name in re.findall(r"\bmetanerf_\w+", expression):
             assert name in known, expression
+
+
+def test_no_panel_lies_on_another():
+    taken: set[tuple[int, int]] = set()
+    for panel in DASHBOARD["panels"]:
+        at = panel["gridPos"]
+        cells = {
+            (x, y)
+            for x in range(at["x"], at["x"] + at["w"])
+            for y in range(at["y"], at["y"] + at["h"])
+        }
+        assert not cells & taken, panel["title"]
+        taken |= cells
+    assert len({panel["id"] for panel in DASHBOARD["panels"]}) == len(DASHBOARD["panels"])
 
 
 def test_grafana_finds_prometheus_and_the_dashboard():
@@ -77,8 +92,16 @@ def test_grafana_finds_prometheus_and_the_dashboard():
     assert {services[name]["profiles"][0] for name in ("prometheus", "grafana")} == {"observe"}
 
 
-def test_prometheus_asks_each_gateway_itself():
+def test_prometheus_asks_each_gateway_and_worker_itself():
     scraped = yaml.safe_load((DEPLOY / "prometheus.yml").read_text())["scrape_configs"]
+    assert [one["job_name"] for one in scraped] == ["gateway", "worker"]
+    [by_name] = scraped[1]["dns_sd_configs"]
+    workers = {
+        name: service["environment"]["METANERF_WORKER_METRICS_PORT"]
+        for name, service in compose()["services"].items()
+        if service.get("command", [])[:2] == ["metanerf", "worker"]
+    }
+    assert dict.fromkeys(by_name["names"], by_name["port"]) == workers
     asked = [one.partition(":") for one in scraped[0]["static_configs"][0]["targets"]]
     assert [name for name, _, _ in asked] == gateways()
     for name, _, port in asked:

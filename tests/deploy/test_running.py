@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from pathlib import Path
 
 import httpx
 import pytest
+import yaml
 
 from db.models import JobKind, SequenceState
 from services.composition import build_services
@@ -43,7 +45,7 @@ class Deployed:
     stores: Stores
     proxy: Proxy
     ports: dict[str, int]
-    """Of gateways, by their names."""
+    """Of gateways, and of workers' figures, by their names."""
     running: dict[str, subprocess.Popen[str]]
 
     def caller(self, url: str, token: str = "") -> httpx.AsyncClient:
@@ -63,12 +65,12 @@ def deployed(
         postgres_url = stack.enter_context(fresh_database("postgresql", folder))
         stores = Stores.of_this_machine(folder, postgres_url, redis_url, s3_endpoint)
         patch = stack.enter_context(pytest.MonkeyPatch.context())
-        https, ports = free_port(), {name: free_port() for name in gateways()}
+        https, ports = free_port(), {name: free_port() for name in OURS}
         services = compose(DOMAIN=f"localhost:{https}")["services"]
-        running = {name: stores.start(services[name], ports.get(name, 0)) for name in OURS}
+        running = {name: stores.start(services[name], ports[name]) for name in OURS}
         try:
-            for port in ports.values():
-                ready = wait_ready(port)
+            for name in gateways():
+                ready = wait_ready(ports[name])
                 assert ready == {"database": "ok", "objects": "ok", "redis": "ok"}
             with proxy_to(ports, folder, https, free_port(), patch) as proxy:
                 yield Deployed(stores, proxy, ports, running)
@@ -81,18 +83,24 @@ def deployed(
     for name, process in running.items():
         assert process.returncode in (0, -signal.SIGTERM), told[name]
         lines = [json.loads(line) for line in told[name].splitlines() if line.startswith("{")]
-        assert lines or name in ports, told[name]
+        assert lines or name in gateways(), told[name]
         assert {line["node_id"] for line in lines} <= {name}
 
 
 def test_each_kind_of_job_is_taken_by_its_worker(deployed: Deployed):
     with one_job_of_each_kind(deployed.stores) as jobs:
         takers = {kind: until(partial(jobs.taker, kind), f"taking a {kind}") for kind in JobKind}
-    assert takers == {
-        JobKind.CAPTURE: deployed.running["capture"].pid,
-        JobKind.TRAIN: deployed.running["worker"].pid,
-        JobKind.EXPORT: deployed.running["worker"].pid,
-    }
+    by = {JobKind.CAPTURE: "capture", JobKind.TRAIN: "worker", JobKind.EXPORT: "worker"}
+    assert takers == {kind: deployed.running[name].pid for kind, name in by.items()}
+    address = f"http://127.0.0.1:{deployed.ports['capture']}/metrics"
+    tried = r'job_attempt_seconds_count{kind="capture",outcome="\w+"} [1-9]'
+    until(partial(found_in, address, tried), "the end of an attempt")
+    assert found_in(address, 'metanerf_node_info{node_id="capture"} 1')
+
+
+def found_in(address: str, pattern: str) -> bool:
+    """Whether the figures there hold this."""
+    return re.search(pattern, httpx.get(address).text) is not None
 
 
 async def test_any_gateway_answers_and_sends_people_to_where_their_meeting_lives(
@@ -155,12 +163,17 @@ async def test_what_ends_is_left_out_and_its_meetings_go_on_at_the_other(deploye
     await asyncio.to_thread(wait_ready, deployed.ports[name])
 
 
-def test_prometheus_finds_each_gateway(deployed: Deployed, tmp_path: Path):
+def test_prometheus_finds_each_gateway_and_worker(deployed: Deployed, tmp_path: Path):
     folder, port = ROOT / "deploy", free_port()
     text = (folder / "prometheus.yml").read_text()
-    for name, at in deployed.ports.items():
-        text = text.replace(f"{name}:8000", f"127.0.0.1:{at}")
-    (tmp_path / "prometheus.yml").write_text(text.replace("15s", "1s"))
+    for name in gateways():
+        text = text.replace(f"{name}:8000", f"127.0.0.1:{deployed.ports[name]}")
+    configuration = yaml.safe_load(text.replace("15s", "1s"))
+    # no names of a container engine's are known here
+    workers = [f"127.0.0.1:{deployed.ports[name]}" for name in OURS if name not in gateways()]
+    del configuration["scrape_configs"][1]["dns_sd_configs"]
+    configuration["scrape_configs"][1]["static_configs"] = [{"targets": workers}]
+    (tmp_path / "prometheus.yml").write_text(yaml.safe_dump(configuration))
     (tmp_path / "alerts.yml").write_text((folder / "alerts.yml").read_text())
     places = (("=/etc/prometheus/", f"={tmp_path}/"), ("=/prometheus", f"={tmp_path}/db"))
     words = compose()["services"]["prometheus"]["command"]
@@ -174,12 +187,12 @@ def test_prometheus_finds_each_gateway(deployed: Deployed, tmp_path: Path):
             answer = httpx.get(f"http://127.0.0.1:{port}/api/v1/query", params={"query": "up"})
         except httpx.TransportError:
             return {}
-        of = answer.json().get("data", {}).get("result", [])
+        of = answer.json()["data"]["result"] if answer.is_success else []
         return {one["metric"]["instance"]: one["value"][1] for one in of}
 
     try:
         up = dict.fromkeys((f"127.0.0.1:{at}" for at in deployed.ports.values()), "1")
-        until(lambda: found() == up, "figures of each gateway")
+        until(lambda: found() == up, "figures of each")
     finally:
         process.terminate()
         process.wait()

@@ -145,6 +145,11 @@ class ViewSessions:
     def __len__(self) -> int:
         return len(self._sessions)
 
+    @property
+    def meetings(self) -> int:
+        """How many are watched here."""
+        return len({session.meeting_id for session in self._sessions.values()})
+
     def warm_up(self) -> None:
         """Prepare what draws before the first viewer comes; returns at once."""
         self._renderers.warm_up()

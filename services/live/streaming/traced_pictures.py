@@ -42,8 +42,7 @@ class TracedPictures(Instrumentation):
 
     def begin_picture(self, room: Room, now_s: float) -> PictureTimes | None:
         """What notes how a picture goes on that is the first to show a packet, once in a while."""
-        arrivals = [motion.arrived_s for motion in list(room.live_motions.values())]
-        newest_s = max((one for one in arrivals if one is not None), default=-math.inf)
+        newest_s = room.newest_arrival_s
         before_s = self._shown_s.get(room, newest_s)
         self._shown_s[room] = newest_s
         if newest_s <= before_s or now_s - self._traced_s < INTERVAL_S:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 
 from aiortc import MediaStreamTrack
 from av import Packet
+from prometheus_client import Counter, Histogram
 
 from scene.camera import Camera
 from services.live.aiortc_compat import MediaStreamError
@@ -39,6 +40,18 @@ _KEY_FRAME_INTERVAL_S = 0.3
 """Least time between two key frames: a connection that lost one loses several in a row sooner."""
 _STALL_INTERVAL_S = 0.5
 """Least time between two key frames sent because the viewer's picture stalls."""
+PICTURES = Counter("metanerf_pictures_total", "Pictures drawn and encoded for viewers.")
+PICTURE_SECONDS = Histogram(
+    "metanerf_picture_seconds",
+    "Time to draw a picture, and to encode it, s.",
+    ["step"],
+    buckets=(0.002, 0.005, 0.01, 0.02, 0.033, 0.05, 0.1, 0.5),
+)
+MOTION_AGE_SECONDS = Histogram(
+    "metanerf_motion_age_seconds",
+    "Time from a motion's arrival to the first picture of each viewer that shows it, s.",
+    buckets=(0.01, 0.02, 0.03, 0.04, 0.05, 0.075, 0.1, 0.2, 0.5, 1.0),
+)
 _REFUSED_S = 5.0
 """Until a room that could not be drawn is tried again: who is in it may have changed."""
 
@@ -65,6 +78,10 @@ class ViewTrack(MediaStreamTrack):
         self._pacer, self._governor = FramePacer(), SizeGovernor()
         self._times: PictureTimes | None = None
         """What notes how the picture goes on that is on its way."""
+        self._shown_s: float | None = None
+        """When the newest motion came that a picture has shown."""
+        self._first_shown_s: float | None = None
+        """When the motion came that the picture on its way is the first to show."""
         self._resends = ResendBudget()
         self._key_frame_requested = False
         self._key_frame_s, self._stall_s = -_KEY_FRAME_INTERVAL_S, -_STALL_INTERVAL_S
@@ -127,6 +144,7 @@ class ViewTrack(MediaStreamTrack):
         now_s, packet, scale = self._clock(), self._view.packet, self._governor.scale
         tick = self._pacer.begin(now_s)
         self._times = self._instrumentation.begin_picture(self._room, now_s)
+        self._note_motion()
         return PictureOrder(
             tick,
             now_s,
@@ -144,9 +162,21 @@ class ViewTrack(MediaStreamTrack):
         if self._times is not None:
             self._times.drawn(now_s - picture.encode_s)
             self._times.coded(now_s, picture.width, picture.height)
+        PICTURES.inc()
+        PICTURE_SECONDS.labels("draw").observe(picture.draw_s)
+        PICTURE_SECONDS.labels("encode").observe(picture.encode_s)
+        if self._first_shown_s is not None:
+            MOTION_AGE_SECONDS.observe(now_s - self._first_shown_s)
         self.render_seconds.append(own_s)
         self._governor.add_picture(now_s, own_s, picture.worked_s)
         return picture.packet
+
+    def _note_motion(self) -> None:
+        """Note which motion the picture that is begun now is the first to show, if any."""
+        newest_s = self._room.newest_arrival_s
+        # what came before the first picture waited for no drawing
+        new = self._shown_s is not None and newest_s > self._shown_s
+        self._first_shown_s, self._shown_s = (newest_s if new else None), newest_s
 
     def _key_due(self, now_s: float) -> bool:
         self._key_frame_requested |= self._stalled(now_s)

@@ -8,6 +8,7 @@ import itertools
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from aiortc.rtp import (
     RTCP_PSFB_APP,
@@ -20,7 +21,9 @@ from aiortc.rtp import (
     RtcpRtpfbPacket,
     pack_remb_fci,
 )
+from prometheus_client import REGISTRY
 
+from scene import Pose
 from services.live.packets import NewestView, ViewPacket
 from services.live.rendering.drawing import RoomPictures, ViewerDrawing, Workload
 from services.live.rendering.here import PicturesHere
@@ -230,3 +233,43 @@ def test_sizes_shrink_in_blocks_and_keep_their_shape():
     assert frame_size(512, 512, 0.5) == (256, 256)
     assert frame_size(4000, 1000, 0.5) == (512, 128)
     assert frame_size(200, 200, 0.5) == (128, 128)
+
+
+class Driven:
+    """Somebody of whom motion comes."""
+
+    captured_ms, landmarks_age_ms = 1.7e12, 35
+    arrived_s: float | None = None
+
+    def pose_at(self, now_s: float) -> Pose:
+        return Pose(np.zeros((24, 3)), np.zeros(3), now_s)
+
+
+def figure(name: str, **labels: str) -> float:
+    return REGISTRY.get_sample_value(name, labels) or 0.0
+
+
+async def test_pictures_are_counted_and_timed_and_each_motion_once(room, threads):
+    clock, ada = Clock(), Driven()
+    room.live_motions["p"] = ada
+    track = track_of(room, threads, clock)
+    names = {
+        "pictures": ("metanerf_pictures_total", {}),
+        "drawn": ("metanerf_picture_seconds_count", {"step": "draw"}),
+        "encoded": ("metanerf_picture_seconds_count", {"step": "encode"}),
+        "motions": ("metanerf_motion_age_seconds_count", {}),
+        "age_s": ("metanerf_motion_age_seconds_sum", {}),
+    }
+    before = {key: figure(name, **labels) for key, (name, labels) in names.items()}
+    # long before anybody looked; then one that two pictures show, and one more
+    arrivals = (clock.now_s - 60.0, None, clock.now_s + 2.0 * TICK_S, None, None, None)
+    for number, arrived_s in enumerate(arrivals):
+        ada.arrived_s = ada.arrived_s if arrived_s is None else arrived_s
+        if number == 5:
+            ada.arrived_s = clock.now_s + 0.5 * TICK_S
+        clock.now_s += TICK_S
+        await track.recv()
+    after = {key: figure(name, **labels) for key, (name, labels) in names.items()}
+    grown = {key: after[key] - before[key] for key in names}
+    assert grown.pop("age_s") == pytest.approx((1.0 + 0.5) * TICK_S)
+    assert grown == {"pictures": 6, "drawn": 6, "encoded": 6, "motions": 2}
