@@ -299,7 +299,7 @@ def test_the_relay_reads_the_proxys_certificate_as_the_same_user():
     assert "proxy:/proxy:ro" in service["volumes"]
     user = re.search(r"adduser .* -u (\d+) proxy\b", (ROOT / "Dockerfile").read_text())
     assert user is not None
-    assert user[1] == service["user"]
+    assert service["user"] == f"{user[1]}:{user[1]}"
 
 
 def readable(path: Path) -> str:
