@@ -12,6 +12,7 @@ import asyncio
 import json
 import socket
 import sys
+from itertools import count
 
 import httpx
 from aiortc import RTCConfiguration, RTCIceServer
@@ -70,10 +71,18 @@ async def picture(caller: httpx.AsyncClient, meeting_id: str, seat: dict, url: s
     answer = await viewer.look(caller, meeting_id, header)
     assert answer.status_code == 201, answer.text
     await viewer.opened()
-    viewer.channel.send(view(1, 0.0, 3.0))
+    looking = asyncio.create_task(keep_looking(viewer))
     frame = await viewer.frame()
+    looking.cancel()
     await viewer.peer.close()
     return float(frame.std())
+
+
+async def keep_looking(viewer: Viewer) -> None:
+    """Say where from now and then: whoever is silent has left."""
+    for sequence in count(1):
+        viewer.channel.send(view(sequence, 0.0, 3.0))
+        await asyncio.sleep(1.0)
 
 
 if __name__ == "__main__":
