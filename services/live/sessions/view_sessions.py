@@ -9,6 +9,7 @@ import secrets
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Protocol
 
 from aiortc import (
@@ -60,6 +61,19 @@ _NO_PICTURES = (
     "server cannot read how people move there, so it neither draws them nor shows live look; join "
     "by the page, with the whole link"
 )
+
+
+class Channel(StrEnum):
+    """Labels of the data channels that a viewer may open; others are ignored."""
+
+    VIEW = "view"
+    """The viewer's viewpoint comes in."""
+    POSE = "pose"
+    """The performers' poses go out."""
+    LOOK = "look"
+    """Pictures of performers go out."""
+    MOTION = MOTION
+    KEYPOINTS = KEYPOINTS
 
 
 class MeetingSource(Protocol):
@@ -321,22 +335,24 @@ class ViewSessions:
 
         @connection.on("datachannel")
         def on_channel(channel: RTCDataChannel) -> None:
-            if channel.label == "pose":
-                self._pose_feed.add(room, view, channel)
-            if channel.label == "look":
-                self._look_feed.add(room, view, channel)
-            if channel.label in (MOTION, KEYPOINTS):
-                self.driving_channels.add(room, session.account, channel, session.look)
-            if channel.label != "view":
+            if channel.label not in set(Channel):
                 return
+            match Channel(channel.label):
+                case Channel.VIEW:
+                    channel.on("message", follow_view)
+                case Channel.POSE:
+                    self._pose_feed.add(room, view, channel)
+                case Channel.LOOK:
+                    self._look_feed.add(room, view, channel)
+                case Channel.MOTION | Channel.KEYPOINTS:
+                    self.driving_channels.add(room, session.account, channel, session.look)
 
-            @channel.on("message")
-            def on_message(message: object) -> None:
-                session.last_message_s = self._clock()
-                try:
-                    view.receive(decode_view(message if isinstance(message, bytes) else b""))
-                except PacketError as error:
-                    log.debug("view packet dropped: %s", error)
+        def follow_view(message: object) -> None:
+            session.last_message_s = self._clock()
+            try:
+                view.receive(decode_view(message if isinstance(message, bytes) else b""))
+            except PacketError as error:
+                log.debug("view packet dropped: %s", error)
 
         @connection.on("connectionstatechange")
         async def on_state() -> None:

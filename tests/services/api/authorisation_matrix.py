@@ -42,61 +42,61 @@ def _callers(text: str) -> dict[Caller, int]:
     return dict(zip(Caller, statuses, strict=True))
 
 
-def _answers(own: str, foreign: str) -> Answers:
+def answers(own: str, foreign: str) -> Answers:
     return Answers(_callers(own), _callers(foreign))
 
 
 #                      none guest other viewer speaker host former waiting removed expired elsewhere
-PUBLIC = _answers(
+PUBLIC = answers(
     "     ok  ok    ok    ok     ok      ok   ok     ok      ok      ok      ok",
     "     ok  ok    ok    ok     ok      ok   ok     ok      ok      ok      ok",
 )
-ACCOUNTS = _answers(
+ACCOUNTS = answers(
     "   401 ok    ok    403    403     403  403    403     403     401     403",
     "   401 ok    ok    403    403     403  403    403     403     401     403",
 )
 """Whoever has an account, whether as a guest or not; a seat's token is good for its meeting."""
-ANYBODY = _answers(
+ANYBODY = answers(
     "    401 ok    ok    ok     ok      ok   ok     ok      ok      401     ok",
     "    401 ok    ok    ok     ok      ok   ok     ok      ok      401     ok",
 )
-OWNER = _answers(
+OWNER = answers(
     "      401 ok    403   403    403     403  403    403     403     401     403",
     "      401 403   403   403    403     403  403    403     403     401     403",
 )
-INVITED = _answers(
+INVITED = answers(
     "    401 ok    ok    ok     ok      ok   ok     ok      403     401     403",
     "    401 ok    ok    403    403     403  403    403     403     401     403",
 )
 """A meeting's id is its invitation, for whoever was not sent out."""
-HOST = _answers(
+HOST = answers(
     "       401 ok    403   403    403     ok   403    403     403     401     403",
     "       401 403   403   403    403     403  403    403     403     401     403",
 )
-ADMITTED = _answers(
+ADMITTED = answers(
     "   401 403   403   ok     ok      ok   ok     403     403     401     403",
     "   401 ok    ok    403    403     403  403    403     403     401     403",
 )
 """Ada's meeting has its lobby on, Cy's has not."""
-SEATED = _answers(
+SEATED = answers(
     "     401 403   403   ok     ok      ok   ok     403     403     401     403",
     "     401 403   403   403    403     403  403    403     403     401     403",
 )
-SHOWN = _answers(
+SHOWN = answers(
     "      401 ok    403   ok     ok      ok   ok     403     403     401     403",
     "      401 403   403   403    403     403  403    403     403     401     403",
 )
 """A model's owner, and whoever is in the meeting in which it stands."""
-RECORDED = _answers(
+RECORDED = answers(
     "   401 ok    403   403    ok      403  ok     403     403     401     403",
     "   401 403   403   403    403     403  403    403     403     401     403",
 )
-NOT_THEIRS = _answers(
+NOT_THEIRS = answers(
     "    401 404   404   404    404     404  404    404     404     401     403",
     "    401 404   404   403    403     403  403    403     403     401     403",
 )
 """A session that is none of the caller's."""
-ENDED = _answers(
+ENDED = answers(
     "      401 ok    ok    ok     ok      ok   ok     ok      ok      401     403",
     "      401 ok    ok    403    403     403  403    403     403     401     403",
 )
@@ -208,13 +208,13 @@ ROWS = (
 """Every route but the control channel, which is no HTTP."""
 
 CONTROL = "WS /v1/meetings/{meeting_id}/control"
-CONTROL_ANSWERS = _answers(
+CONTROL_ANSWERS = answers(
     "                   401 403   403   ok     ok      ok   ok     ok      ok      401     403",
     "                   401 403   403   403    403     403  403    403     403     401     403",
 )
 """Whoever waits is told so, and whoever was sent out is told that, on the channel itself."""
 
-DRIVING = _answers(
+DRIVING = answers(
     "                   403 ok    403   403    403     403  ok     403     403     ok      403",
     "                   403 403   403   403    403     403  403    403     403     403     403",
 )
