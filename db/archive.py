@@ -23,6 +23,8 @@ from db.errors import BrokenArchive
 FORMAT, VERSION = "metanerf-backup", 1
 MANIFEST = "manifest.json"
 ROWS, OBJECTS = "rows/", "objects/"
+_UNREADABLE = (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
+"""What JSON that is none, or another than ours, leads to."""
 LEASES = "gateway"
 """The table that no archive holds: its rows are of the moment."""
 
@@ -60,8 +62,14 @@ class Manifest:
             found = (about.pop("format"), about.pop("version"))
             if found != (FORMAT, VERSION):
                 raise BrokenArchive(f"an archive must be {FORMAT} {VERSION}; got {found}")
-            return cls(**about | {"lost": tuple(about["lost"])})
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            manifest = cls(**about | {"lost": tuple(about["lost"])})
+            # one without a zone could not be compared
+            if datetime.fromisoformat(manifest.forget_by).tzinfo is None:
+                raise BrokenArchive(f"forget_by must have a zone; got {manifest.forget_by}")
+            if not isinstance(manifest.revision, str):
+                raise BrokenArchive(f"revision must be a text; got {manifest.revision!r}")
+            return manifest
+        except _UNREADABLE as error:
             raise BrokenArchive(f"{MANIFEST} must describe an archive; got {error!r}") from error
 
 
@@ -80,7 +88,7 @@ def decode_row(line: bytes) -> dict[str, Any]:
     """The values of a line by column; those that are empty are left out. Raises BrokenArchive."""
     try:
         return {name: _decode(value) for name, value in json.loads(line).items()}
-    except (ValueError, TypeError, AttributeError) as error:
+    except _UNREADABLE as error:
         raise BrokenArchive(f"a row must be a JSON object; got {error}") from error
 
 

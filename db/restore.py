@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import tarfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, Any, cast
 
-from sqlalchemy import Engine, MetaData, func, insert, inspect, select
+from sqlalchemy import Connection, Engine, MetaData, Table, func, insert, inspect, select
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
 from db.archive import LEASES, MANIFEST, OBJECTS, ROWS, Manifest, decode_row
 from db.encrypted_file import DecryptingReader, is_encrypted
@@ -22,6 +24,9 @@ from scene.errors import InvalidInput
 
 _AGAIN = "make another, or take an older one"
 _VERSION_TABLE = "alembic_version"
+_OBJECT = re.compile(OBJECTS + r"(?P<owner>[\w-]+)/(?P<sha256>[0-9a-f]{64})", re.ASCII)
+_DOES_NOT_FIT = (SQLAlchemyError, ValueError, TypeError, AttributeError, OverflowError)
+"""What a row of other columns, or with values of other kinds, leads to."""
 
 
 def restore(
@@ -120,7 +125,7 @@ def _checked(archive: _Archive, on_progress: Callable[[float, str], None]) -> Ma
         digest, length = _digest(file)
         if name.startswith(ROWS):
             hashes[name.removeprefix(ROWS).removesuffix(".jsonl")] = digest
-        elif name.startswith(OBJECTS) and name.rsplit("/", 1)[-1] == digest:
+        elif (found := _OBJECT.fullmatch(name)) and found["sha256"] == digest:
             objects, size = objects + 1, size + length
         else:
             raise BrokenArchive(f"{name} must be as it was put; got other bytes; {_AGAIN}")
@@ -163,12 +168,11 @@ def _put_objects(
     on_progress: Callable[[float, str], None],
 ) -> None:
     for name, file, at in _entries(archive):
-        if not name.startswith(OBJECTS):
+        if not (found := _OBJECT.fullmatch(name)):
             continue
         on_progress(at, "objects")
-        owner, sha256 = name.removeprefix(OBJECTS).split("/")
-        put.add(owner)
-        if objects.put(owner, _pieces(file)).sha256 != sha256:
+        put.add(found["owner"])
+        if objects.put(found["owner"], _pieces(file)).sha256 != found["sha256"]:
             raise BrokenArchive(f"{name} must be as it was put; got other bytes; {_AGAIN}")
 
 
@@ -181,10 +185,28 @@ def _insert_rows(engine: Engine, archive: _Archive) -> None:
         for name, file, _ in _entries(archive)
         if name.startswith(ROWS)
     }
+    known = stored.tables.keys() - {_VERSION_TABLE, LEASES}
+    if unknown := lines.keys() - known:
+        raise BrokenArchive(
+            f"rows must be of tables that a backup holds; got some of {', '.join(sorted(unknown))}"
+        )
     with engine.begin() as connection:
         for table in stored.sorted_tables:
             for line in lines.get(table.name, ()):
-                connection.execute(insert(table).values(**decode_row(line)))
+                _insert_row(connection, table, decode_row(line))
+
+
+def _insert_row(connection: Connection, table: Table, values: dict[str, Any]) -> None:
+    try:
+        connection.execute(insert(table).values(**values))
+    except OperationalError:  # the database is away
+        raise
+    except _DOES_NOT_FIT as error:
+        # without its values, which SQLAlchemy's own words have
+        why = getattr(error, "orig", None) or type(error).__name__
+        raise BrokenArchive(
+            f"a row of {table.name} must fit its table; got one that does not ({why}); {_AGAIN}"
+        ) from error
 
 
 def _entries(archive: _Archive) -> Iterator[tuple[str, IO[bytes], float]]:
@@ -195,8 +217,9 @@ def _entries(archive: _Archive) -> Iterator[tuple[str, IO[bytes], float]]:
     whole = archive.path.stat().st_size
     with archive.content() as content, tarfile.open(fileobj=content, mode="r:") as tar:
         for entry in tar:
-            file = tar.extractfile(entry)
-            if file is None:
+            file = tar.extractfile(entry) if entry.isreg() else None
+            # a sparse one may say that it is of any length
+            if file is None or entry.issparse():
                 raise BrokenArchive(f"an archive must hold files alone; got {entry.name}")
             yield entry.name, file, entry.offset / max(whole, 1)
 

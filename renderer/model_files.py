@@ -16,7 +16,6 @@ import numpy as np
 from renderer.errors import BrokenModel
 from renderer.performer_model import PerformerModel
 from scene.arrays import Array
-from scene.errors import SceneError
 from scene.expression import values_of_any_version
 from scene.motion import Motion
 from scene.skeleton import Skeleton
@@ -24,6 +23,18 @@ from scene.skeleton import Skeleton
 VERSION = 1
 _MOTION = ("times_s", "joint_angles", "root_translation", "confidence")
 _EXPRESSIONS = "motion.expressions"
+_TOLD = {"kind": str, "preset": str, "data_hash": str, "metrics": dict}
+_WRONG = (
+    KeyError,
+    IndexError,
+    AttributeError,
+    ValueError,
+    TypeError,
+    OverflowError,
+    RuntimeError,
+    zlib.error,
+)
+"""What parts of a file that are missing, or are others than ours, lead to."""
 
 
 def save_model(model: PerformerModel, path: Path) -> None:
@@ -69,7 +80,7 @@ def load_model(path: Path) -> PerformerModel:
         motion = Motion(**moved)
         skeleton = Skeleton(tensors.pop("rest_joints").astype(np.float64))
         return _unpack(tensors, about, skeleton, motion)
-    except (SceneError, KeyError, ValueError, TypeError, RuntimeError, zlib.error) as error:
+    except _WRONG as error:
         raise BrokenModel(f"{path.name} must hold a whole model; got {error!r}") from error
 
 
@@ -80,15 +91,21 @@ def _read(path: Path) -> tuple[dict[str, Array], dict[str, Any]]:
         with safe_open(str(path), framework="numpy") as stored:
             about = json.loads((stored.metadata() or {}).get("metanerf", "{}"))
             tensors = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError, ValueError) as error:
+    # RecursionError: JSON nested without end; TypeError: numbers that NumPy does not have
+    except (OSError, SafetensorError, ValueError, TypeError, RecursionError) as error:
         raise BrokenModel(
             f"{path} must be a model file (.safetensors); got {error}; train it again"
         ) from error
-    if about.get("version") != VERSION:
+    version = about.get("version") if isinstance(about, dict) else None
+    if version != VERSION:
         raise BrokenModel(
-            f"{path.name} must be a model of version {VERSION}; got {about.get('version')!r}; "
-            "train it again"
+            f"{path.name} must be a model of version {VERSION}; got {version!r}; train it again"
         )
+    for name, kind in _TOLD.items():
+        if not isinstance(about.get(name), kind):
+            raise BrokenModel(
+                f"{path.name} must tell its {name} as {kind.__name__}; got {about.get(name)!r:.80}"
+            )
     return tensors, about
 
 

@@ -27,3 +27,13 @@ def require_finite(name: str, value: Array) -> None:
         raise InvalidInput(
             f"{name} must be finite; got {found} at index {place}; remove that entry"
         )
+
+
+def require_indices(name: str, value: Array, count: int) -> None:
+    """Raise InvalidInput unless `value` holds whole numbers from 0 to below `count`."""
+    if not np.issubdtype(value.dtype, np.integer):
+        raise InvalidInput(f"{name} must be whole numbers; got {value.dtype}")
+    if value.size and not 0 <= value.min() <= value.max() < count:
+        raise InvalidInput(
+            f"{name} must be from 0 to below {count}; got {value.min()} to {value.max()}"
+        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from copy import copy
 from functools import cached_property
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -131,22 +132,24 @@ class FieldModel:
         if about["grid_shape"] is not None:
             learnt, deep = (_unpacked(tensors[k], about["grid_shape"]) for k in ("shell", "deep"))
             shell = NarrowBand(learnt, deep)
-        field = PersonField(sizes, skeleton, prior, low, high, shell).to(device)
         learnt_state = {
             name[len(_LEARNT) :]: on_device(value, device, torch.float32)
             for name, value in tensors.items()
             if name.startswith(_LEARNT)
         }
-        expected = {name for name, _ in field.named_parameters()}
-        if set(learnt_state) != expected:
-            raise ValueError(
-                f"learnt tensors must be {sorted(expected)}; got {sorted(learnt_state)}"
-            )
+        # without memory at first: sizes that the file has no weights for would take any amount
+        with torch.device("meta"):
+            expected = _shapes(PersonField(sizes, skeleton, prior, low, high, shell))
+        if (got := {name: tuple(one.shape) for name, one in learnt_state.items()}) != expected:
+            raise ValueError(f"learnt tensors must be {expected}; got {got}")
+        field = PersonField(sizes, skeleton, prior, low, high, shell).to(device)
         field.load_state_dict(learnt_state, strict=False)
         field.residual_opened = about["residual_opened"]
         shape = about["occupied_shape"]
         if shape is not None:
-            bits = np.frombuffer(zlib.decompress(tensors["occupied"].tobytes()), np.uint8)
+            packed = tensors["occupied"].tobytes()
+            unpacked = zlib.decompressobj().decompress(packed, -(-prod(shape) // 8) + 1)
+            bits = np.frombuffer(unpacked, np.uint8)
             live = on_device(_unpacked(bits, shape).reshape(-1), device)
             field.occupied = OccupancyGrid(field.low, field.high, tuple(shape), live)
         return cls(
@@ -158,5 +161,11 @@ class FieldModel:
         )
 
 
+def _shapes(field: PersonField) -> dict[str, tuple[int, ...]]:
+    return {name: tuple(one.shape) for name, one in field.named_parameters()}
+
+
 def _unpacked(bits: Array, shape: list[int]) -> Bool[Array, "..."]:
-    return np.unpackbits(bits, count=int(np.prod(shape))).reshape(shape).astype(bool)
+    if min(shape, default=0) < 1 or len(bits) != -(-prod(shape) // 8):
+        raise ValueError(f"a grid of {shape} must have a bit a point; got {len(bits)} bytes")
+    return np.unpackbits(bits, count=prod(shape)).reshape(shape).astype(bool)

@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+_MOST = {"posed_grid": 256, "inverse_rounds": 64, "samples_a_ray": 4096}
+"""Of a file's: what no tensor of it says, and a picture takes."""
+_SHORTEST_STEP_M = 1e-4
+
 
 @dataclass(frozen=True)
 class MlpSize:
@@ -84,10 +88,15 @@ class FieldSizes:
 
     @classmethod
     def from_json(cls, stored: dict[str, Any]) -> FieldSizes:
-        """The inverse of `to_json`."""
+        """The inverse of `to_json`. Raises KeyError, TypeError or ValueError for what is none."""
         parts = dict(stored)
         for name in ("colour", "residual", "refiner"):
             parts[name] = None if parts[name] is None else MlpSize(**parts[name])
         parts["grid"] = None if parts["grid"] is None else GridSize(**parts["grid"])
         parts["volume"] = tuple(parts["volume"])
+        for name, most in _MOST.items():
+            if not 0 <= parts[name] <= most:
+                raise ValueError(f"{name} must be 0 to {most}; got {parts[name]}")
+        if not parts["step_m"] >= _SHORTEST_STEP_M:
+            raise ValueError(f"step_m must be at least {_SHORTEST_STEP_M}; got {parts['step_m']}")
         return cls(**parts)

@@ -16,7 +16,7 @@ from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
 from renderer.splats.unseen import fade_unseen
 from scene.arrays import Array, Bool, Float, Int, UInt8
 from scene.camera import Camera
-from scene.checks import require_finite, require_shape
+from scene.checks import require_finite, require_indices, require_shape
 from scene.errors import InvalidInput
 from scene.expression import BLEND_SHAPE_COUNT, offsets_of_any_version
 from scene.lighting import HARMONICS
@@ -68,27 +68,25 @@ class SplatModel:
         require_shape("parameters", self.parameters, (None, PARAMETERS))
         require_shape("joints", self.joints, (len(self.parameters), 4))
         require_shape("weights", self.weights, (len(self.parameters), 4))
+        require_shape("seen", self.seen, (len(self.parameters),))
         require_finite("parameters", self.parameters)
+        require_finite("weights", self.weights)
+        # compiled code follows them without looking
+        require_indices("joints", self.joints, len(self.skeleton.names))
         if self.cloth is None or not len(self.quads):
             object.__setattr__(self, "quads", on_no_cloth(len(self)))
         require_shape("quads", self.quads, (len(self),))
-        if self.cloth is not None and self.quads.max(initial=NO_CLOTH) >= len(self.cloth.quads):
-            raise InvalidInput(
-                f"quads must be of {len(self.cloth.quads)} of the cloth; got {self.quads.max()}"
-            )
+        if self.cloth is not None:
+            on_cloth = self.quads[self.quads != NO_CLOTH]
+            require_indices("quads", on_cloth, len(self.cloth.quads))
         for name in ("albedo", "normals"):
             if (known := getattr(self, name)) is not None:
                 require_shape(name, known, (len(self.parameters), 3))
         sizes = (len(self.expression_splats), BLEND_SHAPE_COUNT, 3)
         require_shape("expression_offsets", self.expression_offsets, sizes)
         require_finite("expression_offsets", self.expression_offsets)
-        if self.expression_splats.size and not (
-            0 <= self.expression_splats.min() <= self.expression_splats.max() < len(self)
-        ):
-            raise InvalidInput(
-                f"expression_splats must be of {len(self)} splats; got "
-                f"{self.expression_splats.min()}..{self.expression_splats.max()}"
-            )
+        require_shape("expression_splats", self.expression_splats, (None,))
+        require_indices("expression_splats", self.expression_splats, len(self))
         if self.light is not None:
             require_shape("light", self.light, (HARMONICS, 3))
             require_finite("light", self.light)

@@ -72,7 +72,7 @@ async def _greet(socket: WebSocket, gateway: Gateway, meeting_id: str) -> Contro
     services = gateway.services
     try:
         async with asyncio.timeout(SILENCE_S):
-            hello = _read(await _receive(socket))
+            hello = read_message(await _receive(socket))
         if not isinstance(hello, Hello):
             raise HelloExpected(f"the first message must be 'hello'; got {hello.type!r}")
         caller = await run_in_threadpool(read_caller, services, meeting_id, hello)
@@ -127,7 +127,7 @@ async def _listen(socket: WebSocket, gateway: Gateway, connection: ControlConnec
         text = await _receive(socket)
         connection.heard_at = gateway.services.clock()
         try:
-            message = _read(text)
+            message = read_message(text)
             if isinstance(message, Beat):
                 connection.send(message)
             elif isinstance(message, Hello):
@@ -161,7 +161,8 @@ async def _execute(gateway: Gateway, connection: ControlConnection, command: Com
     await run_in_threadpool(gateway.services.events.publish, meeting_topic(connection.meeting_id))
 
 
-def _read(text: str) -> Hello | Beat | Command:
+def read_message(text: str) -> Hello | Beat | Command:
+    """A message that came as `text`. Raises TooLarge, and InvalidInput for what is none."""
     if len(text) > messages.LONGEST_MESSAGE_BYTES:
         raise TooLarge(
             f"a message must have at most {messages.LONGEST_MESSAGE_BYTES} characters; got "

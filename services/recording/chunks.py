@@ -25,6 +25,8 @@ from scene.errors import InvalidInput
 
 _HEAD = struct.Struct("<IH")
 LONGEST_RECORD = (1 << 16) - 1
+_LARGEST_CHUNK_BYTES = 64 << 20
+"""Unpacked: far more than some seconds of anything take."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,17 @@ def pack(records: Iterable[Record]) -> bytes:
 
 def unpack(chunk: bytes) -> bytes:
     """The records of a chunk, one after the other. Raises InvalidInput for what is no chunk."""
+    stream = zlib.decompressobj()
     try:
-        return zlib.decompress(chunk)
+        records = stream.decompress(chunk, _LARGEST_CHUNK_BYTES)
     except zlib.error as error:
         raise InvalidInput(f"a chunk must be zlib; got bytes that are not: {error}") from error
+    if not stream.eof:
+        raise InvalidInput(
+            f"a chunk must be whole zlib of at most {_LARGEST_CHUNK_BYTES >> 20} MiB; got "
+            f"{len(records)} bytes and no end"
+        )
+    return records
 
 
 def records_of(data: bytes) -> Iterator[Record]:

@@ -6,7 +6,9 @@ import io
 import json
 import tarfile
 import tempfile
+import tracemalloc
 import zipfile
+import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -25,6 +27,7 @@ from db.objects import ObstoreObjects
 from scene.errors import InvalidInput, SceneError
 from scene.expression import EXPRESSION_COUNT
 from scene.motion import Motion
+from services.api.control_channel import read_message
 from services.jobs.packing import pack, unpack
 from services.live.keypoints_packet import (
     KeypointsPacket,
@@ -33,8 +36,10 @@ from services.live.keypoints_packet import (
 )
 from services.live.motion.expression_filter import AT_REST
 from services.live.motion.motion_packet import MotionPacket, decode_motion, encode_motion
+from services.live.motion.receivers import SealedReceiver
 from services.live.motion.solved_motion import LocalPose, SolvedMotion
 from services.live.packets import (
+    Kind,
     PacketError,
     PosePacket,
     ViewPacket,
@@ -43,6 +48,7 @@ from services.live.packets import (
     encode_pose,
     encode_view,
 )
+from services.live.sealed_packet import SEALED_BYTES
 from services.motions import motion_bytes, motion_from_bytes
 from services.recording import chunks
 from services.recording.ogg import ogg_opus, samples_of, with_silence
@@ -171,6 +177,18 @@ def test_keypoints(data: bytes):
     takes_or_refuses(_checked("motion.json"), data)
 
 
+_COMMANDS = [
+    '{"type":"hello","token":"a.b.c","name":"Ada","after":3}',
+    '{"type":"say","text":"Hello"}',
+    '{"type":"role","participant_id":"p","role":"speaker"}',
+    '{"type":"network","connection":"poor"}',
+]
+
+
+def _as_text(data: bytes) -> str:
+    return data.decode(errors="surrogateescape")
+
+
 _VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner),
@@ -294,6 +312,67 @@ def test_motions(data: bytes):
 @given(data=damaged(chunks.pack([chunks.Record(0, b"hello"), chunks.Record(20, b"you")])))
 def test_chunks_of_recordings(data: bytes):
     takes_or_refuses(lambda one: list(chunks.records_of(chunks.unpack(one))), data)
+
+
+def test_a_chunk_unpacks_to_no_more_than_a_chunk_may_hold():
+    bomb = zlib.compress(b"\0" * (80 << 20), 9)
+    assert len(bomb) < 100_000
+    tracemalloc.start()
+    with pytest.raises(InvalidInput, match="at most 64 MiB; got"):
+        chunks.unpack(bomb)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 150 << 20
+    with pytest.raises(InvalidInput, match="no end"):
+        chunks.unpack(zlib.compress(b"records" * 9)[:-2])
+
+
+_SEALED = bytes([1, Kind.SEALED_MOTION, 0, 0]) + bytes(314)
+
+
+@FEW
+@given(data=st.one_of(damaged(_SEALED), st.binary(max_size=400), st.text(max_size=9)))
+def test_sealed_motion(data: object):
+    kept: list[bytes] = []
+    receiver = SealedReceiver(kept.append, lambda: 0.0, lambda: None)
+    for message in (data, _SEALED, data):
+        receiver.receive(message)
+    # newest wins: one packet of one size, whatever it holds, and nothing else
+    assert {len(one) for one in kept} == {SEALED_BYTES}
+    assert kept.count(_SEALED) >= 1
+
+
+_SAID = st.sampled_from(sorted(json.loads(one)["type"] for one in _COMMANDS))
+
+
+@FEW
+@given(
+    text=st.one_of(
+        st.sampled_from(_COMMANDS).flatmap(lambda one: damaged(one.encode())).map(_as_text),
+        st.builds(
+            lambda kind, fields: json.dumps(fields | {"type": kind}),
+            _SAID,
+            st.dictionaries(
+                st.sampled_from(["on", "text", "participant_id", "role", "token", "after", "x"]),
+                _VALUES,
+                max_size=3,
+            ),
+        ),
+        st.text(max_size=40),
+    )
+)
+def test_messages_of_the_control_channel(text: str):
+    takes_or_refuses(lambda _: read_message(text), b"")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["[" * 9_000, '{"type":' * 2_000, '{"type":"say","text":' + "[" * 8_000, "x" * 20_000],
+    ids=["open", "objects", "within", "long"],
+)
+def test_messages_of_the_control_channel_nested_without_end(text: str):
+    with pytest.raises(SceneError):
+        read_message(text)
 
 
 @FEW

@@ -9,6 +9,8 @@ import numpy as np
 
 from scene.arrays import Array, Float, Int
 from scene.body import Body
+from scene.checks import require_finite, require_indices, require_shape
+from scene.errors import InvalidInput
 from scene.motion import Motion
 from scene.skeleton import JOINT_NAMES, Skeleton
 
@@ -77,6 +79,34 @@ class Tubes:
     """Which tube a capsule pushes."""
     constants: Float[Array, "3"]
     """Spring, 1/s^2; drag, 1/s; share of the neighbours' mean at 32 sides."""
+
+    def __post_init__(self) -> None:
+        require_shape("rest", self.rest, (None, 3))
+        require_shape("tubes", self.tubes, (None, 4))
+        capsules = len(self.radii)
+        require_shape("ends", self.ends, (capsules, 2, 3))
+        require_shape("movers", self.movers, (capsules, 2))
+        require_shape("radii", self.radii, (capsules,))
+        require_shape("owners", self.owners, (capsules,))
+        require_shape("constants", self.constants, (3,))
+        for name in ("rest", "ends", "radii", "constants"):
+            require_finite(name, getattr(self, name))
+        require_indices("movers", self.movers, len(JOINT_NAMES))
+        require_indices("owners", self.owners, len(self.tubes))
+        require_indices("tubes' joints", self.tubes[:, 0], len(JOINT_NAMES))
+        vertices = 0
+        for _, first, rings, sides in self.tubes.tolist():
+            if first != vertices or rings < 2 or sides < 3:
+                raise InvalidInput(
+                    f"tubes must follow one another, of at least 2 rings of 3; got {rings} rings "
+                    f"of {sides} from vertex {first} instead of {vertices}"
+                )
+            vertices += rings * sides
+        if vertices != len(self.rest):
+            raise InvalidInput(
+                f"tubes must have as many vertices as lie at rest; got {vertices} of "
+                f"{len(self.rest)}"
+            )
 
     def tensors(self) -> dict[str, Array]:
         """What a model file holds of them: 8 kB for a skirt and two sleeves."""

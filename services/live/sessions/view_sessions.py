@@ -63,7 +63,7 @@ _NO_PICTURES = (
 )
 
 
-class Channel(StrEnum):
+class ViewChannel(StrEnum):
     """Labels of the data channels that a viewer may open; others are ignored."""
 
     VIEW = "view"
@@ -335,16 +335,16 @@ class ViewSessions:
 
         @connection.on("datachannel")
         def on_channel(channel: RTCDataChannel) -> None:
-            if channel.label not in set(Channel):
+            if channel.label not in set(ViewChannel):
                 return
-            match Channel(channel.label):
-                case Channel.VIEW:
+            match ViewChannel(channel.label):
+                case ViewChannel.VIEW:
                     channel.on("message", follow_view)
-                case Channel.POSE:
+                case ViewChannel.POSE:
                     self._pose_feed.add(room, view, channel)
-                case Channel.LOOK:
+                case ViewChannel.LOOK:
                     self._look_feed.add(room, view, channel)
-                case Channel.MOTION | Channel.KEYPOINTS:
+                case ViewChannel.MOTION | ViewChannel.KEYPOINTS:
                     self.driving_channels.add(room, session.account, channel, session.look)
 
         def follow_view(message: object) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from services.live.sessions.view_sessions import Channel
+from services.live.sessions.view_sessions import ViewChannel
 from tests.services.api.authorisation_matrix import ADMITTED, CONTROL_ANSWERS, Answers, answers
 
 
@@ -44,11 +44,11 @@ SEATS = CONTROL_ANSWERS
 """Whoever has a seat, whether it was let in or not."""
 
 DATA_CHANNELS = {
-    Channel.VIEW: ADMITTED,
-    Channel.POSE: ADMITTED,
-    Channel.LOOK: ADMITTED,
-    Channel.MOTION: DRIVES,
-    Channel.KEYPOINTS: DRIVES,
+    ViewChannel.VIEW: ADMITTED,
+    ViewChannel.POSE: ADMITTED,
+    ViewChannel.LOOK: ADMITTED,
+    ViewChannel.MOTION: DRIVES,
+    ViewChannel.KEYPOINTS: DRIVES,
 }
 """Of a connection by `POST /whep`; where that is refused, as it refuses."""
 

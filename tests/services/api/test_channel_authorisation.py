@@ -20,7 +20,7 @@ from services.errors import SeatReleased
 from services.gateway import gateway_of
 from services.live.packets import ViewPacket, encode_view
 from services.live.room import Room
-from services.live.sessions.view_sessions import Channel, ViewSessions
+from services.live.sessions.view_sessions import ViewChannel, ViewSessions
 from services.problems import problem_of
 from tests.services.api.authorisation_channels import COMMANDS, DATA_CHANNELS, CommandRow
 from tests.services.api.authorisation_matrix import OK, Answers
@@ -50,7 +50,7 @@ def _cells(world: World, answers: Answers) -> list[tuple[Caller, str, Belongings
 def test_every_command_and_every_data_channel_has_its_row():
     sent = {one.model_fields["type"].default for one in get_args(get_args(ToServer)[0])}
     assert sorted([*(row.type for row in COMMANDS), "hello", "beat"]) == sorted(sent)
-    assert set(DATA_CHANNELS) == set(Channel)
+    assert set(DATA_CHANNELS) == set(ViewChannel)
 
 
 def _seat(services: Services, world: World, caller: Caller) -> str:
@@ -121,25 +121,25 @@ async def _until(fits: Callable[[], bool]) -> None:
             await asyncio.sleep(0.02)
 
 
-async def _answer(viewer: Viewer, room: Room, label: Channel, performer_id: str) -> int:
+async def _answer(viewer: Viewer, room: Room, label: ViewChannel, performer_id: str) -> int:
     """What a data channel of the viewer answers: 200 where it does what it is for."""
     channel, heard = viewer.channel, []
-    if label is not Channel.VIEW:
+    if label is not ViewChannel.VIEW:
         channel = viewer.peer.createDataChannel(label, protocol=performer_id)
         channel.on("message", heard.append)
     # one that is refused may be closed again already
     await _until(lambda: channel.readyState != "connecting")
     match label:
-        case Channel.VIEW:
+        case ViewChannel.VIEW:
             draws = ViewPacket(0, 0.0, (0, 1, 3), (1, 0, 0, 0), 0.7, 64, 64, draws_itself=True)
             channel.send(encode_view(draws))
-        case Channel.POSE:
+        case ViewChannel.POSE:
             # which come only to whoever has said by `view` that they draw
             await _until(lambda: bool(heard))
             assert len(room.performers) == 1
-        case Channel.LOOK:
+        case ViewChannel.LOOK:
             pass  # pictures come while somebody shows themselves: tests/services/live
-        case Channel.MOTION | Channel.KEYPOINTS:
+        case ViewChannel.MOTION | ViewChannel.KEYPOINTS:
             await _until(lambda: bool(heard) or performer_id in room.live_motions)
             if heard:
                 return json.loads(heard[0])["status"]

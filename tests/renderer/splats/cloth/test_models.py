@@ -39,7 +39,7 @@ def test_a_file_keeps_the_cloth_and_one_of_tight_clothes_has_none(tmp_path):
 def test_splats_lie_on_quads_that_the_cloth_has():
     beyond = MODEL.quads.copy()
     beyond[-1] = 500
-    with pytest.raises(InvalidInput, match=r"quads must be of 48 of the cloth; got 500"):
+    with pytest.raises(InvalidInput, match=r"quads must be from 0 to below 48; got 0 to 500"):
         replace(MODEL, quads=beyond)
 
 
