@@ -10,16 +10,28 @@ from __future__ import annotations
 import ctypes
 import os
 import resource
+import select
 import signal
+import subprocess
 import sys
+import threading
+import time
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 _PASSED_ON = ("PATH", "TMPDIR", "LANG", "LD_LIBRARY_PATH")
 """Of the environment, whose other variables may be secret."""
 _NEW_USER, _NEW_NETWORK = 0x10000000, 0x40000000
 """CLONE_NEWUSER and CLONE_NEWNET of unshare(2)."""
+
+
+_LAST_WORDS_BYTES = 16 << 10
+"""Kept of what a process prints as errors."""
+_LONGEST_WORDS = 200
+"""Characters of a line of that which are told."""
+_LAST_WORDS_S = 2.0
+_PIECE_BYTES = 64 << 10
 
 
 class Limits(NamedTuple):
@@ -54,12 +66,98 @@ def bare_environment() -> dict[str, str]:
     return passed_on | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
 
 
-def how_ended(code: int, said: bytes) -> str:
-    """How a process ended with an exit code, in words; `said`: on its standard error."""
-    if code < 0:
-        return signal.Signals(-code).name
-    lines = said.decode(errors="replace").splitlines()
-    return lines[-1] if lines else f"exit code {code}"
+class ConfinedProcess:
+    """A Python module in a process that confines itself, and what it says.
+
+    Use as a context manager: the process is gone afterwards. What it prints is kept within bounds,
+    as it may print for ever.
+    """
+
+    def __init__(self, module: str, *arguments: str, **environment: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", module, *arguments],
+            env=bare_environment() | environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            bufsize=0,  # closing a pipe waits for no writer
+        )
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self.input, self.output = self._process.stdin, self._process.stdout
+        self._last_words = bytearray()
+        # it would stand still if nobody read
+        self._listening = threading.Thread(target=self._listen, daemon=True)
+        self._listening.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.kill()
+        self._process.wait()
+        for pipe in (self.input, self.output):
+            with suppress(OSError):  # what was not read to its end
+                pipe.close()
+        # what it left behind may hold the pipes open
+        self._listening.join(_LAST_WORDS_S)
+
+    def kill(self) -> None:
+        """Have it end now, whatever it does."""
+        self._process.kill()
+
+    def feed(self, data: bytes) -> None:
+        """Give it all of `data`, then the end, while it says what it does."""
+        threading.Thread(target=self._feed, args=(data,), daemon=True).start()
+
+    def read(self, most_bytes: int, timeout_s: float) -> bytes:
+        """All that it prints until its end; of more than `most_bytes`, one byte more.
+
+        Raises TimeoutError where that takes longer.
+        """
+        said, end_s = bytearray(), time.monotonic() + timeout_s
+        pipe = self.output.fileno()
+        ready = select.poll()
+        ready.register(pipe, select.POLLIN)
+        while len(said) <= most_bytes:
+            left_s = end_s - time.monotonic()
+            if left_s <= 0.0:
+                raise TimeoutError(f"no end after {timeout_s:g} s")
+            if ready.poll(1e3 * left_s):
+                if not (piece := os.read(pipe, min(_PIECE_BYTES, most_bytes + 1 - len(said)))):
+                    break
+                said += piece
+        return bytes(said)
+
+    def wait(self, timeout_s: float | None = None) -> int:
+        """Its exit code, once it has ended. Raises TimeoutError where that takes longer."""
+        try:
+            return self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired as error:
+            raise TimeoutError(f"no end after {timeout_s:g} s") from error
+
+    def how_ended(self) -> str:
+        """How it ended, in words: its signal, or the last line that it printed as an error."""
+        code = self.wait()
+        if code < 0:
+            return signal.Signals(-code).name
+        self._listening.join(_LAST_WORDS_S)
+        lines = bytes(self._last_words).decode(errors="replace").splitlines()
+        return lines[-1][:_LONGEST_WORDS] if lines else f"exit code {code}"
+
+    def _feed(self, data: bytes) -> None:
+        left = memoryview(data)
+        with suppress(OSError, ValueError):  # it may have ended
+            while left:
+                left = left[os.write(self.input.fileno(), left) :]
+            self.input.close()
+
+    def _listen(self) -> None:
+        assert self._process.stderr is not None
+        with suppress(OSError, ValueError), self._process.stderr as pipe:
+            while said := os.read(pipe.fileno(), _LAST_WORDS_BYTES):
+                self._last_words += said
+                del self._last_words[:-_LAST_WORDS_BYTES]
 
 
 def _leave_network() -> None:

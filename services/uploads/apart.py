@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,12 +16,22 @@ from capture.errors import CaptureError, UnreadableClip
 from db.models import SequenceKind
 from scene.arrays import Array, UInt8
 from scene.errors import InvalidInput, SceneError
-from services.confinement import bare_environment, how_ended
+from services.confinement import ConfinedProcess
 from services.uploads.check import Checked, check_upload, sniff
 from services.uploads.confined import MEMORY_BYTES, PANORAMA, PROCESSOR_S
 
-_LOOK_S = 120.0
+LOOK_S = 120.0
 """More than the processor's time, for a machine that does much else."""
+_LONGEST_LINE = 64 << 10
+_NO_ANSWER = (
+    ValueError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    RecursionError,
+)
+Found = TypeVar("Found")
 _looking_at_pictures = threading.BoundedSemaphore(2)
 """So many at once: each may take all the memory that it is allowed."""
 
@@ -35,8 +44,7 @@ def check_upload_apart(path: Path, name: str) -> Checked:
     kind = sniff(path, name)
     if kind is SequenceKind.KEYPOINTS:
         return check_upload(path, name)
-    found, _ = _look(repr(name), [str(path), name])
-    return Checked(SequenceKind(found["kind"]))
+    return _look(repr(name), [str(path), name], lambda said: Checked(SequenceKind(said["kind"])))[0]
 
 
 def read_panorama_apart(picture: bytes, widest_px: int) -> UInt8[Array, "H W 3"]:
@@ -44,10 +52,12 @@ def read_panorama_apart(picture: bytes, widest_px: int) -> UInt8[Array, "H W 3"]
 
     Raises also UnreadableClip where the process that looked did not come to an end.
     """
+    most_bytes = 3 * widest_px * (widest_px // 2)
     with _looking_at_pictures:
-        found, pixels = _look("a panorama", [PANORAMA, str(widest_px)], picture)
+        (height, width, channels), pixels = _look(
+            "a panorama", [PANORAMA, str(widest_px)], _shape, picture, most_bytes
+        )
     # whoever may have taken that process over says no more than pixels
-    height, width, channels = (int(one) for one in found["shape"])
     of_a_panorama = 0 < width <= widest_px and height * 2 == width and channels == 3
     if not of_a_panorama or len(pixels) != height * width * channels:
         raise UnreadableClip(
@@ -56,32 +66,50 @@ def read_panorama_apart(picture: bytes, widest_px: int) -> UInt8[Array, "H W 3"]
     return np.frombuffer(pixels, np.uint8).reshape(height, width, channels)
 
 
-def _look(what: str, arguments: list[str], data: bytes = b"") -> tuple[dict[str, Any], bytes]:
-    """What the process that looks says first, and what follows."""
-    environment = bare_environment() | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+def _look(
+    what: str,
+    arguments: list[str],
+    read: Callable[[dict[str, Any]], Found],
+    data: bytes = b"",
+    most_bytes: int = 0,
+) -> tuple[Found, bytes]:
+    """What `read` makes of the process' first line, and the bytes that follow, bounded."""
+    with ConfinedProcess(
+        "services.uploads.confined", *arguments, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1"
+    ) as process:
+        process.feed(data)
+        try:
+            said = process.read(_LONGEST_LINE + most_bytes, LOOK_S)
+            goes_on = len(said) > _LONGEST_LINE + most_bytes
+            code = 0 if goes_on else process.wait(LOOK_S)
+        except TimeoutError as error:
+            raise _never_ended(what, str(error)) from error
+        if code != 0:
+            raise _never_ended(what, process.how_ended())
+    if goes_on:
+        raise _never_ended(what, "more than there is to say")
+    line, _, rest = said.partition(b"\n")
     try:
-        ended = subprocess.run(
-            [sys.executable, "-m", "services.uploads.confined", *arguments],
-            env=environment,
-            input=data,
-            capture_output=True,
-            timeout=_LOOK_S,
-            check=False,
-        )
-    except subprocess.TimeoutExpired as error:
-        raise _never_ended(what, f"no end after {_LOOK_S:g} s") from error
-    if ended.returncode != 0:
-        raise _never_ended(what, how_ended(ended.returncode, ended.stderr))
-    line, _, rest = ended.stdout.partition(b"\n")
-    found = json.loads(line)
-    if "errno" in found:
-        raise OSError(found["errno"], os.strerror(found["errno"]))
-    if "refused" in found:
-        raise _refusal(found["error"])(found["refused"])
+        answer = json.loads(line)
+        full = int(answer.get("errno", 0))
+        refused = refusal(answer["error"])(answer["refused"]) if "refused" in answer else None
+        found = None if full or refused else read(answer)
+    except _NO_ANSWER as error:  # of whoever has taken it over
+        raise _never_ended(what, "an answer that is none") from error
+    if full:
+        raise OSError(full, os.strerror(full))
+    if found is None:
+        raise refused or _never_ended(what, "no answer")
     return found, rest
 
 
-def _refusal(name: str) -> type[SceneError]:
+def _shape(said: dict[str, Any]) -> tuple[int, int, int]:
+    height, width, channels = (int(one) for one in said["shape"])
+    return height, width, channels
+
+
+def refusal(name: str) -> type[SceneError]:
+    """The error of that name which a confined process may raise: one of a clip's."""
     if name == InvalidInput.__name__:
         return InvalidInput
     error = getattr(capture.errors, name, None)

@@ -85,6 +85,38 @@ def test_a_crash_is_told_and_harms_nobody(instead, clip: Path, script: str, told
         check_upload_apart(clip, "clip.zip")
 
 
+@pytest.mark.parametrize(
+    ("script", "told"),
+    [
+        # both for ever
+        ("while :; do echo words; done", "more than there is to say"),
+        ("while :; do echo words >&2; done", "no end after 2 s"),
+        # somebody else holds its pipes, and goes on
+        ("sleep 30 & exit 0", "no end after 2 s"),
+        ("sleep 30 >&2 & echo nothing", "an answer that is none"),
+        ("echo '[]'", "an answer that is none"),
+        ("""echo '{"kind": "film"}'""", "an answer that is none"),
+        ("""echo '{"errno": []}'""", "an answer that is none"),
+    ],
+)
+def test_whatever_it_prints_is_bounded_and_ends(
+    instead, clip: Path, monkeypatch: pytest.MonkeyPatch, script: str, told: str
+):
+    monkeypatch.setattr("services.uploads.apart.LOOK_S", 2.0)
+    instead(script)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(UnreadableClip, match=f"got {told} while it was looked at"):
+        check_upload_apart(clip, "clip.zip")
+    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    assert grown < 20_000, f"{grown} KiB"
+
+
+def test_the_last_words_of_a_crash_are_kept_and_no_more(instead, clip: Path):
+    instead("yes words | head -c 9000000 >&2; echo 'the last' >&2; exit 1")
+    with pytest.raises(UnreadableClip, match="got the last while"):
+        check_upload_apart(clip, "clip.zip")
+
+
 def test_a_full_disk_is_no_fault_of_the_clip(instead, clip: Path):
     instead(f"""echo '{{"errno": {errno.ENOSPC}}}'""")
     with pytest.raises(OSError, match="No space left") as full:
