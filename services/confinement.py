@@ -16,12 +16,28 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, Self
 
+from services.landlock import restrict_files
+
 _PASSED_ON = ("PATH", "TMPDIR", "LANG", "LD_LIBRARY_PATH")
 """Of the environment, whose other variables may be secret."""
+_SYSTEM = tuple(
+    map(
+        Path,
+        (
+            *("/usr", "/lib", "/lib64", "/sys/devices/system"),
+            *("/etc/ld.so.cache", "/etc/localtime", "/dev/urandom", "/dev/random"),
+            *("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat"),
+        ),
+    )
+)
+"""What libraries read."""
+_DEVICES = (Path("/dev/null"),)
+_PACKAGES = ("scene", "capture", "services", "db")
 _NEW_USER, _NEW_NETWORK = 0x10000000, 0x40000000
 """CLONE_NEWUSER and CLONE_NEWNET of unshare(2)."""
 
@@ -31,7 +47,7 @@ _LAST_WORDS_BYTES = 16 << 10
 _LONGEST_WORDS = 200
 """Characters of a line of that which are told."""
 _LAST_WORDS_S = 2.0
-_PIECE_BYTES = 64 << 10
+_PIECE_BYTES = _LONGEST_LINE_BYTES = 64 << 10
 
 
 class Limits(NamedTuple):
@@ -44,9 +60,21 @@ class Limits(NamedTuple):
     open_files: int
 
 
-def confine(limits: Limits) -> None:
-    """Limit this process for good; before it has threads."""
+def confine(limits: Limits, readable: Sequence[Path] = (), writable: Sequence[Path] = ()) -> None:
+    """Limit this process for good; before it has threads.
+
+    Beside Python, the system's libraries and this package, it reaches only `readable` and
+    `writable` from then on, where the system can hold it to that.
+    """
     _leave_network()
+    ours = Path(__file__).parents[1]
+    restrict_files(
+        [*_SYSTEM, Path(sys.prefix), Path(sys.base_prefix), *(ours / one for one in _PACKAGES)]
+        + [Path(one) for one in sys.path if one and Path(one).name == "site-packages"]
+        + list(readable),
+        [*_DEVICES, *writable],
+        [Path(one) for one in sys.path if one],
+    )
     for kind, limit in (
         (resource.RLIMIT_AS, limits.memory_bytes),
         (resource.RLIMIT_CPU, limits.processor_s),
@@ -105,6 +133,30 @@ class ConfinedProcess:
     def kill(self) -> None:
         """Have it end now, whatever it does."""
         self._process.kill()
+
+    def say(self, line: bytes) -> None:
+        """Give it a line. Nothing happens where it has ended."""
+        with suppress(OSError):
+            self.input.write(line + b"\n")
+
+    def lines(self, tick_s: float) -> Iterator[bytes | None]:
+        """The lines that it prints until its end; None whenever none came for `tick_s`.
+
+        Raises ValueError for one that is longer than any it has to say.
+        """
+        ready = select.poll()
+        ready.register(self.output.fileno(), select.POLLIN)
+        begun = b""
+        while True:
+            if not ready.poll(1e3 * tick_s):
+                yield None
+                continue
+            if not (piece := os.read(self.output.fileno(), _PIECE_BYTES)):
+                return
+            *whole, begun = (begun + piece).split(b"\n")
+            yield from whole
+            if len(begun) > _LONGEST_LINE_BYTES:
+                raise ValueError(f"a line must have at most {_LONGEST_LINE_BYTES} bytes")
 
     def feed(self, data: bytes) -> None:
         """Give it all of `data`, then the end, while it says what it does."""

@@ -12,6 +12,7 @@ from db.objects import fetch
 from db.repositories import UnitOfWork
 from scene.sequence import Sequence
 from services.container import Services
+from services.jobs.capture_apart import Hearing, capture_apart
 from services.jobs.first_likeness import make_first_likeness
 from services.jobs.queue import clip_gone
 from services.jobs.report import JobStopped, Reporter, encode_preview
@@ -23,8 +24,6 @@ _SHARE_OF_CAPTURE = 0.95
 
 def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Path) -> None:
     """Capture the job's sequence in `folder`. Raises ClipGone, CaptureError, JobStopped."""
-    from capture.pipeline import CaptureOptions, capture_clip
-
     sequence, person = _begin(services, job)
     done = 0.0
 
@@ -38,21 +37,14 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
         fetch(services.objects, job.person_id, sequence.source_sha256, source)
     except NotFound as error:
         raise clip_gone() from error
-    out = folder / "sequence"
+    hearing = Hearing(
+        on_progress,
+        lambda draft: make_first_likeness(services, job, reporter, draft, done),
+        reporter.should_stop,
+    )
     try:
-        capture_clip(
-            source,
-            out,
-            CaptureOptions(
-                person=person.name,
-                height_m=person.height_m,
-                pose_model=services.settings.pose_model_source(),
-                face_model=services.settings.face_model_source(),
-                hand_model=services.settings.hand_model_source(),
-            ),
-            on_progress=on_progress,
-            on_draft=lambda draft: make_first_likeness(services, job, reporter, draft, done),
-            should_stop=reporter.should_stop,
+        out = capture_apart(
+            services.settings, source, folder, person.name, person.height_m, hearing
         )
     except CaptureStopped as stopped:
         raise JobStopped from stopped

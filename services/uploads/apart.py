@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -74,9 +75,14 @@ def _look(
     most_bytes: int = 0,
 ) -> tuple[Found, bytes]:
     """What `read` makes of the process' first line, and the bytes that follow, bounded."""
-    with ConfinedProcess(
-        "services.uploads.confined", *arguments, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1"
-    ) as process:
+    environment = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    with (
+        # ours, so that it is gone whatever becomes of the process
+        tempfile.TemporaryDirectory(prefix="metanerf-look-") as folder,
+        ConfinedProcess(
+            "services.uploads.confined", *arguments, **environment, TMPDIR=folder
+        ) as process,
+    ):
         process.feed(data)
         try:
             said = process.read(_LONGEST_LINE + most_bytes, LOOK_S)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,7 +33,7 @@ _UNPACKED = 4
 
 def main(path: Path, name: str) -> None:
     """Look at `path` and print what was found."""
-    confine_for(path.stat().st_size)
+    confine_for(path.stat().st_size, path)
 
     def look() -> dict[str, object]:
         from services.uploads.check import check_upload
@@ -78,10 +79,11 @@ def read_panorama(picture: bytes, widest_px: int) -> UInt8[Array, "H W 3"]:
     return cv2.resize(seen, (widest_px, widest_px // 2), interpolation=cv2.INTER_AREA)
 
 
-def confine_for(upload_bytes: int) -> None:
-    """Limit this process for good to what an upload of this size may take."""
+def confine_for(upload_bytes: int, *paths: Path) -> None:
+    """Limit this process for good to what an upload of this size may take, and to these files."""
     largest = max(_LEAST_FILE_BYTES, _UNPACKED * upload_bytes)
-    confine(Limits(MEMORY_BYTES, PROCESSOR_S, largest, _OPEN_FILES))
+    limits = Limits(MEMORY_BYTES, PROCESSOR_S, largest, _OPEN_FILES)
+    confine(limits, paths, [Path(tempfile.gettempdir())])
 
 
 def _answer(found: dict[str, object], rest: bytes | bytearray = b"") -> None:

@@ -8,6 +8,7 @@ import resource
 import struct
 import subprocess
 import sys
+import tempfile
 import zipfile
 import zlib
 from contextlib import suppress
@@ -18,6 +19,7 @@ import httpx
 import numpy as np
 import pytest
 
+import capture.errors
 from capture.errors import UnreadableClip
 from db.models import SequenceKind
 from scene.errors import SceneError
@@ -50,13 +52,15 @@ def instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 def confined(code: str) -> subprocess.CompletedProcess[str]:
     """What a confined process does."""
     begun = "from services.uploads.confined import confine_for; confine_for(0)\n"
-    return subprocess.run(
-        [sys.executable, "-c", begun + code],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-    )
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        return subprocess.run(
+            [sys.executable, "-c", begun + code],
+            capture_output=True,
+            text=True,
+            check=False,
+            env=environment | {"TMPDIR": folder},
+        )
 
 
 def test_frames_are_found_to_be_frames(clip: Path):
@@ -153,12 +157,40 @@ def test_there_is_no_network_but_files_can_be_made():
     code = (
         "import socket, tempfile\n"
         "tempfile.NamedTemporaryFile()\n"
-        "server = socket.create_server(('127.0.0.1', 0))\n"
-        "socket.create_connection(server.getsockname(), timeout=2)"
+        "datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)\n"
+        "datagrams.sendto(b'secret', ('127.0.0.1', 9))"
     )
     if os.geteuid() != 0:
         pytest.skip("not root: the system may not let a process leave its network")
     assert "Network is unreachable" in confined(code).stderr
+
+
+NO_LANDLOCK = "this kernel has no Landlock"
+
+
+def has_landlock() -> bool:
+    forked = confined("print(open('/proc/sys/kernel/ostype').read())")
+    return "Permission denied" in forked.stderr
+
+
+@pytest.mark.skipif(not has_landlock(), reason=NO_LANDLOCK)
+def test_no_files_are_reached_but_those_it_needs(tmp_path: Path):
+    secret, package = tmp_path / "secret", Path(capture.errors.__file__).parent
+    secret.write_text("of the server")
+    for attempt in (
+        f"print(open({str(secret)!r}).read())",
+        f"import os; print(os.listdir({str(tmp_path)!r}))",
+        "print(open(f'/proc/{os.getppid()}/environ').read())",
+        f"open({str(package / 'errors.py')!r}, 'a')",
+        f"open({str(package / 'planted.py')!r}, 'w')",
+        f"import os; os.symlink({str(secret)!r}, {str(package / 'link')!r})",
+        f"os.kill({os.getpid()}, 0)",
+        "import socket; socket.create_server(('127.0.0.1', 0))",
+    ):
+        done = confined(f"import os\n{attempt}")
+        assert "PermissionError" in done.stderr, attempt
+        assert "of the server" not in done.stdout
+    assert "CaptureError" in confined(f"print(open({str(package / 'errors.py')!r}).read())").stdout
 
 
 def test_an_upload_that_crashes_its_reader_is_refused_and_leaves_nothing(
