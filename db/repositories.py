@@ -8,6 +8,7 @@ here commits: that is the unit of work's.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from dataclasses import dataclass
 from datetime import datetime
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -25,6 +26,19 @@ from db.models import (
 )
 
 
+@dataclass(frozen=True)
+class Holdings:
+    """What one account has."""
+
+    people: list[str]
+    """Their ids."""
+    sequences: int
+    models: int
+    """And trainings under way, each of which will be one."""
+    coming_bytes: int
+    """Of uploads under way that have not come yet."""
+
+
 class People(Protocol):
     """Persons."""
 
@@ -38,6 +52,10 @@ class People(Protocol):
 
     def of_account(self, account: str) -> list[PersonRow]:
         """All persons of `account`, the oldest first."""
+        ...
+
+    def holdings(self, account: str) -> Holdings:
+        """What `account` has."""
         ...
 
     def erase(self, person_id: str) -> dict[str, int]:

@@ -34,7 +34,12 @@ from db.models import (
     SequenceState,
     UploadRow,
 )
+from db.repositories import Holdings
 from db.sql_repository import SqlRepository
+
+
+def _is_of(account: str) -> ColumnElement[bool]:
+    return PersonRow.account == account
 
 
 class SqlPeople(SqlRepository):
@@ -52,6 +57,35 @@ class SqlPeople(SqlRepository):
         """See `People.of_account`."""
         query = select(PersonRow).where(PersonRow.account == account)
         return list(self._session.scalars(query.order_by(PersonRow.created_at)))
+
+    def holdings(self, account: str) -> Holdings:
+        """See `People.holdings`."""
+        people = list(self._session.scalars(select(PersonRow.id).where(_is_of(account))))
+        uploads = select(UploadRow).join(PersonRow, PersonRow.id == UploadRow.person_id)
+        open_trainings = and_(
+            JobRow.kind == JobKind.TRAIN,
+            JobRow.state.in_([JobState.QUEUED, JobState.RUNNING]),
+            JobRow.model_id.is_(None),
+        )
+        return Holdings(
+            people=people,
+            sequences=self._number(SequenceRow, account),
+            models=self._number(ModelRow, account) + self._number(JobRow, account, open_trainings),
+            coming_bytes=sum(
+                one.size - one.offset
+                for one in self._session.scalars(uploads.where(_is_of(account)))
+            ),
+        )
+
+    def _number(
+        self,
+        table: type[SequenceRow] | type[ModelRow] | type[JobRow],
+        account: str,
+        *conditions: ColumnElement[bool],
+    ) -> int:
+        query = select(func.count()).select_from(table)
+        query = query.join(PersonRow, PersonRow.id == table.person_id)
+        return self._session.scalar(query.where(_is_of(account), *conditions)) or 0
 
     def erase(self, person_id: str) -> dict[str, int]:
         """See `People.erase`."""

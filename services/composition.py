@@ -56,6 +56,12 @@ def build_services(
         login_limit=RateLimit(
             "logins from one address", settings.security.guest_tokens_per_minute, clock
         ),
+        account_limit=RateLimit(
+            "requests of one account", settings.quotas.requests_per_minute, clock
+        ),
+        address_limit=RateLimit(
+            "requests from one address", settings.quotas.requests_per_address, clock
+        ),
         tracing=open_tracing(settings.tracing),
         clock=clock,
         describe_failure=_described,

@@ -36,6 +36,9 @@ class Services:
     """By which people log in, if the settings name one."""
     guest_limit: RateLimit
     login_limit: RateLimit
+    account_limit: RateLimit
+    address_limit: RateLimit
+    """Of requests that need a token, whether theirs is good or not."""
     tracing: Tracing
     clock: Clock
     describe_failure: Callable[[Exception], dict[str, Any]]

@@ -46,6 +46,10 @@ class ScopeMissing(Forbidden):
         """What the token would need."""
 
 
+class QuotaReached(Forbidden):
+    """The account has as much as it may have."""
+
+
 class NotOwner(Forbidden):
     """What is asked for belongs to another account."""
 

@@ -56,6 +56,7 @@ NAMES: dict[int, dict[type[SceneError], str]] = {
     403: {
         errors.Forbidden: "forbidden",
         errors.ScopeMissing: "scope-missing",
+        errors.QuotaReached: "quota-reached",
         errors.NotOwner: "not-yours",
         errors.OtherMeeting: "other-meeting",
         errors.AccessNotOpen: "access-not-open",
@@ -188,7 +189,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     }
 
 
-PROBLEMS = problems(401, 403, 404, 422, 503)
+PROBLEMS = problems(401, 403, 404, 422, 429, 503)
 """Those that nearly every route may give."""
 
 

@@ -21,6 +21,7 @@ from scene.errors import InvalidInput
 from services.cluster_settings import ClusterSettings
 from services.live_settings import LiveSettings
 from services.login_settings import LoginSettings
+from services.quota_settings import QuotaSettings
 from services.setting_groups import (
     DatabaseSettings,
     EventSettings,
@@ -56,6 +57,7 @@ class Settings:
     objects: ObjectSettings
     events: EventSettings
     uploads: UploadSettings
+    quotas: QuotaSettings
     models: ModelSettings
     live: LiveSettings
     recording: RecordingSettings

@@ -8,10 +8,11 @@ from fastapi import Depends, Security
 from fastapi.requests import HTTPConnection
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer, SecurityScopes
 
-from services.auth import Principal
+from services.auth import INVITED, Principal
 from services.container import Services
 from services.errors import ScopeMissing, Unauthorized
 from services.gateway import Gateway, gateway_of
+from services.limits import network_of
 
 
 async def _gateway(connection: HTTPConnection) -> Gateway:
@@ -33,19 +34,26 @@ _bearer = HTTPBearer(auto_error=False, description="A token of this server (JWT)
 
 
 async def principal(
+    connection: HTTPConnection,
     services: Provided,
     needed: SecurityScopes,
     credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)],
 ) -> Principal:
     """The caller, who must hold every scope that the route asks for.
 
-    Raises Unauthorized, ScopeMissing.
+    Raises Unauthorized, ScopeMissing, TooManyRequests.
     """
+    # before the token is read: whoever guesses tokens has none that is good
+    services.address_limit.take(network_of(connection.client.host if connection.client else ""))
     if credentials is None:
         raise Unauthorized(
             "the request must carry `Authorization: Bearer TOKEN`; got none; get a token first"
         )
     caller = services.tokens.read(credentials.credentials)
+    # an invitation's account is of many, who are told apart by their seats
+    services.account_limit.take(
+        caller.account if caller.account != INVITED else caller.participant_id or INVITED
+    )
     missing = sorted(set(needed.scopes) - caller.scopes)
     if missing:
         raise ScopeMissing(

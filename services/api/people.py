@@ -15,6 +15,7 @@ from services.auth import GUEST, Principal
 from services.container import Services
 from services.jobs.events import QUEUE
 from services.problems import PROBLEMS
+from services.quotas import require_room
 
 router = APIRouter(prefix="/v1/people", tags=["people"], responses=PROBLEMS)
 
@@ -22,6 +23,7 @@ router = APIRouter(prefix="/v1/people", tags=["people"], responses=PROBLEMS)
 @router.post("", status_code=status.HTTP_201_CREATED, summary="Add a person")
 def add_person(body: shapes.NewPerson, services: Provided, caller: Writer) -> shapes.Person:
     """Create a person, to whom clips and models then belong."""
+    require_room(services, caller.account, people=1)
     now = services.clock()
     person = PersonRow(
         id=new_id(),

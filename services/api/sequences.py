@@ -18,6 +18,7 @@ from services.errors import KeypointsOnly, NotCaptured
 from services.jobs.events import QUEUE
 from services.jobs.queue import discard, drop_orphans, enqueue
 from services.problems import PROBLEMS, problems
+from services.quotas import require_room
 
 router = APIRouter(prefix="/v1/sequences", tags=["sequences"], responses=PROBLEMS)
 
@@ -74,6 +75,9 @@ def train_model(
         raise InvalidInput(
             f"budget_s must be at most {longest:g}; got {body.budget_s:g}; ask for less time",
         )
+    with services.reading() as unit:
+        sequence_of(unit, caller, sequence_id)
+    require_room(services, caller.account, models=1)
     with services.unit_of_work() as unit:
         sequence = sequence_of(unit, caller, sequence_id)
         if sequence.kind is SequenceKind.KEYPOINTS:

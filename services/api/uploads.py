@@ -17,6 +17,7 @@ from services.container import Services
 from services.errors import WrongHash, WrongOffset
 from services.jobs.queue import Orphan, drop_orphans
 from services.problems import PROBLEMS, problems
+from services.quotas import require_room
 from services.uploads.ingest import ReceivedFile, end_upload, existing_sequence, ingest, safe_name
 from services.uploads.spool import Spool, join, spool, too_large
 
@@ -62,6 +63,8 @@ async def upload_clip(
 ) -> shapes.Sequence:
     """Take a clip as the form's field `file`; its capture starts by itself."""
     await run_in_threadpool(_require_person, services, caller, person_id)
+    told_bytes = int(request.headers.get("content-length", 0))
+    await run_in_threadpool(require_room, services, caller.account, more_bytes=told_bytes)
     settings = services.settings
     with spool(settings.folders.scratch_dir, settings.uploads.max_bytes) as received:
         await receive_file(request, received)
@@ -86,6 +89,10 @@ def begin_upload(
     if known is not None:
         answer = shapes.ExistingSequence(sequence=_with_capture(services, known))
         return JSONResponse(answer.model_dump(mode="json"), status_code=200)
+    with services.reading() as unit:
+        begun = unit.uploads.with_content(person_id, body.sha256)
+    if begun is None or begun.size != body.size:
+        require_room(services, caller.account, sequences=1, more_bytes=body.size)
     with services.unit_of_work() as unit:
         upload = unit.uploads.with_content(person_id, body.sha256)
         if upload is None or upload.size != body.size:
@@ -164,10 +171,17 @@ def _find_upload(services: Services, caller: Principal, upload_id: str) -> Uploa
 
 
 def _store(
-    services: Services, caller: Principal, person_id: str, received: Spool
+    services: Services,
+    caller: Principal,
+    person_id: str,
+    received: Spool,
+    *,
+    has_room: bool = False,
 ) -> shapes.Sequence:
     sequence = existing_sequence(services, person_id, received.sha256)
     if sequence is None:
+        if not has_room:  # its size is known only now where the sender did not tell it
+            require_room(services, caller.account, sequences=1, more_bytes=received.size)
         file = ReceivedFile(
             person_id, caller.account, received.path, received.filename, received.sha256
         )
@@ -217,7 +231,7 @@ def _complete(
                 f"the file's sha256 must be {upload.sha256}; got {whole.sha256}; upload it again",
             )
         whole.filename = upload.filename
-        return _store(services, caller, upload.person_id, whole)
+        return _store(services, caller, upload.person_id, whole, has_room=True)
     finally:
         _forget(services, upload)
 

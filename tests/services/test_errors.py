@@ -61,6 +61,7 @@ WIRE: dict[type[SceneError], tuple[int, str]] = {
     errors.NothingKept: (409, "nothing-kept"),
     errors.NotInMeeting: (403, "not-in-meeting"),
     errors.NotInRecording: (403, "not-in-recording"),
+    errors.QuotaReached: (403, "quota-reached"),
     errors.NotOwner: (403, "not-yours"),
     errors.NoConsent: (403, "no-consent"),
     errors.NotTakingPart: (403, "not-taking-part"),
