@@ -16,7 +16,7 @@ import uuid
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
@@ -31,6 +31,8 @@ from db.errors import NotFound, StoreAway, StoreFull
 INCOMING = "incoming"
 """Prefix of objects under way; never a person's id."""
 CHUNK_BYTES = 1 << 20
+SIGNED_S = 60
+"""How long a signed address is good."""
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """The disk is full, or what this user or file may have of it."""
 _PART_BYTES = 5 << 20
@@ -93,6 +95,11 @@ class Objects(Protocol):
         """Remove what a dead writer left. Raises NotFound where `name` is of none, StoreAway."""
         ...
 
+    def signed_address(self, owner: str, sha256: str) -> str | None:
+        """An address at which whoever has it may read an object for `SIGNED_S`; None where the
+        store has none that clients reach."""
+        ...
+
     def ping(self) -> None:
         """Raise StoreAway unless the store answers."""
         ...
@@ -101,8 +108,9 @@ class Objects(Protocol):
 class ObstoreObjects:
     """Objects in whatever obstore speaks to; see `Objects`."""
 
-    def __init__(self, store: Store) -> None:
-        self._store = store
+    def __init__(self, store: Store, outside: S3Store | None = None) -> None:
+        """Args: outside: the same store as clients reach it."""
+        self._store, self._outside = store, outside
 
     def put(self, owner: str, chunks: Iterable[bytes]) -> StoredObject:
         """See `Objects.put`."""
@@ -175,6 +183,13 @@ class ObstoreObjects:
         with naming_errors():
             self._delete([name])
 
+    def signed_address(self, owner: str, sha256: str) -> str | None:
+        """See `Objects.signed_address`."""
+        if self._outside is None:
+            return None
+        # without asking the store
+        return obstore.sign(self._outside, "GET", _key(owner, sha256), timedelta(seconds=SIGNED_S))
+
     def ping(self) -> None:
         """See `Objects.ping`."""
         with naming_errors():
@@ -195,13 +210,15 @@ def open_objects(
     url: str,
     *,
     endpoint: str | None = None,
+    public_endpoint: str | None = None,
     region: str = "us-east-1",
     access_key_id: str | None = None,
     secret_access_key: str | None = None,
 ) -> ObstoreObjects:
     """The store at `url`: `file:///a/folder` (made where missing) or `s3://bucket/prefix`.
 
-    Raises StoreAway for an address of another kind, or a folder that can't be made.
+    `public_endpoint` is the S3 store's address as clients reach it; None: they do not. Raises
+    StoreAway for an address of another kind, or a folder that can't be made.
     """
     parts = urlsplit(url)
     if parts.scheme == "file":
@@ -210,20 +227,22 @@ def open_objects(
             return ObstoreObjects(LocalStore(parts.path, automatic_cleanup=True))
     if parts.scheme == "s3":
         config = {
-            "endpoint": endpoint,
             "region": region,
             "access_key_id": access_key_id,
             "secret_access_key": secret_access_key,
         }
-        return ObstoreObjects(
-            S3Store(
+
+        def at(address: str | None) -> S3Store:
+            given = {key: one for key, one in (config | {"endpoint": address}).items() if one}
+            return S3Store(
                 parts.netloc,
                 prefix=parts.path.strip("/") or None,
                 client_options={"allow_http": True, "connect_timeout": "3s", "timeout": "5m"},
                 retry_config={"max_retries": 2},
-                **{key: value for key, value in config.items() if value is not None},  # type: ignore[arg-type]
+                **given,  # type: ignore[arg-type]
             )
-        )
+
+        return ObstoreObjects(at(endpoint), at(public_endpoint) if public_endpoint else None)
     raise StoreAway(f"object store must be file:///folder or s3://bucket/prefix; got {url!r}")
 
 

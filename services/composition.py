@@ -36,6 +36,7 @@ def build_services(
     store = objects or open_objects(
         settings.objects.store_url,
         endpoint=settings.objects.s3_endpoint_url,
+        public_endpoint=settings.objects.s3_public_url,
         region=settings.objects.s3_region,
         access_key_id=settings.objects.s3_access_key_id,
         secret_access_key=secret.get_secret_value() if secret else None,

@@ -229,6 +229,11 @@ class ObjectSettings(Group):
         validation_alias="METANERF_S3_ENDPOINT_URL",
         description="Address of an S3 store not Amazon's.",
     )
+    s3_public_url: str | None = Field(
+        default=None,
+        validation_alias="METANERF_S3_PUBLIC_URL",
+        description="Address of the S3 store as clients reach it: models are then read from there.",
+    )
     s3_region: str = Field(
         default="us-east-1",
         validation_alias="METANERF_S3_REGION",

@@ -6,10 +6,10 @@ from datetime import datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Response
-from fastapi.responses import StreamingResponse
+from fastapi.responses import RedirectResponse, StreamingResponse
 
 from db.errors import NotFound
-from db.models import ModelRow, Purpose
+from db.models import ModelFileRow, ModelRow, Purpose
 from db.repositories import UnitOfWork
 from scene.errors import InvalidInput
 from services.access import model_of, sequence_of
@@ -85,7 +85,7 @@ def read_viewer_file(
     "/{model_id}/files/{name}",
     summary="Download a file",
     response_class=StreamingResponse,
-    responses=_FILE_RESPONSES,
+    responses=_FILE_RESPONSES | {307: {"description": "At the store, for a minute."}},
 )
 def read_file(
     model_id: str,
@@ -94,10 +94,16 @@ def read_file(
     caller: Reader,
     if_none_match: IfNoneMatch = None,
 ) -> Response:
-    """A file of the model, streamed; its ETag is its sha256, and it never changes."""
+    """A file of the model, streamed; its ETag is its sha256, and it never changes. Where the store
+    can be reached from outside: 307 to an address of it, which needs no token and is good for a
+    minute."""
     with services.reading() as unit:
         model = model_of(unit, caller, model_id)
-    return _file(services, model, name, if_none_match)
+    file = _named(model, name)
+    address = services.objects.signed_address(model.person_id, file.sha256)
+    if address is None or _has(file, if_none_match):
+        return _file(services, model, name, if_none_match)
+    return RedirectResponse(address, headers={"Cache-Control": "no-store"})
 
 
 @router.post(
@@ -141,6 +147,18 @@ def _shown_to(unit: UnitOfWork, caller: Principal, model_id: str, now: datetime)
     return unit.models.get(model_id)
 
 
+def _named(model: ModelRow, name: str) -> ModelFileRow:
+    for file in model.files:
+        if file.name == name:
+            return file
+    names = ", ".join(file.name for file in model.files)
+    raise NotFound(f"name must be one of {names}; got {name!r}")
+
+
+def _has(file: ModelFileRow, if_none_match: str | None) -> bool:
+    return if_none_match is not None and file.sha256 in if_none_match
+
+
 def _file(
     services: Services,
     model: ModelRow,
@@ -149,14 +167,10 @@ def _file(
     *,
     compressed: bool = False,
 ) -> Response:
-    found = [file for file in model.files if file.name == name]
-    if not found:
-        names = ", ".join(file.name for file in model.files)
-        raise NotFound(f"name must be one of {names}; got {name!r}")
-    (file,) = found
+    file = _named(model, name)
     etag = f'"{file.sha256}-gzip"' if compressed else f'"{file.sha256}"'
     headers = {"ETag": etag, "Cache-Control": "private, no-cache"}
-    if if_none_match is not None and file.sha256 in if_none_match:
+    if _has(file, if_none_match):
         return Response(status_code=304, headers=headers)
     pieces = services.objects.stream(model.person_id, file.sha256)
     headers["Content-Disposition"] = f'attachment; filename="{file.name}"'

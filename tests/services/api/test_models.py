@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
+import uuid
 from pathlib import Path
 
 import cv2
 import httpx
 import numpy as np
 import pytest
+from pydantic import SecretStr
 
 from db.models import ModelRow
 from renderer.splats.model import SplatModel
 from services.bootstrap import import_model
+from services.composition import build_services
 from services.container import Services
+from services.settings import Settings
 from tests.services import seeds
-from tests.services.conftest import bearer
+from tests.services.conftest import bearer, calling, changed
 
 
 @pytest.fixture
@@ -200,3 +205,41 @@ async def test_parts_never_filmed_fade_out_unless_they_are_asked_for(
     assert soft[50:90].any(axis=1).sum() >= 2  # rows over which the body fades
     refused = await _view(client, model, hide_unseen="some")
     assert refused.status_code == 422
+
+
+async def test_a_file_is_read_from_a_store_that_clients_reach(
+    settings: Settings, empty_database: Path, model_file: Path, s3_endpoint: str
+):
+    at_s3 = changed(
+        settings,
+        object_store_url=f"s3://test/{uuid.uuid4().hex}",
+        s3_endpoint_url=s3_endpoint,
+        s3_public_url=s3_endpoint.replace("127.0.0.1", "localhost"),
+        s3_access_key_id="a",
+        s3_secret_access_key=SecretStr("of the store"),
+    )
+    services = build_services(at_s3)
+    shutil.copy(empty_database, settings.folders.data_dir / "metanerf.db")
+    model = import_model(services, model_file, "house", "Ada")
+    async with calling(services) as client, httpx.AsyncClient() as anybody:
+        read = (await client.get(f"/v1/models/{model.id}")).json()
+        file, _, drawn = read["files"]
+        sent_on = await client.get(file["url"])
+        assert (sent_on.status_code, sent_on.headers["cache-control"]) == (307, "no-store")
+        address = httpx.URL(sent_on.headers["location"])
+        assert address.host == "localhost"
+        assert address.params["X-Amz-Expires"] == "60"
+        assert "of the store" not in str(address)
+        fetched = await anybody.get(address)
+        assert fetched.status_code == 200
+        assert hashlib.sha256(fetched.content).hexdigest() == read["sha256"]
+        etag = {"If-None-Match": f'"{read["sha256"]}"'}
+        assert (await client.get(file["url"], headers=etag)).status_code == 304
+        # pages draw what the gateway itself sends: they may speak to no other host
+        assert (await client.get(drawn["url"])).content.startswith(b"MNSP")
+        # nobody is told an address who may not have the model
+        another = await client.get(file["url"], headers=bearer(services, "another"))
+        assert another.status_code == 403
+        assert "location" not in another.headers
+        assert (await client.get(f"/v1/models/{model.id}/files/none")).status_code == 404
+    services.close()

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import errno
-import os
+import multiprocessing
 import signal
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -170,11 +169,10 @@ def test_whoever_wants_it_no_longer_has_it_stopped(
 def test_one_that_was_killed_takes_its_job_along(given: Settings, scratch: Path, instead: Instead):
     """So that it is tried again, as any job whose process was killed for its memory."""
     instead("kill -KILL $$")
-    if (job := os.fork()) == 0:
-        with suppress(BaseException):
-            captured(given, scratch)
-        os._exit(0)
-    assert os.waitstatus_to_exitcode(os.waitpid(job, 0)[1]) == -signal.SIGKILL
+    job = multiprocessing.get_context("fork").Process(target=captured, args=(given, scratch))
+    job.start()
+    job.join(60)
+    assert job.exitcode == -signal.SIGKILL
 
 
 def test_kernels_are_linked_to_and_never_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
