@@ -178,6 +178,11 @@ class Recordings(Protocol):
         """Delete videos that were made; the rows that went, whose objects stay."""
         ...
 
-    def remove(self, recording: RecordingRow) -> None:
-        """Delete a recording's row, and the rows that hang on it; its objects stay."""
+    def ended_before(self, moment: datetime) -> list[RecordingRow]:
+        """The recordings that ended before a moment, the oldest first."""
+        ...
+
+    def remove(self, recording: RecordingRow) -> list[tuple[str, str]]:
+        """Delete a recording's row, and the rows that hang on it with those of its videos; owners
+        and hashes of the objects that they named, which stay."""
         ...

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from datetime import datetime
 
 from sqlalchemy import delete, select
 
@@ -107,6 +108,16 @@ class SqlRecordings(SqlRepository):
         self._session.execute(delete(RecordingExportRow).where(named))
         return found
 
-    def remove(self, recording: RecordingRow) -> None:
+    def ended_before(self, moment: datetime) -> list[RecordingRow]:
+        """See `Recordings.ended_before`."""
+        query = select(RecordingRow).where(
+            RecordingRow.state == RecordingState.ENDED, RecordingRow.ended_at < moment
+        )
+        return list(self._session.scalars(query.order_by(RecordingRow.ended_at)))
+
+    def remove(self, recording: RecordingRow) -> list[tuple[str, str]]:
         """See `Recordings.remove`."""
+        gone = [(one.owner, one.sha256) for one in self.chunks(recording.id)]
+        gone += [(one.person_id, one.sha256) for one in self.drop_exports([recording.id])]
         self._session.delete(recording)
+        return gone

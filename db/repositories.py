@@ -106,6 +106,10 @@ class Sequences(Protocol):
         """All sequences of a person, the oldest first."""
         ...
 
+    def created_before(self, moment: datetime) -> list[SequenceRow]:
+        """All sequences of before a moment, the oldest first."""
+        ...
+
     def with_source(self, person_id: str, sha256: str) -> SequenceRow | None:
         """The sequence made from the same bytes; None where there is none."""
         ...
@@ -218,6 +222,10 @@ class AuditLog(Protocol):
 
     def of_account(self, account: str) -> list[AuditEventRow]:
         """All events of `account`, the oldest first."""
+        ...
+
+    def forget(self, before: datetime) -> int:
+        """Delete the events of before a moment; how many went."""
         ...
 
 

@@ -153,6 +153,11 @@ class SqlSequences(SqlRepository):
         query = select(SequenceRow).where(SequenceRow.person_id == person_id)
         return list(self._session.scalars(query.order_by(SequenceRow.created_at)))
 
+    def created_before(self, moment: datetime) -> list[SequenceRow]:
+        """See `Sequences.created_before`."""
+        query = select(SequenceRow).where(SequenceRow.created_at < moment)
+        return list(self._session.scalars(query.order_by(SequenceRow.created_at)))
+
     def with_source(self, person_id: str, sha256: str) -> SequenceRow | None:
         """See `Sequences.with_source`."""
         query = select(SequenceRow).where(
@@ -314,6 +319,11 @@ class SqlAuditLog(SqlRepository):
         """See `AuditLog.of_account`."""
         query = select(AuditEventRow).where(AuditEventRow.account == account)
         return list(self._session.scalars(query.order_by(AuditEventRow.at)))
+
+    def forget(self, before: datetime) -> int:
+        """See `AuditLog.forget`."""
+        old = delete(AuditEventRow).where(AuditEventRow.at < before)
+        return _count(self._session.execute(old))
 
 
 class SqlReferences(SqlRepository):

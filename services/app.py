@@ -5,13 +5,15 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
+from functools import partial
 from typing import Any
 
-from fastapi import FastAPI
+from fastapi import FastAPI, Request
 from fastapi.concurrency import run_in_threadpool
 from starlette.types import ASGIApp
 
+from db.errors import DatabaseError
 from db.models import JobKind
 from services import metrics, problems
 from services.api import (
@@ -33,6 +35,7 @@ from services.api import (
 )
 from services.api.body_limit import LimitBodies
 from services.api.signalling import kept_frames, voice, whep, whip
+from services.audit import note_refusal
 from services.container import Services
 from services.content_policy import ClosedByDefault
 from services.control import messages
@@ -40,6 +43,7 @@ from services.cross_origin import AllowOrigins
 from services.gateway import build_gateway, gateway_of
 from services.jobs.local_engine import LocalEngine
 from services.jobs.worker import Worker
+from services.limits import network_of
 from services.logs import IdentifyRequests
 from services.page import page_route
 from services.traced_requests import TraceRequests
@@ -121,7 +125,7 @@ def create_app(services: Services) -> FastAPI:
     gateway = build_gateway(services)
     app.state.gateway = gateway
     metrics.measure(gateway)
-    problems.install(app)
+    problems.install(app, partial(_note_refusal, services))
     app.add_middleware(LimitBodies)
     app.add_middleware(metrics.CountRequests)
     if services.tracing.on:
@@ -134,6 +138,18 @@ def create_app(services: Services) -> FastAPI:
         app.include_router(router)
     app.router.routes.append(page_route(settings.server.client_dir, gateway.homes.origins))
     return app
+
+
+async def _note_refusal(services: Services, request: Request, error: Exception) -> None:
+    """Have the audit log tell it, but for requests that bring no token at all."""
+    account = getattr(request.state, "account", "")
+    if not account and "authorization" not in request.headers:
+        return
+    # the pattern alone: a meeting's id is its invitation
+    route = f"{request.method} {getattr(request.scope.get('route'), 'path', '')}"
+    caller = account or network_of(request.client.host if request.client else "")
+    with suppress(DatabaseError):  # it is refused all the same
+        await run_in_threadpool(note_refusal, services, caller, account, route, error)
 
 
 @asynccontextmanager

@@ -26,6 +26,9 @@ if TYPE_CHECKING:  # jobs do without what is live
     from services.live.streaming.pictures import Renderers
 
 
+_NOTED_A_MINUTE = 10
+
+
 def build_services(
     settings: Settings, *, clock: Clock = utc_now, objects: Objects | None = None
 ) -> Services:
@@ -63,6 +66,7 @@ def build_services(
         address_limit=RateLimit(
             "requests from one address", settings.quotas.requests_per_address, clock
         ),
+        refusal_limit=RateLimit("refusals of one caller that are noted", _NOTED_A_MINUTE, clock),
         tracing=open_tracing(settings.tracing),
         clock=clock,
         describe_failure=_described,

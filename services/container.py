@@ -39,6 +39,8 @@ class Services:
     account_limit: RateLimit
     address_limit: RateLimit
     """Of requests that need a token, whether theirs is good or not."""
+    refusal_limit: RateLimit
+    """Of refusals of one caller that the audit log tells."""
     tracing: Tracing
     clock: Clock
     describe_failure: Callable[[Exception], dict[str, Any]]

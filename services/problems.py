@@ -7,6 +7,7 @@ rule, the value received and how to mend it. `type` is a URN of ours.
 from __future__ import annotations
 
 import logging
+from collections.abc import Awaitable, Callable
 from http import HTTPStatus
 from typing import Any, NamedTuple
 
@@ -193,10 +194,12 @@ PROBLEMS = problems(401, 403, 404, 422, 429, 503)
 """Those that nearly every route may give."""
 
 
-def install(app: FastAPI) -> None:
-    """Answer every error of `app` as a problem."""
+def install(app: FastAPI, on_refusal: Callable[[Request, Exception], Awaitable[None]]) -> None:
+    """Answer every error of `app` as a problem; `on_refusal` is told of callers who may not."""
 
-    async def on_error(_request: Request, error: Exception) -> JSONResponse:
+    async def on_error(request: Request, error: Exception) -> JSONResponse:
+        if isinstance(error, errors.Forbidden | errors.Unauthorized):
+            await on_refusal(request, error)
         return problem_response(error)
 
     async def on_surprise(request: Request, error: Exception) -> JSONResponse:

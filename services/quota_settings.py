@@ -1,4 +1,4 @@
-"""Settings of what one account, and one address, may take."""
+"""Settings of what one account, and one address, may take, and how long things are kept."""
 
 from __future__ import annotations
 
@@ -45,4 +45,27 @@ class QuotaSettings(Group):
         ge=1,
         validation_alias="METANERF_REQUESTS_PER_ADDRESS",
         description="Requests from one address that need a token, good or not, a minute.",
+    )
+
+
+class RetentionSettings(Group):
+    """How long things are kept that nobody deletes."""
+
+    recording_days: float | None = Field(
+        default=None,
+        gt=0.0,
+        validation_alias="METANERF_KEEP_RECORDINGS_DAYS",
+        description="Days after its end that a recording is kept; unset: until it is deleted.",
+    )
+    clip_days: float | None = Field(
+        default=None,
+        gt=0.0,
+        validation_alias="METANERF_KEEP_CLIPS_DAYS",
+        description="Days that a clip and its frames are kept; unset: until it is deleted.",
+    )
+    audit_days: float = Field(
+        default=365.0,
+        gt=0.0,
+        validation_alias="METANERF_KEEP_AUDIT_DAYS",
+        description="Days that events of the audit log are kept.",
     )

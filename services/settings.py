@@ -21,7 +21,7 @@ from scene.errors import InvalidInput
 from services.cluster_settings import ClusterSettings
 from services.live_settings import LiveSettings
 from services.login_settings import LoginSettings
-from services.quota_settings import QuotaSettings
+from services.quota_settings import QuotaSettings, RetentionSettings
 from services.setting_groups import (
     DatabaseSettings,
     EventSettings,
@@ -58,6 +58,7 @@ class Settings:
     events: EventSettings
     uploads: UploadSettings
     quotas: QuotaSettings
+    retention: RetentionSettings
     models: ModelSettings
     live: LiveSettings
     recording: RecordingSettings

@@ -50,6 +50,7 @@ async def principal(
             "the request must carry `Authorization: Bearer TOKEN`; got none; get a token first"
         )
     caller = services.tokens.read(credentials.credentials)
+    connection.state.account = caller.account
     # an invitation's account is of many, who are told apart by their seats
     services.account_limit.take(
         caller.account if caller.account != INVITED else caller.participant_id or INVITED

@@ -14,10 +14,12 @@ from datetime import timedelta
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import RedirectResponse
 
 from services.api import shapes
 from services.api.dependencies import Provided
+from services.audit import note
 from services.auth import ALL_SCOPES
 from services.container import Services
 from services.errors import (
@@ -148,9 +150,16 @@ async def take_token(
     who = services.tickets.read(IDENTITY_COOKIE, request.cookies.get(IDENTITY_COOKIE, ""))
     lifetime = timedelta(hours=services.settings.security.token_lifetime_h)
     token, expires = services.tokens.issue(who["account"], ALL_SCOPES, lifetime)
+    await run_in_threadpool(_note_login, services, who["account"])
     response.delete_cookie(IDENTITY_COOKIE, path=_PATH)
     response.headers["Cache-Control"] = "no-store"
     return shapes.LoggedIn(token=token, expires_at=expires, name=who["name"])
+
+
+def _note_login(services: Services, account: str) -> None:
+    with services.unit_of_work() as unit:
+        note(services, unit, account, "account.logged_in")
+        unit.commit()
 
 
 @router.get(

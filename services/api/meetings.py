@@ -9,6 +9,7 @@ from services import meetings, seats
 from services.access import model_of, sequence_of
 from services.api import meeting_shapes as shapes
 from services.api.dependencies import CurrentGateway, Joiner, Provided, Writer
+from services.audit import note_of_meeting
 from services.auth import Principal
 from services.container import Services
 from services.jobs.events import meeting_topic
@@ -165,6 +166,7 @@ def _renew_invitation(services: Services, caller: Principal, meeting_id: str) ->
         meeting = unit.meetings.get_for_change(meeting_id)
         seats.require_host(meeting, caller)
         meeting.invitation += 1
+        note_of_meeting(services, unit, caller.account, "invitation_renewed", meeting_id)
         unit.commit()
     return shapes.Invitation(join_url=meetings.join_url(services, meeting))
 

@@ -9,6 +9,7 @@ from fastapi.responses import StreamingResponse
 
 from db.errors import NotFound
 from db.models import JobKind, JobRow, JobState, Purpose, RecordingState, new_id
+from services import audit
 from services.access import has_part, is_mine, recording_of, require_part
 from services.api import recording_shapes, shapes
 from services.api.dependencies import Joiner, Provided, Writer
@@ -174,12 +175,10 @@ def delete_recording(recording_id: str, services: Provided, caller: Writer) -> R
     with services.unit_of_work() as unit:
         recording = unit.recordings.get_for_change(recording_id)
         caller.require_account(recording.account)
-        chunks = unit.recordings.chunks(recording_id)
-        videos = unit.recordings.drop_exports([recording_id])
-        unit.recordings.remove(recording)
+        gone = unit.recordings.remove(recording)
+        audit.note(services, unit, caller.account, "recording.deleted")
         unit.commit()
-    gone = [(one.owner, one.sha256) for one in chunks]
-    replay.drop(services, gone + [(one.person_id, one.sha256) for one in videos])
+    replay.drop(services, gone)
     return Response(status_code=status.HTTP_204_NO_CONTENT)
 
 
@@ -198,6 +197,7 @@ def leave_recording(
         videos = unit.recordings.drop_exports([recording_id])
         for member in [one for one in recording.members if is_mine(one, caller)]:
             recording.members.remove(member)
+        audit.note(services, unit, caller.account, "recording.left")
         unit.commit()
     gone = [(one.owner, one.sha256) for one in chunks]
     replay.drop(services, gone + [(one.person_id, one.sha256) for one in videos])
@@ -239,6 +239,7 @@ def export_recording(
             traceparent=services.tracing.here(),
         )
         unit.jobs.add(job)
+        audit.note(services, unit, caller.account, "recording.exported", people[0].id)
         unit.commit()
     services.events.publish(QUEUE)
     return shapes.Job.of(job)

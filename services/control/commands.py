@@ -15,6 +15,7 @@ from db.models import (
 )
 from db.repositories import UnitOfWork
 from services import meetings, seats
+from services.audit import note_of_meeting
 from services.auth import Principal
 from services.container import Services
 from services.control.messages import (
@@ -89,6 +90,7 @@ def connect(services: Services, meeting_id: str, caller: Principal, name: str) -
         let_in = me.admission in (Admission.ADMITTED, Admission.WAITING)
         if caller.role is Role.HOST and let_in and not host_of(meeting, now):
             me.role, me.admission = Role.HOST, Admission.ADMITTED
+            note_of_meeting(services, unit, me.account, "host_changed", meeting_id, to=me.account)
         unit.commit()
     return me
 
@@ -113,6 +115,7 @@ def execute(services: Services, meeting_id: str, participant_id: str, command: C
         else:
             _require_host(me, command)
             _host(services, meeting, me, command)
+            _note(services, unit, meeting, me, command)
         unit.commit()
 
 
@@ -237,6 +240,24 @@ def _host(
             # one that is found by name goes on for whoever comes next
             if meeting.label is None:
                 meeting.ended_at = services.clock()
+
+
+def _note(
+    services: Services, unit: UnitOfWork, meeting: MeetingRow, me: ParticipantRow, command: Hosting
+) -> None:
+    """Have the audit log tell what changes who may do what."""
+    accounts = {one.id: one.account for one in meeting.participants}
+    match command:
+        case SetRole(participant_id=who, role=Role.HOST):
+            what, to = "host_changed", accounts[who]
+        case Remove(participant_id=who):
+            what, to = "member_removed", accounts[who]
+        case EndMeeting():
+            what, to = "ended", None
+        case _:
+            return
+    details = {} if to is None else {"to": to}
+    note_of_meeting(services, unit, me.account, what, meeting.id, **details)
 
 
 def _have_wait(meeting: MeetingRow) -> None:

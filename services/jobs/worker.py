@@ -26,6 +26,7 @@ from services.jobs.engine import Ended, Engine, EngineAway, Execution
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.lease import JobLease, reclaim_expired
 from services.jobs.queue import Orphan, crashed, drop_orphans, interrupted
+from services.retention import forget_old
 
 log = logging.getLogger(__name__)
 
@@ -218,6 +219,9 @@ class Worker:
         swept = sweep(self._services.unit_of_work, self._services.objects, self._services.clock())
         if swept.objects or swept.incoming or swept.uploads:
             log.info("%s", swept)
+        forgotten = forget_old(self._services)
+        if forgotten.recordings or forgotten.clips or forgotten.events:
+            log.info("%s", forgotten)
 
     def _stop_all(self) -> None:
         grace_s = self._services.settings.jobs.stop_grace_s
