@@ -7,12 +7,13 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from sqlite3 import Connection as SqliteConnection
 
 from alembic import command
 from alembic.config import Config
 from alembic.script import ScriptDirectory
 from alembic.util import CommandError
-from sqlalchemy import Connection, Engine, text
+from sqlalchemy import Connection, Engine, event, text
 
 from db.engine import make_engine
 from db.errors import MigrationFailed
@@ -48,6 +49,8 @@ def check(url: str) -> None:
 
 def _run(url: str, action) -> None:
     engine = make_engine(url)
+    if engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _let_tables_be_replaced)
     try:
         with _only_one(engine), engine.connect() as connection:
             config = Config(stdout=io.StringIO())
@@ -63,6 +66,12 @@ def _run(url: str, action) -> None:
         ) from error
     finally:
         engine.dispose()
+
+
+def _let_tables_be_replaced(connection: SqliteConnection, _record: object) -> None:
+    """A table that SQLite can't alter is made anew, and dropping the old one would take the rows
+    that hang on it (sqlite.org/lang_altertable, section 7)."""
+    connection.execute("PRAGMA foreign_keys=OFF")
 
 
 @contextmanager

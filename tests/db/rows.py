@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 from db.models import (
     AuditEventRow,
+    BanRow,
     JobKind,
     JobRow,
     JobState,
     MeetingRow,
+    MessageKind,
+    MessageRow,
     ModelFileRow,
     ModelRow,
     MotionRow,
+    PanoramaRow,
+    ParticipantRow,
     PerformerRow,
     PersonRow,
+    Purpose,
     RecordingChunkRow,
     RecordingExportRow,
     RecordingMemberRow,
     RecordingRow,
     RecordingState,
+    Role,
     SequenceKind,
     SequenceRow,
     SequenceState,
@@ -61,10 +68,13 @@ def job(person_id: str, kind: JobKind = JobKind.TRAIN, created_at: datetime = NO
 
 
 def full_life(database: Database, objects: Objects, name: str = "Ada") -> str:
-    """A person with a row in every table and the objects that those name; their id."""
+    """A person with a row in every table but that of gateways, a meeting with somebody in it, and
+    the objects that those name; their id."""
     someone = person(name)
-    stored = [objects.put(someone.id, [f"{name} {i}".encode()]).sha256 for i in range(9)]
-    source, packed, thumbnail, motion, weights, chunk, checkpoint, moved, video = stored
+    stored = [objects.put(someone.id, [f"{name} {i}".encode()]).sha256 for i in range(10)]
+    source, packed, thumbnail, motion, weights, chunk, checkpoint, moved, video, frames = stored
+    someone.height_m, someone.consent_until = 1.8, NOW + timedelta(days=9)
+    someone.consent_purposes = [Purpose.MEETINGS.value, Purpose.LEARNING.value]
     clip = sequence(someone.id, source)
     clip.packed_sha256, clip.thumbnail_sha256 = packed, thumbnail
     model = ModelRow(
@@ -90,6 +100,9 @@ def full_life(database: Database, objects: Objects, name: str = "Ada") -> str:
         unit.people.add(someone)
         unit.flush()
         unit.sequences.add(clip)
+        kept = sequence(someone.id, frames)
+        kept.kind, kept.clip_id = SequenceKind.LIVE, clip.id
+        unit.sequences.add(kept)
         unit.uploads.add(upload)
         unit.flush()
         unit.models.add(model)
@@ -110,8 +123,33 @@ def full_life(database: Database, objects: Objects, name: str = "Ada") -> str:
                 eye_height_m=1.6,
             )
         ]
+        seat = ParticipantRow(
+            id=new_id(),
+            account="house",
+            display_name=name,
+            seat=1,
+            joined_at=NOW,
+            seen_at=NOW,
+            heard_at=NOW,
+            role=Role.HOST,
+        )
+        meeting.participants, meeting.presenter_id = [seat], seat.id
+        meeting.bans = [BanRow(account="elsewhere", at=NOW)]
         unit.meetings.add(meeting)
         unit.flush()
+        unit.meetings.say(
+            MessageRow(
+                meeting_id=meeting.id,
+                kind=MessageKind.CHAT,
+                participant_id=seat.id,
+                name=name,
+                text="Hello",
+                at=NOW,
+            )
+        )
+        unit.meetings.set_panorama(
+            PanoramaRow(meeting_id=meeting.id, name="brought", picture=b"a picture", light={})
+        )
         recording = RecordingRow(
             id=new_id(),
             meeting_id=meeting.id,
@@ -119,6 +157,7 @@ def full_life(database: Database, objects: Objects, name: str = "Ada") -> str:
             name="Monday",
             state=RecordingState.ENDED,
             asked_at=NOW,
+            ended_at=NOW,
         )
         recording.members = [
             RecordingMemberRow(
