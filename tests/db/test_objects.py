@@ -140,4 +140,4 @@ def test_an_upload_that_nobody_goes_on_with_is_swept(database: Database, objects
     much_later = datetime.now(UTC) + timedelta(days=3)
     swept = sweep(database.unit_of_work, objects, much_later)
     assert (swept.uploads, swept.objects) == (1, 1)
-    assert len(list(objects.list(ada))) == 8
+    assert len(list(objects.list(ada))) == 9
