@@ -36,7 +36,7 @@ _THREADS = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "NUMBA_CPU_NAME", "NUMBA_CPU
 
 
 @dataclass(frozen=True)
-class Hearing:
+class CaptureListener:
     """Who hears how far a capture is."""
 
     on_progress: Callable[[float, str], None]
@@ -50,7 +50,7 @@ def capture_apart(
     scratch: Path,
     person: str,
     height_m: float | None,
-    hearing: Hearing,
+    listener: CaptureListener,
 ) -> Path:
     """As `capture.pipeline.capture_clip`; returns the folder of the sequence, in `scratch`.
 
@@ -73,7 +73,7 @@ def capture_apart(
     environment["NUMBA_CACHE_DIR"] = str(kernels.folder)
     with ConfinedProcess("services.jobs.confined_capture", **environment) as process:
         process.say(json.dumps(wanted).encode())
-        end = _heard(process, folder, scratch / DRAFT, hearing)
+        end = _heard(process, folder, scratch / DRAFT, listener)
         if end is None:
             raise _crashed(process)
     return _ended(end, folder, scratch / RESULT)
@@ -88,22 +88,22 @@ def _networks(settings: Settings) -> list[str | None]:
 
 
 def _heard(
-    process: ConfinedProcess, folder: Path, draft: Path, hearing: Hearing
+    process: ConfinedProcess, folder: Path, draft: Path, listener: CaptureListener
 ) -> Mapping[str, Any] | None:
     """The last that the process says; None where it ended without a word."""
     stopping = False
     try:
         for line in process.lines(_TICK_S):
-            if hearing.should_stop() and not stopping:
+            if listener.should_stop() and not stopping:
                 stopping = True
                 process.say(b"stop")
             said: dict[str, Any] = {} if line is None else json.loads(line)
             match said:
                 case {"progress": [float() | int() as share, str(message)]}:
-                    hearing.on_progress(float(share), message)
+                    listener.on_progress(float(share), message)
                 case {"draft": True}:
                     _take(folder / DRAFT, draft)
-                    hearing.on_draft(draft)
+                    listener.on_draft(draft)
                     shutil.rmtree(draft)
                     process.say(b"go on")
                 case {"done": _} | {"stopped": _} | {"refused": str(), "error": str()}:

@@ -12,7 +12,7 @@ from db.objects import fetch
 from db.repositories import UnitOfWork
 from scene.sequence import Sequence
 from services.container import Services
-from services.jobs.capture_apart import Hearing, capture_apart
+from services.jobs.capture_apart import CaptureListener, capture_apart
 from services.jobs.first_likeness import make_first_likeness
 from services.jobs.queue import clip_gone
 from services.jobs.report import JobStopped, Reporter, encode_preview
@@ -37,14 +37,14 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
         fetch(services.objects, job.person_id, sequence.source_sha256, source)
     except NotFound as error:
         raise clip_gone() from error
-    hearing = Hearing(
+    listener = CaptureListener(
         on_progress,
         lambda draft: make_first_likeness(services, job, reporter, draft, done),
         reporter.should_stop,
     )
     try:
         out = capture_apart(
-            services.settings, source, folder, person.name, person.height_m, hearing
+            services.settings, source, folder, person.name, person.height_m, listener
         )
     except CaptureStopped as stopped:
         raise JobStopped from stopped

@@ -11,8 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from numba.core.caching import UserProvidedCacheLocator
-
 _PACKAGES = ("scene", "capture")
 """Whose kernels a capture runs."""
 _ROOT = Path(__file__).parents[2]
@@ -46,6 +44,8 @@ def _caches(ours: str | None) -> Iterator[tuple[Path, str]]:
     if ours:
         yield from ((one, one.name) for one in Path(ours).resolve().glob("*/"))
         return
+    from numba.core.caching import UserProvidedCacheLocator  # jobs that capture nothing do without
+
     for package in _PACKAGES:
         for kept in (_ROOT / package).rglob("__pycache__"):
             yield kept, UserProvidedCacheLocator.get_suitable_cache_subpath(str(kept.parent / "_"))

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from capture.errors import CaptureStopped, NoPersonFound, UnreadableClip
-from services.jobs.capture_apart import Hearing, capture_apart
+from services.jobs.capture_apart import CaptureListener, capture_apart
 from services.jobs.kernel_cache import linked_kernels
 from services.settings import Settings
 from tests.services import seeds
@@ -59,8 +59,8 @@ class Heard:
         self.drafts: list[Path] = []
         self.stop = stop
 
-    def hearing(self) -> Hearing:
-        return Hearing(
+    def listener(self) -> CaptureListener:
+        return CaptureListener(
             lambda share, message: self.progress.append((share, message)),
             self.drafts.append,
             lambda: self.stop,
@@ -69,7 +69,7 @@ class Heard:
 
 def captured(settings: Settings, scratch: Path, heard: Heard | None = None) -> Path:
     source = scratch / "source.mp4"
-    return capture_apart(settings, source, scratch, "Ada", 1.8, (heard or Heard()).hearing())
+    return capture_apart(settings, source, scratch, "Ada", 1.8, (heard or Heard()).listener())
 
 
 def test_progress_and_a_draft_are_heard_and_the_sequence_is_taken(
