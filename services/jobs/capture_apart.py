@@ -29,6 +29,7 @@ from services.uploads.apart import refusal
 
 log = logging.getLogger(__name__)
 
+_LONGEST_TEXT = 2000
 _TICK_S = 0.2
 """Between two looks at whether the capture is still wanted."""
 _THREADS = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")
@@ -92,27 +93,37 @@ def _heard(
 ) -> Mapping[str, Any] | None:
     """The last that the process says; None where it ended without a word."""
     stopping = False
-    try:
-        for line in process.lines(_TICK_S):
-            if listener.should_stop() and not stopping:
-                stopping = True
-                process.say(b"stop")
-            said: dict[str, Any] = {} if line is None else json.loads(line)
-            match said:
-                case {"progress": [float() | int() as share, str(message)]}:
-                    listener.on_progress(float(share), message)
-                case {"draft": True}:
-                    _take(folder / DRAFT, draft)
-                    listener.on_draft(draft)
-                    shutil.rmtree(draft)
-                    process.say(b"go on")
-                case {"done": _} | {"stopped": _} | {"refused": str(), "error": str()}:
-                    return said
-                case {"errno": int()}:
-                    return said
-    except json.JSONDecodeError as error:
-        raise UnreadableClip(f"a clip must be captured; got {error} in its place") from error
+    for line in process.lines(_TICK_S):
+        if listener.should_stop() and not stopping:
+            stopping = True
+            process.say(b"stop")
+        match {} if line is None else _read(line):
+            case {"progress": [float() | int() as share, str(message)]}:
+                listener.on_progress(float(share), _plain(message))
+            case {"draft": True}:
+                _take(folder / DRAFT, draft)
+                listener.on_draft(draft)
+                shutil.rmtree(draft)
+                process.say(b"go on")
+            case {"done": _} | {"stopped": _} | {"errno": int()} as end:
+                return end
+            case {"refused": str(), "error": str()} as end:
+                return end
     return None
+
+
+def _read(line: bytes) -> Any:
+    try:
+        return json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise UnreadableClip(
+            "a clip must be captured; got what is no answer in its place; export it again"
+        ) from error
+
+
+def _plain(text: str) -> str:
+    """Without what a database does not store, or a terminal obeys."""
+    return "".join(one for one in text if one.isprintable())[:_LONGEST_TEXT]
 
 
 def _ended(end: Mapping[str, Any], folder: Path, result: Path) -> Path:
@@ -120,7 +131,7 @@ def _ended(end: Mapping[str, Any], folder: Path, result: Path) -> Path:
         case {"stopped": _}:
             raise CaptureStopped("the capture was stopped")
         case {"refused": str(why), "error": str(name)}:
-            raise refusal(name)(why)
+            raise refusal(name)(_plain(why))
         case {"errno": int(number)}:
             raise OSError(number, os.strerror(number))
     _take(folder / RESULT, result)

@@ -120,6 +120,8 @@ def test_what_leads_elsewhere_is_not_taken(
         ('{"stopped": true}', CaptureStopped, "stopped"),
         (f'{{"errno": {errno.ENOSPC}}}', OSError, "No space left"),
         ("no json", UnreadableClip, "must be captured; got"),
+        ('{"refused": "a\\u0000b\\u001b[2J", "error": "NoPersonFound"}', NoPersonFound, "ab"),
+        ("[" * 70_000, UnreadableClip, "must be captured; got"),
     ],
 )
 def test_an_end_comes_through(
