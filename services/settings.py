@@ -21,6 +21,7 @@ from scene.errors import InvalidInput
 from services.cluster_settings import ClusterSettings
 from services.live_settings import LiveSettings
 from services.login_settings import LoginSettings
+from services.network_settings import NetworkSettings
 from services.quota_settings import QuotaSettings, RetentionSettings
 from services.setting_groups import (
     DatabaseSettings,
@@ -29,7 +30,6 @@ from services.setting_groups import (
     Group,
     JobSettings,
     ModelSettings,
-    NetworkSettings,
     ObjectSettings,
     RecordingSettings,
     SecuritySettings,
