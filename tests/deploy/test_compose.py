@@ -254,7 +254,8 @@ def relay(tmp_path: Path) -> Iterator[Relay]:
         yield Relay(tmp_path, port, tls_port, process)
     finally:
         process.terminate()
-        assert process.wait(timeout=10) == 128 + signal.SIGTERM
+        # coturn ends by itself, or where it has just begun by the signal
+        assert process.wait(timeout=10) in (0, 128 + signal.SIGTERM)
     assert not passes(check), "the relay outlived its service"
 
 

@@ -8,7 +8,7 @@ from collections import Counter
 
 import httpx
 import pytest
-from fastapi import FastAPI
+from fastapi import FastAPI, Request
 
 from db.errors import Conflict, DatabaseAway, MigrationFailed, NotFound, StoreAway, StoreFull
 from scene.errors import InvalidInput, SceneError
@@ -196,9 +196,13 @@ def test_a_failed_job_keeps_the_whole_problem():
     assert "free some and retry" in full["detail"]
 
 
+async def _not_told(_request: Request, error: Exception) -> None:
+    raise AssertionError(f"nobody was refused; got {error}")
+
+
 async def test_an_application_answers_each_error_by_its_problem():
     app = FastAPI()
-    problems.install(app)
+    problems.install(app, _not_told)
 
     @app.get("/refused")
     def refuse() -> None:
@@ -220,7 +224,7 @@ async def test_an_application_answers_each_error_by_its_problem():
 
 async def test_an_error_while_a_body_is_read_is_answered_as_any_other():
     app = FastAPI()
-    problems.install(app)
+    problems.install(app, _not_told)
     app.add_middleware(LimitBodies)
 
     @app.post("/posted")
