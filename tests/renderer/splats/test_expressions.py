@@ -189,7 +189,7 @@ def test_a_model_without_expressions_has_an_empty_section():
 @pytest.mark.usefixtures("unchecked_annotations")
 def test_splats_that_are_none_are_refused():
     offsets = np.zeros((1, BLEND_SHAPE_COUNT, 3), np.float32)
-    with pytest.raises(InvalidInput, match=r"expression_splats must be of 600 splats; got 600"):
+    with pytest.raises(InvalidInput, match=r"must be from 0 to below 600; got 600 to 600"):
         replace(make_model(), expression_splats=np.array([600]), expression_offsets=offsets)
     with pytest.raises(InvalidInput, match=r"expression_offsets must be 0 x 27 x 3; got 1 x 27"):
         replace(make_model(), expression_offsets=offsets)
