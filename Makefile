@@ -9,8 +9,8 @@ demo: setup
 	.venv/bin/metanerf demo $(ARGS)
 
 # Everything that continuous integration checks: format, lint, types, imports, all tests.
-# Tests in Python wait for servers and processes a third of their time: checks run beside them, and a
-# third of them on two cores. A browser's leave nothing of a core to others.
+# Tests in Python wait for servers and processes a part of their time, in which checks run. A browser's
+# leave nothing of a core to others.
 test: setup-test
 	$(MAKE) --jobs=3 --keep-going check test-page test-python; \
 	rest=$$?; $(PYTEST) tests/e2e tests/benchmarks -m e2e $(ARGS) && exit $$rest
@@ -31,7 +31,7 @@ test-page:
 	cd client && npm test --silent
 
 test-python:
-	$(PYTEST) -m "not e2e" -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
+	$(PYTEST) -m "not e2e" -n 2 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 format:
 	.venv/bin/ruff format .

@@ -18,6 +18,7 @@ from services.bootstrap import DEMO_MODEL, ensure_demo
 from tests.e2e.serving import serving
 
 
+@pytest.mark.e2e  # nothing else may run beside it: it counts what came too late
 def test_every_motion_comes_to_every_viewer(tmp_path: Path):
     with serving(tmp_path, max_viewers=6) as gateway:
         ensure_demo(gateway.services, DEMO_MODEL, "Ada")
