@@ -38,7 +38,7 @@ from scene.skeleton import JOINT_NAMES
 
 PERFORMERS = ("hazel", "jasper", "moss")
 MUST, AIM = 0.03, 0.01
-ITERATIONS = 1500
+ITERATIONS = 500
 SHAKEN_DEG = 3.0
 """About each axis of each joint, lasting: off in the picture by what captures are off."""
 EXACT, SHAKEN, LEARNT_THROUGH = "exact", "shaken", "shaken, learnt through hands"
