@@ -106,13 +106,15 @@ def covered_torso(
     commits: Commits = False,
     assets: Assets = HUMAN_ASSETS,
     backbone: LpipsBackbone = LPIPS_BACKBONE,
+    clock: ClockName = "processor",
     only: Only = "",
 ) -> None:
     """The torso where hands were in front of it, against the rest of it: lifelike performers."""
     require_human_assets(assets)
     from benchmarks.covered_torso import run
 
-    run(start("covered-torso", commits, narrowed=bool(only)), assets, backbone, only)
+    writer = start("covered-torso", commits, narrowed=bool(only) or clock != "processor")
+    run(writer, assets, backbone, clock, only)
 
 
 @app.command("train")

@@ -1,52 +1,48 @@
 """The torso where hands were in front of it: as well learnt as the rest of it?
 
 Lifelike performers film themselves from the waist up, both hands before the chest all the while, so
-that no frame shows all of it; 60 frames, exact poses, or poses shaken as those of captures are.
-Then they are drawn with their hands away.
+that no frame shows all of it; 60 frames, exact poses. Then they are drawn with their hands away.
 Each pixel of the torso knows in how many frames of the clip a hand or forearm hid its place on the
 surface. Of what hands hid in a fifth of them and more, and of what they hid in a twentieth at most,
 LPIPS is that of the truth with that part alone taken from the model, over the part's share of the
-picture. With shaken poses it is told, too, what leaving out splats behind hands is worth there.
+picture.
 """
 
 from __future__ import annotations
 
 import tempfile
-import time
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import numpy as np
 import torch
+from scipy.optimize import least_squares
 
-from benchmarks.covering_hands import RATE_HZ, hands_away, hands_before_chest
 from benchmarks.reporting.figures import FigureWriter
-from benchmarks.stability.poses import noisy
+from benchmarks.reporting.timing import Clock, clock_named
 from capture.storage import open_sequence, write_sequence
 from capture.studio.lifelike.performer import DressedPerformer, make_lifelike_performer
+from capture.studio.motions import turntable_motion
 from capture.studio.named_performers import LIFELIKE_PERFORMERS
 from renderer.evaluation.lpips import Lpips
 from renderer.training import train
 from scene.arrays import Array, Bool, Float, Int
 from scene.camera import Camera, orbit_camera
 from scene.motion import Motion, Pose
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.sequence import Frame, PoseTrust
-from scene.skeleton import JOINT_NAMES
+from scene.skeleton import JOINT_NAMES, Skeleton
 
 PERFORMERS = ("hazel", "jasper", "moss")
 MUST, AIM = 0.03, 0.01
-ITERATIONS = 500
-SHAKEN_DEG = 3.0
-"""About each axis of each joint, lasting: off in the picture by what captures are off."""
-EXACT, SHAKEN, LEARNT_THROUGH = "exact", "shaken", "shaken, learnt through hands"
-"""Poses; the last with splats behind hands taught by the pixels of these hands."""
-FRAMES, TEST_FRAMES, SIZE_PX = 60, 8, 384
+BUDGET_S = 60.0
+FRAMES, RATE_HZ, TEST_FRAMES, SIZE_PX = 60, 10.0, 8, 384
 COVERED_SHARE, REST_SHARE = 0.2, 0.05
 """Of the frames: what hands hid oftener counts as covered, what they hid less as the rest."""
 _TARGET, _DISTANCE_M, _FIELD_OF_VIEW_RAD = (0.0, 1.25, 0.0), 1.6, 0.6
+_BEFORE_CHEST_M, _REACH_M, _UP_M = 0.22, 0.13, 0.12
+_TURN_RAD = 0.15
 _TORSO = ("pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar")
 _COVERING = tuple(
     f"{side}_{part}" for side in ("left", "right") for part in ("elbow", "wrist", "hand")
@@ -100,33 +96,39 @@ class Covered:
         return weights[self.performer.surface.faces].sum(axis=1).argmax(axis=1)
 
 
-def run(writer: FigureWriter, assets: Path, backbone: Path, only: str = "") -> None:
+def run(
+    writer: FigureWriter, assets: Path, backbone: Path, clock_name: str, only: str = ""
+) -> None:
     """Measure who was not measured yet, and report."""
-    cache = writer.cache(only)
+    cache, clock = writer.cache(only), clock_named(clock_name)
     conditions = {
         "frames": FRAMES,
         "size": SIZE_PX,
-        "iterations": ITERATIONS,
-        "shaken_deg": SHAKEN_DEG,
+        "budget_s": BUDGET_S,
         "covered_share": COVERED_SHARE,
         "rest_share": REST_SHARE,
         "lpips": backbone.name,
+        **clock.about(),
     }
     rows = []
     for name in PERFORMERS:
-        for poses in (EXACT, SHAKEN, LEARNT_THROUGH):
-            row = cache.measured(
-                f"{name}, {poses}",
-                conditions,
-                lambda name=name, poses=poses: measure(name, poses, assets, backbone),
-            )
-            if row is not None:
-                rows.append({"performer": name, "poses": poses, **row})
+        row = cache.measured(
+            name,
+            conditions,
+            lambda name=name: measure(name, assets, backbone, clock, BUDGET_S),
+        )
+        if row is not None:
+            rows.append({"performer": name, **row})
     writer.write({**conditions, "must": MUST, "aim": AIM, "rows": rows})
 
 
 def measure(
-    name: str, poses: str, assets: Path, backbone: Path, iterations: int = ITERATIONS
+    name: str,
+    assets: Path,
+    backbone: Path,
+    clock: Clock,
+    budget_s: float | None,
+    iterations: int | None = None,
 ) -> dict[str, Any]:
     """LPIPS of the torso that hands covered, and of the rest of it, hands away."""
     performer = make_lifelike_performer(LIFELIKE_PERFORMERS[name], assets)
@@ -134,29 +136,24 @@ def measure(
     scene, lpips = Covered(performer, camera), Lpips(backbone)
     skeleton = performer.body.skeleton
     clip, away = hands_before_chest(skeleton, FRAMES), hands_away(TEST_FRAMES)
-    told = clip
-    if poses != EXACT:
-        told = noisy(clip, SHAKEN_DEG, np.random.default_rng(0), lasting=True)
-    with tempfile.TemporaryDirectory() as folder, _through_hands(poses == LEARNT_THROUGH):
+    with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "clip"
         write_sequence(
             path,
             person=name,
             frames_per_second=RATE_HZ,
             body=performer.known_body,
-            train=(
-                replace(_frame(scene, clip.pose(number)), pose=told.pose(number))
-                for number in range(FRAMES)
-            ),
+            train=(_frame(scene, clip.pose(number)) for number in range(FRAMES)),
             source="hands before the chest",
-            pose_trust=PoseTrust.EXACT if poses == EXACT else PoseTrust.ESTIMATED,
+            pose_trust=PoseTrust.EXACT,
         )
         model = train(
             open_sequence(path),
             preset="splats",
+            budget_s=budget_s,
             iterations=iterations,
             find_light=True,
-            clock=time.perf_counter,
+            clock=clock.now,
         )
     hidden, joints = scene.hidden_shares(clip), scene.joints
     found: dict[str, list[float]] = {"covered": [], "rest": []}
@@ -180,16 +177,8 @@ def measure(
         "lpips_more": round(covered - rest, 4),
         **{f"{part}_of_torso": round(float(np.mean(shares[part])), 3) for part in shares},
     }
-    print(name, poses, row, flush=True)
+    print(name, row, flush=True)
     return row
-
-
-def _through_hands(learns: bool) -> AbstractContextManager[object]:
-    """With what a hand hides learning from the hand's pixels, where `learns`."""
-    if not learns:
-        return nullcontext()
-    hides = "renderer.splats.training.trainer.hidden_by_limbs"
-    return mock.patch(hides, return_value=np.zeros(0, np.int64))
 
 
 @torch.no_grad()
@@ -206,6 +195,60 @@ def part_lpips(
         for one in (mixed, truth)
     ]
     return float(lpips(*pair)[0]) / max(float(where.mean()), 1e-6)
+
+
+def hands_away(frames: int) -> Motion:
+    """Arms hang; the trunk turns a little to and fro."""
+    motion = turntable_motion(frames, RATE_HZ, 0.0)
+    phase = 2.0 * np.pi * np.arange(frames) / frames
+    motion.joint_angles[:, 0, 1] = _TURN_RAD * np.sin(phase)
+    return motion
+
+
+def hands_before_chest(skeleton: Skeleton, frames: int) -> Motion:
+    """The same, while each wrist goes round before its side of the chest."""
+    motion = hands_away(frames)
+    angles = motion.joint_angles.copy()
+    arms = {side: arm_joints(side) for side in ("left", "right")}
+    for number in range(frames):
+        phase = 2.0 * np.pi * 3.0 * number / frames
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            middle = skeleton.rest_joints[JOINT_NAMES.index("spine3")]
+            off = np.array(
+                [sign * _REACH_M * np.cos(phase), _UP_M * np.sin(phase + sign), _BEFORE_CHEST_M]
+            )
+            angles[number, arms[side]] = reaching(skeleton, arms[side], sign, middle + off)
+    return replace(motion, joint_angles=angles)
+
+
+def arm_joints(side: str) -> list[int]:
+    """Shoulder, elbow and wrist of `left` or `right`."""
+    return [JOINT_NAMES.index(f"{side}_{part}") for part in ("shoulder", "elbow", "wrist")]
+
+
+def reaching(
+    skeleton: Skeleton, arm: list[int], sign: float, wrist: Float[Array, "3"]
+) -> Float[Array, "3 3"]:
+    """Rotations (rad) of the joints `arm` that bring the wrist there (m), the trunk at rest.
+
+    `sign` is 1 for the left arm, -1 for the right.
+    """
+    hanging = axis_angle_to_matrix(np.array([0.0, 0.0, -1.1 * sign]))
+
+    def rotations(numbers: Array) -> Float[Array, "3 3"]:
+        shoulder = hanging @ axis_angle_to_matrix(numbers[:3])
+        bend = np.array([0.0, -sign * numbers[3], 0.0])
+        return np.stack([matrix_to_axis_angle(shoulder), bend, np.zeros(3)])
+
+    def off(numbers: Array) -> Array:
+        angles = np.zeros((len(JOINT_NAMES), 3))
+        angles[arm] = rotations(numbers)
+        placed = skeleton.joint_transforms(angles, np.zeros(3))[arm[2], :3, 3]
+        return np.concatenate([10.0 * (placed - wrist), 0.1 * (numbers - start)])
+
+    start = np.array([0.8, 0.0, 0.0, 1.8])
+    bounds = ([-2.5, -2.5, -2.5, 0.1], [2.5, 2.5, 2.5, 2.5])
+    return rotations(least_squares(off, start, bounds=bounds).x)
 
 
 def _frame(scene: Covered, pose: Pose) -> Frame:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.covering_hands import arm_joints, reaching
+from benchmarks.covered_torso import arm_joints, reaching
 from capture.storage import open_sequence, write_sequence
 from capture.studio.lifelike.performer import DressedPerformer
 from capture.studio.light import EnvironmentLight

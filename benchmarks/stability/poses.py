@@ -10,7 +10,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from benchmarks.covering_hands import hands_before_chest
+from benchmarks.covered_torso import hands_before_chest
 from benchmarks.stability.material import Material, Subject
 from benchmarks.stability.pose_errors import geodesic_deg
 from capture.studio.garments import drape

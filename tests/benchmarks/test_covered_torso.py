@@ -9,9 +9,10 @@ from benchmarks.covered_torso import (
     COVERED_SHARE,
     REST_SHARE,
     Covered,
+    hands_away,
+    hands_before_chest,
     part_lpips,
 )
-from benchmarks.covering_hands import hands_away, hands_before_chest
 from capture.studio.lifelike.performer import make_lifelike_performer
 from capture.studio.named_performers import LIFELIKE_PERFORMERS
 from renderer.evaluation.lpips import PACKAGED_BACKBONE, Lpips
