@@ -16,7 +16,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -86,6 +86,22 @@ def confine(limits: Limits, readable: Sequence[Path] = (), writable: Sequence[Pa
         limit = limit if most == resource.RLIM_INFINITY else min(limit, most)
         with suppress(ValueError, OSError):  # macOS takes no limit of addresses
             resource.setrlimit(kind, (limit, limit))
+
+
+def outcome(work: Callable[[], dict[str, object]]) -> dict[str, object]:
+    """What `work` returns, for whoever waits for this process; `refused` and `error` where it
+    refuses what it was given, `errno` where the disk is full."""
+    from db.objects import no_space
+    from scene.errors import SceneError
+
+    try:
+        return work()
+    except SceneError as error:
+        return {"refused": str(error), "error": type(error).__name__}
+    except OSError as error:
+        if not no_space(error):
+            raise
+        return {"errno": error.errno}
 
 
 def bare_environment() -> dict[str, str]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from capture.body.landmark_names import FACE_LANDMARKS, LANDMARK_NAMES
 from capture.detection.landmarks import Landmarks
-from scene.arrays import Array, Float, Int
+from scene.arrays import Array, Bool, Float, Int
 from scene.skeleton import JOINT_COUNT, JOINT_NAMES, PARENTS
 
 LONGEST_GAP_S = 0.6
@@ -142,10 +142,17 @@ def hidden_for_long(
     the picture are guessed well by it, legs not: it has people squat who are filmed close by.
     """
     lasting = _nearly_always(hidden) * np.ones((len(hidden), 1))
-    for frame, (time_s, take) in enumerate(zip(times_s, takes, strict=True)):
-        about = (takes == take) & (np.abs(times_s - time_s) <= _ABOUT_S)
+    for frame, about in enumerate(_frames_about(times_s, takes, _ABOUT_S)):
         lasting[frame, _BELOW] = _nearly_always(hidden[about][:, _BELOW])
     return lasting
+
+
+def _frames_about(
+    times_s: Float[Array, "F"], takes: Int[Array, "F"], within_s: float
+) -> Bool[Array, "F F"]:
+    """Of each frame: which of its take are within so long of it."""
+    same_take = takes[:, None] == takes
+    return same_take & (np.abs(times_s[:, None] - times_s) <= within_s)
 
 
 def _nearly_always(hidden: Float[Array, "F J"]) -> Float[Array, "J"]:
@@ -172,12 +179,8 @@ def person_height_px(
     hips = [LANDMARK_NAMES.index(n) for n in ("left_hip", "right_hip")]
     shoulders = 0.5 * (pixels[:, left] + pixels[:, right])
     trunk = np.linalg.norm(shoulders - pixels[:, hips].mean(1), axis=1)
-    own = np.array(
-        [
-            np.percentile(trunk[(takes == take) & (np.abs(times_s - time_s) <= _SIZE_ABOUT_S)], 75)
-            for time_s, take in zip(times_s, takes, strict=True)
-        ]
-    )
+    around = _frames_about(times_s, takes, _SIZE_ABOUT_S)
+    own = np.array([np.percentile(trunk[about], 75) for about in around])
     usual = np.percentile(trunk, 75)
     alike = (own < _ABOUT_AS_LARGE * usual) & (usual < _ABOUT_AS_LARGE * own)
     lengths = np.where(alike, usual, own)

@@ -16,7 +16,7 @@ import threading
 from pathlib import Path
 from typing import IO, Any
 
-from services.confinement import Limits, confine
+from services.confinement import Limits, confine, outcome
 
 MEMORY_BYTES = 16 << 30
 """Of addresses: threads and libraries take several gigabytes of them that are never used."""
@@ -42,7 +42,7 @@ def main() -> None:
         [folder],
     )
     conversation = _Conversation()
-    conversation.say(**_outcome(conversation, source, folder, wanted))
+    conversation.say(**outcome(lambda: _capture(conversation, source, folder, wanted)))
 
 
 class _Conversation:
@@ -78,13 +78,11 @@ class _Conversation:
         os._exit(os.EX_SOFTWARE)  # nobody is left to capture for
 
 
-def _outcome(
+def _capture(
     conversation: _Conversation, source: Path, folder: Path, wanted: dict[str, Any]
-) -> dict[str, Any]:
+) -> dict[str, object]:
     from capture.errors import CaptureStopped
     from capture.pipeline import CaptureOptions, capture_clip
-    from db.objects import no_space
-    from scene.errors import SceneError
 
     pose, face, hand = (None if one is None else Path(one) for one in wanted["networks"])
     try:
@@ -104,12 +102,6 @@ def _outcome(
         )
     except CaptureStopped:
         return {"stopped": True}
-    except SceneError as error:
-        return {"refused": str(error), "error": type(error).__name__}
-    except OSError as error:
-        if not no_space(error):
-            raise
-        return {"errno": error.errno}
     return {"done": True}
 
 

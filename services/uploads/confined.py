@@ -12,11 +12,10 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from services.confinement import Limits, confine
+from services.confinement import Limits, confine, outcome
 
 if TYPE_CHECKING:  # nothing is loaded before this process is confined
     from scene.arrays import Array, UInt8
@@ -40,7 +39,7 @@ def main(path: Path, name: str) -> None:
 
         return {"kind": check_upload(path, name).kind}
 
-    _answer(_found(look))
+    _answer(outcome(look))
 
 
 def show_panorama(widest_px: int) -> None:
@@ -53,7 +52,7 @@ def show_panorama(widest_px: int) -> None:
         pixels.extend(seen.tobytes())
         return {"shape": seen.shape}
 
-    _answer(_found(look), pixels)
+    _answer(outcome(look), pixels)
 
 
 def read_panorama(picture: bytes, widest_px: int) -> UInt8[Array, "H W 3"]:
@@ -88,20 +87,6 @@ def confine_for(upload_bytes: int, *paths: Path) -> None:
 
 def _answer(found: dict[str, object], rest: bytes | bytearray = b"") -> None:
     sys.stdout.buffer.write(f"{json.dumps(found)}\n".encode() + rest)
-
-
-def _found(look: Callable[[], dict[str, object]]) -> dict[str, object]:
-    from db.objects import no_space
-    from scene.errors import SceneError
-
-    try:
-        return look()
-    except SceneError as error:
-        return {"refused": str(error), "error": type(error).__name__}
-    except OSError as error:
-        if not no_space(error):
-            raise
-        return {"errno": error.errno}
 
 
 if __name__ == "__main__":
