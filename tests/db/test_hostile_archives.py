@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from sqlalchemy import delete, func, select
 
@@ -27,16 +27,10 @@ from db.objects import open_objects
 from db.restore import restore
 from db.unit_of_work import Database
 from scene.errors import SceneError
+from tests import few_examples
 from tests.db.rows import NOW
 
-FEW = settings(
-    max_examples=120,
-    derandomize=True,
-    database=None,
-    deadline=None,
-    phases=[Phase.explicit, Phase.generate],
-    suppress_health_check=[HealthCheck.too_slow],
-)
+FEW = settings(few_examples.FEW, max_examples=120)
 FEWER = settings(FEW, max_examples=30)
 """Each asks a database."""
 SECRET = b"a secret for tests only, long enough"

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from safetensors import safe_open
 from safetensors.numpy import save_file
@@ -22,17 +22,10 @@ from renderer.field.training.trainer import FieldTrainer
 from renderer.model_files import load_model, save_model
 from renderer.splats.cloth.tubes import Tubes
 from renderer.splats.model import SplatModel
+from tests.few_examples import FEW
 from tests.renderer.field.performer import TINY, sequence
 from tests.renderer.studio import make_model
 
-FEW = settings(
-    max_examples=150,
-    derandomize=True,
-    database=None,
-    deadline=None,
-    phases=[Phase.explicit, Phase.generate],
-    suppress_health_check=[HealthCheck.too_slow],
-)
 Parts = tuple[dict[str, np.ndarray], dict[str, Any]]
 
 

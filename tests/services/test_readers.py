@@ -18,7 +18,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from obstore.store import MemoryStore
 
@@ -54,14 +54,11 @@ from services.recording import chunks
 from services.recording.ogg import ogg_opus, samples_of, with_silence
 from services.uploads.check import check_upload
 from services.uploads.confined import read_panorama
+from tests import few_examples
 from tests.services import seeds
 
 FEW = settings(
-    max_examples=150,
-    derandomize=True,
-    database=None,
-    deadline=None,
-    phases=[Phase.explicit, Phase.generate],
+    few_examples.FEW,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )
 
