@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import pkgutil
+from collections.abc import Generator
 from pathlib import Path
 
 import jaxtyping
@@ -74,8 +75,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=place)
 
 
-def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Where everything that tests need was started first, as in CI, a skip is a failure."""
+    report = yield
     if (
         report.skipped
         and os.environ.get("METANERF_TEST_NO_SKIPS")
@@ -84,6 +87,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
         reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr
         report.outcome = "failed"
         report.longrepr = f"skipped where nothing may be skipped: {reason}"
+    return report
 
 
 @pytest.fixture
