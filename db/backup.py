@@ -132,6 +132,8 @@ def _snapshot(engine: Engine) -> Iterator[Connection]:
     if engine.dialect.name == "postgresql":
         options = {"isolation_level": "REPEATABLE READ"}
     with engine.execution_options(**options).connect() as connection:
+        if engine.dialect.name == "postgresql":  # the archive may be written slowly
+            connection.execute(text("SET LOCAL idle_in_transaction_session_timeout = 0"))
         yield connection
 
 

@@ -77,7 +77,9 @@ def _let_tables_be_replaced(connection: SqliteConnection, _record: object) -> No
 @contextmanager
 def _only_one(engine: Engine) -> Iterator[None]:
     if engine.dialect.name == "postgresql":
-        with engine.connect() as connection, _advisory_lock(connection):
+        # the lock is the session's: it waits in no transaction
+        alone = engine.execution_options(isolation_level="AUTOCOMMIT")
+        with alone.connect() as connection, _advisory_lock(connection):
             yield
         return
     with Path(f"{engine.url.database}.lock").open("w") as file:

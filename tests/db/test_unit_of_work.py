@@ -261,3 +261,29 @@ def test_a_database_that_is_away_is_named_as_such():
         database.ping()
     with pytest.raises(DatabaseAway), database.reading() as unit:
         unit.people.of_account("house")
+
+
+def test_whoever_hangs_in_a_transaction_holds_nobody_up_for_ever(
+    postgres_url: str, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("db.engine.PATIENCE_MS", 300)
+    database, ada = Database(postgres_url), person()
+    database.migrate()
+    with database.unit_of_work() as unit:
+        unit.people.add(ada)
+        unit.commit()
+
+    def hang_while_another_writes() -> None:
+        with database.unit_of_work() as hung:
+            hung.people.get(ada.id).name = "hangs"
+            hung.flush()
+            with database.unit_of_work() as other:
+                other.people.get(ada.id).name = "Ada Lovelace"
+                other.commit()
+            hung.commit()
+
+    with pytest.raises(DatabaseAway, match="idle-in-transaction"):
+        hang_while_another_writes()
+    with database.reading() as unit:
+        assert unit.people.get(ada.id).name == "Ada Lovelace"
+    database.close()
