@@ -46,6 +46,7 @@ RUN python -m compileall -q -x '/(site-packages|tests?)/' /usr/local/lib/python3
     && python -m compileall -q scene db capture renderer services benchmarks
 RUN export NUMBA_CACHE_DIR=/app/kernels \
     && python -c "from renderer.scene_renderer import warm_up; warm_up()" \
+    && python -c "from capture.fitting.warm_up import warm_up; warm_up()" \
     && python -c "from services.live.motion.live_motion import warm_up; warm_up()" \
     && metanerf studio --out /tmp/made/clip --frames 8 --size 64 --test-cameras 1 --look plain \
     && metanerf train /tmp/made/clip --out /tmp/made/model.safetensors --preset splats --budget 1s && rm -r /tmp/made

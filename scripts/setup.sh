@@ -55,6 +55,7 @@ build_client() {
 }
 
 draw_once() { .venv/bin/python -c "from renderer.scene_renderer import warm_up; warm_up()"; }
+fit_once() { .venv/bin/python -c "from capture.fitting.warm_up import warm_up; warm_up()"; }
 move_once() { .venv/bin/python -c "from services.live.motion.live_motion import warm_up; warm_up()"; }
 
 # so that the first meeting is alive at once; where it is not done, the page says what it waits for
@@ -63,7 +64,7 @@ compile_renderer() {
   wanted=$(find renderer capture -name '*kernels.py' -print0 | sort -z | xargs -0 cat requirements.lock | sha256sum)
   [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ] && return
   echo "setup: compiling the renderer (half a minute)"
-  together draw_once move_once
+  together draw_once fit_once move_once
   echo "$wanted" > "$stamp"
 }
 

@@ -15,6 +15,7 @@ from typing import Any
 from benchmarks.reporting.checkout import ROOT
 
 _WARM_UP = "from renderer.scene_renderer import warm_up; warm_up()"
+_WARM_UP_FIT = "from capture.fitting.warm_up import warm_up; warm_up()"
 _WARM_UP_LIVE = "from services.live.motion.live_motion import warm_up; warm_up()"
 
 
@@ -54,7 +55,7 @@ def _kernels(root: Path, cache: Path) -> None:
         _run([sys.executable, "-c", code], cwd=root, NUMBA_CACHE_DIR=str(cache))
 
     with ThreadPoolExecutor() as pool:
-        list(pool.map(compiled, (_WARM_UP, _WARM_UP_LIVE)))
+        list(pool.map(compiled, (_WARM_UP, _WARM_UP_FIT, _WARM_UP_LIVE)))
 
 
 def _run(command: list[str], cwd: Path | None = None, **environment: str) -> None:

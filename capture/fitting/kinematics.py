@@ -1,20 +1,23 @@
-"""Forward kinematics, linear blend skinning and projection in torch, batched over frames.
+"""Forward kinematics, linear blend skinning and projection of torch tensors, batched over frames.
 
 Everything is in OpenGL's camera frame: y up, z towards the viewer, the camera at the origin, so
 that a person who faces the camera faces +z as at rest. F frames, 24 joints, V sampled vertices.
+The tensors are small, and a fit takes hundreds of steps: as operations of torch these would be most
+of its time, so they are compiled, with their gradients (`kinematics_kernels`).
 """
 
 from __future__ import annotations
 
-import math
-from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import torch
+from torch.autograd import Function
 
-from scene.arrays import Float, Int, Tensor
-from scene.skeleton import JOINT_COUNT, PARENTS
+from capture.fitting import kinematics_kernels as kernels
+from scene.arrays import Array, Float, Int, Tensor
+from scene.skeleton import PARENTS
+
+_PARENTS = np.array(PARENTS)
 
 
 class PosedBody(NamedTuple):
@@ -27,80 +30,164 @@ class PosedBody(NamedTuple):
     shape: Float[Tensor, "B"]
 
 
-def _levels() -> list[tuple[list[int], list[int], list[int]]]:
-    """By depth in the tree: joints, their parents, and the parents' places in the level above."""
-    depth = [0] * JOINT_COUNT
-    for joint in range(1, JOINT_COUNT):
-        depth[joint] = depth[PARENTS[joint]] + 1
-    members = [[j for j in range(JOINT_COUNT) if depth[j] == d] for d in range(max(depth) + 1)]
-    return [
-        (joints, [PARENTS[j] for j in joints], [above.index(PARENTS[j]) for j in joints])
-        for above, joints in pairwise(members)
-    ]
+class BlendWeights(NamedTuple):
+    """The few joints that move each vertex, those of most weight first."""
 
+    joints: Int[Array, "V K"]
+    weights: Float[Array, "V K"]
+    """0 where fewer joints do."""
 
-LEVELS = _levels()
-_IN_ORDER = np.argsort([0] + [joint for joints, _, _ in LEVELS for joint in joints])
+    @classmethod
+    def of(cls, dense: Float[Array, "V 24"]) -> BlendWeights:
+        """Those above nought of `dense`."""
+        most = int((dense > 0.0).sum(axis=1).max())
+        joints = np.argsort(-dense, axis=1, kind="stable")[:, :most].copy()
+        return cls(joints, np.take_along_axis(dense, joints, axis=1).astype(np.float32))
+
+    @classmethod
+    def rigid(cls, joints: Int[Array, "V"]) -> BlendWeights:
+        """One joint moves each vertex."""
+        return cls(joints[:, None], np.ones((len(joints), 1), np.float32))
 
 
 def rotation_matrices(axis_angle: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
     """Rodrigues' formula, differentiable at zero too."""
-    x, y, z = axis_angle.unbind(-1)
-    zero = torch.zeros_like(x)
-    cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*x.shape, 3, 3)
-    angle = (axis_angle.square().sum(-1) + 1e-12).sqrt()[..., None, None]
-    sine, versine = torch.sinc(angle / math.pi), 0.5 * torch.sinc(angle / (2.0 * math.pi)) ** 2
-    return torch.eye(3) + sine * cross + versine * (cross @ cross)
+    return _Rotations.apply(axis_angle.reshape(-1, 3)).reshape(*axis_angle.shape, 3)
 
 
 def forward_kinematics(
     rotations: Float[Tensor, "F 24 3 3"], root: Float[Tensor, "F 3"], rest: Float[Tensor, "24 3"]
 ) -> tuple[Float[Tensor, "F 24 3 3"], Float[Tensor, "F 24 3"]]:
     """Global rotations and positions of all joints; `root` is the position of joint 0 itself."""
-    global_rotations, joint_positions = [rotations[:, :1]], [root[:, None]]
-    for joints, parents, places in LEVELS:
-        above = global_rotations[-1][:, places]
-        bones = (rest[joints] - rest[parents])[None, :, :, None]
-        joint_positions.append(joint_positions[-1][:, places] + (above @ bones)[..., 0])
-        global_rotations.append(above @ rotations[:, joints])
-    return torch.cat(global_rotations, 1)[:, _IN_ORDER], torch.cat(joint_positions, 1)[:, _IN_ORDER]
-
-
-def rigid_points(
-    posed: PosedBody, points: Float[Tensor, "N 3"], joints: Int[Tensor, "N"]
-) -> Float[Tensor, "F N 3"]:
-    """Rest `points`, each moved rigidly with its own joint."""
-    local = (points - posed.rest_joints[joints])[None, :, :, None]
-    return posed.joint_positions[:, joints] + (posed.global_rotations[:, joints] @ local)[..., 0]
+    return _Chain.apply(rotations, root, rest)
 
 
 def skinned_points(
-    posed: PosedBody, points: Float[Tensor, "V 3"], blend_weights: Float[Tensor, "V 24"]
-) -> Float[Tensor, "F V 3"]:
-    """Rest `points` by linear blend skinning, as one product of matrices."""
-    columns = skinning_transforms(posed).permute(1, 3, 0, 2).reshape(4 * JOINT_COUNT, -1)
-    rows = blended_rows(points, blend_weights)
-    return (rows @ columns).reshape(len(points), -1, 3).transpose(0, 1)
-
-
-def skinning_transforms(posed: PosedBody) -> Float[Tensor, "F 24 3 4"]:
-    """[R_k | s_k] of every joint, in x = sum_k w_k (R_k p + s_k)."""
-    moved = (posed.global_rotations @ posed.rest_joints[None, :, :, None])[..., 0]
-    return torch.cat([posed.global_rotations, (posed.joint_positions - moved)[..., None]], -1)
-
-
-def blended_rows(
-    points: Float[Tensor, "*batch 3"], weights: Float[Tensor, "*batch 24"]
-) -> Float[Tensor, "*batch 96"]:
-    """[w_k p, w_k] of all joints in the same; times the stacked transforms, the posed points."""
-    homogeneous = torch.cat([points, torch.ones_like(points[..., :1])], -1)
-    return (weights[..., None] * homogeneous[..., None, :]).flatten(-2)
+    posed: PosedBody,
+    points: Float[Tensor, "V 3"],
+    blend_weights: BlendWeights,
+    which: Int[Array, "F P"] | None = None,
+) -> Float[Tensor, "F P 3"]:
+    """Rest `points` by linear blend skinning: all of them, or those that each frame asks for."""
+    if which is None:
+        which = np.tile(np.arange(len(points)), (len(posed.global_rotations), 1))
+    joints = posed.global_rotations, posed.joint_positions, posed.rest_joints
+    return _Skin.apply(*joints, points, blend_weights, which)
 
 
 def project(
     points: Float[Tensor, "*batch 3"], focal_px: Tensor, centre: Float[Tensor, "2"]
 ) -> Float[Tensor, "*batch 2"]:
     """Pixels of points; points at the camera are kept finite."""
-    depth = (-points[..., 2:]).clamp_min(0.05)
-    flipped = points[..., :2] * torch.tensor([1.0, -1.0])
-    return centre + focal_px * flipped / depth
+    x, y = centre.tolist()
+    pixels = _Pinhole.apply(points.reshape(-1, 3), focal_px, x, y)
+    return pixels.reshape(*points.shape[:-1], 2)
+
+
+def _array(value: Tensor) -> Array:
+    return value.detach().contiguous().numpy()
+
+
+class _Rotations(Function):
+    @staticmethod
+    def forward(ctx: Any, angles: Tensor) -> Tensor:
+        ctx.save_for_backward(angles)
+        rotations = angles.new_empty(len(angles), 3, 3)
+        kernels.rotate(_array(angles), rotations.numpy())
+        return rotations
+
+    @staticmethod
+    def backward(ctx: Any, by_rotation: Tensor) -> Tensor:
+        (angles,) = ctx.saved_tensors
+        by_angle = angles.new_empty(angles.shape)
+        kernels.rotate_back(_array(angles), _array(by_rotation), by_angle.numpy())
+        return by_angle
+
+
+class _Chain(Function):
+    @staticmethod
+    def forward(ctx: Any, local: Tensor, root: Tensor, rest: Tensor) -> tuple[Tensor, Tensor]:
+        rotations, positions = local.new_empty(local.shape), local.new_empty(local.shape[:3])
+        given = _array(local), _array(root), _array(rest)
+        kernels.chain(*given, _PARENTS, rotations.numpy(), positions.numpy())
+        ctx.save_for_backward(local, rest, rotations)
+        return rotations, positions
+
+    @staticmethod
+    def backward(
+        ctx: Any, by_rotation: Tensor, by_position: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        local, rest, rotations = ctx.saved_tensors
+        shapes = local.shape, (len(local), 3), rest.shape
+        found = tuple(local.new_zeros(shape) for shape in shapes)
+        kernels.chain_back(
+            _array(local),
+            _array(rest),
+            _PARENTS,
+            _array(rotations),
+            _array(by_rotation).copy(),
+            _array(by_position).copy(),
+            *(value.numpy() for value in found),
+        )
+        return found
+
+
+class _Skin(Function):
+    @staticmethod
+    def forward(
+        ctx: Any,
+        rotations: Tensor,
+        positions: Tensor,
+        rest: Tensor,
+        points: Tensor,
+        blend_weights: BlendWeights,
+        which: Array,
+    ) -> Tensor:
+        posed = points.new_empty(*which.shape, 3)
+        kernels.skin(
+            _array(rotations),
+            _array(positions),
+            _array(rest),
+            _array(points),
+            *blend_weights,
+            which,
+            posed.numpy(),
+        )
+        ctx.save_for_backward(rotations, positions, rest, points)
+        ctx.moved_by, ctx.which = blend_weights, which
+        return posed
+
+    @staticmethod
+    def backward(ctx: Any, by_posed: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, None, None]:
+        rotations, positions, rest, points = ctx.saved_tensors
+        moved_by: BlendWeights = ctx.moved_by
+        shapes = rotations.shape, positions.shape, rest.shape, points.shape
+        found = tuple(points.new_zeros(shape) for shape in shapes)
+        kernels.skin_back(
+            _array(rotations),
+            _array(rest),
+            _array(points),
+            *moved_by,
+            ctx.which,
+            _array(by_posed),
+            *(value.numpy() for value in found),
+        )
+        return found[0], found[1], found[2], found[3], None, None
+
+
+class _Pinhole(Function):
+    @staticmethod
+    def forward(ctx: Any, points: Tensor, focal_px: Tensor, x: float, y: float) -> Tensor:
+        ctx.save_for_backward(points, focal_px)
+        pixels = points.new_empty(len(points), 2)
+        kernels.pinhole(_array(points), float(focal_px), x, y, pixels.numpy())
+        return pixels
+
+    @staticmethod
+    def backward(ctx: Any, by_pixel: Tensor) -> tuple[Tensor, Tensor, None, None]:
+        points, focal_px = ctx.saved_tensors
+        by_point = points.new_empty(points.shape)
+        by_focal = kernels.pinhole_back(
+            _array(points), float(focal_px), _array(by_pixel), by_point.numpy()
+        )
+        return by_point, focal_px.new_tensor(by_focal), None, None

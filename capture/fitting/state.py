@@ -13,11 +13,12 @@ from capture.body.landmark_names import LANDMARK_COUNT
 from capture.body.landmarks import MIRROR, place_landmarks
 from capture.body.model import BodyModel
 from capture.fitting.kinematics import (
+    BlendWeights,
     PosedBody,
     forward_kinematics,
     project,
-    rigid_points,
     rotation_matrices,
+    skinned_points,
 )
 from capture.fitting.observations import Observations
 from capture.fitting.surface import SurfaceSamples
@@ -103,7 +104,7 @@ class FitBody:
             torch.tensor(value, dtype=torch.float32)
             for value in (landmarks.rest, landmarks.directions)
         )
-        self.landmark_joints = torch.tensor(landmarks.joints)
+        self.landmark_joints = BlendWeights.rigid(landmarks.joints)
         self.surface = SurfaceSamples.spread(model, _SURFACE_SPACING_M)
         self._mirror = torch.tensor(MIRROR)
 
@@ -125,10 +126,15 @@ class PosedClip:
         self.state, self.body, self.seen = state, body, seen
 
     @cached_property
+    def local_rotations(self) -> Float[Tensor, "F 24 3 3"]:
+        """As of `FitState`."""
+        return self.state.local_rotations()
+
+    @cached_property
     def posed(self) -> PosedBody:
         state, body = self.state, self.body
         rest = body.joints + body.joint_directions @ state.shape
-        rotations, positions = forward_kinematics(state.local_rotations(), state.pelvis, rest)
+        rotations, positions = forward_kinematics(self.local_rotations, state.pelvis, rest)
         return PosedBody(rotations, positions, rest, state.shape)
 
     @cached_property
@@ -139,7 +145,7 @@ class PosedClip:
     def landmarks(self) -> Float[Tensor, "F 33 3"]:
         """m."""
         rest = self.body.rest_landmarks(self.state)
-        return rigid_points(self.posed, rest, self.body.landmark_joints)
+        return skinned_points(self.posed, rest, self.body.landmark_joints)
 
     @cached_property
     def reprojection_error_px(self) -> Float[Tensor, "F 33 2"]:
@@ -198,7 +204,7 @@ def _initial_pelvis(body: FitBody, seen: Observations) -> Float[Array, "F 3"]:
     origin = torch.zeros(len(seen.lifted_rotations), 3)
     rotations, positions = forward_kinematics(seen.lifted_rotations, origin, body.joints)
     posed = PosedBody(rotations, positions, body.joints, torch.zeros(body.model.shape_count))
-    landmarks = rigid_points(posed, body.landmarks, body.landmark_joints)
+    landmarks = skinned_points(posed, body.landmarks, body.landmark_joints)
     focal, (x, y) = seen.focal_px, seen.centre.tolist()
     intrinsics = np.array([[focal, 0.0, x], [0.0, focal, y], [0.0, 0.0, 1.0]])
     points = landmarks.numpy().astype(np.float64) * OPENCV_TO_OPENGL

@@ -8,12 +8,7 @@ import numpy as np
 import torch
 
 from capture.body.model import BodyModel
-from capture.fitting.kinematics import (
-    PosedBody,
-    blended_rows,
-    skinned_points,
-    skinning_transforms,
-)
+from capture.fitting.kinematics import BlendWeights, PosedBody, skinned_points
 from scene.arrays import Array, Float, Int, Tensor
 from scene.body import vertex_normals
 
@@ -25,7 +20,7 @@ class SurfaceSamples:
     rest: Float[Tensor, "V 3"]
     directions: Float[Tensor, "V 3 B"]
     """Metres a unit of each shape number."""
-    weights: Float[Tensor, "V 24"]
+    weights: BlendWeights
     normals: Float[Tensor, "V 3"]
     """At rest, outwards."""
     owners: Int[Tensor, "V"]
@@ -49,7 +44,7 @@ class SurfaceSamples:
         return cls(
             tensor(model.rest_vertices[chosen]),
             tensor(model.vertex_directions[chosen]),
-            tensor(weights),
+            BlendWeights.of(weights),
             tensor(vertex_normals(model.rest_vertices, faces)[chosen]),
             torch.tensor(weights.argmax(axis=1)),
         )
@@ -60,9 +55,8 @@ class SurfaceSamples:
 
     def posed_at(self, posed: PosedBody, which: Int[Tensor, "F P"]) -> Float[Tensor, "F P 3"]:
         """Those vertices that each frame asks for, m."""
-        points = (self.rest + self.directions @ posed.shape)[which]
-        rows = blended_rows(points, self.weights[which])
-        return rows @ skinning_transforms(posed).permute(0, 1, 3, 2).flatten(1, 2)
+        rest = self.rest + self.directions @ posed.shape
+        return skinned_points(posed, rest, self.weights, which.numpy())
 
     def normals_of(self, posed: PosedBody) -> Float[Tensor, "F V 3"]:
         """Normals, each rotated with the joint that moves its vertex most."""

@@ -23,6 +23,7 @@ compiled = event.RecordingListener()
 event.register("numba:compile", compiled)
 from pathlib import Path
 import numpy as np
+from capture.fitting import warm_up as fits
 from renderer.model_files import load_model
 from renderer.scene_renderer import SceneRenderer, warm_up
 from scene.camera import orbit_camera
@@ -30,6 +31,7 @@ from scene.environment import Environment, Performer, Scene
 from scene.motion import Pose
 from services.live.motion import live_motion
 warm_up()
+fits.warm_up()
 live_motion.warm_up()
 demo = load_model(Path("services/assets/demo.safetensors"))
 performer = Performer("demo", demo, np.zeros(3), 0.0, Pose.rest())

@@ -13,16 +13,18 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 import torch
 import torch.nn.functional as nnf
+from torch.autograd import Function
 
 from capture.fitting.observations import Observations
-from capture.fitting.robust import geman_mcclure
 from capture.fitting.state import FitBody, PosedClip
 from capture.fitting.term import Term
+from capture.fitting.terms.flow_kernels import motion_energy, nearest_motion
 from capture.fitting.window import Window, window_around
 from scene.arrays import Array, Bool, Float, Int, Tensor, UInt8
 
@@ -245,16 +247,39 @@ def flow_energy(
     targets: FlowTargets, pixels: Float[Tensor, "F V 2"], deviation_px: Float[Tensor, "F"]
 ) -> Tensor:
     """Mean robust error over pairs, strides and visible vertices, weighted by certainty."""
-    total = pixels.new_zeros(())
-    for stride, displacements in targets.displacements.items():
-        moved = pixels[stride:] - pixels[:-stride]
-        residual = (moved - displacements) / deviation_px[:-stride, None, None]
-        valid = targets.valid[stride]
-        (x, y), (xx, xy, yy) = residual.unbind(-1), targets.certainty[stride].unbind(-1)
-        squared = xx * x * x + 2.0 * xy * x * y + yy * y * y
-        energies = (geman_mcclure(squared, _OUTLIER) * valid).sum(1)
-        total = total + (energies / (valid.sum(1) + _FEW_VERTICES)).mean()
-    return total / max(len(targets.displacements), 1)
+    return _FlowEnergy.apply(pixels, targets, deviation_px)
+
+
+class _FlowEnergy(Function):
+    @staticmethod
+    def forward(ctx: Any, pixels: Tensor, targets: FlowTargets, deviation_px: Tensor) -> Tensor:
+        by_pixel = pixels.new_zeros(pixels.shape)
+        energies = [
+            motion_energy(
+                _array(pixels),
+                stride,
+                _array(displacements),
+                _array(targets.valid[stride]),
+                _array(targets.certainty[stride]),
+                _array(deviation_px),
+                _OUTLIER,
+                _FEW_VERTICES,
+                by_pixel.numpy(),
+            )
+            for stride, displacements in targets.displacements.items()
+        ]
+        strides = max(len(energies), 1)
+        ctx.save_for_backward(by_pixel / strides)
+        return pixels.new_tensor(sum(energies) / strides)
+
+    @staticmethod
+    def backward(ctx: Any, by_energy: Tensor) -> tuple[Tensor, None, None]:
+        (by_pixel,) = ctx.saved_tensors
+        return by_energy * by_pixel, None, None
+
+
+def _array(value: Tensor) -> Array:
+    return value.detach().contiguous().numpy()
 
 
 def _flow_search(*, coarse: bool) -> cv2.DISOpticalFlow:
@@ -309,15 +334,10 @@ def _pair_flow(
 def _initial_flow(shape: tuple[int, ...], start: Array, end: Array, visible: Array) -> Array:
     """Initial flow [h w 2]: that of the nearest visible vertex, zero where all are far."""
     height, width = shape
-    if not visible.any():
-        return np.zeros((height, width, 2), np.float32)
-    half = _GRID_PX // 2
-    y, x = np.mgrid[half : height + half : _GRID_PX, half : width + half : _GRID_PX]
-    grid = np.stack([x, y], axis=-1).astype(np.float32)
-    distance = np.linalg.norm(grid[:, :, None] - start[visible], axis=-1)
-    initial = (end - start)[visible][distance.argmin(axis=-1)]
-    initial[distance.min(axis=-1) > _INITIAL_FLOW_PX] = 0.0
-    return cv2.resize(initial.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+    cells = [-(-side // _GRID_PX) for side in shape]
+    motion = np.empty((*cells, 2), np.float32)
+    nearest_motion(start, end, visible, _GRID_PX, _INITIAL_FLOW_PX, motion)
+    return cv2.resize(motion, (width, height), interpolation=cv2.INTER_LINEAR)
 
 
 def certainty(grey: UInt8[Array, "h w"]) -> Float[Array, "h w 3"]:

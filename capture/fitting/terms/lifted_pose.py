@@ -23,6 +23,6 @@ class LiftedPose(Term):
         state, seen = clip.state, self.seen
         # |R - S|^2 = 8 sin^2(angle / 2), twice the squared angle where that is small
         lifted = seen.lifted_rotations @ rotation_matrices(state.lifter_bias)
-        squared = 0.5 * (state.local_rotations() - lifted).square().sum((-1, -2))
+        squared = 0.5 * (clip.local_rotations - lifted).square().sum((-1, -2))
         loss = pseudo_huber(squared / seen.lifted_spread_rad.square()) * (1.0 - seen.hidden)
         return (state.frame_confidence * loss.sum(1)).mean()

@@ -10,17 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 import torch
 import torch.nn.functional as nnf
+from torch.autograd import Function
 
 from capture.fitting.observations import Observations
 from capture.fitting.robust import geman_mcclure, pseudo_huber
 from capture.fitting.state import FitBody, PosedClip
 from capture.fitting.surface import SurfaceSamples
 from capture.fitting.term import Term
+from capture.fitting.terms.silhouette_kernels import look_up
 from capture.fitting.window import Window, window_around
 from scene.arrays import Array, Float, Int, Tensor
 
@@ -104,19 +107,7 @@ class Silhouettes:
 
     def outside(self, pixels: Float[Tensor, "F V 2"]) -> Float[Tensor, "F V"]:
         """Distance (px) of projected points to the mask; 0 inside it and outside the picture."""
-        w = self.window
-        place = (pixels - torch.tensor([w.x, w.y])) * w.scale
-        width, height = w.size
-        x, y = place.detach().floor().long().unbind(-1)
-        x, y = x.clamp(0, width - 1), y.clamp(0, height - 1)
-        frame = torch.arange(len(pixels))[:, None]
-        near = self.distance[frame, y, x]
-        middle = torch.stack([x, y], -1) + 0.5
-        found = near[..., 0] + (near[..., 1:] * (place - middle)).sum(-1)
-        found = found.clamp_min(0.0) / w.scale
-        size = torch.tensor([self.width, self.height])
-        seen = ((pixels > 0.0) & (pixels < size)).all(-1)
-        return found * seen * self.known[:, None]
+        return _Outside.apply(pixels, self)
 
     @torch.no_grad()
     def nearest(
@@ -137,6 +128,29 @@ class Silhouettes:
         lengths = vertices.square().sum(-1)[:, None]
         found = torch.baddbmm(lengths, outline, vertices.transpose(1, 2), alpha=-2.0).argmin(-1)
         return torch.gather(grazing, 1, found)
+
+
+class _Outside(Function):
+    @staticmethod
+    def forward(ctx: Any, pixels: Tensor, masks: Silhouettes) -> Tensor:
+        w, slopes = masks.window, pixels.new_empty(pixels.shape)
+        outside = pixels.new_empty(pixels.shape[:2])
+        look_up(
+            pixels.detach().contiguous().numpy(),
+            masks.distance.numpy(),
+            masks.known.numpy(),
+            (float(w.x), float(w.y), float(w.scale)),
+            (masks.width, masks.height),
+            outside.numpy(),
+            slopes.numpy(),
+        )
+        ctx.save_for_backward(slopes)
+        return outside
+
+    @staticmethod
+    def backward(ctx: Any, by_outside: Tensor) -> tuple[Tensor, None]:
+        (slopes,) = ctx.saved_tensors
+        return by_outside[..., None] * slopes, None
 
 
 def prepare_silhouettes(masks: Sequence[Float[Array, "H W"] | None]) -> Silhouettes:

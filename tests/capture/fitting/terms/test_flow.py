@@ -138,6 +138,25 @@ def test_the_energy_pulls_towards_the_flow_and_lets_go_of_what_is_far_off():
     assert float(flow_energy(unseen, pixels.detach(), torch.ones(3))) == 0.0
 
 
+def test_gradients_of_the_energy_are_those_of_finite_differences():
+    generator = torch.Generator().manual_seed(0)
+
+    def noise(*shape: int) -> torch.Tensor:
+        return torch.randn(*shape, generator=generator)
+
+    pixels = (3.0 * noise(5, 6, 2)).double().requires_grad_()
+    mixed = noise(5, 6, 2, 2)
+    certain = (mixed @ mixed.mT)[..., [0, 0, 1], [0, 1, 1]]
+    targets = FlowTargets({}, {}, {})
+    for stride in (1, 3):
+        targets.displacements[stride] = noise(5 - stride, 6, 2)
+        targets.valid[stride] = (noise(5 - stride, 6) > -0.5).float()
+        targets.certainty[stride] = certain[:-stride]
+    assert torch.autograd.gradcheck(
+        lambda pixels: flow_energy(targets, pixels, torch.linspace(1.0, 2.0, 5)), pixels
+    )
+
+
 def test_only_what_texture_shows_of_a_motion_counts():
     """Along an edge anything may move; in a plain place everything."""
     rng = np.random.default_rng(0)
