@@ -14,6 +14,7 @@ import shutil
 import signal
 import stat
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,6 +43,7 @@ class CaptureListener:
 
     on_progress: Callable[[float, str], None]
     on_draft: Callable[[Path], None]
+    """In a thread of its own, while the capture goes on; the folder is gone afterwards."""
     should_stop: Callable[[], bool]
 
 
@@ -72,9 +74,12 @@ def capture_apart(
     environment = {name: os.environ[name] for name in _THREADS if name in os.environ}
     environment |= {"TMPDIR": str(folder), "HOME": str(folder)}
     environment["NUMBA_CACHE_DIR"] = str(kernels.folder)
-    with ConfinedProcess("services.jobs.confined_capture", **environment) as process:
+    with (
+        _Drafts(folder / DRAFT, scratch / DRAFT, listener.on_draft) as drafts,
+        ConfinedProcess("services.jobs.confined_capture", **environment) as process,
+    ):
         process.say(json.dumps(wanted).encode())
-        end = _heard(process, folder, scratch / DRAFT, listener)
+        end = _heard(process, drafts, listener)
         if end is None:
             raise _crashed(process)
     return _ended(end, folder, scratch / RESULT)
@@ -88,8 +93,35 @@ def _networks(settings: Settings) -> list[str | None]:
     return [None if one is None else str(one.resolve()) for one in found]
 
 
+class _Drafts:
+    """Looks at drafts while the capture goes on; at its end, waits for who looks."""
+
+    def __init__(self, left: Path, taken: Path, on_draft: Callable[[Path], None]) -> None:
+        self._left, self._taken, self._on_draft = left, taken, on_draft
+        self._thread = ThreadPoolExecutor(1, "draft")
+        self._looking: Future[None] | None = None
+
+    def __enter__(self) -> _Drafts:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._thread.shutdown()
+        if kind is None and self._looking is not None:
+            self._looking.result()
+
+    def take(self) -> None:
+        """Take over the draft that was left, and begin to look; one is enough."""
+        if self._looking is None:
+            _take(self._left, self._taken)
+            self._looking = self._thread.submit(self._look)
+
+    def _look(self) -> None:
+        self._on_draft(self._taken)
+        shutil.rmtree(self._taken)
+
+
 def _heard(
-    process: ConfinedProcess, folder: Path, draft: Path, listener: CaptureListener
+    process: ConfinedProcess, drafts: _Drafts, listener: CaptureListener
 ) -> Mapping[str, Any] | None:
     """The last that the process says; None where it ended without a word."""
     stopping = False
@@ -101,10 +133,7 @@ def _heard(
             case {"progress": [float() | int() as share, str(message)]}:
                 listener.on_progress(float(share), _plain(message))
             case {"draft": True}:
-                _take(folder / DRAFT, draft)
-                listener.on_draft(draft)
-                shutil.rmtree(draft)
-                process.say(b"go on")
+                drafts.take()
             case {"done": _} | {"stopped": _} | {"errno": int()} as end:
                 return end
             case {"refused": str(), "error": str()} as end:

@@ -25,12 +25,9 @@ _SHARE_OF_CAPTURE = 0.95
 def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Path) -> None:
     """Capture the job's sequence in `folder`. Raises ClipGone, CaptureError, JobStopped."""
     sequence, person = _begin(services, job)
-    done = 0.0
 
     def on_progress(share: float, message: str) -> None:
-        nonlocal done
-        done = share * _SHARE_OF_CAPTURE
-        reporter.progress(done, message)
+        reporter.progress(share * _SHARE_OF_CAPTURE, message)
 
     source = folder / f"source{_suffix(sequence)}"
     try:
@@ -39,7 +36,7 @@ def run_capture(services: Services, job: JobRow, reporter: Reporter, folder: Pat
         raise clip_gone() from error
     listener = CaptureListener(
         on_progress,
-        lambda draft: make_first_likeness(services, job, reporter, draft, done),
+        lambda draft: make_first_likeness(services, job, reporter, draft),
         reporter.should_stop,
     )
     try:

@@ -3,7 +3,7 @@
     python -m services.jobs.confined_capture
 
 Its first line of standard input is JSON: what to capture, and where to. Each line that it prints is
-JSON, too: `progress`, `draft` (it waits for the line `go on`), and at last `done`, `stopped`,
+JSON, too: `progress`, `draft` (which is the reader's from then on), and at last `done`, `stopped`,
 `refused` or `errno`. The line `stop` stops it; the end of its input ends it at once.
 """
 
@@ -52,7 +52,7 @@ class _Conversation:
         # libraries print to the usual descriptor
         self._said: IO[bytes] = os.fdopen(os.dup(1), "wb", buffering=0)
         os.dup2(2, 1)
-        self._stop, self._go_on = threading.Event(), threading.Event()
+        self._stop = threading.Event()
         threading.Thread(target=self._listen, daemon=True).start()
 
     def say(self, **message: Any) -> None:
@@ -63,18 +63,15 @@ class _Conversation:
         """Whether nobody wants the capture any more."""
         return self._stop.is_set()
 
-    def show_draft(self, draft: Path, folder: Path) -> None:
-        """Hand a draft over, and wait until the other has done with it."""
+    def hand_over(self, draft: Path, folder: Path) -> None:
+        """Leave a draft to the other, who works with it while the capture goes on."""
         draft.rename(folder / DRAFT)
-        self._go_on.clear()
         self.say(draft=True)
-        self._go_on.wait()
 
     def _listen(self) -> None:
         for line in sys.stdin.buffer:
             if line == b"stop\n":
                 self._stop.set()
-            self._go_on.set()
         os._exit(os.EX_SOFTWARE)  # nobody is left to capture for
 
 
@@ -97,7 +94,7 @@ def _capture(
                 hand_model=hand,
             ),
             on_progress=lambda share, message: conversation.say(progress=[share, message]),
-            on_draft=lambda draft: conversation.show_draft(draft, folder),
+            on_draft=lambda draft: conversation.hand_over(draft, folder),
             should_stop=conversation.should_stop,
         )
     except CaptureStopped:

@@ -28,19 +28,19 @@ log = logging.getLogger(__name__)
 
 
 def make_first_likeness(
-    services: Services, capture: JobRow, reporter: Reporter, draft: Path, done: float
+    services: Services, capture: JobRow, reporter: Reporter, draft: Path
 ) -> None:
     """Train a model of the sequence folder `draft` for whoever waits for it, if anybody does.
 
-    `done` is the share of the capture that is behind it. Raises JobStopped. Where training finds no
-    likeness the capture goes on without one.
+    Raises JobStopped. Where training finds no likeness the capture goes on without one.
     """
     training = _waiting(services, capture)
     if training is None:
         return
 
     def on_progress(step: Progress) -> None:
-        reporter.progress(done, "making a first likeness", step.preview)
+        if step.preview is not None:
+            reporter.show(step.preview)
 
     try:
         model = train(

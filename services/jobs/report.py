@@ -63,8 +63,13 @@ class Reporter:
         with self._guard:
             self._values["progress"] = min(1.0, max(0.0, float(fraction)))
             self._values["message"] = message[:500]
-            if preview is not None:
-                self._preview = preview
+        if preview is not None:
+            self.show(preview)
+
+    def show(self, preview: Float[Array, "H W 3"]) -> None:
+        """Show what comes of the work."""
+        with self._guard:
+            self._preview = preview
 
     def watch_checkpoint(self, path: Path) -> None:
         """Keep what the work writes to `path` in the store, so that another may go on from it."""

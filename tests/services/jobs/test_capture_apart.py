@@ -6,6 +6,7 @@ import errno
 import multiprocessing
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import pytest
 from capture.errors import CaptureStopped, NoPersonFound, UnreadableClip
 from services.jobs.capture_apart import CaptureListener, capture_apart
 from services.jobs.kernel_cache import linked_kernels
+from services.jobs.report import JobStopped
 from services.settings import Settings
 from tests.services import seeds
 from tests.services.conftest import changed
@@ -80,8 +82,6 @@ def test_progress_and_a_draft_are_heard_and_the_sequence_is_taken(
     mkdir draft && echo of-the-draft > draft/file
     echo '{"progress": [0.5, "fitting"]}'
     echo '{"draft": true}'
-    read answer; test "$answer" = "go on" || exit 9
-    test -e draft && exit 8
     mkdir sequence && echo "$wanted" > sequence/file
     echo '{"done": true}'
     """)
@@ -90,6 +90,47 @@ def test_progress_and_a_draft_are_heard_and_the_sequence_is_taken(
     assert heard.drafts == [scratch / "draft"]
     assert '"person": "Ada", "height_m": 1.8' in (out / "file").read_text()
     assert sorted(one.name for one in scratch.iterdir()) == ["sequence", "source.mp4"]
+
+
+def test_a_capture_goes_on_while_its_draft_is_looked_at_and_waits_for_that_at_its_end(
+    given: Settings, scratch: Path, instead: Instead
+):
+    further, looked_at = threading.Event(), list[str]()
+
+    def look(draft: Path) -> None:
+        assert further.wait(10.0)
+        looked_at.append((draft / "file").read_text().strip())
+
+    listener = CaptureListener(
+        lambda share, _: further.set() if share > 0.6 else None, look, lambda: False
+    )
+    instead("""
+    mkdir draft && echo of-the-draft > draft/file
+    echo '{"draft": true}'
+    while test -e draft; do sleep 0.01; done
+    echo '{"progress": [0.7, "fitting"]}'
+    mkdir sequence
+    echo '{"done": true}'
+    """)
+    capture_apart(given, scratch / "source.mp4", scratch, "Ada", None, listener)
+    assert looked_at == ["of-the-draft"]
+    assert sorted(one.name for one in scratch.iterdir()) == ["sequence", "source.mp4"]
+
+
+def test_what_befalls_whoever_looks_at_a_draft_ends_the_capture(
+    given: Settings, scratch: Path, instead: Instead
+):
+    def look(_: Path) -> None:
+        raise JobStopped
+
+    instead("""
+    mkdir draft && echo '{"draft": true}'
+    while test -e draft; do sleep 0.01; done
+    mkdir sequence && echo '{"done": true}'
+    """)
+    listener = CaptureListener(lambda *_: None, look, lambda: False)
+    with pytest.raises(JobStopped):
+        capture_apart(given, scratch / "source.mp4", scratch, "Ada", None, listener)
 
 
 @pytest.mark.parametrize(

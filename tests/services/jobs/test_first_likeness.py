@@ -175,7 +175,7 @@ def test_no_likeness_is_made_that_nobody_waits_for(
             unit.jobs.get(training_id).model_id = model.id
             unit.commit()
     reporter = Reporter(services, JobLease(capture.id, capture.person_id, 1))
-    make_first_likeness(services, capture, reporter, Path("nowhere"), 0.4)
+    make_first_likeness(services, capture, reporter, Path("nowhere"))
 
 
 def test_a_capture_goes_on_where_no_likeness_is_found(
@@ -188,6 +188,6 @@ def test_a_capture_goes_on_where_no_likeness_is_found(
     params = {"preset": "splats", "budget_s": 1.0, "seed": 0, "improves": None}
     capture, training_id = waiting(services, sequence_folder, **params)
     reporter = Reporter(services, JobLease(capture.id, capture.person_id, 1))
-    make_first_likeness(services, capture, reporter, sequence_folder, 0.4)
+    make_first_likeness(services, capture, reporter, sequence_folder)
     with services.reading() as unit:
         assert unit.jobs.get(training_id).model_id is None
