@@ -2,7 +2,8 @@
 
 Decoders of video and pictures are C code, and a hostile file may crash them, fill the memory, never
 end, or run its own code. So they run in processes of their own, with bounded memory, time and
-files, no network where the system lets a process give it up, and nothing secret in the environment.
+files, no sockets, no network where the system lets a process give it up, and nothing secret in the
+environment.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 from services.landlock import restrict_files
+from services.seccomp import refuse_sockets
 
 _PASSED_ON = ("PATH", "TMPDIR", "LANG", "LD_LIBRARY_PATH")
 """Of the environment, whose other variables may be secret."""
@@ -75,6 +77,7 @@ def confine(limits: Limits, readable: Sequence[Path] = (), writable: Sequence[Pa
         [*_DEVICES, *writable],
         [Path(one) for one in sys.path if one],
     )
+    refuse_sockets()
     for kind, limit in (
         (resource.RLIMIT_AS, limits.memory_bytes),
         (resource.RLIMIT_CPU, limits.processor_s),
@@ -179,8 +182,22 @@ class ConfinedProcess:
         """Give it all of `data`, then the end, while it says what it does."""
         threading.Thread(target=self._feed, args=(data,), daemon=True).start()
 
-    def read(self, most_bytes: int, timeout_s: float) -> bytes:
-        """All that it prints until its end; of more than `most_bytes`, one byte more.
+    def give(self, data: bytes, timeout_s: float) -> None:
+        """Have it take all of `data`.
+
+        Raises TimeoutError where it does not in time, BrokenPipeError where it has ended.
+        """
+        left, end_s = memoryview(data), time.monotonic() + timeout_s
+        pipe = self.input.fileno()
+        os.set_blocking(pipe, False)
+        ready = select.poll()
+        ready.register(pipe, select.POLLOUT)
+        while left:
+            _require_answer(ready, end_s, timeout_s)
+            left = left[os.write(pipe, left) :]
+
+    def take(self, count: int, timeout_s: float) -> bytes:
+        """The next `count` bytes that it prints; fewer where it ends before.
 
         Raises TimeoutError where that takes longer.
         """
@@ -188,15 +205,19 @@ class ConfinedProcess:
         pipe = self.output.fileno()
         ready = select.poll()
         ready.register(pipe, select.POLLIN)
-        while len(said) <= most_bytes:
-            left_s = end_s - time.monotonic()
-            if left_s <= 0.0:
-                raise TimeoutError(f"no end after {timeout_s:g} s")
-            if ready.poll(1e3 * left_s):
-                if not (piece := os.read(pipe, min(_PIECE_BYTES, most_bytes + 1 - len(said)))):
-                    break
-                said += piece
+        while len(said) < count:
+            _require_answer(ready, end_s, timeout_s)
+            if not (piece := os.read(pipe, min(_PIECE_BYTES, count - len(said)))):
+                break
+            said += piece
         return bytes(said)
+
+    def read(self, most_bytes: int, timeout_s: float) -> bytes:
+        """All that it prints until its end; of more than `most_bytes`, one byte more.
+
+        Raises TimeoutError where that takes longer.
+        """
+        return self.take(most_bytes + 1, timeout_s)
 
     def wait(self, timeout_s: float | None = None) -> int:
         """Its exit code, once it has ended. Raises TimeoutError where that takes longer."""
@@ -227,6 +248,13 @@ class ConfinedProcess:
             while said := os.read(pipe.fileno(), _LAST_WORDS_BYTES):
                 self._last_words += said
                 del self._last_words[:-_LAST_WORDS_BYTES]
+
+
+def _require_answer(ready: select.poll, end_s: float, timeout_s: float) -> None:
+    """Wait until a pipe is ready. Raises TimeoutError where it is not by `end_s`."""
+    left_s = end_s - time.monotonic()
+    if left_s <= 0.0 or not ready.poll(1e3 * left_s):
+        raise TimeoutError(f"no end after {timeout_s:g} s")
 
 
 def _leave_network() -> None:
