@@ -1,4 +1,4 @@
-.PHONY: demo test unit check format lock audit setup
+.PHONY: demo test unit check format lock pin audit setup
 PYTEST = .venv/bin/python -m pytest
 
 # where it is set, each process would compile anew what it imports: seconds, hundreds of times over
@@ -40,6 +40,10 @@ format:
 # Pins every package but torch with its hash (one file to run, one to test); run it after a change of dependencies.
 lock:
 	scripts/lock.sh
+
+# Pins the images that we run on and build from by today's digests, where their registries can be reached.
+pin: setup
+	.venv/bin/python -m tools.pin_images
 
 # Advisories about the packages that we use, where their registries tell them, and bandit over our Python.
 audit: setup-test
