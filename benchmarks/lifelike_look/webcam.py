@@ -90,7 +90,7 @@ class SyntheticWebcam:
                 if not packet.size:
                     continue
                 (sent,) = decoder.decode(packet)
-            picture, solved = picture_of(sent), live.solved(time_ms)
+            picture, solved = picture_of(sent.to_ndarray(format="rgb24")), live.solved(time_ms)
             if picture is not None and solved is not None:
                 pose, camera = solved.pose, solved.camera
                 if self._given.pose:

@@ -28,7 +28,7 @@ from aiortc.rtp import (
     RtpPacket,
     unpack_remb_fci,
 )
-from aiortc.sdp import SessionDescription, candidate_from_sdp
+from aiortc.sdp import MediaDescription, SessionDescription, candidate_from_sdp
 
 __all__ = [
     "KNOWN_VERSION",
@@ -37,6 +37,7 @@ __all__ = [
     "RTCP_PSFB_PLI",
     "AnyRtcpPacket",
     "IncompatibleAiortc",
+    "MediaDescription",
     "MediaStreamError",
     "RtcpPsfbPacket",
     "RtcpRrPacket",

@@ -4,8 +4,9 @@ A frame is 288 x 432 px: the person cut out, 288 x 288; below it their matte, 14
 right of that the code of `services.live.look.picture_code`. Frames are decoded only while they are
 somebody's whom this connection drives by keypoints, and only while the newest keypoints say that
 live look is on: nobody's pictures are looked at against their will. Encoded frames go on to pages
-that draw by themselves; they wait on the event loop and are decoded on a thread, all of them, since
-each builds on the last, and only the newest becomes a picture.
+that draw by themselves; they wait on the event loop and are decoded by a process
+(`services.live.look.decoder`), all of them, since each builds on the last, and only the newest
+becomes a picture.
 """
 
 from __future__ import annotations
@@ -18,12 +19,11 @@ from concurrent.futures import Executor
 
 import cv2
 import numpy as np
-from av import CodecContext, Packet, VideoFrame
-from av.error import FFmpegError
-from av.video.codeccontext import VideoCodecContext
 from prometheus_client import Counter
 
+from scene.arrays import Array, UInt8
 from services.live.look import picture_code
+from services.live.look.decoder import DecodingFailed, LookDecoder
 from services.live.look.keeping import Keeping
 from services.live.look.picture import AlignedPose, LookPicture, LookSink, PoseRequest
 from services.live.look.relay import LookRelay, NoRelay
@@ -42,6 +42,8 @@ SILENCE_S = 1.0
 """After the last picture it is no longer how they look now."""
 _MOST_WAITING = 15
 """Frames, a second's: a decoder that is so far behind starts anew from a key frame."""
+_LARGEST_FRAME_BYTES = 128 << 10
+"""More than a page's pictures of six seconds."""
 _KEY_FRAME_INTERVAL_S = 0.5
 _VP8_START_CODE = b"\x9d\x01\x2a"
 _SIZE_BITS = 0x3FFF
@@ -54,11 +56,10 @@ class LookReceiver:
     def __init__(
         self, executor: Executor, request_key_frame: Callable[[], Awaitable[None]]
     ) -> None:
-        """Frames are decoded on `executor`; `request_key_frame` asks their sender for one that
-        needs none before it."""
+        """A thread of `executor` waits for what is decoded; `request_key_frame` asks for a frame
+        that needs none before it."""
         self._executor, self._request_key_frame = executor, request_key_frame
-        self._decoder: VideoCodecContext = CodecContext.create("libvpx", "r")
-        self._decoder.thread_count = 1
+        self._decoder = LookDecoder(FRAME_SIZE)
         self._sink: LookSink | None = None
         self._relay: LookRelay = NoRelay()
         self._frames = 0
@@ -93,6 +94,12 @@ class LookReceiver:
         if sink.keeping is not None:
             sink.keeping.drop()
 
+    def close(self) -> None:
+        """Take no more frames; what decoded them ends soon."""
+        self.announce(False)
+        self._sink = None
+        self._executor.submit(self._decoder.close)
+
     def announce(self, on: bool) -> None:
         """Say whether the newest keypoints come with live look on; without it pictures end."""
         if on == self._announced:
@@ -112,6 +119,8 @@ class LookReceiver:
         size = key_frame_size(data)
         if size is not None:
             self._continuous = size == FRAME_SIZE
+        if len(data) > _LARGEST_FRAME_BYTES:
+            self._continuous = False
         if not self._continuous:
             PICTURES.labels("unreadable").inc()
             self._ask_for_key_frame()
@@ -136,7 +145,7 @@ class LookReceiver:
                     self._show(self._sink, picture, frames[-1][0])
                 else:  # switched off meanwhile
                     PICTURES.labels("refused").inc()
-        except FFmpegError as error:
+        except DecodingFailed as error:
             PICTURES.labels("unreadable").inc()
             log.debug("a picture could not be decoded: %s", error)
             self._drop_waiting()
@@ -147,9 +156,9 @@ class LookReceiver:
             self._decoding = None
 
     def _newest(self, frames: list[tuple[int, bytes]]) -> LookPicture | None:
-        """On the decoder's thread: the last frame's picture. Raises FFmpegError."""
-        shown = [frame for _, data in frames for frame in self._decoder.decode(Packet(data))]
-        return picture_of(shown[-1]) if shown else None
+        """On a thread: the last frame's picture. Raises DecodingFailed."""
+        shown = self._decoder.newest([data for _, data in frames])
+        return None if shown is None else picture_of(shown)
 
     def _show(self, sink: LookSink, picture: LookPicture, number: int) -> None:
         PICTURES.labels("shown").inc()
@@ -209,11 +218,9 @@ def offers_pictures(sdp_offer: str) -> bool:
     return len(sections) > 1 and "a=sendonly" in sections[1].splitlines()
 
 
-def picture_of(frame: VideoFrame) -> LookPicture | None:
-    """What a decoded frame of 288 x 432 px shows; None where there is no code in it."""
-    if (frame.width, frame.height) != FRAME_SIZE:
-        return None
-    rgb, half = frame.to_ndarray(format="rgb24"), picture_code.SIDE_PX
+def picture_of(rgb: UInt8[Array, "432 288 3"]) -> LookPicture | None:
+    """What a decoded frame shows; None where there is no code in it."""
+    half = picture_code.SIDE_PX
     grey = rgb[PICTURE_PX:, :, 1]
     code = picture_code.read(grey[:, half:])
     if code is None:

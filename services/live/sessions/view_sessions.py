@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import re
 import secrets
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -17,13 +16,10 @@ from aiortc import (
     RTCDataChannel,
     RTCIceServer,
     RTCPeerConnection,
-    RTCRtpSender,
-    RTCRtpTransceiver,
-    RTCSessionDescription,
 )
 
 from scene.environment import Environment
-from services.errors import MeetingSealed, OfferRefused, ServerFull
+from services.errors import OfferRefused, ServerFull
 from services.live.aiortc_compat import on_encoded_frame, on_rtcp_packet, request_key_frame
 from services.live.look.keeping import Keeping
 from services.live.look.receiver import LookReceiver, offers_pictures
@@ -37,6 +33,7 @@ from services.live.motion.driving_channels import (
 )
 from services.live.packets import NewestView, PacketError, decode_view
 from services.live.room import MeetingPerformer, Room
+from services.live.sessions import view_offer
 from services.live.streaming.encoding import Codec, negotiated_codec
 from services.live.streaming.instrumentation import Instrumentation
 from services.live.streaming.look_feed import LookFeed
@@ -54,13 +51,6 @@ CONNECT_S = 15.0
 """From the answer to a connection; a client that needs longer has left or can't get through."""
 
 Clock = Callable[[], float]
-
-_MEDIA = re.compile(r"^m=(?:audio|video)", re.MULTILINE)
-_NO_PICTURES = (
-    "an offer for a sealed meeting must be of data channels alone; got one of pictures: this "
-    "server cannot read how people move there, so it neither draws them nor shows live look; join "
-    "by the page, with the whole link"
-)
 
 
 class ViewChannel(StrEnum):
@@ -153,7 +143,8 @@ class ViewSessions:
         self.driving_channels = DrivingChannels(
             clock, describe_error, make_look_sink, self._look_feed.relay
         )
-        self._look_executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="look")
+        # one waits for its pictures without holding up another
+        self._look_executor = ThreadPoolExecutor(max(1, max_viewers), thread_name_prefix="look")
         self._monitoring: asyncio.Task[None] | None = None
 
     def __len__(self) -> int:
@@ -197,8 +188,7 @@ class ViewSessions:
         """
         self._require_capacity()
         room = await self.room(meeting_id)
-        if room.sealed and _MEDIA.search(sdp_offer):
-            raise MeetingSealed(_NO_PICTURES)
+        view_offer.require_fitting(sdp_offer, sealed=room.sealed)
         self._require_capacity()  # others may have come while the performers were loaded
         pictures = self._renderers.open(room, negotiated_codec(sdp_offer))
         connection = RTCPeerConnection(RTCConfiguration(iceServers=self._ice_servers))
@@ -211,7 +201,7 @@ class ViewSessions:
         try:
             if not room.sealed:
                 self._add_transceivers(session, sdp_offer)
-            answer = await _answer(connection, sdp_offer)
+            answer = await view_offer.answer(connection, sdp_offer)
         except Exception as error:
             await self.close(session_id)
             reason = str(error) or type(error).__name__
@@ -259,6 +249,8 @@ class ViewSessions:
     async def _end(self, session: ViewSession) -> None:
         """Of a session that is no longer among those of this process."""
         session.track.stop()
+        if session.look is not None:
+            session.look.close()
         await session.connection.close()
         if not self.is_watched(session.meeting_id):
             self._rooms.pop(session.meeting_id, None)
@@ -363,13 +355,13 @@ class ViewSessions:
         """The server's side of the offer's video sections, in their order."""
         connection, track = session.connection, session.track
         sending = connection.addTransceiver(track, direction="sendonly")
-        _prefer(sending, negotiated_codec(sdp_offer))
+        view_offer.prefer(sending, negotiated_codec(sdp_offer))
         # packets come from the track, so feedback has to reach it and not aiortc's own encoder
         on_rtcp_packet(sending.sender, lambda packet, ssrc: apply_feedback(packet, track, ssrc))
         if not offers_pictures(sdp_offer):
             return
         receiving = connection.addTransceiver("video", direction="recvonly")
-        _prefer(receiving, Codec.VP8)
+        view_offer.prefer(receiving, Codec.VP8)
         receiver = receiving.receiver
         look = session.look = LookReceiver(self._look_executor, lambda: request_key_frame(receiver))
         on_encoded_frame(receiver, lambda data, _: look.on_frame(data))
@@ -386,16 +378,3 @@ class ViewSessions:
             if now_s - renewed_s >= BEAT_S:
                 renewed_s = now_s
                 await self._meetings.renew_seats(self._seats_in_use())
-
-
-def _prefer(transceiver: RTCRtpTransceiver, codec: Codec) -> None:
-    """Have `codec` negotiated; counts only before the remote description is set."""
-    codecs = RTCRtpSender.getCapabilities("video").codecs
-    wanted = (f"video/{codec}", "video/rtx")
-    transceiver.setCodecPreferences([c for c in codecs if c.mimeType in wanted])
-
-
-async def _answer(connection: RTCPeerConnection, sdp_offer: str) -> str:
-    await connection.setRemoteDescription(RTCSessionDescription(sdp_offer, "offer"))
-    await connection.setLocalDescription(await connection.createAnswer())
-    return connection.localDescription.sdp

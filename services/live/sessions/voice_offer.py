@@ -6,7 +6,7 @@ from enum import Enum
 from typing import Literal
 
 from services.errors import OfferRefused
-from services.live.aiortc_compat import SessionDescription
+from services.live.aiortc_compat import MediaDescription, SessionDescription
 from services.live.streaming.voice_slots import SLOTS
 
 Direction = Literal["sendrecv", "sendonly", "recvonly", "inactive"]
@@ -27,19 +27,24 @@ class Endpoint(Enum):
     """A client that only sends (RFC 9725): a microphone, a screen."""
 
 
+def media_of(sdp_offer: str) -> list[MediaDescription]:
+    """The sections of an offer. Raises OfferRefused for an SDP that can't be parsed."""
+    try:
+        return SessionDescription.parse(sdp_offer).media
+    except Exception as error:  # the parser raises errors of many types
+        reason = str(error) or type(error).__name__
+        raise OfferRefused(
+            f"the offer must be an SDP; got one that can't be read: {reason}"
+        ) from error
+
+
 def read_media_sections(sdp_offer: str, endpoint: Endpoint) -> list[tuple[str, Direction]]:
     """Kind and the server's direction of each media section of an offer, in order.
 
     Raises OfferRefused for an SDP that can't be parsed, or that asks for more than `endpoint`
     offers.
     """
-    try:
-        media = SessionDescription.parse(sdp_offer).media
-    except Exception as error:  # the parser raises errors of many types
-        reason = str(error) or type(error).__name__
-        raise OfferRefused(
-            f"the offer must be an SDP; got one that can't be read: {reason}"
-        ) from error
+    media = media_of(sdp_offer)
     sections: list[tuple[str, Direction]] = [
         (one.kind, _REVERSED[one.direction or "sendrecv"]) for one in media
     ]

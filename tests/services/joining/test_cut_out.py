@@ -72,7 +72,7 @@ async def test_the_track_sends_the_newest_picture_as_the_server_reads_it():
         is_key = key_frame_size(bytes(packet)) is not None
         assert is_key == (number in (0, 5))
         (decoded,) = decoder.decode(packet)
-        got = picture_of(decoded)
+        got = picture_of(decoded.to_ndarray(format="rgb24"))
         assert got is not None
         assert got.captured_ms == 66 * number
         inside = got.matte > 250

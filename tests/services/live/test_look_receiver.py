@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import time
 from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -60,7 +62,7 @@ class Ends:
 
     async def shown(self, pictures: int) -> None:
         """Wait until so many have been shown."""
-        for _ in range(500):
+        for _ in range(2000):  # the first waits for a process to start
             if len(self.sink.pictures) >= pictures:
                 return
             await asyncio.sleep(0.01)
@@ -71,7 +73,7 @@ class Ends:
 async def ends() -> AsyncIterator[Ends]:
     made = Ends()
     yield made
-    made.receiver.detach(made.sink)
+    made.receiver.close()
     made.executor.shutdown()
 
 
@@ -145,7 +147,7 @@ async def test_whose_pictures_they_no_longer_are_is_shown_none(ends):
     assert (ends.sink.stops, other.stops) == (1, 0)
     ends.receiver.announce(True)
     ends.send(0, 1)
-    for _ in range(200):
+    for _ in range(1000):
         await asyncio.sleep(0.01)
         if other.pictures:
             break
@@ -211,7 +213,7 @@ async def test_what_holds_no_code_or_is_damaged_is_counted(ends):
     for damaged in (Encoder().encode(blank), stream()[0][:10] + b"\xff" * 9):
         ends.receiver.on_frame(damaged)
         before += 1
-        for _ in range(200):
+        for _ in range(1000):
             await asyncio.sleep(0.01)
             if count("unreadable") == before:
                 break
@@ -219,6 +221,37 @@ async def test_what_holds_no_code_or_is_damaged_is_counted(ends):
     assert ends.sink.pictures == []
     ends.send(0)
     await ends.shown(1)
+
+
+async def test_a_frame_larger_than_any_of_a_page_is_not_decoded(ends):
+    ends.receiver.attach(ends.sink)
+    ends.receiver.announce(True)
+    before = count("unreadable")
+    ends.receiver.on_frame(stream()[0] + bytes(1 << 17))
+    assert count("unreadable") == before + 1
+    ends.send(0)
+    await ends.shown(1)
+
+
+async def test_what_decodes_ends_with_the_connection(ends):
+    ends.receiver.attach(ends.sink)
+    ends.receiver.announce(True)
+    ends.send(0)
+    await ends.shown(1)
+    (process,) = processes("services.live.look.confined")
+    ends.receiver.close()
+    async with asyncio.timeout(5.0):
+        while Path(f"/proc/{process}").exists():
+            await asyncio.sleep(0.01)
+    ends.send(0)  # what comes late is nobody's
+    assert len(ends.sink.pictures) == 1
+
+
+def processes(module: str) -> list[int]:
+    """Children of this process that run `module`."""
+    task = Path(f"/proc/{os.getpid()}/task")
+    children = [int(one) for path in task.glob("*/children") for one in path.read_text().split()]
+    return [one for one in children if module in Path(f"/proc/{one}/cmdline").read_text()]
 
 
 def test_only_key_frames_tell_a_size():

@@ -77,6 +77,35 @@ async def test_bad_offers_are_refused_in_words(app, caller, model, content, kind
     assert len(gateway_of(app).views) == 0
 
 
+async def test_what_else_an_offer_sends_is_received_by_nobody(app, caller, model):
+    """Else aiortc would decode it, as whatever codec its sender chose, in the gateway itself."""
+    meeting_id, header = await open_meeting(caller, model)
+    viewer = Viewer()
+    for kind in ("audio", "video", "video"):
+        viewer.peer.addTransceiver(kind, direction="sendonly")
+    viewer.peer.addTransceiver("audio", direction="recvonly")
+    answer = await viewer.look(caller, meeting_id, header)
+    assert answer.status_code == 201
+    await viewer.opened()
+    (session,) = gateway_of(app).views._sessions.values()
+    ways = [one.currentDirection for one in session.connection.getTransceivers()]
+    # a picture down, one of the viewer up for live look, and nothing else
+    assert sorted(map(str, ways)) == ["inactive", "inactive", "inactive", "recvonly", "sendonly"]
+    await viewer.peer.close()
+
+
+async def test_an_offer_of_many_sections_is_refused(app, caller, model):
+    meeting_id, header = await open_meeting(caller, model)
+    viewer = Viewer()
+    for _ in range(9):
+        viewer.peer.addTransceiver("audio", direction="recvonly")
+    answer = await viewer.look(caller, meeting_id, header)
+    assert answer.status_code == 422
+    assert "must have at most 8 sections; got 11; ask for one video" in answer.json()["detail"]
+    assert len(gateway_of(app).views) == 0
+    await viewer.peer.close()
+
+
 async def test_tokens_of_other_meetings_and_none_are_refused(caller, model):
     meeting_id, _ = await open_meeting(caller, model)
     _, other = await open_meeting(caller, model)

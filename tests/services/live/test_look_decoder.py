@@ -1,0 +1,193 @@
+"""A sender's frames can take nothing along but the process that decodes them."""
+
+from __future__ import annotations
+
+import logging
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from av import CodecContext, Packet
+from av.video.codeccontext import VideoCodecContext
+
+from services.live.look import decoder as decoder_module
+from services.live.look.decoder import RESTART_S, DecodingFailed, LookDecoder
+from services.live.look.picture_code import PictureCode
+from services.live.look.receiver import FRAME_SIZE
+from tests.fakes import Clock
+from tests.services.live.look_pictures import Encoder, frame_of
+from tests.services.uploads.test_apart import NO_LANDLOCK, has_landlock
+
+
+@cache
+def stream() -> tuple[bytes, ...]:
+    """A key frame and five that build on it."""
+    encoder = Encoder()
+    return tuple(encoder.encode(frame_of(PictureCode(66 * n, -20, 30, 360))) for n in range(6))
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def decoder(clock: Clock) -> Iterator[LookDecoder]:
+    made = LookDecoder(FRAME_SIZE, lambda: clock().timestamp())
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Has a shell script run in the place of the process that decodes."""
+
+    def set_up(script: str) -> None:
+        program = tmp_path / "decodes"
+        program.write_text(f"#!/bin/sh\n{script}\n")
+        program.chmod(0o755)
+        monkeypatch.setattr(sys, "executable", str(program))
+
+    return set_up
+
+
+def test_pixels_are_those_that_a_decoder_here_would_find(decoder: LookDecoder):
+    context: VideoCodecContext = CodecContext.create("libvpx", "r")
+    expected = [context.decode(Packet(data))[0].to_ndarray(format="rgb24") for data in stream()]
+    first = decoder.newest(stream()[:1])
+    assert first is not None
+    np.testing.assert_array_equal(first, expected[0])
+    assert first.flags.writeable
+    # of several at once the last, which builds on all of them
+    last = decoder.newest(stream()[1:])
+    assert last is not None
+    np.testing.assert_array_equal(last, expected[-1])
+
+
+def test_damage_is_told_and_a_key_frame_mends_it(decoder: LookDecoder):
+    with pytest.raises(DecodingFailed, match="damaged"):
+        decoder.newest([stream()[0][:10] + b"\xff" * 9])
+    assert decoder.newest([stream()[0]]) is not None
+
+
+def test_frames_of_another_size_show_nothing(decoder: LookDecoder):
+    large = Encoder((640, 480)).encode(frame_of(PictureCode(0, 0, 0, 9)).reformat(640, 480))
+    assert decoder.newest([large]) is None
+
+
+def test_random_frames_harm_nobody(decoder: LookDecoder, clock: Clock):
+    whole, chance = stream()[0], random.Random(7)
+    for _ in range(200):
+        frame = bytearray(whole)
+        for _ in range(chance.randrange(1, 30)):
+            frame[chance.randrange(3 if chance.random() < 0.2 else 10, len(frame))] = (
+                chance.randrange(256)
+            )
+        clock.advance(seconds=RESTART_S)
+        try:
+            decoder.newest([bytes(frame[: chance.randrange(3, len(frame) + 1)])])
+        except DecodingFailed:
+            continue
+    clock.advance(seconds=RESTART_S)
+    assert decoder.newest([whole]) is not None
+
+
+@pytest.mark.parametrize(
+    ("script", "told"),
+    [
+        ("kill -SEGV $$", "SIGSEGV"),
+        ("echo MemoryError >&2; exit 1", "MemoryError"),
+        # it says that a picture comes, and too little of it
+        ("printf p; printf few; exit 3", "exit code 3"),
+    ],
+)
+def test_a_crash_is_told_once_and_another_starts_later(
+    instead, decoder: LookDecoder, clock: Clock, caplog, script: str, told: str
+):
+    program = sys.executable
+    instead(script)
+    with caplog.at_level(logging.WARNING), pytest.raises(DecodingFailed, match=told):
+        decoder.newest(stream()[:1])
+    assert f"what decodes somebody's pictures ended: {told}" in caplog.text
+    sys.executable = program
+    # frames that crash each process are not given another at once
+    with pytest.raises(DecodingFailed, match="has ended"):
+        decoder.newest(stream()[:1])
+    clock.advance(seconds=RESTART_S)
+    assert decoder.newest(stream()[:1]) is not None
+
+
+@pytest.mark.parametrize("script", ["exec sleep 30", "exec >&-; exec sleep 30"])
+def test_who_does_not_answer_is_ended(instead, monkeypatch: pytest.MonkeyPatch, script: str):
+    monkeypatch.setattr(decoder_module, "_START_S", 0.5)
+    instead(script)
+    # more than a pipe holds, so that giving it waits, too
+    for frames in (stream()[:1], [bytes(1 << 20)]):
+        decoder = LookDecoder(FRAME_SIZE)
+        started_s = time.monotonic()
+        with pytest.raises(DecodingFailed, match="did not answer"):
+            decoder.newest(frames)
+        assert time.monotonic() - started_s < 5.0
+
+
+def test_closing_ends_one_that_is_asked_at_the_moment(instead, decoder: LookDecoder):
+    instead("exec sleep 30")
+    failed = threading.Event()
+
+    def ask() -> None:
+        with pytest.raises(DecodingFailed):
+            decoder.newest(stream()[:1])
+        failed.set()
+
+    asking = threading.Thread(target=ask)
+    asking.start()
+    time.sleep(0.3)
+    decoder.close()
+    assert failed.wait(5.0)
+    asking.join()
+    with pytest.raises(DecodingFailed, match="has ended"):
+        decoder.newest(stream()[:1])
+
+
+@pytest.mark.skipif(not has_landlock(), reason=NO_LANDLOCK)
+def test_what_decodes_has_no_files_no_network_and_no_secrets(tmp_path: Path):
+    """What somebody could do who took the process over, tried in its own confinement."""
+    secret = tmp_path / "secret"
+    secret.write_text("of the server")
+    begun = (
+        "from services.confinement import confine\n"
+        "from services.live.look.confined import _LIMITS\n"
+        "confine(_LIMITS)\n"
+    )
+    for attempt, error in (
+        (f"print(open({str(secret)!r}).read())", "PermissionError"),
+        (f"open({str(tmp_path / 'planted')!r}, 'w').write('x')", "PermissionError"),
+        (f"import os; os.kill({os.getpid()}, 0)", "PermissionError"),
+        ("import socket; socket.socket(socket.AF_INET, socket.SOCK_DGRAM)", "PermissionError"),
+        ("bytearray(600 << 20)", "MemoryError"),
+    ):
+        done = subprocess.run(
+            [sys.executable, "-c", begun + attempt], capture_output=True, text=True, check=False
+        )
+        assert error in done.stderr, attempt
+        assert "of the server" not in done.stdout
+
+
+def test_one_that_is_killed_is_another_the_next_time(decoder: LookDecoder, clock: Clock):
+    assert decoder.newest(stream()[:1]) is not None
+    process = decoder._process
+    assert process is not None
+    os.kill(process._process.pid, signal.SIGKILL)
+    with pytest.raises(DecodingFailed, match="SIGKILL"):
+        decoder.newest(stream()[1:2])
+    clock.advance(seconds=RESTART_S)
+    assert decoder.newest(stream()[:1]) is not None
