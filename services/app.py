@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from functools import partial
 from typing import Any
 
@@ -13,7 +13,6 @@ from fastapi import FastAPI, Request
 from fastapi.concurrency import run_in_threadpool
 from starlette.types import ASGIApp
 
-from db.errors import DatabaseError
 from db.models import JobKind
 from services import metrics, problems
 from services.api import (
@@ -34,8 +33,8 @@ from services.api import (
     uploads,
 )
 from services.api.body_limit import LimitBodies
+from services.api.dependencies import network_of_caller
 from services.api.signalling import kept_frames, voice, whep, whip
-from services.audit import note_refusal
 from services.container import Services
 from services.content_policy import ClosedByDefault
 from services.control import messages
@@ -43,9 +42,9 @@ from services.cross_origin import AllowOrigins
 from services.gateway import build_gateway, gateway_of
 from services.jobs.local_engine import LocalEngine
 from services.jobs.worker import Worker
-from services.limits import network_of
 from services.logs import IdentifyRequests
 from services.page import page_route
+from services.refusals import Refusals
 from services.traced_requests import TraceRequests
 
 log = logging.getLogger(__name__)
@@ -125,7 +124,7 @@ def create_app(services: Services) -> FastAPI:
     gateway = build_gateway(services)
     app.state.gateway = gateway
     metrics.measure(gateway)
-    problems.install(app, partial(_note_refusal, services))
+    problems.install(app, partial(_note_refusal, gateway.refusals))
     app.add_middleware(LimitBodies)
     app.add_middleware(metrics.CountRequests)
     if services.tracing.on:
@@ -140,16 +139,14 @@ def create_app(services: Services) -> FastAPI:
     return app
 
 
-async def _note_refusal(services: Services, request: Request, error: Exception) -> None:
+async def _note_refusal(refusals: Refusals, request: Request, error: Exception) -> None:
     """Have the audit log tell it, but for requests that bring no token at all."""
     account = getattr(request.state, "account", "")
     if not account and "authorization" not in request.headers:
         return
     # the pattern alone: a meeting's id is its invitation
     route = f"{request.method} {getattr(request.scope.get('route'), 'path', '')}"
-    caller = account or network_of(request.client.host if request.client else "")
-    with suppress(DatabaseError):  # it is refused all the same
-        await run_in_threadpool(note_refusal, services, caller, account, route, error)
+    await refusals.note(account or network_of_caller(request), account, route, error)
 
 
 @asynccontextmanager

@@ -3,7 +3,7 @@
 | action | when |
 | --- | --- |
 | `account.logged_in` | somebody took a token after logging in by the provider |
-| `access.refused` | a token was not good, or did not allow what was asked; at most some a minute |
+| `access.refused` | a token was not good, or not for what was asked, on any way in; some a minute |
 | `person.added`, `person.erased`, `consent.given`, `consent.revoked` | |
 | `sequence.uploaded`, `sequence.kept`, `sequence.deleted` | a clip, also one whose time was over |
 | `recording.exported`, `recording.left`, `recording.deleted` | a video was asked for, and so on |

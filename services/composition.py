@@ -12,7 +12,7 @@ from services.auth import Tokens
 from services.container import Clock, Services, utc_now
 from services.identity_provider import IdentityProvider
 from services.jobs.events import Events, LocalEvents
-from services.limits import RateLimit
+from services.limits import RateLimit, SharedCounts
 from services.person_models import ModelCache
 from services.settings import Settings
 from services.tickets import Tickets
@@ -44,7 +44,7 @@ def build_services(
         access_key_id=settings.objects.s3_access_key_id,
         secret_access_key=secret.get_secret_value() if secret else None,
     )
-    keys = settings.signing_keys()
+    keys, counts = settings.signing_keys(), open_counts(settings.events.redis_url)
     return Services(
         settings=settings,
         database=database,
@@ -55,18 +55,24 @@ def build_services(
         identity_provider=IdentityProvider(settings.login) if settings.login.issuer else None,
         models=ModelCache(database, store, settings.models.max_cached),
         guest_limit=RateLimit(
-            "guest tokens from one address", settings.security.guest_tokens_per_minute, clock
+            "guest tokens from one address",
+            settings.security.guest_tokens_per_minute,
+            clock,
+            counts,
         ),
         login_limit=RateLimit(
-            "logins from one address", settings.security.guest_tokens_per_minute, clock
+            "logins from one address", settings.security.guest_tokens_per_minute, clock, counts
         ),
         account_limit=RateLimit(
-            "requests of one account", settings.quotas.requests_per_minute, clock
+            "requests of one account", settings.quotas.requests_per_minute, clock, counts
         ),
         address_limit=RateLimit(
-            "requests from one address", settings.quotas.requests_per_address, clock
+            "requests from one address", settings.quotas.requests_per_address, clock, counts
         ),
-        refusal_limit=RateLimit("refusals of one caller that are noted", _NOTED_A_MINUTE, clock),
+        refusal_limit=RateLimit(
+            "refusals of one caller that are noted", _NOTED_A_MINUTE, clock, counts
+        ),
+        counts=counts,
         tracing=open_tracing(settings.tracing),
         clock=clock,
         describe_failure=_described,
@@ -88,6 +94,15 @@ def open_events(redis_url: str | None) -> Events:
     from services.jobs.redis_events import RedisEvents  # here, for Redis' client loads slowly
 
     return RedisEvents(redis_url)
+
+
+def open_counts(redis_url: str | None) -> SharedCounts | None:
+    """Counts of requests that gateways share, by Redis where there is one."""
+    if not redis_url:
+        return None
+    from services.redis_counts import RedisCounts  # here, for Redis' client loads slowly
+
+    return RedisCounts(redis_url)
 
 
 def open_tracing(settings: TracingSettings) -> Tracing:

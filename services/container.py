@@ -12,7 +12,7 @@ from db.unit_of_work import Database, SqlUnitOfWork
 from services.auth import Tokens
 from services.identity_provider import IdentityProvider
 from services.jobs.events import Events
-from services.limits import RateLimit
+from services.limits import RateLimit, SharedCounts
 from services.person_models import ModelCache
 from services.settings import Settings
 from services.tickets import Tickets
@@ -41,6 +41,8 @@ class Services:
     """Of requests that need a token, whether theirs is good or not."""
     refusal_limit: RateLimit
     """Of refusals of one caller that the audit log tells."""
+    counts: SharedCounts | None
+    """Of all gateways, which these limits are held to; None where each counts for itself."""
     tracing: Tracing
     clock: Clock
     describe_failure: Callable[[Exception], dict[str, Any]]
@@ -58,6 +60,8 @@ class Services:
         """Let go of connections."""
         self.tracing.close()
         self.events.close()
+        if self.counts is not None:
+            self.counts.close()
         self.database.close()
 
 

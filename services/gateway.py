@@ -26,6 +26,7 @@ from services.live.streaming.latency_code import LatencyCode
 from services.live.streaming.traced_pictures import TracedPictures
 from services.problems import problem_of
 from services.recording.recorder import Recorders
+from services.refusals import Refusals
 
 log = logging.getLogger(__name__)
 
@@ -45,6 +46,7 @@ class Gateway:
     hub: Hub
     homes: Homes
     command_limit: RateLimit
+    refusals: Refusals
 
     async def show_anew(self, meeting_id: str) -> None:
         """Have a meeting shown as its rows are now: pictures of this process move at once, and the
@@ -80,11 +82,13 @@ class Gateway:
         await self.voices.close_all()
         await self.views.close_all()
         self.looks.close()
+        await self.refusals.close()
 
 
 def build_gateway(services: Services) -> Gateway:
     """A gateway that serves nobody yet."""
     settings, looks = services.settings, LiveLooks(time.monotonic)
+    refusals = Refusals(services)
     views = ViewSessions(
         StoredMeetings(services),
         time.monotonic,
@@ -94,6 +98,7 @@ def build_gateway(services: Services) -> Gateway:
         describe_error=lambda error: problem_of(error).model_dump_json(),
         instrumentation=_instrumentation(services),
         make_look_sink=looks.sink,
+        on_refusal=refusals.note_soon,
     )
     voices = VoiceSessions(
         lambda meeting_id: hub.send_speaking(meeting_id),
@@ -104,7 +109,7 @@ def build_gateway(services: Services) -> Gateway:
     homes = Homes(services, lambda: settings.live.max_viewers - len(views))
     hub = Hub(services, views, voices, recorders, homes)
     command_limit = RateLimit("messages of one person", COMMANDS_PER_MINUTE, services.clock)
-    return Gateway(services, views, voices, looks, hub, homes, command_limit)
+    return Gateway(services, views, voices, looks, hub, homes, command_limit, refusals)
 
 
 def _instrumentation(services: Services) -> Instrumentation:

@@ -7,22 +7,43 @@ import math
 import threading
 from collections.abc import Callable
 from datetime import datetime
+from typing import Protocol
 
 from services.errors import TooManyRequests
 
-_WINDOW_S = 60.0
+WINDOW_S = 60.0
 _MOST_KEYS = 10_000
 """Callers remembered before those who have waited long enough are forgotten."""
+
+
+class SharedCounts(Protocol):
+    """How often callers asked all gateways together."""
+
+    def take(self, what: str, caller: str, now_s: float, step_s: float) -> float | None:
+        """Count one more of `caller`, each worth `step_s` of a minute. Returns 0, or how many
+        seconds it comes too early, and is then not counted; None where nobody knows."""
+        ...
+
+    def close(self) -> None: ...
 
 
 class RateLimit:
     """At most `per_minute` at once, and as many a minute in the long run (GCRA, ITU-T I.371).
 
-    It counts in this process: several gateways together let in so many times more.
+    It counts in this process and, where there are `shared` counts, in those: without them, several
+    gateways together let in so many times more. Safe to use from several threads; blocks where
+    counts are shared.
     """
 
-    def __init__(self, what: str, per_minute: int, clock: Callable[[], datetime]) -> None:
+    def __init__(
+        self,
+        what: str,
+        per_minute: int,
+        clock: Callable[[], datetime],
+        shared: SharedCounts | None = None,
+    ) -> None:
         self._what, self._per_minute, self._clock = what, per_minute, clock
+        self._shared = shared
         self._free_s: dict[str, float] = {}
         """When each caller has used nothing up."""
         self._guard = threading.Lock()
@@ -33,20 +54,28 @@ class RateLimit:
 
     def take(self, caller: str) -> None:
         """Count one more of `caller`. Raises TooManyRequests beyond the limit."""
-        step_s = _WINDOW_S / self._per_minute
-        with self._guard:
-            now_s = self._clock().timestamp()
-            free_s = max(now_s, self._free_s.get(caller, 0.0)) + step_s
-            wait_s = free_s - now_s - _WINDOW_S
-            if wait_s <= 1e-6:
-                self._free_s[caller] = free_s
-                self._forget(now_s)
-                return
+        step_s, now_s = WINDOW_S / self._per_minute, self._clock().timestamp()
+        wait_s = self._take_here(caller, now_s, step_s)
+        if wait_s == 0.0 and self._shared is not None:
+            wait_s = self._shared.take(self._what, caller, now_s, step_s) or 0.0
+        if wait_s == 0.0:
+            return
         raise TooManyRequests(
             f"{self._what} must be at most {self._per_minute} a minute; got one more; "
             f"come back in {math.ceil(wait_s)} s",
             math.ceil(wait_s),
         )
+
+    def _take_here(self, caller: str, now_s: float, step_s: float) -> float:
+        """Seconds that it comes too early; 0 where it is counted."""
+        with self._guard:
+            free_s = max(now_s, self._free_s.get(caller, 0.0)) + step_s
+            wait_s = free_s - now_s - WINDOW_S
+            if wait_s > 1e-6:
+                return wait_s
+            self._free_s[caller] = free_s
+            self._forget(now_s)
+        return 0.0
 
     def _forget(self, now_s: float) -> None:
         if len(self._free_s) > _MOST_KEYS:

@@ -254,7 +254,8 @@ class EventSettings(Group):
     redis_url: str | None = Field(
         default=None,
         validation_alias="METANERF_REDIS_URL",
-        description="Redis for wake-ups and progress; without, the database is polled.",
+        description="Redis for wake-ups, progress and shared counts of requests; without, the "
+        "database is polled, and each gateway counts for itself.",
     )
 
 

@@ -8,10 +8,9 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Request, status
 
 from services.api import shapes
-from services.api.dependencies import Provided
+from services.api.dependencies import Provided, network_of_caller
 from services.auth import ALL_SCOPES, new_guest
 from services.errors import AccessNotOpen
-from services.limits import network_of
 from services.problems import problems
 
 router = APIRouter(prefix="/v1", tags=["access"], responses=problems(403, 422, 429))
@@ -40,7 +39,7 @@ def be_guest(
             "guests must be let in by the server's settings (open_access); got a server that "
             "lets none in; ask its keeper for a token",
         )
-    services.guest_limit.take(network_of(request.client.host if request.client else ""))
+    services.guest_limit.take(network_of_caller(request))
     lifetime = timedelta(hours=services.settings.security.token_lifetime_h)
     guest = services.tokens.guest_of(authorization.removeprefix("Bearer ")) or new_guest()
     token, expires = services.tokens.issue(guest, ALL_SCOPES, lifetime)

@@ -18,9 +18,9 @@ from pydantic import ValidationError
 from starlette.websockets import WebSocketDisconnected
 
 from scene.errors import InvalidInput
-from services.api.dependencies import CurrentGateway
+from services.api.dependencies import CurrentGateway, network_of_caller
 from services.control import messages
-from services.control.commands import connect, execute, read_caller
+from services.control.commands import account_of, connect, execute, read_caller
 from services.control.hub import ControlConnection
 from services.control.messages import (
     TO_SERVER,
@@ -51,6 +51,8 @@ log = logging.getLogger(__name__)
 router = APIRouter(tags=["meetings"])
 
 _CLOSE_S = 2.0
+_ROUTE = "WS /v1/meetings/{meeting_id}/control"
+"""As the audit log names it, before a command's type."""
 _GONE = (WebSocketDisconnect, WebSocketDisconnected)
 
 
@@ -69,8 +71,10 @@ async def control(socket: WebSocket, meeting_id: str, gateway: CurrentGateway) -
 
 async def _greet(socket: WebSocket, gateway: Gateway, meeting_id: str) -> ControlConnection | None:
     """Seat the page; None where it was refused."""
-    services = gateway.services
+    services, network, hello = gateway.services, network_of_caller(socket), None
     try:
+        # before a token is read, as by REST
+        await run_in_threadpool(services.address_limit.take, network)
         async with asyncio.timeout(SILENCE_S):
             hello = read_message(await _receive(socket))
         if not isinstance(hello, Hello):
@@ -83,9 +87,11 @@ async def _greet(socket: WebSocket, gateway: Gateway, meeting_id: str) -> Contro
     except Exception as error:
         goodbye = Goodbye(reason=_why_refused(error), problem=_logged_problem(error))
         await socket.send_text(goodbye.model_dump_json())
+        account = account_of(services, hello) if isinstance(hello, Hello) else ""
+        await gateway.refusals.note(account or network, account, _ROUTE, error)
         return None
     await run_in_threadpool(services.events.publish, meeting_topic(meeting_id))
-    connection = ControlConnection(meeting_id, me.id, services.clock(), hello.after)
+    connection = ControlConnection(meeting_id, me.id, caller.account, services.clock(), hello.after)
     connection.send(Welcome(participant_id=me.id, seat=me.seat, silence_s=SILENCE_S))
     return connection
 
@@ -126,6 +132,7 @@ async def _listen(socket: WebSocket, gateway: Gateway, connection: ControlConnec
     while True:
         text = await _receive(socket)
         connection.heard_at = gateway.services.clock()
+        message = None
         try:
             message = read_message(text)
             if isinstance(message, Beat):
@@ -139,6 +146,9 @@ async def _listen(socket: WebSocket, gateway: Gateway, connection: ControlConnec
                 await _execute(gateway, connection, message)
         except Exception as error:
             connection.send(Refusal(problem=_logged_problem(error)))
+            route = f"{_ROUTE} {'' if message is None else message.type}"
+            # people who came by an invitation share an account
+            gateway.refusals.note_soon(connection.participant_id, connection.account, route, error)
 
 
 async def _receive(socket: WebSocket) -> str:

@@ -33,7 +33,12 @@ Provided = Annotated[Services, Depends(_services)]
 _bearer = HTTPBearer(auto_error=False, description="A token of this server (JWT).")
 
 
-async def principal(
+def network_of_caller(connection: HTTPConnection) -> str:
+    """What tells one caller's address from another's."""
+    return network_of(connection.client.host if connection.client else "")
+
+
+def principal(
     connection: HTTPConnection,
     services: Provided,
     needed: SecurityScopes,
@@ -44,7 +49,7 @@ async def principal(
     Raises Unauthorized, ScopeMissing, TooManyRequests.
     """
     # before the token is read: whoever guesses tokens has none that is good
-    services.address_limit.take(network_of(connection.client.host if connection.client else ""))
+    services.address_limit.take(network_of_caller(connection))
     if credentials is None:
         raise Unauthorized(
             "the request must carry `Authorization: Bearer TOKEN`; got none; get a token first"

@@ -18,7 +18,7 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import RedirectResponse
 
 from services.api import shapes
-from services.api.dependencies import Provided
+from services.api.dependencies import Provided, network_of_caller
 from services.audit import note
 from services.auth import ALL_SCOPES
 from services.container import Services
@@ -31,7 +31,6 @@ from services.errors import (
     ServiceError,
 )
 from services.identity_provider import Attempt, IdentityProvider
-from services.limits import network_of
 from services.problems import PROBLEMS, problem_response, problems
 
 log = logging.getLogger(__name__)
@@ -81,7 +80,7 @@ async def log_in(
     request: Request, services: Provided, provider: Provider, to: PagePath = "/"
 ) -> Response:
     """To the provider, which sends the browser back to `/v1/login/callback`."""
-    services.login_limit.take(network_of(request.client.host if request.client else ""))
+    await run_in_threadpool(services.login_limit.take, network_of_caller(request))
     attempt = Attempt.new()
     try:
         url = await provider.authorization_url(attempt, _address(request, services, "/callback"))
@@ -110,7 +109,7 @@ async def come_back(
     error: Annotated[str, Query(max_length=200, description="Why it was not done.")] = "",
 ) -> Response:
     """Whom the provider knows gets a cookie for `/v1/login/token`, and the page they came from."""
-    services.login_limit.take(network_of(request.client.host if request.client else ""))
+    await run_in_threadpool(services.login_limit.take, network_of_caller(request))
     to = "/"
     try:
         notes = services.tickets.read(ATTEMPT_COOKIE, request.cookies.get(ATTEMPT_COOKIE, ""))

@@ -50,6 +50,7 @@ from services.errors import (
     NoSeat,
     SeatReleased,
     TargetIsHost,
+    Unauthorized,
     ViewerMayNotSpeak,
 )
 from services.recording import consent
@@ -70,6 +71,14 @@ def read_caller(services: Services, meeting_id: str, hello: Hello) -> Principal:
             "the token must be one that joining gave; got one without a seat; join the meeting",
         )
     return caller
+
+
+def account_of(services: Services, hello: Hello) -> str:
+    """The account whose token a page brings; empty for one that is not good."""
+    try:
+        return services.tokens.read(hello.token).account
+    except Unauthorized:
+        return ""
 
 
 def connect(services: Services, meeting_id: str, caller: Principal, name: str) -> ParticipantRow:

@@ -67,6 +67,7 @@ class ControlConnection:
 
     meeting_id: str
     participant_id: str
+    account: str
     heard_at: datetime
     number: int
     """Of the newest message that was sent."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import threading
 import time
 from collections.abc import AsyncIterator
@@ -15,13 +14,10 @@ from redis.asyncio.client import PubSub
 from redis.client import PubSub as SyncPubSub
 
 from services.jobs.events import POLL_S, Listener
-
-log = logging.getLogger(__name__)
+from services.redis_outage import Outage
 
 _ANSWER_S = 1.0
 """Redis answers in milliseconds or is away: who publishes holds up a control channel meanwhile."""
-_PAUSE_S = 2.0
-"""Between two attempts to publish while Redis is away, so that one that hangs costs little."""
 _HEALTH_CHECK_S = 10
 _PREFIX = "metanerf:"
 
@@ -38,7 +34,7 @@ class RedisEvents:
         }
         self._client = redis.Redis.from_url(**self._options)
         self._local = threading.local()
-        self._outage = _Outage()
+        self._outage = Outage("polling")
 
     def publish(self, topic: str) -> None:
         if self._outage.pauses():
@@ -97,7 +93,7 @@ class RedisEvents:
 class _RedisListener:
     """One subscription, made again once Redis is back."""
 
-    def __init__(self, channel: PubSub, name: str, outage: _Outage) -> None:
+    def __init__(self, channel: PubSub, name: str, outage: Outage) -> None:
         self._channel, self._name, self._outage = channel, name, outage
 
     async def subscribe(self) -> bool:
@@ -125,25 +121,3 @@ class _RedisListener:
         except redis.RedisError as error:
             self._outage.begin(error)
             await asyncio.sleep(min(timeout_s, POLL_S))
-
-
-class _Outage:
-    """Whether Redis is away: told once when it goes and once when it is back."""
-
-    def __init__(self) -> None:
-        self._failed_s: float | None = None
-
-    def pauses(self) -> bool:
-        """Whether the last failure is so recent that another attempt would fail as well."""
-        failed_s = self._failed_s
-        return failed_s is not None and time.monotonic() - failed_s < _PAUSE_S
-
-    def begin(self, error: redis.RedisError) -> None:
-        if self._failed_s is None:
-            log.warning("Redis is away, polling: %s", error)
-        self._failed_s = time.monotonic()
-
-    def end(self) -> None:
-        if self._failed_s is not None:
-            log.warning("Redis is back")
-        self._failed_s = None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from datetime import timedelta
 from typing import Any
 
@@ -17,11 +19,16 @@ from services.audit import KEEPER
 from services.container import Services
 from services.control.commands import connect, execute, read_caller
 from services.control.messages import EndMeeting, Hello, Leave, Remove, SetRole
+from services.gateway import gateway_of
+from services.limits import RateLimit
 from services.logs import meeting_digest
 from tests.services.api.authorisation_world import ADA, Caller, World
 from tests.services.api.conftest import world as world
 from tests.services.api.conftest import world_folder as world_folder
 from tests.services.api.conftest import world_services as world_services
+from tests.services.control.conftest import on_a_port
+from tests.services.control.page import Page
+from tests.services.live.viewer import Viewer
 
 
 @pytest.fixture
@@ -96,6 +103,70 @@ async def test_what_is_refused_is_told_with_the_route_and_no_more_than_some(
     await nobody.get(path)
     unknown = [one for one in told(services) if one[1] == ""]
     assert unknown == [("access.refused", "", refused | {"error": "Unauthorized"})]
+
+
+async def refused_so_far(services: Services, many: int) -> list[tuple[str, str]]:
+    """Account and route of each refusal, once there are so many; they are noted a moment later."""
+    async with asyncio.timeout(20.0):
+        while len(found := [one for one in told(services) if one[0] == "access.refused"]) < many:
+            await asyncio.sleep(0.02)
+    return [(account, f"{details['route']}: {details['error']}") for _, account, details in found]
+
+
+async def test_what_the_control_channel_refuses_is_told(
+    app: FastAPI, services: Services, world: World
+):
+    meeting_id = world.ada.params["meeting_id"]
+    channel = "WS /v1/meetings/{meeting_id}/control"
+    async with on_a_port(app, services) as caller:
+        url = str(caller.base_url).replace("http", "ws", 1) + f"/v1/meetings/{meeting_id}/control"
+        for token in ("guessed", world.tokens[Caller.ELSEWHERE]):
+            async with Page(url, token, "Eve") as eve:
+                assert (await eve.gone())["reason"] == "refused"
+        async with Page(url, world.tokens[Caller.SPEAKER], "Bo") as bo:
+            await bo.hear("welcome")
+            await bo.say(type="end")
+            await bo.hear("refusal")
+            # what is not known, or not so, is no attempt at what one may not
+            await bo.say(type="dance")
+            await bo.say(type="say", text="Hello")
+            await bo.hear("said", text="Hello")
+        elsewhere = services.tokens.read(world.tokens[Caller.ELSEWHERE]).account
+        assert sorted(await refused_so_far(services, 3)) == [
+            ("", f"{channel}: Unauthorized"),
+            (elsewhere, f"{channel}: OtherMeeting"),
+            ("guest-sp", f"{channel} end: HostCommand"),
+        ]
+    assert meeting_id not in str(told(services))
+
+
+async def test_what_is_driven_by_who_may_not_is_told(
+    app: FastAPI, services: Services, world: World
+):
+    views, meeting_id = gateway_of(app).views, world.ada.params["meeting_id"]
+    viewer, heard = Viewer(), []
+    channel = viewer.peer.createDataChannel("motion", protocol=world.ada.params["performer_id"])
+    channel.on("message", heard.append)
+    _, answer = await views.open(meeting_id, await viewer.offer(), None, "guest-sp")
+    await viewer.accept(answer)
+    assert await refused_so_far(services, 1) == [("guest-sp", "channel motion: NotOwner")]
+    await viewer.peer.close()
+    await gateway_of(app).close()
+
+
+async def test_whoever_guesses_tokens_on_the_control_channel_is_stopped(
+    services: Services, world: World
+):
+    limit = RateLimit("requests from one address", 2, services.clock)
+    limited = replace(services, address_limit=limit)
+    app = create_app(limited)
+    async with on_a_port(app, limited) as caller:
+        url = str(caller.base_url).replace("http", "ws", 1) + "/v1/meetings/any/control"
+        said = []
+        for _ in range(3):
+            async with Page(url, "guessed", "Eve") as eve:
+                said.append((await eve.gone())["problem"]["status"])
+    assert said == [401, 401, 429]
 
 
 def test_what_a_host_does_is_told(services: Services, world: World):

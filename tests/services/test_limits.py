@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import logging
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import httpx
 import pytest
+import redis
 
 from services.app import create_app
 from services.composition import build_services
 from services.errors import TooManyRequests
 from services.limits import RateLimit, network_of
 from services.problems import headers_of, problem_of
+from services.redis_counts import RedisCounts
 from services.settings import Settings
 from tests.fakes import Clock
+from tests.servers import MortalRedis
 from tests.services.conftest import changed
 
 
@@ -79,3 +88,104 @@ async def test_guests_are_let_in_in_moderation(settings: Settings):
         clock.advance(seconds=30)
         assert (await one.post("/v1/guest")).status_code == 201
     services.close()
+
+
+@contextmanager
+def gateways(url: str, clock: Clock, per_minute: int = 6) -> Iterator[list[RateLimit]]:
+    """The same limit in two gateways that share a Redis."""
+    counts = [RedisCounts(url) for _ in "ab"]
+    what = f"requests {uuid.uuid4().hex}"  # of this test alone
+    yield [RateLimit(what, per_minute, clock, one) for one in counts]
+    for one in counts:
+        one.close()
+
+
+def taken(limit: RateLimit, caller: str, attempts: int) -> int:
+    """How many of these were let in."""
+    let_in = 0
+    for _ in range(attempts):
+        try:
+            limit.take(caller)
+            let_in += 1
+        except TooManyRequests:
+            pass
+    return let_in
+
+
+def test_gateways_count_together(redis_url: str):
+    clock = Clock()
+    with gateways(redis_url, clock) as (one, other):
+        assert (taken(one, "a", 4), taken(other, "a", 4)) == (4, 2)
+        with pytest.raises(TooManyRequests, match="come back in 10 s") as refused:
+            other.take("a")
+        assert refused.value.retry_after_s == 10
+        assert taken(other, "b", 1) == 1
+        # whoever waits as long as they were told is let in, by either and once
+        clock.advance(seconds=10)
+        assert (taken(other, "a", 2), taken(one, "a", 2)) == (1, 0)
+        clock.advance(seconds=60)
+        assert (taken(other, "a", 3), taken(one, "a", 9)) == (3, 3)
+
+
+def test_a_gateway_whose_clock_is_ahead_sends_nobody_away_for_long(redis_url: str):
+    ahead = Clock()
+    ahead.advance(days=30)
+    with gateways(redis_url, ahead) as (one, other):
+        assert taken(one, "a", 6) == 6
+        other._clock = Clock()
+        with pytest.raises(TooManyRequests) as refused:
+            other.take("a")
+        assert refused.value.retry_after_s == 10
+
+
+def test_what_redis_keeps_names_nobody_and_is_gone_in_a_minute(mortal_redis: MortalRedis):
+    client = redis.Redis.from_url(mortal_redis.url)
+    with gateways(mortal_redis.url, Clock()) as (one, _):
+        for _ in range(6):
+            one.take("192.0.2.7")
+    (key,) = client.keys()
+    assert b"192.0.2.7" not in key
+    assert 55_000 < client.pttl(key) <= 60_000
+    client.close()
+
+
+def test_while_redis_is_away_each_gateway_counts_for_itself(
+    mortal_redis: MortalRedis, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+):
+    monkeypatch.setattr("services.redis_outage.PAUSE_S", 0.2)
+    clock = Clock()
+    with gateways(mortal_redis.url, clock) as (one, other):
+        assert taken(one, "a", 6) == 6
+        mortal_redis.kill()
+        with caplog.at_level(logging.WARNING):
+            # what one has counted itself it goes on counting
+            assert (taken(one, "a", 3), taken(other, "a", 9)) == (0, 6)
+            mortal_redis.start()
+            time.sleep(0.3)
+            clock.advance(seconds=60)
+            assert (taken(one, "a", 9), taken(other, "a", 9)) == (6, 0)
+    told = [one.getMessage().split(",")[0] for one in caplog.records]
+    assert told == ["Redis is away", "Redis is back"]
+
+
+def test_a_redis_that_hangs_holds_up_whoever_asks_only_for_a_moment(mortal_redis: MortalRedis):
+    with gateways(mortal_redis.url, Clock(), 100) as (one, _):
+        one.take("a")
+        mortal_redis.hang()
+        started_s = time.monotonic()
+        assert taken(one, "a", 50) == 50
+        assert time.monotonic() - started_s < 1.0
+
+
+async def test_guests_are_let_in_by_all_gateways_together(
+    settings: Settings, mortal_redis: MortalRedis
+):
+    limited = changed(settings, guest_tokens_per_minute=3, redis_url=mortal_redis.url)
+    both = [build_services(limited) for _ in "ab"]
+    for services in both:
+        transport = httpx.ASGITransport(create_app(services), client=("192.0.2.1", 1))
+        async with httpx.AsyncClient(transport=transport, base_url="http://test") as caller:
+            answers = [(await caller.post("/v1/guest")).status_code for _ in range(2)]
+            assert answers == ([201, 201] if services is both[0] else [201, 429])
+    for services in both:
+        services.close()

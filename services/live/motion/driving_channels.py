@@ -43,6 +43,8 @@ MakeLookSink = Callable[[MeetingPerformer, LiveMotion], LookSink]
 """What shows a performer, who moves so, as they look now."""
 MakeLookRelay = Callable[[Room, str], LookRelay]
 """What passes the pictures of a performer of a room on to pages that draw."""
+OnRefusal = Callable[[str, str, str, Exception], None]
+"""Told of who is refused, by what tells callers apart and by account, where, and why."""
 
 
 def drop_pictures(performer: MeetingPerformer, motion: LiveMotion) -> LookSink:
@@ -79,9 +81,11 @@ class DrivingChannels:
         describe_error: DescribeError,
         make_look_sink: MakeLookSink = drop_pictures,
         make_look_relay: MakeLookRelay = lambda *_: NoRelay(),
+        on_refusal: OnRefusal = lambda *_: None,
     ) -> None:
         self._clock, self._describe_error = clock, describe_error
         self.make_look_sink, self._make_look_relay = make_look_sink, make_look_relay
+        self._on_refusal = on_refusal
         # one thread for all: a pose takes milliseconds, and a packet that waits is replaced
         self._executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="solve")
         self._drivers: dict[tuple[Room, str], _Driver] = {}
@@ -108,6 +112,7 @@ class DrivingChannels:
                 raise DrivenElsewhere(_OWNER_DRIVES)
         except (NotFound, NotOwner, DrivenElsewhere, MeetingSealed) as refusal:
             self._reject(channel, refusal)
+            self._on_refusal(account or "", account or "", f"channel {channel.label}", refusal)
             return
         if before is not None:
             before.stop()

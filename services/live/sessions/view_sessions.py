@@ -29,6 +29,7 @@ from services.live.motion.driving_channels import (
     DescribeError,
     DrivingChannels,
     MakeLookSink,
+    OnRefusal,
     drop_pictures,
 )
 from services.live.packets import NewestView, PacketError, decode_view
@@ -128,10 +129,11 @@ class ViewSessions:
         describe_error: DescribeError,
         instrumentation: Instrumentation | None = None,
         make_look_sink: MakeLookSink = drop_pictures,
+        on_refusal: OnRefusal = lambda *_: None,
     ) -> None:
         """`renderers` are closed with the sessions; `describe_error` words why a keypoint channel
         is closed; `instrumentation` is called for all that is sent to viewers; `make_look_sink`
-        gives what takes pictures of a performer."""
+        gives what takes pictures of a performer; `on_refusal` is told who may not drive."""
         self._meetings, self._clock, self._renderers = meetings, clock, renderers
         self._ice_servers = [RTCIceServer(urls=url) for url in ice_servers]
         self._max_viewers = max_viewers
@@ -141,7 +143,7 @@ class ViewSessions:
         self._pose_feed = PoseFeed(clock, self._instrumentation)
         self._look_feed = LookFeed()
         self.driving_channels = DrivingChannels(
-            clock, describe_error, make_look_sink, self._look_feed.relay
+            clock, describe_error, make_look_sink, self._look_feed.relay, on_refusal
         )
         # one waits for its pictures without holding up another
         self._look_executor = ThreadPoolExecutor(max(1, max_viewers), thread_name_prefix="look")

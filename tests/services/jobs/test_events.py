@@ -84,7 +84,7 @@ async def test_listeners_of_before_and_of_meanwhile_are_woken_once_redis_is_back
                 while not all(one.done() for one in waits):
                     events.publish("job:1")
                     await asyncio.sleep(0.1)
-    told = [r.getMessage() for r in caplog.records if r.name == "services.jobs.redis_events"]
+    told = [r.getMessage() for r in caplog.records if r.name == "services.redis_outage"]
     assert [words.split(",")[0] for words in told] == ["Redis is away", "Redis is back"]
     events.close()
 
