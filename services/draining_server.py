@@ -8,8 +8,27 @@ from types import FrameType
 from typing import Any
 
 import uvicorn
+from fastapi import FastAPI
 
+from services.control.messages import LONGEST_MESSAGE_BYTES
 from services.gateway import Gateway
+
+_BYTES_A_CHARACTER = 4
+"""Of UTF-8, at most."""
+
+
+def gateway_config(app: FastAPI, **changes: Any) -> uvicorn.Config:
+    """How a gateway's application is served."""
+    options: dict[str, Any] = {
+        "log_config": None,  # its lines look like ours
+        "log_level": "warning",
+        "access_log": False,  # addresses of requests hold ids of meetings
+        "timeout_graceful_shutdown": 5,
+        "lifespan": "on",
+        # 32 messages of each connection wait to be read, of whoever has no token, too
+        "ws_max_size": _BYTES_A_CHARACTER * LONGEST_MESSAGE_BYTES,
+    }
+    return uvicorn.Config(app, **(options | changes))
 
 
 class DrainingServer(uvicorn.Server):

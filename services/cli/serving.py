@@ -136,25 +136,15 @@ def _open_engine(name: EngineName, settings: Settings) -> Engine:
 
 
 def _serve(settings: Settings, listener: socket.socket) -> None:
-    import uvicorn
-
     from services.app import create_app
     from services.composition import build_services
-    from services.draining_server import DrainingServer
+    from services.draining_server import DrainingServer, gateway_config
     from services.gateway import gateway_of
 
     services = build_services(settings)
     logs.configure(settings.server.log_style, trace=services.tracing.here)
     app = create_app(services)
-    config = uvicorn.Config(
-        app,
-        log_config=None,  # its lines look like ours
-        log_level="warning",
-        access_log=False,  # addresses of requests hold ids of meetings
-        timeout_graceful_shutdown=5,
-        lifespan="on",
-    )
-    server = DrainingServer(config, gateway_of(app), settings.server.drain_s)
+    server = DrainingServer(gateway_config(app), gateway_of(app), settings.server.drain_s)
     server.run(sockets=[listener])
 
 

@@ -31,7 +31,7 @@ from services.jobs.kept_frames import (
 )
 from services.live.look.keeping import Keeping
 from services.live.room import MeetingPerformer
-from services.live.sessions.view_sessions import ViewSession
+from services.live.sessions.view_session import ViewSession
 from services.problems import PROBLEMS, problems
 
 router = APIRouter(tags=["meetings"], responses=PROBLEMS)

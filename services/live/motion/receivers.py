@@ -39,7 +39,7 @@ PACKETS = Counter(
     "metanerf_keypoints_total", "Keypoints packets, by what became of them.", ["outcome"]
 )
 """solved; malformed; late (a newer one had come); replaced (by a newer one, while it waited);
-no-person (no pose could be solved from it)."""
+no-person (no pose could be solved from it); flood (more in a second than any webcam gives)."""
 TO_POSE_SECONDS = Histogram(
     "metanerf_keypoints_to_pose_seconds",
     "Time from a packet's arrival to its pose, s.",
@@ -143,12 +143,17 @@ class KeypointReceiver:
         self.on_live_look: Callable[[bool], None] = lambda _: None
         """Told of each packet, in order, whether it says that live look is on."""
         self._newest: int | None = None
+        self._rate = _PacketRate()
         self._lock = threading.Lock()
         self._waiting: tuple[KeypointsPacket, float] | None = None
         self._solving = False
 
     def receive(self, message: object) -> None:
         """Take a message off the channel; returns at once, whatever it holds."""
+        arrived_s = self._clock()
+        if self._rate.exceeded(arrived_s):
+            PACKETS.labels("flood").inc()
+            return
         try:
             packet = decode_keypoints(message if isinstance(message, bytes) else b"")
         except PacketError as error:
@@ -163,7 +168,7 @@ class KeypointReceiver:
         with self._lock:
             if self._waiting is not None:
                 PACKETS.labels("replaced").inc()
-            self._waiting = packet, self._clock()
+            self._waiting = packet, arrived_s
             idle, self._solving = not self._solving, True
         if idle:
             self._executor.submit(self._solve)

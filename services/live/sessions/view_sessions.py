@@ -7,8 +7,6 @@ import logging
 import secrets
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from enum import StrEnum
 from typing import Protocol
 
 from aiortc import (
@@ -24,8 +22,6 @@ from services.live.aiortc_compat import on_encoded_frame, on_rtcp_packet, reques
 from services.live.look.keeping import Keeping
 from services.live.look.receiver import LookReceiver, offers_pictures
 from services.live.motion.driving_channels import (
-    KEYPOINTS,
-    MOTION,
     DescribeError,
     DrivingChannels,
     MakeLookSink,
@@ -35,6 +31,7 @@ from services.live.motion.driving_channels import (
 from services.live.packets import NewestView, PacketError, decode_view
 from services.live.room import MeetingPerformer, Room
 from services.live.sessions import view_offer
+from services.live.sessions.view_session import ViewChannel, ViewSession
 from services.live.streaming.encoding import Codec, negotiated_codec
 from services.live.streaming.instrumentation import Instrumentation
 from services.live.streaming.look_feed import LookFeed
@@ -46,25 +43,10 @@ from services.seats import BEAT_S
 
 log = logging.getLogger(__name__)
 
-SILENCE_S = 5.0
-"""A viewer silent for so long after their first viewpoint has left (ICE consent needs 30 s)."""
-CONNECT_S = 15.0
-"""From the answer to a connection; a client that needs longer has left or can't get through."""
+_MOST_OF_A_SEAT = 3
+"""Sessions: a page that is loaded again leaves one behind, until its silence is noticed."""
 
 Clock = Callable[[], float]
-
-
-class ViewChannel(StrEnum):
-    """Labels of the data channels that a viewer may open; others are ignored."""
-
-    VIEW = "view"
-    """The viewer's viewpoint comes in."""
-    POSE = "pose"
-    """The performers' poses go out."""
-    LOOK = "look"
-    """Pictures of performers go out."""
-    MOTION = MOTION
-    KEYPOINTS = KEYPOINTS
 
 
 class MeetingSource(Protocol):
@@ -89,30 +71,6 @@ class MeetingSource(Protocol):
     async def release_seats(self, participant_ids: set[str]) -> None:
         """Note that these seats are free."""
         ...
-
-
-@dataclass(eq=False)
-class ViewSession:
-    """The connection of one viewer."""
-
-    meeting_id: str
-    connection: RTCPeerConnection
-    track: ViewTrack
-    opened_s: float
-    participant_id: str | None
-    """Whose seat the viewer has; None for a viewer without one."""
-    account: str | None
-    """Whose performers may be driven over this connection."""
-    last_message_s: float | None = None
-    """When the last viewpoint came."""
-    look: LookReceiver | None = None
-    """Of the viewer's pictures of themselves; None where their offer has no place for any."""
-
-    def has_left(self, now_s: float) -> bool:
-        """Whether the viewer has probably left."""
-        if self.last_message_s is not None:
-            return now_s - self.last_message_s > SILENCE_S
-        return self.connection.connectionState != "connected" and now_s - self.opened_s > CONNECT_S
 
 
 class ViewSessions:
@@ -184,13 +142,15 @@ class ViewSessions:
 
         Performers of `account`, and those that are lent, may be driven by a `keypoints` channel of
         this connection. The seat
-        of `participant_id` is released when the session ends, however it ends. Raises ServerFull
+        of `participant_id` is released when the session ends, however it ends; of several sessions
+        the newest few stay. Raises ServerFull
         where there are too many viewers, OfferRefused for an SDP that can't be answered,
         MeetingSealed for one that asks for pictures where nothing can be drawn.
         """
         self._require_capacity()
         room = await self.room(meeting_id)
         view_offer.require_fitting(sdp_offer, sealed=room.sealed)
+        await self._end_older(participant_id)
         self._require_capacity()  # others may have come while the performers were loaded
         pictures = self._renderers.open(room, negotiated_codec(sdp_offer))
         connection = RTCPeerConnection(RTCConfiguration(iceServers=self._ice_servers))
@@ -247,6 +207,16 @@ class ViewSessions:
             if session.meeting_id == meeting_id:
                 del self._sessions[session_id]
                 await self._end(session)
+
+    async def _end_older(self, participant_id: str | None) -> None:
+        """So that nobody takes all places by one seat."""
+        theirs = [
+            session_id
+            for session_id, one in self._sessions.items()
+            if participant_id is not None and one.participant_id == participant_id
+        ]
+        for session_id in theirs[: max(0, len(theirs) + 1 - _MOST_OF_A_SEAT)]:
+            await self._end(self._sessions.pop(session_id))
 
     async def _end(self, session: ViewSession) -> None:
         """Of a session that is no longer among those of this process."""
@@ -335,8 +305,10 @@ class ViewSessions:
                 case ViewChannel.VIEW:
                     channel.on("message", follow_view)
                 case ViewChannel.POSE:
+                    session.feed_by(channel)
                     self._pose_feed.add(room, view, channel)
                 case ViewChannel.LOOK:
+                    session.feed_by(channel)
                     self._look_feed.add(room, view, channel)
                 case ViewChannel.MOTION | ViewChannel.KEYPOINTS:
                     self.driving_channels.add(room, session.account, channel, session.look)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from services.live.sessions.view_sessions import ViewChannel
+from services.live.sessions.view_session import ViewChannel
 from tests.services.api.authorisation_matrix import ADMITTED, CONTROL_ANSWERS, Answers, answers
 
 

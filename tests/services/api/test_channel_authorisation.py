@@ -20,7 +20,8 @@ from services.errors import SeatReleased
 from services.gateway import gateway_of
 from services.live.packets import ViewPacket, encode_view
 from services.live.room import Room
-from services.live.sessions.view_sessions import ViewChannel, ViewSessions
+from services.live.sessions.view_session import ViewChannel
+from services.live.sessions.view_sessions import ViewSessions
 from services.problems import problem_of
 from tests.services.api.authorisation_channels import COMMANDS, DATA_CHANNELS, CommandRow
 from tests.services.api.authorisation_matrix import OK, Answers

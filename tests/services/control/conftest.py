@@ -14,6 +14,7 @@ from fastapi import FastAPI
 
 from services.app import create_app
 from services.container import Services
+from services.draining_server import gateway_config
 from services.gateway import gateway_of
 from tests.fakes import Clock
 from tests.services.conftest import bearer
@@ -24,8 +25,7 @@ async def on_a_port(
     app: FastAPI, services: Services, port: int = 0
 ) -> AsyncIterator[httpx.AsyncClient]:
     """A caller of account `house` of a server that is up."""
-    config = uvicorn.Config(app, port=port, log_level="warning", lifespan="off")
-    server = uvicorn.Server(config)
+    server = uvicorn.Server(gateway_config(app, port=port, lifespan="off"))
     serving = asyncio.create_task(server.serve())
     while not server.started:
         assert not serving.done(), "the server did not start"

@@ -44,6 +44,11 @@ class Page:
         self._socket.transport.abort()  # as when the network goes
         await self._listening
 
+    @property
+    def code(self) -> int | None:
+        """Of the end (RFC 6455), once the server has closed the channel."""
+        return None if self._socket is None else self._socket.close_code
+
     async def say(self, **message: Any) -> None:
         """Send one message."""
         await self.send(json.dumps(message))

@@ -134,6 +134,20 @@ async def test_what_can_not_be_done_is_refused_in_words(caller, meeting, text, w
         await ada.beat()  # the line goes on
 
 
+async def test_a_message_that_nobody_would_send_ends_the_channel_unread(caller, meeting):
+    """It would wait in memory, with others: also of whoever has no token."""
+    ada = await join(caller, meeting["id"], "Ada")
+    async with Page(ada.url, 70_000 * "x", "Eve") as eve:
+        await eve.until(lambda: eve.closed, "the end of the channel")
+        assert eve.code == 1009
+        assert eve.heard == []
+    async with ada:
+        await ada.hear("welcome")
+        await ada.send("x" * (1 << 20))
+        await ada.until(lambda: ada.closed, "the end of the channel")
+        assert ada.code == 1009
+
+
 async def test_only_a_seat_of_this_meeting_opens_its_channel(caller, timed, meeting):
     other = (await caller.post("/v1/meetings", json={"name": "Tuesday"})).json()
     ada = await join(caller, meeting["id"], "Ada")

@@ -73,6 +73,25 @@ async def until_quiet(poses: asyncio.Queue[bytes], ticks: Ticks) -> None:
                 return
 
 
+async def test_poses_go_out_by_one_channel_of_a_viewer_however_many_they_open(app, caller, model):
+    meeting_id, header = await open_meeting(caller, model)
+    viewer = Viewer()
+    answer = await viewer.look(caller, meeting_id, header)
+    assert answer.status_code == 201
+    await viewer.opened()
+    viewer.channel.send(view(1, draws_itself=True))
+    for label in ("pose", "look"):
+        channels = [viewer.peer.createDataChannel(label) for _ in range(5)]
+        async with asyncio.timeout(20):
+            while [one.readyState for one in channels] != 4 * ["closed"] + ["open"]:
+                await asyncio.sleep(0.02)
+        if label == "pose":
+            poses: asyncio.Queue[bytes] = asyncio.Queue()
+            channels[-1].on("message", poses.put_nowait)
+            await newest(poses)
+    await viewer.peer.close()
+
+
 async def test_poses_come_while_the_viewer_draws_and_pictures_rest(app, caller, model, monkeypatch):
     ticks = Ticks(monkeypatch)
     meeting_id, header = await open_meeting(caller, model)

@@ -316,6 +316,20 @@ def test_whoever_rests_stands_the_same_whoever_solved_them():
         np.testing.assert_allclose(one.root_translation, other.root_translation, atol=1e-3)
 
 
+def test_of_keypoints_more_than_any_webcam_gives_are_dropped():
+    clock = iter(np.arange(300) / 1000.0)
+    executor = ThreadPoolExecutor(1)
+    receiver = KeypointReceiver(
+        LiveMotion(body().skeleton), executor, lambda: 100.0 + float(next(clock, 0.4))
+    )
+    before = count("flood")
+    data = encode_keypoints(waving()[0])
+    for _ in range(200):
+        receiver.receive(data)
+    executor.shutdown()
+    assert count("flood") == before + 70
+
+
 def test_of_motion_what_is_late_implausible_or_too_much_is_dropped():
     clock = iter(np.arange(2000) / 1000.0)
     motion = LiveMotion(body().skeleton)

@@ -18,7 +18,8 @@ from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
 from services.live.rendering.here import RenderersHere
-from services.live.sessions.view_sessions import CONNECT_S, SILENCE_S, ViewSession, ViewSessions
+from services.live.sessions.view_session import CONNECT_S, SILENCE_S, ViewSession
+from services.live.sessions.view_sessions import ViewSessions
 from tests.fakes import Clock
 from tests.services.conftest import bearer
 from tests.services.live.viewer import Viewer, view
@@ -169,6 +170,27 @@ async def test_an_answer_that_nobody_takes_up_frees_its_place(watched):
     await _soon(lambda: noted.given_back == [{"seat"}], "giving back a seat that nobody took up")
     assert len(views) == 0
     await viewer.peer.close()
+
+
+async def test_nobody_takes_all_places_by_one_seat():
+    clock, noted = Seconds(), EmptyMeetings()
+    views = ViewSessions(
+        noted, clock, RenderersHere(clock), ice_servers=[], max_viewers=9, describe_error=str
+    )
+    viewers = [Viewer() for _ in range(6)]
+    offers = [await viewer.offer() for viewer in viewers]
+    opened = [(await views.open("m", offer, "seat"))[0] for offer in offers[:4]]
+    opened.append((await views.open("m", offers[4], "another"))[0])
+    # the newest stay, and the seat is still theirs
+    assert [views.find(one) is not None for one in opened] == [False, True, True, True, True]
+    assert noted.given_back == []
+    # of who has no seat nobody knows whether they are the same
+    for _ in range(4):
+        await views.open("m", offers[5])
+    assert len(views) == 8
+    await views.close_all()
+    for viewer in viewers:
+        await viewer.peer.close()
 
 
 async def test_a_viewer_fallen_silent_is_gone_and_one_seat_may_have_two_sessions(watched):
