@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import socket
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from db.objects import free_bytes
 from renderer.devices import best_device
 from scene.errors import SceneError
 from services.composition import build_services
+from services.confinement import ConfinedProcess
 from services.container import utc_now
 from services.live.ice_servers import IceServer, ice_servers
 from services.live.streaming.encoding import Codec, PictureEncoder
@@ -30,6 +32,7 @@ _LEAST_FREE_GB = 2.0
 _RELAY_S = 5.0
 """A relay that answers later is of no use to a page that wants to connect."""
 _BITRATE = 1_000_000
+_TRIAL_BYTES, _TRIAL_S = 4096, 20.0
 _ADDRESSES = {"database": "DATABASE_URL", "objects": "OBJECT_STORE_URL", "redis": "REDIS_URL"}
 
 
@@ -51,6 +54,7 @@ def examine(settings: Settings) -> Iterator[Finding]:
         yield _codec(codec)
     yield from _stores(settings)
     yield _disk(settings)
+    yield _confinement()
     yield _port(settings)
     yield _udp()
     for server in ice_servers(settings.live, "doctor", utc_now()):
@@ -101,6 +105,24 @@ def _disk(settings: Settings) -> Finding:
     full = free_gb < _LEAST_FREE_GB
     advice = f"free {_LEAST_FREE_GB:g} GB, or set METANERF_DATA_DIR" if full else ""
     return Finding("free space", f"{free_gb:.0f} GB in {folder}", advice)
+
+
+def _confinement() -> Finding:
+    """Whether what reads strangers' clips is held back from the rest of the machine."""
+    what = "confinement"
+    with ConfinedProcess("services.confinement_trial") as process:
+        try:
+            said = process.read(_TRIAL_BYTES, _TRIAL_S)
+            how = "" if process.wait(_TRIAL_S) == 0 else process.how_ended()
+        except TimeoutError as error:
+            how, said = str(error), b""
+    if how:
+        return Finding(what, how, "no clip can be read: see `python -m services.confinement_trial`")
+    free = [name for name, held in json.loads(said).items() if not held]
+    if not free:
+        return Finding(what, "a hostile clip reaches neither files nor sockets")
+    advice = "run Linux 5.13 or later with Landlock and seccomp, or let in only people you trust"
+    return Finding(what, f"a hostile clip would reach {' and '.join(free)}", advice)
 
 
 def _port(settings: Settings) -> Finding:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,26 @@ def test_what_is_missing_is_named_with_how_to_mend_it(equipped: Settings, tmp_pa
         "hand model": "fetched",
         "page": "scripts/setup.sh",
     }
+
+
+@pytest.mark.parametrize(
+    ("trial", "found"),
+    [
+        ("""echo '{"files": false, "sockets": true}'""", "a hostile clip would reach files"),
+        ("""echo '{"files": false, "sockets": false}'""", "would reach files and sockets"),
+        ("echo 'no such module' >&2; exit 1", "no such module"),
+    ],
+)
+def test_a_machine_that_holds_nothing_back_is_told(
+    equipped: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trial: str, found: str
+):
+    program = tmp_path / "tries"
+    program.write_text(f"#!/bin/sh\n{trial}\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(program))
+    [finding] = advised(equipped).values()
+    assert finding.what == "confinement"
+    assert found in finding.found
 
 
 def test_the_command_says_all_and_ends_with_1(
