@@ -68,6 +68,7 @@ def confine(limits: Limits, readable: Sequence[Path] = (), writable: Sequence[Pa
     Beside Python, the system's libraries and this package, it reaches only `readable` and
     `writable` from then on, where the system can hold it to that.
     """
+    _be_the_first_to_go()
     _leave_network()
     ours = Path(__file__).parents[1]
     restrict_files(
@@ -255,6 +256,12 @@ def _require_answer(ready: select.poll, end_s: float, timeout_s: float) -> None:
     left_s = end_s - time.monotonic()
     if left_s <= 0.0 or not ready.poll(1e3 * left_s):
         raise TimeoutError(f"no end after {timeout_s:g} s")
+
+
+def _be_the_first_to_go() -> None:
+    """Where memory runs out, Linux ends this process, and not the one that started it."""
+    with suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("1000")
 
 
 def _leave_network() -> None:

@@ -16,7 +16,7 @@ from services.container import Services
 from services.control.hub import Hub
 from services.homes import Homes
 from services.jobs.events import meeting_topic
-from services.limits import RateLimit
+from services.limits import AtOnce, RateLimit
 from services.live.motion.live_looks import LiveLooks
 from services.live.sessions.stored_meetings import StoredMeetings
 from services.live.sessions.view_sessions import ViewSessions
@@ -27,12 +27,15 @@ from services.live.streaming.traced_pictures import TracedPictures
 from services.problems import problem_of
 from services.recording.recorder import Recorders
 from services.refusals import Refusals
+from services.uploads.turns import Turns
 
 log = logging.getLogger(__name__)
 
 _LOOK_S = 0.1
 COMMANDS_PER_MINUTE = 120
 """Messages that one participant may send on the control channel."""
+FOLLOWED_AT_ONCE = 50
+"""Jobs that one account may follow: each holds a connection, and one to Redis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +50,8 @@ class Gateway:
     homes: Homes
     command_limit: RateLimit
     refusals: Refusals
+    followers: AtOnce
+    turns: Turns
 
     async def show_anew(self, meeting_id: str) -> None:
         """Have a meeting shown as its rows are now: pictures of this process move at once, and the
@@ -109,7 +114,10 @@ def build_gateway(services: Services) -> Gateway:
     homes = Homes(services, lambda: settings.live.max_viewers - len(views))
     hub = Hub(services, views, voices, recorders, homes)
     command_limit = RateLimit("messages of one person", COMMANDS_PER_MINUTE, services.clock)
-    return Gateway(services, views, voices, looks, hub, homes, command_limit, refusals)
+    followers = AtOnce("jobs that one account follows", FOLLOWED_AT_ONCE)
+    return Gateway(
+        services, views, voices, looks, hub, homes, command_limit, refusals, followers, Turns()
+    )
 
 
 def _instrumentation(services: Services) -> Instrumentation:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import ipaddress
 import math
 import threading
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from typing import Protocol
 
 from services.errors import TooManyRequests
 
 WINDOW_S = 60.0
+_SOON_S = 10
 _MOST_KEYS = 10_000
 """Callers remembered before those who have waited long enough are forgotten."""
 
@@ -80,6 +83,34 @@ class RateLimit:
     def _forget(self, now_s: float) -> None:
         if len(self._free_s) > _MOST_KEYS:
             self._free_s = {key: free for key, free in self._free_s.items() if free > now_s}
+
+
+class AtOnce:
+    """At most so many of a caller at the same time, in this process. For one event loop."""
+
+    def __init__(self, what: str, most: int) -> None:
+        self._what, self._most = what, most
+        self._held: Counter[str] = Counter()
+
+    def require_room(self, caller: str) -> None:
+        """Raise TooManyRequests where the caller holds as many already."""
+        if self._held[caller] >= self._most:
+            raise TooManyRequests(
+                f"{self._what} must be at most {self._most} at once; got one more; end another, or "
+                f"come back in {_SOON_S} s",
+                _SOON_S,
+            )
+
+    @contextmanager
+    def held(self, caller: str) -> Iterator[None]:
+        """Count one more of the caller meanwhile."""
+        self._held[caller] += 1
+        try:
+            yield
+        finally:
+            self._held[caller] -= 1
+            if not self._held[caller]:
+                del self._held[caller]
 
 
 def network_of(address: str) -> str:

@@ -11,8 +11,9 @@ from fastapi.responses import StreamingResponse
 from db.errors import DatabaseAway, NotFound
 from services.access import job_of
 from services.api import shapes
-from services.api.dependencies import Provided, Reader, Writer
+from services.api.dependencies import CurrentGateway, Provided, Reader, Writer
 from services.container import Services
+from services.gateway import Gateway
 from services.jobs.events import QUEUE, job_topic
 from services.jobs.queue import cancel, drop_orphans, resume
 from services.problems import PROBLEMS, problems
@@ -89,14 +90,23 @@ def read_preview(job_id: str, services: Provided, caller: Reader) -> Response:
         }
     },
 )
-async def follow_job(job_id: str, services: Provided, caller: Reader) -> StreamingResponse:
+async def follow_job(
+    job_id: str, gateway: CurrentGateway, services: Provided, caller: Reader
+) -> StreamingResponse:
     """Server-sent events: `progress` with the job, and finally one `end`."""
     await run_in_threadpool(_read, services, caller, job_id)
+    gateway.followers.require_room(caller.account)
     return StreamingResponse(
-        _events(services, job_id),
+        _followed(gateway, caller.account, job_id),
         media_type="text/event-stream",
         headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
     )
+
+
+async def _followed(gateway: Gateway, account: str, job_id: str) -> AsyncIterator[str]:
+    with gateway.followers.held(account):
+        async for event in _events(gateway.services, job_id):
+            yield event
 
 
 async def _events(services: Services, job_id: str) -> AsyncIterator[str]:

@@ -10,7 +10,7 @@ from db.models import JobKind, SequenceRow, UploadChunkRow, UploadRow, new_id
 from db.objects import file_chunks
 from services.access import person_of
 from services.api import shapes
-from services.api.dependencies import Provided, Writer
+from services.api.dependencies import CurrentGateway, Provided, Writer
 from services.api.receive import receive_file, receive_raw
 from services.auth import Principal
 from services.container import Services
@@ -59,7 +59,7 @@ _RAW = {
     responses=problems(413, 507),
 )
 async def upload_clip(
-    person_id: str, request: Request, services: Provided, caller: Writer
+    person_id: str, request: Request, gateway: CurrentGateway, services: Provided, caller: Writer
 ) -> shapes.Sequence:
     """Take a clip as the form's field `file`; its capture starts by itself."""
     await run_in_threadpool(_require_person, services, caller, person_id)
@@ -68,7 +68,7 @@ async def upload_clip(
     settings = services.settings
     with spool(settings.folders.scratch_dir, settings.uploads.max_bytes) as received:
         await receive_file(request, received)
-        return await run_in_threadpool(_store, services, caller, person_id, received)
+        return await gateway.turns.run(_store, services, caller, person_id, received)
 
 
 @router.post(
@@ -132,6 +132,7 @@ def upload_offset(upload_id: str, services: Provided, caller: Writer) -> Respons
 async def send_piece(
     upload_id: str,
     request: Request,
+    gateway: CurrentGateway,
     services: Provided,
     caller: Writer,
     upload_offset: int = Header(ge=0, description="Where this piece begins."),
@@ -147,7 +148,7 @@ async def send_piece(
     if upload.offset < upload.size:
         return Response(status_code=204, headers=_offset(upload))
     with spool(folder, upload.size) as whole:
-        sequence = await run_in_threadpool(_complete, services, caller, upload, whole)
+        sequence = await gateway.turns.run(_complete, services, caller, upload, whole)
     return JSONResponse(sequence.model_dump(mode="json"), status_code=202, headers=_offset(upload))
 
 

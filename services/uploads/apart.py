@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -33,8 +32,6 @@ _NO_ANSWER = (
     RecursionError,
 )
 Found = TypeVar("Found")
-_looking_at_pictures = threading.BoundedSemaphore(2)
-"""So many at once: each may take all the memory that it is allowed."""
 
 
 def check_upload_apart(path: Path, name: str) -> Checked:
@@ -54,10 +51,9 @@ def read_panorama_apart(picture: bytes, widest_px: int) -> UInt8[Array, "H W 3"]
     Raises also UnreadableClip where the process that looked did not come to an end.
     """
     most_bytes = 3 * widest_px * (widest_px // 2)
-    with _looking_at_pictures:
-        (height, width, channels), pixels = _look(
-            "a panorama", [PANORAMA, str(widest_px)], _shape, picture, most_bytes
-        )
+    (height, width, channels), pixels = _look(
+        "a panorama", [PANORAMA, str(widest_px)], _shape, picture, most_bytes
+    )
     # whoever may have taken that process over says no more than pixels
     of_a_panorama = 0 < width <= widest_px and height * 2 == width and channels == 3
     if not of_a_panorama or len(pixels) != height * width * channels:

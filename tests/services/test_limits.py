@@ -15,7 +15,7 @@ import redis
 from services.app import create_app
 from services.composition import build_services
 from services.errors import TooManyRequests
-from services.limits import RateLimit, network_of
+from services.limits import AtOnce, RateLimit, network_of
 from services.problems import headers_of, problem_of
 from services.redis_counts import RedisCounts
 from services.settings import Settings
@@ -43,6 +43,16 @@ def test_so_many_a_minute_and_no_more():
     clock.advance(seconds=60)
     for _ in range(6):
         limit.take("a")
+
+
+def test_so_many_at_once_and_no_more():
+    limit = AtOnce("streams", 2)
+    with limit.held("a"), limit.held("a"):
+        with pytest.raises(TooManyRequests, match="streams must be at most 2 at once"):
+            limit.require_room("a")
+        limit.require_room("b")
+    limit.require_room("a")
+    assert limit._held == {}
 
 
 def test_callers_who_waited_are_forgotten():

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import json
+import sys
 import zipfile
 from collections.abc import AsyncIterator
+from pathlib import Path
 
 import httpx
 import pytest
@@ -14,9 +17,11 @@ from db.errors import StoreFull
 from services.app import create_app
 from services.composition import build_services
 from services.container import Services
+from services.gateway import gateway_of
 from services.jobs.queue import fail
 from services.problems import stored_failure
 from services.settings import Settings
+from services.uploads import turns
 from tests.fakes import SmallObjects
 from tests.services import seeds
 from tests.services.conftest import bearer, stored_files
@@ -242,3 +247,49 @@ async def test_a_full_store_is_told_and_leaves_nothing(settings: Settings):
         assert stored_files(settings) == []
         assert (await client.get(f"/v1/people/{person_id}")).json()["sequences"] == []
     services.close()
+
+
+@pytest.fixture
+def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where each process that looks leaves a file while it does; none ends before `go` is there."""
+    folder = tmp_path / "looks"
+    folder.mkdir()
+    program = tmp_path / "looks-at"
+    program.write_text(
+        "#!/bin/sh\n"
+        f"touch {folder}/$$\n"
+        f"while [ ! -e {folder}/go ]; do sleep 0.05; done\n"
+        f"rm {folder}/$$\n"
+        """echo '{"kind": "frames"}'\n"""
+    )
+    program.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(program))
+    return folder
+
+
+async def test_few_clips_are_looked_at_at_once_and_nobody_else_waits(
+    services: Services, counted: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(turns, "MOST_WAITING", 6)
+    app = create_app(services)
+    client = httpx.AsyncClient(
+        transport=httpx.ASGITransport(app), base_url="http://test", headers=bearer(services)
+    )
+    person_id = (await client.post("/v1/people", json={"name": "Ada"})).json()["id"]
+    clips = [seeds.frames_archive() + bytes(number) for number in range(9)]
+    sending = [
+        asyncio.create_task(_post(client, person_id, "frames.zip", clip)) for clip in clips[:8]
+    ]
+    async with asyncio.timeout(20):
+        while gateway_of(app).turns.waiting < 6 or not list(counted.iterdir()):
+            await asyncio.sleep(0.02)
+    # requests go on, and what would be too much is told when to come again
+    assert (await client.get("/v1/people")).status_code == 200
+    full = await _post(client, person_id, "frames.zip", clips[8])
+    assert (full.status_code, full.headers["retry-after"]) == (503, "10")
+    await asyncio.sleep(0.5)  # as long as a third would take to start
+    assert len(list(counted.iterdir())) == turns.AT_ONCE
+    (counted / "go").touch()
+    assert [(await one).status_code for one in sending] == 8 * [202]
+    assert (await _post(client, person_id, "frames.zip", clips[8])).status_code == 202
+    await client.aclose()

@@ -152,6 +152,10 @@ def test_memory_files_and_time_are_bounded():
     assert asked.stdout == "(60, 60)\n"
 
 
+def test_where_memory_runs_out_it_goes_before_the_server():
+    assert confined("print(open('/proc/self/oom_score_adj').read())").stdout.strip() == "1000"
+
+
 @pytest.mark.parametrize("family", ["AF_INET", "AF_INET6", "AF_UNIX"])
 def test_there_is_no_network_but_files_can_be_made(family: str):
     code = (
