@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from aiortc import RTCPeerConnection, RTCRtpSender, RTCRtpTransceiver, RTCSessionDescription
 
 from services.errors import MeetingSealed, OfferRefused
@@ -17,15 +19,19 @@ _NO_PICTURES = (
 )
 
 
-def require_fitting(sdp_offer: str, *, sealed: bool) -> None:
-    """Raise OfferRefused for what is no SDP or has too many sections, MeetingSealed for an offer of
-    pictures where nothing can be drawn."""
-    kinds = [one.kind for one in media_of(sdp_offer)]
-    if sealed and any(kind in ("audio", "video") for kind in kinds):
-        raise MeetingSealed(_NO_PICTURES)
-    if len(kinds) > _MOST_SECTIONS:
+def require_no_media(sdp_offer: str) -> None:
+    """Raise MeetingSealed for an offer of pictures or sound; what is no SDP is refused later."""
+    with suppress(OfferRefused):
+        if any(one.kind in ("audio", "video") for one in media_of(sdp_offer)):
+            raise MeetingSealed(_NO_PICTURES)
+
+
+def require_few_sections(sdp_offer: str) -> None:
+    """Raise OfferRefused for an offer of more than anybody needs, or what is no SDP."""
+    sections = len(media_of(sdp_offer))
+    if sections > _MOST_SECTIONS:
         raise OfferRefused(
-            f"an offer must have at most {_MOST_SECTIONS} sections; got {len(kinds)}; ask for one "
+            f"an offer must have at most {_MOST_SECTIONS} sections; got {sections}; ask for one "
             "video"
         )
 

@@ -149,7 +149,8 @@ class ViewSessions:
         """
         self._require_capacity()
         room = await self.room(meeting_id)
-        view_offer.require_fitting(sdp_offer, sealed=room.sealed)
+        if room.sealed:
+            view_offer.require_no_media(sdp_offer)
         await self._end_older(participant_id)
         self._require_capacity()  # others may have come while the performers were loaded
         pictures = self._renderers.open(room, negotiated_codec(sdp_offer))
@@ -161,6 +162,7 @@ class ViewSessions:
         self._sessions[session_id] = session
         self._listen(session_id, session, room, view)
         try:
+            view_offer.require_few_sections(sdp_offer)
             if not room.sealed:
                 self._add_transceivers(session, sdp_offer)
             answer = await view_offer.answer(connection, sdp_offer)
