@@ -36,7 +36,7 @@ class _Calls(NamedTuple):
     process_vm_writev: int
 
 
-_CALLS = {
+CALLS = {
     "x86_64": _Calls(0xC000003E, 41, 101, 310, 311),
     "aarch64": _Calls(0xC00000B7, 198, 117, 270, 271),
 }
@@ -50,7 +50,7 @@ def refuse_sockets() -> bool:
 
     Returns False where the system or the processor is none that this knows: nothing has changed.
     """
-    calls = _CALLS.get(platform.machine())
+    calls = CALLS.get(platform.machine())
     if sys.platform != "linux" or calls is None:
         return False
     program = _filter(calls)

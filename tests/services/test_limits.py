@@ -52,7 +52,6 @@ def test_so_many_at_once_and_no_more():
             limit.require_room("a")
         limit.require_room("b")
     limit.require_room("a")
-    assert limit._held == {}
 
 
 def test_callers_who_waited_are_forgotten():
@@ -101,11 +100,14 @@ async def test_guests_are_let_in_in_moderation(settings: Settings):
 
 
 @contextmanager
-def gateways(url: str, clock: Clock, per_minute: int = 6) -> Iterator[list[RateLimit]]:
+def gateways(
+    url: str, clock: Clock, per_minute: int = 6, other_clock: Clock | None = None
+) -> Iterator[list[RateLimit]]:
     """The same limit in two gateways that share a Redis."""
     counts = [RedisCounts(url) for _ in "ab"]
     what = f"requests {uuid.uuid4().hex}"  # of this test alone
-    yield [RateLimit(what, per_minute, clock, one) for one in counts]
+    clocks = (clock, other_clock or clock)
+    yield [RateLimit(what, per_minute, *one) for one in zip(clocks, counts, strict=True)]
     for one in counts:
         one.close()
 
@@ -140,9 +142,8 @@ def test_gateways_count_together(redis_url: str):
 def test_a_gateway_whose_clock_is_ahead_sends_nobody_away_for_long(redis_url: str):
     ahead = Clock()
     ahead.advance(days=30)
-    with gateways(redis_url, ahead) as (one, other):
+    with gateways(redis_url, ahead, other_clock=Clock()) as (one, other):
         assert taken(one, "a", 6) == 6
-        other._clock = Clock()
         with pytest.raises(TooManyRequests) as refused:
             other.take("a")
         assert refused.value.retry_after_s == 10

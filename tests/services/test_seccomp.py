@@ -59,7 +59,7 @@ def test_nor_by_what_it_starts_nor_by_its_threads():
         "425, 8, ctypes.create_string_buffer(120)",
         "438, 3, 1, 0",
         *(
-            f"{getattr(seccomp._CALLS.get(platform.machine()), name, 0)}, 0, 0, 0, 0, 0, 0"
+            f"{getattr(seccomp.CALLS.get(platform.machine()), name, 0)}, 0, 0, 0, 0, 0, 0"
             for name in ("ptrace", "process_vm_readv", "process_vm_writev")
         ),
     ],

@@ -20,13 +20,13 @@ if TYPE_CHECKING:  # nothing is loaded before this process is confined
 HEAD = struct.Struct("<I?")
 PICTURE, NOTHING, DAMAGED = b"p", b"n", b"d"
 """The frames since the last answer: show a picture; show none of the right size; are damaged."""
-_LIMITS = Limits(memory_bytes=512 << 20, processor_s=4 * 3600, file_bytes=0, open_files=64)
+LIMITS = Limits(memory_bytes=512 << 20, processor_s=4 * 3600, file_bytes=0, open_files=64)
 """A meeting of a day takes an hour of the processor's time."""
 
 
 def main(width: int, height: int) -> None:
     """Decode until the input ends; frames of another size are none."""
-    confine(_LIMITS)
+    confine(LIMITS)
     from av import CodecContext, Packet
     from av.error import FFmpegError
     from av.video.codeccontext import VideoCodecContext

@@ -20,7 +20,7 @@ from services.live.look.confined import DAMAGED, HEAD, PICTURE
 
 log = logging.getLogger(__name__)
 
-_START_S = 20.0
+START_S = 20.0
 """Of a machine that does much else, until the first answer."""
 ANSWER_S = 3.0
 _END_S = 0.5
@@ -81,7 +81,7 @@ class LookDecoder:
     def _decoded(
         self, process: ConfinedProcess, frames: Sequence[bytes]
     ) -> UInt8[Array, "H W 3"] | None:
-        timeout_s = ANSWER_S if self._answered else _START_S
+        timeout_s = ANSWER_S if self._answered else START_S
         for number, data in enumerate(frames, 1):
             process.give(HEAD.pack(len(data), number == len(frames)) + data, timeout_s)
         answer = process.take(1, timeout_s)

@@ -24,7 +24,7 @@ from services.live.look.decoder import RESTART_S, DecodingFailed, LookDecoder
 from services.live.look.picture_code import PictureCode
 from services.live.look.receiver import FRAME_SIZE
 from tests.fakes import Clock
-from tests.services.live.look_pictures import Encoder, frame_of
+from tests.services.live.look_pictures import Encoder, decoding, frame_of
 from tests.services.uploads.test_apart import NO_LANDLOCK, has_landlock
 
 
@@ -128,7 +128,7 @@ def test_a_crash_is_told_once_and_another_starts_later(
 
 @pytest.mark.parametrize("script", ["exec sleep 30", "exec >&-; exec sleep 30"])
 def test_who_does_not_answer_is_ended(instead, monkeypatch: pytest.MonkeyPatch, script: str):
-    monkeypatch.setattr(decoder_module, "_START_S", 0.5)
+    monkeypatch.setattr(decoder_module, "START_S", 0.5)
     instead(script)
     # more than a pipe holds, so that giving it waits, too
     for frames in (stream()[:1], [bytes(1 << 20)]):
@@ -165,8 +165,8 @@ def test_what_decodes_has_no_files_no_network_and_no_secrets(tmp_path: Path):
     secret.write_text("of the server")
     begun = (
         "from services.confinement import confine\n"
-        "from services.live.look.confined import _LIMITS\n"
-        "confine(_LIMITS)\n"
+        "from services.live.look.confined import LIMITS\n"
+        "confine(LIMITS)\n"
     )
     for attempt, error in (
         (f"print(open({str(secret)!r}).read())", "PermissionError"),
@@ -184,9 +184,8 @@ def test_what_decodes_has_no_files_no_network_and_no_secrets(tmp_path: Path):
 
 def test_one_that_is_killed_is_another_the_next_time(decoder: LookDecoder, clock: Clock):
     assert decoder.newest(stream()[:1]) is not None
-    process = decoder._process
-    assert process is not None
-    os.kill(process._process.pid, signal.SIGKILL)
+    (process,) = decoding()
+    os.kill(process, signal.SIGKILL)
     with pytest.raises(DecodingFailed, match="SIGKILL"):
         decoder.newest(stream()[1:2])
     clock.advance(seconds=RESTART_S)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import time
 from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
@@ -17,7 +16,7 @@ from prometheus_client import REGISTRY
 from services.live.look.picture import LookPicture, PoseRequest
 from services.live.look.picture_code import PictureCode
 from services.live.look.receiver import SILENCE_S, LookReceiver, key_frame_size, offers_pictures
-from tests.services.live.look_pictures import Encoder, KeptPictures, frame_of
+from tests.services.live.look_pictures import Encoder, KeptPictures, decoding, frame_of
 
 
 def count(outcome: str) -> float:
@@ -238,20 +237,13 @@ async def test_what_decodes_ends_with_the_connection(ends):
     ends.receiver.announce(True)
     ends.send(0)
     await ends.shown(1)
-    (process,) = processes("services.live.look.confined")
+    (process,) = decoding()
     ends.receiver.close()
     async with asyncio.timeout(5.0):
         while Path(f"/proc/{process}").exists():
             await asyncio.sleep(0.01)
     ends.send(0)  # what comes late is nobody's
     assert len(ends.sink.pictures) == 1
-
-
-def processes(module: str) -> list[int]:
-    """Children of this process that run `module`."""
-    task = Path(f"/proc/{os.getpid()}/task")
-    children = [int(one) for path in task.glob("*/children") for one in path.read_text().split()]
-    return [one for one in children if module in Path(f"/proc/{one}/cmdline").read_text()]
 
 
 def test_only_key_frames_tell_a_size():

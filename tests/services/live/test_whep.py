@@ -87,7 +87,8 @@ async def test_what_else_an_offer_sends_is_received_by_nobody(app, caller, model
     answer = await viewer.look(caller, meeting_id, header)
     assert answer.status_code == 201
     await viewer.opened()
-    (session,) = gateway_of(app).views._sessions.values()
+    session = gateway_of(app).views.find(answer.headers["location"].rpartition("/")[2])
+    assert session is not None
     ways = [one.currentDirection for one in session.connection.getTransceivers()]
     # a picture down, one of the viewer up for live look, and nothing else
     assert sorted(map(str, ways)) == ["inactive", "inactive", "inactive", "recvonly", "sendonly"]
