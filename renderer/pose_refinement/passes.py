@@ -21,7 +21,7 @@ from renderer.splats.expressions import ClipBlendShapes
 from renderer.splats.layout import BOX_FILTER_PX2, VISIBILITY_DILATION_PX2
 from renderer.splats.rasteriser.workspace import Workspace
 from renderer.splats.training.views import View
-from scene.arrays import Array, Float
+from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
 
 _HEIGHTS_PX = (48.0, 96.0, 192.0)
@@ -43,8 +43,8 @@ class RefinementPasses:
         self._views, self._colours_known = views, colours_known
         self._steps = self._done = 0
         heights = [np.flatnonzero((view.rgba[..., 3] > 127).any(axis=1)).size for view in views]
-        shares = [max(1, round(float(np.median(heights)) / height)) for height in _HEIGHTS_PX]
-        self._levels = [[_downscaled(view, share) for view in views] for share in shares]
+        self._shares = [max(1, round(float(np.median(heights)) / height)) for height in _HEIGHTS_PX]
+        self._levels: dict[int, list[tuple[Float[Array, "h w 4"], Camera]]] = {}
         self._work = Workspace(0)
 
     def should_run(self, fraction: float) -> bool:
@@ -69,11 +69,11 @@ class RefinementPasses:
         """Normal equations of all frames, with each frame's expression applied to the splats."""
         if len(self._work.projected) != len(parameters):
             self._work = Workspace(len(parameters))
-        level = min(int(len(self._levels) * fraction / _LAST), len(self._levels) - 1)
+        level = min(int(len(_HEIGHTS_PX) * fraction / _LAST), len(_HEIGHTS_PX) - 1)
         frames, size = len(self._views), POSE_PARAMETERS + SHARED_PARAMETERS
         matrices, vectors = np.zeros((frames, size, size)), np.zeros((frames, size))
         cost, pixels = 0.0, 0.0
-        for frame, (truth, camera) in enumerate(self._levels[level]):
+        for frame, (truth, camera) in enumerate(self._level(level)):
             shown = expressions.moved(parameters, frame)
             made = _box_filtered(self._render(frame, shown, points, poses), truth.shape[:2])
             front = self._work.front(
@@ -102,6 +102,13 @@ class RefinementPasses:
     def restore(self, state: dict[str, Array]) -> None:
         """Go back to `state`."""
         self._steps, self._done = (int(count) for count in state["passes"])
+
+    def _level(self, level: int) -> list[tuple[Float[Array, "h w 4"], Camera]]:
+        """Frames and their cameras in the size of one level: short trainings ask for few."""
+        if level not in self._levels:
+            share = self._shares[level]
+            self._levels[level] = [_downscaled(view, share) for view in self._views]
+        return self._levels[level]
 
     def _render(
         self, frame: int, parameters: Array, points: SkinnedPoints, poses: PoseRefinement
@@ -132,13 +139,17 @@ def _downscaled(view: View, share: int) -> tuple[Float[Array, "h w 4"], Camera]:
     """A frame and its camera at 1/`share` of the size; the remainder at the right and below is
     cropped."""
     height, width = (side // share for side in view.rgba.shape[:2])
-    picture = _box_filtered(view.rgba.astype(np.float32) / np.float32(255.0), (height, width))
+    picture = _box_filtered(view.rgba, (height, width)) / np.float32(255.0)
     return picture, view.window.cropped(0, 0, width * share, height * share).resized(width, height)
 
 
-def _box_filtered(picture: Float[Array, "H W 4"], size: tuple[int, ...]) -> Float[Array, "h w 4"]:
+def _box_filtered(
+    picture: Float[Array, "H W 4"] | UInt8[Array, "H W 4"], size: tuple[int, ...]
+) -> Float[Array, "h w 4"]:
     """Box-filtered to `size`, an integer fraction of its own but for a cropped remainder."""
     height, width = size
     share = picture.shape[0] // height
     cut = picture[: height * share, : width * share]
-    return cut.reshape(height, share, width, share, 4).mean(axis=(1, 3), dtype=np.float32)
+    # whole rows first: they lie together
+    rows = cut.reshape(height, share, -1).mean(axis=1, dtype=np.float32)
+    return rows.reshape(height, width, share, 4).mean(axis=2)

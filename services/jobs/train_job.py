@@ -50,7 +50,7 @@ def run_train(services: Services, job: JobRow, reporter: Reporter, folder: Path)
     training = _Training(services, job, reporter, folder, lesson)
     budget_s = float(job.params["budget_s"])
     ends = [budget_s] if lesson.kept else round_ends(str(job.params["preset"]), budget_s)
-    model, done = training.start()
+    model, done = training.start(len(ends))
     for number in range(done, len(ends)):
         with services.tracing.span("train", attributes={"train.round": number}):
             model = training.round(number, ends, model)
@@ -93,13 +93,16 @@ class _Training:
         self._lesson = lesson
         self._left = job.checkpoint_sha256
 
-    def start(self) -> tuple[PerformerModel | None, int]:
-        """What an earlier attempt has handed out and its rounds, else the model that is to be
-        bettered; a first likeness is no start, for its body is that of an unfinished fit."""
+    def start(self, rounds: int) -> tuple[PerformerModel | None, int]:
+        """What an earlier attempt has handed out and how many of `rounds` it has done, else the
+        model that is to be bettered. A first likeness stands for the first round, but is no start:
+        its body is that of an unfinished fit."""
         handed_out = self._load(self._model_id)
-        if handed_out is not None and (done := int(handed_out.metrics["round"])) > 0:
+        if handed_out is None:
+            return self._load(self._job.params.get("improves")), 0
+        if (done := int(handed_out.metrics["round"])) > 0:
             return handed_out, done
-        return self._load(self._job.params.get("improves")), 0
+        return None, min(1, rounds - 1)
 
     def _load(self, model_id: str | None) -> PerformerModel | None:
         if model_id is None:
@@ -114,7 +117,7 @@ class _Training:
 
         The light it was filmed in is found in the last alone: that takes as long as a round.
         """
-        begun = ends[number - 1] if number else 0.0
+        begun = ends[number - 1] if number and start is not None else 0.0
         checkpoint = self._folder / f"round-{number}.checkpoint"
         if self._left is not None:
             with suppress(NotFound):  # gone: the round begins anew

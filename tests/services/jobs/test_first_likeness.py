@@ -125,8 +125,10 @@ def test_a_first_likeness_stays_whoever_dies_after_it(caller: httpx.Client, work
         caller,
         training_id,
         lambda job: has_model(job) and job["model_id"] != likeness_id,
-        "the first round",
+        "the second round, for the likeness stands for the first",
     )
+    model = caller.get(f"/v1/models/{first['model_id']}").json()
+    assert (model["metrics"]["round"], model["metrics"]["train_seconds"]) == (2, 12.0)
     until(checkpoint, "a checkpoint")
     os.kill(child_of(training_id), signal.SIGKILL)
     again = job_when(
