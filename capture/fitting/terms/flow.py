@@ -13,6 +13,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -79,9 +80,13 @@ class OpticalFlow(Term):
 
     def __init__(self, body: FitBody, seen: Observations) -> None:
         super().__init__(body, seen)
-        self._pictures = None if seen.images is None else PersonImages(seen.images, seen.masks)
         self._flow: Flow | None = None
         self._targets: FlowTargets | None = None
+
+    @cached_property
+    def _pictures(self) -> PersonImages | None:
+        """Made when first asked for: somebody waits for what landmarks alone tell."""
+        return None if self.seen.images is None else PersonImages(self.seen.images, self.seen.masks)
 
     def prepare(self, clip: PosedClip, *, coarse: bool) -> None:
         if self._pictures is None:

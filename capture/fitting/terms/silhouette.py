@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -60,10 +61,14 @@ class SilhouetteDistance(Term):
 
     def __init__(self, body: FitBody, seen: Observations) -> None:
         super().__init__(body, seen)
-        self.silhouettes = prepare_silhouettes(seen.masks)
         self._contour = SurfaceSamples.spread(body.model, _CONTOUR_SPACING_M)
         self._nearest: Int[Tensor, "F P"] | None = None
         self._shown = seen.shown[:, body.surface.owners]
+
+    @cached_property
+    def silhouettes(self) -> Silhouettes:
+        """Made when first asked for, as the pictures of `OpticalFlow`."""
+        return prepare_silhouettes(self.seen.masks)
 
     def associate(self, clip: PosedClip) -> None:
         contour = self._contour.posed(clip.posed)
