@@ -54,6 +54,7 @@ CATALOGUE = (
     Benchmark("enrolment", ("enrolment",), (require_webcam_clip,)),
     Benchmark("local-view", ("local-view",), (require_browser,)),
     Benchmark("local-look", ("local-look",), (require_browser,)),
+    Benchmark("look-cost", ("look-cost",), (require_browser, require_webcam_clip)),
     Benchmark("serve", ("serve",), (require_browser,)),
     Benchmark("meeting", ("meeting",), (require_browser, require_webcam_clip)),
     Benchmark("renderers", ("renderers",)),

@@ -155,6 +155,21 @@ def local_look(commits: Commits = False) -> None:
     run(start("local-look", commits))
 
 
+@app.command("look-cost")
+def look_cost(
+    commits: Commits = False,
+    clip: Annotated[
+        Path, typer.Option(help="Video of one person, which the sender's camera shows.")
+    ] = WEBCAM,
+) -> None:
+    """What live look costs its sender's page and the server, and the line up."""
+    require_webcam_clip(clip)
+    require_browser()
+    from benchmarks.look_cost import run
+
+    run(start("look-cost", commits, narrowed=clip != WEBCAM), clip)
+
+
 @app.command("capture")
 def capture_command(
     commits: Commits = False,

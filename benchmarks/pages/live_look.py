@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from benchmarks import look_cost as cost
 from benchmarks.lifelike_look.measure import (
     AIM,
     BEHIND_DEG,
@@ -16,6 +17,7 @@ from benchmarks.real import live_look as real
 from benchmarks.reporting.markdown import markdown_table
 
 _PLACES = (("webcam", "at the webcam"), ("other_cameras", "22 and 56 degrees beside"))
+_PX = f"{cost.SIZE} x {cost.SIZE} px"
 _PARTS = ("body", "face", "hands")
 
 
@@ -111,6 +113,42 @@ def local_look(figures: Figures) -> str:
         "Mbit/s down",
     ]
     return "\n\n".join([markdown_table(heads, rows), measured_at(figures)])
+
+
+def look_cost(figures: Figures) -> str:
+    """What it costs sender and server, a row a figure."""
+    sender, drawn = figures["sender"], []
+    for row, must, aim in zip(figures["rows"], cost.MUST_DRAWN_MS, cost.AIM_DRAWN_MS, strict=True):
+        added, alone = row["drawn_ms"]["added"], row["drawn_ms"]["alone"]
+        what = f"{row['splats']:,} splats: added to a performer's {alone:.1f} ms, {_PX}"
+        drawn.append([what, f"{added:.1f} ms", f"{must:g} ms", f"{aim:g} ms"])
+    coloured = " and ".join(f"{row['coloured_ms']:.0f}" for row in figures["rows"])
+    rows = [
+        *drawn,
+        ["their colours found from a picture, beside the drawing", f"{coloured} ms", "-", "-"],
+        [
+            "a frame decoded",
+            f"{figures['decoded_ms']:.1f} ms",
+            f"{cost.MUST_DECODED_MS:g} ms",
+            f"{cost.AIM_DECODED_MS:g} ms",
+        ],
+        [
+            "motion and pictures up",
+            f"{figures['up_mbit_s']:.2f} Mbit/s",
+            f"{cost.MUST_UP_MBIT_S:.2f}",
+            f"{cost.AIM_UP_MBIT_S:.2f}",
+        ],
+        [
+            f"the sender's page beside finding landmarks ({sender['with_live_look']:.0f} a second, "
+            f"{sender['landmarks_per_second']:.0f} without)",
+            f"{sender['cores_for_live_look']:.2f} of a core",
+            f"{cost.MUST_CORES:.2f}",
+            f"{cost.AIM_CORES:.2f}",
+        ],
+    ]
+    return "\n\n".join(
+        [markdown_table(["what", "takes", "must", "aim"], rows), measured_at(figures)]
+    )
 
 
 def _change(model: Figures, live: Figures) -> str:
