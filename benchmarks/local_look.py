@@ -1,4 +1,6 @@
-"""What live look costs a page that draws by itself: pictures a second with and without, and bytes.
+"""What live look costs pages: that which draws by itself, and that of its sender (`look_sender`).
+
+Of the former pictures a second with and without, and bytes.
 
 In a browser without a graphics card, which shares its processor between drawing, decoding and
 finding the colours; with and without take turns, the former from everybody's second new colours
@@ -13,6 +15,7 @@ import math
 import statistics
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +24,7 @@ from av.video.codeccontext import VideoCodecContext
 from playwright.sync_api import Page
 
 from benchmarks.local_view import encoded_text, measuring_page
+from benchmarks.look_sender import sender
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.serve import surface_model
 from renderer.live_look.picture import WebcamPicture
@@ -60,12 +64,12 @@ class Moment:
     """Of which the frame is made."""
 
 
-def run(writer: FigureWriter) -> None:
-    """Measure and report."""
+def run(writer: FigureWriter, clip: Path) -> None:
+    """Measure and report; the camera of who sends pictures shows `clip`."""
     model = surface_model(SPLATS)
     with measuring_page() as page:
         rows = [_drawn(page, model, people) for people in PEOPLE]
-    writer.write({"splats": SPLATS, "size": SIZE, "rows": rows})
+    writer.write({"splats": SPLATS, "size": SIZE, "rows": rows, "sender": sender(clip)})
 
 
 def _drawn(page: Page, model: SplatModel, people: int) -> dict[str, Any]:

@@ -27,18 +27,11 @@ def test_costs_are_measured_and_told():
         {"splats": splats, "drawn_ms": {"alone": 9.0, "added": added}, "coloured_ms": 50.0}
         for splats, added in ((10_000, 0.6), (40_000, 2.3))
     ]
-    sender = {
-        "landmarks_per_second": 20.0,
-        "with_live_look": 18.0,
-        "cores_finding_landmarks": 1.5,
-        "cores_for_live_look": 0.2,
-    }
     machine = {"processor": "a processor", "loop_ms": 10.0}
     figures = {
         "rows": rows,
         "decoded_ms": 1.4,
         "up_mbit_s": 0.27,
-        "sender": sender,
         "date": "2026-11-27",
         "commit": "abc",
         "uncommitted_changes": False,
@@ -47,4 +40,3 @@ def test_costs_are_measured_and_told():
     lines = look_cost(figures).splitlines()
     (forty,) = [line for line in lines if "40,000 splats" in line]
     assert [cell.strip() for cell in forty.split("|")[2:-1]] == ["2.3 ms", "5 ms", "3 ms"]
-    assert any("0.20 of a core" in line for line in lines)
