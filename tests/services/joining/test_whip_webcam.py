@@ -14,6 +14,7 @@ from aiortc import (
     MediaStreamTrack,
     RTCConfiguration,
     RTCPeerConnection,
+    RTCRtpSender,
     RTCSessionDescription,
     VideoStreamTrack,
 )
@@ -84,8 +85,13 @@ async def mean_colour(frames: AsyncGenerator[WebcamFrame], wanted: tuple[int, in
             return
 
 
-async def test_a_video_comes_until_its_sender_ends_it_and_sound_does_not():
+@pytest.mark.parametrize("codec", ["video/VP8", "video/H264"])
+async def test_a_video_comes_until_its_sender_ends_it_and_sound_does_not(codec: str):
     red, webcam = Sender(Tone(), Coloured((200, 40, 40))), WhipWebcam(0, loop=False)
+    known = RTCRtpSender.getCapabilities("video").codecs
+    red.peer.getTransceivers()[1].setCodecPreferences(
+        [one for one in known if one.mimeType == codec]
+    )
     times: list[float] = []
     async with shown_by(webcam) as frames:
         begin = asyncio.create_task(red.begin(webcam.name))
