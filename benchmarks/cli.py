@@ -147,12 +147,27 @@ def local_view(commits: Commits = False) -> None:
 
 
 @app.command("local-look")
-def local_look(commits: Commits = False) -> None:
-    """What live look costs a page that draws by itself: pictures a second, and bytes."""
+def local_look(
+    commits: Commits = False,
+    clip: Annotated[
+        Path, typer.Option(help="Video of one person, which the sender's camera shows.")
+    ] = WEBCAM,
+) -> None:
+    """What live look costs pages: pictures a second and bytes of one that draws by itself, and
+    processor time of its sender's."""
+    require_webcam_clip(clip)
     require_browser()
     from benchmarks.local_look import run
 
-    run(start("local-look", commits))
+    run(start("local-look", commits, narrowed=clip != WEBCAM), clip)
+
+
+@app.command("look-cost")
+def look_cost(commits: Commits = False) -> None:
+    """What live look costs the server, and the line up."""
+    from benchmarks.look_cost import run
+
+    run(start("look-cost", commits))
 
 
 @app.command("capture")

@@ -1,4 +1,6 @@
-"""What live look costs a page that draws by itself: pictures a second with and without, and bytes.
+"""What live look costs pages: that which draws by itself, and that of its sender (`look_sender`).
+
+Of the former pictures a second with and without, and bytes.
 
 In a browser without a graphics card, which shares its processor between drawing, decoding and
 finding the colours; with and without take turns, the former from everybody's second new colours
@@ -13,6 +15,7 @@ import math
 import statistics
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,16 +24,20 @@ from av.video.codeccontext import VideoCodecContext
 from playwright.sync_api import Page
 
 from benchmarks.local_view import encoded_text, measuring_page
+from benchmarks.look_sender import sender
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.serve import surface_model
+from renderer.live_look.picture import WebcamPicture
 from renderer.splats.files.viewer_file import encode
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.arrays import Array, UInt8
 from scene.camera import Camera
 from scene.motion import Pose
+from services.live.cell_code import draw_cells
 from services.live.look.packets import Whose, encode_aligned_pose, encode_frame
 from services.live.look.picture import AlignedPose
+from services.live.look.picture_code import PictureCode, cells_of
 from services.live.look.receiver import FRAME_SIZE, PICTURE_PX
 from services.live.packets import performer_check
 from services.live.room import MeetingPerformer, Room
@@ -48,19 +55,21 @@ _AROUND_BYTES = 12 + 16 + 13 + 24 + 8 + 20
 
 
 @dataclass(frozen=True)
-class _Moment:
+class Moment:
     """What comes of one person at one moment, about the picture and where they were in it."""
 
     frame: bytes
     pose: bytes
+    picture: WebcamPicture
+    """Of which the frame is made."""
 
 
-def run(writer: FigureWriter) -> None:
-    """Measure and report."""
+def run(writer: FigureWriter, clip: Path) -> None:
+    """Measure and report; the camera of who sends pictures shows `clip`."""
     model = surface_model(SPLATS)
     with measuring_page() as page:
         rows = [_drawn(page, model, people) for people in PEOPLE]
-    writer.write({"splats": SPLATS, "size": SIZE, "rows": rows})
+    writer.write({"splats": SPLATS, "size": SIZE, "rows": rows, "sender": sender(clip)})
 
 
 def _drawn(page: Page, model: SplatModel, people: int) -> dict[str, Any]:
@@ -68,7 +77,7 @@ def _drawn(page: Page, model: SplatModel, people: int) -> dict[str, Any]:
     cast = (MeetingPerformer.at_place(str(n), str(n), model, n) for n in range(people))
     room = Room("local-look", tuple(cast))
     moments = [pose_packets(room, n / POSES_PER_SECOND, n + 1) for n in range(_MOMENTS)]
-    looks = [_look_of(model, Whose(n, people, performer_check(str(n)))) for n in range(people)]
+    looks = [sent_by(model, Whose(n, people, performer_check(str(n)))) for n in range(people)]
     asked = {
         "file": encoded_text(encode(model)),
         "moments": [[encoded_text(one) for one in moment] for moment in moments],
@@ -96,7 +105,7 @@ def _drawn(page: Page, model: SplatModel, people: int) -> dict[str, Any]:
     return row
 
 
-def _look_of(model: SplatModel, whose: Whose) -> list[_Moment]:
+def sent_by(model: SplatModel, whose: Whose) -> list[Moment]:
     """Two seconds of somebody who moves before their webcam, in colours that flicker."""
     focal = 1.1 * PICTURE_PX
     k = np.array([[focal, 0.0, PICTURE_PX / 2], [0.0, focal, PICTURE_PX / 2], [0.0, 0.0, 1.0]])
@@ -108,31 +117,41 @@ def _look_of(model: SplatModel, whose: Whose) -> list[_Moment]:
         angles = Pose.rest().joint_angles.copy()
         angles[[16, 17], 2] = -1.0 + 0.02 * number, 1.0 - 0.02 * number
         root = np.array([0.0, -0.35, -1.2]) - model.skeleton.rest_joints[0]
-        pose = Pose(angles, root)
+        pose = Pose(angles, root, number / PICTURES_PER_SECOND)
         transforms = model.skeleton.skinning_transforms(angles, root)
         change = rng.normal(0.0, 0.1, (len(model), 3)).astype(np.float32)
         seen = renderer.render(camera, [transforms], changes=[change])
-        frame = VideoFrame.from_ndarray(_frame(seen), format="rgb24").reformat(format="yuv420p")
+        frame = VideoFrame.from_ndarray(_frame(seen, number), format="rgb24").reformat(
+            format="yuv420p"
+        )
         frame.pts, frame.time_base = number, Fraction(1, PICTURES_PER_SECOND)
         (packet,) = encoder.encode(frame)
         pelvis = model.skeleton.rest_joints[0] + root
         aligned = AlignedPose(pose, pelvis, camera, number / PICTURES_PER_SECOND)
         moments.append(
-            _Moment(
+            Moment(
                 encode_frame(whose, number, bytes(packet)),
                 encode_aligned_pose(whose, number, aligned),
+                _picture(seen, camera, pose),
             )
         )
     return moments
 
 
-def _frame(seen: Array) -> UInt8[Array, "432 288 3"]:
-    """The person above, their matte, at half the size, below."""
+def _picture(seen: Array, camera: Camera, pose: Pose) -> WebcamPicture:
+    levels = np.clip(255.0 * seen, 0.0, 255.0).astype(np.uint8)
+    return WebcamPicture(levels[..., :3].copy(), levels[..., 3].copy(), camera, pose)
+
+
+def _frame(seen: Array, number: int) -> UInt8[Array, "432 288 3"]:
+    """The person above, their matte, at half the size, and the code below."""
     width, height = FRAME_SIZE
     pixels = np.zeros((height, width, 3), np.uint8)
     pixels[:PICTURE_PX] = np.clip(255.0 * seen[..., :3], 0.0, 255.0)
     half = height - PICTURE_PX
     pixels[PICTURE_PX:, :half] = np.clip(255.0 * seen[::2, ::2, 3:], 0.0, 255.0)
+    code = PictureCode(1000 * number // PICTURES_PER_SECOND, 0, 0, PICTURE_PX)
+    pixels[PICTURE_PX:, half:] = draw_cells(cells_of(code))[..., None]
     return pixels
 
 
@@ -154,7 +173,7 @@ def _encoder() -> VideoCodecContext:
     return context
 
 
-def _kbit_per_second(looks: list[list[_Moment]], moments: list[list[bytes]]) -> float:
+def _kbit_per_second(looks: list[list[Moment]], moments: list[list[bytes]]) -> float:
     """Of everybody's pictures, their poses, and the poses that are drawn."""
     pictures = [on_line_bytes(part) for look in looks for m in look for part in (m.frame, m.pose)]
     seconds = len(looks[0]) / PICTURES_PER_SECOND

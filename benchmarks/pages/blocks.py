@@ -15,7 +15,7 @@ from benchmarks.pages.gpu import gpu
 from benchmarks.pages.install import install
 from benchmarks.pages.levels import levels_room, levels_small
 from benchmarks.pages.lipsync import lipsync
-from benchmarks.pages.live_look import live_look, local_look
+from benchmarks.pages.live_look import live_look, local_look, look_cost
 from benchmarks.pages.load import estimate, load
 from benchmarks.pages.numbers import SOURCES, numbers
 from benchmarks.pages.parsimony import parsimony
@@ -75,6 +75,7 @@ BLOCKS = (
     Block("docs/real-people.md", "real", ("real",), real),
     Block("docs/live-look.md", "live-look", ("live-look",), live_look),
     Block("docs/live-look.md", "local-look", ("local-look",), local_look),
+    Block("docs/live-look.md", "look-cost", ("look-cost",), look_cost),
     Block("docs/levels.md", "levels-small", ("levels",), levels_small),
     Block("docs/levels.md", "levels-room", ("levels",), levels_room),
     Block("docs/load.md", "load", ("load",), load),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from benchmarks import look_cost as cost
 from benchmarks.lifelike_look.measure import (
     AIM,
     BEHIND_DEG,
@@ -11,11 +12,13 @@ from benchmarks.lifelike_look.measure import (
     MUST_BEHIND,
     MUST_FLICKER,
 )
+from benchmarks.look_sender import AIM_CORES, MUST_CORES
 from benchmarks.pages.provenance import Figures, measured_at
 from benchmarks.real import live_look as real
 from benchmarks.reporting.markdown import markdown_table
 
 _PLACES = (("webcam", "at the webcam"), ("other_cameras", "22 and 56 degrees beside"))
+_PX = f"{cost.SIZE} x {cost.SIZE} px"
 _PARTS = ("body", "face", "hands")
 
 
@@ -27,7 +30,9 @@ def live_look(figures: Figures) -> str:
         f"pictures of at most {size} px, {figures['pictures_a_second']:g} a second, by the model "
         "alone -> with live look (`metanerf bench live-look`). At the webcam's place "
         f"{real.MUST:g} is the limit for body and face, {real.AIM:g} the aim; from beside, "
-        f"{real.MUST_BESIDE:g} and {real.AIM_BESIDE:g} of the model alone:"
+        f"{real.MUST_BESIDE:g} and {real.AIM_BESIDE:g} of the model alone. Face points: how far "
+        "the landmarks of a face are from where the frame has them, in the mean, % of what the "
+        "eyes are apart (some 15 px of a picture of 256 px, where 2 px, the limit, are 13 %):"
     )
     rows = []
     for name, case in figures["cases"].items():
@@ -39,10 +44,11 @@ def live_look(figures: Figures) -> str:
             flicker = (
                 "-" if live["flicker"] is None else f"{live['flicker'] / model['flicker']:.2f}"
             )
-            rows.append(
-                [name, f"{title} ({live['frames']})", *parts, flicker, f"{case['picture_ms']:.0f}"]
-            )
-    heads = ["person", "seen from (frames)", *_PARTS, "flicker, of the model's", "ms a picture"]
+            points = " -> ".join(f"{one['face']['points_percent']:.1f}" for one in (model, live))
+            spent = f"{case['picture_ms']:.0f}"
+            rows.append([name, f"{title} ({live['frames']})", *parts, points, flicker, spent])
+    heads = ["person", "seen from (frames)", *_PARTS, "face points, %"]
+    heads += ["flicker, of the model's", "ms a picture"]
     parts = [description, markdown_table(heads, rows)]
     if "lifelike" in figures:  # figures of before have none
         parts += _lifelike(figures["lifelike"])
@@ -110,7 +116,48 @@ def local_look(figures: Figures) -> str:
         "new colours a second, each",
         "Mbit/s down",
     ]
-    return "\n\n".join([markdown_table(heads, rows), measured_at(figures)])
+    parts = [markdown_table(heads, rows)]
+    if "sender" in figures:  # figures of before have none
+        parts.append(_sender(figures["sender"]))
+    return "\n\n".join([*parts, measured_at(figures)])
+
+
+def _sender(figures: Figures) -> str:
+    return (
+        f"Its sender's page takes {figures['cores_for_live_look']:.2f} of a core for it, beside "
+        f"finding landmarks ({figures['with_live_look']:.0f} a second, "
+        f"{figures['landmarks_per_second']:.0f} without; limit {MUST_CORES:.2f}, aim "
+        f"{AIM_CORES:.2f})."
+    )
+
+
+def look_cost(figures: Figures) -> str:
+    """What it costs the server and the line up, a row a figure."""
+    drawn = []
+    for row, must, aim in zip(figures["rows"], cost.MUST_DRAWN_MS, cost.AIM_DRAWN_MS, strict=True):
+        added, alone = row["drawn_ms"]["added"], row["drawn_ms"]["alone"]
+        what = f"{row['splats']:,} splats: added to a performer's {alone:.1f} ms, {_PX}"
+        drawn.append([what, f"{added:.1f} ms", f"{must:g} ms", f"{aim:g} ms"])
+    coloured = " and ".join(f"{row['coloured_ms']:.0f}" for row in figures["rows"])
+    rows = [
+        *drawn,
+        ["their colours found from a picture, beside the drawing", f"{coloured} ms", "-", "-"],
+        [
+            "a frame decoded",
+            f"{figures['decoded_ms']:.1f} ms",
+            f"{cost.MUST_DECODED_MS:g} ms",
+            f"{cost.AIM_DECODED_MS:g} ms",
+        ],
+        [
+            "motion and pictures up",
+            f"{figures['up_mbit_s']:.2f} Mbit/s",
+            f"{cost.MUST_UP_MBIT_S:.2f}",
+            f"{cost.AIM_UP_MBIT_S:.2f}",
+        ],
+    ]
+    return "\n\n".join(
+        [markdown_table(["what", "takes", "must", "aim"], rows), measured_at(figures)]
+    )
 
 
 def _change(model: Figures, live: Figures) -> str:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import httpx
 import numpy as np
 import pytest
+from aiortc.contrib.media import MediaPlayer
 from prometheus_client import REGISTRY
 from typer.testing import CliRunner
 
@@ -20,6 +24,8 @@ from services.live.room import MeetingPerformer
 from services.meetings import create_meeting
 from tests.e2e.serving import Gateway, serving
 from tests.e2e.test_live_look import networks
+from tests.servers import free_port
+from tests.services.joining.test_whip_webcam import Sender
 from tests.shared_data import shared_data
 
 pytestmark = pytest.mark.e2e
@@ -98,6 +104,43 @@ def test_a_clip_moves_ones_model_and_colours_it(gateway: Gateway, kept: Kept, li
     assert not gateway_of(gateway.app).views.is_watched(link.partition("meeting=")[2])
 
 
+def send_by_whip(clip: Path, url: str, seconds: float) -> int:
+    """What a program does that sends a webcam's video; the status of the end."""
+
+    async def send() -> int:
+        player = MediaPlayer(str(clip), loop=True)
+        assert player.video is not None
+        sender = Sender(player.video)
+        async with asyncio.timeout(60.0):
+            while True:
+                try:
+                    await sender.begin(url)
+                    break
+                except httpx.ConnectError:
+                    await asyncio.sleep(0.2)
+        await asyncio.sleep(seconds)
+        return await sender.end()
+
+    return asyncio.run(send())
+
+
+def test_a_programs_video_by_whip_does_the_same(gateway: Gateway, kept: Kept, link: str):
+    clip, port = shared_data(CLIP), free_port()
+    own = ("--token", gateway.token("ada"))
+    with ThreadPoolExecutor(1) as aside:
+        sent = aside.submit(send_by_whip, clip, f"http://127.0.0.1:{port}/whip", 15.0)
+        code, said = join(link, "--whip", str(port), "--live-look", *own)
+        assert sent.result() == 200
+    assert code == 0, said
+    told = re.search(r"(\d+) frames looked at, (\d+) sent, (\d+) pictures", said)
+    assert told, said
+    assert int(told[3]) > 8
+    assert len(kept.shown) > 0.5 * int(told[3])
+    for picture, solved in kept.shown:
+        assert solved is not None, "of the very moment of the picture"
+        assert picture.rgb[picture.matte == 0].mean() < 8.0, "the room stays here"
+
+
 def test_without_live_look_no_picture_leaves(gateway: Gateway, kept: Kept, link: str):
     clip = shared_data(CLIP)
     before = solved_packets()
@@ -132,3 +175,12 @@ def test_mistakes_are_told(tmp_path: Path, meeting: str, webcam: str, rule: str)
     code, said = join(meeting, "--webcam", str(tmp_path / webcam))
     assert code == 1
     assert rule in said
+
+
+@pytest.mark.parametrize(
+    ("words", "got"), [((), "neither"), (("--webcam", "clip.mp4", "--whip", "8001"), "both")]
+)
+def test_one_webcam_is_asked_for(words: tuple[str, ...], got: str):
+    code, said = join("http://127.0.0.1:1/?meeting=x", *words)
+    assert code == 1
+    assert f"one of --webcam FILE and --whip PORT must be given; got {got}" in said

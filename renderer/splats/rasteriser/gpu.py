@@ -70,11 +70,16 @@ class GpuSplatRenderer(SplatRenderer):
             self._on_device[torch.from_numpy(changed).to(self._device), OPACITY] = opacity
 
     def _rasterise(
-        self, parameters: Float[Array, "N P"], moved: Float[Array, "K 4 4"], camera: Camera
+        self,
+        parameters: Float[Array, "N P"],
+        moved: Float[Array, "K 4 4"],
+        camera: Camera,
+        colours: Float[Array, "N 3"] | None = None,
     ) -> Float[Array, "H W 4"]:
-        lit = parameters is not self._parameters
+        lit = colours is not None or parameters is not self._parameters
         if lit or self._lit_once:
-            colours = np.ascontiguousarray(parameters[:, COLOUR : COLOUR + 3])
+            if colours is None:
+                colours = np.ascontiguousarray(parameters[:, COLOUR : COLOUR + 3])
             self._on_device[:, COLOUR : COLOUR + 3] = torch.from_numpy(colours).to(self._device)
             self._lit_once = lit
         if self._blend_shapes.any:

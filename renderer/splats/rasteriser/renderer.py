@@ -18,6 +18,7 @@ from scene.camera import Camera
 from scene.lighting import Lighting
 
 _COLOURS = slice(COLOUR, COLOUR + 3)
+_MEAN = np.full(3, 1.0 / 3.0, np.float32)
 _DARK, _MOST_GAIN = 0.02, 2.0
 """sRGB below which a colour tells nothing about light, and by how much a room's light enlarges a
 live change at most."""
@@ -86,9 +87,10 @@ class SplatRenderer:
         """
         moved = np.concatenate(list(transforms)).astype(np.float32)
         shown = self.shaded(camera, moved, lighting, placements, expressions, hung)
+        colours = None
         if changes is not None and any(change is not None for change in changes):
-            shown = self._with_changes(shown, changes)
-        return self._rasterise(shown, moved, camera)
+            colours = self._changed_colours(shown, changes)
+        return self._rasterise(shown, moved, camera, colours)
 
     def draw_only(self, drawn: Bool[Array, "N"]) -> None:
         """Draw these of all models' splats from now on: those of one level of each."""
@@ -122,23 +124,21 @@ class SplatRenderer:
             return self._light_as_captured(moved, camera, placements)
         return self._parameters
 
-    def _with_changes(
+    def _changed_colours(
         self, shown: Float[Array, "N P"], changes: Many[Float[Array, "_ 3"] | None]
-    ) -> Float[Array, "N P"]:
+    ) -> Float[Array, "N 3"]:
         """Changes come from a webcam's picture: they are as much brighter or darker as the room's
         light makes the splat itself."""
-        changed, start = shown.copy(), 0
+        colours, start = shown[:, _COLOURS].copy(), 0
         for model, change in zip(self._models, changes, strict=True):
             rows = slice(start, start + len(model.parameters))
             start = rows.stop
             if change is None:
                 continue
-            captured = self._parameters[rows, _COLOURS].mean(axis=1)
-            lit = shown[rows, _COLOURS].mean(axis=1)
+            lit, captured = colours[rows] @ _MEAN, self._parameters[rows, _COLOURS] @ _MEAN
             gain = np.clip(lit / np.maximum(captured, _DARK), 0.0, _MOST_GAIN)
-            colours = shown[rows, _COLOURS] + gain[:, None] * change
-            changed[rows, _COLOURS] = np.clip(colours, 0.0, 1.0)
-        return changed
+            np.clip(colours[rows] + gain[:, None] * change, 0.0, 1.0, out=colours[rows])
+        return colours
 
     def _apply_expressions(self, expressions: Many[Float[Array, "E"]] | None) -> None:
         """Move the splats of face and hands; shading depends on their positions."""
@@ -149,9 +149,14 @@ class SplatRenderer:
                 self._blend_shapes.move(lit)
 
     def _rasterise(
-        self, parameters: Float[Array, "N P"], moved: Float[Array, "K 4 4"], camera: Camera
+        self,
+        parameters: Float[Array, "N P"],
+        moved: Float[Array, "K 4 4"],
+        camera: Camera,
+        colours: Float[Array, "N 3"] | None = None,
     ) -> Float[Array, "H W 4"]:
-        """The picture of splats with these `parameters`, skinned by `moved`."""
+        """The picture of splats with these `parameters`, skinned by `moved`; with `colours` in
+        place of theirs."""
         import numba
 
         from renderer.splats.rasteriser.tile_kernels import draw
@@ -169,6 +174,8 @@ class SplatRenderer:
             camera.height,
             BOX_FILTER_PX2,
         )
+        if colours is not None:
+            work.projected[:, RED : BLUE + 1] = colours
         draw(work.projected, work.starts, work.entries, numba.get_num_threads(), self._out)
         return self._out
 

@@ -6,9 +6,10 @@ import json
 from pathlib import Path
 
 from benchmarks.lifelike_look.measure import BEHIND_DEG, BESIDE_DEG
-from benchmarks.pages.live_look import live_look
+from benchmarks.pages.live_look import live_look, local_look
 
-FIGURES = Path(__file__).parents[3] / "docs" / "figures" / "live-look.json"
+_FIGURES = Path(__file__).parents[3] / "docs" / "figures"
+FIGURES, PAGES = _FIGURES / "live-look.json", _FIGURES / "local-look.json"
 
 
 def test_lifelike_performers_are_told_as_shares_of_the_model_alone():
@@ -27,3 +28,10 @@ def test_lifelike_performers_are_told_as_shares_of_the_model_alone():
         "1.10 / 1.10 / 1.10",
     ]
     assert "0.6 from 10 degrees, 0.7 from 20 degrees, 0.85 from 40 degrees" in text
+
+
+def test_what_a_senders_page_takes_is_told_where_it_was_measured():
+    sender = {"landmarks_per_second": 20.2, "with_live_look": 17.9, "cores_for_live_look": 0.205}
+    text = local_look({**json.loads(PAGES.read_text()), "sender": sender})
+    assert "takes 0.20 of a core for it" in text
+    assert "(18 a second, 20 without; limit 0.25, aim 0.12)" in text

@@ -5,29 +5,38 @@ from __future__ import annotations
 import asyncio
 import time
 from dataclasses import replace
+from itertools import count as count_from
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
-from aiortc import RTCDataChannel
+from aiortc import RTCDataChannel, VideoStreamTrack
+from av import VideoFrame
 
+from scene.arrays import Array
 from services.auth import GUEST, new_guest
 from services.bootstrap import import_model
 from services.container import Services
 from services.live.keypoints_packet import KeypointsPacket, encode_keypoints
 from services.live.look.packets import HEADER
+from services.live.look.picture_code import PictureCode
 from services.live.look.receiver import FRAME_SIZE, SILENCE_S, key_frame_size
 from services.live.packets import Kind
 from services.live.room import Room
 from services.live.sessions.view_sessions import ViewSessions
 from services.meetings import create_meeting
 from tests.capture.people import standing
-from tests.services.live.look_pictures import CodedPictures, KeptPictures
+from tests.services.live.look_pictures import CodedPictures, KeptPictures, frame_of
 from tests.services.live.people import seen
 from tests.services.live.test_drawing_viewers import view
 from tests.services.live.test_look_receiver import count
 from tests.services.live.viewer import Viewer
+from tests.services.live.viewer import view as look_at_ada
 
 FIRST_MS = 65_000
+_SOON_S = 0.2
+"""In which a picture is gone from where others see it."""
 
 
 @pytest.fixture
@@ -66,9 +75,16 @@ class Sender:
             "keypoints", ordered=False, maxRetransmits=0, protocol=performer_id
         )
 
-    async def connect(self, views: ViewSessions, room: Room, account: str) -> str:
+    async def connect(
+        self,
+        views: ViewSessions,
+        room: Room,
+        account: str,
+        pictures: VideoStreamTrack | None = None,
+    ) -> str:
         """The server's answer."""
-        self.viewer.peer.addTransceiver(CodedPictures(FIRST_MS), direction="sendonly")
+        sent = pictures or CodedPictures(FIRST_MS)
+        self.viewer.peer.addTransceiver(sent, direction="sendonly")
         offer = await self.viewer.offer()
         self.session_id, answer = await views.open(room.meeting_id, offer, None, account)
         await self.viewer.accept(answer)
@@ -84,6 +100,89 @@ class Sender:
             self.number += 1
             self.channel.send(encode_keypoints(packet(self.number, live_look=live_look)))
             await asyncio.sleep(1 / 30)
+
+
+class OfThatMoment(VideoStreamTrack):
+    """Pictures of the moments that a sender's keypoints are of."""
+
+    def __init__(self, sender: Sender) -> None:
+        super().__init__()
+        self._sender = sender
+
+    async def recv(self) -> VideoFrame:
+        """The next, of keypoints that have come by then."""
+        pts, time_base = await self.next_timestamp()
+        captured_ms = 33 * max(self._sender.number - 2, 0) % 65536
+        frame = frame_of(PictureCode(captured_ms, 80, 0, 480))
+        frame.pts, frame.time_base = pts, time_base
+        return frame
+
+
+class Watched:
+    """What a viewer sees, whenever a picture comes; whose sender looks at nothing."""
+
+    def __init__(self, viewer: Viewer, sender: Viewer) -> None:
+        self.picture = np.zeros((96, 96, 3))
+        self._viewer, self._sender = viewer, sender
+        self._tasks = [asyncio.create_task(one) for one in (self._watch(), self._stay())]
+
+    async def _stay(self) -> None:
+        """Tell where both stand now and then, as pages do: who is silent is taken for gone."""
+        for number in count_from(1):
+            self._viewer.channel.send(look_at_ada(number, 0.0, 3.0))
+            blind = view(number, draws_itself=False, sound_only=True)
+            self._sender.channel.send(blind)
+            await asyncio.sleep(0.5)
+
+    async def _watch(self) -> None:
+        while True:
+            # a busy server draws smaller ones
+            picture = cv2.resize(await self._viewer.frame(), (96, 96))
+            self.picture = picture.astype(np.float64)
+
+    def apart(self, other: Array) -> float:
+        """Difference, of 255 levels, that a twentieth of the pixels exceed."""
+        return float(np.quantile(np.abs(self.picture - other).mean(axis=2), 0.95))
+
+    def end(self) -> None:
+        """Look no more."""
+        for one in self._tasks:
+            one.cancel()
+
+
+async def test_where_the_server_draws_they_are_gone_within_a_fifth_of_a_second(views, room):
+    sender, viewer = Sender(room, "Ada"), Viewer()
+    _, answer = await views.open(room.meeting_id, await viewer.offer())
+    await viewer.accept(answer)
+    await viewer.opened()
+    await sender.connect(views, room, "house", OfThatMoment(sender))
+    watched, gone_s = Watched(viewer, sender.viewer), list[float]()
+    await sender.drive(4.0, live_look=False)
+    before = watched.picture
+    # a busy machine may be late now and then
+    while len(gone_s) < 4 and not any(one < _SOON_S for one in gone_s):
+        for _ in range(300):
+            await sender.drive(0.3, live_look=True)
+            if watched.apart(before) > 10.0:
+                break
+        assert is_coloured(room)
+        off_s = time.monotonic()
+        # as a page does, again and again: one packet may be lost
+        while is_coloured(room) and time.monotonic() - off_s < 5.0:
+            await sender.drive(0.0, live_look=False)
+        gone_s.append(time.monotonic() - off_s)
+        await sender.drive(2.0, live_look=False)
+        assert watched.apart(before) < 8.0
+    assert any(one < _SOON_S for one in gone_s), gone_s
+    watched.end()
+    for one in (sender.viewer, viewer):
+        await one.peer.close()
+
+
+def is_coloured(room: Room) -> bool:
+    """Whether what is drawn next shows Ada as she looks now."""
+    scene = room.scene_at(time.monotonic(), live_look=True)
+    return any(one.colour_change is not None for one in scene.performers)
 
 
 async def test_ones_own_pictures_arrive_until_live_look_goes_off(views, room, sinks):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from concurrent.futures import Executor, Future
 from dataclasses import replace
 
@@ -23,6 +24,7 @@ from tests.services.live.people import seen
 
 COLOURS = slice(COLOUR, COLOUR + 3)
 WINDOW = (120, 20, 440)
+RED, BLUE = (0.7, 0.2, 0.2), (0.2, 0.2, 0.7)
 SIDE = 288
 
 
@@ -82,10 +84,23 @@ class Sent:
             self.motion.update(packet, self.now_s)
         return packet
 
+    def clapping(self, number: int, clap: int) -> KeypointsPacket:
+        """The packet of that number: arms are up, and from `clap` on down, within 0.1 s."""
+        angles = Pose.rest().joint_angles.copy()
+        down = min(max((number - clap) / 3.0 + 0.5, 0.0), 1.0)
+        angles[16, 2], angles[17, 2] = -0.8 + 1.6 * down, 0.8 - 1.6 * down
+        return seen(Pose(angles, np.zeros(3), 5.0 + number / 30.0), number)
+
     def picture(
         self, packet: KeypointsPacket, late_s: float = 0.1, request: PoseRequest | None = None
     ) -> None:
         """What the webcam saw then, `late_s` after it was known how they moved."""
+        picture = self.cut_out(packet, RED)
+        self.now_s += late_s
+        self.look.receive(picture, request)
+
+    def cut_out(self, packet: KeypointsPacket, colour: tuple[float, float, float]) -> LookPicture:
+        """What the webcam saw then, of somebody in that colour."""
         solved = self.motion.solved(packet.capture_time_ms)
         assert solved is not None
         empty = np.zeros((SIDE, SIDE), np.uint8)
@@ -94,10 +109,9 @@ class Sent:
         camera, pose = cropped(solved.camera, sent), solved.pose
         skeleton = self.model.skeleton
         transforms = skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
-        drawn = SplatRenderer((model_of((0.7, 0.2, 0.2)),)).render(camera, [transforms])
+        drawn = SplatRenderer((model_of(colour),)).render(camera, [transforms])
         rgb, matte = ((255.0 * of + 0.5).astype(np.uint8) for of in (drawn[..., :3], drawn[..., 3]))
-        self.now_s += late_s
-        self.look.receive(replace(sent, rgb=rgb, matte=matte), request)
+        return replace(sent, rgb=rgb, matte=matte)
 
 
 @pytest.fixture(scope="module")
@@ -162,10 +176,15 @@ def test_pages_that_draw_get_the_pose_of_a_picture_and_the_server_no_colours():
     assert sent.look.shown_of(sent.model) is None
 
 
+def room_of(sent: Sent) -> Room:
+    """They alone."""
+    performer = MeetingPerformer("a", "Ada", sent.model, sent.model.motion, (0.0, 0.0, 0.0), 0.0)
+    return Room("m", (performer,), live_motions={"a": sent.motion}, looks={"a": sent.look})
+
+
 def test_motion_waits_for_the_picture():
     sent = Sent()
-    performer = MeetingPerformer("a", "Ada", sent.model, sent.model.motion, (0.0, 0.0, 0.0), 0.0)
-    room = Room("m", (performer,), live_motions={"a": sent.motion}, looks={"a": sent.look})
+    room = room_of(sent)
     sent.look.shown_of(sent.model)
     packet = sent.keypoints(20, lifted_rad=0.03)
     then = sent.motion.pose_at(sent.now_s)
@@ -178,6 +197,40 @@ def test_motion_waits_for_the_picture():
     )
     np.testing.assert_allclose(shown, then.joint_angles[16], atol=0.02)
     assert np.abs(ahead - then.joint_angles[16]).max() > 0.08
+
+
+@pytest.mark.parametrize("late_s", [0.05, 0.25])
+def test_a_clap_is_seen_in_motion_and_colour_at_once(late_s: float):
+    """Both arms fall within a tenth of a second, and at that very frame red turns to blue."""
+    sent = Sent()
+    room, clap = room_of(sent), 60
+    coming: deque[tuple[float, LookPicture]] = deque()
+    seen_s = {"motion": np.inf, "without live look": np.inf, "colour": np.inf}
+    for tick in range(3 * 90):
+        now_s = sent.now_s = 100.0 + tick / 90.0
+        if tick % 3 == 0:  # 30 packets a second, and 15 pictures, which are later
+            number = tick // 3
+            packet = sent.clapping(number, clap)
+            sent.motion.update(packet, now_s)
+            if number % 2 == 0:
+                colour = RED if number < clap else BLUE
+                coming.append((now_s + late_s, sent.cut_out(packet, colour)))
+        while coming and coming[0][0] <= now_s:
+            sent.look.receive(coming.popleft()[1])
+        shown, ahead = (room.scene_at(now_s, live_look=on).performers[0] for on in (True, False))
+        change = shown.colour_change
+        signs = {
+            "motion": shown.pose.joint_angles[16, 2] > 0.0,
+            "without live look": ahead.pose.joint_angles[16, 2] > 0.0,
+            "colour": change is not None and change[:, 2].max() > 0.2,
+        }
+        for name, is_seen in signs.items():
+            if is_seen:
+                seen_s[name] = min(seen_s[name], now_s)
+    # from one picture to the next motion goes on
+    assert abs(seen_s["motion"] - seen_s["colour"]) < 1.2 / 15.0
+    # what is solved is smoothed, by some 0.03 s
+    assert seen_s["colour"] - seen_s["without live look"] > late_s - 0.04
 
 
 @pytest.mark.parametrize(

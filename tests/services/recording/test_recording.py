@@ -20,7 +20,7 @@ from services.gateway import gateway_of
 from services.jobs.export_job import run_export
 from services.jobs.lease import JobLease
 from services.jobs.report import Reporter
-from services.live.packets import decode_pose
+from services.live.packets import decode_pose, encode_pose
 from services.recording.chunks import Record, records_of
 from services.recording.recorder import Recorders
 from services.recording.replay import load
@@ -31,6 +31,8 @@ from tests.services.conftest import changed
 from tests.services.control.page import Page, join
 from tests.services.control.test_channel import header
 from tests.services.control.test_voices import Headset, seat_of
+from tests.services.live.look_pictures import KeptPictures
+from tests.services.live.test_live_look import Sender
 from tests.services.live.viewer import Viewer, view
 
 
@@ -163,6 +165,33 @@ async def test_nothing_is_kept_until_all_agree_and_all_of_it_after(
         with av.open(str(out)) as video:
             sound = np.concatenate([one.to_ndarray() for one in video.decode(audio=0)], axis=1)
         assert np.abs(sound).max() > 0.05
+
+
+async def test_pictures_of_live_look_are_shown_and_not_kept(caller, timed, app, model_file):
+    async with met(caller, timed, model_file) as here:
+        views, shown = gateway_of(app).views, KeptPictures()
+        views.driving_channels.make_look_sink = lambda *_: shown
+        room = await views.room(here.meeting_id)
+        sender = Sender(room, "Ada")
+        await sender.connect(views, room, "house")
+        await here.ada.say(type="record", on=True)
+        await told(here.bo, running=False)
+        await here.bo.say(type="agree", on=True)
+        asked = await told(here.ada, running=True)
+        while len(shown.pictures) < 30:
+            await sender.drive(0.2, live_look=True)
+        await here.ada.say(type="record", on=False)
+        await over(here.ada)
+        recording = await kept(caller, asked["id"], "motion")
+        assert {one["name"].partition(":")[0] for one in recording["tracks"]} == {"motion", "room"}
+        moved = await track(caller, recording, "motion")
+        assert len(moved) > 30
+        # poses and nothing behind them
+        assert {one.data == encode_pose(decode_pose(one.data)) for one in moved} == {True}
+        recorded = await asyncio.to_thread(load, timed, asked["id"])
+        (stood,) = recorded.scene_at(moved[-1].at_ms / 1000.0).performers
+        assert stood.colour_change is None, "in their trained colours"
+        await sender.viewer.peer.close()
 
 
 async def test_a_newcomer_has_it_rest_and_a_no_ends_it(caller, timed, app, model_file):

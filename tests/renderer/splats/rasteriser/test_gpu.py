@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from renderer.devices import best_device
+from renderer.splats.layout import COLOUR
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.gpu import GpuSplatRenderer, splat_renderer
 from renderer.splats.rasteriser.renderer import SplatRenderer
@@ -75,6 +76,25 @@ def test_people_hide_each_other_in_one_pass():
     camera = make_camera(48, 48)
     expected = cpu.render(camera, [transforms, away])
     np.testing.assert_allclose(gpu.render(camera, [transforms, away]), expected, atol=2e-3)
+
+
+def test_live_colours_are_those_of_a_repainted_model_and_leave_the_next_picture_again():
+    near, transforms = _model(60)
+    far, _ = _model(60, seed=3)
+    change = np.random.default_rng(2).normal(0.0, 0.3, (60, 3)).astype(np.float32)
+    parameters, colours = far.parameters.copy(), slice(COLOUR, COLOUR + 3)
+    parameters[:, colours] = np.clip(parameters[:, colours] + change, 0.0, 1.0)
+    away = transforms.copy()
+    away[:, 2, 3] -= 0.4
+    cpu, gpu = _both((near, far))
+    camera, moved = make_camera(48, 48), [transforms, away]
+    plain = cpu.render(camera, moved).copy()
+    expected = SplatRenderer((near, replace(far, parameters=parameters))).render(camera, moved)
+    assert np.abs(expected - plain).max() > 0.1
+    for renderer, atol in ((cpu, 1e-5), (gpu, 2e-3)):
+        changed = renderer.render(camera, moved, changes=[None, change])
+        np.testing.assert_allclose(changed, expected, atol=atol)
+        np.testing.assert_allclose(renderer.render(camera, moved), plain, atol=atol)
 
 
 def test_light_falls_on_the_next_picture_and_leaves_it_again():

@@ -1,0 +1,70 @@
+"""What live look costs its sender's page, in processor time.
+
+What the browser takes with it on and off, in turns, while it finds landmarks of what its camera
+shows. With it on the page finds fewer, so what finding takes is counted by the landmarks found.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from playwright.sync_api import Page
+
+from benchmarks.browser import BUSY, metric, open_page, processor_seconds, running_demo
+from benchmarks.landmark_finder import write_webcam_video
+from benchmarks.meeting import AT_WORST_MS, prepare_meeting
+
+MUST_CORES, AIM_CORES = 0.25, 0.12
+"""Beside finding landmarks."""
+_TURNS, _TURN_S, _SETTLED_MS = 3, 12.0, 2000
+_COUNTED = """
+window.landmarks = 0;
+const sendAny = RTCDataChannel.prototype.send;
+RTCDataChannel.prototype.send = function (data) {
+  if (this.label === "motion" && data instanceof ArrayBuffer) landmarks += 1;
+  return sendAny.call(this, data);
+};
+"""
+
+
+def sender(clip: Path) -> dict[str, float]:
+    """Cores that the browser takes for finding landmarks and for live look; landmarks a second."""
+    with tempfile.TemporaryDirectory() as folder:
+        camera = write_webcam_video(clip, Path(folder) / "webcam.mjpeg")
+        meeting_id, token, _ = prepare_meeting(Path(folder), 1)
+        with running_demo(Path(folder)) as address, open_page(webcam=camera) as page:
+            page.set_default_timeout(AT_WORST_MS)
+            page.add_init_script(_COUNTED)
+            page.goto(f"{address}?meeting={meeting_id}&size=128#token={token}")
+            page.get_by_test_id("start-join").click()
+            page.get_by_test_id("motion-capture").click()
+            page.wait_for_selector("[data-testid=self][data-tracking=tracking]")
+            turns: dict[bool, list[tuple[float, float, float]]] = {False: [], True: []}
+            for _ in range(_TURNS):
+                for on in turns:
+                    page.get_by_test_id("live-look").set_checked(on)
+                    page.wait_for_timeout(_SETTLED_MS)
+                    turns[on].append(_turn(page, address))
+    without, live = (np.sum(turns[on], axis=0) for on in (False, True))
+    a_landmark_s = without[0] / max(without[1], 1.0)
+    return {
+        "landmarks_per_second": round(float(without[1] / without[2]), 1),
+        "with_live_look": round(float(live[1] / live[2]), 1),
+        "cores_finding_landmarks": round(float(without[0] / without[2]), 2),
+        "cores_for_live_look": round(float((live[0] - a_landmark_s * live[1]) / live[2]), 2),
+    }
+
+
+def _turn(page: Page, address: str) -> tuple[float, float, float]:
+    """Processor seconds of the browser, landmarks, and seconds."""
+    spent, found, begun = _browser_s(address), page.evaluate("landmarks"), time.perf_counter()
+    page.wait_for_timeout(1e3 * _TURN_S)
+    took = time.perf_counter() - begun
+    return _browser_s(address) - spent, page.evaluate("landmarks") - found, took
+
+
+def _browser_s(address: str) -> float:
+    return processor_seconds() - metric(address, BUSY)
