@@ -36,7 +36,9 @@ def _sizes(figures: Figures) -> str:
     head = ["person", "splats", "kept", "MB", "ms a view", "training, s", "body", "face"]
     rows = []
     for subject in figures["subjects"]:
-        full, auto = (_mean(figures["rows"], subject["name"], "size", n) for n in ("full", "auto"))
+        full, auto = (
+            mean_row(figures["rows"], subject["name"], "size", n) for n in ("full", "auto")
+        )
         if full is None or auto is None:
             continue
         rows.append(
@@ -65,7 +67,7 @@ def _ladder(figures: Figures) -> str:
     )
     rows = []
     for group, name in keys:
-        found = [_mean(figures["rows"], subject, group, name) for subject in names]
+        found = [mean_row(figures["rows"], subject, group, name) for subject in names]
         words = f"{int(name):,} splats" if group == "number" else f"pictures of {name} px"
         rows.append([words, *("" if one is None else _cell(one) for one in found)])
     return markdown_table(["body, dB / LPIPS; MB; training", *names], rows)
@@ -81,26 +83,24 @@ def _worth(figures: Figures) -> str:
     rows = []
     for part in parts:
         of = {row["subject"]: row for row in figures["worth"] if row["name"] == part}
-        rows.append([part, *(_gain(of.get(name)) for name in names)])
+        rows.append([part, *(_gains(of.get(name)) for name in names)])
     return markdown_table(["left out", *names], rows)
 
 
-def _gain(row: dict[str, Any] | None) -> str:
+def _gains(row: dict[str, Any] | None) -> str:
     if row is None:
         return ""
-    cells = []
-    for part in _PARTS:
-        if f"{part}_psnr" in row:
-            cells += [
-                _certain(row, f"{part}_psnr", 1.0, 2)
-                + " / "
-                + _certain(row, f"{part}_lpips", -1e3, 1)
-            ]
-    return "; ".join(cells)
+    return "; ".join(gain(row, part) for part in _PARTS if f"{part}_psnr" in row)
 
 
-def _certain(row: dict[str, Any], measure: str, factor: float, digits: int) -> str:
-    """The gain ± its standard error; LPIPS that falls is a gain too."""
+def gain(row: dict[str, Any], part: str) -> str:
+    """dB / LPIPS x1000 that the whole method is better by on a `part` of the picture."""
+    psnr = certain(row, f"{part}_psnr", 1.0, 2)
+    return f"{psnr} / {certain(row, f'{part}_lpips', -1e3, 1)}"
+
+
+def certain(row: dict[str, Any], measure: str, factor: float, digits: int) -> str:
+    """The gain ± its standard error; of measures that fall, such as LPIPS, by a negative factor."""
     error = row[f"{measure}_spread"] / max(np.sqrt(row["seeds"] - 1), 1.0)
     words = f"{factor * row[measure]:+.{digits}f} ± {abs(factor) * error:.{digits}f}"
     return f"**{words}**" if abs(row[measure]) > _NOISE * error else words
@@ -111,7 +111,7 @@ def _accuracy(row: dict[str, float], part: str) -> str:
     return "-" if psnr is None or lpips is None else f"{psnr:.1f} / {lpips:.3f}"
 
 
-def _mean(
+def mean_row(
     rows: list[dict[str, Any]], subject: str, group: str, name: str
 ) -> dict[str, float] | None:
     """Over seeds."""

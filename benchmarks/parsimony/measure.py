@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.parsimony.rungs import AS_IT_IS, LADDER, QUICK, Rung
+from benchmarks.parsimony.rungs import AS_IT_IS, LADDER, QUICK, Rung, patched
 from benchmarks.parsimony.subjects import QUICK as QUICK_SUBJECTS
 from benchmarks.parsimony.subjects import SUBJECTS, Filmed, LadderSubject, OutsideData, about
 from benchmarks.reporting.figures import FigureWriter
+from benchmarks.reporting.measurements import MeasurementCache
 from benchmarks.reporting.timing import Clock, clock_named, milliseconds
 from renderer.model_files import save_model
 from renderer.presets import find_preset
@@ -29,7 +31,8 @@ from scene.camera import orbit_camera
 
 STEPS = {"studio": 600, "real": 400, "quick": 60}
 _VIEW_PX, _VIEWS = 512, 12
-MEASURES = ("body_psnr", "body_lpips", "face_psnr", "face_lpips")
+_ACCURACIES = ("_psnr", "_lpips", "_percent")
+"""How the names of measures end that say how near a model comes to the truth."""
 
 
 def run(
@@ -40,21 +43,12 @@ def run(
     subjects, ladder = (QUICK_SUBJECTS, QUICK) if quick else (SUBJECTS, LADDER)
     rows = []
     for subject in subjects:
-        filmed = _OnDemand(subject, writer.measurements / "clips", footage)
+        filmed = OnDemand(subject, writer.measurements / "clips", footage)
+        rungs = [rung for rung in ladder if subject.real or not rung.real_alone]
+        if quick:
+            rungs = [replace(rung, seeds=rung.seeds[:1]) for rung in rungs]
         steps = STEPS["quick" if quick else "real" if subject.real else "studio"]
-        for rung in ladder:
-            if rung.real_alone and not subject.real:
-                continue
-            for seed in rung.seeds[: 1 if quick else None]:
-                row = {"subject": subject.name, "group": rung.group, "name": rung.name}
-                row |= {"seed": seed, "steps": steps}
-                of = {**row, **about(subject), **clock.about()}
-                found = cache.measured(
-                    f"{subject.name}/{rung.group}/{rung.name}/{seed}".replace(" ", "-"),
-                    of,
-                    lambda r=rung, s=seed, n=steps, f=filmed: _measured(r, s, n, f(), clock),
-                )
-                rows += [] if found is None else [{**row, **found}]
+        rows += measured(cache, subject, rungs, lambda _, f=filmed: f(), steps, clock)
     figures = {
         **clock.about(),
         "lpips": footage.networks.lpips.name,
@@ -65,7 +59,30 @@ def run(
     writer.write(figures)
 
 
-class _OnDemand:
+def measured(
+    cache: MeasurementCache,
+    subject: LadderSubject,
+    rungs: Iterable[Rung],
+    filmed: Callable[[Rung], Filmed],
+    steps: int,
+    clock: Clock,
+) -> list[dict[str, Any]]:
+    """A row a rung and seed of what is stored, or measured now on what is `filmed` for the rung."""
+    rows = []
+    for rung in rungs:
+        for seed in rung.seeds:
+            row = {"subject": subject.name, "group": rung.group, "name": rung.name}
+            row |= {"seed": seed, "steps": steps}
+            found = cache.measured(
+                f"{subject.name}/{rung.group}/{rung.name}/{seed}".replace(" ", "-"),
+                {**row, **about(subject), **clock.about()},
+                lambda r=rung, s=seed: _measured(r, s, steps, filmed(r), clock),
+            )
+            rows += [] if found is None else [{**row, **found}]
+    return rows
+
+
+class OnDemand:
     """Films once somebody asks: not where all is measured."""
 
     def __init__(self, subject: LadderSubject, folder: Path, footage: OutsideData) -> None:
@@ -82,15 +99,16 @@ class _OnDemand:
 
 def _measured(rung: Rung, seed: int, steps: int, filmed: Filmed, clock: Clock) -> dict[str, Any]:
     begun = clock.now()
-    model = train(
-        rung.clip(filmed.clip),
-        preset=replace(find_preset("splats"), settings=rung.settings(SplatSettings())),
-        iterations=steps,
-        seed=seed,
-        find_light=rung.find_light,
-        size=rung.size,
-        clock=clock.now,
-    ).splats
+    with patched(() if rung.captured_anew else rung.patches):
+        model = train(
+            rung.clip(filmed.clip),
+            preset=replace(find_preset("splats"), settings=rung.settings(SplatSettings())),
+            iterations=steps,
+            seed=seed,
+            find_light=rung.find_light,
+            size=rung.size,
+            clock=clock.now,
+        ).splats
     training_s = clock.now() - begun
     assert model is not None
     return {
@@ -139,8 +157,10 @@ def worth(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         if not both:
             continue
         row: dict[str, Any] = {"subject": subject, "name": name, "seeds": len(both)}
-        for measure in MEASURES:
-            if both[0][0].get(measure) is not None:
+        for measure in both[0][0]:
+            if not measure.endswith(_ACCURACIES):
+                continue
+            if all(row[measure] is not None for pair in both for row in pair):
                 apart = [one[measure] - other[measure] for one, other in both]
                 row[measure] = round(float(np.mean(apart)), 4)
                 row[f"{measure}_spread"] = round(float(np.std(apart)), 4)
