@@ -21,8 +21,7 @@ def run(writer: FigureWriter, footage: OutsideData, clock_name: str, only: str) 
     for subject in PEOPLE.values():
         rungs = [AS_IT_IS, *(part.rung for part in PARTS if subject.name in part.people)]
         films = _Films(subject, writer.measurements / "clips", footage)
-        steps = STEPS["real" if subject.real else "studio"]
-        rows += measured(cache, subject, rungs, films, steps, clock)
+        rows += measured(cache, subject, rungs, films, STEPS["real"], clock)
     figures = {
         **clock.about(),
         "lpips": footage.networks.lpips.name,

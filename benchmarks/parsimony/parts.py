@@ -68,7 +68,7 @@ PARTS = (
     ),
     _of_training(
         "what limbs may hide",
-        (*LIFELIKE, *REAL),
+        REAL,
         "trainer.hidden_by_limbs",
         lambda _, limbs, *__: _none_of(limbs),
     ),
