@@ -20,7 +20,7 @@ from scene.sequence import Sequence
 LIFELIKE = ("hazel", "jasper")
 REAL = ("grey-shirt", "orange-hoodie")
 _TRAINING, _FIT = "renderer.splats.training", "capture.fitting.terms.part_poses"
-_SEGMENTATION = "capture.segmentation"
+_PASSES = "renderer.pose_refinement.passes.RefinementPasses.should_run"
 
 
 @dataclass(frozen=True)
@@ -66,62 +66,52 @@ PARTS = (
         "trained_splats.spanned",
         lambda rest, *_: np.zeros_like(rest),
     ),
-    _of_training(
-        "what limbs may hide",
-        REAL,
-        "trainer.hidden_by_limbs",
-        lambda _, limbs, *__: _none_of(limbs),
-    ),
+    _of_training("mirrored guesses", LIFELIKE, "filling._MIRRORED_M", np.inf),
     _of_training(
         "colours held at rims",
         (*LIFELIKE, *REAL),
         "trainer.held_colours",
         lambda evidence, *_: ~evidence.seen,
     ),
-    _of_training("finer sides", LIFELIKE, "trainer.wide_on_unseen_sides", _none_of),
+    _of_training("finer sides", ("hazel",), "trainer.wide_on_unseen_sides", _none_of),
     _of_training(
         "hair's volume",
-        LIFELIKE,
+        ("hazel",),
         "unseen_sides.hair_of_unseen_sides",
         lambda _, surface, *__: Hair.none(len(surface)),
     ),
-    _of_training("strands", LIFELIKE, "trainer.with_strands", lambda model, _: model),
-    _of_training("mirrored guesses", LIFELIKE, "filling._MIRRORED_M", np.inf),
+    _of_training("strands", ("hazel",), "trainer.with_strands", lambda model, _: model),
     _of_training(
-        "guessed colours", LIFELIKE, "unseen_sides.fill_unseen", lambda parameters, *_: parameters
+        "guessed colours", ("hazel",), "unseen_sides.fill_unseen", lambda found, *_: found
     ),
-    _without("looking from beside", (*LIFELIKE, *REAL), settings=_alone),
+    _without("looking from beside", (*LIFELIKE, "grey-shirt"), settings=_alone),
     _of_training(
-        "smooth hands",
+        "what limbs may hide",
         REAL,
-        "trained_splats.TrainedSplats.pull_hands",
-        lambda *_: None,
+        "trainer.hidden_by_limbs",
+        lambda _, limbs, *__: _none_of(limbs),
     ),
-    _without(
-        "poses refined in training",
-        REAL,
-        patches=(
-            (
-                "renderer.pose_refinement.passes.RefinementPasses.should_run",
-                lambda *_: False,
-            ),
-        ),
-    ),
-    _without("gaze", REAL, clip=_looking_ahead),
+    _of_training("smooth hands", REAL, "trained_splats.TrainedSplats.pull_hands", lambda *_: None),
+    _without("poses refined in training", ("grey-shirt",), patches=((_PASSES, lambda *_: False),)),
+    _without("gaze", ("grey-shirt",), clip=_looking_ahead),
+    _of_capture("palms in the picture", ("orange-hoodie",), f"{_FIT}.PALM_WEIGHT", 0.0),
     _of_capture(
-        "a face of one's own", REAL, "capture.pipeline.with_own_face", lambda body, *_: body
+        "a face of one's own",
+        ("grey-shirt",),
+        "capture.pipeline.with_own_face",
+        lambda body, *_: body,
     ),
-    _of_capture("palms in the picture", REAL, f"{_FIT}.PALM_WEIGHT", 0.0),
-    _of_capture("head and palms in the fit", REAL, f"{_FIT}.PartPoses.weight", 0.0),
+    _of_capture(
+        "matte of the edge",
+        ("grey-shirt",),
+        "capture.segmentation.masks._matted",
+        lambda _, soft: soft,
+    ),
     _of_capture(
         "evened exposure",
         ("patterned-shirt",),
         "capture.pipeline.find_gains",
         lambda images, _: np.ones((len(images), 3)),
-    ),
-    _of_capture("matte of the edge", REAL, f"{_SEGMENTATION}.masks._matted", lambda _, soft: soft),
-    _of_capture(
-        "known background", REAL, f"{_SEGMENTATION}.clip.learn_background", lambda *_: None
     ),
     _of_training("cloth that swings", ("amber",), "loose_clothes.find_cut", lambda _: None),
 )
