@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.pages.parsimony import certain, gain, mean_row
+from benchmarks.pages.parsimony import certain, gain
 from benchmarks.pages.provenance import Figures, measured_at
-from benchmarks.parsimony.rungs import AS_IT_IS
 from benchmarks.reporting.markdown import markdown_table
 
 _UNSEEN = {name: name for name in ("front", "beside", "behind")}
@@ -27,7 +26,7 @@ def ablation(figures: Figures) -> str:
         [
             "What the whole method is better by than without the part, dB / LPIPS x1000 on "
             f"`{figures['lpips']}`: the mean over seeds ± its standard error. **Bold**: more than "
-            "noise. Seconds are what the part adds to a training on one thread.",
+            "noise.",
             _table(figures, _UNSEEN),
             _table(figures, _SHOWN, points=True),
             "; ".join(f"{one['name']}: {one['words']}" for one in figures["people"]) + ".",
@@ -42,21 +41,11 @@ def _table(figures: Figures, columns: dict[str, str], *, points: bool = False) -
         shown = [gain(row, begin) if f"{begin}_psnr" in row else "" for begin in columns.values()]
         if any(shown):
             face = [_points(row)] if points else []
-            rows.append([row["name"], row["subject"], *shown, *face, _seconds(figures, row)])
-    head = ["left out", "person", *columns, *([_POINTS] if points else []), "s"]
+            rows.append([row["name"], row["subject"], *shown, *face])
+    head = ["left out", "person", *columns, *([_POINTS] if points else [])]
     return markdown_table(head, rows)
 
 
 def _points(row: dict[str, Any]) -> str:
     names = [f"face_{name}_percent" for name in ("points", "irises")]
     return " / ".join(certain(row, name, -1.0, 2) for name in names) if names[0] in row else ""
-
-
-def _seconds(figures: Figures, row: dict[str, Any]) -> str:
-    whole, without = (
-        mean_row(figures["rows"], row["subject"], *key)
-        for key in ((AS_IT_IS.group, AS_IT_IS.name), ("without", row["name"]))
-    )
-    assert whole is not None
-    assert without is not None
-    return f"{whole['training_s'] - without['training_s']:+.1f}"

@@ -36,9 +36,7 @@ def _sizes(figures: Figures) -> str:
     head = ["person", "splats", "kept", "MB", "ms a view", "training, s", "body", "face"]
     rows = []
     for subject in figures["subjects"]:
-        full, auto = (
-            mean_row(figures["rows"], subject["name"], "size", n) for n in ("full", "auto")
-        )
+        full, auto = (_mean(figures["rows"], subject["name"], "size", n) for n in ("full", "auto"))
         if full is None or auto is None:
             continue
         rows.append(
@@ -67,7 +65,7 @@ def _ladder(figures: Figures) -> str:
     )
     rows = []
     for group, name in keys:
-        found = [mean_row(figures["rows"], subject, group, name) for subject in names]
+        found = [_mean(figures["rows"], subject, group, name) for subject in names]
         words = f"{int(name):,} splats" if group == "number" else f"pictures of {name} px"
         rows.append([words, *("" if one is None else _cell(one) for one in found)])
     return markdown_table(["body, dB / LPIPS; MB; training", *names], rows)
@@ -111,7 +109,7 @@ def _accuracy(row: dict[str, float], part: str) -> str:
     return "-" if psnr is None or lpips is None else f"{psnr:.1f} / {lpips:.3f}"
 
 
-def mean_row(
+def _mean(
     rows: list[dict[str, Any]], subject: str, group: str, name: str
 ) -> dict[str, float] | None:
     """Over seeds."""

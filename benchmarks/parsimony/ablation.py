@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.parsimony.measure import STEPS, OnDemand, measured, worth
-from benchmarks.parsimony.parts import PARTS
+from benchmarks.parsimony.measure import STEPS, OnDemand, rows_of, worth
+from benchmarks.parsimony.parts import PARTS, WHOLE
 from benchmarks.parsimony.people import PEOPLE, RealPerson
-from benchmarks.parsimony.rungs import AS_IT_IS, Rung
+from benchmarks.parsimony.rungs import Rung
 from benchmarks.parsimony.subjects import Filmed, LadderSubject, OutsideData, about
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.timing import clock_named
@@ -19,9 +19,10 @@ def run(writer: FigureWriter, footage: OutsideData, clock_name: str, only: str) 
     cache, clock = writer.cache(only), clock_named(clock_name)
     rows = []
     for subject in PEOPLE.values():
-        rungs = [AS_IT_IS, *(part.rung for part in PARTS if subject.name in part.people)]
+        rungs = [WHOLE, *(part.rung for part in PARTS if subject.name in part.people)]
         films = _Films(subject, writer.measurements / "clips", footage)
-        rows += measured(cache, subject, rungs, films, STEPS["real"], clock)
+        begun = writer.measurements / "begun"
+        rows += rows_of(cache, subject, rungs, films, STEPS["real"], clock, begun)
     figures = {
         **clock.about(),
         "lpips": footage.networks.lpips.name,

@@ -8,7 +8,9 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ from benchmarks.parsimony.subjects import SUBJECTS, Filmed, LadderSubject, Outsi
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.measurements import MeasurementCache
 from benchmarks.reporting.timing import Clock, clock_named, milliseconds
+from renderer.errors import TrainingStopped
 from renderer.model_files import save_model
 from renderer.presets import find_preset
 from renderer.splats.files.viewer_file import encode
@@ -28,9 +31,11 @@ from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.settings import SplatSettings
 from renderer.training import train
 from scene.camera import orbit_camera
+from scene.sequence import Sequence
 
 STEPS = {"studio": 600, "real": 400, "quick": 60}
 _VIEW_PX, _VIEWS = 512, 12
+_ASKED_EVERY_STEPS = 20
 _ACCURACIES = ("_psnr", "_lpips", "_percent")
 """How the names of measures end that say how near a model comes to the truth."""
 
@@ -48,7 +53,7 @@ def run(
         if quick:
             rungs = [replace(rung, seeds=rung.seeds[:1]) for rung in rungs]
         steps = STEPS["quick" if quick else "real" if subject.real else "studio"]
-        rows += measured(cache, subject, rungs, lambda _, f=filmed: f(), steps, clock)
+        rows += rows_of(cache, subject, rungs, lambda _, f=filmed: f(), steps, clock)
     figures = {
         **clock.about(),
         "lpips": footage.networks.lpips.name,
@@ -59,15 +64,20 @@ def run(
     writer.write(figures)
 
 
-def measured(
+def rows_of(
     cache: MeasurementCache,
     subject: LadderSubject,
     rungs: Iterable[Rung],
     filmed: Callable[[Rung], Filmed],
     steps: int,
     clock: Clock,
+    begun: Path | None = None,
 ) -> list[dict[str, Any]]:
-    """A row a rung and seed of what is stored, or measured now on what is `filmed` for the rung."""
+    """A row a rung and seed of what is stored, or measured now on what is `filmed` for the rung.
+
+    Args:
+        begun: folder for trainings that rungs go on from.
+    """
     rows = []
     for rung in rungs:
         for seed in rung.seeds:
@@ -76,7 +86,7 @@ def measured(
             found = cache.measured(
                 f"{subject.name}/{rung.group}/{rung.name}/{seed}".replace(" ", "-"),
                 {**row, **about(subject), **clock.about()},
-                lambda r=rung, s=seed: _measured(r, s, steps, filmed(r), clock),
+                lambda r=rung, s=seed: measured(r, s, steps, filmed(r), clock, begun),
             )
             rows += [] if found is None else [{**row, **found}]
     return rows
@@ -97,8 +107,13 @@ class OnDemand:
         return self._filmed
 
 
-def _measured(rung: Rung, seed: int, steps: int, filmed: Filmed, clock: Clock) -> dict[str, Any]:
-    begun = clock.now()
+def measured(
+    rung: Rung, seed: int, steps: int, filmed: Filmed, clock: Clock, begun: Path | None
+) -> dict[str, Any]:
+    checkpoint = None
+    if begun is not None and rung.from_filling:
+        checkpoint = _trained_until_filled(filmed.clip, seed, steps, begun)
+    began = clock.now()
     with patched(() if rung.captured_anew else rung.patches):
         model = train(
             rung.clip(filmed.clip),
@@ -107,9 +122,10 @@ def _measured(rung: Rung, seed: int, steps: int, filmed: Filmed, clock: Clock) -
             seed=seed,
             find_light=rung.find_light,
             size=rung.size,
-            clock=clock.now,
+            checkpoint=checkpoint,
+            clock=clock.now if checkpoint is None else _standing,
         ).splats
-    training_s = clock.now() - begun
+    training_s = clock.now() - began
     assert model is not None
     return {
         "splats": len(model),
@@ -120,6 +136,31 @@ def _measured(rung: Rung, seed: int, steps: int, filmed: Filmed, clock: Clock) -
         **filmed.judged(model),
         **({"size": model.metrics["size"]} if "size" in model.metrics else {}),
     }
+
+
+def _trained_until_filled(clip: Sequence, seed: int, steps: int, folder: Path) -> Path:
+    """The checkpoint in `folder` of a training that has come to where unseen sides are filled."""
+    path = folder / f"{clip.data_hash[:12]}-{seed}.npz"
+    if not path.exists():
+        asked = count(1)
+        due = int(SplatSettings().filled_from * steps) // _ASKED_EVERY_STEPS
+        with suppress(TrainingStopped):
+            train(
+                clip,
+                iterations=steps,
+                seed=seed,
+                find_light=True,
+                should_stop=lambda: next(asked) >= due,
+                checkpoint=path,
+                clock=_standing,
+            )
+    return path
+
+
+def _standing() -> float:
+    """A clock that stands still: a training writes no checkpoint but when it is stopped, and asks
+    whether to stop after each `_ASKED_EVERY_STEPS`."""
+    return 0.0
 
 
 def _megabytes(model: SplatModel) -> float:

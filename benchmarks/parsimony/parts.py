@@ -23,6 +23,9 @@ _TRAINING, _FIT = "renderer.splats.training", "capture.fitting.terms.part_poses"
 _PASSES = "renderer.pose_refinement.passes.RefinementPasses.should_run"
 
 
+WHOLE = replace(AS_IT_IS, from_filling=True)
+
+
 @dataclass(frozen=True)
 class Part:
     """One part, and whom it is judged on."""
@@ -37,6 +40,11 @@ def _without(name: str, people: tuple[str, ...], **changes: Any) -> Part:
 
 def _of_training(name: str, people: tuple[str, ...], where: str, instead: Any) -> Part:
     return _without(name, people, patches=((f"{_TRAINING}.{where}", instead),))
+
+
+def _of_unseen_sides(name: str, people: tuple[str, ...], where: str, instead: Any) -> Part:
+    part = _of_training(name, people, where, instead)
+    return replace(part, rung=replace(part.rung, from_filling=True))
 
 
 def _of_capture(name: str, people: tuple[str, ...], where: str, instead: Any) -> Part:
@@ -60,28 +68,28 @@ def _none_of(rows: Any, *_: Any) -> Any:
 
 
 PARTS = (
-    _of_training(
+    _of_unseen_sides(
         "cloth over hollows",
         LIFELIKE,
         "trained_splats.spanned",
         lambda rest, *_: np.zeros_like(rest),
     ),
-    _of_training("mirrored guesses", LIFELIKE, "filling._MIRRORED_M", np.inf),
-    _of_training(
+    _of_unseen_sides("mirrored guesses", LIFELIKE, "filling._MIRRORED_M", np.inf),
+    _of_unseen_sides(
         "colours held at rims",
         (*LIFELIKE, *REAL),
         "trainer.held_colours",
         lambda evidence, *_: ~evidence.seen,
     ),
-    _of_training("finer sides", ("hazel",), "trainer.wide_on_unseen_sides", _none_of),
-    _of_training(
+    _of_unseen_sides("finer sides", ("hazel",), "trainer.wide_on_unseen_sides", _none_of),
+    _of_unseen_sides(
         "hair's volume",
         ("hazel",),
         "unseen_sides.hair_of_unseen_sides",
         lambda _, surface, *__: Hair.none(len(surface)),
     ),
-    _of_training("strands", ("hazel",), "trainer.with_strands", lambda model, _: model),
-    _of_training(
+    _of_unseen_sides("strands", ("hazel",), "trainer.with_strands", lambda model, _: model),
+    _of_unseen_sides(
         "guessed colours", ("hazel",), "unseen_sides.fill_unseen", lambda found, *_: found
     ),
     _without("looking from beside", (*LIFELIKE, "grey-shirt"), settings=_alone),

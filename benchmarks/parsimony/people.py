@@ -58,7 +58,7 @@ PLACES_DEG = {
     "behind": (-135.0, 135.0, 180.0),
 }
 """How far round the performer from their camera."""
-_MOMENTS = 4
+_MOMENTS = 3
 _TARGET, _DISTANCE_M, _FIELD_OF_VIEW_RAD = (0.0, 1.25, 0.0), 1.6, 0.6
 _TURN_RAD = 0.26
 """To either side: what somebody turns who talks to their screen."""

@@ -41,6 +41,8 @@ class Rung:
     """Of what no setting switches off."""
     captured_anew: bool = False
     """The patches are of the capture: the training's clip is captured by what they leave of it."""
+    from_filling: bool = False
+    """It changes nothing before unseen sides are filled: all such go on from one training."""
 
 
 @contextmanager
