@@ -22,20 +22,23 @@ _POINTS = "face's points / irises, %"
 
 def ablation(figures: Figures) -> str:
     """What each part is worth on real people, and on lifelike ones whose sides are known."""
+    tables = [_table(figures, _UNSEEN), _table(figures, _SHOWN, points=True)]
+    judged = {row["subject"] for row in figures["worth"]}
+    people = [one for one in figures["people"] if one["name"] in judged]
     return "\n\n".join(
         [
             "What the whole method is better by than without the part, dB / LPIPS x1000 on "
             f"`{figures['lpips']}`: the mean over seeds ± its standard error. **Bold**: more than "
-            "noise.",
-            _table(figures, _UNSEEN),
-            _table(figures, _SHOWN, points=True),
-            "; ".join(f"{one['name']}: {one['words']}" for one in figures["people"]) + ".",
+            f"noise. By `{figures['command']}`.",
+            *(table for table in tables if table is not None),
+            "; ".join(f"{one['name']}: {one['words']}" for one in people) + ".",
             measured_at(figures),
         ]
     )
 
 
-def _table(figures: Figures, columns: dict[str, str], *, points: bool = False) -> str:
+def _table(figures: Figures, columns: dict[str, str], *, points: bool = False) -> str | None:
+    """None where nobody was judged so."""
     rows = []
     for row in sorted(figures["worth"], key=lambda one: one["name"]):
         shown = [gain(row, begin) if f"{begin}_psnr" in row else "" for begin in columns.values()]
@@ -43,7 +46,7 @@ def _table(figures: Figures, columns: dict[str, str], *, points: bool = False) -
             face = [_points(row)] if points else []
             rows.append([row["name"], row["subject"], *shown, *face])
     head = ["left out", "person", *columns, *([_POINTS] if points else [])]
-    return markdown_table(head, rows)
+    return markdown_table(head, rows) if rows else None
 
 
 def _points(row: dict[str, Any]) -> str:

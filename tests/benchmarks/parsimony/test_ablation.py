@@ -136,7 +136,8 @@ def figures() -> dict[str, Any]:
         ]
     return {
         "lpips": "alexnet",
-        "people": [{"name": "hazel", "words": "lifelike"}],
+        "command": "metanerf bench ablation",
+        "people": [{"name": name, "words": "somebody"} for name in PEOPLE],
         "rows": rows,
         "worth": worth(rows),
         "date": "2026-11-27",
@@ -152,7 +153,15 @@ def test_the_page_tells_of_sides_apart_and_of_a_face_by_its_points():
     hands = next(line for line in page.splitlines() if line.startswith("| smooth hands"))
     assert hands.count("-0.05 ± 0.05") == 2
     assert hands.endswith("| +0.05 ± 0.05 / +0.05 ± 0.05 |")
-    assert "hazel: lifelike." in page
+    assert "\n\nhazel: somebody; grey-shirt: somebody.\n\n" in page
+
+
+def test_a_table_of_nobody_is_left_out():
+    of_all = figures()
+    lifelike = [one for one in of_all["worth"] if one["subject"] == "hazel"]
+    page = ablation({**of_all, "worth": lifelike})
+    assert "| left out | person | front | beside | behind |" in page
+    assert "| left out | person | body |" not in page
 
 
 def test_only_what_is_asked_for_is_measured(tmp_path, outside):
