@@ -75,6 +75,11 @@ CATALOGUE = (
         ("parsimony",),
         (require_motion, require_human_assets, require_real_footage),
     ),
+    Benchmark(
+        "ablation",
+        ("ablation",),
+        (require_motion, require_human_assets, require_real_footage),
+    ),
     Benchmark("install", ("install", "--fresh")),
     Benchmark("field-speed", ("field",)),
     Benchmark("foreign", ("foreign",), takes_backbone=True),

@@ -1,4 +1,4 @@
-"""`metanerf bench parsimony` and `bench install`: no more model and code than is needed."""
+"""`metanerf bench parsimony`, `ablation` and `install`: no more model and code than is needed."""
 
 from __future__ import annotations
 
@@ -58,6 +58,29 @@ def parsimony(
         require_real_footage(footage)
         networks = Networks(*landmark_models(), backbone)
     run(writer, OutsideData(motion, assets, footage, networks), clock, only, quick=quick)
+
+
+@app.command()
+def ablation(
+    commits: Commits = False,
+    motion: Motion = MOTION,
+    assets: Assets = HUMAN_ASSETS,
+    footage: Footage = FOOTAGE,
+    backbone: LpipsBackbone = LPIPS_BACKBONE,
+    clock: ClockName = "processor",
+    only: Only = "",
+) -> None:
+    """What each part of training and capture is worth to real people, left out alone."""
+    require_motion(motion)
+    require_human_assets(assets)
+    require_real_footage(footage)
+    from benchmarks.parsimony.ablation import run
+    from benchmarks.parsimony.subjects import OutsideData
+    from benchmarks.real.measure import Networks
+
+    writer = start("ablation", commits, narrowed=bool(only) or clock != "processor")
+    networks = Networks(*landmark_models(), backbone)
+    run(writer, OutsideData(motion, assets, footage, networks), clock, only)
 
 
 @app.command()

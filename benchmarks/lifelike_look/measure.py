@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from benchmarks.lifelike_look.performances import (
     FRAMES,
@@ -30,6 +29,7 @@ from benchmarks.lifelike_look.performances import (
 )
 from benchmarks.lifelike_look.sheet import LookedAt, draw_sheet
 from benchmarks.lifelike_look.webcam import AS_FOUND, GivenTruth, SyntheticWebcam
+from benchmarks.real.judge import crop_lpips
 from benchmarks.real.measure import Networks, trained_model
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.measurements import MeasurementCache
@@ -54,8 +54,6 @@ MUST_BEHIND, MUST_FLICKER = 1.0, 1.2
 """The same from beyond 75 degrees; flicker as a share of that of the model alone."""
 _FIRST, _EVERY = 12, 8
 """Pictures before the first that is judged, and from one to the next."""
-_LEAST_PX = 96
-"""Smaller crops are enlarged until the features of LPIPS see more than a few pixels."""
 
 
 def measure_cast(
@@ -170,22 +168,8 @@ def _of_picture(
     for part, window in (("body", body_crop(truth.mask)), ("part", performance.part(truth))):
         if window is not None:
             pair = picture[window], truth.image[window]
-            found |= {part: _lpips(lpips, *pair), f"{part}_psnr": min(psnr(*pair), 100.0)}
+            found |= {part: crop_lpips(lpips, *pair), f"{part}_psnr": min(psnr(*pair), 100.0)}
     return found
-
-
-@torch.no_grad()
-def _lpips(lpips: Lpips, made: Float[Array, "H W 3"], truth: Float[Array, "H W 3"]) -> float:
-    import cv2
-
-    scale = max(1.0, _LEAST_PX / min(made.shape[:2]))
-    pair = [
-        torch.from_numpy(
-            np.ascontiguousarray(cv2.resize(one, None, fx=scale, fy=scale), np.float32)
-        ).movedim(-1, 0)[None]
-        for one in (made, truth)
-    ]
-    return float(lpips(*pair)[0])
 
 
 def _flicker(pictures: tuple[Array, Array], frames: tuple[Frame, Frame]) -> float:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from benchmarks.frontier.charts import draw_charts
 from benchmarks.pages import capture, splats, stability
+from benchmarks.pages.ablation import ablation
 from benchmarks.pages.faults import faults
 from benchmarks.pages.frontier import frontier
 from benchmarks.pages.gpu import gpu
@@ -82,6 +83,7 @@ BLOCKS = (
     Block("docs/load.md", "estimate", ("load",), estimate),
     Block("docs/faults.md", "faults", ("faults",), faults),
     Block("docs/parsimony.md", "parsimony", ("parsimony",), parsimony),
+    Block("docs/parsimony.md", "ablation", ("ablation",), ablation),
     Block("docs/parsimony.md", "install", ("install",), install),
     Block(_FIGURES_PAGE, "trainings", ("expressions",), splats.trainings),
     Block(_FIGURES_PAGE, "expressions", ("expressions",), splats.expressions),

@@ -81,26 +81,24 @@ def _worth(figures: Figures) -> str:
     rows = []
     for part in parts:
         of = {row["subject"]: row for row in figures["worth"] if row["name"] == part}
-        rows.append([part, *(_gain(of.get(name)) for name in names)])
+        rows.append([part, *(_gains(of.get(name)) for name in names)])
     return markdown_table(["left out", *names], rows)
 
 
-def _gain(row: dict[str, Any] | None) -> str:
+def _gains(row: dict[str, Any] | None) -> str:
     if row is None:
         return ""
-    cells = []
-    for part in _PARTS:
-        if f"{part}_psnr" in row:
-            cells += [
-                _certain(row, f"{part}_psnr", 1.0, 2)
-                + " / "
-                + _certain(row, f"{part}_lpips", -1e3, 1)
-            ]
-    return "; ".join(cells)
+    return "; ".join(gain(row, part) for part in _PARTS if f"{part}_psnr" in row)
 
 
-def _certain(row: dict[str, Any], measure: str, factor: float, digits: int) -> str:
-    """The gain ± its standard error; LPIPS that falls is a gain too."""
+def gain(row: dict[str, Any], part: str) -> str:
+    """dB / LPIPS x1000 that the whole method is better by on a `part` of the picture."""
+    psnr = certain(row, f"{part}_psnr", 1.0, 2)
+    return f"{psnr} / {certain(row, f'{part}_lpips', -1e3, 1)}"
+
+
+def certain(row: dict[str, Any], measure: str, factor: float, digits: int) -> str:
+    """The gain ± its standard error; of measures that fall, such as LPIPS, by a negative factor."""
     error = row[f"{measure}_spread"] / max(np.sqrt(row["seeds"] - 1), 1.0)
     words = f"{factor * row[measure]:+.{digits}f} ± {abs(factor) * error:.{digits}f}"
     return f"**{words}**" if abs(row[measure]) > _NOISE * error else words

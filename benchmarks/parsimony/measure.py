@@ -7,17 +7,22 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.parsimony.rungs import AS_IT_IS, LADDER, QUICK, Rung
+from benchmarks.parsimony.rungs import AS_IT_IS, LADDER, QUICK, Rung, patched
 from benchmarks.parsimony.subjects import QUICK as QUICK_SUBJECTS
 from benchmarks.parsimony.subjects import SUBJECTS, Filmed, LadderSubject, OutsideData, about
 from benchmarks.reporting.figures import FigureWriter
+from benchmarks.reporting.measurements import MeasurementCache
 from benchmarks.reporting.timing import Clock, clock_named, milliseconds
+from renderer.errors import TrainingStopped
 from renderer.model_files import save_model
 from renderer.presets import find_preset
 from renderer.splats.files.viewer_file import encode
@@ -26,10 +31,13 @@ from renderer.splats.rasteriser.renderer import SplatRenderer
 from renderer.splats.settings import SplatSettings
 from renderer.training import train
 from scene.camera import orbit_camera
+from scene.sequence import Sequence
 
 STEPS = {"studio": 600, "real": 400, "quick": 60}
 _VIEW_PX, _VIEWS = 512, 12
-MEASURES = ("body_psnr", "body_lpips", "face_psnr", "face_lpips")
+_ASKED_EVERY_STEPS = 20
+_ACCURACIES = ("_psnr", "_lpips", "_percent")
+"""How the names of measures end that say how near a model comes to the truth."""
 
 
 def run(
@@ -40,21 +48,12 @@ def run(
     subjects, ladder = (QUICK_SUBJECTS, QUICK) if quick else (SUBJECTS, LADDER)
     rows = []
     for subject in subjects:
-        filmed = _OnDemand(subject, writer.measurements / "clips", footage)
+        filmed = OnDemand(subject, writer.measurements / "clips", footage)
+        rungs = [rung for rung in ladder if subject.real or not rung.real_alone]
+        if quick:
+            rungs = [replace(rung, seeds=rung.seeds[:1]) for rung in rungs]
         steps = STEPS["quick" if quick else "real" if subject.real else "studio"]
-        for rung in ladder:
-            if rung.real_alone and not subject.real:
-                continue
-            for seed in rung.seeds[: 1 if quick else None]:
-                row = {"subject": subject.name, "group": rung.group, "name": rung.name}
-                row |= {"seed": seed, "steps": steps}
-                of = {**row, **about(subject), **clock.about()}
-                found = cache.measured(
-                    f"{subject.name}/{rung.group}/{rung.name}/{seed}".replace(" ", "-"),
-                    of,
-                    lambda r=rung, s=seed, n=steps, f=filmed: _measured(r, s, n, f(), clock),
-                )
-                rows += [] if found is None else [{**row, **found}]
+        rows += rows_of(cache, subject, rungs, lambda _, f=filmed: f(), steps, clock)
     figures = {
         **clock.about(),
         "lpips": footage.networks.lpips.name,
@@ -65,7 +64,35 @@ def run(
     writer.write(figures)
 
 
-class _OnDemand:
+def rows_of(
+    cache: MeasurementCache,
+    subject: LadderSubject,
+    rungs: Iterable[Rung],
+    filmed: Callable[[Rung], Filmed],
+    steps: int,
+    clock: Clock,
+    begun: Path | None = None,
+) -> list[dict[str, Any]]:
+    """A row a rung and seed of what is stored, or measured now on what is `filmed` for the rung.
+
+    Args:
+        begun: folder for trainings that rungs go on from.
+    """
+    rows = []
+    for rung in rungs:
+        for seed in rung.seeds:
+            row = {"subject": subject.name, "group": rung.group, "name": rung.name}
+            row |= {"seed": seed, "steps": steps}
+            found = cache.measured(
+                f"{subject.name}/{rung.group}/{rung.name}/{seed}".replace(" ", "-"),
+                {**row, **about(subject), **clock.about()},
+                lambda r=rung, s=seed: measured(r, s, steps, filmed(r), clock, begun),
+            )
+            rows += [] if found is None else [{**row, **found}]
+    return rows
+
+
+class OnDemand:
     """Films once somebody asks: not where all is measured."""
 
     def __init__(self, subject: LadderSubject, folder: Path, footage: OutsideData) -> None:
@@ -80,18 +107,25 @@ class _OnDemand:
         return self._filmed
 
 
-def _measured(rung: Rung, seed: int, steps: int, filmed: Filmed, clock: Clock) -> dict[str, Any]:
-    begun = clock.now()
-    model = train(
-        rung.clip(filmed.clip),
-        preset=replace(find_preset("splats"), settings=rung.settings(SplatSettings())),
-        iterations=steps,
-        seed=seed,
-        find_light=rung.find_light,
-        size=rung.size,
-        clock=clock.now,
-    ).splats
-    training_s = clock.now() - begun
+def measured(
+    rung: Rung, seed: int, steps: int, filmed: Filmed, clock: Clock, begun: Path | None
+) -> dict[str, Any]:
+    checkpoint = None
+    if begun is not None and rung.from_filling:
+        checkpoint = _trained_until_filled(filmed.clip, seed, steps, begun)
+    began = clock.now()
+    with patched(() if rung.captured_anew else rung.patches):
+        model = train(
+            rung.clip(filmed.clip),
+            preset=replace(find_preset("splats"), settings=rung.settings(SplatSettings())),
+            iterations=steps,
+            seed=seed,
+            find_light=rung.find_light,
+            size=rung.size,
+            checkpoint=checkpoint,
+            clock=clock.now if checkpoint is None else _standing,
+        ).splats
+    training_s = clock.now() - began
     assert model is not None
     return {
         "splats": len(model),
@@ -102,6 +136,31 @@ def _measured(rung: Rung, seed: int, steps: int, filmed: Filmed, clock: Clock) -
         **filmed.judged(model),
         **({"size": model.metrics["size"]} if "size" in model.metrics else {}),
     }
+
+
+def _trained_until_filled(clip: Sequence, seed: int, steps: int, folder: Path) -> Path:
+    """The checkpoint in `folder` of a training that has come to where unseen sides are filled."""
+    path = folder / f"{clip.data_hash[:12]}-{seed}.npz"
+    if not path.exists():
+        asked = count(1)
+        due = int(SplatSettings().filled_from * steps) // _ASKED_EVERY_STEPS
+        with suppress(TrainingStopped):
+            train(
+                clip,
+                iterations=steps,
+                seed=seed,
+                find_light=True,
+                should_stop=lambda: next(asked) >= due,
+                checkpoint=path,
+                clock=_standing,
+            )
+    return path
+
+
+def _standing() -> float:
+    """A clock that stands still: a training writes no checkpoint but when it is stopped, and asks
+    whether to stop after each `_ASKED_EVERY_STEPS`."""
+    return 0.0
 
 
 def _megabytes(model: SplatModel) -> float:
@@ -139,8 +198,10 @@ def worth(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         if not both:
             continue
         row: dict[str, Any] = {"subject": subject, "name": name, "seeds": len(both)}
-        for measure in MEASURES:
-            if both[0][0].get(measure) is not None:
+        for measure in both[0][0]:
+            if not measure.endswith(_ACCURACIES):
+                continue
+            if all(row[measure] is not None for pair in both for row in pair):
                 apart = [one[measure] - other[measure] for one, other in both]
                 row[measure] = round(float(np.mean(apart)), 4)
                 row[f"{measure}_spread"] = round(float(np.std(apart)), 4)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -17,6 +19,8 @@ PICTURES_PX = (64, 128)
 """Longest side of the pictures that a step sees, in place of 512."""
 SEEDS = (0, 1)
 """Of each ablation, and of what it is compared with."""
+Patches = tuple[tuple[str, Any], ...]
+"""Dotted names of functions and constants, each with what stands in its place."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,21 @@ class Rung:
     seeds: tuple[int, ...] = (0,)
     real_alone: bool = False
     """It changes nothing where poses are exact or splats few."""
+    patches: Patches = ()
+    """Of what no setting switches off."""
+    captured_anew: bool = False
+    """The patches are of the capture: the training's clip is captured by what they leave of it."""
+    from_filling: bool = False
+    """It changes nothing before unseen sides are filled: all such go on from one training."""
+
+
+@contextmanager
+def patched(patches: Patches) -> Iterator[None]:
+    """Run with `patches` in place; a name that is not there raises AttributeError."""
+    with ExitStack() as stack:
+        for name, value in patches:
+            stack.enter_context(mock.patch(name, value))
+        yield
 
 
 def _set(**changes: Any) -> Callable[[SplatSettings], SplatSettings]:

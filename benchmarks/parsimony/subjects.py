@@ -8,14 +8,15 @@ them; capture does see them.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.real.filmed import film
+from benchmarks.real.filmed import FilmedClip, film
 from benchmarks.real.frames import test_frame
-from benchmarks.real.judge import Judge, mean
+from benchmarks.real.judge import Judge, TestFrame, mean
 from benchmarks.real.measure import Networks
 from benchmarks.real.parts import part_finder
 from benchmarks.real.ruler import Ruler
@@ -62,12 +63,13 @@ class Filmed:
 
 @dataclass(frozen=True)
 class Studio:
-    """A performer of the studio, 60 frames of `size` px in flat light."""
+    """A performer of the studio, 60 frames of `size` px in flat light, in a `look` of it."""
 
     performer: str | None = None
     lifelike: bool = False
     size: int = 256
     frames: int = 60
+    look: str = "plain"
 
     def __call__(self, folder: Path, footage: OutsideData) -> Filmed:
         if not folder.exists():
@@ -76,6 +78,7 @@ class Studio:
                 performer=self.performer,
                 assets=footage.assets if self.lifelike else None,
                 motion=footage.motion if self.performer else None,
+                look=self.look,
                 frames=self.frames,
                 size=self.size,
                 uniform=self.performer is None,
@@ -90,6 +93,7 @@ class Studio:
 
 
 _MEASURES = ("psnr", "lpips")
+_PARTS = {"body": _MEASURES, "face": _MEASURES}
 
 
 @dataclass(frozen=True)
@@ -99,32 +103,55 @@ class Webcam:
     clip: str
 
     def __call__(self, folder: Path, footage: OutsideData) -> Filmed:
-        ruler, about = Ruler.read(self.clip), folder.with_suffix(".json")
-        focal_px = json.loads(about.read_text())["focal_px"] if about.exists() else None
-        networks = footage.networks
-        options = CaptureOptions(
-            person=self.clip,
-            pose_model=networks.pose,
-            face_model=networks.face,
-            hand_model=networks.hand,
-        )
-        filmed = film(ruler, footage.real, folder, options, focal_px)
-        about.write_text(json.dumps({"focal_px": filmed.focal_px}))
+        filmed, networks = captured_once(self.clip, folder, footage), footage.networks
 
         def judged(model: PerformerModel) -> Figures:
             with part_finder(networks.face, networks.hand) as finder:
-                judge, rows = Judge(Lpips(networks.lpips), finder), []
-                for index in ruler.indices:
-                    pose = model.motion.pose_at(float(filmed.footage.times_s[index]))
-                    frame = test_frame(filmed, "unseen", index, filmed.camera, pose)
-                    rows.append(judge.figures(model.render(frame.camera, frame.pose), frame))
-            return {
-                f"{part}_{name}": mean(row[part].get(name) for row in rows)
-                for part in ("body", "face")
-                for name in _MEASURES
-            }
+                judge = Judge(Lpips(networks.lpips), finder)
+                return judged_parts(judge, model, held_back(filmed, model), _PARTS)
 
         return Filmed(filmed.without_ruler(), judged)
+
+
+def captured_once(clip: str, folder: Path, footage: OutsideData) -> FilmedClip:
+    """The `clip` of a ruler, captured into `folder` unless it has been."""
+    ruler, about, networks = Ruler.read(clip), folder.with_suffix(".json"), footage.networks
+    focal_px = json.loads(about.read_text())["focal_px"] if about.exists() else None
+    if focal_px is None:
+        shutil.rmtree(folder, ignore_errors=True)  # of a run that was cut before it said so
+    options = CaptureOptions(
+        person=clip,
+        pose_model=networks.pose,
+        face_model=networks.face,
+        hand_model=networks.hand,
+    )
+    filmed = film(ruler, footage.real, folder, options, focal_px)
+    about.write_text(json.dumps({"focal_px": filmed.focal_px}))
+    return filmed
+
+
+def held_back(filmed: FilmedClip, model: PerformerModel) -> list[TestFrame]:
+    """The ruler's frames of the clip that `model` learnt the rest of."""
+    frames = []
+    for index in filmed.ruler.indices:
+        pose = model.motion.pose_at(float(filmed.footage.times_s[index]))
+        frames.append(test_frame(filmed, "unseen", index, filmed.camera, pose))
+    return frames
+
+
+def judged_parts(
+    judge: Judge,
+    model: PerformerModel,
+    frames: Iterable[TestFrame],
+    measures: Mapping[str, Iterable[str]],
+) -> Figures:
+    """The `measures` of each part, see `Judge`: means over `frames`; None where none shows it."""
+    rows = [judge.figures(model.render(frame.camera, frame.pose), frame) for frame in frames]
+    return {
+        f"{part}_{name}": mean(row[part].get(name) for row in rows)
+        for part, names in measures.items()
+        for name in names
+    }
 
 
 SUBJECTS = (

@@ -93,7 +93,7 @@ class Judge:
             found[part] = {
                 "psnr": mean(min(psnr(a, b), 100.0) for a, b in pairs),
                 "ssim": mean(ssim(a, b) for a, b in pairs),
-                "lpips": mean(self._lpips(a, b) for a, b in pairs),
+                "lpips": mean(crop_lpips(self.lpips, a, b) for a, b in pairs),
             }
         inside, person = rendered[..., 3] > 0.5, frame.mask > 0.5
         found["body"]["iou"] = float((inside & person).sum() / max((inside | person).sum(), 1))
@@ -115,16 +115,20 @@ class Judge:
             "irises_percent": 100.0 * float(looking),
         }
 
-    @torch.no_grad()
-    def _lpips(self, rendered: Float[Array, "H W 3"], truth: Float[Array, "H W 3"]) -> float:
-        scale = max(1.0, _LPIPS_LEAST_PX / min(rendered.shape[:2]))
-        pair = [
-            torch.from_numpy(
-                np.ascontiguousarray(cv2.resize(picture, None, fx=scale, fy=scale), np.float32)
-            ).movedim(-1, 0)[None]
-            for picture in (rendered, truth)
-        ]
-        return float(self.lpips(*pair)[0])
+
+@torch.no_grad()
+def crop_lpips(
+    lpips: Lpips, rendered: Float[Array, "H W 3"], truth: Float[Array, "H W 3"]
+) -> float:
+    """LPIPS of a crop, however small it is."""
+    scale = max(1.0, _LPIPS_LEAST_PX / min(rendered.shape[:2]))
+    pair = [
+        torch.from_numpy(
+            np.ascontiguousarray(cv2.resize(picture, None, fx=scale, fy=scale), np.float32)
+        ).movedim(-1, 0)[None]
+        for picture in (rendered, truth)
+    ]
+    return float(lpips(*pair)[0])
 
 
 def flicker(model: PerformerModel, before: TestFrame, after: TestFrame) -> float:
