@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from benchmarks.parsimony.measure import STEPS, OnDemand, rows_of, worth
+from benchmarks.parsimony.measure import STEPS, OnDemand, measured_rows, worth
 from benchmarks.parsimony.parts import PARTS, WHOLE
 from benchmarks.parsimony.people import PEOPLE, RealPerson
 from benchmarks.parsimony.rungs import Rung
@@ -22,7 +22,7 @@ def run(writer: FigureWriter, footage: OutsideData, clock_name: str, only: str) 
         rungs = [WHOLE, *(part.rung for part in PARTS if subject.name in part.people)]
         films = _Films(subject, writer.measurements / "clips", footage)
         begun = writer.measurements / "begun"
-        rows += rows_of(cache, subject, rungs, films, STEPS["real"], clock, begun)
+        rows += measured_rows(cache, subject, rungs, films, STEPS["real"], clock, begun)
     figures = {
         **clock.about(),
         "lpips": footage.networks.lpips.name,

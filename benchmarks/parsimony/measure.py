@@ -53,7 +53,7 @@ def run(
         if quick:
             rungs = [replace(rung, seeds=rung.seeds[:1]) for rung in rungs]
         steps = STEPS["quick" if quick else "real" if subject.real else "studio"]
-        rows += rows_of(cache, subject, rungs, lambda _, f=filmed: f(), steps, clock)
+        rows += measured_rows(cache, subject, rungs, lambda _, f=filmed: f(), steps, clock)
     figures = {
         **clock.about(),
         "lpips": footage.networks.lpips.name,
@@ -64,7 +64,7 @@ def run(
     writer.write(figures)
 
 
-def rows_of(
+def measured_rows(
     cache: MeasurementCache,
     subject: LadderSubject,
     rungs: Iterable[Rung],

@@ -27,27 +27,27 @@ WHOLE = replace(AS_IT_IS, from_filling=True)
 
 
 @dataclass(frozen=True)
-class Part:
+class MethodPart:
     """One part, and whom it is judged on."""
 
     rung: Rung
     people: tuple[str, ...]
 
 
-def _without(name: str, people: tuple[str, ...], **changes: Any) -> Part:
-    return Part(replace(AS_IT_IS, group="without", name=name, **changes), people)
+def _without(name: str, people: tuple[str, ...], **changes: Any) -> MethodPart:
+    return MethodPart(replace(AS_IT_IS, group="without", name=name, **changes), people)
 
 
-def _of_training(name: str, people: tuple[str, ...], where: str, instead: Any) -> Part:
+def _of_training(name: str, people: tuple[str, ...], where: str, instead: Any) -> MethodPart:
     return _without(name, people, patches=((f"{_TRAINING}.{where}", instead),))
 
 
-def _of_unseen_sides(name: str, people: tuple[str, ...], where: str, instead: Any) -> Part:
+def _of_unseen_sides(name: str, people: tuple[str, ...], where: str, instead: Any) -> MethodPart:
     part = _of_training(name, people, where, instead)
     return replace(part, rung=replace(part.rung, from_filling=True))
 
 
-def _of_capture(name: str, people: tuple[str, ...], where: str, instead: Any) -> Part:
+def _of_capture(name: str, people: tuple[str, ...], where: str, instead: Any) -> MethodPart:
     patches: Patches = ((where, instead),)
     return _without(name, people, patches=patches, captured_anew=True)
 
