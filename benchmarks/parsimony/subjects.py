@@ -97,7 +97,7 @@ _PARTS = {"body": _MEASURES, "face": _MEASURES}
 
 
 @dataclass(frozen=True)
-class Webcam:
+class WebcamClip:
     """A real person in the clip of a ruler."""
 
     clip: str
@@ -158,9 +158,9 @@ SUBJECTS = (
     LadderSubject("uniform", "painted, clothes of one colour each, turns in place", Studio()),
     LadderSubject("amber", "painted, stripes and letters, dances", Studio("amber")),
     LadderSubject("flint", "lifelike, walks", Studio("flint", lifelike=True)),
-    LadderSubject("grey-shirt", "real, at a webcam", Webcam("grey_shirt_sorry"), real=True),
+    LadderSubject("grey-shirt", "real, at a webcam", WebcamClip("grey_shirt_sorry"), real=True),
     LadderSubject(
-        "patterned-shirt", "real, at a webcam", Webcam("patterned_shirt_sister"), real=True
+        "patterned-shirt", "real, at a webcam", WebcamClip("patterned_shirt_sister"), real=True
     ),
 )
 QUICK = (LadderSubject("uniform", "as above, small", Studio(size=96, frames=24)),)

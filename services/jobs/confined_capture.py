@@ -26,6 +26,8 @@ _OPEN_FILES = 512
 _LEAST_FILE_BYTES = 256 << 20
 _UNPACKED = 4
 """How much larger than the clip a file may be that is unpacked from it."""
+_GIVES_WAY = 10
+"""Niceness that is added once somebody works with the draft: who waits, waits for that."""
 DRAFT, RESULT = "draft", "sequence"
 """Names of folders in the one that may be written to."""
 
@@ -66,6 +68,7 @@ class _Conversation:
     def hand_over(self, draft: Path, folder: Path) -> None:
         """Leave a draft to the other, who works with it while the capture goes on."""
         draft.rename(folder / DRAFT)
+        os.nice(_GIVES_WAY)
         self.say(draft=True)
 
     def _listen(self) -> None:
