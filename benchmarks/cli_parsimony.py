@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -26,6 +27,9 @@ from benchmarks.inputs import (
     require_motion,
     require_real_footage,
 )
+
+if TYPE_CHECKING:
+    from benchmarks.parsimony.subjects import OutsideData
 
 app = typer.Typer()
 
@@ -52,12 +56,10 @@ def parsimony(
     writer = start("parsimony", commits, narrowed=quick or bool(only) or clock != "processor")
     if quick:
         networks = Networks(footage, footage, footage, PACKAGED_BACKBONE)
+        outside = OutsideData(motion, assets, footage, networks)
     else:
-        require_motion(motion)
-        require_human_assets(assets)
-        require_real_footage(footage)
-        networks = Networks(*landmark_models(), backbone)
-    run(writer, OutsideData(motion, assets, footage, networks), clock, only, quick=quick)
+        outside = _outside_data(motion, assets, footage, backbone)
+    run(writer, outside, clock, only, quick=quick)
 
 
 @app.command()
@@ -71,16 +73,22 @@ def ablation(
     only: Only = "",
 ) -> None:
     """What each part of training and capture is worth to real people, left out alone."""
-    require_motion(motion)
-    require_human_assets(assets)
-    require_real_footage(footage)
     from benchmarks.parsimony.ablation import run
+
+    outside = _outside_data(motion, assets, footage, backbone)
+    writer = start("ablation", commits, narrowed=bool(only) or clock != "processor")
+    run(writer, outside, clock, only)
+
+
+def _outside_data(motion: Path, assets: Path, footage: Path, backbone: Path) -> OutsideData:
+    """Raises InvalidInput where any of it is missing."""
     from benchmarks.parsimony.subjects import OutsideData
     from benchmarks.real.measure import Networks
 
-    writer = start("ablation", commits, narrowed=bool(only) or clock != "processor")
-    networks = Networks(*landmark_models(), backbone)
-    run(writer, OutsideData(motion, assets, footage, networks), clock, only)
+    require_motion(motion)
+    require_human_assets(assets)
+    require_real_footage(footage)
+    return OutsideData(motion, assets, footage, Networks(*landmark_models(), backbone))
 
 
 @app.command()

@@ -84,7 +84,8 @@ def project(
     return pixels.reshape(*points.shape[:-1], 2)
 
 
-def _array(value: Tensor) -> Array:
+def array_of(value: Tensor) -> Array:
+    """What kernels take: without gradients, in one piece."""
     return value.detach().contiguous().numpy()
 
 
@@ -93,14 +94,14 @@ class _Rotations(Function):
     def forward(ctx: Any, angles: Tensor) -> Tensor:
         ctx.save_for_backward(angles)
         rotations = angles.new_empty(len(angles), 3, 3)
-        kernels.rotate(_array(angles), rotations.numpy())
+        kernels.rotate(array_of(angles), rotations.numpy())
         return rotations
 
     @staticmethod
     def backward(ctx: Any, by_rotation: Tensor) -> Tensor:
         (angles,) = ctx.saved_tensors
         by_angle = angles.new_empty(angles.shape)
-        kernels.rotate_back(_array(angles), _array(by_rotation), by_angle.numpy())
+        kernels.rotate_back(array_of(angles), array_of(by_rotation), by_angle.numpy())
         return by_angle
 
 
@@ -108,7 +109,7 @@ class _Chain(Function):
     @staticmethod
     def forward(ctx: Any, local: Tensor, root: Tensor, rest: Tensor) -> tuple[Tensor, Tensor]:
         rotations, positions = local.new_empty(local.shape), local.new_empty(local.shape[:3])
-        given = _array(local), _array(root), _array(rest)
+        given = array_of(local), array_of(root), array_of(rest)
         kernels.chain(*given, _PARENTS, rotations.numpy(), positions.numpy())
         ctx.save_for_backward(local, rest, rotations)
         return rotations, positions
@@ -121,12 +122,12 @@ class _Chain(Function):
         shapes = local.shape, (len(local), 3), rest.shape
         found = tuple(local.new_zeros(shape) for shape in shapes)
         kernels.chain_back(
-            _array(local),
-            _array(rest),
+            array_of(local),
+            array_of(rest),
             _PARENTS,
-            _array(rotations),
-            _array(by_rotation).copy(),
-            _array(by_position).copy(),
+            array_of(rotations),
+            array_of(by_rotation).copy(),
+            array_of(by_position).copy(),
             *(value.numpy() for value in found),
         )
         return found
@@ -145,10 +146,10 @@ class _Skin(Function):
     ) -> Tensor:
         posed = points.new_empty(*which.shape, 3)
         kernels.skin(
-            _array(rotations),
-            _array(positions),
-            _array(rest),
-            _array(points),
+            array_of(rotations),
+            array_of(positions),
+            array_of(rest),
+            array_of(points),
             *blend_weights,
             which,
             posed.numpy(),
@@ -164,12 +165,12 @@ class _Skin(Function):
         shapes = rotations.shape, positions.shape, rest.shape, points.shape
         found = tuple(points.new_zeros(shape) for shape in shapes)
         kernels.skin_back(
-            _array(rotations),
-            _array(rest),
-            _array(points),
+            array_of(rotations),
+            array_of(rest),
+            array_of(points),
             *moved_by,
             ctx.which,
-            _array(by_posed),
+            array_of(by_posed),
             *(value.numpy() for value in found),
         )
         return found[0], found[1], found[2], found[3], None, None
@@ -180,7 +181,7 @@ class _Pinhole(Function):
     def forward(ctx: Any, points: Tensor, focal_px: Tensor, x: float, y: float) -> Tensor:
         ctx.save_for_backward(points, focal_px)
         pixels = points.new_empty(len(points), 2)
-        kernels.pinhole(_array(points), float(focal_px), x, y, pixels.numpy())
+        kernels.pinhole(array_of(points), float(focal_px), x, y, pixels.numpy())
         return pixels
 
     @staticmethod
@@ -188,6 +189,6 @@ class _Pinhole(Function):
         points, focal_px = ctx.saved_tensors
         by_point = points.new_empty(points.shape)
         by_focal = kernels.pinhole_back(
-            _array(points), float(focal_px), _array(by_pixel), by_point.numpy()
+            array_of(points), float(focal_px), array_of(by_pixel), by_point.numpy()
         )
         return by_point, focal_px.new_tensor(by_focal), None, None

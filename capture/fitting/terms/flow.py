@@ -22,6 +22,7 @@ import torch
 import torch.nn.functional as nnf
 from torch.autograd import Function
 
+from capture.fitting.kinematics import array_of
 from capture.fitting.observations import Observations
 from capture.fitting.state import FitBody, PosedClip
 from capture.fitting.term import Term
@@ -261,12 +262,12 @@ class _FlowEnergy(Function):
         by_pixel = pixels.new_zeros(pixels.shape)
         energies = [
             motion_energy(
-                _array(pixels),
+                array_of(pixels),
                 stride,
-                _array(displacements),
-                _array(targets.valid[stride]),
-                _array(targets.certainty[stride]),
-                _array(deviation_px),
+                array_of(displacements),
+                array_of(targets.valid[stride]),
+                array_of(targets.certainty[stride]),
+                array_of(deviation_px),
                 _OUTLIER,
                 _FEW_VERTICES,
                 by_pixel.numpy(),
@@ -281,10 +282,6 @@ class _FlowEnergy(Function):
     def backward(ctx: Any, by_energy: Tensor) -> tuple[Tensor, None, None]:
         (by_pixel,) = ctx.saved_tensors
         return by_energy * by_pixel, None, None
-
-
-def _array(value: Tensor) -> Array:
-    return value.detach().contiguous().numpy()
 
 
 def _flow_search(*, coarse: bool) -> cv2.DISOpticalFlow:

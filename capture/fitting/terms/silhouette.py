@@ -19,6 +19,7 @@ import torch
 import torch.nn.functional as nnf
 from torch.autograd import Function
 
+from capture.fitting.kinematics import array_of
 from capture.fitting.observations import Observations
 from capture.fitting.robust import geman_mcclure, pseudo_huber
 from capture.fitting.state import FitBody, PosedClip
@@ -141,7 +142,7 @@ class _Outside(Function):
         w, slopes = masks.window, pixels.new_empty(pixels.shape)
         outside = pixels.new_empty(pixels.shape[:2])
         look_up(
-            pixels.detach().contiguous().numpy(),
+            array_of(pixels),
             masks.distance.numpy(),
             masks.known.numpy(),
             (float(w.x), float(w.y), float(w.scale)),
