@@ -5,6 +5,7 @@ import type { RenderStatus } from "../../src/splats/renderMode";
 import type { Meeting } from "../../src/api/types";
 import type { CameraPose } from "../../src/viewpoint/viewpoint";
 import { FRONT } from "../viewpoint/front";
+import { eventually } from "../waiting";
 
 // what needs a graphics card and a worker
 const rooms = vi.hoisted(() => [] as Record<string, unknown>[]);
@@ -64,7 +65,7 @@ async function ready() {
     onFinished(tookMs: number): void;
     draw: Mock;
   };
-  await vi.waitFor(() => expect(made.told.length).toBeGreaterThan(0));
+  await eventually(() => expect(made.told.length).toBeGreaterThan(0));
   room.loaded = true;
   room.onLoaded();
   return { ...made, room };

@@ -2,6 +2,7 @@ import { describe, expect, it, vi } from "vitest";
 import { PerformerRoster } from "../../src/drawing/performerRoster";
 import type { Meeting, Performer } from "../../src/api/types";
 import { FRONT, performer } from "../viewpoint/front";
+import { eventually } from "../waiting";
 
 const [ADA, BO] = [performer("ada"), performer("bo")];
 
@@ -24,8 +25,8 @@ describe("who is shown", () => {
     made.showOnly(["bo"]);
     expect(news).toEqual(["gone ada", "shown bo"]);
     expect(meeting.performers).toEqual([BO]);
-    await vi.waitFor(() => expect(asked).toHaveBeenCalledWith("m", "seat"));
-    await vi.waitFor(() => expect(meeting.join_url).toBe("/new"));
+    await eventually(() => expect(asked).toHaveBeenCalledWith("m", "seat"));
+    await eventually(() => expect(meeting.join_url).toBe("/new"));
     made.showOnly(["bo"]);
     expect([asked.mock.calls.length, news.length]).toEqual([1, 3]);
   });
@@ -41,7 +42,7 @@ describe("who is shown", () => {
     made.showOnly(["ada", "bo"]);
     expect(asked).not.toHaveBeenCalled();
     made.showOnly(["ada", "bo", "cy"]);
-    await vi.waitFor(() => expect(news).toEqual(["shown ada,bo,cy"]));
+    await eventually(() => expect(news).toEqual(["shown ada,bo,cy"]));
   });
 
   it("asks nothing without a seat", async () => {

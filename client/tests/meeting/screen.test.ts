@@ -1,6 +1,7 @@
 import { afterEach, describe, expect, it, vi } from "vitest";
 import { ScreenShare } from "../../src/meeting/screen";
 import { fakeFetch } from "../fakes";
+import { eventually } from "../waiting";
 
 class FakePeer extends EventTarget {
   iceGatheringState = "complete";
@@ -46,7 +47,7 @@ describe("sharing a screen", () => {
     await share.send();
     expect(calls.map(({ method, path }) => [method, path])).toEqual([["POST", "https://one.example/whip/m"]]);
     share.close();
-    await vi.waitFor(() => expect(calls.at(-1)).toMatchObject({ method: "DELETE", path: "https://one.example/whip/m/1" }));
+    await eventually(() => expect(calls.at(-1)).toMatchObject({ method: "DELETE", path: "https://one.example/whip/m/1" }));
     expect([shown.stopped, peer.closed]).toEqual([true, true]);
   });
 

@@ -13,6 +13,7 @@ import { fakeFetch, json, tokenStore } from "../fakes";
 import { performer } from "../viewpoint/front";
 import { performerCheck } from "../../src/transport/packets";
 import { find } from "./inside";
+import { eventually } from "../waiting";
 
 const soon = (): Promise<void> => new Promise((resolve) => setTimeout(resolve));
 
@@ -151,7 +152,7 @@ describe("trying camera and microphone", () => {
   it("shows how loud the microphone is", async () => {
     const { element, open } = check();
     await open(true);
-    await vi.waitFor(() => expect(find<HTMLMeterElement>(element, "check-level").value).toBe(1));
+    await eventually(() => expect(find<HTMLMeterElement>(element, "check-level").value).toBe(1));
     await open(false);
     expect(find<HTMLMeterElement>(element, "check-level").value).toBe(0);
   });
@@ -277,7 +278,7 @@ describe("motion capture in the meeting", () => {
     stored["/v1/meetings/m/performers"] = json(performer("Bo", own), 201);
     const { element, start, getUserMedia, calls } = view(performer("Cy"));
     await start();
-    await vi.waitFor(() => expect(element.textContent).toContain("Animating Bo."));
+    await eventually(() => expect(element.textContent).toContain("Animating Bo."));
     expect(calls.find(({ method }) => method === "POST")?.body).toBe(JSON.stringify({ model_id: "m-Bo", motion_sequence_id: null }));
     expect(getUserMedia).toHaveBeenCalledTimes(1);
   });
@@ -288,6 +289,6 @@ describe("motion capture in the meeting", () => {
     stored["/v1/meetings/m/performers"] = json({ title: "The meeting is full", detail: "at most 12" }, 409);
     const { element, start } = view(performer("Cy"));
     await start();
-    await vi.waitFor(() => expect(element.textContent).toContain("The meeting is full"));
+    await eventually(() => expect(element.textContent).toContain("The meeting is full"));
   });
 });

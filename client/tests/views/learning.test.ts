@@ -4,6 +4,7 @@ import { Problem } from "../../src/api/problem";
 import type { Job, KeptFrames } from "../../src/api/types";
 import { learningControl } from "../../src/views/learning";
 import { find } from "./inside";
+import { eventually } from "../waiting";
 
 const KEPT: KeptFrames = { on: false, frames: [{ picture: "data:image/png;base64,", sides: ["head from 60 degrees to their left"] }] };
 const NONE: KeptFrames = { on: false, frames: [] };
@@ -40,7 +41,7 @@ function setUp(kept = KEPT, job: Partial<Job> = { state: "succeeded", error: nul
   const press = async (): Promise<void> => {
     box.checked = !box.checked;
     box.dispatchEvent(new Event("change"));
-    await vi.waitFor(() => undefined);
+    await eventually(() => undefined);
     await new Promise((resolve) => setTimeout(resolve, 5));
   };
   return { ...control, live, api, box, press, held, sheet: find<HTMLElement>(control.element, "kept-sheet") };

@@ -9,6 +9,7 @@ import { screenView } from "../../src/views/screenView";
 import { waitingNote } from "../../src/views/waitingNote";
 import { json, member } from "../fakes";
 import { BO, HOST, find, inside, press } from "./inside";
+import { eventually } from "../waiting";
 
 beforeEach(() => {
   document.body.innerHTML = '<div id="announcer"></div>';
@@ -30,7 +31,7 @@ describe("the environment picker", () => {
     const panel = environmentPicker(there.api, there.session, complain);
     document.body.append(panel.element);
     there.session.subscribe(panel.update);
-    await vi.waitFor(() => find(panel.element, "environment-park"));
+    await eventually(() => find(panel.element, "environment-park"));
     const chosen = (): string | undefined =>
       [...panel.element.querySelectorAll<HTMLInputElement>("input[type=radio]")].find(({ checked }) => checked)?.value;
     return { ...there, ...panel, complain, chosen, set: find<HTMLFieldSetElement>(panel.element, "environments") };
@@ -41,7 +42,7 @@ describe("the environment picker", () => {
     expect(chosen()).toBe("studio");
     press(element, "environment-park");
     expect(set.disabled).toBe(true);
-    await vi.waitFor(() => expect(set.disabled).toBe(false));
+    await eventually(() => expect(set.disabled).toBe(false));
     expect(calls.at(-1)).toMatchObject({ method: "PUT", path: "/v1/meetings/m/environment", token: "Bearer seat" });
     expect(chosen()).toBe("studio"); // until the server says that it is so
     roster({ environment: "park" });
@@ -51,7 +52,7 @@ describe("the environment picker", () => {
   it("says why it could not be, and goes back to the place that is", async () => {
     const { element, complain, chosen } = await choice(() => json({ title: "Not now", detail: "Try later." }, 409));
     press(element, "environment-park");
-    await vi.waitFor(() => expect(complain).toHaveBeenCalledWith("Not now. Try later."));
+    await eventually(() => expect(complain).toHaveBeenCalledWith("Not now. Try later."));
     expect(chosen()).toBe("studio");
   });
 
@@ -69,7 +70,7 @@ describe("the environment picker", () => {
     const file = new File(["jpeg"], "garden.jpg", { type: "image/jpeg" });
     Object.defineProperty(box, "files", { value: [file] });
     box.dispatchEvent(new Event("change"));
-    await vi.waitFor(() => expect(calls.at(-1)).toMatchObject({ method: "PUT", path: "/v1/meetings/m/panorama" }));
+    await eventually(() => expect(calls.at(-1)).toMatchObject({ method: "PUT", path: "/v1/meetings/m/panorama" }));
     roster({ environment: "own-1" });
     expect(box.closest("label")?.classList.contains("chosen-environment")).toBe(true);
   });
@@ -267,13 +268,13 @@ describe("a shared screen", () => {
     const { toggle, panel, show, stream, roster, sent, words, complain } = stage();
     show(stream);
     toggle.click();
-    await vi.waitFor(() => expect(sent).toEqual([{ type: "present", on: true }]));
+    await eventually(() => expect(sent).toEqual([{ type: "present", on: true }]));
     expect(panel.hidden).toBe(true); // not before the server says so
     roster({ presenter_id: "me" });
     expect([panel.hidden, words()]).toEqual([false, "Your screen"]);
     expect(find<HTMLVideoElement>(panel, "screen-video").srcObject).toBe(own);
     expect(toggle.getAttribute("aria-pressed")).toBe("true");
-    await vi.waitFor(() => expect(asked).toHaveBeenCalledWith(expect.stringMatching(/\/whip\/m$/), expect.objectContaining({ method: "POST" })));
+    await eventually(() => expect(asked).toHaveBeenCalledWith(expect.stringMatching(/\/whip\/m$/), expect.objectContaining({ method: "POST" })));
     roster({ presenter_id: "b" });
     expect(track.stop).toHaveBeenCalled();
     expect(complain).toHaveBeenCalledWith("Your screen is no longer shared.");

@@ -12,6 +12,7 @@ import { recordingControls } from "../../src/views/recordingControls";
 import { sidePanel, type PanelName, type PanelPage } from "../../src/views/sidePanel";
 import { fakeFetch, json, member, tokenStore } from "../fakes";
 import { BO, HOST, find, inside, press } from "./inside";
+import { eventually } from "../waiting";
 
 const said = (number: number, from: string, text: string): Said => ({
   type: "said",
@@ -162,7 +163,7 @@ describe("the people", () => {
     expect(element.textContent).toContain("Whoever is in the meeting stays in it.");
     expect(calls.some(({ path }) => path.endsWith("/invitation"))).toBe(false);
     press(element, "renew-invitation-sure");
-    await vi.waitFor(() => expect(find(element, "invitation-told").textContent).toContain("The old link no longer works."));
+    await eventually(() => expect(find(element, "invitation-told").textContent).toContain("The old link no longer works."));
     expect(calls.at(-1)).toMatchObject({ method: "POST", path: "/v1/meetings/m/invitation", token: "Bearer seat" });
     expect(session.meeting.join_url).toBe("/?meeting=m#token=new");
   });
@@ -171,7 +172,7 @@ describe("the people", () => {
     const { element } = people(({ path }) => (path.endsWith("/invitation") ? json({ title: "Not host", detail: "ask the host" }, 403) : json({})));
     press(element, "renew-invitation");
     press(element, "renew-invitation-sure");
-    await vi.waitFor(() => expect(find(element, "invitation-told").textContent).toBe("Not host. Ask the host."));
+    await eventually(() => expect(find(element, "invitation-told").textContent).toBe("Not host. Ask the host."));
   });
 });
 
@@ -345,9 +346,9 @@ describe("privacy", () => {
     expect(calls.filter(({ method }) => method === "DELETE")).toEqual([]);
     press(element, "erase");
     press(element, "erase-sure");
-    await vi.waitFor(() => expect(onErased).toHaveBeenCalledTimes(1));
+    await eventually(() => expect(onErased).toHaveBeenCalledTimes(1));
     expect(calls.find(({ method }) => method === "DELETE")?.path).toBe("/v1/people/p");
-    await vi.waitFor(() => expect(element.querySelector("[data-testid=erase]")).toBeNull());
+    await eventually(() => expect(element.querySelector("[data-testid=erase]")).toBeNull());
     expect(element.querySelector("[role=status]")?.textContent).toBe("Ada has been erased, with every clip, model and recording.");
   });
 
@@ -359,7 +360,7 @@ describe("privacy", () => {
     expect(document.activeElement?.textContent).toBe("Keep");
     expect(find(element, "consent").textContent).toContain("disappears at once from meetings");
     press(element, "consent-revoke-sure");
-    await vi.waitFor(() => expect(state.textContent).toMatch(/^Consent revoked on .*2026: the model is shown nowhere\.$/));
+    await eventually(() => expect(state.textContent).toMatch(/^Consent revoked on .*2026: the model is shown nowhere\.$/));
     expect(calls.at(-1)).toMatchObject({ method: "DELETE", path: "/v1/people/p/consent" });
     expect(element.querySelector("[data-testid=consent-revoke]")).toBeNull();
     expect(find(element, "consent-change").textContent).toBe("Give consent again");
@@ -372,7 +373,7 @@ describe("privacy", () => {
     find<HTMLInputElement>(element, "consent-p-recordings").checked = false;
     find<HTMLInputElement>(element, "consent-p-until").value = "2030-01-01";
     find<HTMLElement>(element, "consent-save").closest("form")?.dispatchEvent(new Event("submit", { cancelable: true }));
-    await vi.waitFor(() => expect(find(element, "consent-state").textContent).toMatch(/^Consent given for meetings; until .*2030\.$/));
+    await eventually(() => expect(find(element, "consent-state").textContent).toMatch(/^Consent given for meetings; until .*2030\.$/));
     expect(calls.at(-1)).toMatchObject({ method: "PUT", path: "/v1/people/p/consent", body: JSON.stringify({ purposes: ["meetings"], until: new Date(2030, 0, 2).toISOString() }) });
   });
 
@@ -380,7 +381,7 @@ describe("privacy", () => {
     const { element, onErased } = await panel(() => json({ title: "Busy", detail: "a job runs" }, 409));
     press(element, "erase");
     press(element, "erase-sure");
-    await vi.waitFor(() => expect(element.querySelector("[role=status]")?.textContent).toBe("Busy. A job runs."));
+    await eventually(() => expect(element.querySelector("[role=status]")?.textContent).toBe("Busy. A job runs."));
     expect(onErased).not.toHaveBeenCalled();
   });
 });

@@ -5,6 +5,7 @@ import type { MeetingSession } from "../../src/meeting/session";
 import { INITIAL_STATE } from "../../src/meeting/state";
 import { enterVrButton } from "../../src/xr/enterButton";
 import { FRONT } from "../viewpoint/front";
+import { eventually } from "../waiting";
 
 class FakeSession extends EventTarget {
   inputSources = [];
@@ -52,7 +53,7 @@ function setUp({ graphics = true, seat = async (): Promise<object> => ({ seat: 1
   return { button: element as HTMLButtonElement, close, session, requestSession, visits, pressed };
 }
 
-const offered = (button: HTMLElement): Promise<void> => vi.waitFor(() => expect(button.hidden).toBe(false));
+const offered = (button: HTMLElement): Promise<void> => eventually(() => expect(button.hidden).toBe(false));
 
 beforeEach(() => {
   supported = true;
@@ -84,11 +85,11 @@ describe("the button into a headset", () => {
     const { button, session, visits, pressed } = setUp();
     await offered(button);
     button.click();
-    await vi.waitFor(() => expect(pressed()).toBe("true"));
+    await eventually(() => expect(pressed()).toBe("true"));
     expect(button.textContent).toBe("Leave VR");
     expect(visits).toEqual(["begin"]);
     button.click();
-    await vi.waitFor(() => expect(pressed()).toBe("false"));
+    await eventually(() => expect(pressed()).toBe("false"));
     expect([session.ended, visits]).toEqual([true, ["begin", "end"]]);
     expect(button.textContent).toBe("Enter VR");
   });
@@ -98,17 +99,17 @@ describe("the button into a headset", () => {
     requestSession.mockRejectedValueOnce(new DOMException("no", "NotAllowedError"));
     await offered(button);
     button.click();
-    await vi.waitFor(() => expect(document.getElementById("announcer")?.textContent).toContain("could not be used"));
-    await vi.waitFor(() => expect(button.disabled).toBe(false));
+    await eventually(() => expect(document.getElementById("announcer")?.textContent).toContain("could not be used"));
+    await eventually(() => expect(button.disabled).toBe(false));
     button.click();
-    await vi.waitFor(() => expect(pressed()).toBe("true"));
+    await eventually(() => expect(pressed()).toBe("true"));
   });
 
   it("ends the headset's session where this device can't draw", async () => {
     const { button, session, visits } = setUp({ graphics: false });
     await offered(button);
     button.click();
-    await vi.waitFor(() => expect(session.ended).toBe(true));
+    await eventually(() => expect(session.ended).toBe(true));
     expect(visits).toEqual(["begin", "end"]);
   });
 
@@ -120,7 +121,7 @@ describe("the button into a headset", () => {
     await new Promise((resolve) => setTimeout(resolve, 20));
     await session.end();
     arrive({ seat: 1 });
-    await vi.waitFor(() => expect(button.disabled).toBe(false));
+    await eventually(() => expect(button.disabled).toBe(false));
     expect(visits).toEqual(["begin", "end"]);
     expect(pressed()).not.toBe("true");
   });
@@ -132,9 +133,9 @@ describe("the button into a headset", () => {
     button.click();
     await new Promise((resolve) => setTimeout(resolve, 50));
     close();
-    await vi.waitFor(() => expect(session.ended).toBe(true));
+    await eventually(() => expect(session.ended).toBe(true));
     arrive({ seat: 1 });
-    await vi.waitFor(() => expect(button.disabled).toBe(false));
+    await eventually(() => expect(button.disabled).toBe(false));
     expect(visits.filter((one) => one === "begin")).toHaveLength(visits.filter((one) => one === "end").length);
   });
 });
