@@ -23,7 +23,7 @@ from scene.sequence import Sequence
 _FRAMES, _SIZE_PX = 60, 128
 """Frames looked at, at most, and the longest side of their outlines."""
 _FEW = 12
-"""Frames that tell whether clothes are loose at all: a quarter of a second's work."""
+"""Frames that tell whether clothes may be loose, and by which cut about."""
 _SPAN_S = 12.0
 """Of the clip that is looked at: simulating it takes 50 ms."""
 _LEAST_FRAMES = 8
@@ -36,8 +36,10 @@ _EXPLAINED = 0.5
 """Least share of the squared difference between masks and body that cloth must explain, and
 (`_NEEDED`) that each garment must explain alone."""
 _NEEDED = 0.08
-_DRAWS = 60
-"""Random cuts that are tried first."""
+_DRAWS, _PROMISING = 30, 0.2
+"""Random cuts that are tried first, and what the best of them must explain. Of loose clothes it
+explains over nine tenths; of hair or of a body that is fitted badly, at most a sixth, and to find
+that none is better would take longer than a first model."""
 _BLURS_PX = (3.0, 1.5)
 """From coarse to fine."""
 _ROUNDS, _LEAST_GAIN = 10, 0.004
@@ -166,9 +168,11 @@ def find_cut(sequence: Sequence) -> FoundCut | None:
     is no such cloth."""
     if not sequence.body.has_surface or len(sequence.train) < _LEAST_FRAMES:
         return None
-    if Outlines.of(sequence, _FEW).beyond < _LOOSE:
+    few = Outlines.of(sequence, _FEW)
+    if few.beyond < _LOOSE:
         return None
-    return _Fit(sequence.body, Outlines.of(sequence)).found()
+    drawn = _Fit(sequence.body, few).drawn()
+    return None if drawn is None else _Fit(sequence.body, Outlines.of(sequence)).found(drawn)
 
 
 class _Fit:
@@ -177,18 +181,27 @@ class _Fit:
     def __init__(self, body: Body, outlines: Outlines) -> None:
         self._body, self._outlines = body, outlines
 
-    def found(self) -> FoundCut | None:
-        """See `find_cut`."""
-        both, coarse_px = (SKIRT, SLEEVES), _BLURS_PX[0]
+    def drawn(self) -> FoundCut | None:
+        """The best of some random cuts of all garments; None where none is promising."""
         rng = np.random.default_rng(0)
-        found = FoundCut.of(self._body, Cut(), both)
-        drawn = [found.numbers, *rng.uniform(_LIKELY_LOW, _LIKELY_HIGH, (_DRAWS, len(_LOW)))]
-        numbers = min(drawn, key=lambda one: _squares(self._residual(found, one, coarse_px)))
+        usual = FoundCut.of(self._body, Cut(), (SKIRT, SLEEVES))
+        drawn = [usual.numbers, *rng.uniform(_LIKELY_LOW, _LIKELY_HIGH, (_DRAWS, len(_LOW)))]
+        left = [_squares(self._residual(usual, one, _BLURS_PX[0])) for one in drawn]
+        best = int(np.argmin(left))
+        of_body = _squares(self._blurred(None, _BLURS_PX[0]))
+        if left[best] > (1.0 - _PROMISING) * of_body:
+            return None
+        return replace(usual, numbers=drawn[best])
+
+    def found(self, begun: FoundCut) -> FoundCut | None:
+        """What is worn of what `begun` has, in the cut that fits best; None: too little of the
+        masks is explained by it."""
+        both, numbers, coarse_px = begun.garments, begun.numbers, _BLURS_PX[0]
         for blur_px in _BLURS_PX:
             numbers = descended(
-                lambda one, px=blur_px: self._residual(found, one, px), numbers, _ROUNDS
+                lambda one, px=blur_px: self._residual(begun, one, px), numbers, _ROUNDS
             )
-        found = replace(found, numbers=numbers)
+        found = replace(begun, numbers=numbers)
         of_body = _squares(self._blurred(None, coarse_px))
         left = _squares(self._residual(found, numbers, coarse_px))
         worn = []
