@@ -14,7 +14,7 @@ from capture.body.model import load_body_model
 from capture.detection.lifter import closed_form
 from capture.fitting.fit import ClipFit
 from capture.fitting.observations import observe
-from capture.fitting.optimiser import Descent, hierarchical_basis
+from capture.fitting.optimiser import Adam, Descent, hierarchical_basis
 from tests.capture.people import JOINT, body, camera, seen_by, standing
 
 FRAMES, HIP = 30, JOINT["left_hip"]
@@ -83,3 +83,30 @@ def test_a_known_focal_length_stays_as_it_is(known):
     for step in range(5):
         descent.step(fit.energy(pictures=False), step / 5)
     assert (fit.clip().focal_px.item() == before) == known
+
+
+def test_steps_are_those_of_pytorchs_adam():
+    def energy(unknowns: list[torch.Tensor], step: int) -> torch.Tensor:
+        first, second = unknowns
+        off = (first - 1.0).square().sum()
+        return off if step < 3 else off + (second + first[0]).abs().pow(3).sum()
+
+    found = []
+    for theirs in (False, True):
+        unknowns = [torch.zeros(4, requires_grad=True), torch.full((2,), 2.0, requires_grad=True)]
+        rates = [0.1, 0.02]
+        groups = list(zip(unknowns, rates, strict=True))
+        adam = Adam(groups)
+        twin = torch.optim.Adam(
+            [{"params": [one], "lr": rate} for one, rate in groups], betas=(0.9, 0.99), eps=1e-5
+        )
+        for step in range(12):
+            for one in unknowns:
+                one.grad = None
+            energy(unknowns, step).backward()
+            share = 1.0 - step / 20
+            for group, rate in zip(twin.param_groups, rates, strict=True):
+                group["lr"] = share * rate
+            twin.step() if theirs else adam.step(share)
+        found.append(torch.cat(unknowns).detach())
+    torch.testing.assert_close(*found)
