@@ -27,9 +27,11 @@ _BAND_SHARE = 90.0
 """The band's half width is the person's extent over this: about two of the estimator's pixels."""
 _REACH = 3
 """Half widths of the band within which a known background may extend the mask."""
-_CUT_ITERATIONS = 1
 _MIN_PIXELS = 100
 """Of either side: too few for colour models."""
+_STRIDE = 3
+"""px between those that colour models are learnt from, where enough are left: two thirds of the
+time, for an edge that is as good."""
 _EDGE_BLUR_PX = 0.7
 """Turns the cut's hard edge into the soft one of a camera's pixels."""
 _EDGE_RADIUS = 2
@@ -151,12 +153,16 @@ def _apply_background_labels(
 def _grab_cut(image: Array, labels: Array) -> Float[Array, "h w"]:
     """Binary mask [h w] of GrabCut (Rother et al. 2004), 0 or 1."""
     solid = np.isin(labels, _PERSON)
-    if min(solid.sum(), (~solid).sum()) < _MIN_PIXELS:
+    fewest = min(solid.sum(), (~solid).sum())
+    if fewest < _MIN_PIXELS:
         return solid.astype(np.float32)
+    stride = min(_STRIDE, math.isqrt(int(fewest) // _MIN_PIXELS))
     cv2.setRNGSeed(0)  # its k-means starts at random: the same clip must give the same mask
     models = np.zeros((1, 65)), np.zeros((1, 65))
     pixels = np.ascontiguousarray(image[..., ::-1])
-    cv2.grabCut(pixels, labels, (0, 0, 1, 1), *models, _CUT_ITERATIONS, cv2.GC_INIT_WITH_MASK)
+    some = [np.ascontiguousarray(whole[::stride, ::stride]) for whole in (pixels, labels)]
+    cv2.grabCut(*some, None, *models, 1, cv2.GC_INIT_WITH_MASK)
+    cv2.grabCut(pixels, labels, None, *models, 1, cv2.GC_EVAL_FREEZE_MODEL)
     return np.isin(labels, _PERSON).astype(np.float32)
 
 
