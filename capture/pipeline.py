@@ -8,7 +8,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable
 from collections.abc import Sequence as Many
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +16,7 @@ import numpy as np
 from capture.body.model import BodyModel, load_body_model, require_height
 from capture.captured import CapturedClip, crop_to_person, person_window, working_camera
 from capture.detection.clip_expressions import clip_expressions
-from capture.detection.face_and_hands import ClipParts, FaceAndHandDetector, find_parts
+from capture.detection.face_and_hands import PartsAside
 from capture.detection.landmarks import MediaPipeEstimator, PoseEstimator
 from capture.detection.lifter import Lifter, closed_form, lift
 from capture.detection.network_files import (
@@ -27,7 +26,7 @@ from capture.detection.network_files import (
     require_given,
 )
 from capture.detection.tracking import Track, track_person
-from capture.errors import BrokenSequence, CaptureStopped, NoPersonFound
+from capture.errors import BrokenSequence, NoPersonFound
 from capture.fitting.face_shape import with_own_face
 from capture.fitting.fit import STAGES, fit_clip
 from capture.fitting.result import Fit
@@ -144,14 +143,13 @@ def capture_clip(
     reports = _Reports(on_progress, should_stop)
     read = reports.part(0.0, 0.08, "reading the clip")
     clip = read_clip(path, options.max_frames, read, should_stop, max_side=MAX_SIDE_PX)
-    track, lifter = _track(clip, options, reports)
-    gains = find_gains(clip.images, track.people)
-    clip = replace(clip, images=evened(clip.images, gains))
-    with ThreadPoolExecutor(1, "parts") as aside:  # networks leave cores to the masks
-        finding = aside.submit(_parts, clip, track, options, should_stop)
+    with _parts_aside(options) as aside:
+        track, lifter = _track(clip, options, reports, aside)
+        gains = find_gains(clip.images, track.people)
+        clip = replace(clip, images=evened(clip.images, gains))
         cut_out = reports.part(0.28, 0.38, "cutting out the person")
         masks = segment_clip(clip.images, track.people, cut_out)
-        parts = finding.result()
+        parts = aside.found(len(clip.images))
     window = person_window(masks, clip.source_size)
     expressions = clip_expressions(parts, clip.times_s, track.takes)
     faces = [None if face is None else face.pixels for face in parts.faces]
@@ -216,20 +214,33 @@ def capture_webcam(
         return capture_clip(clip, out, options, on_progress=on_progress, should_stop=should_stop)
 
 
-def _track(clip: Clip, options: CaptureOptions, reports: _Reports) -> tuple[Track, Lifter]:
-    """The person in every frame, and what lifts such landmarks. Raises NoPersonFound."""
+def _parts_aside(options: CaptureOptions) -> PartsAside:
+    """What looks at face and hands, as far as models are available."""
+    models = (options.face_model, options.hand_model)
+    face, hand = (None if model is None else optional_network_file(model) for model in models)
+    return PartsAside(face, hand)
+
+
+def _track(
+    clip: Clip, options: CaptureOptions, reports: _Reports, aside: PartsAside
+) -> tuple[Track, Lifter]:
+    """The person in every frame, and what lifts such landmarks; `aside` looks at their parts.
+
+    Raises NoPersonFound.
+    """
     if options.estimator is not None:
-        return _tracked(clip, options.estimator, reports), options.lifter
+        return _tracked(clip, options.estimator, reports, aside), options.lifter
     if options.pose_model is None:
         raise InvalidInput("capture must be given a pose_model or an estimator; got neither")
     with MediaPipeEstimator(landmark_network_file(options.pose_model)) as estimator:
-        return _tracked(clip, estimator, reports), lift
+        return _tracked(clip, estimator, reports, aside), lift
 
 
-def _tracked(clip: Clip, estimator: PoseEstimator, reports: _Reports) -> Track:
+def _tracked(clip: Clip, estimator: PoseEstimator, reports: _Reports, aside: PartsAside) -> Track:
     track = track_person(
         clip.images,
         estimator,
+        on_found=lambda frame, person: aside.look(frame, clip.images[frame], person),
         on_progress=reports.part(0.08, 0.28, "finding the person"),
         should_stop=reports.should_stop,
     )
@@ -241,21 +252,6 @@ def _tracked(clip: Clip, estimator: PoseEstimator, reports: _Reports) -> Track:
             f"{found}; keep one person inside the picture, well lit"
         )
     return track
-
-
-def _parts(
-    clip: Clip, track: Track, options: CaptureOptions, should_stop: Callable[[], bool]
-) -> ClipParts:
-    """Face and hands in each frame, as far as models are available."""
-    models = (options.face_model, options.hand_model)
-    face, hand = (None if model is None else optional_network_file(model) for model in models)
-
-    def go_on(_: float) -> None:
-        if should_stop():
-            raise CaptureStopped("capture was stopped while looking at face and hands")
-
-    with FaceAndHandDetector(face, hand) as detector:
-        return find_parts(clip.images, track.people, detector, go_on)
 
 
 def _focal_px(clip: Clip, options: CaptureOptions) -> float | None:

@@ -6,7 +6,8 @@ small to be detected. The page's twin is `client/src/landmarks/crops.ts`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,6 +80,10 @@ class ClipParts:
         return ClipParts([self.faces[frame] for frame in frames], (left, right))
 
 
+_Hands = tuple[FoundHand | None, FoundHand | None]
+"""The left and the right one."""
+
+
 class FaceAndHandDetector(ClosedOnExit):
     """Looks at one person, picture by picture. Use it as a context, or `close` it.
 
@@ -147,9 +152,7 @@ class FaceAndHandDetector(ClosedOnExit):
         found = self._faces.detect(_crop(image, square)).face_landmarks
         return _of_face(found[0], square) if found else None
 
-    def hands(
-        self, image: UInt8[Array, "H W 3"], person: Landmarks
-    ) -> tuple[FoundHand | None, FoundHand | None]:
+    def hands(self, image: UInt8[Array, "H W 3"], person: Landmarks) -> _Hands:
         """The left and the right hand of `person`. About 20 ms on one core.
 
         A square often shows both: all that is found in either is assigned to the wrists together.
@@ -174,26 +177,41 @@ class FaceAndHandDetector(ClosedOnExit):
         return assign_hands(seen, wrists, extent)
 
 
-def find_parts(
-    images: Sequence[UInt8[Array, "H W 3"]],
-    people: Sequence[Landmarks | None],
-    detector: FaceAndHandDetector,
-    on_progress: Callable[[float], None] = lambda _: None,
-) -> ClipParts:
-    """Face and hands of one person in each picture (None where they were lost).
+class PartsAside(ClosedOnExit):
+    """Looks at one person's face and hands in a thread of its own. Use it as a context.
 
-    `on_progress` is called with the share done; it may raise, to stop.
+    Raises PoseModelMissing if a file is not a model.
     """
-    parts = ClipParts([], ([], []))
-    for index, (image, person) in enumerate(zip(images, people, strict=True)):
-        face, hands = None, (None, None)
-        if person is not None:
-            face, hands = detector.face(image, person), detector.hands(image, person)
-        parts.faces.append(face)
-        for side, hand in zip(parts.hands, hands, strict=True):
-            side.append(hand)
-        on_progress((index + 1) / len(images))
-    return parts
+
+    def __init__(self, face_model: Path | None, hand_model: Path | None) -> None:
+        """As `FaceAndHandDetector`."""
+        self._detector = FaceAndHandDetector(face_model, hand_model)
+        self._thread = ThreadPoolExecutor(1, "parts")
+        self._looks: dict[int, Future[tuple[PartLandmarks | None, _Hands]]] = {}
+
+    def look(self, frame: int, image: UInt8[Array, "H W 3"], person: Landmarks) -> None:
+        """Have it look at `person` in the `image` of a frame, after those of before."""
+        self._looks[frame] = self._thread.submit(self._look, image, person)
+
+    def found(self, frames: int) -> ClipParts:
+        """Wait for what it finds in the first so many frames; nothing where it was not to look."""
+        nothing = (None, (None, None))
+        seen = [
+            self._looks[frame].result() if frame in self._looks else nothing
+            for frame in range(frames)
+        ]
+        left, right = ([hands[side] for _, hands in seen] for side in range(2))
+        return ClipParts([face for face, _ in seen], (left, right))
+
+    def close(self) -> None:
+        """Look at no more, and free the networks."""
+        self._thread.shutdown(cancel_futures=True)
+        self._detector.close()
+
+    def _look(
+        self, image: UInt8[Array, "H W 3"], person: Landmarks
+    ) -> tuple[PartLandmarks | None, _Hands]:
+        return self._detector.face(image, person), self._detector.hands(image, person)
 
 
 def assign_hands(

@@ -64,10 +64,11 @@ def track_person(
     images: Sequence[UInt8[Array, "H W 3"]],
     estimator: PoseEstimator,
     *,
+    on_found: Callable[[int, Landmarks], object] = lambda *_: None,
     on_progress: Callable[[float], None] = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Track:
-    """Follow the largest, most central person.
+    """Follow the largest, most central person; `on_found` hears at once of each frame with them.
 
     Raises NoPersonFound if the sampled frames show nobody large enough, CaptureStopped when asked.
     """
@@ -75,12 +76,15 @@ def track_person(
     takes = find_takes(images)
     people: list[Landmarks | None] = [None] * len(images)
     people[start] = first
+    on_found(start, first)
     done = 0
     for order in (range(start + 1, len(images)), range(start - 1, -1, -1)):
         for index, person in _follow(images, takes, estimator, (start, *order), first):
             if should_stop():
                 raise CaptureStopped("capture was stopped while following the person")
             people[index] = person
+            if person is not None:
+                on_found(index, person)
             done += 1
             on_progress(done / max(len(images) - 1, 1))
     return Track(tuple(people), tuple(takes.tolist()))

@@ -15,8 +15,8 @@ from capture.detection.face_and_hands import (
     FaceAndHandDetector,
     FoundHand,
     PartLandmarks,
+    PartsAside,
     assign_hands,
-    find_parts,
 )
 from capture.detection.landmarks import Landmarks, MediaPipeEstimator
 from capture.detection.rigid_parts import rigid_parts
@@ -66,9 +66,21 @@ def people(pictures: list[UInt8[Array, "H W 3"]], pose_model: Path) -> list[Land
     return [one[0] if one else None for one in found]
 
 
+def _found(
+    face_model: Path | None,
+    hand_model: Path | None,
+    pictures: list[UInt8[Array, "H W 3"]],
+    people: list[Landmarks | None],
+) -> ClipParts:
+    with PartsAside(face_model, hand_model) as aside:
+        for frame, (picture, person) in enumerate(zip(pictures, people, strict=True)):
+            if person is not None:
+                aside.look(frame, picture, person)
+        return aside.found(len(pictures))
+
+
 def test_a_mouth_is_seen_to_open_as_it_did(filmed, pictures, people, face_model, hand_model):
-    with FaceAndHandDetector(face_model, hand_model) as detector:
-        parts = find_parts(pictures, people, detector)
+    parts = _found(face_model, hand_model, pictures, people)
     shown = clip_expressions(parts, filmed.motion.times_s, [0] * FRAMES)
     truth = filmed.motion.expressions[:FRAMES]
     assert np.ptp(truth[:, JAW]) > 0.5  # else nothing is tested
@@ -78,8 +90,7 @@ def test_a_mouth_is_seen_to_open_as_it_did(filmed, pictures, people, face_model,
 
 
 def test_a_head_is_seen_to_turn_as_it_did(filmed, pictures, people, face_model):
-    with FaceAndHandDetector(face_model, None) as detector:
-        parts = find_parts(pictures, people, detector)
+    parts = _found(face_model, None, pictures, people)
     camera, skeleton = filmed.train.camera(0), filmed.body.skeleton
     found = rigid_parts(parts, camera.focal_px, camera.intrinsics[:2, 2])
     to_opengl = np.diag(OPENCV_TO_OPENGL) @ camera.rotation
@@ -96,15 +107,13 @@ def test_a_head_is_seen_to_turn_as_it_did(filmed, pictures, people, face_model):
 def test_nothing_is_found_of_who_is_lost_or_hidden(pictures, people, face_model, hand_model):
     first = next(one for one in people if one is not None)
     away = replace(first, visibility=np.zeros(33), pixels=first.pixels + 4000.0)
-    with FaceAndHandDetector(face_model, hand_model) as detector:
-        parts = find_parts(pictures[:2], [None, away], detector)
+    parts = _found(face_model, hand_model, pictures[:2], [None, away])
     assert parts.faces == [None, None]
     assert parts.hands == ([None, None], [None, None])
 
 
 def test_without_models_nothing_is_found(pictures, people):
-    with FaceAndHandDetector(None, None) as detector:
-        parts = find_parts(pictures[:3], people[:3], detector)
+    parts = _found(None, None, pictures[:3], people[:3])
     assert not clip_expressions(parts, np.arange(3.0), [0, 0, 0]).any()
 
 
