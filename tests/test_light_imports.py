@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from capture.studio import make_sequence
+
 BLOCK_AND_IMPORT = """
 import importlib, importlib.abc, pkgutil, sys
 
@@ -82,3 +84,25 @@ def test_every_word_of_scene_is_that_of_its_module():
         assert getattr(scene, name) is getattr(import_module(module), name)
     with pytest.raises(AttributeError, match="no attribute 'Nothing'"):
         _ = scene.Nothing
+
+
+TRAIN = """
+import sys, time
+from pathlib import Path
+from capture.storage import open_sequence
+from renderer.training import train
+
+train(open_sequence(Path(sys.argv[1])), iterations=3, clock=time.perf_counter)
+print({"torch", "numba"} & set(sys.modules))
+"""
+
+
+def test_a_training_of_splats_does_without_torch(tmp_path: Path):
+    make_sequence(tmp_path / "loose", look="loose", frames=12, size=64, test_cameras=1)
+    done = subprocess.run(
+        [sys.executable, "-c", TRAIN, str(tmp_path / "loose")],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "{'numba'}\n"

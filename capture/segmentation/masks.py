@@ -43,6 +43,8 @@ _UNCHANGED = 2.0
 _NOISE = 3.0
 """Levels of 255 by which a pixel that does not move may change between frames."""
 _PERSON = (cv2.GC_FGD, cv2.GC_PR_FGD)
+_NO_RECT = (0, 0, 1, 1)
+"""The labels tell it."""
 _BONES = ((11, 12), (11, 23), (12, 24), (23, 24), (11, 13), (13, 15), (12, 14), (14, 16), (23, 25),
           (25, 27), (24, 26), (26, 28), (0, 11), (0, 12))  # fmt: skip
 _HAND_AND_FOOT_BONES = (
@@ -160,9 +162,9 @@ def _grab_cut(image: Array, labels: Array) -> Float[Array, "h w"]:
     cv2.setRNGSeed(0)  # its k-means starts at random: the same clip must give the same mask
     models = np.zeros((1, 65)), np.zeros((1, 65))
     pixels = np.ascontiguousarray(image[..., ::-1])
-    some = [np.ascontiguousarray(whole[::stride, ::stride]) for whole in (pixels, labels)]
-    cv2.grabCut(*some, None, *models, 1, cv2.GC_INIT_WITH_MASK)
-    cv2.grabCut(pixels, labels, None, *models, 1, cv2.GC_EVAL_FREEZE_MODEL)
+    few, known = (np.ascontiguousarray(one[::stride, ::stride]) for one in (pixels, labels))
+    cv2.grabCut(few, known, _NO_RECT, *models, 1, cv2.GC_INIT_WITH_MASK)
+    cv2.grabCut(pixels, labels, _NO_RECT, *models, 1, cv2.GC_EVAL_FREEZE_MODEL)
     return np.isin(labels, _PERSON).astype(np.float32)
 
 

@@ -123,10 +123,15 @@ def _projected(projection: Float[Array, "3 4"], points: Float[Array, "V 3"]) -> 
 
 
 def _shrunk(mask: Float[Array, "H W"], size: tuple[int, int]) -> Float[Array, "h w"]:
-    import torch
-
-    picture = torch.from_numpy(np.ascontiguousarray(mask, np.float32))[None, None]
-    return torch.nn.functional.interpolate(picture, size=size, mode="area")[0, 0].numpy()
+    """`mask`, each pixel the mean of those that it lies over."""
+    for axis, count in enumerate(size):
+        pixels = mask.shape[axis]
+        first = np.arange(count) * pixels // count
+        last = -(-np.arange(1, count + 1) * pixels // count)
+        sums = np.cumsum(np.insert(mask, 0, 0.0, axis), axis, dtype=np.float64)
+        shares = np.expand_dims(1.0 / (last - first), 1 - axis)
+        mask = (np.take(sums, last, axis) - np.take(sums, first, axis)) * shares
+    return mask.astype(np.float32)
 
 
 def looked_at(motion: Motion, count: int) -> tuple[Int[Array, "F"], Motion]:

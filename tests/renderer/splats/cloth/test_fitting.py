@@ -1,0 +1,58 @@
+"""Outlines that tell whether clothes are loose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from capture.storage import open_sequence
+from capture.studio import make_sequence
+from renderer.splats.cloth import fitting
+from renderer.splats.cloth.fitting import Outlines, find_cut
+from scene.sequence import Sequence
+
+
+@pytest.mark.parametrize("size", [(33, 25), (100, 77), (7, 60)])
+def test_masks_are_shrunk_as_pytorch_does(size):
+    mask = np.random.default_rng(0).random((100, 77), dtype=np.float32)
+    theirs = torch.nn.functional.interpolate(torch.from_numpy(mask)[None, None], size, mode="area")
+    np.testing.assert_allclose(fitting._shrunk(mask, size), theirs[0, 0], atol=1e-6)
+
+
+def _with_big_hair(sequence: Sequence) -> Sequence:
+    """Masks that reach far beyond the head, and nowhere else."""
+    frames = sequence.train
+    masks = []
+    for frame in range(len(frames)):
+        mask = frames.mask(frame)
+        top = int(np.flatnonzero(mask.max(axis=1) > 0.5)[0])
+        head = mask[: top + mask.shape[0] // 6]
+        mask = mask.copy()
+        mask[: len(head)] = cv2.dilate(head, np.ones((25, 25), np.uint8))
+        masks.append(mask)
+    return replace(sequence, train=_Masked(frames, masks))
+
+
+class _Masked:
+    def __init__(self, frames: Any, masks: list[Any]) -> None:
+        self._frames, self.mask = frames, masks.__getitem__
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._frames, name)
+
+
+def test_of_hair_that_stands_out_no_cut_is_fitted(tmp_path: Path, monkeypatch: Any):
+    make_sequence(tmp_path / "plain", seed=1, frames=16, size=80, test_cameras=1)
+    hairy = _with_big_hair(open_sequence(tmp_path / "plain"))
+    assert Outlines.of(hairy).beyond > 0.05  # else nothing is tested
+    monkeypatch.setattr(fitting, "descended", None)  # what takes long
+    assert find_cut(hairy) is None
