@@ -38,8 +38,8 @@ from scene.motion import Motion, Pose
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import JOINT_NAMES
 from services.live.keypoints_packet import (
+    EXPRESSION_KEYPOINTS_BYTES,
     KEYPOINTS_BYTES,
-    LONGEST_KEYPOINTS_BYTES,
     KeypointsPacket,
     decode_keypoints,
     encode_keypoints,
@@ -183,7 +183,7 @@ def _in_a_meeting(
             started = time.perf_counter()
             motion.pose_at(started)
             reading.append(time.perf_counter() - started)
-    sizes = {"body": KEYPOINTS_BYTES, "with_face_and_hands": LONGEST_KEYPOINTS_BYTES}
+    sizes = {"body": KEYPOINTS_BYTES, "with_face_and_hands": EXPRESSION_KEYPOINTS_BYTES}
     return {
         "packet_bytes": sizes,
         "kbit_s": {name: round(8e-3 * size * RATE, 1) for name, size in sizes.items()},

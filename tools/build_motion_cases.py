@@ -3,9 +3,10 @@
     python -m tools.build_motion_cases UPPER_BODY.mp4 WHOLE_BODY.mp4
 
 MediaPipe's landmarks of two clips, then of the first again after a gap, in a picture of another
-size, of somebody too small and of somebody outside of the picture; with made-up faces and hands,
-which come and go. Each sequence is solved from nothing. The numbers that go in are whole in float32
-and times in microseconds, so that page and server read the same.
+size, of somebody too small and of somebody outside of the picture; with made-up faces, heads and
+hands, which come and go. Beside them how a head is turned by a face's points. Each sequence is
+solved from nothing. The numbers that go in are whole in float32 and times in microseconds, so that
+page and server read the same.
 """
 
 from __future__ import annotations
@@ -20,10 +21,13 @@ from typing import Any
 import numpy as np
 
 from capture.body.expressions import FACE, LEFT_HAND, RIGHT_HAND, ObservedExpression
+from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from capture.body.landmarks import landmarks_on
 from capture.body.model import load_body_model
+from capture.detection.face_and_hands import PartLandmarks
 from capture.detection.landmarks import MediaPipeEstimator
 from capture.detection.network_files import landmark_network_file
+from capture.detection.rigid_parts import HEAD_POINTS, head_rotation, rest_points
 from capture.detection.tracking import track_person
 from capture.live.solver_constants import solver_constants
 from capture.sources.video import read_video
@@ -61,15 +65,35 @@ def main() -> None:
     told = {
         "people": _people(),
         "cases": [case_of(one, yaw) for one, yaw in zip(sequences, _YAWS_RAD, strict=True)],
+        "head": _head_in_middle(),
     }
     MOTION_CASES.write_text(json.dumps(told, separators=(",", ":")) + "\n")
 
 
 def _people() -> dict[str, list[float]]:
     """What holds for everybody, but for the lifter's weights, which lie beside `capture`."""
-    sizes = {"mean": 72, "axes": 216, "stiffness": 72, "landmarks": 99}
+    sizes = {"mean": 72, "axes": 216, "stiffness": 72, "landmarks": 99, "head": 99}
     numbers = iter(np.frombuffer(solver_constants(), "<f4", sum(sizes.values())).tolist())
     return {name: list(islice(numbers, size)) for name, size in sizes.items()}
+
+
+def _head_in_middle() -> dict[str, Any]:
+    """A face that is turned, off the picture's middle, with noise, and what head it makes."""
+    rng, (width, height) = np.random.default_rng(0), (640, 480)
+    turned = rest_points("head") @ axis_angle_to_matrix(np.array([0.2, -0.5, 0.1])).T
+    shape = np.zeros((478, 3))
+    shape[list(HEAD_POINTS)] = (
+        900.0 * turned * OPENCV_TO_OPENGL + rng.normal(size=turned.shape)
+    ).round(3)
+    middle = np.array([150.0, 330.0])
+    face = PartLandmarks(np.tile(middle, (478, 1)), shape)
+    return {
+        "width": width,
+        "height": height,
+        "middle": middle.tolist(),
+        "points": _rounded(shape[list(HEAD_POINTS)], 3),
+        "rotation": _rounded(head_rotation(face, usual_camera(width, height)), 9),
+    }
 
 
 def case_of(packets: list[KeypointsPacket], yaw_rad: float) -> dict[str, Any]:
@@ -103,6 +127,7 @@ def packet_of(frame: dict[str, Any], sequence: int = 0) -> KeypointsPacket:
         _whole(frame["world"]).reshape(-1, 3),
         _whole(frame["visibility"]),
         None if told is None else ObservedExpression(_whole(told["values"]), told["known"]),
+        head=None if frame["head"] is None else axis_angle_to_matrix(np.array(frame["head"])),
     )
 
 
@@ -116,6 +141,7 @@ def _told(packet: KeypointsPacket) -> dict[str, Any]:
         "world": _rounded(packet.world, 4),
         "visibility": _rounded(packet.visibility, 3),
         "expression": told and {"values": _rounded(told.values, 3), "known": told.known},
+        "head": None if packet.head is None else _rounded(matrix_to_axis_angle(packet.head), 5),
     }
 
 
@@ -185,6 +211,7 @@ def _packets(clip: Path) -> list[KeypointsPacket]:
             person.world,
             person.visibility,
             _expression(number),
+            head=_head(number),
         )
         for number, (person, time_s) in enumerate(zip(people, video.times_s, strict=True))
         if person is not None
@@ -221,6 +248,14 @@ def _expression(number: int) -> ObservedExpression | None:
     known |= RIGHT_HAND if number > 60 else 0
     phases = np.arange(EXPRESSION_COUNT) + 0.35 * number
     return ObservedExpression(0.5 + 0.5 * np.sin(phases), known) if known else None
+
+
+def _head(number: int) -> Array | None:
+    """In one of three pictures, then in none for longer than it is held, then nowhere near."""
+    if number % 3 or 20 <= number < 55:
+        return None
+    far = 3.0 if number > 62 else 0.0
+    return axis_angle_to_matrix(np.array([-0.3, 0.4 * np.sin(0.3 * number), 0.1 + far]))
 
 
 def _whole(values: Any) -> Array:

@@ -107,7 +107,7 @@ def _packet(
 ) -> KeypointsPacket:
     """As it arrives."""
     size = (image.shape[1], image.shape[0])
-    body, expression = found
+    body, expression, head = found
     packet = KeypointsPacket(
         number,
         time_ms,
@@ -117,5 +117,6 @@ def _packet(
         body.visibility,
         expression if expression.known else None,
         live_look=True,
+        head=head,
     )
     return decode_keypoints(encode_keypoints(packet))

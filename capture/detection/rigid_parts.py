@@ -11,6 +11,7 @@ import numpy as np
 from capture.body.inverse_kinematics import OPENCV_TO_OPENGL
 from capture.detection.face_and_hands import ClipParts, PartLandmarks
 from scene.arrays import Array, Bool, Float
+from scene.camera import Camera
 from scene.skeleton import JOINT_NAMES
 
 PARTS = ("head", "left_wrist", "right_wrist")
@@ -114,6 +115,13 @@ def _rotation(
 ) -> Float[Array, "3 3"]:
     seen = landmarks.in_camera(focal_px, centre)[chosen] * OPENCV_TO_OPENGL
     return best_rotation(rest_points(part), seen)
+
+
+def head_rotation(face: PartLandmarks, camera: Camera) -> Float[Array, "3 3"]:
+    """How the head of a `face` in the picture of `camera` is turned, from rest to the camera, in
+    OpenGL's axes."""
+    k = camera.intrinsics
+    return _rotation(face, list(HEAD_POINTS), "head", camera.focal_px, k[:2, 2])
 
 
 def best_rotation(rest: Float[Array, "P 3"], seen: Float[Array, "P 3"]) -> Float[Array, "3 3"]:

@@ -19,10 +19,12 @@ from capture.body.expressions import (
     finger_curls,
     resting_face,
 )
-from capture.detection.face_and_hands import SIDES, FaceAndHandDetector
+from capture.detection.face_and_hands import SIDES, FaceAndHandDetector, PartLandmarks
 from capture.detection.landmarks import ClosedOnExit, Landmarks, MediaPipeEstimator
+from capture.detection.rigid_parts import head_rotation
 from scene.arrays import Array, Float, UInt8
 from scene.expression import EXPRESSION_COUNT, PARTS
+from services.live.motion.solved_motion import usual_camera
 
 _REST_FACES, _LEAST_FACES = 300, 10
 """Faces by which the one at rest is known, and the fewest that tell it."""
@@ -36,6 +38,9 @@ class FoundPerson(NamedTuple):
     """With the person's mask."""
     expression: ObservedExpression
     """Of this picture, and of the one before what this one was not searched for."""
+    head: Float[Array, "3 3"] | None
+    """Its rotation by the face's points, from rest to the camera; None where this picture was not
+    searched for a face, or shows none."""
 
 
 class PersonFinder(ClosedOnExit):
@@ -65,15 +70,19 @@ class PersonFinder(ClosedOnExit):
             self._known = 0
             return None
         self._pictures += 1
+        head = None
         if self._pictures % 2:
-            self._look_at_face(image, found[0])
+            face = self._details.face(image, found[0])
+            self._learn_expression(face)
+            if face is not None:
+                height, width = image.shape[:2]
+                head = head_rotation(face, usual_camera(width, height))
         else:
             self._look_at_hands(image, found[0])
-        return FoundPerson(found[0], ObservedExpression(self._values.copy(), self._known))
+        return FoundPerson(found[0], ObservedExpression(self._values.copy(), self._known), head)
 
-    def _look_at_face(self, image: UInt8[Array, "H W 3"], body: Landmarks) -> None:
+    def _learn_expression(self, face: PartLandmarks | None) -> None:
         self._known &= ~FACE
-        face = self._details.face(image, body)
         measures = None if face is None else face_measures(face.shape)
         if measures is None:
             return

@@ -89,6 +89,7 @@ class WebcamPlayer:
             found.body.visibility,
             found.expression if found.expression.known else None,
             round(1e3 * time.time() - captured_ms),
+            head=found.head,
         )
         cut_out = self._cut_out
         picture = None if cut_out is None else cut_out.draw(image, found.body, captured_ms)

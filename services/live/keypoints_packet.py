@@ -11,7 +11,10 @@ or of a metre); then numbers of a few bits, least significant first, without gap
 - of the other twenty, 6 bits each: the same, from the landmark that each belongs to (`ANCHORS`),
 - visibility of all 33, 3 bits each,
 - where face or hands were seen: 17 numbers of `scene.expression`, 6 bits each, and 3 bits of what
-  is known (`capture.body.expressions`).
+  is known (`capture.body.expressions`),
+- after these, from the next byte on and where the face tells it: the head's rotation, 32 bits
+  (`scene.smallest_three`, 10 bits a component). Whoever looks at face and hands by turns has one in
+  every other picture.
 
 A number of n bits is a share of its scale from -1 (0) to 1 (2^n - 2), or from 0 to 1 (2^n - 1). A
 face's, hand's and foot's parts are so near to what they belong to that few bits place them finely.
@@ -29,6 +32,8 @@ from capture.body.expressions import ALL_GROUPS, ObservedExpression
 from capture.body.landmark_names import LANDMARK_COUNT, LANDMARK_NAMES
 from scene.arrays import Array, Float, Int
 from scene.expression import EXPRESSION_COUNT
+from scene.rotations import matrix_to_quaternion, quaternion_to_matrix
+from scene.smallest_three import pack_quaternions, unpack_quaternions
 from services.live.packets import HEADER, Kind, PacketError, header_of
 
 KEYPOINTS_VERSION = 2
@@ -71,7 +76,10 @@ def _bytes_of(fields: tuple[tuple[int, int], ...]) -> int:
 
 KEYPOINTS_BYTES = _bytes_of(_FIELDS)
 """Of a packet in which nothing is known of face and hands."""
-LONGEST_KEYPOINTS_BYTES = _bytes_of(_FIELDS + _EXPRESSION_FIELDS)
+EXPRESSION_KEYPOINTS_BYTES = _bytes_of(_FIELDS + _EXPRESSION_FIELDS)
+"""Of one that tells of face and hands, but not how the head is turned."""
+_ROTATION_BITS, _ROTATION_BYTES = 10, 4
+LONGEST_KEYPOINTS_BYTES = EXPRESSION_KEYPOINTS_BYTES + _ROTATION_BYTES
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +103,9 @@ class KeypointsPacket:
     """Time from the picture's capture to the packet's leaving: what finding landmarks took."""
     live_look: bool = False
     """Whether pictures of the person travel with the landmarks (`services.live.look`)."""
+    head: Float[Array, "3 3"] | None = None
+    """The head's rotation by the face's points in this very picture, from rest to the camera, x
+    right, y up, z towards it; travels with an expression alone."""
 
 
 def encode_keypoints(packet: KeypointsPacket) -> bytes:
@@ -121,14 +132,14 @@ def encode_keypoints(packet: KeypointsPacket) -> bytes:
     version = KEYPOINTS_VERSION
     told = age_ms | _LIVE_LOOK * packet.live_look
     header = HEADER.pack(version, Kind.KEYPOINTS, told, packet.sequence, packet.capture_time_ms)
-    return (
-        header + _HEAD.pack(packet.width, packet.height, *middle, *scales) + _pack(numbers, fields)
-    )
+    scaled = _HEAD.pack(packet.width, packet.height, *middle, *scales)
+    head = b"" if seen is None or packet.head is None else _packed_rotation(packet.head)
+    return header + scaled + _pack(numbers, fields) + head
 
 
 def decode_keypoints(data: bytes) -> KeypointsPacket:
     """Read a keypoints packet. Raises PacketError with the rule that `data` breaks."""
-    sizes = (KEYPOINTS_BYTES, LONGEST_KEYPOINTS_BYTES)
+    sizes = (KEYPOINTS_BYTES, EXPRESSION_KEYPOINTS_BYTES, LONGEST_KEYPOINTS_BYTES)
     flags, sequence, capture_time_ms = header_of(data, Kind.KEYPOINTS, sizes, KEYPOINTS_VERSION)
     width, height, x, y, *scales = _HEAD.unpack_from(data, HEADER.size)
     if not math.isfinite(capture_time_ms) or not (width and height):
@@ -136,7 +147,7 @@ def decode_keypoints(data: bytes) -> KeypointsPacket:
             "a keypoints packet must have a finite capture time and a picture of some size; "
             f"got {capture_time_ms}, {width} x {height}"
         )
-    told = len(data) == LONGEST_KEYPOINTS_BYTES
+    told = len(data) >= EXPRESSION_KEYPOINTS_BYTES
     numbers = _unpack(data, _FIELDS + _EXPRESSION_FIELDS if told else _FIELDS)
     body_xy, body_world, detail_xy, detail_world = (
         _from_signed(one, scale / _STEPS, bits).reshape(len(one) // axes, axes)
@@ -161,7 +172,18 @@ def decode_keypoints(data: bytes) -> KeypointsPacket:
         expression,
         flags & _OLDEST_MS,
         bool(flags & _LIVE_LOOK),
+        _rotation_in(data) if len(data) == LONGEST_KEYPOINTS_BYTES else None,
     )
+
+
+def _packed_rotation(rotation: Float[Array, "3 3"]) -> bytes:
+    packed = pack_quaternions(matrix_to_quaternion(rotation[None]), _ROTATION_BITS)
+    return int(packed[0]).to_bytes(_ROTATION_BYTES, "little")
+
+
+def _rotation_in(data: bytes) -> Float[Array, "3 3"]:
+    packed = np.array([int.from_bytes(data[-_ROTATION_BYTES:], "little")])
+    return quaternion_to_matrix(unpack_quaternions(packed, _ROTATION_BITS))[0]
 
 
 def _most(bits: int) -> int:

@@ -9,6 +9,7 @@ import wasmBinaryPath from "@mediapipe/tasks-vision/vision_wasm_module_internal.
 import { asProblem, problemOf } from "../api/problem";
 import { RestingFaceEstimator, faceMeasures, faceNumbers, fingerCurls, type Point } from "./expression";
 import { mostCentral, type Part } from "./crops";
+import { headOf, type ObservedHead } from "./head";
 import type { ExpressionMessage, PartPicture } from "./expressions";
 
 /** How a landmarker's program is made, once from each address; a second landmarker needs one of its own. */
@@ -60,13 +61,21 @@ async function open(): Promise<void> {
 }
 void open();
 
-page.onmessage = ({ data: { part, bitmap, timeMs } }: MessageEvent<PartPicture>): void => {
+page.onmessage = ({ data: { part, square, bitmap, timeMs } }: MessageEvent<PartPicture>): void => {
   let numbers: number[] | null = null;
+  let head: ObservedHead | null = null;
   try {
-    numbers = part === "face" ? faceOf(bitmap, timeMs) : handOf(bitmap);
+    if (part === "face") {
+      const face = faceIn(bitmap);
+      const measures = face && faceMeasures(face);
+      numbers = measures && faceNumbers(measures, rest.update(measures, timeMs));
+      head = face && headOf(face, square, timeMs);
+    } else {
+      numbers = handOf(bitmap);
+    }
   } finally {
     bitmap.close();
-    tell({ kind: "found", part, timeMs, numbers });
+    tell({ kind: "found", part, timeMs, numbers, head });
   }
 };
 
@@ -74,10 +83,9 @@ function tell(answer: ExpressionMessage): void {
   page.postMessage(answer);
 }
 
-function faceOf(bitmap: ImageBitmap, timeMs: number): number[] | null {
+function faceIn(bitmap: ImageBitmap): Point[] | null {
   const found = faces?.detect(bitmap).faceLandmarks[0];
-  const measures = found ? faceMeasures(pointsOf(found, bitmap)) : null;
-  return measures && faceNumbers(measures, rest.update(measures, timeMs));
+  return found ? pointsOf(found, bitmap) : null;
 }
 
 function handOf(bitmap: ImageBitmap): number[] | null {

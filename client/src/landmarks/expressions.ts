@@ -6,10 +6,13 @@
 import type { Square } from "../look/pictureCode";
 import { cropOf, type Part } from "./crops";
 import { EXPRESSION_COUNT, FACE, FACE_NUMBERS, FINGER_COUNT, LEFT_HAND, RIGHT_HAND, type ObservedExpression } from "./expression";
+import type { ObservedHead } from "./head";
 import type { Landmarks } from "./landmarks";
 
 export interface PartPicture {
   part: Part;
+  /** Of the camera's picture, px. */
+  square: Square;
   bitmap: ImageBitmap;
   timeMs: number;
 }
@@ -17,7 +20,7 @@ export interface PartPicture {
 export type ExpressionMessage =
   | { kind: "ready"; parts: Part[] }
   /** What the part does: seven numbers of a face, five of a hand; null where it was not found. */
-  | { kind: "found"; part: Part; timeMs: number; numbers: number[] | null };
+  | { kind: "found"; part: Part; timeMs: number; numbers: number[] | null; head: ObservedHead | null };
 
 /** As much of a worker as is needed. */
 export interface ExpressionWorker {
@@ -43,6 +46,8 @@ const GROUPS: Record<Part, number> = { face: FACE, left_hand: LEFT_HAND, right_h
 const FIRST_NUMBER: Record<Part, number> = { face: 0, left_hand: FACE_NUMBERS, right_hand: FACE_NUMBERS + FINGER_COUNT };
 
 export class ExpressionDetector {
+  /** The newest that was seen. */
+  head: ObservedHead | null = null;
   private parts: Part[] = [];
   private busy = false;
   private turn = 0;
@@ -94,7 +99,7 @@ export class ExpressionDetector {
     this.startedMs = this.now();
     try {
       const bitmap = await this.grab(square);
-      this.worker.postMessage({ part, bitmap, timeMs }, [bitmap]);
+      this.worker.postMessage({ part, square, bitmap, timeMs }, [bitmap]);
     } catch {
       // the camera has no picture just now: the next one will do
       this.busy = false;
@@ -106,7 +111,8 @@ export class ExpressionDetector {
       this.parts = answer.parts;
       return;
     }
-    const { part, numbers, timeMs } = answer;
+    const { part, numbers, timeMs, head } = answer;
+    this.head = head ?? this.head;
     const nowMs = this.now();
     this.nextMs = nowMs + Math.min(REST * (nowMs - this.startedMs), MOST_REST_MS);
     this.busy = false;

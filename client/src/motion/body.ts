@@ -47,6 +47,8 @@ export interface SolverConstants {
   stiffness: Numbers;
   /** Landmarks of the mean body at rest, m [33 3]. */
   typicalLandmarks: Numbers;
+  /** A face's `HEAD_POINTS` at rest, m from the head's joint [33 3]. */
+  headPoints: Numbers;
   lifter: ReadonlyMap<string, Float32Array>;
 }
 

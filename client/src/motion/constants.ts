@@ -1,5 +1,6 @@
 /** The file of what a solver has to know of people in general; capture/live/solver_constants.py tells its layout. */
 
+import { HEAD_POINTS } from "../landmarks/head";
 import { JOINT_COUNT, LANDMARKS, type SolvedBody, type SolverConstants } from "./body";
 import type { Numbers } from "./rotations";
 
@@ -20,7 +21,7 @@ export const WEIGHTS: readonly (readonly [string, number])[] = [
   ["last.weight", OUTPUTS * WIDTH],
   ["last.bias", OUTPUTS],
 ];
-const PEOPLE_NUMBERS = 15 * JOINT_COUNT + 3 * LANDMARKS;
+const PEOPLE_NUMBERS = 15 * JOINT_COUNT + 3 * (LANDMARKS + HEAD_POINTS.length);
 export const CONSTANTS_BYTES = 4 * PEOPLE_NUMBERS + 2 * WEIGHTS.reduce((sum, [, count]) => sum + count, 0);
 
 const BODY_VERSION = 1;
@@ -36,11 +37,12 @@ export function readConstants(file: ArrayBuffer): SolverConstants {
   const read = reader(file, 0);
   const [mean, axes, stiffness] = [read(3 * JOINT_COUNT), read(9 * JOINT_COUNT), read(3 * JOINT_COUNT)];
   const typicalLandmarks = read(3 * LANDMARKS);
+  const headPoints = read(3 * HEAD_POINTS.length);
   const halves = new Uint16Array(file, 4 * PEOPLE_NUMBERS);
   const lifter = new Map<string, Float32Array>();
   let at = 0;
   for (const [name, count] of WEIGHTS) lifter.set(name, Float32Array.from(halves.subarray(at, (at += count)), fromHalf));
-  return { mean, axes, stiffness, typicalLandmarks, lifter };
+  return { mean, axes, stiffness, typicalLandmarks, headPoints, lifter };
 }
 
 /** The body in a packet of the server's; null where it is none (services/live/motion/body_packet.py). */

@@ -107,9 +107,13 @@ function observed({ width, height, xy, world, visibility }: Landmarks): Observat
     weights,
     world: Float64Array.from(world, (value, i) => (i % 3 ? -value : value)),
     perPixel: 1 / (PIXEL_DEVIATION * tallPx),
-    focal: FOCAL * Math.max(width, height),
-    centre: [width / 2, height / 2],
+    ...usualCamera(width, height),
   };
+}
+
+/** Of a webcam's picture of so many px. */
+export function usualCamera(width: number, height: number): { focal: number; centre: readonly [number, number] } {
+  return { focal: FOCAL * Math.max(width, height), centre: [width / 2, height / 2] };
 }
 
 /** Where the pelvis is when `points` (m [33 3], of a body whose pelvis is at the origin) lie on `pixels`, by least squares. */

@@ -107,8 +107,9 @@ export class MotionCapture {
     this.hooks.onLandmarks(seen);
     if (seen) this.foundMs = timeMs;
     const expression = this.expressions?.at(timeMs) ?? null;
+    const head = this.expressions?.head ?? null;
     const liveLook = this.onLook !== null;
-    const sent = seen !== null && this.channel.ready() && this.solving?.offer({ seen, expression, timeMs, liveLook });
+    const sent = seen !== null && this.channel.ready() && this.solving?.offer({ seen, expression, head, timeMs, liveLook });
     if (look) (this.onLook ?? closePicture)(look);
     if (seen) this.offerExpressions(seen, timeMs);
     if (this.closed) return;

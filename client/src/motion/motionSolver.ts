@@ -5,12 +5,15 @@
  */
 
 import type { ObservedExpression } from "../landmarks/expression";
+import type { ObservedHead } from "../landmarks/head";
 import type { Landmarks } from "../landmarks/landmarks";
 import type { SolvedBody, SolverConstants } from "./body";
 import { ExpressionFilter } from "./expressionFilter";
 import { FootLocking } from "./footLocking";
+import { HeadFollowing, type TurnedHead } from "./headFollowing";
+import { headRotation } from "./headRotation";
 import { LevelGaze } from "./levelGaze";
-import { LiveSolver } from "./liveSolver";
+import { LiveSolver, usualCamera } from "./liveSolver";
 import type { LocalPose } from "./poseFilter";
 import { relativeAngles, type Numbers } from "./rotations";
 
@@ -43,6 +46,7 @@ export interface SolvedMotion {
 export class MotionSolver {
   private solver: { width: number; height: number; of: LiveSolver } | null = null;
   private footLocking: FootLocking;
+  private readonly head = new HeadFollowing();
   private readonly gaze = new LevelGaze();
   private readonly expression = new ExpressionFilter();
   private timeS: number | null = null;
@@ -54,8 +58,16 @@ export class MotionSolver {
     this.footLocking = new FootLocking(body.rest, body.yaw);
   }
 
-  /** How they move by what was seen at `timeMs`; null where that tells no pose: the motion goes on without. */
-  solve(seen: Landmarks, expression: ObservedExpression | null, timeMs: number): SolvedMotion | null {
+  /**
+   * How they move by what was seen at `timeMs`, and of the head at last; null where that tells no pose: the motion goes
+   * on without.
+   */
+  solve(
+    seen: Landmarks,
+    expression: ObservedExpression | null,
+    head: ObservedHead | null,
+    timeMs: number,
+  ): SolvedMotion | null {
     const timeS = timeMs / 1000;
     if (tall(seen) < SMALLEST_PX || !(this.timeS === null || timeS > this.timeS)) return null;
     const solved = this.solverFor(seen).step(seen, timeS);
@@ -63,6 +75,8 @@ export class MotionSolver {
       this.solver = null; // what it believes may be spoilt
       return null;
     }
+    this.head.update(head && this.turned(head, seen), solved.now.local, timeS);
+    for (const pose of [solved.now, solved.ahead]) pose.local = this.head.followed(pose.local, timeS);
     const stepS = this.timeS === null ? FIRST_STEP_S : timeS - this.timeS;
     this.timeS = timeS;
     this.expression.update(expression, timeS);
@@ -82,6 +96,11 @@ export class MotionSolver {
       width: seen.width,
       height: seen.height,
     };
+  }
+
+  private turned(head: ObservedHead, { width, height }: Landmarks): TurnedHead {
+    const { focal, centre } = usualCamera(width, height);
+    return { rotation: headRotation(head, this.constants.headPoints, focal, centre), timeS: head.timeMs / 1000 };
   }
 
   /** The solver for pictures of this size; a turned phone needs another. */

@@ -1,6 +1,7 @@
 /** Hands the newest landmarks to the worker that solves poses; none ever waits behind others. */
 
 import type { ObservedExpression } from "../landmarks/expression";
+import type { ObservedHead } from "../landmarks/head";
 import type { Landmarks } from "../landmarks/landmarks";
 import type { SolvedBody } from "./body";
 
@@ -8,6 +9,8 @@ import type { SolvedBody } from "./body";
 export interface SeenPerson {
   seen: Landmarks;
   expression: ObservedExpression | null;
+  /** As it was last seen. */
+  head: ObservedHead | null;
   timeMs: number;
   liveLook: boolean;
 }

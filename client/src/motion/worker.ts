@@ -34,7 +34,7 @@ page.onmessage = ({ data }: MessageEvent<SolverTask>): void => {
     solver = new MotionSolver(data.body, constants);
     return;
   }
-  const motion = solver?.solve(data.seen, data.expression, data.timeMs) ?? null;
+  const motion = solver?.solve(data.seen, data.expression, data.head, data.timeMs) ?? null;
   const packet = motion && encodeMotion(motion, data.liveLook);
   tell({ kind: "solved", timeMs: data.timeMs, packet });
 };

@@ -118,7 +118,7 @@ describe("ExpressionDetector", () => {
       await settled();
       const asked = worker.pictures[before];
       clock.ms = ms + costMs;
-      if (asked) worker.say({ kind: "found", part: asked.part, timeMs: ms, numbers: asked.part === "face" ? FACE_SEEN : HAND_SEEN });
+      if (asked) worker.say({ kind: "found", part: asked.part, timeMs: ms, numbers: asked.part === "face" ? FACE_SEEN : HAND_SEEN, head: null });
       return asked?.part;
     };
     return { worker, finder, offer };

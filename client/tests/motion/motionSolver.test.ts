@@ -1,8 +1,12 @@
 import { describe, expect, it } from "vitest";
+import type { Point } from "../../src/landmarks/expression";
+import { HEAD_POINTS } from "../../src/landmarks/head";
+import { headRotation } from "../../src/motion/headRotation";
+import { usualCamera } from "../../src/motion/liveSolver";
 import { MotionSolver } from "../../src/motion/motionSolver";
 import { rotationsBy, transposedProduct, anglesOf, lengthOf } from "../../src/motion/rotations";
 import { readConstants } from "../../src/motion/constants";
-import { CASES, CONSTANTS, bodyOf, expressionIn, seenIn } from "./solver";
+import { CASES, CONSTANTS, FACE, bodyOf, expressionIn, headIn, seenIn } from "./solver";
 
 /** Twice what floats of the lifter and the six digits that are told make of it. */
 const TOLERANCE_RAD = 1e-5;
@@ -32,7 +36,7 @@ describe("MotionSolver", () => {
     (_, one) => {
       const solver = new MotionSolver(bodyOf(one), CONSTANTS);
       for (const frame of one.frames) {
-        const motion = solver.solve(seenIn(frame), expressionIn(frame), frame.time_ms);
+        const motion = solver.solve(seenIn(frame), expressionIn(frame), headIn(frame), frame.time_ms);
         const told = frame.motion;
         expect(motion === null).toBe(told === null);
         if (!motion || !told) continue;
@@ -61,13 +65,23 @@ describe("MotionSolver", () => {
     const [one] = CASES as [(typeof CASES)[number]];
     const solver = new MotionSolver(bodyOf(one), CONSTANTS);
     const [first, second] = one.frames;
-    expect(solver.solve(seenIn(second!), null, second!.time_ms)).not.toBeNull();
-    expect(solver.solve(seenIn(first!), null, first!.time_ms)).toBeNull();
+    expect(solver.solve(seenIn(second!), null, null, second!.time_ms)).not.toBeNull();
+    expect(solver.solve(seenIn(first!), null, null, first!.time_ms)).toBeNull();
+  });
+});
+
+describe("headRotation", () => {
+  it("is the server's, of a face off the picture's middle", () => {
+    const { middle, points, width, height, rotation } = FACE;
+    const seen = HEAD_POINTS.map((_, i) => points.slice(3 * i, 3 * i + 3) as unknown as Point);
+    const { focal, centre } = usualCamera(width, height);
+    const head = { middle: middle as [number, number], points: seen, timeMs: 0 };
+    expect(off(rotation, headRotation(head, CONSTANTS.headPoints, focal, centre))).toBeLessThan(TOLERANCE);
   });
 });
 
 describe("readConstants", () => {
   it("refuses a file of another version", () => {
-    expect(() => readConstants(new ArrayBuffer(8))).toThrow("must be 2843900 bytes long; got 8");
+    expect(() => readConstants(new ArrayBuffer(8))).toThrow("must be 2844296 bytes long; got 8");
   });
 });

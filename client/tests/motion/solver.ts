@@ -4,7 +4,9 @@ import { unzipSync } from "fflate";
 import weights from "../../../capture/assets/lifter.npz?url&inline";
 import motion from "../../../tests/services/live/motion.json";
 import type { Landmarks } from "../../src/landmarks/landmarks";
-import type { ObservedExpression } from "../../src/landmarks/expression";
+import type { ObservedExpression, Point } from "../../src/landmarks/expression";
+import { HEAD_POINTS, type ObservedHead } from "../../src/landmarks/head";
+import { rotationBy, turned } from "../../src/motion/rotations";
 import type { SolvedBody, SolverConstants } from "../../src/motion/body";
 import { CONSTANTS_BYTES, WEIGHTS, readConstants } from "../../src/motion/constants";
 
@@ -18,7 +20,7 @@ export function constantsFile(): ArrayBuffer {
   const packed = Uint8Array.from(atob(weights.slice(weights.indexOf(",") + 1)), (one) => one.charCodeAt(0));
   const arrays = unzipSync(packed);
   const file = new Uint8Array(CONSTANTS_BYTES);
-  const numbers = Float32Array.from([...people.mean, ...people.axes, ...people.stiffness, ...people.landmarks]);
+  const numbers = Float32Array.from([...people.mean, ...people.axes, ...people.stiffness, ...people.landmarks, ...people.head]);
   file.set(new Uint8Array(numbers.buffer));
   let at = numbers.byteLength;
   for (const [name, count] of WEIGHTS) {
@@ -41,6 +43,20 @@ export function seenIn(frame: Frame): Landmarks {
   const [xy, world, visibility] = [frame.xy, frame.world, frame.visibility].map((one) => Float32Array.from(one));
   return { width, height, xy: xy!, world: world!, visibility: visibility! };
 }
+
+/** Points of a face in the middle of the picture whose head is turned so. */
+export function headIn({ head, time_ms, width, height }: Frame): ObservedHead | null {
+  if (!head) return null;
+  const rotation = rotationBy(head[0]!, head[1]!, head[2]!);
+  const points = HEAD_POINTS.map((_, i): Point => {
+    const [x, y, z] = turned(rotation, 0, CONSTANTS.headPoints, 3 * i) as unknown as Point;
+    return [1000 * x, -1000 * y, -1000 * z];
+  });
+  return { middle: [width / 2, height / 2], points, timeMs: time_ms };
+}
+
+/** A face's points, and how the server finds that its head is turned. */
+export const FACE = motion.head;
 
 export function expressionIn({ expression }: Frame): ObservedExpression | null {
   return expression && { values: Float32Array.from(expression.values), known: expression.known };

@@ -23,7 +23,7 @@ function person(timeMs: number): SeenPerson {
     world: new Float32Array(3 * LANDMARK_COUNT),
     visibility: new Float32Array(LANDMARK_COUNT),
   };
-  return { seen, expression: null, timeMs, liveLook: false };
+  return { seen, expression: null, head: null, timeMs, liveLook: false };
 }
 
 function setUp() {

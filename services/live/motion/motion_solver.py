@@ -20,11 +20,14 @@ from capture.live.solver import LiveSolver
 from scene.arrays import Array, Float
 from scene.body import Body
 from scene.errors import InvalidInput
+from scene.motion import Pose
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import Skeleton
 from services.live.eye_level import LevelGaze
 from services.live.keypoints_packet import KeypointsPacket
 from services.live.motion.expression_filter import ExpressionFilter
 from services.live.motion.foot_locking import FootLocking
+from services.live.motion.head_following import HeadFollowing, ObservedHead
 from services.live.motion.solved_motion import LocalPose, SolvedMotion, SolvedPose, usual_camera
 
 _FIRST_STEP_S = 1.0 / 30.0
@@ -49,6 +52,7 @@ class MotionSolver:
         self._gaze = LevelGaze()
         self._solver: tuple[tuple[int, int], LiveSolver] | None = None
         self._expression = ExpressionFilter()
+        self._head = HeadFollowing()
         self._time_s: float | None = None
 
     def solve(self, packet: KeypointsPacket) -> SolvedMotion:
@@ -68,6 +72,7 @@ class MotionSolver:
             self._solver = None  # what it believes may be spoilt
             raise InvalidInput(f"landmarks must be of a person; got none: {error}") from error
         self._time_s = time_s
+        now, ahead = self._with_head_followed(now, ahead, packet.head, time_s)
         expression = self._expression.update(packet.expression, time_s)
         seen = replace(now, expression=expression.at(time_s))
         legs = float(np.median(solver.landmark_weights[LEGS]))
@@ -88,6 +93,14 @@ class MotionSolver:
             packet.age_ms,
             SolvedPose(packet.capture_time_ms, seen, solver.camera),
         )
+
+    def _with_head_followed(
+        self, now: Pose, ahead: Pose, head: Float[Array, "3 3"] | None, time_s: float
+    ) -> tuple[Pose, Pose]:
+        local = [axis_angle_to_matrix(pose.joint_angles) for pose in (now, ahead)]
+        self._head.update(None if head is None else ObservedHead(head, time_s), local[0], time_s)
+        angles = [matrix_to_axis_angle(self._head.followed(one, time_s)) for one in local]
+        return replace(now, joint_angles=angles[0]), replace(ahead, joint_angles=angles[1])
 
     def _with_level_gaze(self, pose: LocalPose) -> LocalPose:
         return replace(pose, local=self._gaze.raised(pose.local))

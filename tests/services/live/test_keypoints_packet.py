@@ -19,10 +19,12 @@ from capture.body.expressions import (
 )
 from capture.body.landmark_names import LANDMARK_COUNT
 from scene.expression import neutral
+from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from services.live.keypoints_packet import (
     ANCHORS,
     BODY,
     DETAILS,
+    EXPRESSION_KEYPOINTS_BYTES,
     KEYPOINTS_BYTES,
     LONGEST_KEYPOINTS_BYTES,
     KeypointsPacket,
@@ -48,8 +50,9 @@ GOLDEN = (
     "04"
 )
 """What clients write that are no pages of ours."""
-LENGTHS = (KEYPOINTS_BYTES, LONGEST_KEYPOINTS_BYTES)
+LENGTHS = (KEYPOINTS_BYTES, EXPRESSION_KEYPOINTS_BYTES, LONGEST_KEYPOINTS_BYTES)
 GOLDEN_EXPRESSION = "d4fc40f60326000000000000200f"
+GOLDEN_HEAD = "23aa7424"
 
 
 def packet(sequence: int = 7, capture_time_ms: float = 1500.0) -> KeypointsPacket:
@@ -64,7 +67,8 @@ def test_golden_bytes():
     data = encode_keypoints(packet())
     assert data.hex() == GOLDEN
     assert len(data) == KEYPOINTS_BYTES
-    assert 8 * 30 * LONGEST_KEYPOINTS_BYTES <= 50_000, "bits a second"
+    with_and_without_a_head = EXPRESSION_KEYPOINTS_BYTES + LONGEST_KEYPOINTS_BYTES
+    assert 8 * 15 * with_and_without_a_head <= 50_000, "bits a second"
     assert sorted([*BODY, *DETAILS]) == list(range(LANDMARK_COUNT))
 
 
@@ -73,12 +77,26 @@ def test_golden_bytes_of_an_expression():
     observed = ObservedExpression(values, FACE | LEFT_HAND)
     data = encode_keypoints(replace(packet(), expression=observed))
     assert data.hex() == GOLDEN[:-2] + GOLDEN_EXPRESSION
-    assert len(data) == LONGEST_KEYPOINTS_BYTES
+    assert len(data) == EXPRESSION_KEYPOINTS_BYTES
+    assert decode_keypoints(data).head is None
     back = decode_keypoints(data).expression
     assert back is not None
     assert back.known == FACE | LEFT_HAND
     np.testing.assert_allclose(back.values, np.clip(values, 0.0, 1.0), atol=0.5 / 63)
     assert decode_keypoints(bytes.fromhex(GOLDEN)).expression is None
+
+
+def test_golden_bytes_of_a_head():
+    head = axis_angle_to_matrix(np.array([0.1, -0.6, 0.2]))
+    told = replace(packet(), expression=ObservedExpression(neutral(), FACE), head=head)
+    data = encode_keypoints(told)
+    assert data[-4:].hex() == GOLDEN_HEAD
+    assert len(data) == LONGEST_KEYPOINTS_BYTES
+    back = decode_keypoints(data).head
+    assert back is not None
+    assert np.linalg.norm(matrix_to_axis_angle(head.T @ back)) < np.radians(0.2)
+    # a head is of a face: without one nothing of it travels
+    assert len(encode_keypoints(replace(told, expression=None))) == KEYPOINTS_BYTES
 
 
 def test_groups_that_nobody_knows_of_are_left_alone():
@@ -140,7 +158,7 @@ def test_what_is_out_of_range_is_moved_to_its_end():
 def test_every_truncation_is_refused():
     data = encode_keypoints(packet())
     for length in [*range(len(data)), len(data) + 1]:
-        with pytest.raises(PacketError, match=f"must be 193 or 206 bytes long; got {length}"):
+        with pytest.raises(PacketError, match=f"must be 193 or 206 or 210 bytes long; got {length}"):
             decode_keypoints((data + b"x")[:length])
 
 
