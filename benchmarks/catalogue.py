@@ -69,6 +69,7 @@ CATALOGUE = (
     Benchmark("two-cameras", ("two-cameras",), (require_footage,)),
     Benchmark("real", ("real",), (require_real_footage,)),
     Benchmark("live-look", ("live-look",), (require_real_footage, require_human_assets)),
+    Benchmark("live-head", ("live-head",), (require_real_footage,)),
     Benchmark("levels", ("levels",), (require_real_footage, require_browser)),
     Benchmark(
         "parsimony",

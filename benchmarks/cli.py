@@ -20,7 +20,7 @@ from benchmarks.cli_options import (
     pose_model,
     start,
 )
-from benchmarks.cli_real import levels, live_look, real
+from benchmarks.cli_real import levels, live_head, live_look, real
 from benchmarks.cli_service import faults, load, renderers
 from benchmarks.cli_stability import stability
 from benchmarks.inputs import (
@@ -44,6 +44,7 @@ app.registered_commands += cli_parsimony.app.registered_commands
 app.command()(stability)
 app.command("real")(real)
 app.command("live-look")(live_look)
+app.command("live-head")(live_head)
 app.command()(levels)
 app.command()(load)
 app.command()(faults)

@@ -64,6 +64,15 @@ def live_look(
     run(writer, footage, networks, iterations, only, assets=assets)
 
 
+def live_head(commits: Commits = False, footage: Footage = FOOTAGE) -> None:
+    """Heads of real people, live: how far they are from where their faces' points have them."""
+    require_real_footage(footage)
+    from benchmarks.real.live_head import run
+
+    pose, face, _ = landmark_models()
+    run(start("live-head", commits), footage, pose, face)
+
+
 def levels(
     commits: Commits = False,
     footage: Footage = FOOTAGE,

@@ -27,7 +27,7 @@ from benchmarks.pages.performers import (
     performers,
 )
 from benchmarks.pages.provenance import Figures
-from benchmarks.pages.real import real
+from benchmarks.pages.real import live_head, real
 from benchmarks.pages.renderers import renderers
 from benchmarks.parsimony.charts import draw_parsimony
 from benchmarks.reporting.markdown import replaced
@@ -62,6 +62,7 @@ BLOCKS = (
     Block(_FIGURES_PAGE, "live", ("live-capture",), capture.live),
     Block("docs/capture.md", "capture", ("capture",), capture.accuracy),
     Block("docs/keypoints.md", "expressions-found", ("expressions-found",), expressions_found),
+    Block("docs/keypoints.md", "live-head", ("live-head",), live_head),
     Block("docs/data.md", "lifelike", ("lifelike",), lifelike),
     Block("docs/data.md", "covered-torso", ("covered-torso",), covered_torso),
     Block("docs/data.md", "reading", ("reading",), splats.reading),

@@ -12,6 +12,7 @@ _VIEWS = (
     ("other cameras", "as_given", "other_cameras"),
 )
 """Name in the table, which poses, which group of frames."""
+_HEADS = {"solved": "by the body's landmarks", "followed": "by the face's points as well"}
 
 
 def real(figures: Figures) -> str:
@@ -19,6 +20,26 @@ def real(figures: Figures) -> str:
     return "\n\n".join(
         [_description(figures), _accuracy(figures), _effort(figures), measured_at(figures)]
     )
+
+
+def live_head(figures: Figures) -> str:
+    """Angles of real heads from where their faces have them."""
+    rows = [
+        [row["clip"], str(row["pictures"]), *(_head_cell(row[kind]) for kind in _HEADS)]
+        for row in figures["rows"]
+    ]
+    sentence = (
+        "Angle between the head and where its face's points have it, mean and 95th percentile, "
+        f"degrees; a face is looked for in one of {figures['every']} pictures and comes "
+        f"{figures['late']} pictures late. In brackets how unsteady the head is: the mean change "
+        "of its turn from one picture to the next (`metanerf bench live-head`):"
+    )
+    head = ["clip", "pictures", *_HEADS.values()]
+    return "\n\n".join([sentence, markdown_table(head, rows), measured_at(figures)])
+
+
+def _head_cell(errors: Figures) -> str:
+    return f"{errors['mean']:.1f}, {errors['p95']:.1f} ({errors['unsteady']:.2f})"
 
 
 def _description(figures: Figures) -> str:

@@ -158,7 +158,9 @@ def test_what_is_out_of_range_is_moved_to_its_end():
 def test_every_truncation_is_refused():
     data = encode_keypoints(packet())
     for length in [*range(len(data)), len(data) + 1]:
-        with pytest.raises(PacketError, match=f"must be 193 or 206 or 210 bytes long; got {length}"):
+        with pytest.raises(
+            PacketError, match=f"must be 193 or 206 or 210 bytes long; got {length}"
+        ):
             decode_keypoints((data + b"x")[:length])
 
 
