@@ -14,6 +14,7 @@ import yaml
 from prometheus_client import REGISTRY
 
 import services.jobs.worker
+import services.live.look.receiver
 import services.live.motion.driving_channels
 import services.live.rendering.pool
 import services.metrics  # noqa: F401  (registers its figures, as those above do)

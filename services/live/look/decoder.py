@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import numpy as np
+from prometheus_client import Counter
 
 from scene.arrays import Array, UInt8
 from services.confinement import ConfinedProcess
@@ -23,6 +24,10 @@ from services.live.look.confined import DAMAGED, HEAD, PICTURE
 
 log = logging.getLogger(__name__)
 
+LOST = Counter(
+    "metanerf_look_decoders_lost_total",
+    "Processes that decoded somebody's pictures and crashed, or did not answer.",
+)
 START_S = 20.0
 """Of a machine that does much else, until the first answer."""
 ANSWER_S = 3.0
@@ -61,6 +66,7 @@ class LookDecoder:
             except OSError as error:  # it has ended, or takes too long
                 how = self._end(process)
                 if not self._closed:
+                    LOST.inc()
                     log.warning("what decodes somebody's pictures ended: %s", how)
                 raise DecodingFailed(how) from error
 

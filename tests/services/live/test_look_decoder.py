@@ -20,7 +20,7 @@ from av import CodecContext, Packet
 from av.video.codeccontext import VideoCodecContext
 
 from services.live.look import decoder as decoder_module
-from services.live.look.decoder import RESTART_S, DecodingFailed, LookDecoder
+from services.live.look.decoder import LOST, RESTART_S, DecodingFailed, LookDecoder
 from services.live.look.picture_code import PictureCode
 from services.live.look.receiver import FRAME_SIZE
 from tests.fakes import Clock
@@ -33,6 +33,12 @@ def stream() -> tuple[bytes, ...]:
     """A key frame and five that build on it."""
     encoder = Encoder()
     return tuple(encoder.encode(frame_of(PictureCode(66 * n, -20, 30, 360))) for n in range(6))
+
+
+def lost() -> float:
+    """How many processes were lost so far."""
+    (family,) = LOST.collect()
+    return family.samples[0].value
 
 
 @pytest.fixture
@@ -113,10 +119,11 @@ def test_random_frames_harm_nobody(decoder: LookDecoder, clock: Clock):
 def test_a_crash_is_told_once_and_another_starts_later(
     instead, decoder: LookDecoder, clock: Clock, caplog, script: str, told: str
 ):
-    program = sys.executable
+    program, before = sys.executable, lost()
     instead(script)
     with caplog.at_level(logging.WARNING), pytest.raises(DecodingFailed, match=told):
         decoder.newest(stream()[:1])
+    assert lost() == before + 1.0
     assert f"what decodes somebody's pictures ended: {told}" in caplog.text
     sys.executable = program
     # frames that crash each process are not given another at once
@@ -124,6 +131,7 @@ def test_a_crash_is_told_once_and_another_starts_later(
         decoder.newest(stream()[:1])
     clock.advance(seconds=RESTART_S)
     assert decoder.newest(stream()[:1]) is not None
+    assert lost() == before + 1.0
 
 
 @pytest.mark.parametrize("script", ["exec sleep 30", "exec >&-; exec sleep 30"])
@@ -132,11 +140,12 @@ def test_who_does_not_answer_is_ended(instead, monkeypatch: pytest.MonkeyPatch, 
     instead(script)
     # more than a pipe holds, so that giving it waits, too
     for frames in (stream()[:1], [bytes(1 << 20)]):
-        decoder = LookDecoder(FRAME_SIZE)
+        decoder, before = LookDecoder(FRAME_SIZE), lost()
         started_s = time.monotonic()
         with pytest.raises(DecodingFailed, match="did not answer"):
             decoder.newest(frames)
         assert time.monotonic() - started_s < 5.0
+        assert lost() == before + 1.0
 
 
 def test_closing_ends_one_that_is_asked_at_the_moment(instead, decoder: LookDecoder):
@@ -148,12 +157,13 @@ def test_closing_ends_one_that_is_asked_at_the_moment(instead, decoder: LookDeco
             decoder.newest(stream()[:1])
         failed.set()
 
-    asking = threading.Thread(target=ask)
+    asking, before = threading.Thread(target=ask), lost()
     asking.start()
     time.sleep(0.3)
     decoder.close()
     assert failed.wait(5.0)
     asking.join()
+    assert lost() == before
     with pytest.raises(DecodingFailed, match="has ended"):
         decoder.newest(stream()[:1])
 
