@@ -56,6 +56,12 @@ class Principal:
     invitation: int = 0
     """Which of that meeting's invitations it came by; see `db.models.MeetingRow.invitation`."""
 
+    @property
+    def counted_as(self) -> str:
+        """By what bounds tell them from others: an invitation's account is of many, who are told
+        apart by their seats."""
+        return self.account if self.account != INVITED else self.participant_id or INVITED
+
     def may_use(self, account: str) -> bool:
         """Whether what `account` owns may be met: one's own, and the demo's for guests."""
         return account == self.account or (account == GUEST and is_guest(self.account))

@@ -8,7 +8,7 @@ from fastapi import Depends, Security
 from fastapi.requests import HTTPConnection
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer, SecurityScopes
 
-from services.auth import INVITED, Principal
+from services.auth import Principal
 from services.container import Services
 from services.errors import ScopeMissing, Unauthorized
 from services.gateway import Gateway, gateway_of
@@ -56,10 +56,7 @@ def principal(
         )
     caller = services.tokens.read(credentials.credentials)
     connection.state.account = caller.account
-    # an invitation's account is of many, who are told apart by their seats
-    services.account_limit.take(
-        caller.account if caller.account != INVITED else caller.participant_id or INVITED
-    )
+    services.account_limit.take(caller.counted_as)
     missing = sorted(set(needed.scopes) - caller.scopes)
     if missing:
         raise ScopeMissing(

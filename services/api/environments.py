@@ -145,7 +145,7 @@ async def bring_place(
     caller.require_meeting(meeting_id)
     await run_in_threadpool(_check_host, services, caller, meeting_id)
     picture = await _read_picture(request)
-    own = await gateway.turns.run(brought_along, meeting_id, picture)
+    own = await gateway.turns.run(caller.counted_as, brought_along, meeting_id, picture)
     place = _in_meeting(own)
     await run_in_threadpool(_bring, services, caller, own)
     await gateway.show_anew(meeting_id)

@@ -68,7 +68,9 @@ async def upload_clip(
     settings = services.settings
     with spool(settings.folders.scratch_dir, settings.uploads.max_bytes) as received:
         await receive_file(request, received)
-        return await gateway.turns.run(_store, services, caller, person_id, received)
+        return await gateway.turns.run(
+            caller.counted_as, _store, services, caller, person_id, received
+        )
 
 
 @router.post(
@@ -148,7 +150,9 @@ async def send_piece(
     if upload.offset < upload.size:
         return Response(status_code=204, headers=_offset(upload))
     with spool(folder, upload.size) as whole:
-        sequence = await gateway.turns.run(_complete, services, caller, upload, whole)
+        sequence = await gateway.turns.run(
+            caller.counted_as, _complete, services, caller, upload, whole
+        )
     return JSONResponse(sequence.model_dump(mode="json"), status_code=202, headers=_offset(upload))
 
 

@@ -270,7 +270,7 @@ def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 async def test_few_clips_are_looked_at_at_once_and_nobody_else_waits(
     services: Services, counted: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(turns, "MOST_WAITING", 6)
+    monkeypatch.setattr(turns, "MOST_OF_ONE_WAITING", 6)
     app = create_app(services)
     client = httpx.AsyncClient(
         transport=httpx.ASGITransport(app), base_url="http://test", headers=bearer(services)
