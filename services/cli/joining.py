@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 
+_LAST_PORT = 65535
+
 
 @app.command()
 def join(
@@ -87,4 +89,9 @@ def _webcam(clip: Path | None, port: int | None, *, loop: bool) -> Webcam:
     if port is None or clip is not None:
         given = "both" if clip is not None else "neither"
         raise InvalidInput(f"one of --webcam FILE and --whip PORT must be given; got {given}")
+    if not 1 <= port <= _LAST_PORT:
+        raise InvalidInput(
+            f"--whip must be a port from 1 to {_LAST_PORT}; got {port}; choose one that is free, such "
+            "as 8090"
+        )
     return WhipWebcam(port, loop=loop)

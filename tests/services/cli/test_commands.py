@@ -302,6 +302,15 @@ def test_a_meeting_is_not_measured_without_a_film_for_its_camera(tmp_path, monke
     assert "clip must be a video of one person; got" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("port", ["0", "-1", "65536"])
+def test_a_webcams_port_that_is_none_is_refused(port: str, monkeypatch, capsys):
+    link = "http://localhost/?meeting=m"
+    monkeypatch.setattr("sys.argv", ["metanerf", "join", link, "--whip", port])
+    with pytest.raises(SystemExit):
+        main()
+    assert f"--whip must be a port from 1 to 65535; got {port}; choose" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("text", "value"), [("20s", 20.0), ("1.5m", 90.0), ("2h", 7200.0), ("7", 7.0)]
 )
