@@ -4,30 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 
 import av
 import numpy as np
 from av.audio.stream import AudioStream
 from av.container import OutputContainer
-from av.error import FFmpegError
 from av.video.stream import VideoStream
 
 from renderer.scene_renderer import SceneRenderer
 from scene.arrays import Array, Float
 from scene.camera import Camera, look_at, orbit_camera
 from scene.errors import InvalidInput
-from services.recording.chunks import Record
-from services.recording.ogg import with_silence
 from services.recording.replay import LoadedRecording
+from services.recording.voices import mix
 from services.synthetic import VIDEO_METADATA
 
 FRAMES_PER_SECOND = 30
 AUDIO_RATE = 48_000
 _AAC_SAMPLES = 1024
 _EYE_M = 0.95
-_STEP = 960
 
 
 @dataclass(frozen=True)
@@ -55,7 +51,8 @@ def export_video(
     """Write an MP4 (H.264, AAC), marked as synthetic, whole or not at all.
 
     `on_progress` may raise, to stop.
-    Raises InvalidInput for a recording that has no moment to show.
+    Raises InvalidInput for a recording that has no moment to show, and as
+    `services.recording.voices.mix`.
     """
     if recorded.duration_s <= 0.0:
         raise InvalidInput("a recording must hold something to be exported; got an empty one")
@@ -95,34 +92,6 @@ def camera_at(recorded: LoadedRecording, path: CameraPath, at_s: float) -> Camer
     return orbit_camera(
         middle, 3.4 + 2.0 * spread, azimuth, 0.08, path.width, path.height, path.fov_y_rad
     )
-
-
-def mix(voices: dict[str, list[Record]], duration_s: float) -> Float[Array, "S"]:
-    """Everybody's voice from the start, 48 kHz, -1 to 1."""
-    total: Float[Array, "S"] = np.zeros(int(duration_s * AUDIO_RATE), np.float32)
-    for said in voices.values():
-        samples = _decode(said)[: len(total)]
-        total[: len(samples)] += samples
-    return np.clip(total, -1.0, 1.0)
-
-
-def _decode(said: list[Record]) -> Float[Array, "S"]:
-    decoder = av.CodecContext.create("libopus", "r")
-    decoder.format, decoder.layout, decoder.sample_rate = "s16", "mono", AUDIO_RATE
-    pieces: list[np.ndarray] = []
-    for number, payload in enumerate(with_silence(said)):
-        packet = av.Packet(payload)
-        packet.pts, packet.time_base = number * _STEP, Fraction(1, AUDIO_RATE)
-        try:
-            frames = decoder.decode(packet)
-        except FFmpegError:  # a packet that a speaker's device spoilt is silence
-            pieces.append(np.zeros(_STEP, np.float32))
-            continue
-        for frame in frames:
-            channels = frame.layout.nb_channels
-            samples = frame.to_ndarray().reshape(-1, channels).mean(axis=1)
-            pieces.append((samples / 32768.0).astype(np.float32))
-    return np.concatenate(pieces) if pieces else np.zeros(0, np.float32)
 
 
 def _write_video(

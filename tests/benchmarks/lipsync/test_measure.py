@@ -13,7 +13,8 @@ from scene.environment import Environment
 from scene.expression import EXPRESSION_NAMES
 from services.recording.chunks import Record
 from services.recording.replay import LoadedRecording
-from services.recording.video_export import AUDIO_RATE, CameraPath, export_video, mix
+from services.recording.video_export import AUDIO_RATE, CameraPath, export_video
+from services.recording.voices import mix
 
 BLOCK = 96
 

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from scene.errors import InvalidInput
 from services.recording.chunks import LONGEST_RECORD, Record, pack, records_of, unpack
 from services.recording.ogg import ogg_opus, samples_of, with_silence
-from services.recording.video_export import mix
 
 RATE = 48_000
 
@@ -93,20 +92,3 @@ def test_the_ogg_has_the_packets_as_they_came_and_the_same_bytes_each_time():
         read = [bytes(packet) for packet in container.demux(audio=0) if packet.size]
     assert read == packets
     assert b"".join(ogg_opus(packets)) == pages
-
-
-def test_voices_are_summed_in_time_and_a_spoilt_packet_is_silence():
-    one = [Record(20 * at, data) for at, data in enumerate(voice(0.4, 300.0))]
-    other = [Record(1000 + 20 * at, data) for at, data in enumerate(voice(0.4, 800.0))]
-    spoilt = [Record(0, b"\xff" * 5)]
-    total = mix({"a": one, "b": other, "c": spoilt}, 1.5)
-    assert len(total) == int(1.5 * RATE)
-
-    def loudest(start_s: float) -> float:
-        piece = total[int(start_s * RATE) : int((start_s + 0.2) * RATE)]
-        spectrum = np.abs(np.fft.rfft(piece * np.hanning(len(piece))))
-        return float(np.fft.rfftfreq(len(piece), 1 / RATE)[spectrum.argmax()])
-
-    assert abs(loudest(0.1) - 300.0) < 10.0
-    assert abs(loudest(1.1) - 800.0) < 10.0
-    assert np.abs(total[int(0.6 * RATE) : int(0.9 * RATE)]).max() < 0.01
