@@ -17,7 +17,9 @@ import hashlib
 import json
 import math
 import shutil
+import struct
 import tempfile
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Mapping
@@ -41,6 +43,11 @@ from scene.skeleton import Skeleton
 
 VERSION = 1
 _TEST_SPLITS = (NOVEL_VIEW, UNSEEN_POSE)
+_NO_ARRAYS = (
+    *(OSError, ValueError, EOFError, MemoryError, SyntaxError, zipfile.BadZipFile, zlib.error),
+    *(NotImplementedError, RuntimeError, struct.error, tokenize.TokenError),
+)
+"""What NumPy and zipfile raise for archives that are broken, encrypted or packed otherwise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +138,7 @@ def _pose_trust(about: Mapping[str, Any]) -> PoseTrust:
     """Sequences of earlier versions say `exact_poses`, true or false."""
     before = PoseTrust.EXACT if about.get("exact_poses") else PoseTrust.ESTIMATED
     stored = about.get("pose_trust", before)
-    if stored not in set(PoseTrust):
+    if stored not in list(PoseTrust):
         raise BrokenSequence(
             f"pose_trust in sequence.json must be one of {', '.join(PoseTrust)}; got {stored!r}"
         )
@@ -211,7 +218,7 @@ def _open_frames(folder: Path) -> FolderFrames:
         )
     except BrokenSequence:
         raise
-    except (SceneError, IndexError, ValueError, TypeError) as error:
+    except (SceneError, IndexError, ValueError, TypeError, OverflowError) as error:
         raise BrokenSequence(f"{folder.name}: {error}") from error
     if len(cameras) != len(motion):
         raise BrokenSequence(
@@ -225,9 +232,11 @@ def _read_body(path: Path) -> Body:
     parts = [stored.get(k) for k in ("rest_vertices", "faces", "blend_weights")]
     vertices, faces, weights = parts
     directions = stored.get("expression_directions")
-    if directions is not None:
-        directions = offsets_of_any_version(directions.astype(np.float64), axis=0)
+    if faces is not None and faces.dtype.kind not in "iu":
+        raise BrokenSequence(f"body.npz: faces must be whole numbers; got {faces.dtype}")
     try:
+        if directions is not None:
+            directions = offsets_of_any_version(directions.astype(np.float64), axis=0)
         return Body(
             Skeleton(stored["rest_joints"]),
             None if vertices is None else vertices.astype(np.float64),
@@ -235,7 +244,7 @@ def _read_body(path: Path) -> Body:
             None if weights is None else weights.astype(np.float64),
             directions,
         )
-    except SceneError as error:
+    except (SceneError, IndexError, ValueError, TypeError) as error:
         raise BrokenSequence(f"body.npz: {error}") from error
 
 
@@ -243,8 +252,11 @@ def _read_arrays(path: Path, *required: str) -> dict[str, Array]:
     try:
         with np.load(path, allow_pickle=False) as stored:
             arrays = dict(stored)
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except _NO_ARRAYS as error:
         raise BrokenSequence(f"{path.name} must be a readable .npz file; got {error}") from error
+    for name, array in arrays.items():
+        if array.dtype.kind not in "biuf":
+            raise BrokenSequence(f"{path.name}: {name} must be real numbers; got {array.dtype}")
     missing = [name for name in required if name not in arrays]
     if missing:
         raise BrokenSequence(
@@ -256,7 +268,7 @@ def _read_arrays(path: Path, *required: str) -> dict[str, Array]:
 def _read_json(path: Path) -> dict[str, Any]:
     try:
         about = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise BrokenSequence(
             f"{path.parent} must be a sequence folder with a {path.name}; got {error}"
         ) from error

@@ -91,7 +91,7 @@ def _webcam(clip: Path | None, port: int | None, *, loop: bool) -> Webcam:
         raise InvalidInput(f"one of --webcam FILE and --whip PORT must be given; got {given}")
     if not 1 <= port <= _LAST_PORT:
         raise InvalidInput(
-            f"--whip must be a port from 1 to {_LAST_PORT}; got {port}; choose one that is free, such "
-            "as 8090"
+            f"--whip must be a port from 1 to {_LAST_PORT}; got {port}; choose one that is free, "
+            "such as 8090"
         )
     return WhipWebcam(port, loop=loop)

@@ -202,7 +202,7 @@ def flattened() -> np.ndarray:
             r"joint_angles must be finite; got nan at index \[1, 5, 2\]",
         ),
         ("motion.npz", {"joint_angles": np.zeros((3, 23, 3))}, "joint_angles must be"),
-        ("motion.npz", {"joint_angles": np.full((3, 24, 3), "x")}, "seq: "),
+        ("motion.npz", {"joint_angles": np.full((3, 24, 3), "x")}, "angles must be real"),
         ("motion.npz", {"times_s": None}, "motion.npz must hold .*; times_s is missing"),
         ("motion.npz", {"times_s": np.array([0.0, 0.2, 0.1])}, "times_s must"),
         ("cameras.npz", {"world_to_camera": flattened()}, "world_to_camera must"),

@@ -55,32 +55,13 @@ from services.recording.ogg import ogg_opus, samples_of, with_silence
 from services.uploads.check import check_upload
 from services.uploads.confined import read_panorama
 from tests import few_examples
+from tests.few_examples import damaged
 from tests.services import seeds
 
 FEW = settings(
     few_examples.FEW,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
 )
-
-
-def damaged(whole: bytes) -> st.SearchStrategy[bytes]:
-    """`whole` cut off, with bytes changed, or with other bytes put in."""
-
-    def damage(cut: int, changes: list[tuple[int, int]], at: int, put_in: bytes) -> bytes:
-        data = bytearray(whole[: cut or len(whole)])
-        for where, value in changes:
-            if data:
-                data[where % len(data)] = value
-        at %= len(data) + 1
-        return bytes(data[:at] + put_in + data[at:])
-
-    return st.builds(
-        damage,
-        st.one_of(st.just(0), st.integers(0, len(whole))),
-        st.lists(st.tuples(st.integers(0, 1 << 20), st.integers(0, 255)), max_size=6),
-        st.integers(0, 1 << 20),
-        st.binary(max_size=8),
-    )
 
 
 def takes_or_refuses(read: Callable[[bytes], object], data: bytes) -> None:

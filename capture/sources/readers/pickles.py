@@ -14,6 +14,7 @@ import io
 import math
 import pickle
 import re
+import tokenize
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,10 @@ _UNREADABLE = (
 )
 
 
+_NO_ARRAY = (ValueError, EOFError, OSError, MemoryError, SyntaxError, tokenize.TokenError)
+"""What NumPy raises for files that are none of its own."""
+
+
 def load_pickle(path: Path) -> Any:
     """What the pickle at `path` holds; arrays in it come out by `numbers` and `strings`.
 
@@ -66,7 +71,7 @@ def load_npy(path: Path) -> Any:
         if not dtype.hasobject:
             stream.seek(0)
             return np.load(stream, allow_pickle=False)
-    except (ValueError, EOFError, OSError, MemoryError) as error:
+    except _NO_ARRAY as error:
         raise BrokenDataset(f"{path.name} must be a readable .npy file; got {error}") from error
     held = _load(stream.read(), path)
     objects = held.objects() if isinstance(held, _Stored) else None
