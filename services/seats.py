@@ -206,6 +206,12 @@ def renew_seats(services: Services, participant_ids: set[str]) -> set[str]:
     return kept
 
 
+def take_up(services: Services, participant_id: str) -> None:
+    """Note that a seat is in use from now on. Raises SeatReleased where it was given back."""
+    if not renew_seats(services, {participant_id}):
+        raise _released()
+
+
 def require_admitted(meeting: MeetingRow, caller: Principal) -> None:
     """Raise MeetingOver, or a Forbidden, unless `caller` may see and hear this meeting now.
 
@@ -223,13 +229,17 @@ def require_admitted(meeting: MeetingRow, caller: Principal) -> None:
         return
     found = next((one for one in meeting.participants if one.id == caller.participant_id), None)
     if found is None:
-        raise SeatReleased(
-            "the token must be of a seat that is taken; got one whose seat was given back; "
-            "join the meeting again",
-        )
+        raise _released()
     if found.admission is not Admission.ADMITTED:
         refused, got, mend = _REFUSALS[found.admission]
         raise refused(f"the token must be of somebody let in; got {got}; {mend}")
+
+
+def _released() -> SeatReleased:
+    return SeatReleased(
+        "the token must be of a seat that is taken; got one whose seat was given back; "
+        "join the meeting again",
+    )
 
 
 def admits_without_seat(meeting: MeetingRow) -> bool:

@@ -131,9 +131,9 @@ async function meetingToJoin(): Promise<Meeting | null> {
 function createLiveView(current: MeetingSession): LiveView {
   const size = Number(query.get("size"));
   const pinned = Number.isInteger(size) && size >= 128 && size <= 1024 ? size : null;
-  // once we have joined, the control connection renews the seat
+  // once we have joined, the control connection alone says on which seat we are
   const seat = (stale: boolean): ReturnType<MeetingSession["getSeat"]> =>
-    current.getSeat(stale && !current.joined);
+    stale && current.joined ? current.heldSeat() : current.getSeat(stale);
   const sealing = sealingOf(current.meeting);
   const address = (lost: boolean): Promise<string> => current.addressOf(`/whep/${current.meeting.id}`, lost);
   return new LiveView(api, current.meeting, { seat, address, pinned, stamped: query.has("stamp"), inertia: !prefersReducedMotion(), sealing });

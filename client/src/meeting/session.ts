@@ -39,6 +39,9 @@ export class MeetingSession {
   /** Address of the gateway that the meeting lives on; null until it is known. */
   home: string | null = null;
   private seat: Seat | null = null;
+  /** Token of the seat that the control connection took up. */
+  private heldToken: string | null = null;
+  private waiting: Listener[] = [];
   private joining: Promise<Seat> | null = null;
   private name = "Guest";
   private readonly meter = new NetworkQualityMeter();
@@ -69,6 +72,15 @@ export class MeetingSession {
   }
 
   /**
+   * The seat once the control connection has taken it up: from then on it stays ours, however the picture goes, whose
+   * end gives back a seat that is only looked from. Waits for ever where we are not let in, which the page then says.
+   */
+  async heldSeat(): Promise<Seat> {
+    while (this.seat === null || this.seat.token !== this.heldToken) await new Promise<void>((resolve) => this.waiting.push(resolve));
+    return this.seat;
+  }
+
+  /**
    * Where `path` is answered: at the gateway that the meeting lives on, which is asked for where it is not known, or a
    * connection to it was `lost`. Throws a Problem.
    */
@@ -84,9 +96,11 @@ export class MeetingSession {
     this.seat = stored?.seat ?? this.seat;
     this.lastRead = stored?.lastRead ?? this.lastRead;
     let lost = false;
+    let told: string | null = null;
     this.channel = this.makeConnection({
       hello: async (stale) => {
         const { token } = await this.getSeat(stale);
+        told = token;
         this.storeSeat();
         const address = socketAddress(await this.addressOf(`/v1/meetings/${this.meeting.id}/control`, lost));
         lost = true;
@@ -105,7 +119,7 @@ export class MeetingSession {
         this.connectionState = state;
         // who spoke when the connection was lost is not who speaks now
         if (state.kind !== "open") this.state = { ...this.state, speaking: [] };
-        if (state.kind === "open") this.meter.reset();
+        if (state.kind === "open") this.hold(told);
         // another tab of ours that goes on leaves this one a way back
         if (state.kind === "ended" && state.reason !== "replaced") this.seatStore.set(null);
         this.notify();
@@ -168,6 +182,13 @@ export class MeetingSession {
     const news = announcementsOf(before, this.state);
     if (news.length > 0) this.onAnnouncement(news.join(". "));
     this.notify();
+  }
+
+  private hold(token: string | null): void {
+    this.meter.reset();
+    this.heldToken = token;
+    const waiting = this.waiting.splice(0);
+    waiting.forEach((goOn) => goOn());
   }
 
   private setHome(home: string): void {

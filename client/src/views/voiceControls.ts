@@ -64,7 +64,8 @@ export function voiceControls(
     addEventListener("pointerdown", () => void spatialAudio.resume(), { once: true, signal });
   };
   const connect = async (): Promise<void> => {
-    const { ice_servers } = await session.getSeat();
+    // a preview that ends just now may still give the seat back
+    const { ice_servers } = await session.heldSeat();
     if (signal.aborted) return;
     connection = new VoiceConnection(ice_servers, {
       address: (lost) => session.addressOf(`/v1/meetings/${session.meeting.id}/voice`, lost),

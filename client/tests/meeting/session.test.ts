@@ -54,6 +54,27 @@ describe("MeetingSession", () => {
     expect(calls.filter(({ path }) => path.endsWith("/join"))).toHaveLength(1);
   });
 
+  it("says which seat the control connection holds, once it does", async () => {
+    const { session, hooks } = setUp();
+    await session.getSeat(); // the preview's, whose end gives it back
+    session.join("Ada");
+    const held: string[] = [];
+    const ask = async (): Promise<void> => void held.push((await session.heldSeat()).token);
+    const asked = [ask(), ask()];
+    await hooks().hello(false);
+    hooks().onState({ kind: "lost" });
+    await hooks().hello(true);
+    await Promise.resolve();
+    expect(held).toEqual([]);
+    hooks().onState({ kind: "open" });
+    await Promise.all(asked);
+    expect(held).toEqual(["seat2", "seat2"]);
+    // it waits for us while the connection is lost
+    hooks().onState({ kind: "lost" });
+    await ask();
+    expect(held.at(-1)).toBe("seat2");
+  });
+
   it("goes on from the ticket of an earlier load", async () => {
     const { session, hooks, calls } = setUp(undefined, ["https://two.example"]);
     const seat = { token: "kept", gateway_url: "https://one.example" } as Seat;

@@ -39,14 +39,16 @@ interface Given {
   unmuted?: boolean;
   getUserMedia?: () => Promise<unknown>;
   getSeat?: () => Promise<never>;
+  heldSeat?: () => Promise<never>;
 }
 
-async function setUp({ unmuted = false, getUserMedia, getSeat = async () => ({ token: "seat", ice_servers: [] }) as never }: Given = {}) {
+async function setUp({ unmuted = false, getUserMedia, heldSeat, getSeat = async () => ({ token: "seat", ice_servers: [] }) as never }: Given = {}) {
   const track = new FakeTrack();
   const asked = vi.fn(getUserMedia ?? (async () => ({ getAudioTracks: () => [track], getTracks: () => [track] })));
   vi.stubGlobal("navigator", Object.assign(Object.create(navigator), { mediaDevices: { getUserMedia: asked } }));
   const there = inside();
   there.session.getSeat = getSeat;
+  there.session.heldSeat = heldSeat ?? getSeat;
   there.session.joinsUnmuted = unmuted;
   const errors: string[] = [];
   const controls = voiceControls(there.session, (words) => errors.push(words), () => undefined);
@@ -113,6 +115,25 @@ describe("the others' voices", () => {
     await vi.advanceTimersByTimeAsync(2100);
     await settle();
     expect(told.at(-1)).toEqual([["bo's model", expect.closeTo(120 + 25, 6)]]);
+  });
+});
+
+describe("the connection of voices", () => {
+  it("is asked for on the seat that the control connection holds, which a preview's end does not give back", async () => {
+    const tokens: (string | null)[] = [];
+    vi.stubGlobal("fetch", async (_: unknown, init: RequestInit) => {
+      tokens.push(new Headers(init.headers).get("Authorization"));
+      return new Response("answer", { status: 201 });
+    });
+    let token = "the preview's";
+    let hold: (seat: never) => void = () => undefined;
+    const seat = (): never => ({ token, ice_servers: [] }) as never;
+    const { settle } = await setUp({ getSeat: async () => seat(), heldSeat: () => new Promise((resolve) => (hold = resolve)) });
+    expect(tokens).toEqual([]);
+    token = "held";
+    hold(seat());
+    await settle();
+    expect(tokens).toEqual(["Bearer held"]);
   });
 });
 

@@ -11,9 +11,9 @@ from fastapi import APIRouter, Request, Response, status
 from fastapi.concurrency import run_in_threadpool
 
 from services import seats
-from services.api.dependencies import CurrentGateway, Joiner
+from services.api.dependencies import CurrentGateway, Joiner, network_of_caller
 from services.api.signalling import sdp_http
-from services.auth import Principal
+from services.auth import GUEST, INVITED, Principal, is_guest
 from services.container import Services
 from services.problems import PROBLEMS
 
@@ -33,12 +33,17 @@ async def create_session(
     """One rendered view; the viewer sends their viewpoint over the data channel `view`."""
     caller.require_meeting(meeting_id)
     sdp_offer = await sdp_http.read_offer(request)
-    await run_in_threadpool(_require_seat, gateway.services, meeting_id, caller)
-    await run_in_threadpool(gateway.homes.require_here, meeting_id, request.url.path)
-    room_is_new = not gateway.views.is_watched(meeting_id)
-    session_id, sdp_answer = await gateway.views.open(
-        meeting_id, sdp_offer, caller.participant_id, caller.account
-    )
+    async with gateway.views.arriving(caller.participant_id):
+        await run_in_threadpool(_require_seat, gateway.services, meeting_id, caller)
+        await run_in_threadpool(gateway.homes.require_here, meeting_id, request.url.path)
+        room_is_new = not gateway.views.is_watched(meeting_id)
+        session_id, sdp_answer = await gateway.views.open(
+            meeting_id,
+            sdp_offer,
+            caller.participant_id,
+            caller.account,
+            onlooker=_onlooker(request, caller),
+        )
     # from now on the hub ends the session of a viewer who is removed
     gateway.hub.notify(meeting_id, room_is_new=room_is_new)
     location = f"/whep/{meeting_id}/{session_id}"
@@ -68,9 +73,18 @@ async def end_session(
     return await sdp_http.end_session(gateway.views, session_id, meeting_id, caller)
 
 
+def _onlooker(request: Request, caller: Principal) -> str | None:
+    """What tells one without a seat from others: their account, or their address where anybody gets
+    another account, or many have one."""
+    if caller.participant_id is not None:
+        return None
+    anybodys = caller.account in {GUEST, INVITED} or is_guest(caller.account)
+    return network_of_caller(request) if anybodys else caller.account
+
+
 def _require_seat(services: Services, meeting_id: str, caller: Principal) -> None:
     with services.reading() as unit:
         meeting = unit.meetings.get(meeting_id)
     seats.require_admitted(meeting, caller)
     if caller.participant_id is not None:
-        seats.renew_seats(services, {caller.participant_id})
+        seats.take_up(services, caller.participant_id)

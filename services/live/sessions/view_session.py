@@ -42,6 +42,8 @@ class ViewSession:
     """Whose seat the viewer has; None for a viewer without one."""
     account: str | None
     """Whose performers may be driven over this connection."""
+    onlooker: str | None = None
+    """What tells a viewer without a seat from others."""
     last_message_s: float | None = None
     """When the last viewpoint came."""
     look: LookReceiver | None = None

@@ -5,8 +5,10 @@ from __future__ import annotations
 import asyncio
 import logging
 import secrets
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
 from typing import Protocol
 
 from aiortc import (
@@ -17,7 +19,7 @@ from aiortc import (
 )
 
 from scene.environment import Environment
-from services.errors import OfferRefused, ServerFull
+from services.errors import OfferRefused, ServerFull, TooManyRequests
 from services.live.aiortc_compat import on_encoded_frame, on_rtcp_packet, request_key_frame
 from services.live.look.keeping import Keeping
 from services.live.look.receiver import LookReceiver, offers_pictures
@@ -45,6 +47,10 @@ log = logging.getLogger(__name__)
 
 _MOST_OF_A_SEAT = 3
 """Sessions: a page that is loaded again leaves one behind, until its silence is noticed."""
+_MOST_OF_AN_ONLOOKER = 3
+"""Sessions of one who has no seat."""
+_RETRY_S = 10
+"""In which a session that somebody left behind is noticed."""
 
 Clock = Callable[[], float]
 
@@ -98,6 +104,10 @@ class ViewSessions:
         self._instrumentation = instrumentation or Instrumentation()
         self._rooms: dict[str, Room] = {}
         self._sessions: dict[str, ViewSession] = {}
+        self._arriving: Counter[str] = Counter()
+        """Seats that somebody asks for a session from; see `arriving`."""
+        self._left: set[str] = set()
+        """Of these, whose sessions have ended meanwhile."""
         self._pose_feed = PoseFeed(clock, self._instrumentation)
         self._look_feed = LookFeed()
         self.driving_channels = DrivingChannels(
@@ -137,27 +147,34 @@ class ViewSessions:
         sdp_offer: str,
         participant_id: str | None = None,
         account: str | None = None,
+        *,
+        onlooker: str | None = None,
     ) -> tuple[str, str]:
         """Answer a viewer's SDP offer. Returns the session's id and the SDP answer.
 
         Performers of `account`, and those that are lent, may be driven by a `keypoints` channel of
         this connection. The seat
         of `participant_id` is released when the session ends, however it ends; of several sessions
-        the newest few stay. Raises ServerFull
-        where there are too many viewers, OfferRefused for an SDP that can't be answered,
+        the newest few stay. `onlooker` tells those without a seat apart, of whom each has a few
+        sessions. Raises ServerFull
+        where there are too many viewers, TooManyRequests where there are too many of an onlooker,
+        OfferRefused for an SDP that can't be answered,
         MeetingSealed for one that asks for pictures where nothing can be drawn.
         """
-        self._require_capacity()
+        self._require_capacity(onlooker)
         room = await self.room(meeting_id)
         if room.sealed:
             view_offer.require_no_media(sdp_offer)
         await self._end_older(participant_id)
-        self._require_capacity()  # others may have come while the performers were loaded
+        # others may have come while the performers were loaded
+        self._require_capacity(onlooker)
         pictures = self._renderers.open(room, negotiated_codec(sdp_offer))
         connection = RTCPeerConnection(RTCConfiguration(iceServers=self._ice_servers))
         view = NewestView()
         track = ViewTrack(room, pictures, view, self._instrumentation, self._clock)
-        session = ViewSession(meeting_id, connection, track, self._clock(), participant_id, account)
+        session = ViewSession(
+            meeting_id, connection, track, self._clock(), participant_id, account, onlooker
+        )
         session_id = secrets.token_urlsafe(12)
         self._sessions[session_id] = session
         self._listen(session_id, session, room, view)
@@ -197,10 +214,32 @@ class ViewSessions:
         if session is None:
             return False
         await self._end(session)
-        seat = session.participant_id
-        if seat is not None and seat not in self._seats_in_use():
-            await self._meetings.release_seats({seat})
+        if session.participant_id is not None:
+            await self._leave(session.participant_id)
         return True
+
+    @asynccontextmanager
+    async def arriving(self, participant_id: str | None) -> AsyncIterator[None]:
+        """From the look at a seat until a session has it: one that ends meanwhile releases it not
+        before the end of this, and only if none has come."""
+        if participant_id is None:
+            yield
+            return
+        self._arriving[participant_id] += 1
+        try:
+            yield
+        finally:
+            self._arriving -= Counter((participant_id,))
+            if participant_id in self._left and participant_id not in self._arriving:
+                self._left.discard(participant_id)
+                await self._leave(participant_id)
+
+    async def _leave(self, seat: str) -> None:
+        """Of a session that has ended."""
+        if seat in self._arriving:
+            self._left.add(seat)
+        elif seat not in self._seats_in_use():
+            await self._meetings.release_seats({seat})
 
     async def send_away(self, meeting_id: str) -> None:
         """End all sessions in a meeting, whose viewers go on elsewhere: their seats stay theirs
@@ -286,7 +325,14 @@ class ViewSessions:
         self._look_executor.shutdown(wait=False)
         self.driving_channels.close()
 
-    def _require_capacity(self) -> None:
+    def _require_capacity(self, onlooker: str | None) -> None:
+        theirs = [one for one in self._sessions.values() if one.onlooker == onlooker]
+        if onlooker is not None and len(theirs) >= _MOST_OF_AN_ONLOOKER:
+            raise TooManyRequests(
+                f"views without a seat must be at most {_MOST_OF_AN_ONLOOKER} at once of one "
+                f"caller; got one more; end another, join, or come back in {_RETRY_S} s",
+                _RETRY_S,
+            )
         if len(self._sessions) >= self._max_viewers:
             raise ServerFull(
                 f"at most {self._max_viewers} viewers fit on this server; got one more; try again"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from services import seats
 from services.app import create_app
 from services.bootstrap import import_model
 from services.container import Services
+from services.errors import TooManyRequests
 from services.gateway import gateway_of
 from services.live.rendering.here import RenderersHere
 from services.live.sessions.view_session import CONNECT_S, SILENCE_S, ViewSession
@@ -115,6 +117,50 @@ async def test_an_offer_that_fails_gives_the_seat_back(app, caller, services, me
     assert (len(gateway_of(app).views), _taken(services, meeting_id)) == (0, [])
 
 
+async def test_who_comes_back_while_their_view_before_ends_keeps_the_seat(
+    app, caller, services, meeting_id, monkeypatch: pytest.MonkeyPatch
+):
+    _, mine = await _join(caller, meeting_id)
+    before, after = Viewer(), Viewer()
+    location = (await before.look(caller, meeting_id, mine)).headers["location"]
+    views, homes = gateway_of(app).views, gateway_of(app).homes
+    is_looked_at, goes_on = threading.Event(), threading.Event()
+    require_here = homes.require_here
+
+    def require_here_slowly(asked_id: str, path: str) -> None:
+        is_looked_at.set()
+        assert goes_on.wait(20.0)
+        require_here(asked_id, path)
+
+    monkeypatch.setattr(type(homes), "require_here", lambda _, *asked: require_here_slowly(*asked))
+    coming = asyncio.create_task(after.look(caller, meeting_id, mine))
+    await _soon(is_looked_at.is_set, "the look at the seat")
+    assert (await caller.delete(location, headers=mine)).status_code == 200
+    goes_on.set()
+    assert (await coming).status_code == 201
+    await after.opened()
+    assert _taken(services, meeting_id) == [1]
+    assert len(views) == 1
+    await after.peer.close()
+    await _soon(lambda: _taken(services, meeting_id) == [], "giving the seat back")
+    await before.peer.close()
+
+
+async def test_who_asks_for_a_view_and_gets_none_gives_the_seat_back_with_the_last_one(watched):
+    views, _, noted = watched
+    viewer = Viewer()
+    session_id, _ = await views.open("m", await viewer.offer(), "seat")
+    async with views.arriving("seat"):
+        async with views.arriving("seat"):
+            await views.close(session_id)
+        assert noted.given_back == []
+    assert noted.given_back == [{"seat"}]
+    async with views.arriving("seat"):
+        pass
+    assert noted.given_back == [{"seat"}]
+    await viewer.peer.close()
+
+
 async def test_who_never_comes_to_look_loses_the_seat(services, model):
     clock = Clock()
     late = replace(services, clock=clock)
@@ -184,9 +230,12 @@ async def test_nobody_takes_all_places_by_one_seat():
     # the newest stay, and the seat is still theirs
     assert [views.find(one) is not None for one in opened] == [False, True, True, True, True]
     assert noted.given_back == []
-    # of who has no seat nobody knows whether they are the same
-    for _ in range(4):
-        await views.open("m", offers[5])
+    # who has no seat is told apart by what the route says of them
+    for _ in range(3):
+        await views.open("m", offers[5], onlooker="ada")
+    with pytest.raises(TooManyRequests, match="at most 3 at once of one caller; got one more"):
+        await views.open("m", offers[5], onlooker="ada")
+    await views.open("m", offers[5], onlooker="bo")
     assert len(views) == 8
     await views.close_all()
     for viewer in viewers:

@@ -10,11 +10,13 @@ import httpx
 import pytest
 
 from db.models import ModelRow
+from services.auth import INVITED, new_guest
 from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
 from services.live.rendering import here
 from services.live.sessions.view_sessions import ViewSessions
+from tests.services.conftest import bearer
 from tests.services.live.viewer import Viewer, view
 
 
@@ -30,6 +32,14 @@ async def open_meeting(caller: httpx.AsyncClient, model: ModelRow) -> tuple[str,
     ).json()
     joined = await caller.post(f"/v1/meetings/{meeting['id']}/join", json={"display_name": "Bo"})
     return meeting["id"], {"Authorization": f"Bearer {joined.json()['token']}"}
+
+
+async def open_seat(
+    caller: httpx.AsyncClient, meeting_id: str, header: dict[str, str]
+) -> dict[str, str]:
+    """The header of one who has joined as whom `header` says."""
+    joined = await caller.post(f"/v1/meetings/{meeting_id}/join", json={}, headers=header)
+    return {"Authorization": f"Bearer {joined.json()['token']}"}
 
 
 async def test_the_picture_follows_the_viewpoint_and_the_session_ends(app, caller, model):
@@ -127,6 +137,43 @@ async def test_a_full_server_says_when_to_come_back(caller, model):
     assert answer.status_code == 503
     assert int(answer.headers["retry-after"]) > 0
     assert "at most 0 viewers" in answer.json()["detail"]
+
+
+async def test_who_has_no_seat_has_few_views_whatever_the_gateway_has_room_for(
+    services, app, caller, model
+):
+    meeting_id, _ = await open_meeting(caller, model)
+    # an account counts for itself; guests, of whom anybody may be many, by their address
+    for headers in (
+        [bearer(services)] * 3,
+        [bearer(services, account) for account in (INVITED, new_guest(), new_guest())],
+    ):
+        viewers = [Viewer() for _ in headers]
+        for viewer, header in zip(viewers, headers, strict=True):
+            assert (await viewer.look(caller, meeting_id, header)).status_code == 201
+        refused = await Viewer().look(caller, meeting_id, headers[0])
+        assert (refused.status_code, refused.headers["retry-after"]) == (429, "10")
+        assert "views without a seat must be at most 3 at once" in refused.json()["detail"]
+        # others, and who has a seat, are let in
+        for other in (
+            bearer(services, "another"),
+            (await open_seat(caller, meeting_id, headers[0])),
+        ):
+            welcome = Viewer()
+            answer = await welcome.look(caller, meeting_id, other)
+            assert answer.status_code == 201
+            await caller.delete(answer.headers["location"], headers=other)
+            await welcome.peer.close()
+        for viewer in viewers:
+            await viewer.peer.close()
+        async with asyncio.timeout(20):
+            while len(gateway_of(app).views):
+                await asyncio.sleep(0.05)
+        again = Viewer()
+        answer = await again.look(caller, meeting_id, headers[0])
+        assert answer.status_code == 201
+        await caller.delete(answer.headers["location"], headers=headers[0])
+        await again.peer.close()
 
 
 async def test_who_joins_is_told_while_the_renderer_gets_ready(
