@@ -68,7 +68,7 @@ def _read_all(folder: Path) -> None:
         read_quality(folder)
 
 
-def _with(whole: Path, change: Callable[[Path], None]) -> None:
+def _with(whole: Path, change: Callable[[Path], object]) -> None:
     with tempfile.TemporaryDirectory() as at:
         folder = Path(at) / "seq"
         shutil.copytree(whole, folder)
@@ -88,7 +88,7 @@ def test_files_of_any_bytes(whole: Path):
     )
     def attack(change: tuple[str, bytes]) -> None:
         name, data = change
-        _with(whole, lambda folder: (folder / name).write_bytes(data) and None)
+        _with(whole, lambda folder: (folder / name).write_bytes(data))
 
     attack()
 
@@ -101,7 +101,8 @@ def test_arrays_of_anything(whole: Path, name: str, value: np.ndarray):
         def change(folder: Path, key: str = key) -> None:
             with np.load(folder / name) as stored:
                 arrays: dict[str, Any] = dict(stored)
-            np.savez(folder / name, **(arrays | {key: value}))
+            arrays[key] = value
+            np.savez(folder / name, **arrays)
 
         _with(whole, change)
 
@@ -120,7 +121,7 @@ def test_words_of_anything(whole: Path):
     @given(field=st.sampled_from(sorted(about)), value=_JSON)
     def attack(field: str, value: object) -> None:
         told = json.dumps(about | {field: value})
-        _with(whole, lambda folder: (folder / "sequence.json").write_text(told) and None)
+        _with(whole, lambda folder: (folder / "sequence.json").write_text(told))
 
     attack()
 
