@@ -56,8 +56,9 @@ export function decodeLook(bytes: ArrayBuffer): LookFrame | LookPose | LookEnd |
     }
     case KIND_POSE: {
       const pose = decodePose(bytes.slice(HEAD_BYTES + LENS_BYTES));
+      if (pose === null) return null;
       const lens = [0, 4, 8, 12].map((at) => data.getFloat32(HEAD_BYTES + at, true));
-      return pose && { kind: "pose", ...whose, number, lens: lens as unknown as LookPose["lens"], pose };
+      return { kind: "pose", ...whose, number, lens: lens as unknown as LookPose["lens"], pose };
     }
     case KIND_END:
       return { kind: "end", ...whose };
