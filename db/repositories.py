@@ -50,6 +50,10 @@ class People(Protocol):
         """The person of that id. Raises NotFound."""
         ...
 
+    def among(self, person_ids: Collection[str]) -> set[str]:
+        """Those of these ids that a person has."""
+        ...
+
     def of_account(self, account: str) -> list[PersonRow]:
         """All persons of `account`, the oldest first."""
         ...

@@ -53,6 +53,10 @@ class SqlPeople(SqlRepository):
         """See `People.get`."""
         return self._get(PersonRow, person_id, "person")
 
+    def among(self, person_ids: Collection[str]) -> set[str]:
+        """See `People.among`."""
+        return set(self._session.scalars(select(PersonRow.id).where(PersonRow.id.in_(person_ids))))
+
     def of_account(self, account: str) -> list[PersonRow]:
         """See `People.of_account`."""
         query = select(PersonRow).where(PersonRow.account == account)

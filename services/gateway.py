@@ -14,6 +14,7 @@ from db.errors import DatabaseError
 from services.composition import open_renderers
 from services.container import Services
 from services.control.hub import Hub
+from services.forgetting import Forgetting
 from services.homes import Homes
 from services.jobs.events import meeting_topic
 from services.limits import AtOnce, RateLimit
@@ -52,6 +53,7 @@ class Gateway:
     refusals: Refusals
     followers: AtOnce
     turns: Turns
+    forgetting: Forgetting
 
     async def show_anew(self, meeting_id: str) -> None:
         """Have a meeting shown as its rows are now: pictures of this process move at once, and the
@@ -64,6 +66,7 @@ class Gateway:
         """Serve from now on; on the event loop."""
         self.views.warm_up()
         self.homes.start()
+        self.forgetting.start()
 
     async def drain(self, within_s: float) -> None:
         """Have everybody go elsewhere; returns once nobody is here, or after `within_s`."""
@@ -82,6 +85,7 @@ class Gateway:
 
     async def close(self) -> None:
         """End every live session, at shutdown. The services stay open."""
+        await self.forgetting.close()
         await self.homes.close()
         await self.hub.close()
         await self.voices.close_all()
@@ -116,7 +120,17 @@ def build_gateway(services: Services) -> Gateway:
     command_limit = RateLimit("messages of one person", COMMANDS_PER_MINUTE, services.clock)
     followers = AtOnce("jobs that one account follows", FOLLOWED_AT_ONCE)
     return Gateway(
-        services, views, voices, looks, hub, homes, command_limit, refusals, followers, Turns()
+        services,
+        views,
+        voices,
+        looks,
+        hub,
+        homes,
+        command_limit,
+        refusals,
+        followers,
+        Turns(),
+        Forgetting(services.models),
     )
 
 

@@ -75,6 +75,17 @@ class ModelCache:
             for key in gone:
                 del self._entries[key]
 
+    def forget_erased(self) -> None:
+        """Drop every model of those whom another process has erased."""
+        with self._guard:
+            kept = {entry.person_id for entry in self._entries.values()}
+        if not kept:
+            return
+        with self._database.reading() as unit:
+            erased = kept - unit.people.among(kept)
+        for person_id in erased:
+            self.forget_person(person_id)
+
     def _read(self, person_id: str, sha256: str) -> PerformerModel:
         from renderer.model_files import load_model
 

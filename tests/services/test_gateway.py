@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-import httpx
+import asyncio
+import gc
+import weakref
+from pathlib import Path
 
+import httpx
+import pytest
+
+from db.erase import erase_person
+from services import forgetting
 from services.app import ROUTERS, create_app
+from services.bootstrap import import_model
 from services.container import Services
 from services.gateway import gateway_of
 
@@ -14,6 +23,25 @@ async def test_an_application_has_one_gateway_and_nothing_else(services: Service
     gateway = gateway_of(app)
     assert list(app.state) == ["gateway"]
     assert gateway.services is services
+    await gateway.close()
+
+
+async def test_a_gateway_forgets_whom_another_has_erased(
+    services: Services, model_file: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(forgetting, "LOOK_S", 0.05)
+    row = import_model(services, model_file, "house", "Ada")
+    gateway = gateway_of(create_app(services))
+    kept = weakref.ref(services.models.load(row.id))
+    services.models.forget_erased()
+    gc.collect()
+    assert kept() is not None
+    erase_person(services.unit_of_work, services.objects, row.person_id, "house", services.clock())
+    gateway.forgetting.start()
+    async with asyncio.timeout(30):
+        while kept() is not None:
+            await asyncio.sleep(0.05)
+            gc.collect()
     await gateway.close()
 
 
