@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 _PIECE_BYTES = 1 << 20
 """Ten seconds of sound."""
-_PIECE_S = 60.0
+PIECE_S = 60.0
 """Until they are there, on a machine that does much else."""
 _FULL = 32768.0
 
@@ -46,7 +46,7 @@ def _add(total: Float[Array, "S"], said: list[Record]) -> None:
         process.feed(packets)
         try:
             while left := 2 * (len(total) - at):
-                piece = process.take(min(_PIECE_BYTES, left), _PIECE_S)
+                piece = process.take(min(_PIECE_BYTES, left), PIECE_S)
                 if len(piece) < 2:
                     break
                 samples = np.frombuffer(piece[: len(piece) & ~1], "<i2")
@@ -54,7 +54,7 @@ def _add(total: Float[Array, "S"], said: list[Record]) -> None:
                 at += len(samples)
             else:  # what comes after the end of the recording is not waited for
                 return
-            code = process.wait(_PIECE_S)
+            code = process.wait(PIECE_S)
         except TimeoutError as error:
             code, how = None, str(error)
         else:

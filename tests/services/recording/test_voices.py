@@ -73,7 +73,7 @@ def test_what_was_said_after_the_end_of_a_recording_is_left_out():
 def test_a_crash_costs_the_rest_of_that_voice_alone(
     instead, monkeypatch: pytest.MonkeyPatch, caplog, script: str, told: str
 ):
-    monkeypatch.setattr(voices, "_PIECE_S", 0.5)
+    monkeypatch.setattr(voices, "PIECE_S", 0.5)
     instead(script)
     with caplog.at_level(logging.WARNING):
         total = mix(said(0.2), 0.5)

@@ -52,7 +52,7 @@ async def _send(turns: Turns, looks: Looks, *names: str) -> list[asyncio.Task[st
     return sent
 
 
-async def _begun(looks: Looks, *names: str) -> None:
+async def _under_way(looks: Looks, *names: str) -> None:
     async with asyncio.timeout(30):
         while len(looks.begun) < len(names):
             await asyncio.sleep(0.01)
@@ -62,19 +62,19 @@ async def _begun(looks: Looks, *names: str) -> None:
 async def test_who_sends_many_files_holds_up_nobody_who_sends_one(looks: Looks):
     turns = Turns()
     sent = await _send(turns, looks, "a1", "a2", "a3", "a4", "a5", "b1", "c1")
-    await _begun(looks, "a1", "a2")
+    await _under_way(looks, "a1", "a2")
     assert turns.waiting == 5
     looks.end("a1")
-    await _begun(looks, "a1", "a2", "b1")
+    await _under_way(looks, "a1", "a2", "b1")
     looks.end("a2")
-    await _begun(looks, "a1", "a2", "b1", "c1")
+    await _under_way(looks, "a1", "a2", "b1", "c1")
     # nobody else waits: they may have all turns again
     looks.end("b1")
-    await _begun(looks, "a1", "a2", "b1", "c1", "a3")
+    await _under_way(looks, "a1", "a2", "b1", "c1", "a3")
     looks.end("c1")
-    await _begun(looks, "a1", "a2", "b1", "c1", "a3", "a4")
+    await _under_way(looks, "a1", "a2", "b1", "c1", "a3", "a4")
     looks.end("a3", "a4")
-    await _begun(looks, "a1", "a2", "b1", "c1", "a3", "a4", "a5")
+    await _under_way(looks, "a1", "a2", "b1", "c1", "a3", "a4", "a5")
     looks.end("a5")
     assert await asyncio.gather(*sent) == ["a1", "a2", "a3", "a4", "a5", "b1", "c1"]
     assert turns.waiting == 0
@@ -84,13 +84,13 @@ async def test_two_who_send_many_files_have_turns_one_after_the_other(looks: Loo
     turns = Turns()
     sent = await _send(turns, looks, "z1", "z2", "a1", "a2", "a3", "b1", "b2", "b3")
     expected = ["z1", "z2"]
-    await _begun(looks, *expected)
+    await _under_way(looks, *expected)
     for ended, follows in zip(
         ("z1", "z2", "a1", "b1", "a2", "b2"), ("a1", "b1", "a2", "b2", "a3", "b3"), strict=True
     ):
         looks.end(ended)
         expected.append(follows)
-        await _begun(looks, *expected)
+        await _under_way(looks, *expected)
     looks.end_all()
     await asyncio.gather(*sent)
 
@@ -123,13 +123,13 @@ async def test_whoever_goes_away_leaves_their_turn_to_others(looks: Looks):
 
     first = asyncio.create_task(look_then_have_the_next_go_away())
     sent = await _send(turns, looks, "a2")
-    await _begun(looks, "a1", "a2")
+    await _under_way(looks, "a1", "a2")
     waiting += await _send(turns, looks, "b1", "c1", "d1")
     waiting[0].cancel()  # while it waits
     await asyncio.wait([waiting[0]])
     assert turns.waiting == 2
     looks.end("a1")
-    await _begun(looks, "a1", "a2", "d1")
+    await _under_way(looks, "a1", "a2", "d1")
     assert waiting[1].cancelled()
     looks.end("a2", "d1")
     assert await asyncio.gather(first, *sent, waiting[2]) == ["a1", "a2", "d1"]
@@ -145,6 +145,6 @@ async def test_a_look_that_fails_gives_its_turn_back(looks: Looks):
         with pytest.raises(ValueError, match="no clip"):
             await turns.run("a", fail)
     sent = await _send(turns, looks, "a1", "a2")
-    await _begun(looks, "a1", "a2")
+    await _under_way(looks, "a1", "a2")
     looks.end_all()
     await asyncio.gather(*sent)
