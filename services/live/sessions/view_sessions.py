@@ -153,13 +153,11 @@ class ViewSessions:
         """Answer a viewer's SDP offer. Returns the session's id and the SDP answer.
 
         Performers of `account`, and those that are lent, may be driven by a `keypoints` channel of
-        this connection. The seat
-        of `participant_id` is released when the session ends, however it ends; of several sessions
-        the newest few stay. `onlooker` tells those without a seat apart, of whom each has a few
-        sessions. Raises ServerFull
-        where there are too many viewers, TooManyRequests where there are too many of an onlooker,
-        OfferRefused for an SDP that can't be answered,
-        MeetingSealed for one that asks for pictures where nothing can be drawn.
+        this connection. The seat of `participant_id` is released when the session ends, however it
+        ends; of several sessions the newest few stay. `onlooker` tells those without a seat apart,
+        of whom each has a few sessions. Raises ServerFull where there are too many viewers,
+        TooManyRequests where there are too many of an onlooker, OfferRefused for an SDP that can't
+        be answered, MeetingSealed for one that asks for pictures where nothing can be drawn.
         """
         self._require_capacity(onlooker)
         room = await self.room(meeting_id)
