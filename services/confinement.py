@@ -213,6 +213,23 @@ class ConfinedProcess:
             said += piece
         return bytes(said)
 
+    def take_into(self, room: memoryview, timeout_s: float) -> int:
+        """Fill `room`, of bytes, with the next that it prints, which are copied nowhere else; how
+        many, fewer than there is room for where it ends before.
+
+        Raises TimeoutError where that takes longer.
+        """
+        taken, end_s = 0, time.monotonic() + timeout_s
+        pipe = self.output.fileno()
+        ready = select.poll()
+        ready.register(pipe, select.POLLIN)
+        while taken < len(room):
+            _require_answer(ready, end_s, timeout_s)
+            if not (count := os.readv(pipe, [room[taken:]])):
+                break
+            taken += count
+        return taken
+
     def read(self, most_bytes: int, timeout_s: float) -> bytes:
         """All that it prints until its end; of more than `most_bytes`, one byte more.
 

@@ -16,6 +16,7 @@ from services.confinement import Limits, confine
 
 if TYPE_CHECKING:  # nothing is loaded before this process is confined
     from av import VideoFrame
+    from av.video.reformatter import VideoReformatter
 
 HEAD = struct.Struct("<I?")
 PICTURE, NOTHING, DAMAGED = b"p", b"n", b"d"
@@ -30,9 +31,12 @@ def main(width: int, height: int) -> None:
     from av import CodecContext, Packet
     from av.error import FFmpegError
     from av.video.codeccontext import VideoCodecContext
+    from av.video.reformatter import VideoReformatter
 
     decoder: VideoCodecContext = CodecContext.create("libvpx", "r")
     decoder.thread_count = 1
+    # one for all frames: each that makes its own works out anew how to
+    reformatter = VideoReformatter()
     reading, shown, damaged = sys.stdin.buffer, None, False
     while len(head := reading.read(HEAD.size)) == HEAD.size:
         length, wanted = HEAD.unpack(head)
@@ -42,18 +46,21 @@ def main(width: int, height: int) -> None:
         except FFmpegError:
             damaged = True
         if wanted:
-            sys.stdout.buffer.write(DAMAGED if damaged else _answer(shown, width, height))
+            answer = [DAMAGED] if damaged else _answer(shown, width, height, reformatter)
+            sys.stdout.buffer.writelines(answer)
             sys.stdout.buffer.flush()
             shown, damaged = None, False
 
 
-def _answer(frame: VideoFrame | None, width: int, height: int) -> bytes:
+def _answer(
+    frame: VideoFrame | None, width: int, height: int, reformatter: VideoReformatter
+) -> list[bytes]:
     if frame is None or (frame.width, frame.height) != (width, height):
-        return NOTHING
-    plane = frame.reformat(format="rgb24").planes[0]
+        return [NOTHING]
+    plane = reformatter.reformat(frame, format="rgb24").planes[0]
     pixels, step = memoryview(plane), plane.line_size
     rows = (pixels[at : at + 3 * width] for at in range(0, height * step, step))
-    return PICTURE + b"".join(rows)
+    return [PICTURE, b"".join(rows)]
 
 
 if __name__ == "__main__":

@@ -99,15 +99,20 @@ class LookDecoder:
         for number, data in enumerate(frames, 1):
             process.give(HEAD.pack(len(data), number == len(frames)) + data, timeout_s)
         answer = process.take(1, timeout_s)
-        shape = (self._height, self._width, 3)
-        pixels = process.take(math.prod(shape), timeout_s) if answer == PICTURE else b""
-        if not answer or (answer == PICTURE and len(pixels) < math.prod(shape)):
+        if not answer:
             raise BrokenPipeError
+        pixels = self._pixels(process, timeout_s) if answer == PICTURE else None
         self._answered = True
         if answer == DAMAGED:
             raise DecodingFailed("the frames are damaged")
-        # a copy, for what follows is compiled for arrays that may be written to
-        return np.frombuffer(pixels, np.uint8).reshape(shape).copy() if pixels else None
+        return pixels
+
+    def _pixels(self, process: ConfinedProcess, timeout_s: float) -> UInt8[Array, "H W 3"]:
+        pixels = np.empty((self._height, self._width, 3), np.uint8)
+        room = pixels.data.cast("B")
+        if process.take_into(room, timeout_s) < len(room):
+            raise BrokenPipeError
+        return pixels
 
     def _end(self, process: ConfinedProcess) -> str:
         """Says how it ended, in words."""
