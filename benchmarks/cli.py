@@ -155,7 +155,7 @@ def local_look(
     ] = WEBCAM,
 ) -> None:
     """What live look costs pages: pictures a second and bytes of one that draws by itself, and
-    processor time of its sender's."""
+    processor time of its sender's; and how soon it is gone once it is switched off."""
     require_webcam_clip(clip)
     require_browser()
     from benchmarks.local_look import run

@@ -52,8 +52,9 @@ def live_look(
     only: Only = "",
     assets: Assets = HUMAN_ASSETS,
 ) -> None:
-    """Models of real people, coloured by the frames of other clips of theirs as a webcam sends; and
-    of lifelike performers, who are seen from beside their webcam as they truly are."""
+    """Models of real people, coloured by the frames of other clips of theirs as a webcam sends; of
+    lifelike performers, who are seen from beside their webcam as they truly are; and what models
+    learn from pictures that were kept."""
     require_real_footage(footage)
     require_human_assets(assets)
     from benchmarks.real.live_look import run

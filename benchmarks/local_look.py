@@ -1,4 +1,5 @@
-"""What live look costs pages: that which draws by itself, and that of its sender (`look_sender`).
+"""What live look costs pages: that which draws by itself, and that of its sender (`look_sender`);
+and how soon it is gone from others (`look_end`).
 
 Of the former pictures a second with and without, and bytes.
 
@@ -24,7 +25,8 @@ from av.video.codeccontext import VideoCodecContext
 from playwright.sync_api import Page
 
 from benchmarks.local_view import encoded_text, measuring_page
-from benchmarks.look_sender import sender
+from benchmarks.look_end import gone
+from benchmarks.look_sender import sender, sending_page
 from benchmarks.reporting.figures import FigureWriter
 from benchmarks.serve import surface_model
 from renderer.live_look.picture import WebcamPicture
@@ -69,7 +71,9 @@ def run(writer: FigureWriter, clip: Path) -> None:
     model = surface_model(SPLATS)
     with measuring_page() as page:
         rows = [_drawn(page, model, people) for people in PEOPLE]
-    writer.write({"splats": SPLATS, "size": SIZE, "rows": rows, "sender": sender(clip)})
+    with sending_page(clip) as sending:
+        costs, ends = sender(sending), gone(sending)
+    writer.write({"splats": SPLATS, "size": SIZE, "rows": rows, "sender": costs, "gone": ends})
 
 
 def _drawn(page: Page, model: SplatModel, people: int) -> dict[str, Any]:

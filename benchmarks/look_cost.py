@@ -3,12 +3,14 @@
 Drawn: what a picture of 512 px a side takes longer where its performer has live colours. Coloured:
 a picture's alignment and colours, on the thread that works them out beside the drawing. Decoded:
 one frame of VP8 to picture, matte and code. All of them on one thread, in its own time, and that
-of the process that decodes.
+of the process that decodes. Started: that process, which each sender has one of, from nothing to
+its first picture.
 """
 
 from __future__ import annotations
 
 import statistics
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -33,7 +35,7 @@ MUST_DRAWN_MS, AIM_DRAWN_MS = (2.0, 5.0), (1.0, 3.0)
 """Added to a picture by a performer, by splats."""
 MUST_DECODED_MS, AIM_DECODED_MS = 2.0, 1.0
 MUST_UP_MBIT_S, AIM_UP_MBIT_S = 0.40, 0.25
-_DRAWN, _WARM_UPS, _ROUNDS = 60, 5, 10
+_DRAWN, _WARM_UPS, _ROUNDS, _STARTS = 60, 5, 10, 5
 _PACKETS_PER_SECOND = 30
 
 
@@ -55,6 +57,7 @@ def run(writer: FigureWriter) -> None:
         "size": SIZE,
         "rows": rows,
         "decoded_ms": decoded_ms(sent, clock.now),
+        "decoder_start": decoder_start(sent),
         "up_mbit_s": round(up_mbit_s(sent), 3),
     }
     print(figures, flush=True)
@@ -101,6 +104,21 @@ def decoded_ms(sent: list[Moment], now: Callable[[], float]) -> float:
     spent_s = now() - begun + processor_seconds() - apart_s
     decoder.close()
     return round(1e3 * spent_s / (_ROUNDS * len(frames)), 2)
+
+
+def decoder_start(sent: list[Moment]) -> dict[str, float]:
+    """From nothing to the first picture: ms on the wall and of a processor, medians."""
+    key_frame, took, spent = sent[0].frame[HEADER.size :], list[float](), list[float]()
+    for _ in range(_STARTS):
+        decoder, begun, apart_s = LookDecoder(FRAME_SIZE), time.perf_counter(), processor_seconds()
+        decoder.newest([key_frame])
+        took.append(time.perf_counter() - begun)
+        spent.append(processor_seconds() - apart_s)
+        decoder.close()
+    return {
+        "ms": round(1e3 * statistics.median(took)),
+        "processor_ms": round(1e3 * statistics.median(spent)),
+    }
 
 
 def up_mbit_s(sent: list[Moment]) -> float:

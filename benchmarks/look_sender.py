@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,27 +30,53 @@ RTCDataChannel.prototype.send = function (data) {
   if (this.label === "motion" && data instanceof ArrayBuffer) landmarks += 1;
   return sendAny.call(this, data);
 };
+document.addEventListener("change", () => {
+  window.changedMs = performance.timeOrigin + performance.now();
+}, true);
 """
+"""`landmarks`: how many went out; `changedMs`: when a switch was last used, ms since 1970."""
 
 
-def sender(clip: Path) -> dict[str, float]:
-    """Cores that the browser takes for finding landmarks and for live look; landmarks a second."""
+@dataclass(frozen=True, eq=False)
+class SendingPage:
+    """A page whose person moves by its webcam, in a meeting of a service of its own."""
+
+    page: Page
+    service: str
+    """Its address."""
+    meeting: str
+    """Address by which its owner comes into the meeting."""
+
+    def switch(self, on: bool) -> None:
+        """Have live look on, or off."""
+        self.page.get_by_test_id("live-look").set_checked(on)
+
+
+@contextmanager
+def sending_page(clip: Path) -> Iterator[SendingPage]:
+    """A page whose camera shows `clip`, once its person is followed."""
     with tempfile.TemporaryDirectory() as folder:
         camera = write_webcam_video(clip, Path(folder) / "webcam.mjpeg")
         meeting_id, token, _ = prepare_meeting(Path(folder), 1)
-        with running_demo(Path(folder)) as address, open_page(webcam=camera) as page:
+        with running_demo(Path(folder)) as service, open_page(webcam=camera) as page:
             page.set_default_timeout(AT_WORST_MS)
             page.add_init_script(_COUNTED)
-            page.goto(f"{address}?meeting={meeting_id}&size=128#token={token}")
+            meeting = f"{service}?meeting={meeting_id}&size=128#token={token}"
+            page.goto(meeting)
             page.get_by_test_id("start-join").click()
             page.get_by_test_id("motion-capture").click()
             page.wait_for_selector("[data-testid=self][data-tracking=tracking]")
-            turns: dict[bool, list[tuple[float, float, float]]] = {False: [], True: []}
-            for _ in range(_TURNS):
-                for on in turns:
-                    page.get_by_test_id("live-look").set_checked(on)
-                    page.wait_for_timeout(_SETTLED_MS)
-                    turns[on].append(_turn(page, address))
+            yield SendingPage(page, service, meeting)
+
+
+def sender(sending: SendingPage) -> dict[str, float]:
+    """Cores that the browser takes for finding landmarks and for live look; landmarks a second."""
+    turns: dict[bool, list[tuple[float, float, float]]] = {False: [], True: []}
+    for _ in range(_TURNS):
+        for on in turns:
+            sending.switch(on)
+            sending.page.wait_for_timeout(_SETTLED_MS)
+            turns[on].append(_turn(sending))
     without, live = (np.sum(turns[on], axis=0) for on in (False, True))
     a_landmark_s = without[0] / max(without[1], 1.0)
     return {
@@ -58,8 +87,9 @@ def sender(clip: Path) -> dict[str, float]:
     }
 
 
-def _turn(page: Page, address: str) -> tuple[float, float, float]:
+def _turn(sending: SendingPage) -> tuple[float, float, float]:
     """Processor seconds of the browser, landmarks, and seconds."""
+    page, address = sending.page, sending.service
     spent, found, begun = _browser_s(address), page.evaluate("landmarks"), time.perf_counter()
     page.wait_for_timeout(1e3 * _TURN_S)
     took = time.perf_counter() - begun

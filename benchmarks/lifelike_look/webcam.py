@@ -77,7 +77,7 @@ class SyntheticWebcam:
             found = self._finder.find(image)
             if found is None:
                 continue
-            live.update(_packet(image, found, number, time_ms), 1e-3 * time_ms)
+            live.update(packet_of(image, found, number, time_ms), 1e-3 * time_ms)
             body = replace(found.body, mask=truth.mask) if self._given.matte else found.body
             frame = cut_out.draw(image, body, time_ms)
             if frame is None:
@@ -102,7 +102,7 @@ class SyntheticWebcam:
         return (255.0 * np.clip(image, 0.0, 1.0) + 0.5).astype(np.uint8)
 
 
-def _packet(
+def packet_of(
     image: UInt8[Array, "H W 3"], found: FoundPerson, number: int, time_ms: float
 ) -> KeypointsPacket:
     """As it arrives."""

@@ -12,6 +12,7 @@ from benchmarks.lifelike_look.measure import (
     MUST_BEHIND,
     MUST_FLICKER,
 )
+from benchmarks.look_end import MUST_GONE_MS
 from benchmarks.look_sender import AIM_CORES, MUST_CORES
 from benchmarks.pages.provenance import Figures, measured_at
 from benchmarks.real import live_look as real
@@ -52,6 +53,8 @@ def live_look(figures: Figures) -> str:
     parts = [description, markdown_table(heads, rows)]
     if "lifelike" in figures:  # figures of before have none
         parts += _lifelike(figures["lifelike"])
+    if "learning" in figures:
+        parts += _learning(figures["learning"])
     return "\n\n".join([*parts, measured_at(figures)])
 
 
@@ -97,6 +100,27 @@ def _share(place: Figures, figure: str) -> float:
     return place["live"][figure] / place["model"][figure]
 
 
+def _learning(cases: Figures) -> list[str]:
+    """What a model gains by what its live look kept: what is told and a row a person."""
+    description = (
+        "*Learn from it*: by the model alone, before -> after it learnt from what the server kept "
+        "while the first half of each other clip played as a webcam's video; on the second halves, "
+        "each in the pose that its own picture aligns it in. The juggler's other clip is the rest "
+        "of his own, in which he turns away. Of the clip: how much worse frames of it that were "
+        "held out come out, dB of the body (below 0: better):"
+    )
+    rows = []
+    for name, case in cases.items():
+        before, after, held = case["before"], case["after"], case["held_to"]
+        parts = [_change(before[part], after[part]) for part in ("body", "face")]
+        lost = "-" if held is None else f"{held['lost_db']['body']:+.2f}"
+        of_the_clip = "too much: the old model stays" if case["forgot"] else lost
+        kept = f"{case['kept']} of {case['seen']}"
+        rows.append([name, kept, str(before["frames"]), *parts, of_the_clip])
+    heads = ["person", "pictures kept, of", "frames judged", "body", "face", "of the clip"]
+    return [description, markdown_table(heads, rows)]
+
+
 def local_look(figures: Figures) -> str:
     """What it costs a page that draws, a row a number of people."""
     rows = [
@@ -119,6 +143,8 @@ def local_look(figures: Figures) -> str:
     parts = [markdown_table(heads, rows)]
     if "sender" in figures:  # figures of before have none
         parts.append(_sender(figures["sender"]))
+    if "gone" in figures:
+        parts += _gone(figures["gone"])
     return "\n\n".join([*parts, measured_at(figures)])
 
 
@@ -129,6 +155,31 @@ def _sender(figures: Figures) -> str:
         f"{figures['landmarks_per_second']:.0f} without; limit {MUST_CORES:.2f}, aim "
         f"{AIM_CORES:.2f})."
     )
+
+
+def _gone(ends: list[Figures]) -> list[str]:
+    """From the switch to the first picture in trained colours, a row a way of drawing."""
+    rows = [
+        [
+            f"the {row['drawn_by']}",
+            *(_ms(row[name]) for name in ("median_ms", "worst_ms")),
+            f"{MUST_GONE_MS:g} ms",
+            f"{row['told']} of {row['turns']}",
+            f"{row['load']:g}",
+        ]
+        for row in ends
+    ]
+    heads = ["switched off to gone, drawn by", "median", "worst", "must", "turns told", "load"]
+    return [
+        "From the switch on the sender's page until another page draws trained colours, or shows "
+        "the server's picture in them; browser, service and both pages share the cores, for which "
+        "so many processes wait (load):",
+        markdown_table(heads, rows),
+    ]
+
+
+def _ms(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0f} ms"
 
 
 def look_cost(figures: Figures) -> str:
@@ -148,6 +199,7 @@ def look_cost(figures: Figures) -> str:
             f"{cost.MUST_DECODED_MS:g} ms",
             f"{cost.AIM_DECODED_MS:g} ms",
         ],
+        *_decoder_start(figures),
         [
             "motion and pictures up",
             f"{figures['up_mbit_s']:.2f} Mbit/s",
@@ -158,6 +210,15 @@ def look_cost(figures: Figures) -> str:
     return "\n\n".join(
         [markdown_table(["what", "takes", "must", "aim"], rows), measured_at(figures)]
     )
+
+
+def _decoder_start(figures: Figures) -> list[list[str]]:
+    """What decodes a sender's frames, from nothing to their first picture."""
+    if "decoder_start" not in figures:  # figures of before have none
+        return []
+    start = figures["decoder_start"]
+    took = f"{start['ms']:.0f} ms, {start['processor_ms']:.0f} ms of a processor"
+    return [["the process that decodes, once a sender, to its first picture", took, "-", "-"]]
 
 
 def _change(model: Figures, live: Figures) -> str:

@@ -24,6 +24,7 @@ from benchmarks.real.cases import CASES, Case
 from benchmarks.real.filmed import FilmedClip
 from benchmarks.real.frames import Retarget, test_frame, test_frames
 from benchmarks.real.judge import Figures, Judge, TestFrame, changes, mean
+from benchmarks.real.learning import measure_learning
 from benchmarks.real.live_look_clip import PlayedFrame, draw_clip
 from benchmarks.real.live_look_sheet import draw_sheet
 from benchmarks.real.measure import (
@@ -73,7 +74,8 @@ def run(
 ) -> None:
     """Measure what was not measured yet of `cases`, draw a sheet of each, and report.
 
-    With MakeHuman's `assets`, also of lifelike performers (`benchmarks.lifelike_look`).
+    With MakeHuman's `assets`, also of lifelike performers (`benchmarks.lifelike_look`); and what
+    models learn from pictures that were kept (`benchmarks.real.learning`).
     """
     cache = writer.cache(only)
     conditions = {
@@ -95,7 +97,8 @@ def run(
     lifelike: dict[str, Any] = {}
     if assets is not None:
         lifelike["lifelike"] = measure_cast(writer, cache, assets, networks, iterations)
-    writer.write({**conditions, "cases": rows, **lifelike})
+    learning = measure_learning(cache, footage, networks, iterations)
+    writer.write({**conditions, "cases": rows, **lifelike, "learning": learning})
 
 
 def measure(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -187,17 +188,22 @@ def png(picture: UInt8[Array, "H W 3"]) -> bytes:
     return cv2.imencode(".png", picture[..., ::-1])[1].tobytes()
 
 
+def write_kept(folder: Path, model: SplatModel, kept: Iterable[KeptFrame]) -> None:
+    """Write what was kept of whom `model` shows, as a sequence in `folder`."""
+    write_sequence(
+        folder,
+        person="",
+        frames_per_second=_RATE,
+        body=Body(model.skeleton),
+        train=training_frames(kept),
+        source="live look",
+        pose_trust=PoseTrust.ESTIMATED,
+    )
+
+
 def _packed(
     services: Services, owner: str, model: SplatModel, kept: list[KeptFrame]
 ) -> StoredObject:
     with scratch_folder(services.settings.folders.scratch_dir) as folder:
-        write_sequence(
-            folder / "sequence",
-            person="",
-            frames_per_second=_RATE,
-            body=Body(model.skeleton),
-            train=training_frames(kept),
-            source="live look",
-            pose_trust=PoseTrust.ESTIMATED,
-        )
+        write_kept(folder / "sequence", model, kept)
         return packing.pack(services.objects, owner, folder / "sequence")

@@ -9,11 +9,23 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from benchmarks.browser import open_page
+from benchmarks.look_end import WATCH_COLOURS, WATCH_PICTURES, gone_after_ms
 from capture.detection.network_files import FACE_MODEL, HAND_MODEL, POSE_MODEL
+from renderer.performer_model import PerformerModel
 from services.bootstrap import DEMO_MODEL, import_model
 from services.gateway import gateway_of
-from services.live.look.picture import DroppedPictures, LookPicture, PoseRequest
+from services.live.look.keeping import Keeping
+from services.live.look.picture import (
+    DroppedPictures,
+    LookPicture,
+    LookSink,
+    PoseRequest,
+    ShownLook,
+)
 from services.live.look.receiver import SILENCE_S
+from services.live.motion.live_motion import LiveMotion
+from services.live.packets import Kind
+from services.live.room import MeetingPerformer
 from services.meetings import create_meeting
 from tests.e2e.serving import WATCH, Gateway, serving
 from tests.e2e.test_motion_capture import webcam
@@ -47,23 +59,18 @@ document.addEventListener("change", () => (window.changedMs = nowMs()), true);
 """`captured`: capture times of the landmarks sent; `changedMs`: when a switch was last used."""
 
 
-WATCH_COLOURS = """
-window.colours = [];
-let handed = null;
-const nowMs = () => performance.timeOrigin + performance.now();
-const texImage = WebGL2RenderingContext.prototype.texImage2D;
-WebGL2RenderingContext.prototype.texImage2D = function (...args) {
-  if (args[2] === this.R32UI && args[3] === 256) handed = args[8].filter(Boolean).length;
-  return texImage.apply(this, args);
+WATCH_END = """
+window.endedMs = [];
+const channelOf = RTCPeerConnection.prototype.createDataChannel;
+RTCPeerConnection.prototype.createDataChannel = function (label, ...how) {
+  const channel = channelOf.call(this, label, ...how);
+  if (label === "look") channel.addEventListener("message", ({ data }) => {
+    if (new Uint8Array(data)[1] === KIND) endedMs.push(performance.timeOrigin + performance.now());
+  });
+  return channel;
 };
-const drawArrays = WebGL2RenderingContext.prototype.drawArrays;
-WebGL2RenderingContext.prototype.drawArrays = function (...args) {
-  if (handed !== null) colours.push([nowMs(), handed]);
-  handed = null;
-  return drawArrays.apply(this, args);
-};
-"""
-"""`colours`: when the page drew after it handed changes to the card, and of how many splats."""
+""".replace("KIND", str(int(Kind.LOOK_END)))
+"""`endedMs`: when the page was told that somebody's live look is over, before it heeds it."""
 
 
 class Kept(DroppedPictures):
@@ -78,6 +85,38 @@ class Kept(DroppedPictures):
 
     def stop(self) -> None:
         self.stopped_s.append(time.time())
+
+
+class Drawn(LookSink):
+    """Shows somebody as `sink` does, and notes when live colours were drawn, and when they ended
+    (s since 1970)."""
+
+    def __init__(self, sink: LookSink) -> None:
+        self._sink = sink
+        self.begun_s: list[tuple[float, bool]] = []
+        """When each picture was begun, and whether in live colours."""
+        self.stopped_s: list[float] = []
+
+    @property
+    def keeping(self) -> Keeping | None:
+        return self._sink.keeping
+
+    def receive(self, picture: LookPicture, request: PoseRequest | None = None) -> None:
+        self._sink.receive(picture, request)
+
+    def stop(self) -> None:
+        self._sink.stop()
+        self.stopped_s.append(time.time())
+
+    def shown_of(self, model: PerformerModel) -> ShownLook | None:
+        begun_s, shown = time.time(), self._sink.shown_of(model)
+        self.begun_s.append((begun_s, shown is not None))
+        return shown
+
+    @property
+    def live(self) -> bool:
+        """Whether the newest picture is in live colours."""
+        return self.begun_s[-1][1] if self.begun_s else False
 
 
 def networks() -> dict[str, Path]:
@@ -152,18 +191,24 @@ def test_a_cut_out_leaves_while_the_switch_is_on_and_not_a_moment_longer(tmp_pat
     assert -side < min(x, y)
 
 
+def viewer_of(page: Page, address: str) -> Page:
+    """Somebody else in the meeting, in the same browser."""
+    browser = page.context.browser
+    assert browser is not None
+    viewer = browser.new_page(viewport={"width": 512, "height": 512})
+    viewer.add_init_script(WATCH_COLOURS + WATCH_END)
+    viewer.goto(address)
+    viewer.get_by_test_id("start-join").click()
+    return viewer
+
+
 def test_a_page_that_draws_shows_them_until_the_switch_is_off(tmp_path: Path):
     clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
     camera = webcam(clip, tmp_path / "webcam.mjpeg")
     with serving(tmp_path / "data", **networks()) as gateway, open_page(webcam=camera) as page:
         address = meeting_of(gateway)
         enter(page, address)
-        browser = page.context.browser
-        assert browser is not None
-        viewer = browser.new_page(viewport={"width": 512, "height": 512})
-        viewer.add_init_script(WATCH_COLOURS)
-        viewer.goto(address)
-        viewer.get_by_test_id("start-join").click()
+        viewer = viewer_of(page, address)
         viewer.get_by_test_id("render-mode").select_option("local")
         expect(viewer.locator(".viewport > canvas.shown")).to_be_visible(timeout=MINUTES)
 
@@ -177,7 +222,7 @@ def test_a_page_that_draws_shows_them_until_the_switch_is_off(tmp_path: Path):
         switch, gone_ms = page.get_by_test_id("live-look"), list[float]()
         # a busy machine may be late now and then, or end it before, as no picture came for a second
         while len(gone_ms) < 5 and not any(0.0 < one < _SOON_MS for one in gone_ms):
-            viewer.evaluate("colours = []")
+            viewer.evaluate("colours = []; endedMs = []")
             switch.click()
             until(changed, "colours", 240.0)
             switch.click()
@@ -185,4 +230,45 @@ def test_a_page_that_draws_shows_them_until_the_switch_is_off(tmp_path: Path):
             gone_ms.append(drawn()[-1][0] - page.evaluate("changedMs"))
             viewer.wait_for_timeout(1500)
             assert drawn()[-1][1] == 0
+            told_ms = viewer.evaluate("endedMs.at(-1)")
+            after = [splats for drawn_ms, splats in drawn() if drawn_ms > told_ms]
+            assert not any(after), "no picture is in live colours once the page was told"
     assert any(0.0 < one < _SOON_MS for one in gone_ms), gone_ms
+
+
+def test_where_the_server_draws_no_picture_after_the_switch_is_in_live_colours(tmp_path: Path):
+    clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
+    camera = webcam(clip, tmp_path / "webcam.mjpeg")
+    with serving(tmp_path / "data", **networks()) as gateway, open_page(webcam=camera) as page:
+        channels = gateway_of(gateway.app).views.driving_channels
+        show, sinks = channels.make_look_sink, list[Drawn]()
+
+        def noted(performer: MeetingPerformer, motion: LiveMotion) -> LookSink:
+            sinks.append(Drawn(show(performer, motion)))
+            return sinks[-1]
+
+        channels.make_look_sink = noted
+        address = meeting_of(gateway)
+        enter(page, address)
+        viewer = viewer_of(page, address)
+        viewer.get_by_test_id("render-mode").select_option("server")
+        expect(viewer.get_by_test_id("live-video")).to_be_visible(timeout=MINUTES)
+        until(lambda: bool(sinks) and bool(sinks[-1].begun_s), "drawing")
+        drawn, switch = sinks[-1], page.get_by_test_id("live-look")
+        viewer.evaluate(WATCH_PICTURES)
+        told_ms: list[float | None] = []
+        # signing hands may hide how the colours differ, and a busy machine shows few pictures
+        while len(told_ms) < 5 and not any(told_ms):
+            switch.click()
+            until(lambda: drawn.live, "live colours", 240.0)
+            viewer.evaluate("shown = []")
+            viewer.wait_for_timeout(3000)
+            times_stopped = len(drawn.stopped_s)
+            switch.click()
+            viewer.wait_for_timeout(4000)
+            stopped_s = drawn.stopped_s[times_stopped]
+            after = [live for begun_s, live in list(drawn.begun_s) if begun_s > stopped_s]
+            assert after, "it draws on"
+            assert not any(after), "no picture is in live colours after the end"
+            told_ms.append(gone_after_ms(viewer.evaluate("shown"), page.evaluate("changedMs")))
+        assert any(told_ms), "the page shows trained colours"

@@ -23,12 +23,12 @@ _VOICE_BYTES = 16_000
 """Several seconds of a voice."""
 _PATIENCE_S = 20.0
 
-_PEERS = """
+PEERS = """
 window.peers = [];
 const Peer = RTCPeerConnection;
 RTCPeerConnection = class extends Peer { constructor(...all) { super(...all); peers.push(this); } };
 """
-_AUDIO_BYTES = """async () => {
+AUDIO_BYTES = """async () => {
   let bytes = 0;
   for (const peer of peers) {
     (await peer.getStats()).forEach(entry => {
@@ -51,8 +51,8 @@ def talks(page: Page, address: str) -> None:
 
 def sound_flows_alone(page: Page, line: SlowLine) -> None:
     """Bytes of voices come, and the service sends little else."""
-    heard, offered, began_s = page.evaluate(_AUDIO_BYTES), line.offered_bits, time.monotonic()
-    while page.evaluate(_AUDIO_BYTES) - heard < _VOICE_BYTES:
+    heard, offered, began_s = page.evaluate(AUDIO_BYTES), line.offered_bits, time.monotonic()
+    while page.evaluate(AUDIO_BYTES) - heard < _VOICE_BYTES:
         assert time.monotonic() - began_s < _PATIENCE_S, "no voice came"
         page.wait_for_timeout(100)
     assert line.offered_bits - offered < STARVED_BIT_PER_S * (time.monotonic() - began_s)
@@ -66,11 +66,11 @@ def test_on_a_starved_line_pictures_go_sound_stays_and_pictures_return(tmp_path:
         beside(ada, viewport={"width": 480, "height": 400}) as bo,
     ):
         talks(bo, address)
-        ada.add_init_script(_PEERS)
+        ada.add_init_script(PEERS)
         line.carry(ada)
         come(ada, address, "Ada")
         watch(ada, 20)
-        ada.wait_for_function(f"async () => await ({_AUDIO_BYTES})() > 5000", timeout=MINUTE)
+        ada.wait_for_function(f"async () => await ({AUDIO_BYTES})() > 5000", timeout=MINUTE)
         assert line.offered_bits > 0  # this way, and no other
 
         before = frames_shown(bo)

@@ -35,3 +35,25 @@ def test_what_a_senders_page_takes_is_told_where_it_was_measured():
     text = local_look({**json.loads(PAGES.read_text()), "sender": sender})
     assert "takes 0.20 of a core for it" in text
     assert "(18 a second, 20 without; limit 0.25, aim 0.12)" in text
+
+
+def test_how_soon_it_is_gone_is_told_beside_the_limit():
+    ends = [
+        {"drawn_by": "page", "turns": 7, "told": 6, "median_ms": 62, "worst_ms": 181, "load": 3.5},
+        {
+            "drawn_by": "server",
+            "turns": 7,
+            "told": 0,
+            "median_ms": None,
+            "worst_ms": None,
+            "load": 4.0,
+        },
+    ]
+    lines = local_look({**json.loads(PAGES.read_text()), "gone": ends}).splitlines()
+    page, server = (
+        next(one for one in lines if f"| the {by} " in one) for by in ("page", "server")
+    )
+    assert [cell.strip() for cell in page.split("|")[2:-1]] == [
+        *("62 ms", "181 ms", "200 ms", "6 of 7", "3.5")
+    ]
+    assert [cell.strip() for cell in server.split("|")[2:4]] == ["-", "-"]
