@@ -108,10 +108,10 @@ def _page_turn(sending: SendingPage, viewer: Page) -> float | None:
     """ms; None where it ended before, as no picture came for a second."""
     viewer.evaluate("colours = []")
     sending.switch(True)
-    viewer.wait_for_function("colours.some(([, splats]) => splats > 0)")
+    viewer.wait_for_function("() => colours.some(([, splats]) => splats > 0)")
     viewer.wait_for_timeout(_LIVE_MS)
     sending.switch(False)
-    viewer.wait_for_function("colours.at(-1)[1] === 0")
+    viewer.wait_for_function("() => colours.at(-1)[1] === 0")
     took = viewer.evaluate("colours.at(-1)[0]") - sending.page.evaluate("changedMs")
     return took if took > 0.0 else None
 
