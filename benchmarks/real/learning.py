@@ -4,8 +4,8 @@ A model is made of one clip. The first half of each other clip of the person (of
 turns away at the end, of the rest of his clip) plays as a webcam's video: landmarks, live motion,
 cut-outs, VP8 and what the server keeps of them are the product's own (`served_webcam`). With
 what was kept the model goes on to learn as the product has it, held to its clip, for a third of the
-steps. The models of before and after are judged on the second halves, each in the pose that it is
-aligned in by the frame's own picture.
+steps. The models of before and after are judged on the second halves, each in the pose that flow
+aligns it in with the frame's own picture, as in live look.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 
 from benchmarks.real.cases import CASES, Case
 from benchmarks.real.filmed import FilmedClip
@@ -30,13 +31,14 @@ from benchmarks.reporting.measurements import MeasurementCache
 from capture.storage import open_sequence
 from renderer.errors import ForgotTooMuch
 from renderer.evaluation.lpips import Lpips
-from renderer.evaluation.pose_alignment import Aligner
 from renderer.live_look.frame_keeper import KeptFrame, sides_shown
 from renderer.live_look.learning import with_kept
+from renderer.live_look.live_look import LiveLook
+from renderer.live_look.picture import WebcamPicture
 from renderer.performer_model import PerformerModel
 from renderer.training import train
 from scene.arrays import Array, UInt8
-from scene.sequence import Frame, Sequence
+from scene.sequence import Sequence, body_crop
 from services.jobs.kept_frames import BUDGET_S, side_words, write_kept
 from services.joining.finder import PersonFinder
 
@@ -45,6 +47,8 @@ _CAMERA_PX = 640
 """Longer side of what a page asks of a camera."""
 _TRAINED_S = 60.0
 """A clip is trained for so long, unless somebody says otherwise: what is kept, for `BUDGET_S`."""
+_ALIGNED_PX, _MARGIN = 384, 0.1
+"""Longer side of the picture that a pose is aligned with, and what is round the person in it."""
 _GROUP = "other_half"
 
 
@@ -88,7 +92,7 @@ def measure(case: Case, footage: Path, networks: Networks, iterations: int) -> d
             "forgot": forgot,
             "held_to": after.metrics.get("held_to"),
             **{
-                name: means(list(_judged(judge, model, part, case, later)))
+                name: means(list(_judged(judge, model, case, later)))
                 for name, model in (("before", before), ("after", after))
             },
         }
@@ -140,22 +144,31 @@ def _learnt(
 
 
 def _judged(
-    judge: Judge,
-    model: PerformerModel,
-    part: Sequence,
-    case: Case,
-    later: list[tuple[FilmedClip, int, int]],
+    judge: Judge, model: PerformerModel, case: Case, later: list[tuple[FilmedClip, int, int]]
 ) -> Iterator[dict[str, Any]]:
     """Of each judged frame of the second halves."""
-    aligner = Aligner(model, part)
     for clip, _, half in later:
         for index in clip.ruler.indices:
             if index < half:
                 continue
-            frame = _placed(clip, index, model, case)
-            seen = Frame(frame.truth, frame.mask, frame.camera, frame.pose)
-            frame = replace(frame, pose=aligner.align(seen))
+            frame = _aligned(_placed(clip, index, model, case), model)
             yield judge.figures(model.render(frame.camera, frame.pose), frame)
+
+
+def _aligned(frame: TestFrame, model: PerformerModel) -> TestFrame:
+    """In the pose in which live look would show it, were it the first picture."""
+    window, splats = body_crop(frame.mask, _MARGIN), model.splats
+    if window is None or splats is None:
+        return frame
+    rows, columns = window
+    width, height = columns.stop - columns.start, rows.stop - rows.start
+    picture = WebcamPicture(
+        np.ascontiguousarray(frame.image[window]),
+        np.rint(255.0 * frame.mask[window]).astype(np.uint8),
+        frame.camera.cropped(columns.start, rows.start, width, height),
+        frame.pose,
+    ).resized(min(1.0, _ALIGNED_PX / max(width, height)))
+    return replace(frame, pose=LiveLook(splats).align(picture).pose)
 
 
 def _placed(clip: FilmedClip, index: int, model: PerformerModel, case: Case) -> TestFrame:
