@@ -48,6 +48,9 @@ _NO_ARRAYS = (
     *(NotImplementedError, RuntimeError, struct.error, tokenize.TokenError),
 )
 """What NumPy and zipfile raise for archives that are broken, encrypted or packed otherwise."""
+_MOST_UNPACKED_BYTES = 512 << 20
+"""Of a file's arrays: a body with all its blend shapes takes 20 MB, and nothing would be gained by
+more than memory holds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +253,13 @@ def _read_body(path: Path) -> Body:
 
 def _read_arrays(path: Path, *required: str) -> dict[str, Array]:
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        stored = np.load(path, allow_pickle=False)
+        if isinstance(stored, np.ndarray):
+            raise ValueError("one array")
+        with stored:
+            unpacked = sum(entry.file_size for entry in stored.zip.infolist())
+            if unpacked > _MOST_UNPACKED_BYTES:
+                raise ValueError(f"{unpacked >> 20} MiB, of {_MOST_UNPACKED_BYTES >> 20} at most")
             arrays = dict(stored)
     except _NO_ARRAYS as error:
         raise BrokenSequence(f"{path.name} must be a readable .npz file; got {error}") from error

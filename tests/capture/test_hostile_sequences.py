@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
+import zipfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -124,6 +125,32 @@ def test_words_of_anything(whole: Path):
         _with(whole, lambda folder: (folder / "sequence.json").write_text(told))
 
     attack()
+
+
+def test_arrays_that_inflate_beyond_all_measure_are_refused_unread(whole: Path, tmp_path: Path):
+    shutil.copytree(whole, tmp_path / "seq")
+    header = b"\x93NUMPY\x01\x00v\x00"
+    header += (
+        b"{'descr': '|u1', 'fortran_order': False, 'shape': (629145600,), }".ljust(117) + b"\n"
+    )
+    with (
+        zipfile.ZipFile(tmp_path / "seq/motion.npz", "w", zipfile.ZIP_DEFLATED) as file,
+        file.open("times_s.npy", "w", force_zip64=True) as array,
+    ):
+        array.write(header)
+        for _ in range(600):
+            array.write(bytes(1 << 20))
+    assert (tmp_path / "seq/motion.npz").stat().st_size < 1 << 20
+    with pytest.raises(BrokenSequence, match=r"motion\.npz .* got 600 MiB, of 512 at most"):
+        open_sequence(tmp_path / "seq")
+
+
+def test_an_array_in_place_of_several_is_refused(whole: Path, tmp_path: Path):
+    shutil.copytree(whole, tmp_path / "seq")
+    with (tmp_path / "seq/motion.npz").open("wb") as file:
+        np.save(file, np.zeros(3))
+    with pytest.raises(BrokenSequence, match=r"motion\.npz must be a readable \.npz file"):
+        open_sequence(tmp_path / "seq")
 
 
 @pytest.mark.parametrize("text", ["[" * 200_000, '{"version":' * 100_000])
