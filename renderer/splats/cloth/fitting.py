@@ -83,7 +83,7 @@ class Outlines:
             camera, mask = frames.camera(frame), frames.mask(frame)
             scale = min(1.0, _SIZE_PX / max(mask.shape))
             small = camera.resized(round(camera.width * scale), round(camera.height * scale))
-            masks.append(_shrunk(mask, (small.height, small.width)))
+            masks.append(shrunk(mask, (small.height, small.width)))
             projections.append(small.intrinsics @ small.world_to_camera)
             covered = np.zeros(masks[-1].shape, np.uint8)
             posed = body.posed_vertices(frames.pose(frame))
@@ -122,7 +122,7 @@ def _projected(projection: Float[Array, "3 4"], points: Float[Array, "V 3"]) -> 
     return seen[:, :2] / np.maximum(seen[:, 2:], 1e-6)
 
 
-def _shrunk(mask: Float[Array, "H W"], size: tuple[int, int]) -> Float[Array, "h w"]:
+def shrunk(mask: Float[Array, "H W"], size: tuple[int, int]) -> Float[Array, "h w"]:
     """`mask`, each pixel the mean of those that it lies over."""
     for axis, count in enumerate(size):
         pixels = mask.shape[axis]

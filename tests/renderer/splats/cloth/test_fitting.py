@@ -14,7 +14,7 @@ import torch
 from capture.storage import open_sequence
 from capture.studio import make_sequence
 from renderer.splats.cloth import fitting
-from renderer.splats.cloth.fitting import Outlines, find_cut
+from renderer.splats.cloth.fitting import Outlines, find_cut, shrunk
 from scene.sequence import Sequence
 
 
@@ -22,7 +22,7 @@ from scene.sequence import Sequence
 def test_masks_are_shrunk_as_pytorch_does(size):
     mask = np.random.default_rng(0).random((100, 77), dtype=np.float32)
     theirs = torch.nn.functional.interpolate(torch.from_numpy(mask)[None, None], size, mode="area")
-    np.testing.assert_allclose(fitting._shrunk(mask, size), theirs[0, 0], atol=1e-6)
+    np.testing.assert_allclose(shrunk(mask, size), theirs[0, 0], atol=1e-6)
 
 
 def _with_big_hair(sequence: Sequence) -> Sequence:
