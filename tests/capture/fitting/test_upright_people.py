@@ -21,7 +21,6 @@ from scene.motion import Motion
 from scene.rotations import axis_angle_to_matrix
 from tests.capture.people import JOINT, LANDMARK, body, seen_by, standing
 
-pytestmark = pytest.mark.usefixtures("fewer_steps")
 FRAMES = 4
 MISTAKEN_RAD = 0.2
 """By which the estimator takes people to lean towards the camera."""
@@ -76,12 +75,14 @@ def bones(placed: PlacedFit, start: str, end: str) -> Array:
 
 @pytest.mark.parametrize("pitch_rad", [0.25, -0.25])
 def test_an_upright_person_before_a_pitched_camera_is_upright(monkeypatch, pitch_rad):
+    """In all steps of a fit: what is left after fewer of them hangs on how a processor rounds."""
     motion, view = standing(FRAMES), camera(pitch_rad)
     placed = captured(monkeypatch, view, upper_body(view, motion, MISTAKEN_RAD), motion)
     lean = np.rad2deg(np.arccos(bones(placed, "pelvis", "neck")[:, 1]))
-    assert lean.mean() < 4.5
+    assert lean.mean() < 2.0
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_a_person_who_bows_still_bows(monkeypatch):
     """The prior takes much of a bow, for little tells of it without legs; it must not undo it."""
     motion, view = standing(FRAMES, frames_per_second=2.0), camera(0.1)
@@ -94,6 +95,7 @@ def test_a_person_who_bows_still_bows(monkeypatch):
     assert forwards[FRAMES // 2 :].min() > 8.0
 
 
+@pytest.mark.usefixtures("fewer_steps")
 def test_legs_that_nothing_shows_hang_straight_below_and_do_not_cross(monkeypatch):
     motion, view = standing(FRAMES), camera(0.25)
     placed = captured(monkeypatch, view, upper_body(view, motion, MISTAKEN_RAD), motion)
