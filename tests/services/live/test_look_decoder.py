@@ -6,7 +6,6 @@ import logging
 import os
 import random
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -24,6 +23,7 @@ from services.live.look.decoder import LOST, RESTART_S, DecodingFailed, LookDeco
 from services.live.look.picture_code import PictureCode
 from services.live.look.receiver import FRAME_SIZE
 from tests.fakes import Clock
+from tests.services.attempts import nothing_is_reached
 from tests.services.live.look_pictures import Encoder, decoding, frame_of
 from tests.services.uploads.test_apart import NO_LANDLOCK, has_landlock
 
@@ -170,26 +170,7 @@ def test_closing_ends_one_that_is_asked_at_the_moment(instead, decoder: LookDeco
 
 @pytest.mark.skipif(not has_landlock(), reason=NO_LANDLOCK)
 def test_what_decodes_has_no_files_no_network_and_no_secrets(tmp_path: Path):
-    """What somebody could do who took the process over, tried in its own confinement."""
-    secret = tmp_path / "secret"
-    secret.write_text("of the server")
-    begun = (
-        "from services.confinement import confine\n"
-        "from services.live.look.confined import LIMITS\n"
-        "confine(LIMITS)\n"
-    )
-    for attempt, error in (
-        (f"print(open({str(secret)!r}).read())", "PermissionError"),
-        (f"open({str(tmp_path / 'planted')!r}, 'w').write('x')", "PermissionError"),
-        (f"import os; os.kill({os.getpid()}, 0)", "PermissionError"),
-        ("import socket; socket.socket(socket.AF_INET, socket.SOCK_DGRAM)", "PermissionError"),
-        ("bytearray(600 << 20)", "MemoryError"),
-    ):
-        done = subprocess.run(
-            [sys.executable, "-c", begun + attempt], capture_output=True, text=True, check=False
-        )
-        assert error in done.stderr, attempt
-        assert "of the server" not in done.stdout
+    nothing_is_reached("services.live.look.confined", tmp_path)
 
 
 def test_one_that_is_killed_is_another_the_next_time(decoder: LookDecoder, clock: Clock):

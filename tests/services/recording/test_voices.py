@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import logging
-import os
 import random
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +14,7 @@ import pytest
 from services.recording import voices
 from services.recording.chunks import Record
 from services.recording.voices import mix
+from tests.services.attempts import nothing_is_reached
 from tests.services.recording.test_chunks import RATE, voice
 from tests.services.uploads.test_apart import NO_LANDLOCK, has_landlock
 
@@ -121,23 +120,4 @@ def test_no_secret_is_told(instead, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.skipif(not has_landlock(), reason=NO_LANDLOCK)
 def test_what_decodes_has_no_files_and_no_network(tmp_path: Path):
-    """What somebody could do who took the process over, tried in its own confinement."""
-    secret = tmp_path / "secret"
-    secret.write_text("of the server")
-    begun = (
-        "from services.confinement import confine\n"
-        "from services.recording.confined_voice import LIMITS\n"
-        "confine(LIMITS)\n"
-    )
-    for attempt, error in (
-        (f"print(open({str(secret)!r}).read())", "PermissionError"),
-        (f"open({str(tmp_path / 'planted')!r}, 'w').write('x')", "PermissionError"),
-        (f"import os; os.kill({os.getpid()}, 0)", "PermissionError"),
-        ("import socket; socket.socket(socket.AF_INET, socket.SOCK_DGRAM)", "PermissionError"),
-        ("bytearray(600 << 20)", "MemoryError"),
-    ):
-        done = subprocess.run(
-            [sys.executable, "-c", begun + attempt], capture_output=True, text=True, check=False
-        )
-        assert error in done.stderr, attempt
-        assert "of the server" not in done.stdout
+    nothing_is_reached("services.recording.confined_voice", tmp_path)
