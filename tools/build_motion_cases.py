@@ -65,7 +65,7 @@ def main() -> None:
     told = {
         "people": _people(),
         "cases": [case_of(one, yaw) for one, yaw in zip(sequences, _YAWS_RAD, strict=True)],
-        "head": _head_in_middle(),
+        "head": _turned_head(),
     }
     MOTION_CASES.write_text(json.dumps(told, separators=(",", ":")) + "\n")
 
@@ -77,7 +77,7 @@ def _people() -> dict[str, list[float]]:
     return {name: list(islice(numbers, size)) for name, size in sizes.items()}
 
 
-def _head_in_middle() -> dict[str, Any]:
+def _turned_head() -> dict[str, Any]:
     """A face that is turned, off the picture's middle, with noise, and what head it makes."""
     rng, (width, height) = np.random.default_rng(0), (640, 480)
     turned = rest_points("head") @ axis_angle_to_matrix(np.array([0.2, -0.5, 0.1])).T

@@ -7,7 +7,6 @@ two pictures late, as on a page; the head is judged in every picture that shows 
 from __future__ import annotations
 
 from collections.abc import Sequence as Many
-from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from capture.live.solver import LiveSolver
 from capture.sources.clips import read_clip
 from scene.arrays import Array, Float
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.skeleton import JOINT_NAMES
+from services.live.eye_level import head_in_room
 from services.live.motion.head_following import HeadFollowing, ObservedHead
 from services.live.motion.solved_motion import usual_camera
 
@@ -34,7 +33,6 @@ CLIPS = tuple(case.trained for case in CASES if case.name != "walker")
 FRAMES, EVERY, LATE = 120, 3, 2
 _SETTLED = 10
 """First pictures that are not judged."""
-_CHAIN = [JOINT_NAMES.index(n) for n in ("pelvis", "spine1", "spine2", "spine3", "neck", "head")]
 _Heads = Float[Array, "F 3 3"]
 
 
@@ -69,19 +67,14 @@ def measured(clip: Path, bodies: MediaPipeEstimator, faces: FaceAndHandDetector)
         head = ObservedHead(head_rotation(face, camera), time_s)
         if index % EVERY == 0:
             told[index] = head
-        solved.append(head_of(local))
-        followed.append(head_of(following.followed(local, time_s)))
+        solved.append(head_in_room(local))
+        followed.append(head_in_room(following.followed(local, time_s)))
         seen.append(head.rotation)
     return {
         "pictures": len(seen),
         "solved": errors_deg(solved[_SETTLED:], seen[_SETTLED:]),
         "followed": errors_deg(followed[_SETTLED:], seen[_SETTLED:]),
     }
-
-
-def head_of(local: Float[Array, "24 3 3"]) -> Float[Array, "3 3"]:
-    """The head's rotation in the world, from the joints' own."""
-    return reduce(np.matmul, local[_CHAIN])
 
 
 def errors_deg(heads: Many[Array], seen: Many[Array]) -> dict[str, float]:

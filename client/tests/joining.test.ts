@@ -1,6 +1,7 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { fakeFetch, json, member, type Call } from "./fakes";
+import { FakeSocket } from "./fakeSocket";
 import { FRONT } from "./viewpoint/front";
 
 const MEETING = { id: "m", name: "Monday", join_url: "/?meeting=m", environment: "studio", performers: [], viewpoint: FRONT, lobby: false };
@@ -48,20 +49,15 @@ class FakeServer {
 
 let server: FakeServer;
 
-class FakeSocket extends EventTarget {
-  static OPEN = 1;
-  static made: FakeSocket[] = [];
-  readyState = 1;
-  onopen: () => void = () => undefined;
-  onmessage: (event: { data: string }) => void = () => undefined;
-  onclose: () => void = () => undefined;
+class ControlSocket extends FakeSocket {
+  static made: ControlSocket[] = [];
   constructor() {
     super();
-    FakeSocket.made.push(this);
+    ControlSocket.made.push(this);
   }
   send(text: string): void {
     const said = JSON.parse(text) as { type: string; token: string };
-    if (said.type === "hello") server.hello(said.token).forEach((message) => this.onmessage({ data: JSON.stringify(message) }));
+    if (said.type === "hello") server.hello(said.token).forEach((message) => this.say(message));
     if (said.type === "hello" && !server.heard.has(said.token)) this.close();
   }
   close(): void {
@@ -101,10 +97,10 @@ beforeEach(() => {
   sessionStorage.clear();
   localStorage.clear();
   server = new FakeServer();
-  FakeSocket.made = [];
+  ControlSocket.made = [];
   FakePeer.made = [];
   vi.stubGlobal("fetch", fakeFetch((call) => server.answer(call)).request);
-  vi.stubGlobal("WebSocket", FakeSocket);
+  vi.stubGlobal("WebSocket", ControlSocket);
   vi.stubGlobal("RTCPeerConnection", FakePeer);
   vi.stubGlobal("MediaStream", class {});
   const param = { setTargetAtTime: () => undefined };
@@ -142,7 +138,7 @@ it("has picture and voices on the seat that we sit on, though the preview breaks
   await vi.advanceTimersByTimeAsync(50);
   expect([...server.taken]).toEqual([]);
   for (let look = 0; look < 6; look++) {
-    FakeSocket.made.filter(({ readyState }) => readyState === 1).forEach((socket) => socket.onopen());
+    ControlSocket.made.filter(({ readyState }) => readyState === 1).forEach((socket) => socket.onopen());
     await vi.advanceTimersByTimeAsync(250);
   }
   expect([...server.heard]).toEqual(["seat2"]);

@@ -1,31 +1,24 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { fakeFetch, json, type Call } from "./fakes";
+import { FakeSocket } from "./fakeSocket";
 import { FRONT } from "./viewpoint/front";
 
 const MEETING = { id: "m", name: "Monday", join_url: "/?meeting=m", environment: "studio", performers: [], viewpoint: FRONT, lobby: true };
 const SEAT = { token: "seat", gateway_url: "", control_url: "/v1/meetings/m/control", whep_url: "/whep/m", ice_servers: [], ready: true, performers: [], viewpoint: FRONT };
 
-class FakeSocket extends EventTarget {
-  static OPEN = 1;
-  static made: FakeSocket[] = [];
-  readyState = 1;
-  onopen: () => void = () => undefined;
-  onmessage: (event: { data: string }) => void = () => undefined;
-  onclose: () => void = () => undefined;
+class ControlSocket extends FakeSocket {
+  static made: ControlSocket[] = [];
   sent: Record<string, unknown>[] = [];
   constructor(readonly address: string) {
     super();
-    FakeSocket.made.push(this);
+    ControlSocket.made.push(this);
   }
   send(text: string): void {
     this.sent.push(JSON.parse(text) as Record<string, unknown>);
   }
   close(): void {
     this.readyState = 3;
-  }
-  say(message: object): void {
-    this.onmessage({ data: JSON.stringify(message) });
   }
 }
 
@@ -60,16 +53,16 @@ const press = async (page: HTMLElement, label: string): Promise<void> => {
   [...page.querySelectorAll("button")].find(({ textContent }) => textContent === label)?.click();
   await vi.advanceTimersByTimeAsync(50);
 };
-const join = async (page: HTMLElement, name: string): Promise<FakeSocket> => {
+const join = async (page: HTMLElement, name: string): Promise<ControlSocket> => {
   find<HTMLInputElement>(page, "join-name").value = name;
   find(page, "start-join").closest("form")?.dispatchEvent(new Event("submit", { cancelable: true }));
   await vi.advanceTimersByTimeAsync(50);
-  const socket = FakeSocket.made.at(-1) as FakeSocket;
+  const socket = ControlSocket.made.at(-1) as ControlSocket;
   socket.onopen();
   return socket;
 };
 /** The server lets us into the lobby. */
-const wait = async (socket: FakeSocket): Promise<void> => {
+const wait = async (socket: ControlSocket): Promise<void> => {
   const me = { id: "me", name: "Ada", role: "speaker", admission: "waiting", present: true, hand_at: null, microphone: false, performer_id: null, connection: null };
   socket.say({ type: "welcome", participant_id: "me", seat: 1, silence_s: 5 });
   socket.say({ type: "roster", lobby: true, environment: "studio", presenter_id: null, presenter_asks_id: null, recording: null, members: [me], performer_ids: [] });
@@ -80,12 +73,12 @@ beforeEach(() => {
   vi.useFakeTimers();
   sessionStorage.clear();
   localStorage.clear();
-  FakeSocket.made = [];
+  ControlSocket.made = [];
   answer = () => null;
   const fake = fakeFetch((call) => answer(call) ?? server(call));
   calls = fake.calls;
   vi.stubGlobal("fetch", fake.request);
-  vi.stubGlobal("WebSocket", FakeSocket);
+  vi.stubGlobal("WebSocket", ControlSocket);
   vi.stubGlobal("scrollTo", () => undefined);
 });
 afterEach(() => {
@@ -293,7 +286,7 @@ describe("joining a meeting with a lobby", () => {
     await wait(await join(await open("/"), "Ada"));
     const joined = calls.filter(({ path }) => path.endsWith("/join")).length;
     const page = await open("/");
-    const again = FakeSocket.made.at(-1) as FakeSocket;
+    const again = ControlSocket.made.at(-1) as ControlSocket;
     again.onopen();
     expect(again.sent[0]).toMatchObject({ type: "hello", token: "seat", name: "Ada" });
     expect(calls.filter(({ path }) => path.endsWith("/join"))).toHaveLength(joined);
@@ -323,7 +316,7 @@ describe("joining a meeting with a lobby", () => {
     socket.onclose();
     await vi.advanceTimersByTimeAsync(50);
     await press(page, "Continue here");
-    const again = FakeSocket.made.at(-1) as FakeSocket;
+    const again = ControlSocket.made.at(-1) as ControlSocket;
     again.onopen();
     expect(again).not.toBe(socket);
     expect(again.sent[0]).toMatchObject({ type: "hello", token: "seat", name: "Ada" });

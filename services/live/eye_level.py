@@ -46,14 +46,18 @@ class LevelGaze:
 
     def learn(self, local: Float[Array, "24 3 3"], step_s: float) -> None:
         """Note where the head looks by joints' local rotations, `step_s` after the last time."""
-        head = reduce(np.matmul, local[_FROM_PELVIS])
-        self._below_rad.add(float(below_horizon(head)), step_s)
+        self._below_rad.add(float(below_horizon(head_in_room(local))), step_s)
 
     def raised(self, local: Float[Array, "24 3 3"]) -> Float[Array, "24 3 3"]:
         """Joints' local rotations with the head raised as far as was learnt."""
         local = local.copy()
         local[_TURNED] = local[_TURNED] @ _raising(self._below_rad.value)
         return local
+
+
+def head_in_room(local: Float[Array, "24 3 3"]) -> Float[Array, "3 3"]:
+    """The head's rotation, from rest, by the joints' own."""
+    return reduce(np.matmul, local[_FROM_PELVIS])
 
 
 def below_horizon(head: Float[Array, "*batch 3 3"]) -> Float[Array, "*batch"]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import os
 import shutil
+import sys
 import threading
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
@@ -27,6 +28,22 @@ from services.settings import Settings, load_settings
 from tests.services import seeds
 
 SECRET = "a key for tests only, long enough to sign"
+
+
+Instead = Callable[[str], None]
+
+
+@pytest.fixture
+def instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Instead:
+    """Has a shell script run in the place of a confined process."""
+
+    def set_up(script: str) -> None:
+        program = tmp_path / "confined"
+        program.write_text(f"#!/bin/sh\n{script}\n")
+        program.chmod(0o755)
+        monkeypatch.setattr(sys, "executable", str(program))
+
+    return set_up
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 /** The body that is solved for: its joints and landmarks, and what the solver knows of people in general. */
 
 import type { Numbers } from "./rotations";
-import { multiply } from "./rotations";
+import { multiply, product } from "./rotations";
 
 /** Joint by joint, each behind its parent: the tree of SMPL, as the server's scene/skeleton.py. */
 export const PARENTS = [
@@ -73,6 +73,13 @@ export function placeJoints(
       places[3 * k + r] = place;
     }
   }
+}
+
+/** The head's rotation in the world, by the joints' own. */
+export function headInWorld(local: Numbers): Numbers {
+  let head: Numbers = local.slice(0, 9);
+  for (const joint of [SPINE1, SPINE2, SPINE3, NECK, HEAD]) head = product(head, local.subarray(9 * joint, 9 * joint + 9));
+  return head;
 }
 
 /** Writes where the landmarks are [33 3]. */

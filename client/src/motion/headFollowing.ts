@@ -1,6 +1,6 @@
 /** The head as the face's own points show it; the server's twin, which says why, is services/live/motion/head_following.py. */
 
-import { HEAD, NECK, SPINE1, SPINE2, SPINE3 } from "./body";
+import { HEAD, NECK, headInWorld } from "./body";
 import { anglesOf, lengthOf, multiply, product, rotationBy, transposedProduct, type Numbers } from "./rotations";
 
 const SETTLING_S = 0.1;
@@ -23,7 +23,7 @@ export class HeadFollowing {
   /** Note joints' rotations as solved of the picture of `timeS`, and a head that was seen. */
   update(head: TurnedHead | null, local: Numbers, timeS: number): void {
     const stepS = timeS - (this.solved.at(-1)?.timeS ?? -Infinity);
-    this.solved = [...this.solved.filter((one) => one.timeS >= timeS - REMEMBERED_S), { rotation: headOf(local), timeS }];
+    this.solved = [...this.solved.filter((one) => one.timeS >= timeS - REMEMBERED_S), { rotation: headInWorld(local), timeS }];
     const first = this.seenS === -Infinity;
     if (head && head.timeS > this.seenS) this.observe(head);
     const share = first ? 1 : 1 - Math.exp(-stepS / SETTLING_S);
@@ -52,12 +52,6 @@ export class HeadFollowing {
 }
 
 const IDENTITY = Float64Array.of(1, 0, 0, 0, 1, 0, 0, 0, 1);
-
-function headOf(local: Numbers): Numbers {
-  let head: Numbers = local.slice(0, 9);
-  for (const joint of [SPINE1, SPINE2, SPINE3, NECK, HEAD]) head = product(head, local.subarray(9 * joint, 9 * joint + 9));
-  return head;
-}
 
 function by(angles: Numbers, share: number): Numbers {
   return rotationBy(share * angles[0]!, share * angles[1]!, share * angles[2]!);

@@ -1,7 +1,7 @@
 /** A head held level in the mean, whichever height the webcam has; the server's twin is services/live/eye_level.py. */
 
-import { HEAD, NECK, SPINE1, SPINE2, SPINE3 } from "./body";
-import { multiply, product, type Numbers } from "./rotations";
+import { HEAD, NECK, headInWorld } from "./body";
+import { multiply, type Numbers } from "./rotations";
 import { Settling } from "./settling";
 
 const FARTHEST_RAD = (25 * Math.PI) / 180;
@@ -13,9 +13,7 @@ export class LevelGaze {
 
   /** Note where the head looks by joints' local rotations, `stepS` after the last time. */
   learn(local: Numbers, stepS: number): void {
-    let head: Numbers = local.slice(0, 9);
-    for (const joint of [SPINE1, SPINE2, SPINE3, NECK, HEAD]) head = product(head, local.subarray(9 * joint, 9 * joint + 9));
-    const below = -Math.asin(Math.min(Math.max(head[5]!, -1), 1));
+    const below = -Math.asin(Math.min(Math.max(headInWorld(local)[5]!, -1), 1));
     this.below += this.settling.share(stepS) * (below - this.below);
   }
 

@@ -50,6 +50,7 @@ export class MotionSolver {
   private readonly gaze = new LevelGaze();
   private readonly expression = new ExpressionFilter();
   private timeS: number | null = null;
+  private headMs = -Infinity;
 
   constructor(
     private readonly body: SolvedBody,
@@ -75,7 +76,7 @@ export class MotionSolver {
       this.solver = null; // what it believes may be spoilt
       return null;
     }
-    this.head.update(head && this.turned(head, seen), solved.now.local, timeS);
+    this.head.update(this.newlyTurned(head, seen), solved.now.local, timeS);
     for (const pose of [solved.now, solved.ahead]) pose.local = this.head.followed(pose.local, timeS);
     const stepS = this.timeS === null ? FIRST_STEP_S : timeS - this.timeS;
     this.timeS = timeS;
@@ -98,7 +99,10 @@ export class MotionSolver {
     };
   }
 
-  private turned(head: ObservedHead, { width, height }: Landmarks): TurnedHead {
+  /** How a head is turned that was not seen before. */
+  private newlyTurned(head: ObservedHead | null, { width, height }: Landmarks): TurnedHead | null {
+    if (!head || head.timeMs <= this.headMs) return null;
+    this.headMs = head.timeMs;
     const { focal, centre } = usualCamera(width, height);
     return { rotation: headRotation(head, this.constants.headPoints, focal, centre), timeS: head.timeMs / 1000 };
   }

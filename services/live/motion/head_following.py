@@ -13,16 +13,15 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 
 from scene.arrays import Array, Float
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
-from scene.skeleton import JOINT_NAMES
+from scene.skeleton import HEAD, JOINT_NAMES
+from services.live.eye_level import head_in_room
 
-_ABOVE_HEAD = [JOINT_NAMES.index(name) for name in ("pelvis", "spine1", "spine2", "spine3", "neck")]
-_NECK, _HEAD = (JOINT_NAMES.index(name) for name in ("neck", "head"))
+_NECK = JOINT_NAMES.index("neck")
 _SETTLING_S = 0.1
 """Time in which most of a new difference is taken: points scatter by 1 to 2 degrees, and what came
 at once would be seen as a jerk."""
@@ -57,7 +56,7 @@ class HeadFollowing:
     ) -> None:
         """Note joints' rotations as solved of the picture of `time_s`, and a head that was seen."""
         step_s = time_s - self._solved[-1][0] if self._solved else math.inf
-        self._solved.append((time_s, reduce(np.matmul, local[[*_ABOVE_HEAD, _HEAD]])))
+        self._solved.append((time_s, head_in_room(local)))
         while self._solved[0][0] < time_s - _REMEMBERED_S:
             self._solved.popleft()
         first = self._seen_s == -math.inf
@@ -80,9 +79,9 @@ class HeadFollowing:
         turn = axis_angle_to_matrix(0.5 * share * matrix_to_axis_angle(self._turn(local)))
         followed = local.copy()
         followed[_NECK] = local[_NECK] @ turn
-        followed[_HEAD] = turn.T @ local[_HEAD] @ axis_angle_to_matrix(share * self._off)
+        followed[HEAD] = turn.T @ local[HEAD] @ axis_angle_to_matrix(share * self._off)
         return followed
 
     def _turn(self, local: Float[Array, "24 3 3"]) -> Float[Array, "3 3"]:
         """What the head is off by, in the neck's axes."""
-        return local[_HEAD] @ axis_angle_to_matrix(self._off) @ local[_HEAD].T
+        return local[HEAD] @ axis_angle_to_matrix(self._off) @ local[HEAD].T

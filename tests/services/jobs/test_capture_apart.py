@@ -5,9 +5,7 @@ from __future__ import annotations
 import errno
 import multiprocessing
 import signal
-import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,9 +16,7 @@ from services.jobs.kernel_cache import linked_kernels
 from services.jobs.report import JobStopped
 from services.settings import Settings
 from tests.services import seeds
-from tests.services.conftest import changed
-
-Instead = Callable[[str], None]
+from tests.services.conftest import Instead, changed
 
 
 @pytest.fixture
@@ -41,16 +37,9 @@ def scratch(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Instead:
-    """Has a shell script run in the place of the process that captures, in its folder."""
-
-    def set_up(script: str) -> None:
-        program = tmp_path / "captures"
-        program.write_text(f'#!/bin/sh\nread wanted\ncd "$TMPDIR"\n{script}\n')
-        program.chmod(0o755)
-        monkeypatch.setattr(sys, "executable", str(program))
-
-    return set_up
+def instead(instead: Instead) -> Instead:
+    """In the capture's folder, once it was told what is wanted."""
+    return lambda script: instead(f'read wanted\ncd "$TMPDIR"\n{script}')
 
 
 class Heard:

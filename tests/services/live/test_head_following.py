@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import reduce
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,11 +10,12 @@ from hypothesis import strategies as st
 from scene.arrays import Array, Float
 from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import JOINT_NAMES
+from services.live.eye_level import head_in_room
 from services.live.motion.head_following import HeadFollowing, ObservedHead
 
 STEP_S = 1.0 / 30.0
 NECK = JOINT_NAMES.index("neck")
-CHAIN = [JOINT_NAMES.index(n) for n in ("pelvis", "spine1", "spine2", "spine3", "neck", "head")]
+UPPERMOST = [JOINT_NAMES.index(name) for name in ("spine3", "neck", "head")]
 UPRIGHT = np.tile(np.eye(3), (24, 1, 1))
 
 
@@ -25,7 +24,7 @@ def about_y(rad: float) -> Float[Array, "3 3"]:
 
 
 def head_turn(local: Float[Array, "24 3 3"]) -> float:
-    return float(matrix_to_axis_angle(reduce(np.matmul, local[CHAIN]))[1])
+    return float(matrix_to_axis_angle(head_in_room(local))[1])
 
 
 def watched(following: HeadFollowing, from_s: float, to_s: float) -> None:
@@ -37,14 +36,14 @@ def watched(following: HeadFollowing, from_s: float, to_s: float) -> None:
 @given(st.lists(st.floats(-0.5, 0.5), min_size=9, max_size=9))
 def test_whatever_the_body_does_the_head_is_where_its_face_has_it(numbers):
     local = UPRIGHT.copy()
-    for joint, at in zip(CHAIN[-3:], (0, 3, 6), strict=True):
+    for joint, at in zip(UPPERMOST, (0, 3, 6), strict=True):
         local[joint] = axis_angle_to_matrix(0.5 * np.array(numbers[at : at + 3]))
-    seen = reduce(np.matmul, local[CHAIN]) @ axis_angle_to_matrix(np.array(numbers[:3]))
+    seen = head_in_room(local) @ axis_angle_to_matrix(np.array(numbers[:3]))
     following = HeadFollowing()
     following.update(ObservedHead(seen, 1.0), local, 1.0)
     followed = following.followed(local, 1.0)
-    np.testing.assert_allclose(reduce(np.matmul, followed[CHAIN]), seen, atol=1e-9)
-    np.testing.assert_array_equal(followed[: CHAIN[-2]], local[: CHAIN[-2]])
+    np.testing.assert_allclose(head_in_room(followed), seen, atol=1e-9)
+    np.testing.assert_array_equal(followed[:NECK], local[:NECK])
 
 
 def test_a_first_head_is_taken_whole_though_it_was_seen_some_pictures_ago():

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -51,19 +51,6 @@ def decoder(clock: Clock) -> Iterator[LookDecoder]:
     made = LookDecoder(FRAME_SIZE, lambda: clock().timestamp())
     yield made
     made.close()
-
-
-@pytest.fixture
-def instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
-    """Has a shell script run in the place of the process that decodes."""
-
-    def set_up(script: str) -> None:
-        program = tmp_path / "decodes"
-        program.write_text(f"#!/bin/sh\n{script}\n")
-        program.chmod(0o755)
-        monkeypatch.setattr(sys, "executable", str(program))
-
-    return set_up
 
 
 def test_pixels_are_those_that_a_decoder_here_would_find(decoder: LookDecoder):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import logging
 import random
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,21 +15,6 @@ from services.recording.voices import mix
 from tests.services.attempts import nothing_is_reached
 from tests.services.recording.test_chunks import RATE, voice
 from tests.services.uploads.test_apart import NO_LANDLOCK, has_landlock
-
-Instead = Callable[[str], None]
-
-
-@pytest.fixture
-def instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Instead:
-    """Has a shell script run in the place of the process that decodes."""
-
-    def set_up(script: str) -> None:
-        program = tmp_path / "decodes"
-        program.write_text(f"#!/bin/sh\n{script}\n")
-        program.chmod(0o755)
-        monkeypatch.setattr(sys, "executable", str(program))
-
-    return set_up
 
 
 def said(seconds: float) -> dict[str, list[Record]]:

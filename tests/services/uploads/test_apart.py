@@ -36,19 +36,6 @@ def clip(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture
-def instead(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Has a shell script run in the place of the process that looks."""
-
-    def set_up(script: str) -> None:
-        program = tmp_path / "looks"
-        program.write_text(f"#!/bin/sh\n{script}\n")
-        program.chmod(0o755)
-        monkeypatch.setattr(sys, "executable", str(program))
-
-    return set_up
-
-
 def confined(code: str) -> subprocess.CompletedProcess[str]:
     """What a confined process does."""
     begun = "from services.uploads.confined import confine_for; confine_for(0)\n"
