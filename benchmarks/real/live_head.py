@@ -60,15 +60,16 @@ def measured(clip: Path, bodies: MediaPipeEstimator, faces: FaceAndHandDetector)
     for index, (image, time_s) in enumerate(zip(film.images, film.times_s.tolist(), strict=True)):
         if not (people := bodies.detect(image)):
             continue
-        local = axis_angle_to_matrix(solver.step(people[0], time_s).joint_angles)
-        following.update(told.get(index - LATE), local, time_s)
+        angles = solver.step(people[0], time_s).joint_angles
+        following.update(told.get(index - LATE), angles, time_s)
         if (face := faces.face(image, people[0])) is None:
             continue
         head = ObservedHead(head_rotation(face, camera), time_s)
         if index % EVERY == 0:
             told[index] = head
-        solved.append(head_in_room(local))
-        followed.append(head_in_room(following.followed(local, time_s)))
+        solved.append(head_in_room(axis_angle_to_matrix(angles)))
+        angles = following.followed(angles, time_s)
+        followed.append(head_in_room(axis_angle_to_matrix(angles)))
         seen.append(head.rotation)
     return {
         "pictures": len(seen),

@@ -1,7 +1,7 @@
 /** The head as the face's own points show it; the server's twin, which says why, is services/live/motion/head_following.py. */
 
 import { HEAD, NECK, headInWorld } from "./body";
-import { anglesOf, lengthOf, multiply, product, rotationBy, transposedProduct, type Numbers } from "./rotations";
+import { anglesOf, lengthOf, multiply, rotationBy, transposedProduct, turned, type Numbers } from "./rotations";
 
 const SETTLING_S = 0.1;
 const FARTHEST_RAD = Math.PI / 3;
@@ -35,8 +35,8 @@ export class HeadFollowing {
     const share = Math.min(Math.max(1 - (timeS - this.seenS - HELD_S) / EASED_S, 0), 1);
     if (share === 0) return local;
     const head = local.slice(9 * HEAD, 9 * HEAD + 9);
-    const transposed = transposedProduct(head, IDENTITY);
-    const turn = by(anglesOf(product(product(head, by(this.off, 1)), transposed)), 0.5 * share);
+    // what the head is off by, in the neck's axes
+    const turn = by(turned(head, 0, this.off), 0.5 * share);
     const out = local.slice();
     multiply(local, 9 * NECK, turn, 0, out, 9 * NECK);
     multiply(transposedProduct(turn, head), 0, by(this.off, share), 0, out, 9 * HEAD);
@@ -50,8 +50,6 @@ export class HeadFollowing {
     if (away(then) < SAME_S && lengthOf(off) < FARTHEST_RAD) [this.seenOff, this.seenS] = [off, head.timeS];
   }
 }
-
-const IDENTITY = Float64Array.of(1, 0, 0, 0, 1, 0, 0, 0, 1);
 
 function by(angles: Numbers, share: number): Numbers {
   return rotationBy(share * angles[0]!, share * angles[1]!, share * angles[2]!);

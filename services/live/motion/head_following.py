@@ -21,7 +21,7 @@ from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import HEAD, JOINT_NAMES
 from services.live.eye_level import head_in_room
 
-_NECK = JOINT_NAMES.index("neck")
+_TURNED = [JOINT_NAMES.index("neck"), HEAD]
 _SETTLING_S = 0.1
 """Time in which most of a new difference is taken: points scatter by 1 to 2 degrees, and what came
 at once would be seen as a jerk."""
@@ -47,16 +47,16 @@ class HeadFollowing:
     """One person's; belongs to one thread."""
 
     def __init__(self) -> None:
-        self._solved: deque[tuple[float, Float[Array, "3 3"]]] = deque()
+        self._solved: deque[tuple[float, Float[Array, "24 3"]]] = deque()
         self._seen_off, self._off = np.zeros(3), np.zeros(3)
         self._seen_s = -math.inf
 
     def update(
-        self, head: ObservedHead | None, local: Float[Array, "24 3 3"], time_s: float
+        self, head: ObservedHead | None, angles: Float[Array, "24 3"], time_s: float
     ) -> None:
-        """Note joints' rotations as solved of the picture of `time_s`, and a head that was seen."""
+        """Note joints' angles as solved of the picture of `time_s`, and a head that was seen."""
         step_s = time_s - self._solved[-1][0] if self._solved else math.inf
-        self._solved.append((time_s, head_in_room(local)))
+        self._solved.append((time_s, angles))
         while self._solved[0][0] < time_s - _REMEMBERED_S:
             self._solved.popleft()
         first = self._seen_s == -math.inf
@@ -66,22 +66,23 @@ class HeadFollowing:
         self._off = self._off + share * (self._seen_off - self._off)
 
     def _observe(self, head: ObservedHead) -> None:
-        then_s, solved = min(self._solved, key=lambda one: abs(one[0] - head.time_s))
+        then_s, angles = min(self._solved, key=lambda one: abs(one[0] - head.time_s))
+        solved = head_in_room(axis_angle_to_matrix(angles))
         off = matrix_to_axis_angle(solved.T @ head.rotation)
         if abs(then_s - head.time_s) < _SAME_S and np.linalg.norm(off) < _FARTHEST_RAD:
             self._seen_off, self._seen_s = off, head.time_s
 
-    def followed(self, local: Float[Array, "24 3 3"], time_s: float) -> Float[Array, "24 3 3"]:
-        """Joints' rotations with the head where its face has it at `time_s`."""
+    def followed(self, angles: Float[Array, "24 3"], time_s: float) -> Float[Array, "24 3"]:
+        """Joints' angles with the head where its face has it at `time_s`."""
         share = min(max(1.0 - (time_s - self._seen_s - _HELD_S) / _EASED_S, 0.0), 1.0)
         if share == 0.0:
-            return local
-        turn = axis_angle_to_matrix(0.5 * share * matrix_to_axis_angle(self._turn(local)))
-        followed = local.copy()
-        followed[_NECK] = local[_NECK] @ turn
-        followed[HEAD] = turn.T @ local[HEAD] @ axis_angle_to_matrix(share * self._off)
+            return angles
+        off = share * self._off
+        neck, head = axis_angle_to_matrix(angles[_TURNED])
+        # what the head is off by, in the neck's axes
+        turn = axis_angle_to_matrix(0.5 * (head @ off))
+        followed = angles.copy()
+        followed[_TURNED] = matrix_to_axis_angle(
+            np.stack([neck @ turn, turn.T @ head @ axis_angle_to_matrix(off)])
+        )
         return followed
-
-    def _turn(self, local: Float[Array, "24 3 3"]) -> Float[Array, "3 3"]:
-        """What the head is off by, in the neck's axes."""
-        return local[HEAD] @ axis_angle_to_matrix(self._off) @ local[HEAD].T

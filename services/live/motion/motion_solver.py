@@ -21,7 +21,6 @@ from scene.arrays import Array, Float
 from scene.body import Body
 from scene.errors import InvalidInput
 from scene.motion import Pose
-from scene.rotations import axis_angle_to_matrix, matrix_to_axis_angle
 from scene.skeleton import Skeleton
 from services.live.eye_level import LevelGaze
 from services.live.keypoints_packet import KeypointsPacket
@@ -97,9 +96,9 @@ class MotionSolver:
     def _with_head_followed(
         self, now: Pose, ahead: Pose, head: Float[Array, "3 3"] | None, time_s: float
     ) -> tuple[Pose, Pose]:
-        local = [axis_angle_to_matrix(pose.joint_angles) for pose in (now, ahead)]
-        self._head.update(None if head is None else ObservedHead(head, time_s), local[0], time_s)
-        angles = [matrix_to_axis_angle(self._head.followed(one, time_s)) for one in local]
+        seen = None if head is None else ObservedHead(head, time_s)
+        self._head.update(seen, now.joint_angles, time_s)
+        angles = [self._head.followed(pose.joint_angles, time_s) for pose in (now, ahead)]
         return replace(now, joint_angles=angles[0]), replace(ahead, joint_angles=angles[1])
 
     def _with_level_gaze(self, pose: LocalPose) -> LocalPose:
