@@ -86,6 +86,7 @@ CATALOGUE = (
     Benchmark("foreign", ("foreign",), takes_backbone=True),
     Benchmark("kernels", ("kernels",), (require_cuda,)),
     Benchmark("gpu", ("gpu",), (require_cuda,)),
+    Benchmark("paper-stability", ("paper-stability",), (require_cuda, require_motion)),
     Benchmark("lifelike", ("lifelike",), (require_motion, require_human_assets)),
     Benchmark("performers", ("performers",), (require_motion,), takes_backbone=True),
     Benchmark("train", ("train",), (require_motion,), takes_backbone=True),

@@ -22,7 +22,7 @@ from benchmarks.cli_options import (
 )
 from benchmarks.cli_real import levels, live_head, live_look, real
 from benchmarks.cli_service import faults, load, renderers
-from benchmarks.cli_stability import stability
+from benchmarks.cli_stability import paper_stability, stability
 from benchmarks.inputs import (
     FOOTAGE,
     HUMAN_ASSETS,
@@ -42,6 +42,7 @@ app = typer.Typer(
 app.registered_commands += cli_models.app.registered_commands
 app.registered_commands += cli_parsimony.app.registered_commands
 app.command()(stability)
+app.command()(paper_stability)
 app.command("real")(real)
 app.command("live-look")(live_look)
 app.command("live-head")(live_head)

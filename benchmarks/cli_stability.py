@@ -15,6 +15,7 @@ from benchmarks.inputs import (
     FOOTAGE,
     HUMAN_ASSETS,
     MOTION,
+    require_cuda,
     require_human_assets,
     require_motion,
     require_real_footage,
@@ -59,6 +60,20 @@ def stability(
         landmark_models(),
     )
     run(writer, inputs, StabilityEffort(steps=steps), only, seconds(within) if within else math.inf)
+
+
+def paper_stability(commits: Commits = False, motion: Motion = MOTION) -> None:
+    """Where the paper's own field fails, and splats of the same clips: needs a GPU."""
+    import torch
+
+    from benchmarks.stability.paper import PaperEffort, run
+    from benchmarks.stability.subjects import SubjectSources
+
+    require_cuda()
+    require_motion(motion)
+    writer = start("paper-stability", commits)
+    inputs = SubjectSources(writer.measurements / "material", motion)
+    run(writer, inputs, torch.cuda.get_device_name(), PaperEffort())
 
 
 def _at_hand(require: Callable[[Path], None], folder: Path) -> bool:

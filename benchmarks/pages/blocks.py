@@ -70,6 +70,7 @@ BLOCKS = (
     Block("docs/frontier.md", "frontier", ("frontier",), frontier),
     Block(_STABILITY_PAGE, "finding", ("stability",), stability.finding),
     Block(_STABILITY_PAGE, "stability", ("stability",), stability.stability),
+    Block(_STABILITY_PAGE, "paper-stability", ("paper-stability",), stability.paper_stability),
     Block("docs/gpu.md", "gpu", ("gpu",), gpu),
     Block("docs/streaming.md", "renderers", ("renderers",), renderers),
     Block("docs/streaming.md", "lipsync", ("lipsync",), lipsync),

@@ -33,6 +33,40 @@ def stability(figures: Figures) -> str:
     )
 
 
+def paper_stability(figures: Figures) -> str:
+    """What the paper's field and splats lose, disturbed alike."""
+    by_step: dict[tuple[str, float], dict[str, Any]] = {}
+    for row in figures["rows"]:
+        by_step.setdefault((row["axis"], row["step"]), {})[row["method"]] = row
+    rows = []
+    for (name, step), by_method in by_step.items():
+        axis = AXES[name]
+        undisturbed = by_step[name, axis.steps[0]]
+        told = [_paper_cell(by_method[m], undisturbed[m]) for m in ("paper", _SPLATS)]
+        what = axis.words if step == axis.steps[0] else ""
+        rows.append([what, axis.label(step), *(cell for pair in told for cell in pair)])
+    exact, refining = figures["splats_iterations"]
+    return "\n\n".join(
+        [
+            f"On one {figures['device']}: the paper's field after {figures['paper_iterations']:,} "
+            f"steps of its schedule, which is shrunk to them, and splats after {exact:,} "
+            f"({refining:,} where poses are off); {figures['frames']} frames of "
+            f"{figures['size']} px of the painted performer; in brackets what it lost.",
+            markdown_table(
+                ["what", "step", "paper, dB", "LPIPS x1000", "splats, dB", "LPIPS x1000"], rows
+            ),
+            measured_at(figures),
+        ]
+    )
+
+
+def _paper_cell(row: dict[str, Any], undisturbed: dict[str, Any]) -> tuple[str, str]:
+    if row["outcome"] != MEASURED:
+        return row["outcome"], ""
+    lost = "" if row is undisturbed else f" ({undisturbed['psnr'] - row['psnr']:.1f})"
+    return f"{row['psnr']:.1f}{lost}", f"{1e3 * row['lpips']:.0f}"
+
+
 def finding(figures: Figures) -> str:
     """What holds throughout, and what is no use at the first step that was measured."""
     points = [p for p in breaking_points(AXES, figures["rows"]) if p.method == _SPLATS]

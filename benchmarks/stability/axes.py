@@ -79,3 +79,6 @@ TRAINING_AXES = (
                  (1.0, 0.5, 0.25, 0.125), " of it", spoil=pictures.resolution,
                  of_pictures=True),
 )  # fmt: skip
+
+FIELD_AXES = ("lasting_pose_noise", "mask_dilated", "frame_count", "arc", "sensor_noise")
+"""Those that fields are measured on too: they train six times as slowly."""

@@ -14,7 +14,7 @@ from benchmarks.reporting.figures import FigureWriter
 from benchmarks.reporting.origin import ORIGIN
 from benchmarks.reporting.timing import Clock, clock_named
 from benchmarks.stability import live
-from benchmarks.stability.axes import TRAINING_AXES
+from benchmarks.stability.axes import FIELD_AXES, TRAINING_AXES
 from benchmarks.stability.axis import Axis, TrainingAxis
 from benchmarks.stability.breaking import (
     LEAST_DB,
@@ -29,7 +29,7 @@ from benchmarks.stability.live import LIVE_AXES, LiveAxis
 from benchmarks.stability.material import Material, Subject
 from benchmarks.stability.sheet import WorstPicture, draw_sheet
 from benchmarks.stability.subjects import PAINTED, SubjectSources, filmed_subjects, studio_subjects
-from benchmarks.stability.trainings import Method, measure_training
+from benchmarks.stability.trainings import SPLATS, Method, measure_training
 from capture.detection.landmarks import MediaPipeEstimator
 from renderer.evaluation.lpips import PACKAGED_BACKBONE, Lpips
 from renderer.model_files import load_model, save_model
@@ -38,9 +38,7 @@ from renderer.training import train
 from scene.sequence import PoseTrust
 
 AXES: dict[str, Axis] = {axis.name: axis for axis in (*TRAINING_AXES, *CAPTURE_AXES, *LIVE_AXES)}
-SPLATS, BELIEVED, FIELD = "splats", "splats, poses believed", "fast"
-FIELD_AXES = ("lasting_pose_noise", "mask_dilated", "frame_count", "sensor_noise")
-"""Those that fields are measured on too: they train six times as slowly."""
+BELIEVED, FIELD = "splats, poses believed", "fast"
 QUICK_AXES = ("pose_noise", "mask_lost", "sensor_noise", "silence")
 _NOTHING = "\0"
 """In no measurement's name."""

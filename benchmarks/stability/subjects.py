@@ -8,7 +8,6 @@ from pathlib import Path
 
 from benchmarks.real.ruler import Ruler
 from benchmarks.stability.material import Material, Stage, Subject, frames_of, spread
-from capture.pipeline import CaptureOptions, capture_clip
 from capture.storage import open_sequence
 from capture.studio.lifelike.performer import make_lifelike_performer
 from capture.studio.named_performers import LIFELIKE_PERFORMERS, seed_of_performer
@@ -55,6 +54,8 @@ def filmed_subjects(inputs: SubjectSources, may_begin: Callable[[], bool]) -> It
     """Real people, captured; judged on their own clean frames, which stand in for a truth."""
     if inputs.footage is None or inputs.networks is None:
         return
+    from capture.pipeline import CaptureOptions, capture_clip
+
     for name, clip in FILMED.items():
         try:
             path = Ruler.read(clip).require_footage(inputs.footage)

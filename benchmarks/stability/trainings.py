@@ -14,6 +14,8 @@ from renderer.evaluation.lpips import Lpips
 from renderer.training import train
 from scene.sequence import PoseTrust
 
+SPLATS = "splats"
+
 
 @dataclass(frozen=True)
 class Method:

@@ -11,16 +11,18 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
-import av
 import cv2
 import numpy as np
-from av.video.stream import VideoStream
 
 from capture.errors import CaptureError
 from capture.studio.room import room_background
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
+
+if TYPE_CHECKING:
+    from av.video.stream import VideoStream
 
 BACKGROUNDS = ("black", "textured")
 VIDEOS = (".mp4", ".mov", ".mkv")
@@ -115,6 +117,8 @@ class FootageWriter:
 
 class _Video:
     def __init__(self, path: Path, rate: float) -> None:
+        import av  # here alone: a machine that trains and draws may have no codecs
+
         self._container = av.open(str(path), "w")
         self._rate = Fraction(rate).limit_denominator(1001)
         self._stream: VideoStream | None = None
@@ -126,7 +130,9 @@ class _Video:
             )
             self._stream.height, self._stream.width = picture.shape[:2]
             self._stream.pix_fmt = "yuv444p"  # 4:2:0 would blur the colours of outlines
-        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")
+        from av import VideoFrame
+
+        frame = VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")
         self._container.mux(self._stream.encode(frame))
 
     def close(self) -> None:

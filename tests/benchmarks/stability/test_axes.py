@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.stability.axes import TRAINING_AXES
+from benchmarks.stability.axes import FIELD_AXES, TRAINING_AXES
 from benchmarks.stability.axis import TrainingAxis
 from benchmarks.stability.captures import CAPTURE_AXES
 from benchmarks.stability.live import LIVE_AXES
-from benchmarks.stability.measure import AXES, FIELD_AXES, QUICK_AXES
+from benchmarks.stability.measure import AXES, QUICK_AXES
 from scene.rotations import axis_angle_to_matrix
 from tests.benchmarks.stability.people import subject
 

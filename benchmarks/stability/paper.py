@@ -1,0 +1,141 @@
+"""Where the paper's own field fails, on a GPU, and where splats of the same clips do.
+
+Trainings share the GPU: a field's step waits for launches half of the time, so several together are
+sooner done than one after the other. They are counted in steps, so that nothing of it shows.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from collections.abc import Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from benchmarks.reporting.figures import FigureWriter
+from benchmarks.reporting.origin import ORIGIN
+from benchmarks.reporting.timing import clock_named
+from benchmarks.stability.axes import FIELD_AXES, TRAINING_AXES
+from benchmarks.stability.axis import TrainingAxis
+from benchmarks.stability.judge import guarded
+from benchmarks.stability.material import Material, Subject
+from benchmarks.stability.subjects import SubjectSources, studio_subjects
+from benchmarks.stability.trainings import SPLATS, Method, measure_training
+from renderer.evaluation.lpips import PACKAGED_BACKBONE, Lpips
+from renderer.presets import EXACT
+
+PAPER = "paper"
+_PRESET = "+".join([PAPER, *EXACT])
+_AXES = {axis.name: axis for axis in TRAINING_AXES}
+_PROCESSES = 14
+"""At most: their contexts are all on one GPU."""
+
+
+@dataclass(frozen=True)
+class PaperEffort:
+    """How much is measured."""
+
+    paper_iterations: int = 3000
+    iterations: int = 300
+    """Of splats, where poses are exact."""
+    refining_iterations: int = 600
+    steps: int = 3
+    axes: tuple[str, ...] = FIELD_AXES
+
+    def methods(self, axis: TrainingAxis) -> tuple[Method, Method]:
+        """The paper's field and splats: poses that are off are refined, others believed."""
+        off = axis.poses_off
+        iterations = self.refining_iterations if off else self.iterations
+        splats = Method(SPLATS, SPLATS, iterations, believes_poses=not off, aligned=off)
+        field = replace(splats, name=PAPER, preset=_PRESET, iterations=self.paper_iterations)
+        return field, splats
+
+
+@dataclass(frozen=True)
+class _Training:
+    """One measurement, as a process of its own is told of it."""
+
+    axis: str
+    step: float
+    method: Method
+    inputs: SubjectSources
+    strip: Path
+
+    @property
+    def name(self) -> str:
+        """Of the measurement; undisturbed, it is that of every axis with such poses."""
+        axis = _AXES[self.axis]
+        trust = "believed" if self.method.believes_poses else "refined"
+        undisturbed = self.step == axis.steps[0]
+        what = "undisturbed" if undisturbed else f"{self.axis} {axis.label(self.step)}"
+        return f"{what}, {self.method.name} {trust}"
+
+
+def run(writer: FigureWriter, inputs: SubjectSources, device: str, effort: PaperEffort) -> None:
+    """Measure what was not measured yet, and report.
+
+    Args:
+        device: what fields are trained and drawn on, in words.
+    """
+    began_s = time.monotonic()
+    next(studio_subjects(inputs, lambda: True))  # filmed once, before processes open the clip
+    trainings = list(_trainings(writer, inputs, effort))
+    processes = min(_PROCESSES, os.cpu_count() or 1)
+    spawning = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=spawning) as pool:
+        begun = {one.name: pool.submit(_measured, one) for one in reversed(trainings)}
+        rows = [_row(writer, one, begun[one.name]) for one in trainings]
+    writer.write(
+        {
+            "device": device,
+            "frames": inputs.frames,
+            "size": inputs.size_px,
+            "paper_iterations": effort.paper_iterations,
+            "splats_iterations": [effort.iterations, effort.refining_iterations],
+            "seconds": round(time.monotonic() - began_s, 1),
+            "rows": rows,
+        }
+    )
+
+
+def _trainings(
+    writer: FigureWriter, inputs: SubjectSources, effort: PaperEffort
+) -> Iterator[_Training]:
+    for name in effort.axes:
+        axis = _AXES[name]
+        for method in effort.methods(axis):
+            for step in axis.chosen(effort.steps):
+                strip = writer.measurements / "strips" / f"{name} {step:g} {method.name}.png"
+                yield _Training(name, step, method, inputs, strip)
+
+
+def _measured(training: _Training) -> dict[str, Any]:
+    clock = clock_named("processor")
+    axis = _AXES[training.axis]
+    subject: Subject = next(studio_subjects(training.inputs, lambda: True))
+
+    def spoilt() -> Material:
+        return axis.spoil(subject, training.step, axis.rng())
+
+    lpips = Lpips(PACKAGED_BACKBONE)
+    return measure_training(training.method, spoilt, lpips, clock.now, training.strip)
+
+
+def _row(
+    writer: FigureWriter, training: _Training, begun: Future[dict[str, Any]]
+) -> dict[str, Any]:
+    """The figures; a process that dies is an outcome too."""
+    of = {
+        "iterations": training.method.iterations,
+        "size": training.inputs.size_px,
+        "frames": training.inputs.frames,
+    }
+    found = writer.cache().measured(training.name, of, lambda: guarded(begun.result))
+    assert found is not None
+    told = {key: value for key, value in found.items() if key not in ORIGIN}
+    axis, method = _AXES[training.axis], training.method
+    about = {"axis": axis.name, "subject": "painted", "method": method.name}
+    return {**about, "step": training.step, "label": axis.label(training.step), **told}
