@@ -28,7 +28,6 @@ from renderer.evaluation.lpips import PACKAGED_BACKBONE, Lpips
 from renderer.presets import EXACT
 
 PAPER = "paper"
-_PRESET = "+".join([PAPER, *EXACT])
 _AXES = {axis.name: axis for axis in TRAINING_AXES}
 _PROCESSES = 14
 """At most: their contexts are all on one GPU."""
@@ -38,7 +37,8 @@ _PROCESSES = 14
 class PaperEffort:
     """How much is measured."""
 
-    paper_iterations: int = 3000
+    preset: str = "+".join([PAPER, *EXACT])
+    paper_iterations: int = 2500
     iterations: int = 300
     """Of splats, where poses are exact."""
     refining_iterations: int = 600
@@ -50,7 +50,7 @@ class PaperEffort:
         off = axis.poses_off
         iterations = self.refining_iterations if off else self.iterations
         splats = Method(SPLATS, SPLATS, iterations, believes_poses=not off, aligned=off)
-        field = replace(splats, name=PAPER, preset=_PRESET, iterations=self.paper_iterations)
+        field = replace(splats, name=PAPER, preset=self.preset, iterations=self.paper_iterations)
         return field, splats
 
 
@@ -86,7 +86,9 @@ def run(writer: FigureWriter, inputs: SubjectSources, device: str, effort: Paper
     processes = min(_PROCESSES, os.cpu_count() or 1)
     spawning = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(processes, mp_context=spawning) as pool:
-        begun = {one.name: pool.submit(_measured, one) for one in reversed(trainings)}
+        longest_first = sorted(trainings, key=lambda one: -one.method.iterations)
+        named = {one.name: one for one in longest_first}
+        begun = {name: pool.submit(_measured, one) for name, one in named.items()}
         rows = [_row(writer, one, begun[one.name]) for one in trainings]
     writer.write(
         {

@@ -12,14 +12,13 @@ from benchmarks.stability.paper import PaperEffort, run
 from benchmarks.stability.subjects import SubjectSources
 from tests.benchmarks.conftest import checkout as checkout
 
-EFFORT = PaperEffort(
-    paper_iterations=2, iterations=20, refining_iterations=20, steps=2, axes=("mask_dilated",)
-)
+EFFORT = PaperEffort("fast", 5, 20, 20, steps=2, axes=("mask_dilated",))
+"""Of the field that a processor trains."""
 
 
 def test_both_methods_have_figures_undisturbed_and_spoilt(tmp_path: Path):
     writer = FigureWriter.start("paper-stability", checkout=Checkout(tmp_path), words=["bench"])
-    inputs = SubjectSources(tmp_path / "material", size_px=64, frames=6)
+    inputs = SubjectSources(tmp_path / "material", size_px=96, frames=6)
     run(writer, inputs, "no device", EFFORT)
     figures = json.loads(writer.file.built.read_text())
     found = {(row["method"], row["label"]): row["outcome"] for row in figures["rows"]}
