@@ -49,6 +49,12 @@ def test_every_dependency_is_a_service_with_a_health_check():
                 assert "healthcheck" in services[needed], needed
 
 
+def test_whatever_answers_to_a_port_has_a_health_check():
+    services = compose()["services"]
+    works = {"capture", "worker", "worker-gpu", "bucket"}
+    assert {name for name, one in services.items() if "healthcheck" not in one} == works
+
+
 def test_nobody_needs_redis_to_start():
     for name, service in compose()["services"].items():
         condition = service.get("depends_on", {}).get("redis", {}).get("condition")

@@ -15,6 +15,7 @@ from services.errors import RenderersAway, ServerFull
 from services.live.rendering.homes import Renderer, RendererGone, RendererHome
 from services.live.rendering.pool import RendererPool
 from services.live.rendering.stage import RenderStage
+from tests.renderer.studio import make_model
 from tests.services.live.rendering.watching import Watcher, a_room
 
 
@@ -142,6 +143,20 @@ async def test_what_no_viewer_needs_is_forgotten(pool: RendererPool):
     ada.pictures.rest()
     await ben.packet()
     assert renderer.stage.held == {"rooms": 1, "viewers": 1, "models": 1}
+
+
+async def test_who_is_taken_out_of_a_room_is_forgotten(pool: RendererPool):
+    room = a_room(make_model(), make_model())
+    watcher = Watcher(pool, room)
+    await watcher.packet()
+    renderer = watcher.slot.renderer
+    assert isinstance(renderer, StageHere)
+    assert renderer.stage is not None
+    assert renderer.stage.held["models"] == 2
+    room.performers = room.performers[:1]  # as erasure does: their seat goes
+    async with asyncio.timeout(60.0):
+        while renderer.stage.held != {"rooms": 1, "viewers": 1, "models": 1}:
+            await watcher.packet()
 
 
 async def test_a_home_that_is_away_is_told_in_words_until_it_is_back(
