@@ -23,12 +23,14 @@ _SCALP = KINDS.index("scalp")
 _STRANDS = 6
 """In the place of a splat."""
 _WIDTH = 0.3
-"""Of a strand, as a share of the splat's deviation; it is as long as that."""
-_REACH = 0.9
+"""Of a strand, as a share of the splat's deviation."""
+_LENGTH = 0.8
+"""Likewise: six of them reach as far as the splat did, and outlines do not fray."""
+_REACH = 0.7
 """How far from the splat's centre strands lie, as a share of its deviation, to all sides."""
 _WIDE_M = 0.004
 """Deviation, both ways, from which a splat is no strand yet."""
-_CONTRAST = 1.5
+_CONTRAST = 1.2
 """Tones of strands against those of splats that were trained, for strands overlap more."""
 _WAVES_M = (0.004, 0.008, 0.016, 0.03)
 """Across the head, that tones are made of: from a strand to a lock."""
@@ -114,7 +116,7 @@ def _laid_beside(
     deviation = np.exp(splats[:, _SIZE]).mean(axis=1)
     reach = _REACH * deviation[:, None] * chance.uniform(-1.0, 1.0, (len(splats), 2))
     laid[:, _PLACE] += reach[:, :1] * across + reach[:, 1:] * along
-    laid[:, _SIZE] = np.log(deviation[:, None] * (_WIDTH, 1.0))
+    laid[:, _SIZE] = np.log(deviation[:, None] * (_WIDTH, _LENGTH))
     return laid
 
 
