@@ -20,7 +20,6 @@ from scene.sequence import Sequence
 LIFELIKE = ("hazel", "jasper")
 REAL = ("grey-shirt", "orange-hoodie")
 _TRAINING, _FIT = "renderer.splats.training", "capture.fitting.terms.part_poses"
-_PASSES = "renderer.pose_refinement.passes.RefinementPasses.should_run"
 
 
 WHOLE = replace(AS_IT_IS, from_filling=True)
@@ -94,7 +93,6 @@ PARTS = (
         lambda _, limbs, *__: _none_of(limbs),
     ),
     _of_training("smooth hands", REAL, "trained_splats.TrainedSplats.pull_hands", lambda *_: None),
-    _without("poses refined in training", ("grey-shirt",), patches=((_PASSES, lambda *_: False),)),
     _without("gaze", ("grey-shirt",), clip=_looking_ahead),
     _of_capture("palms in the picture", ("orange-hoodie",), f"{_FIT}.PALM_WEIGHT", 0.0),
     _of_capture(
