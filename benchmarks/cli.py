@@ -42,7 +42,7 @@ app = typer.Typer(
 app.registered_commands += cli_models.app.registered_commands
 app.registered_commands += cli_parsimony.app.registered_commands
 app.command()(stability)
-app.command()(paper_stability)
+app.command("paper-stability")(paper_stability)
 app.command("real")(real)
 app.command("live-look")(live_look)
 app.command("live-head")(live_head)
