@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from playwright.sync_api import Page, expect
 
 from benchmarks.browser import open_page
-from db.models import Purpose, SequenceKind, SequenceRow
+from db.models import JobState, Purpose, SequenceKind, SequenceRow
 from renderer.model_files import save_model
 from renderer.splats.model import SplatModel
 from services.gateway import gateway_of
@@ -22,6 +23,7 @@ from tests.e2e.test_live_look import enter, networks
 from tests.e2e.test_motion_capture import webcam
 from tests.renderer.live_look.people import person_in_checks, seen_from
 from tests.services import seeds
+from tests.services.jobs.teaching import run_next_training
 from tests.services.jobs.waiting import until
 from tests.shared_data import shared_data
 
@@ -67,6 +69,14 @@ def kept(gateway: Gateway, person_id: str) -> list[SequenceRow]:
         return [one for one in rows if one.kind is SequenceKind.LIVE]
 
 
+def stands_as(gateway: Gateway, address: str) -> str:
+    """The model of who is in the meeting of this address."""
+    (meeting_id,) = parse_qs(urlsplit(address).query)["meeting"]
+    with gateway.services.reading() as unit:
+        (performer,) = unit.meetings.get(meeting_id).performers
+        return performer.model_id
+
+
 def shown_at_the_end(page: Page) -> None:
     """Learn for a while, then switch it off."""
     switch, sheet = page.get_by_test_id("learning"), page.get_by_test_id("kept-sheet")
@@ -84,7 +94,10 @@ def shown_at_the_end(page: Page) -> None:
     raise AssertionError("nothing was kept")
 
 
-def test_what_waits_is_shown_at_the_end_and_kept_or_dropped_as_one_says(tmp_path: Path):
+def test_what_waits_is_shown_at_the_end_and_kept_or_dropped_as_one_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("services.jobs.kept_frames.BUDGET_S", 1.0)
     clip = shared_data("real-monocular/webcam_upperbody_woman_asl.mp4")
     camera = webcam(clip, tmp_path / "webcam.mjpeg")
     with serving(tmp_path / "data", **networks()) as gateway, open_page(webcam=camera) as page:
@@ -117,6 +130,10 @@ def test_what_waits_is_shown_at_the_end_and_kept_or_dropped_as_one_says(tmp_path
         assert row.frames is not None
         assert row.frames >= 1
         expect(words).to_contain_text("learns from them")
+        job = run_next_training(gateway.services, tmp_path / "lesson")
+        assert job.state is JobState.SUCCEEDED, job.message
+        assert stands_as(gateway, address) == job.model_id
+        expect(page.locator("[data-testid=self][data-tracking=tracking]")).to_be_visible()
 
 
 def test_whoever_leaves_is_asked_first_and_a_page_that_goes_drops_them(tmp_path: Path):

@@ -20,12 +20,10 @@ from db.models import (
 )
 from services.container import Services
 from services.errors import NoConsent
-from services.jobs.lease import JobLease
 from services.jobs.packing import pack
 from services.jobs.queue import discard, enqueue
-from services.jobs.report import Reporter
-from services.jobs.train_job import run_train
 from tests.services import seeds
+from tests.services.jobs.teaching import run_next_training
 
 
 @pytest.fixture
@@ -62,15 +60,7 @@ def trained(
     with services.unit_of_work() as unit:
         enqueue(unit, JobKind.TRAIN, sequence, params, services.clock())
         unit.commit()
-    with services.unit_of_work() as unit:
-        job = unit.jobs.claim([JobKind.TRAIN], "a test", services.clock())
-        assert job is not None
-        unit.commit()
-    folder.mkdir()
-    with Reporter(services, JobLease(job.id, job.person_id, job.attempt)) as reporter:
-        run_train(services, job, reporter, folder)
-    with services.reading() as unit:
-        return unit.jobs.get(job.id)
+    return run_next_training(services, folder)
 
 
 def models(services: Services, person_id: str) -> list[str]:
