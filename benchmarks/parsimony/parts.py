@@ -67,6 +67,12 @@ def _none_of(rows: Any, *_: Any) -> Any:
 
 
 PARTS = (
+    _of_unseen_sides(
+        "cloth over hollows",
+        LIFELIKE,
+        "trained_splats.spanned",
+        lambda rest, *_: np.zeros_like(rest),
+    ),
     _of_unseen_sides("mirrored guesses", LIFELIKE, "filling._MIRRORED_M", np.inf),
     _of_unseen_sides(
         "colours held at rims",

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from renderer.errors import TrainingError
-from renderer.splats.cloth.hanging import BoundSplats, WornCloth
+from renderer.splats.cloth.hanging import NO_CLOTH, BoundSplats, WornCloth
 from renderer.splats.cloth.tubes import Tubes
 from renderer.splats.expressions import ClipBlendShapes
 from renderer.splats.layout import (
@@ -29,6 +29,7 @@ from renderer.splats.training.initialisation import FirstSplats, moved_with_bone
 from renderer.splats.training.neighbours import mean_of_neighbours
 from renderer.splats.training.occlusion import limb_splats
 from renderer.splats.training.smooth_hands import SmoothHands
+from renderer.splats.training.spanned_hollows import spanned
 from renderer.splats.training.surface_kinds import HEAD_KINDS, surface_kinds
 from scene.arrays import Array, Bool, Float
 from scene.motion import Motion
@@ -174,6 +175,15 @@ class TrainedSplats:
         self.parameters[rows, _PLACE] = surface[:, _PLACE] + hair.moves[rows]
         self.parameters[rows, _SIZE] = surface[:, _SIZE] + hair.growth[rows, None]
         self.parameters[rows, OPACITY] = surface[:, OPACITY]
+
+    def span_hollows(self, seen: Bool[Array, "N"]) -> None:
+        """Let cloth hang on sides of the trunk that no frame shows; loose clothes do by
+        themselves."""
+        kinds = np.where(self.first.quads == NO_CLOTH, self.kinds, NO_CLOTH)
+        self.parameters[:, _PLACE] += spanned(
+            self.parameters[:, _PLACE], self.first.normals, kinds, seen
+        )
+        self.smooth_displacement()
 
     def _off_surface(self, some: Bool[Array, "N"]) -> Float[Array, "M"]:
         """How far `some` lie off the surface along its normal, m."""

@@ -260,7 +260,7 @@ class SplatTrainer:
         self.splats.raise_hair(hair)
         self._covered = hair.covered
         if self._estimated and self._sequence.body.has_surface:
-            self.splats.smooth_displacement()
+            self.splats.span_hollows(self._found.seen)
         self._held = held_colours(self._found, self.splats.kinds, self.splats.first.normals)
         self.splats.hold_colours(self._held)
 
