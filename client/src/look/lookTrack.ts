@@ -10,7 +10,8 @@ export class LookTrack {
   constructor() {
     this.canvas.width = LOOK_WIDTH;
     this.canvas.height = LOOK_HEIGHT;
-    this.pen = this.canvas.getContext("2d", { alpha: false });
+    // each picture is read back to be sent: it stays in memory, not on a graphics card
+    this.pen = this.canvas.getContext("2d", { alpha: false, willReadFrequently: true });
     // a picture goes out when the canvas changes, and at no other time
     this.track = this.canvas.captureStream().getVideoTracks()[0] ?? null;
   }
