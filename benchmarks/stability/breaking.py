@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from benchmarks.reporting.origin import ORIGIN
 from benchmarks.stability.axis import Axis
 from benchmarks.stability.judge import MEASURED
 
@@ -16,6 +17,13 @@ LEAST_DB, MOST_LPIPS = 24.0, 0.25
 
 Row = dict[str, Any]
 """One measurement: its axis, subject, method and step, the outcome and figures."""
+
+
+def row_of(axis: Axis, step: float, subject: str, method: str, found: dict[str, Any]) -> Row:
+    """What was `found` there, without where it was measured."""
+    about = {"axis": axis.name, "subject": subject, "method": method}
+    told = {key: value for key, value in found.items() if key not in ORIGIN}
+    return {**about, "step": step, "label": axis.label(step), **told}
 
 
 def is_unusable(axis: Axis, row: Row) -> bool:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from benchmarks.reporting.figures import FigureWriter
-from benchmarks.reporting.origin import ORIGIN
 from benchmarks.reporting.timing import Clock, clock_named
 from benchmarks.stability import live
 from benchmarks.stability.axes import FIELD_AXES, TRAINING_AXES
@@ -22,6 +21,7 @@ from benchmarks.stability.breaking import (
     LOST_LPIPS,
     MOST_LPIPS,
     Row,
+    row_of,
 )
 from benchmarks.stability.captures import CAPTURE_AXES, CaptureAxis, CaptureBench
 from benchmarks.stability.judge import MEASURED
@@ -29,7 +29,7 @@ from benchmarks.stability.live import LIVE_AXES, LiveAxis
 from benchmarks.stability.material import Material, Subject
 from benchmarks.stability.sheet import WorstPicture, draw_sheet
 from benchmarks.stability.subjects import PAINTED, SubjectSources, filmed_subjects, studio_subjects
-from benchmarks.stability.trainings import SPLATS, Method, measure_training
+from benchmarks.stability.trainings import Method, SplatEffort, measure_training
 from capture.detection.landmarks import MediaPipeEstimator
 from renderer.evaluation.lpips import PACKAGED_BACKBONE, Lpips
 from renderer.model_files import load_model, save_model
@@ -48,27 +48,13 @@ _A = TypeVar("_A", bound=Axis)
 
 
 @dataclass(frozen=True)
-class StabilityEffort:
+class StabilityEffort(SplatEffort):
     """How much is measured."""
 
     steps: int = 3
     """Of each axis, the undisturbed one among them."""
-    iterations: int = 300
-    """Where poses are exact."""
-    refining_iterations: int = 600
-    """Where poses are off: refining them begins after six looks at each frame."""
     field_iterations: int = 600
     axes: tuple[str, ...] = tuple(AXES)
-
-    @property
-    def exact(self) -> Method:
-        """For axes whose poses are exact."""
-        return Method(SPLATS, SPLATS, self.iterations, believes_poses=True, aligned=False)
-
-    @property
-    def refining(self) -> Method:
-        """For poses that are off, as those of any capture."""
-        return Method(SPLATS, SPLATS, self.refining_iterations, believes_poses=False, aligned=True)
 
     @property
     def believing(self) -> Method:
@@ -216,11 +202,10 @@ class Bench:
     ) -> None:
         """Every chosen step that was not measured yet; the undisturbed one is the same for all
         axes of a kind."""
-        trust = "believed" if method.believes_poses else "refined"
         for step in axis.chosen(self.effort.steps):
             undisturbed = step == axis.steps[0]
             what = f"{kind} undisturbed" if undisturbed else f"{axis.name} {axis.label(step)}"
-            name = f"{what}, {subject}, {method.name} {trust}".replace("/", "-")
+            name = f"{what}, {subject}, {method.name} {method.trust}".replace("/", "-")
             wanted = "" if undisturbed else self.only
             cache = self.writer.cache(wanted if self._may_begin() else _NOTHING)
             strip = cache.folder / "strips" / f"{name}.png"
@@ -234,9 +219,7 @@ class Bench:
             if found is None:
                 self.missing += 1
                 continue
-            told = {key: value for key, value in found.items() if key not in ORIGIN}
-            about = {"axis": axis.name, "subject": subject, "method": method.name}
-            self.rows.append({**about, "step": step, "label": axis.label(step), **told})
+            self.rows.append(row_of(axis, step, subject, method.name, found))
             self.strips.append(strip)
 
     def report(self) -> dict[str, Any]:

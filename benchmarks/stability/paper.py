@@ -10,20 +10,20 @@ import multiprocessing
 import os
 import time
 from collections.abc import Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from benchmarks.reporting.figures import FigureWriter
-from benchmarks.reporting.origin import ORIGIN
 from benchmarks.reporting.timing import clock_named
 from benchmarks.stability.axes import FIELD_AXES, TRAINING_AXES
 from benchmarks.stability.axis import TrainingAxis
+from benchmarks.stability.breaking import row_of
 from benchmarks.stability.judge import guarded
-from benchmarks.stability.material import Material, Subject
-from benchmarks.stability.subjects import SubjectSources, studio_subjects
-from benchmarks.stability.trainings import SPLATS, Method, measure_training
+from benchmarks.stability.material import Material
+from benchmarks.stability.subjects import PAINTED, SubjectSources, studio_subjects
+from benchmarks.stability.trainings import Method, SplatEffort, measure_training
 from renderer.evaluation.lpips import PACKAGED_BACKBONE, Lpips
 from renderer.presets import EXACT
 
@@ -34,22 +34,17 @@ _PROCESSES = 14
 
 
 @dataclass(frozen=True)
-class PaperEffort:
+class PaperEffort(SplatEffort):
     """How much is measured."""
 
     preset: str = "+".join([PAPER, *EXACT])
     paper_iterations: int = 2500
-    iterations: int = 300
-    """Of splats, where poses are exact."""
-    refining_iterations: int = 600
     steps: int = 3
     axes: tuple[str, ...] = FIELD_AXES
 
     def methods(self, axis: TrainingAxis) -> tuple[Method, Method]:
         """The paper's field and splats: poses that are off are refined, others believed."""
-        off = axis.poses_off
-        iterations = self.refining_iterations if off else self.iterations
-        splats = Method(SPLATS, SPLATS, iterations, believes_poses=not off, aligned=off)
+        splats = self.refining if axis.poses_off else self.exact
         field = replace(splats, name=PAPER, preset=self.preset, iterations=self.paper_iterations)
         return field, splats
 
@@ -65,13 +60,17 @@ class _Training:
     strip: Path
 
     @property
+    def of(self) -> TrainingAxis:
+        """The axis: what spoils a clip is a function, which not every process can be sent."""
+        return _AXES[self.axis]
+
+    @property
     def name(self) -> str:
         """Of the measurement; undisturbed, it is that of every axis with such poses."""
-        axis = _AXES[self.axis]
-        trust = "believed" if self.method.believes_poses else "refined"
+        axis = self.of
         undisturbed = self.step == axis.steps[0]
         what = "undisturbed" if undisturbed else f"{self.axis} {axis.label(self.step)}"
-        return f"{what}, {self.method.name} {trust}"
+        return f"{what}, {self.method.name} {self.method.trust}"
 
 
 def run(writer: FigureWriter, inputs: SubjectSources, device: str, effort: PaperEffort) -> None:
@@ -85,11 +84,16 @@ def run(writer: FigureWriter, inputs: SubjectSources, device: str, effort: Paper
     trainings = list(_trainings(writer, inputs, effort))
     processes = min(_PROCESSES, os.cpu_count() or 1)
     spawning = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, mp_context=spawning) as pool:
-        longest_first = sorted(trainings, key=lambda one: -one.method.iterations)
-        named = {one.name: one for one in longest_first}
-        begun = {name: pool.submit(_measured, one) for name, one in named.items()}
-        rows = [_row(writer, one, begun[one.name]) for one in trainings]
+    with (
+        ProcessPoolExecutor(processes, mp_context=spawning) as pool,
+        ThreadPoolExecutor(processes) as waiting,
+    ):
+        named = {one.name: one for one in sorted(trainings, key=lambda one: -one.method.iterations)}
+        found = waiting.map(lambda one: _stored_or_measured(writer, pool, one), named.values())
+        by_name = dict(zip(named, found, strict=True))
+    rows = [
+        row_of(one.of, one.step, PAINTED, one.method.name, by_name[one.name]) for one in trainings
+    ]
     writer.write(
         {
             "device": device,
@@ -114,20 +118,8 @@ def _trainings(
                 yield _Training(name, step, method, inputs, strip)
 
 
-def _measured(training: _Training) -> dict[str, Any]:
-    clock = clock_named("processor")
-    axis = _AXES[training.axis]
-    subject: Subject = next(studio_subjects(training.inputs, lambda: True))
-
-    def spoilt() -> Material:
-        return axis.spoil(subject, training.step, axis.rng())
-
-    lpips = Lpips(PACKAGED_BACKBONE)
-    return measure_training(training.method, spoilt, lpips, clock.now, training.strip)
-
-
-def _row(
-    writer: FigureWriter, training: _Training, begun: Future[dict[str, Any]]
+def _stored_or_measured(
+    writer: FigureWriter, pool: ProcessPoolExecutor, training: _Training
 ) -> dict[str, Any]:
     """The figures; a process that dies is an outcome too."""
     of = {
@@ -135,9 +127,19 @@ def _row(
         "size": training.inputs.size_px,
         "frames": training.inputs.frames,
     }
-    found = writer.cache().measured(training.name, of, lambda: guarded(begun.result))
+    found = writer.cache().measured(
+        training.name, of, lambda: guarded(pool.submit(_measured, training).result)
+    )
     assert found is not None
-    told = {key: value for key, value in found.items() if key not in ORIGIN}
-    axis, method = _AXES[training.axis], training.method
-    about = {"axis": axis.name, "subject": "painted", "method": method.name}
-    return {**about, "step": training.step, "label": axis.label(training.step), **told}
+    return found
+
+
+def _measured(training: _Training) -> dict[str, Any]:
+    clock, axis = clock_named("processor"), training.of
+    subject = next(studio_subjects(training.inputs, lambda: True))
+
+    def spoilt() -> Material:
+        return axis.spoil(subject, training.step, axis.rng())
+
+    lpips = Lpips(PACKAGED_BACKBONE)
+    return measure_training(training.method, spoilt, lpips, clock.now, training.strip)

@@ -31,6 +31,31 @@ class Method:
     """Each test pose is aligned with its own picture first: without it, no model of poses that are
     off can be judged, since its canonical body takes the mean of their errors."""
 
+    @property
+    def trust(self) -> str:
+        """What becomes of poses, in a measurement's name."""
+        return "believed" if self.believes_poses else "refined"
+
+
+@dataclass(frozen=True)
+class SplatEffort:
+    """How long splats are trained."""
+
+    iterations: int = 300
+    """Where poses are exact."""
+    refining_iterations: int = 600
+    """Where poses are off: refining them begins after six looks at each frame."""
+
+    @property
+    def exact(self) -> Method:
+        """For axes whose poses are exact."""
+        return Method(SPLATS, SPLATS, self.iterations, believes_poses=True, aligned=False)
+
+    @property
+    def refining(self) -> Method:
+        """For poses that are off, as those of any capture."""
+        return Method(SPLATS, SPLATS, self.refining_iterations, believes_poses=False, aligned=True)
+
 
 def measure_training(
     method: Method,

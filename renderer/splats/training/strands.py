@@ -22,7 +22,7 @@ from scene.skeleton import HEAD
 _SCALP = KINDS.index("scalp")
 _STRANDS = 6
 """In the place of a splat."""
-_WIDTH = 0.3
+_WIDTH = 0.29
 """Of a strand, as a share of the splat's deviation."""
 _LENGTH = 0.8
 """Likewise: six of them reach as far as the splat did, and outlines do not fray."""

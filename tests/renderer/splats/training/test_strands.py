@@ -58,7 +58,7 @@ def test_strands_lie_side_by_side_along_the_way_hair_falls():
     assert not drawn.seen[(~hair).sum() :].any()
     strands = strands_of(drawn, hair.sum())
     sizes, turns = strands[:, LOG_SCALE : LOG_SCALE + 3], strands[:, ROTATION : ROTATION + 4]
-    assert (sizes[:, 1] - sizes[:, 0]).min() > 0.9, "longer than wide"
+    assert (sizes[:, 1] - sizes[:, 0]).min() > 1.0, "three times as long as wide"
     axes = quaternion_to_matrix(turns.astype(np.float64))
     behind = np.abs(axes[:, 2, 2]) > 0.7
     assert np.abs(axes[behind, 1, 1]).min() > 0.6, "downwards behind"
