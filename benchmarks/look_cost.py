@@ -24,10 +24,11 @@ from renderer.live_look.live_look import LiveLook
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.camera import orbit_camera
+from scene.live_appearance import LaidPicture, LiveAppearance
 from scene.motion import Pose
 from services.live.look.decoder import LookDecoder
 from services.live.look.packets import HEADER, Whose
-from services.live.look.receiver import FRAME_SIZE, picture_of
+from services.live.look.receiver import FRAME_SIZE, PICTURE_PX, picture_of
 from services.live.motion.motion_packet import LONGEST_MOTION_BYTES
 
 SPLATS, SIZE = (10_000, 40_000), 512
@@ -65,16 +66,22 @@ def run(writer: FigureWriter) -> None:
 
 
 def drawn_ms(model: SplatModel, now: Callable[[], float]) -> dict[str, float]:
-    """A picture with trained colours, and what live ones add to it."""
+    """A picture in trained colours, and what live ones and a picture laid on add to it."""
     renderer, camera = SplatRenderer((model,)), orbit_camera((0, 0.9, 0), 2.4, 0.3, 0.0, SIZE, SIZE)
     pose = Pose.rest()
     moved = model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
-    change = np.random.default_rng(1).normal(0.0, 0.1, (len(model), 3)).astype(np.float32)
+    rng = np.random.default_rng(1)
+    change = rng.normal(0.0, 0.1, (len(model), 3)).astype(np.float32)
+    detail = rng.normal(1.0, 0.1, (PICTURE_PX, PICTURE_PX, 3)).astype(np.float32)
+    shares = rng.random((len(model), 1), np.float32)
+    places = np.concatenate([PICTURE_PX * shares * rng.random((len(model), 2)), shares], axis=1)
+    laid = LaidPicture(detail, places.astype(np.float32), camera.position, 1.1 * PICTURE_PX)
+    appearance = LiveAppearance(change, laid)
     seconds: dict[bool, list[float]] = {False: [], True: []}
     for count in range(_WARM_UPS + _DRAWN):
         for live in seconds:
             begun = now()
-            renderer.render(camera, [moved], changes=[change if live else None])
+            renderer.render(camera, [moved], appearances=[appearance if live else None])
             if count >= _WARM_UPS:
                 seconds[live].append(now() - begun)
     alone, live = (1e3 * statistics.median(seconds[on]) for on in (False, True))
@@ -87,7 +94,6 @@ def coloured_ms(model: SplatModel, sent: list[Moment], now: Callable[[], float])
     for moment in sent:
         begun = now()
         look.see(moment.picture)
-        look.change_at(moment.picture.pose.time_s)
         seconds.append(now() - begun)
     return round(1e3 * statistics.median(seconds[_WARM_UPS:]), 1)
 

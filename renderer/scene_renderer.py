@@ -21,7 +21,7 @@ from renderer.splats.cloth.hanging import ClothSwing
 from renderer.splats.cloth.tubes import Tubes
 from renderer.splats.layout import NEAR_M, PARAMETERS, ROTATION, TILE
 from renderer.splats.levels.detail import ViewDetail
-from renderer.splats.levels.tree import tree_soon
+from renderer.splats.levels.tree import LevelTree, tree_soon
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import Geometry, SplatRenderer
 from scene.arrays import Array, Bool, Float, UInt8
@@ -31,6 +31,7 @@ from scene.environment import Environment, Performer, Scene
 from scene.errors import InvalidInput
 from scene.expression import BLEND_SHAPE_COUNT
 from scene.lighting import HARMONICS, Lighting
+from scene.live_appearance import LiveAppearance
 from scene.motion import Motion, Pose
 from scene.skeleton import HEAD, JOINT_COUNT, Skeleton
 
@@ -165,12 +166,12 @@ class SceneRenderer:
             [p.placement for p in performers],
         )
         shown = [p.pose.expression for p in performers]
-        changes = [
-            change if (change := p.colour_change) is None or tree is None else tree.spread(change)
+        looks = [
+            p.appearance if p.appearance is None or tree is None else _spread(p.appearance, tree)
             for p, tree in zip(performers, levels, strict=True)
         ]
         hung = self._hung(performers, transforms)
-        return self._splats.render(camera, transforms, lighting, placements, shown, changes, hung)
+        return self._splats.render(camera, transforms, lighting, placements, shown, looks, hung)
 
     def _hung(
         self, performers: Many[Performer[PerformerModel]], transforms: Many[Float[Array, "K 4 4"]]
@@ -188,6 +189,15 @@ class SceneRenderer:
             hung.append(swings[key].hung(posed, performer.pose.time_s))
         self._swings = swings
         return hung
+
+
+def _spread(appearance: LiveAppearance, tree: LevelTree) -> LiveAppearance:
+    """Of the splats of all levels."""
+    laid = appearance.laid_picture
+    return LiveAppearance(
+        tree.spread(appearance.change),
+        None if laid is None else replace(laid, places=tree.spread(laid.places)),
+    )
 
 
 def warm_up() -> None:
@@ -229,9 +239,11 @@ def warm_up() -> None:
     picture = stage.render(Scene(Environment(), (performer,)), camera)
     luma, chroma = np.zeros((32, 32), np.uint8), np.zeros((2, 16, 16), np.uint8)
     to_yuv420(picture, stage.changed, luma, *chroma)
-    look = LiveLook(model)
-    look.see(WebcamPicture(picture, luma, camera, rest))
-    change = look.change_at(0.0)
+    look, seen = LiveLook(model), WebcamPicture(picture, luma, camera, rest)
+    appearance = look.take_colours(seen, look.align(seen))
+    now = replace(performer, appearance=appearance)
+    SceneRenderer().render(Scene(Environment(), (now,)), camera)
+    change = appearance.change
     average_upwards(change, np.zeros(0, np.int32), np.zeros(0, np.float32), len(change))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from scene.arrays import Array, Float
 from scene.lighting import LUMINANCE, Lighting, lighting_of, panorama_directions
+from scene.live_appearance import LiveAppearance
 from scene.motion import Pose
 
 Model = TypeVar("Model", covariant=True)
@@ -66,9 +67,8 @@ class Performer(Generic[Model]):
     yaw_rad: float
     """Turn about +y; 0 leaves the model facing the way it was captured."""
     pose: Pose
-    colour_change: Float[Array, "N 3"] | None = None
-    """What is added to the colours (sRGB) of a model of N splats, as its person looks now; None:
-    nothing."""
+    appearance: LiveAppearance | None = None
+    """How their webcam sees them now; None: as their model was captured."""
 
     @property
     def placement(self) -> Float[Array, "4 4"]:

@@ -48,6 +48,7 @@ PARENTS: tuple[int, ...] = (
 )  # fmt: skip
 JOINT_COUNT = len(JOINT_NAMES)
 HEAD = JOINT_NAMES.index("head")
+CHEST = JOINT_NAMES.index("spine3")
 FOOT_JOINTS: tuple[int, ...] = tuple(
     JOINT_NAMES.index(f"{side}_{part}") for side in ("left", "right") for part in ("ankle", "foot")
 )

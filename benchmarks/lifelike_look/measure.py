@@ -119,11 +119,10 @@ def played(
     look = LiveLook(model)
     for count, seen in enumerate(webcam.pictures(model.skeleton)):
         begun = time.perf_counter()
-        pose = look.see(seen.picture)
+        pose, appearance = look.see(seen.picture)
         milliseconds.append(1e3 * (time.perf_counter() - begun))
         if count >= _FIRST and (count - _FIRST) % _EVERY < 2:
-            change = look.change_at(pose.time_s)
-            yield LookedAt(performance, seen.number, seen.camera, pose, change)
+            yield LookedAt(performance, seen.number, seen.camera, pose, appearance)
 
 
 def judged(shown: list[LookedAt], model: SplatModel, lpips: Lpips) -> dict[str, Any]:

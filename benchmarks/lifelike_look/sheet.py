@@ -14,6 +14,7 @@ from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
+from scene.live_appearance import LiveAppearance
 from scene.motion import Pose
 from scene.sequence import body_crop
 
@@ -33,7 +34,7 @@ class LookedAt:
     """Of the webcam's whole picture, in the world of `pose`."""
     pose: Pose
     """Aligned with the picture."""
-    change: Float[Array, "N 3"]
+    appearance: LiveAppearance
 
     def rendered(
         self, renderer: SplatRenderer, model: SplatModel, degrees: float, *, live: bool
@@ -46,7 +47,7 @@ class LookedAt:
             view,
             [transforms],
             expressions=[pose.expression],
-            changes=[self.change if live else None],
+            appearances=[self.appearance if live else None],
         )
         return np.clip(picture[..., :3], 0.0, 1.0)
 

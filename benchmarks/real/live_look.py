@@ -1,10 +1,10 @@
 """Live look on real people: the model of one clip, coloured by the frames of another.
 
 The other clip plays as a webcam would send it: cut-out pictures of at most 384 px, 15 a second,
-with poses as captured. Its judged frames are shown at the webcam's own place, by the model alone
-and with live look, both in the pose that the picture was aligned to. At the desk the later frames
-of the clip itself are played, and what comes of them is judged by the other cameras, in the poses
-given.
+coded by VP8, with poses as captured. Its judged frames are shown at the webcam's own place, by the
+model alone and with live look, both in the pose that the picture was aligned to. At the desk the
+later frames of the clip itself are played, and what comes of them is judged by the other cameras,
+in the poses given.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from benchmarks.real.measure import (
     trained_model,
 )
 from benchmarks.real.parts import part_finder
+from benchmarks.real.sent import PICTURES_A_SECOND, sent
 from benchmarks.reporting.figures import FigureWriter
 from renderer.evaluation.lpips import Lpips
 from renderer.live_look.live_look import LiveLook
@@ -41,10 +42,12 @@ from renderer.live_look.picture import WebcamPicture
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.arrays import Array, Float
+from scene.live_appearance import LiveAppearance
 from scene.sequence import crop_window
+from services.joining.look_track import BITRATE
+from services.live.look.receiver import PICTURE_PX
 
 LIVE_CASES = tuple(case for case in CASES if case.other_clips or case.name == "desk")
-PICTURE_PX, PICTURES_A_SECOND = 384, 15.0
 _MARGIN = 0.1
 TURNED = "patterned-shirt"
 """The case of which a clip is made, too."""
@@ -60,7 +63,7 @@ class ColouredFrame:
 
     frame: TestFrame
     """In the pose that it is shown in."""
-    change: Float[Array, "N 3"]
+    appearance: LiveAppearance
 
 
 def run(
@@ -83,6 +86,7 @@ def run(
         "lpips": networks.lpips.name,
         "picture_px": PICTURE_PX,
         "pictures_a_second": PICTURES_A_SECOND,
+        "bitrate": BITRATE,
     }
     rows: dict[str, Any] = {}
     for case in cases:
@@ -138,16 +142,14 @@ def _driven_by(
     """The judged frames of another clip, as it plays; all that play are added to `played`."""
     retarget, look = Retarget.between(clip, model), LiveLook(model)
     camera = retarget.camera(clip.camera)
-    for number, index in _played(clip, 0):
-        picture = webcam_picture(clip, number, retarget)
+    for index, picture in _played(clip, 0, retarget):
         begun = time.perf_counter()
-        pose = look.see(picture)
+        pose, appearance = look.see(picture)
         milliseconds.append(1e3 * (time.perf_counter() - begun))
-        change = look.change_at(pose.time_s)
-        played.append(PlayedFrame(clip.footage.images[index], camera, pose, change))
+        played.append(PlayedFrame(clip.footage.images[index], camera, pose, appearance))
         if index in clip.ruler.indices:
             frame = test_frame(clip, "webcam", index, camera, pose)
-            yield ColouredFrame(frame, change)
+            yield ColouredFrame(frame, appearance)
 
 
 def _beside(
@@ -159,19 +161,27 @@ def _beside(
 ) -> Iterator[ColouredFrame]:
     """What other cameras filmed while the rest of the clip plays."""
     retarget, look = Retarget.between(clip, model), LiveLook(model)
-    for number, index in _played(clip, last + 1):
-        picture = webcam_picture(clip, number, retarget)
+    for index, picture in _played(clip, last + 1, retarget):
         begun = time.perf_counter()
-        pose = look.see(picture)
+        _, appearance = look.see(picture)
         milliseconds.append(1e3 * (time.perf_counter() - begun))
         for frame in frames:
             if frame.group == "other_cameras" and frame.index == index:
-                yield ColouredFrame(frame, look.change_at(pose.time_s))
+                yield ColouredFrame(frame, appearance)
 
 
-def _played(clip: FilmedClip, first: int) -> Iterator[tuple[int, int]]:
-    """Frames of the capture that a webcam would send from frame `first` of the film on, and every
-    one that is judged: each with the film's own number."""
+def _played(
+    clip: FilmedClip, first: int, retarget: Retarget
+) -> Iterator[tuple[int, WebcamPicture]]:
+    """Pictures that a webcam would send from frame `first` of the film on, and of every frame that
+    is judged, as they arrive: each with the film's own number."""
+    pairs = list(_sent_frames(clip, first))
+    pictures = [webcam_picture(clip, number, retarget) for number, _ in pairs]
+    yield from zip((index for _, index in pairs), sent(pictures), strict=True)
+
+
+def _sent_frames(clip: FilmedClip, first: int) -> Iterator[tuple[int, int]]:
+    """Numbers of the frames in the capture, and in the film."""
     next_s = -np.inf
     for number, time_s in enumerate(clip.sequence.motion.times_s):
         index = clip.index_of(float(time_s))
@@ -182,7 +192,7 @@ def _played(clip: FilmedClip, first: int) -> Iterator[tuple[int, int]]:
 
 
 def webcam_picture(clip: FilmedClip, number: int, retarget: Retarget) -> WebcamPicture:
-    """Frame `number` of a capture, cut to the person, as live look would send it."""
+    """Frame `number` of a capture, cut to the person, before it is coded."""
     source = clip.sequence.train
     mask = source.mask(number)
     rows, columns = crop_window(mask, _MARGIN)
@@ -202,8 +212,8 @@ def _summary(judge: Judge, model: SplatModel, shown: list[ColouredFrame]) -> dic
     figures: dict[str, list[dict[str, Figures]]] = {"model": [], "live": []}
     pictures: dict[str, list[Array]] = {"model": [], "live": []}
     for one in shown:
-        for name, change in (("model", None), ("live", one.change)):
-            picture = rendered(renderer, model, one.frame, change)
+        for name, appearance in (("model", None), ("live", one.appearance)):
+            picture = rendered(renderer, model, one.frame, appearance)
             figures[name].append(judge.figures(picture, one.frame))
             pictures[name].append(picture[..., :3])
     return {
@@ -216,13 +226,13 @@ def rendered(
     renderer: SplatRenderer,
     model: SplatModel,
     frame: TestFrame,
-    change: Float[Array, "N 3"] | None,
+    appearance: LiveAppearance | None,
 ) -> Float[Array, "H W 4"]:
-    """The model at a frame's place, its colours changed so."""
+    """The model at a frame's place, as it looks now."""
     pose = frame.pose
     transforms = model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
     picture = renderer.render(
-        frame.camera, [transforms], expressions=[pose.expression], changes=[change]
+        frame.camera, [transforms], expressions=[pose.expression], appearances=[appearance]
     )
     return picture.copy()
 

@@ -14,6 +14,7 @@ from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
+from scene.live_appearance import LiveAppearance
 from scene.motion import Pose
 
 FARTHEST_DEG = 40.0
@@ -34,7 +35,7 @@ class PlayedFrame:
     camera: Camera
     """Of the image, in the world of `pose`."""
     pose: Pose
-    change: Float[Array, "N 3"]
+    appearance: LiveAppearance
 
 
 def draw_clip(path: Path, model: SplatModel, played: Many[PlayedFrame], rate_hz: float) -> None:
@@ -72,8 +73,10 @@ def _cells(
     view = turned(one.camera.cropped(left, 0, width, height), pose, model, np.radians(degrees))
     transforms = model.skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)
     pictures = [one.image[:, left : left + width] / np.float32(255.0)]
-    for change in (None, one.change):
-        drawn = renderer.render(view, [transforms], expressions=[pose.expression], changes=[change])
+    for appearance in (None, one.appearance):
+        drawn = renderer.render(
+            view, [transforms], expressions=[pose.expression], appearances=[appearance]
+        )
         pictures.append(over_white(drawn))
     cells = [
         _captioned(name if picture is pictures[0] else f"{name}, {degrees:.0f} deg", picture)

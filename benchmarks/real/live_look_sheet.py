@@ -12,7 +12,8 @@ from benchmarks.real.judge import TestFrame
 from benchmarks.real.sheet import captioned, over_white, turned, write_sheet
 from renderer.splats.model import SplatModel
 from renderer.splats.rasteriser.renderer import SplatRenderer
-from scene.arrays import Array, Float, UInt8
+from scene.arrays import Array, UInt8
+from scene.live_appearance import LiveAppearance
 from scene.sequence import body_crop
 
 _SIDES_DEG = (0.0, 20.0, 45.0, 90.0)
@@ -26,7 +27,7 @@ class ShownFrame(Protocol):
     @property
     def frame(self) -> TestFrame: ...
     @property
-    def change(self) -> Float[Array, "N 3"]: ...
+    def appearance(self) -> LiveAppearance: ...
 
 
 def draw_sheet(path: Path, model: SplatModel, shown: Many[ShownFrame]) -> None:
@@ -49,9 +50,9 @@ def _row(renderer: SplatRenderer, model: SplatModel, one: ShownFrame) -> UInt8[A
     cells = [(f"{frame.clip} {frame.index}", truth)]
     for degrees in _SIDES_DEG:
         view = turned(camera, pose, model, np.radians(degrees))
-        for name, change in (("model", None), ("live look", one.change)):
+        for name, appearance in (("model", None), ("live look", one.appearance)):
             picture = renderer.render(
-                view, [transforms], expressions=[pose.expression], changes=[change]
+                view, [transforms], expressions=[pose.expression], appearances=[appearance]
             )
             cells.append((f"{degrees:.0f} degrees: {name}", over_white(picture)))
     size = (max(1, round(_CELL_PX * width / height)), _CELL_PX)

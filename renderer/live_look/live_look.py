@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from renderer.live_look.alignment import FlowAligner
+from renderer.live_look.detail import detail_of
 from renderer.live_look.picture import WebcamPicture
 from renderer.splats.layout import (
     BLUE,
@@ -21,6 +22,8 @@ from renderer.splats.layout import (
     DIFFERENCE,
     GATHERED,
     KNOWN,
+    MEAN_X,
+    MEAN_Y,
     POSITION,
     RED,
     SHOWN,
@@ -32,7 +35,9 @@ from renderer.splats.training.evidence import shown_pixels
 from renderer.splats.training.occlusion import hidden_by_body, hidden_by_limbs, limb_splats
 from scene.arrays import Array, Float, Int
 from scene.camera import Camera
+from scene.live_appearance import LaidPicture, LiveAppearance
 from scene.motion import Pose
+from scene.skeleton import CHEST
 
 _COLOURS = slice(COLOUR, COLOUR + 3)
 _STEPS = 2
@@ -86,16 +91,18 @@ class LiveLook:
         self._near = _neighbours(model)
         self._share = np.zeros(len(model), np.float32)
         """How much of its live colour each splat shows."""
+        self._shown = np.zeros(len(model), np.float32)
+        """How well each splat is seen in the newest picture."""
         self._seen_s = np.full(len(model), -np.inf)
         self._exposure = np.ones(3, np.float32)
         self._gathered = np.zeros((1, len(model), GATHERED), np.float32)
         self._time_s: float | None = None
 
-    def see(self, picture: WebcamPicture) -> Pose:
-        """Take the colours of `picture`; returns its pose, aligned with it."""
+    def see(self, picture: WebcamPicture) -> tuple[Pose, LiveAppearance]:
+        """Take the colours of `picture`; returns its pose, aligned with it, and how its person
+        looks."""
         aligned = self.align(picture)
-        self.take_colours(picture, aligned)
-        return aligned.pose
+        return aligned.pose, self.take_colours(picture, aligned)
 
     def align(self, picture: WebcamPicture) -> AlignedModel:
         """Bring the pose of `picture` to what it shows. To be called of each picture, in order."""
@@ -108,12 +115,15 @@ class LiveLook:
         # by the trained colours: live ones agree with whatever pose they were taken in
         return AlignedModel(self._aligner.align(picture, captured), captured)
 
-    def take_colours(self, picture: WebcamPicture, aligned: AlignedModel) -> None:
-        """Take the colours of `picture`, with which the model was aligned."""
+    def take_colours(self, picture: WebcamPicture, aligned: AlignedModel) -> LiveAppearance:
+        """Take the colours of `picture`, with which the model was aligned; returns how its person
+        looks then."""
         base = aligned.captured[:, _COLOURS].copy()
         self._arrange(aligned.captured, picture.camera, aligned.pose)
         self._find_colours(picture, base)
         self._follow(aligned.pose.time_s, base)
+        change = self.change_at(aligned.pose.time_s)
+        return LiveAppearance(change, self._laid_picture(picture, aligned, change))
 
     def change_at(self, time_s: float) -> Float[Array, "N 3"]:
         """What is added to the splats' colours as they were captured, sRGB, at `time_s` of the
@@ -126,6 +136,28 @@ class LiveLook:
         shown = np.empty_like(self._change)
         spread(self._change, share, exposed, self._near, shown)
         return shown
+
+    def _laid_picture(
+        self, picture: WebcamPicture, aligned: AlignedModel, change: Float[Array, "N 3"]
+    ) -> LaidPicture:
+        """What `picture`, whose colours were taken, shows beyond those that `change` brings."""
+        import numba
+
+        from renderer.splats.rasteriser.tile_kernels import draw
+
+        work = self._work
+        work.projected[:, RED : BLUE + 1] = self._renderer.changed_colours(
+            aligned.captured, [change]
+        )
+        drawn = np.empty((*picture.matte.shape, 4), np.float32)
+        draw(work.projected, work.starts, work.entries, numba.get_num_threads(), drawn)
+        shown = np.minimum(self._shown, self._share)[:, None]
+        places = np.concatenate([work.projected[:, MEAN_X : MEAN_Y + 1] * shown, shown], axis=1)
+        skeleton, pose = self._model.skeleton, aligned.pose
+        chest = skeleton.skinning_transforms(pose.joint_angles, pose.root_translation)[CHEST]
+        webcam = chest[:3, :3].T @ (picture.camera.position - chest[:3, 3])
+        focal_px = float(picture.camera.intrinsics[0, 0])
+        return LaidPicture(detail_of(picture, drawn), places, webcam, focal_px)
 
     def _arrange(self, shown: Float[Array, "N P"], camera: Camera, pose: Pose) -> None:
         """Hand the splats, posed, to the tiles of a picture."""
@@ -178,11 +210,14 @@ class LiveLook:
         shown *= found[:, KNOWN] / np.maximum(found[:, SHOWN], 1e-6)
         open_px = float(np.percentile(shown[shown > 0.0], _OPEN)) if shown.any() else 1.0
         wanted = np.clip(shown / (_SEEN * open_px), 0.0, 1.0)
+        most = step_s / _COMES_S
+        self._shown += np.clip(wanted - self._shown, -most, most)
+        self._shown[shown == 0.0] = 0.0
         seen = wanted > _HARDLY
         came = ~seen & (_held(time_s - self._seen_s) <= 0.0)
         self._share[came] = 0.0
         rising = np.maximum(wanted, self._share) - self._share
-        self._share += np.minimum(rising, step_s / _COMES_S).astype(np.float32)
+        self._share += np.minimum(rising, most).astype(np.float32)
         self._seen_s[seen] = time_s
         if not seen.any():
             return

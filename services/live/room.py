@@ -129,7 +129,7 @@ class Room:
             np.array(performer.position, dtype=np.float64),
             performer.yaw_rad,
             self._pose(performer, now_s - behind_s),
-            None if shown is None else shown.change,
+            None if shown is None else shown.appearance,
         )
 
     def _pose(self, performer: MeetingPerformer, now_s: float) -> Pose:

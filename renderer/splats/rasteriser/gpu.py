@@ -26,6 +26,8 @@ _BLOCK_TILES = 4
 _SPLATS_A_PROGRAM = 128
 _LISTED_AT_ONCE = 1024
 _BLENDED_AT_ONCE = 256
+_COLOURS = slice(6, 9)
+"""Of what the kernels write of a splat."""
 
 
 def splat_renderer(models: Many[SkinnedSplats]) -> SplatRenderer:
@@ -133,7 +135,13 @@ class GpuSplatRenderer(SplatRenderer):
             SIDE=_BLOCK_TILES,
             PIECE=_LISTED_AT_ONCE,
         )
-        kernels.blend[(len(b.busy),)](
+        self._blend_tiles(b, b.out)
+        return b
+
+    def _blend_tiles(self, b: _Buffers, out: Tensor) -> None:
+        """A picture of what `b.shown` holds as colours."""
+        count, (width, height) = len(self._on_device), b.size
+        _kernels().blend[(len(b.busy),)](
             b.shown,
             b.boxes,
             b.lists,
@@ -145,11 +153,22 @@ class GpuSplatRenderer(SplatRenderer):
             b.blocks_x,
             b.kept,
             b.busy,
-            b.out,
+            out,
             SIDE=_BLOCK_TILES,
             PIECE=_BLENDED_AT_ONCE,
         )
-        return b
+
+    def _means(self) -> Float[Array, "N 2"]:
+        assert self._buffers is not None
+        return self._buffers.shown[:, :2].cpu().numpy()
+
+    def _blend_in_view(self, values: Float[Array, "N 3"]) -> Float[Array, "H W 4"]:
+        b = self._buffers
+        assert b is not None
+        b.shown[:, _COLOURS] = torch.from_numpy(values).to(self._device)
+        out = torch.empty_like(b.out)
+        self._blend_tiles(b, out)
+        return out.cpu().numpy()
 
     def geometry(self, transforms: Many[Float[Array, "K 4 4"]]) -> Geometry:
         """Of the picture that was rendered last, worked out on the CPU: no live view asks."""

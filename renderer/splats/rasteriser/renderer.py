@@ -10,12 +10,25 @@ import numpy as np
 from renderer.relighting.shading import Relighting, normals_of
 from renderer.splats.cloth.hanging import HungCloth
 from renderer.splats.expressions import BlendShapes
-from renderer.splats.layout import BLUE, BOX_FILTER_PX2, COLOUR, HIDDEN_LOGIT, OPACITY, RED, TILE
+from renderer.splats.layout import (
+    BLUE,
+    BOX_FILTER_PX2,
+    COLOUR,
+    HIDDEN_LOGIT,
+    MEAN_X,
+    MEAN_Y,
+    OPACITY,
+    RED,
+    TILE,
+)
+from renderer.splats.rasteriser.laying import Laying, values_to_blend
 from renderer.splats.rasteriser.workspace import Workspace, pack_camera
 from renderer.splats.skinned import SkinnedSplats
 from scene.arrays import Array, Bool, Float
 from scene.camera import Camera
 from scene.lighting import Lighting
+from scene.live_appearance import LiveAppearance
+from scene.skeleton import CHEST
 
 _COLOURS = slice(COLOUR, COLOUR + 3)
 _MEAN = np.full(3, 1.0 / 3.0, np.float32)
@@ -65,7 +78,7 @@ class SplatRenderer:
         lighting: Lighting | None = None,
         placements: Many[Float[Array, "4 4"]] | None = None,
         expressions: Many[Float[Array, "E"]] | None = None,
-        changes: Many[Float[Array, "_ 3"] | None] | None = None,
+        appearances: Many[LiveAppearance | None] | None = None,
         hung: Many[Float[Array, "V 3"] | None] | None = None,
     ) -> Float[Array, "H W 4"]:
         """Premultiplied sRGB and alpha.
@@ -78,8 +91,8 @@ class SplatRenderer:
             placements: per model, from the world of its clip to this one, as it is part of
                 `transforms`; None: they are the same. The light of a clip goes with it.
             expressions: per model, its expression (`scene.expression`); None: at rest.
-            changes: per model, what its splats' colours differ by from those captured, sRGB
-                (`renderer.live_look`); None: nothing.
+            appearances: per model, how its person looks now (`renderer.live_look`); None: as
+                captured.
             hung: per model, how its loose clothes hang (`renderer.splats.cloth.hanging`); None: as
                 at rest.
         Returns:
@@ -88,9 +101,12 @@ class SplatRenderer:
         moved = np.concatenate(list(transforms)).astype(np.float32)
         shown = self.shaded(camera, moved, lighting, placements, expressions, hung)
         colours = None
-        if changes is not None and any(change is not None for change in changes):
-            colours = self._changed_colours(shown, changes)
-        return self._rasterise(shown, moved, camera, colours)
+        if appearances is not None and any(appearances):
+            colours = self.changed_colours(shown, [one and one.change for one in appearances])
+        picture = self._rasterise(shown, moved, camera, colours)
+        if colours is not None and appearances is not None:
+            self._lay(appearances, transforms, camera, picture)
+        return picture
 
     def draw_only(self, drawn: Bool[Array, "N"]) -> None:
         """Draw these of all models' splats from now on: those of one level of each."""
@@ -124,10 +140,12 @@ class SplatRenderer:
             return self._light_as_captured(moved, camera, placements)
         return self._parameters
 
-    def _changed_colours(
+    def changed_colours(
         self, shown: Float[Array, "N P"], changes: Many[Float[Array, "_ 3"] | None]
     ) -> Float[Array, "N 3"]:
-        """Changes come from a webcam's picture: they are as much brighter or darker as the room's
+        """The colours of splats as `shown`, with the change of each model.
+
+        Changes come from a webcam's picture: they are as much brighter or darker as the room's
         light makes the splat itself."""
         colours, start = shown[:, _COLOURS].copy(), 0
         for model, change in zip(self._models, changes, strict=True):
@@ -139,6 +157,39 @@ class SplatRenderer:
             gain = np.clip(lit / np.maximum(captured, _DARK), 0.0, _MOST_GAIN)
             np.clip(colours[rows] + gain[:, None] * change, 0.0, 1.0, out=colours[rows])
         return colours
+
+    def _lay(
+        self,
+        appearances: Many[LiveAppearance | None],
+        transforms: Many[Float[Array, "K 4 4"]],
+        camera: Camera,
+        view: Float[Array, "H W 4"],
+    ) -> None:
+        """Lay their webcams' pictures on the people of `view`, which was drawn last."""
+        from renderer.splats.rasteriser.laying_kernels import lay
+
+        start = 0
+        for model, one, moved in zip(self._models, appearances, transforms, strict=True):
+            rows = slice(start, start + len(model.parameters))
+            start = rows.stop
+            if one is None or (laid := one.laid_picture) is None:
+                continue
+            chest = model.skeleton.rest_joints[CHEST]
+            laying = Laying.seen_by(laid, camera, moved[CHEST], chest)
+            if laying.strength == 0.0:
+                continue
+            values = np.zeros((len(self._parameters), 3), np.float32)
+            values[rows] = values_to_blend(laid, self._means()[rows], laying.scale)
+            lay(view, self._blend_in_view(values), laid.detail, laying.scale, laying.strength)
+
+    def _means(self) -> Float[Array, "N 2"]:
+        """Where the splats' centres are in the last picture, px; of those that are not in it,
+        anything."""
+        return self._workspace.projected[:, MEAN_X : MEAN_Y + 1]
+
+    def _blend_in_view(self, values: Float[Array, "N 3"]) -> Float[Array, "H W 4"]:
+        """The last picture, of `values` in place of colours."""
+        return self._blend(values)
 
     def _apply_expressions(self, expressions: Many[Float[Array, "E"]] | None) -> None:
         """Move the splats of face and hands; shading depends on their positions."""

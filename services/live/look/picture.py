@@ -9,6 +9,7 @@ from typing import Protocol
 from renderer.performer_model import PerformerModel
 from scene.arrays import Array, Float, UInt8
 from scene.camera import Camera
+from scene.live_appearance import LiveAppearance
 from scene.motion import Pose
 from services.live.look.keeping import Keeping
 
@@ -21,10 +22,10 @@ class LookPicture:
     """Capture time in ms, modulo 65,536: whole ms of that of the keypoints from this picture."""
     window: tuple[int, int, int]
     """x, y and side of the square, px of the webcam's picture; it may reach beyond."""
-    rgb: UInt8[Array, "288 288 3"]
+    rgb: UInt8[Array, "384 384 3"]
     """sRGB; black where the matte is 0."""
-    matte: UInt8[Array, "288 288"]
-    """0 (not the person) to 255 (the person); twice enlarged."""
+    matte: UInt8[Array, "384 384"]
+    """0 (not the person) to 255 (the person)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +78,7 @@ class LookSink(Protocol):
 class ShownLook:
     """What a picture makes of a performer."""
 
-    change: Float[Array, "N 3"]
-    """Of their splats' colours (`scene.environment.Performer`)."""
+    appearance: LiveAppearance
     behind_s: float
     """How much later than its moment the picture is shown: their motion waits for it."""
 

@@ -148,11 +148,10 @@ class PerformerLook(LookSink):
         self._keeping.look_at(splats, seen, aligned.pose)
         shown = None
         if drawn is not None:
-            look.take_colours(seen, aligned)
-            change = look.change_at(solved.pose.time_s)
+            appearance = look.take_colours(seen, aligned)
             behind_s = min(max(self._clock() - moment_s, 0.0), _MOST_BEHIND_S)
             self._behind.add(behind_s, _STEP_S)
-            shown = model, ShownLook(change, self._behind.value)
+            shown = model, ShownLook(appearance, self._behind.value)
         LOOK_SECONDS.observe(self._clock() - begun_s)
         with self._lock:
             if self._times_stopped == stopped:

@@ -182,7 +182,7 @@ async def test_where_the_server_draws_they_are_gone_within_a_fifth_of_a_second(v
 def is_coloured(room: Room) -> bool:
     """Whether what is drawn next shows Ada as she looks now."""
     scene = room.scene_at(time.monotonic(), live_look=True)
-    return any(one.colour_change is not None for one in scene.performers)
+    return any(one.appearance is not None for one in scene.performers)
 
 
 async def test_ones_own_pictures_arrive_until_live_look_goes_off(views, room, sinks):

@@ -16,6 +16,7 @@ from scene.camera import Camera
 from scene.motion import Motion, Pose
 from services.live.keypoints_packet import KeypointsPacket
 from services.live.look.picture import AlignedPose, LookPicture, PoseRequest
+from services.live.look.receiver import PICTURE_PX
 from services.live.motion.live_looks import PerformerLook, cropped, seen_of
 from services.live.motion.live_motion import LiveMotion
 from services.live.room import MeetingPerformer, Room
@@ -25,7 +26,7 @@ from tests.services.live.people import seen
 COLOURS = slice(COLOUR, COLOUR + 3)
 WINDOW = (120, 20, 440)
 RED, BLUE = (0.7, 0.2, 0.2), (0.2, 0.2, 0.7)
-SIDE = 288
+SIDE = PICTURE_PX
 
 
 class AtOnce(Executor):
@@ -126,10 +127,10 @@ def test_the_performer_takes_the_colours_of_the_picture(sent):
     sent.picture(sent.keypoints())
     shown = sent.look.shown_of(sent.model)
     assert shown is not None
-    redder = shown.change[:, 0] > 0.3
+    redder = shown.appearance.change[:, 0] > 0.25
     # those that face the webcam; the others take the exposure alone
     assert 0.2 < redder.mean() < 0.8
-    assert shown.change[redder, 1].mean() < -0.15
+    assert shown.appearance.change[redder, 1].mean() < -0.15
 
 
 def test_it_is_gone_at_once_when_stopped_and_comes_back(sent):
@@ -218,11 +219,11 @@ def test_a_clap_is_seen_in_motion_and_colour_at_once(late_s: float):
         while coming and coming[0][0] <= now_s:
             sent.look.receive(coming.popleft()[1])
         shown, ahead = (room.scene_at(now_s, live_look=on).performers[0] for on in (True, False))
-        change = shown.colour_change
+        appearance = shown.appearance
         signs = {
             "motion": shown.pose.joint_angles[16, 2] > 0.0,
             "without live look": ahead.pose.joint_angles[16, 2] > 0.0,
-            "colour": change is not None and change[:, 2].max() > 0.2,
+            "colour": appearance is not None and appearance.change[:, 2].max() > 0.2,
         }
         for name, is_seen in signs.items():
             if is_seen:
@@ -236,9 +237,9 @@ def test_a_clap_is_seen_in_motion_and_colour_at_once(late_s: float):
 @pytest.mark.parametrize(
     ("window", "rows", "columns"),
     [
-        ((0, 0, 480), (0, 288), (0, 288)),
-        ((-48, -128, 736), (51, 237), (19, 269)),
-        ((300, -96, 576), (48, 288), (0, 170)),
+        ((0, 0, 480), (0, 384), (0, 384)),
+        ((-48, -128, 736), (67, 317), (26, 358)),
+        ((300, -96, 576), (64, 384), (0, 226)),
         ((2000, 2000, 100), (0, 1), (0, 1)),
     ],
 )

@@ -190,7 +190,7 @@ async def test_pictures_of_live_look_are_shown_and_not_kept(caller, timed, app, 
         assert {one.data == encode_pose(decode_pose(one.data)) for one in moved} == {True}
         recorded = await asyncio.to_thread(load, timed, asked["id"])
         (stood,) = recorded.scene_at(moved[-1].at_ms / 1000.0).performers
-        assert stood.colour_change is None, "in their trained colours"
+        assert stood.appearance is None, "in their trained colours"
         await sender.viewer.peer.close()
 
 

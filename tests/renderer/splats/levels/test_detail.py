@@ -16,6 +16,7 @@ from renderer.splats.model import SplatModel
 from scene import Environment, Performer, Scene, orbit_camera
 from scene.arrays import Array
 from scene.camera import Camera
+from scene.live_appearance import LiveAppearance
 from tests.renderer.splats.viewer_file import demo_model
 from tests.renderer.studio import make_model
 
@@ -38,8 +39,9 @@ def camera(distance_m: float, size: int = 256) -> Camera:
 
 def scene(model: SplatModel, frame: int, change: Array | None = None) -> Scene[PerformerModel]:
     pose = model.motion.pose(frame)
+    looks = None if change is None else LiveAppearance(change)
     still = replace(pose, root_translation=pose.root_translation * [0.0, 1.0, 0.0])
-    performer = Performer[PerformerModel]("demo", model, np.zeros(3), 0.0, still, change)
+    performer = Performer[PerformerModel]("demo", model, np.zeros(3), 0.0, still, looks)
     return Scene(Environment(), (performer,))
 
 
